@@ -1,0 +1,87 @@
+"""Argument checks: one place for what is allowed, and one way to say what was found."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf) -> float:
+    """Return `value` as a finite float above (or at least) a bound, or raise naming the argument."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be a real number, found {value!r}") from None
+    allowed = f"above {above:g}" if above > -math.inf else f"at least {at_least:g}" if at_least > -math.inf else "finite"
+    if not math.isfinite(number) or number <= above or number < at_least:
+        raise ValueError(f"{name} must be {allowed}, found {value!r}")
+    return number
+
+
+def integer(name: str, value: Any, *, at_least: int) -> int:
+    """Return `value` as an int no smaller than `at_least`, or raise naming the argument."""
+    if isinstance(value, bool) or int(real(name, value)) != value or value < at_least:
+        raise ValueError(f"{name} must be a whole number, at least {at_least}, found {value!r}")
+    return int(value)
+
+
+def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
+    """Return `value` as a finite one-dimensional float array, or raise naming the argument."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be a one-dimensional array of real numbers, found {value!r}") from None
+    if array.ndim != 1 or array.size < minimum_length:
+        raise ValueError(f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {array.shape}")
+    if not np.all(np.isfinite(array)):
+        where = int(np.flatnonzero(~np.isfinite(array))[0])
+        raise ValueError(f"{name} must be finite, found {array[where]} at index {where}")
+    return array
+
+
+def polynomial(name: str, value: ArrayLike) -> Array:
+    """Return descending coefficients without leading zeros; the zero polynomial is ``[0.]``."""
+    array = vector(name, np.atleast_1d(np.asarray(value)))
+    nonzero = np.flatnonzero(array)
+    return array[nonzero[0] :] if nonzero.size else np.zeros(1)
+
+
+def proper(what: str, num: Array, den: Array) -> None:
+    """Raise unless num/den is a proper rational function."""
+    if not np.any(den):
+        raise ValueError(f"{what}: den must not be the zero polynomial")
+    if len(num) > len(den):
+        raise ValueError(
+            f"{what} must be proper (degree of num at most degree of den), "
+            f"found degrees {len(num) - 1} and {len(den) - 1}; add a filter of order {len(num) - len(den)} or more"
+        )
+
+
+def uniform_time(name: str, value: ArrayLike) -> Array:
+    """Return a uniform time grid that starts at 0, or raise naming the first place where it fails."""
+    t = vector(name, value, minimum_length=2)
+    if t[0] != 0.0:
+        raise ValueError(f"{name} must start at 0, found {t[0]:g}")
+    step = t[-1] / (t.size - 1)
+    if step <= 0:
+        raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
+    off = np.abs(t - step * np.arange(t.size)) > 1e-6 * step
+    if np.any(off):
+        i = int(np.flatnonzero(off)[0])
+        raise ValueError(f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of {step * i:.12g}")
+    return t
+
+
+def signal(name: str, value: ArrayLike, size: int) -> Array:
+    """Return a held signal of `size` samples; a number becomes a step at t = 0."""
+    array = np.asarray(value, dtype=float)
+    if array.ndim == 0:
+        return np.full(size, real(name, value))
+    if array.shape != (size,):
+        raise ValueError(f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}")
+    return vector(name, array)

@@ -1,0 +1,206 @@
+"""All ledgers together: the pages *Scoreboard* and *Errata*, and the score of the README."""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+from pidalab.ledger import display
+from pidalab.ledger.book import Ledger
+from pidalab.ledger.display import Cell, Display, number, words
+from pidalab.ledger.errors import LedgerError
+from pidalab.ledger.rows import find_folder
+from pidalab.ledger.verdicts import VERDICTS
+
+NOTICE = (
+    "Each entry compares a paper, as read, with a computation that can be repeated here. "
+    "Some of the texts were read by machine, so what looks like a misprint may be a reading error of ours. "
+    "Corrections are welcome."
+)
+BEGIN, END = "<!-- score -->", "<!-- /score -->"
+
+
+def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
+    """Open and validate every ledger of a folder.
+
+    Parameters
+    ----------
+    folder : path, optional
+        Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
+
+    Returns
+    -------
+    dict of str to Ledger
+        By key of the paper, in alphabetical order. A paper without a file is absent.
+
+    Raises
+    ------
+    LedgerError
+        Listing everything that is wrong with the files.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> load_all(tempfile.mkdtemp())
+    {}
+    """
+    place = Path(folder) if folder is not None else find_folder()
+    books = {path.stem: Ledger.open(path.stem, place) for path in sorted(place.glob("*.csv"))}
+    problems = [problem for book in books.values() for problem in book.problems()]
+    if problems:
+        raise LedgerError("\n".join(problems))
+    return books
+
+
+def _scores(folder: Path | str | None) -> dict[str, dict[str, int]]:
+    """Count by paper and verdict, the total last."""
+    scores = {paper: book.score() for paper, book in load_all(folder).items()}
+    total: Counter[str] = Counter()
+    for score in scores.values():
+        total.update(score)
+    return {**scores, "total": {verdict: total[verdict] for verdict in VERDICTS}}
+
+
+def scoreboard(folder: Path | str | None = None) -> Display:
+    """Show the claims of all papers by verdict, with a bar for each paper.
+
+    Parameters
+    ----------
+    folder : path, optional
+        As in `load_all`.
+
+    Returns
+    -------
+    Display
+
+    Raises
+    ------
+    LedgerError
+        As in `load_all`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> scoreboard(tempfile.mkdtemp()).text.splitlines()[-1].split()
+    ['total', '0', '0', '0', '0', '0', '0', '0', '0', '0']
+    """
+    rows = [
+        [
+            Cell(paper, words(paper).html + display.bar(paper, score)),
+            number(str(sum(score.values()))),
+            *(number(str(count)) for count in score.values()),
+        ]
+        for paper, score in _scores(folder).items()
+    ]
+    return display.grid("scoreboard", ("paper", "claims", *VERDICTS), rows)
+
+
+def errata(folder: Path | str | None = None) -> Display:
+    """Show the misprints of all papers, each with its proof.
+
+    Parameters
+    ----------
+    folder : path, optional
+        As in `load_all`.
+
+    Returns
+    -------
+    Display
+
+    Raises
+    ------
+    LedgerError
+        As in `load_all`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> print(errata(tempfile.mkdtemp()).text.splitlines()[-1])
+    paper  where  quantity  printed, as read  should be  proof
+    """
+    rows = [
+        [
+            words(paper),
+            words(row.where),
+            words(row.quantity),
+            number(row.printed) if row.is_number else words(row.printed),
+            number(row.shown()) if row.is_number else words("does not hold; see the proof"),
+            words(row.note),
+        ]
+        for paper, book in load_all(folder).items()
+        for row in book.rows.values()
+        if row.verdict == "misprint"
+    ]
+    table = display.grid("errata", ("paper", "where", "quantity", "printed, as read", "should be", "proof"), rows)
+    return Display(f'<p class="errata-notice">{NOTICE}</p>\n{table.html}', f"{NOTICE}\n\n{table.text}")
+
+
+def score_markdown(folder: Path | str | None = None) -> str:
+    """Return the scoreboard as a Markdown table between two comments, which `write_score` finds again.
+
+    Parameters
+    ----------
+    folder : path, optional
+        As in `load_all`.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    LedgerError
+        As in `load_all`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> print(score_markdown(tempfile.mkdtemp()).splitlines()[0])
+    <!-- score -->
+    """
+    header = ["paper", "claims", *VERDICTS]
+    rows = [
+        [f"**{paper}**" if paper == "total" else paper, str(sum(score.values())), *map(str, score.values())]
+        for paper, score in _scores(folder).items()
+    ]
+    lines = [header, ["---", *("--:" for _ in header[1:])], *rows]
+    return "\n".join([BEGIN, "", *("| " + " | ".join(line) + " |" for line in lines), "", END])
+
+
+def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
+    r"""Bring the score in a Markdown file up to date.
+
+    Parameters
+    ----------
+    path : path
+        A file with one block from ``<!-- score -->`` to ``<!-- /score -->``.
+    folder : path, optional
+        As in `load_all`.
+
+    Returns
+    -------
+    bool
+        Whether the file changed.
+
+    Raises
+    ------
+    LedgerError
+        If the file has no such block or more than one, and as in `load_all`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = (folder / "README.md").write_text("# Title\n\n<!-- score -->\n<!-- /score -->\n")
+    >>> write_score(folder / "README.md", folder), write_score(folder / "README.md", folder)
+    (True, False)
+    """
+    file = Path(path)
+    old = file.read_text(encoding="utf-8")
+    block = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
+    if len(block.findall(old)) != 1:
+        raise LedgerError(f"{path}: expected one block from {BEGIN} to {END}, found {len(block.findall(old))}")
+    score = score_markdown(folder)
+    new = block.sub(lambda _: score, old)
+    if new != old:
+        file.write_text(new, encoding="utf-8", newline="\n")
+    return new != old

@@ -1,0 +1,230 @@
+"""The feedback loop: which block sits where, what each signal is called, and its transfer functions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+from pidalab.process import Process, rational
+
+
+class Loop:
+    r"""A process under feedback, with named blocks and signals.
+
+    ::
+
+                                            d                      n
+                                            |                      |
+        r --> [prefilter] --> (+) --> [controller] --> [output_filter] --u--> (+) --> [process] --+--> y
+                               ^ -                                                                |
+                               +------------------------- y + n <---------------------------------+
+
+    ========  ===========================================================================
+    signal    meaning
+    ========  ===========================================================================
+    ``r``     set point, before the prefilter
+    ``d``     load disturbance, added to ``u`` at the process input
+    ``n``     measurement noise, added to ``y`` on its way back
+    ``y``     process output, without noise
+    ``e``     control error ``r - y``
+    ``u``     control signal: output of the output filter, before ``d`` is added
+    ========  ===========================================================================
+
+    Parameters
+    ----------
+    process : Process
+        The plant, dead time included. A python-control system is taken as a plant without dead time.
+    controller : controller, control.TransferFunction or float
+        From the difference of filtered set point and measurement to control; proper.
+    output_filter : control.TransferFunction, optional
+        In series with the controller, inside the loop; proper. Default 1.
+    prefilter : control.TransferFunction, optional
+        Acts on the set point alone; proper and stable. Default 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a block that is not proper, not single-input single-output, or not continuous in time, and for a
+        prefilter that is unstable: no feedback could stabilise it.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), pidalab.PIDA(kp=0.4, ti=8.0, td=0.0, ta=0.0))
+    >>> print(f"{abs(loop.S(0.5j)):.4f}")
+    1.4893
+    """
+
+    def __init__(self, process: Process, controller: Any, output_filter: Any = None, prefilter: Any = None) -> None:
+        self.process = process if isinstance(process, Process) else Process(*rational("process", process))
+        self.controller = controller
+        self.output_filter = output_filter
+        self.prefilter = prefilter
+        self.blocks = {
+            "process": (self.process.num, self.process.den),
+            "controller": rational("controller", controller),
+            "output_filter": rational("output_filter", 1.0 if output_filter is None else output_filter),
+            "prefilter": rational("prefilter", 1.0 if prefilter is None else prefilter),
+        }
+        poles = np.roots(self.blocks["prefilter"][1])
+        if np.any(poles.real >= 0):
+            raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
+
+    def block(self, name: str, s: ArrayLike) -> Any:
+        """Evaluate the rational part of one block at complex s.
+
+        Parameters
+        ----------
+        name : {"process", "controller", "output_filter", "prefilter"}
+            Which block.
+        s : array_like of complex
+            Where, in rad per time unit (use ``1j * w``).
+
+        Returns
+        -------
+        complex or ndarray
+            The values, without the dead time of the process.
+
+        Raises
+        ------
+        ValueError
+            For another name.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 0.5).block("process", 4.0)
+        np.complex128(0.5+0j)
+        """
+        if name not in self.blocks:
+            raise ValueError(f"name must be one of {', '.join(self.blocks)}, found {name!r}")
+        num, den = self.blocks[name]
+        s = np.asarray(s, dtype=complex)
+        return np.polyval(num, s) / np.polyval(den, s)
+
+    def L(self, s: ArrayLike) -> Any:
+        """Loop transfer function: process (dead time exact), controller and output filter.
+
+        Parameters
+        ----------
+        s : array_like of complex
+            Where to evaluate.
+
+        Returns
+        -------
+        complex or ndarray
+            L(s).
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).L(4.0)
+        np.complex128(0.25+0j)
+        """
+        return self.block("controller", s) * self.block("output_filter", s) * self.process(s)
+
+    def S(self, s: ArrayLike) -> Any:
+        """Sensitivity 1 / (1 + L): what feedback leaves of a disturbance at the output.
+
+        Parameters
+        ----------
+        s : array_like of complex
+            Where to evaluate.
+
+        Returns
+        -------
+        complex or ndarray
+            S(s).
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).S(1.0)
+        np.complex128(0.5+0j)
+        """
+        return 1 / (1 + self.L(s))
+
+    def T(self, s: ArrayLike) -> Any:
+        """Complementary sensitivity L / (1 + L) = 1 - S.
+
+        Parameters
+        ----------
+        s : array_like of complex
+            Where to evaluate.
+
+        Returns
+        -------
+        complex or ndarray
+            T(s).
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).T(1.0)
+        np.complex128(0.5+0j)
+        """
+        loop = self.L(s)
+        return loop / (1 + loop)
+
+    def transfer(self, output: str, source: str, s: ArrayLike) -> Any:
+        """Closed-loop transfer function between two named signals.
+
+        Parameters
+        ----------
+        output : {"y", "u", "e"}
+            Process output, control signal or control error.
+        source : {"r", "d", "n"}
+            Set point, load disturbance or measurement noise.
+        s : array_like of complex
+            Where to evaluate.
+
+        Returns
+        -------
+        complex or ndarray
+            The values.
+
+        Raises
+        ------
+        ValueError
+            For another signal name.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> loop = pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5)
+        >>> loop.transfer("y", "d", 1.0)
+        np.complex128(1+0j)
+        """
+        if output not in ("y", "u", "e"):
+            raise ValueError(f"output must be 'y', 'u' or 'e', found {output!r}")
+        if source not in ("r", "d", "n"):
+            raise ValueError(f"source must be 'r', 'd' or 'n', found {source!r}")
+        sensitivity, process = self.S(s), self.process(s)
+        to_control = self.block("controller", s) * self.block("output_filter", s)
+        if source == "d":
+            y, u = process * sensitivity, -to_control * process * sensitivity
+        else:
+            entry = self.block("prefilter", s) if source == "r" else -1.0
+            y, u = process * to_control * sensitivity * entry, to_control * sensitivity * entry
+        if output == "e":
+            return (1.0 if source == "r" else 0.0) - y
+        return y if output == "y" else u
+
+    def __repr__(self) -> str:
+        extras = "".join(
+            f", {name}={value!r}"
+            for name, value in (("output_filter", self.output_filter), ("prefilter", self.prefilter))
+            if value is not None
+        )
+        return f"Loop({self.process!r}, {self.controller!r}{extras})"
+
+
+def open_loop(loop: Loop) -> tuple[_check.Array, _check.Array]:
+    """Return (num, den) of the loop transfer function without its dead time; nothing is cancelled."""
+    num, den = np.ones(1), np.ones(1)
+    for name in ("process", "controller", "output_filter"):
+        num, den = np.convolve(num, loop.blocks[name][0]), np.convolve(den, loop.blocks[name][1])
+    return num, den

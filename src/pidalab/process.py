@@ -1,0 +1,293 @@
+"""Processes: a rational transfer function followed by a dead time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+
+
+class Process:
+    r"""A single-input, single-output process :math:`P(s) = \frac{b(s)}{a(s)} e^{-s\,\mathrm{delay}}`.
+
+    Parameters
+    ----------
+    num, den : array_like, shape (k,)
+        Coefficients of :math:`b` and :math:`a` in descending powers of s, as for ``control.tf``.
+        The degree of `num` must not exceed that of `den`.
+    delay : float, optional
+        Dead time, in the time unit of the model; not negative. It is never approximated.
+
+    Raises
+    ------
+    ValueError
+        For an improper rational part, a zero denominator, a negative dead time, NaN or infinity.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> P = pidalab.Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
+    >>> P
+    Process(num=[1], den=[0.905, 3.159, 3.37, 1], delay=0.826)
+    >>> complex(P(1j * 0.0))
+    (1+0j)
+    """
+
+    def __init__(self, num: ArrayLike, den: ArrayLike, delay: float = 0.0) -> None:
+        self.num = _check.polynomial("num", num)
+        self.den = _check.polynomial("den", den)
+        self.delay = _check.real("delay", delay, at_least=0.0)
+        _check.proper("the process", self.num, self.den)
+        self.num.setflags(write=False)
+        self.den.setflags(write=False)
+
+    @classmethod
+    def from_control(cls, sys: control.TransferFunction | control.StateSpace, delay: float = 0.0) -> Process:
+        """Take the rational part from python-control and add a dead time.
+
+        Parameters
+        ----------
+        sys : control.TransferFunction or control.StateSpace
+            Continuous-time, one input, one output, proper.
+        delay : float, optional
+            Dead time, not negative.
+
+        Returns
+        -------
+        Process
+            The same rational part, with the dead time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For another type, more than one input or output, or a discrete-time system.
+
+        Examples
+        --------
+        >>> import control, pidalab
+        >>> pidalab.Process.from_control(control.tf([2], [3, 1]), delay=0.5)
+        Process(num=[2], den=[3, 1], delay=0.5)
+        """
+        num, den = rational("sys", sys)
+        return cls(num, den, delay)
+
+    def __call__(self, s: ArrayLike) -> Any:
+        """Evaluate P at complex frequencies s (an array of any shape), dead time exact."""
+        s = np.asarray(s, dtype=complex)
+        return np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-s * self.delay)
+
+    def rational_part(self) -> control.TransferFunction:
+        """Return the process without its dead time.
+
+        Returns
+        -------
+        control.TransferFunction
+            The rational part b(s)/a(s).
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.fopdt(gain=2.0, lag=3.0, delay=0.5).rational_part().den[0][0].tolist()
+        [3.0, 1.0]
+        """
+        return control.TransferFunction(self.num, self.den)
+
+    def gain(self) -> float:
+        """Return the static gain P(0).
+
+        Returns
+        -------
+        float
+            P(0); infinite for an integrating process.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.lags(order=4, gain=2.0).gain()
+        2.0
+        """
+        return float(self.num[-1] / self.den[-1]) if self.den[-1] else float("inf")
+
+    def __repr__(self) -> str:
+        num, den = (", ".join(f"{c:.10g}" for c in p) for p in (self.num, self.den))
+        return f"Process(num=[{num}], den=[{den}], delay={self.delay:.10g})"
+
+    def _repr_latex_(self) -> str:
+        fraction = rf"\frac{{{latex_polynomial(self.num)}}}{{{latex_polynomial(self.den)}}}"
+        return rf"$\displaystyle {fraction}" + (rf"\,e^{{-{self.delay:.4g}s}}$" if self.delay else "$")
+
+
+def latex_polynomial(coefficients: ArrayLike) -> str:
+    """Write a polynomial in s as LaTeX, four digits a coefficient."""
+    terms = []
+    coefficients = np.asarray(coefficients, dtype=float)
+    for power, c in zip(range(coefficients.size - 1, -1, -1), coefficients, strict=True):
+        if c == 0 and coefficients.size > 1:
+            continue
+        size = "" if abs(c) == 1 and power else f"{abs(c):.4g}"
+        if "e" in size:
+            mantissa, exponent = size.split("e")
+            size = rf"{mantissa}\cdot 10^{{{int(exponent)}}}"
+        sign = "-" if c < 0 else "+" if terms else ""
+        terms.append(f"{sign}{size}" + ("" if power == 0 else "s" if power == 1 else f"s^{power}"))
+    return "".join(terms)
+
+
+def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
+    """Return (num, den) of a number, a controller or a proper continuous SISO python-control system."""
+    if hasattr(system, "transfer_function") and isinstance(system.transfer_function, Callable):
+        system = system.transfer_function()
+    if isinstance(system, control.StateSpace):
+        system = control.ss2tf(system)
+    if isinstance(system, control.TransferFunction):
+        if system.ninputs != 1 or system.noutputs != 1:
+            raise ValueError(f"{name} must have one input and one output, found {system.ninputs} and {system.noutputs}")
+        if system.isdtime(strict=True):
+            raise ValueError(f"{name} must be continuous in time, found sample time {system.dt}")
+        num, den = system.num[0][0], system.den[0][0]
+    elif isinstance(system, (int, float, np.floating, np.integer)):
+        num, den = [system], [1.0]
+    else:
+        raise TypeError(
+            f"{name} must be a number, a pidalab controller or a control.TransferFunction, found {type(system).__name__}"
+        )
+    num, den = _check.polynomial(f"{name}.num", num), _check.polynomial(f"{name}.den", den)
+    _check.proper(name, num, den)
+    return num, den
+
+
+def fopdt(gain: float, lag: float, delay: float) -> Process:
+    r"""First order plus dead time, :math:`\frac{gain}{lag\,s + 1} e^{-s\,delay}`.
+
+    Parameters
+    ----------
+    gain : float
+        Static gain.
+    lag : float
+        Time constant, above 0.
+    delay : float
+        Dead time, not negative.
+
+    Returns
+    -------
+    Process
+        The model.
+
+    Raises
+    ------
+    ValueError
+        For a lag that is not positive or a negative dead time.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.fopdt(gain=2.0, lag=3.0, delay=0.5)
+    Process(num=[2], den=[3, 1], delay=0.5)
+    """
+    return Process([_check.real("gain", gain)], [_check.real("lag", lag, above=0.0), 1.0], delay)
+
+
+def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
+    r"""Second order plus dead time, :math:`\frac{gain}{tau^2 s^2 + 2\,damping\,tau\,s + 1} e^{-s\,delay}`.
+
+    Parameters
+    ----------
+    gain : float
+        Static gain.
+    tau : float
+        Time constant, above 0.
+    damping : float
+        Damping ratio, at least 0; above 1 the poles are real.
+    delay : float
+        Dead time, not negative.
+
+    Returns
+    -------
+    Process
+        The model.
+
+    Raises
+    ------
+    ValueError
+        For a time constant that is not positive, a negative damping or dead time.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.sopdt(gain=1.0, tau=2.0, damping=0.5, delay=1.0)
+    Process(num=[1], den=[4, 2, 1], delay=1)
+    """
+    tau = _check.real("tau", tau, above=0.0)
+    damping = _check.real("damping", damping, at_least=0.0)
+    return Process([_check.real("gain", gain)], [tau**2, 2 * damping * tau, 1.0], delay)
+
+
+def ipdt(gain: float, delay: float) -> Process:
+    r"""Integrator plus dead time, :math:`\frac{gain}{s} e^{-s\,delay}`.
+
+    Parameters
+    ----------
+    gain : float
+        Velocity gain: slope of the output per unit of input.
+    delay : float
+        Dead time, not negative.
+
+    Returns
+    -------
+    Process
+        The model.
+
+    Raises
+    ------
+    ValueError
+        For a negative dead time.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.ipdt(gain=0.5, delay=1.0)
+    Process(num=[0.5], den=[1, 0], delay=1)
+    """
+    return Process([_check.real("gain", gain)], [1.0, 0.0], delay)
+
+
+def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) -> Process:
+    r"""A chain of equal lags, :math:`\frac{gain}{(lag\,s + 1)^{order}} e^{-s\,delay}`.
+
+    Parameters
+    ----------
+    order : int
+        Number of lags, at least 1.
+    lag : float, optional
+        Time constant of each, above 0.
+    gain : float, optional
+        Static gain.
+    delay : float, optional
+        Dead time, not negative.
+
+    Returns
+    -------
+    Process
+        The model.
+
+    Raises
+    ------
+    ValueError
+        For an order below 1, a lag that is not positive or a negative dead time.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.lags(order=4)
+    Process(num=[1], den=[1, 4, 6, 4, 1], delay=0)
+    """
+    order, lag = _check.integer("order", order, at_least=1), _check.real("lag", lag, above=0.0)
+    den = np.ones(1)
+    for _ in range(order):
+        den = np.convolve(den, [lag, 1.0])
+    return Process([_check.real("gain", gain)], den, delay)

@@ -1,0 +1,411 @@
+"""What a loop did, and the measures by which it is judged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pidalab import _check
+from pidalab._check import Array
+
+SETTLED = 1e-6  # share of the largest error that may be left in the last tenth of a record called settled
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    r"""Sampled signals of one experiment on a loop, simulated or recorded.
+
+    Between samples `r`, `d` and `n` are held, and the control error is taken as the parabola through its two end values
+    with the exact area (`area`). So IE is exact, and IAE, ISE and ITAE resolve sign changes inside a sample.
+
+    Parameters
+    ----------
+    t : ndarray, shape (k,)
+        Uniform times from 0.
+    r, d, n : ndarray, shape (k,)
+        Set point, load disturbance and measurement noise, each held from its sample to the next.
+    y, u : ndarray, shape (k,)
+        Process output and control signal; at a jump the value just after it.
+    area : ndarray, shape (k,), optional
+        Running integral of y from t = 0. The exact engine delivers it; for other records the trapezoidal rule does.
+
+    Raises
+    ------
+    ValueError
+        For times that are not uniform from 0 and for signals of another length, NaN or infinity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pidalab import Response
+    >>> t = np.linspace(0.0, 20.0, 2001)
+    >>> record = Response(t, r=1.0, d=0.0, n=0.0, y=1 - np.exp(-t), u=1.0)
+    >>> print(f"{record.iae():.4f} {record.settling_time(0.05):.3f}")
+    1.0000 2.996
+    """
+
+    t: Array
+    r: Array
+    d: Array
+    n: Array
+    y: Array
+    u: Array
+    area: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", _check.uniform_time("t", self.t))
+        for name in ("r", "d", "n", "y", "u"):
+            object.__setattr__(self, name, _check.signal(name, getattr(self, name), self.t.size))
+        if self.area is None:
+            steps = 0.5 * self.step * (self.y[1:] + self.y[:-1])
+            object.__setattr__(self, "area", np.concatenate([[0.0], np.cumsum(steps)]))
+        else:
+            object.__setattr__(self, "area", _check.signal("area", self.area, self.t.size))
+
+    @property
+    def step(self) -> float:
+        """Sample time."""
+        return float(self.t[-1] / (self.t.size - 1))
+
+    @property
+    def e(self) -> Array:
+        """Control error r - y, shape (k,)."""
+        return self.r - self.y
+
+    def measured(self) -> Response:
+        """Return the experiment as a recorder at the sensor sees it: y + n in place of y.
+
+        Returns
+        -------
+        Response
+            A record whose error is r - y - n, with n held between samples.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> record = Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=[0.1, -0.1, 0.1], y=1.0, u=0.0)
+        >>> print(f"{record.iae():.3f} {record.measured().iae():.3f}")
+        0.000 0.200
+        """
+        return replace(self, r=self.r - self.n, n=np.zeros_like(self.n))
+
+    def _pieces(self, horizon: float | None) -> tuple[Array, Array, Array]:
+        """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
+        if horizon is None:
+            horizon = float(self.t[-1])
+        elif horizon == math.inf:
+            self._require_settled()
+            horizon = float(self.t[-1])
+        horizon = _check.real("horizon", horizon, above=0.0)
+        if horizon > self.t[-1] * (1 + 1e-12):
+            raise ValueError(f"horizon must be within the record (up to {self.t[-1]:g}), found {horizon:g}")
+        assert self.area is not None
+        first, last = self.r[:-1] - self.y[:-1], self.r[:-1] - self.y[1:]
+        mean = self.r[:-1] - np.diff(self.area) / self.step
+        curve = 3 * (first + last) - 6 * mean
+        ends = np.clip((horizon - self.t[:-1]) / self.step, 0.0, 1.0)
+        return np.stack([first, last - first - curve, curve]), ends, self.t[:-1]
+
+    def _require_settled(self) -> None:
+        tail, largest = np.max(np.abs(self.e[-max(2, self.t.size // 10) :])), np.max(np.abs(self.e))
+        if tail > SETTLED * largest:
+            raise ValueError(
+                f"horizon=inf needs a settled record: the error is still {tail:.3g} in the last tenth before "
+                f"t = {self.t[-1]:g}, and {SETTLED * largest:.3g} is allowed; simulate longer or give a finite horizon"
+            )
+
+    def ie(self, horizon: float | None = None) -> float:
+        r"""Integral of the control error, :math:`\int e\,dt`.
+
+        Parameters
+        ----------
+        horizon : float, optional
+            Upper limit, by default the end of the record. ``math.inf`` demands a record that has settled
+            (:math:`|e|` below 1e-6 of its maximum over the last tenth) and raises otherwise.
+
+        Returns
+        -------
+        float
+            IE, in units of y times time.
+
+        Raises
+        ------
+        ValueError
+            For a horizon beyond the record, or an infinite one of a record that has not settled.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).ie()
+        0.0
+        """
+        (c0, c1, c2), s, _ = self._pieces(horizon)
+        return float(self.step * np.sum(s * (c0 + s * (c1 / 2 + s * c2 / 3))))
+
+    def iae(self, horizon: float | None = None) -> float:
+        r"""Integral of the absolute control error, :math:`\int |e|\,dt`.
+
+        Parameters
+        ----------
+        horizon : float, optional
+            Upper limit, by default the end of the record; ``math.inf`` demands a settled record.
+
+        Returns
+        -------
+        float
+            IAE, in units of y times time.
+
+        Raises
+        ------
+        ValueError
+            For a horizon beyond the record, or an infinite one of a record that has not settled.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).iae()
+        1.0
+        """
+        return self._absolute(horizon, lambda t: np.ones_like(t), 0.0)
+
+    def itae(self, horizon: float | None = None, origin: float = 0.0) -> float:
+        r"""Integral of time-weighted absolute error, :math:`\int (t - t_0)\,|e|\,dt`.
+
+        Parameters
+        ----------
+        horizon : float, optional
+            Upper limit, by default the end of the record; ``math.inf`` demands a settled record.
+        origin : float, optional
+            Time t_0 at which the weight is zero; not after the start of the record. A step applied at time 1 of a clock
+            that counts from 0 is a record with ``origin=-1``.
+
+        Returns
+        -------
+        float
+            ITAE, in units of y times time squared.
+
+        Raises
+        ------
+        ValueError
+            For an origin after 0, a horizon beyond the record, or an infinite one of a record that has not settled.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> record = Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=0.0)
+        >>> record.itae(), record.itae(origin=-1.0)
+        (2.0, 4.0)
+        """
+        origin = _check.real("origin", origin)
+        if origin > 0:
+            raise ValueError(f"origin must not be after the start of the record (0), found {origin:g}")
+        return self._absolute(horizon, lambda t: t - origin, 1.0)
+
+    def _absolute(self, horizon: float | None, weight: object, slope: float) -> float:
+        """Integrate |e| times a weight that starts each interval at weight(t) and rises with `slope`."""
+        (c0, c1, c2), end, start = self._pieces(horizon)
+        cuts = np.sort(np.clip(np.vstack([np.zeros_like(end), _roots(c0, c1, c2), end]), 0.0, end), axis=0)
+        plain = cuts * (c0 + cuts * (c1 / 2 + cuts * c2 / 3))
+        rising = cuts**2 * (c0 / 2 + cuts * (c1 / 3 + cuts * c2 / 4))
+        pieces = np.abs(np.diff(plain, axis=0)) * weight(start) + slope * self.step * np.abs(np.diff(rising, axis=0))  # type: ignore[operator]
+        return float(self.step * np.sum(pieces))
+
+    def ise(self, horizon: float | None = None) -> float:
+        r"""Integral of the squared control error, :math:`\int e^2\,dt`.
+
+        Parameters
+        ----------
+        horizon : float, optional
+            Upper limit, by default the end of the record; ``math.inf`` demands a settled record.
+
+        Returns
+        -------
+        float
+            ISE, in squared units of y times time.
+
+        Raises
+        ------
+        ValueError
+            For a horizon beyond the record, or an infinite one of a record that has not settled.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> print(f"{Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).ise():.6f}")
+        0.666667
+        """
+        (c0, c1, c2), s, _ = self._pieces(horizon)
+        square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
+        return float(self.step * np.sum(s * square))
+
+    def tv(self, signal: str = "u", start: float = 0.0, end: float | None = None) -> float:
+        r"""Total variation :math:`\sum |x_{i+1} - x_i|`, the jump at t = 0 included.
+
+        Parameters
+        ----------
+        signal : {"u", "y"}
+            Which signal.
+        start : float, optional
+            Value at rest, before t = 0.
+        end : float, optional
+            Value approached at infinity, appended to the record if given.
+
+        Returns
+        -------
+        float
+            Total variation over the samples, in units of the signal.
+
+        Raises
+        ------
+        ValueError
+            For another signal name.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv("u")
+        6.0
+        """
+        return float(np.sum(np.abs(np.diff(self._path(signal, start, end)))))
+
+    def tv1(self, signal: str = "u", start: float = 0.0, end: float | None = None) -> float:
+        r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
+
+        Zero for a signal made of two monotonic intervals, as an ideal control signal is; :math:`x_m` is the extreme
+        farthest from the line between start and end.
+
+        Parameters
+        ----------
+        signal : {"u", "y"}
+            Which signal.
+        start : float, optional
+            Value at rest x_0, before t = 0.
+        end : float, optional
+            Value approached at infinity, by default the last sample.
+
+        Returns
+        -------
+        float
+            Excess total variation, in units of the signal; not negative but for rounding.
+
+        Raises
+        ------
+        ValueError
+            For another signal name.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv1("u")
+        2.0
+        """
+        path = self._path(signal, start, end)
+        extreme = path[np.argmax(np.abs(2 * path - path[0] - path[-1]))]
+        return float(self.tv(signal, start, end) - abs(2 * extreme - path[0] - path[-1]))
+
+    def _path(self, signal: str, start: float, end: float | None) -> Array:
+        if signal not in ("u", "y"):
+            raise ValueError(f"signal must be 'u' or 'y', found {signal!r}")
+        last = [] if end is None else [_check.real("end", end)]
+        return np.concatenate([[_check.real("start", start)], getattr(self, signal), last])
+
+    def overshoot(self) -> float:
+        """Overshoot of y over the final set point, in per cent of it; 0 if there is none.
+
+        Returns
+        -------
+        float
+            Per cent; extremes between samples are resolved.
+
+        Raises
+        ------
+        ValueError
+            If the set point ends at 0: there is nothing to overshoot (see `peak`).
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> print(f"{Response(t=[0, 1, 2, 3], r=2.0, d=0.0, n=0.0, y=[0.0, 2.5, 2.0, 2.0], u=0.0).overshoot():.1f}")
+        25.0
+        """
+        target = self.r[-1]
+        if target == 0:
+            raise ValueError("overshoot needs a set point that does not end at 0; use peak() for a disturbance")
+        (c0, c1, c2), _, _ = self._pieces(None)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
+        y = self.r[:-1] - np.stack([c0, c0 + top * (c1 + top * c2), c0 + c1 + c2])
+        return float(max(0.0, 100 * np.max(y / target - 1)))
+
+    def peak(self, signal: str = "y") -> float:
+        """Value of a signal where it is farthest from 0, over the samples.
+
+        Parameters
+        ----------
+        signal : {"u", "y"}
+            Which signal.
+
+        Returns
+        -------
+        float
+            The value, with its sign.
+
+        Raises
+        ------
+        ValueError
+            For another signal name.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[1.0, -3.0, 2.0]).peak("u")
+        -3.0
+        """
+        path = self._path(signal, 0.0, None)
+        return float(path[np.argmax(np.abs(path))])
+
+    def settling_time(self, band: float = 0.02) -> float:
+        """Time after which the error stays within a band.
+
+        Parameters
+        ----------
+        band : float, optional
+            Half width, as a share of the final set point, or of the largest error where the set point ends at 0.
+
+        Returns
+        -------
+        float
+            Time of the last crossing, interpolated linearly between samples; 0 if the error never left the band.
+
+        Raises
+        ------
+        ValueError
+            If the error is outside the band at the end of the record, or the band is not positive.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0.0, 1.0, 2.0, 3.0], r=1.0, d=0.0, n=0.0, y=[0.0, 0.5, 1.0, 1.0], u=0.0).settling_time(0.25)
+        1.5
+        """
+        e = np.abs(self.e)
+        limit = _check.real("band", band, above=0.0) * (abs(self.r[-1]) or e.max())
+        if e[-1] > limit:
+            raise ValueError(
+                f"the error is {e[-1]:.3g} at the end of the record (t = {self.t[-1]:g}), outside the band of {limit:.3g}; "
+                "simulate longer or widen the band"
+            )
+        outside = np.flatnonzero(e > limit)
+        if outside.size == 0:
+            return 0.0
+        i = outside[-1]
+        return float(self.t[i] + self.step * (e[i] - limit) / (e[i] - e[i + 1]))
+
+
+def _roots(c0: Array, c1: Array, c2: Array) -> Array:
+    """Return both roots of c0 + c1 s + c2 s^2, 0 where there is none, without cancellation."""
+    with np.errstate(all="ignore"):
+        q = -0.5 * (c1 + np.copysign(np.sqrt(c1**2 - 4 * c2 * c0), c1))
+        return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)
