@@ -55,7 +55,7 @@ class Loop:
     >>> import pidalab
     >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), pidalab.PIDA(kp=0.4, ti=8.0, td=0.0, ta=0.0))
     >>> print(f"{abs(loop.S(0.5j)):.4f}")
-    1.4893
+    1.3341
     """
 
     def __init__(self, process: Process, controller: Any, output_filter: Any = None, prefilter: Any = None) -> None:

@@ -1,0 +1,565 @@
+"""Controllers in the forms of the five papers, with filters, and the conversions between their gains.
+
+Filters differ from form to form and have no exact counterpart in another form; gains do. So every controller gives its
+unfiltered gains (`IdealGains`), these convert (or say why they cannot), and every controller prints itself in all forms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+
+
+class StandardForm(NamedTuple):
+    """kp (1 + 1/(ti s) + td s + ta s^2): haalman2024 eq. (1)."""
+
+    kp: float
+    ti: float
+    td: float
+    ta: float
+
+
+class NonInteractiveForm(NamedTuple):
+    """kc (1 + 1/(tau_i s) + tau_d s + tau_a^2/2 s^2): heo2023 eq. (6)."""
+
+    kc: float
+    tau_i: float
+    tau_d: float
+    tau_a: float
+
+
+class SeriesForm(NamedTuple):
+    """(kp + kd s + ka s^2) (1 + ti s)/(ti s): huba2024 eq. (5)."""
+
+    kp: float
+    kd: float
+    ka: float
+    ti: float
+
+
+class IdealGains(NamedTuple):
+    """Parallel form ki/s + kp + kd s + ka s^2, without filters: what all other forms convert from.
+
+    Examples
+    --------
+    >>> from pidalab.controllers import IdealGains
+    >>> IdealGains(ki=0.5, kp=2.0, kd=1.0, ka=0.25).standard()
+    StandardForm(kp=2.0, ti=4.0, td=0.5, ta=0.125)
+    """
+
+    ki: float
+    kp: float
+    kd: float
+    ka: float
+
+    def standard(self) -> StandardForm:
+        """Return kp, ti, td, ta.
+
+        Returns
+        -------
+        StandardForm
+            With ``ti = inf`` where there is no integral action.
+
+        Raises
+        ------
+        ValueError
+            Without proportional action, on which the standard form divides.
+
+        Examples
+        --------
+        >>> from pidalab.controllers import IdealGains
+        >>> IdealGains(ki=1.0, kp=0.0, kd=0.0, ka=0.0).standard()
+        Traceback (most recent call last):
+        ...
+        ValueError: no standard form: kp is 0, and the time constants are ratios to kp
+        """
+        if self.kp == 0:
+            raise ValueError("no standard form: kp is 0, and the time constants are ratios to kp")
+        return StandardForm(self.kp, self.kp / self.ki if self.ki else math.inf, self.kd / self.kp, self.ka / self.kp)
+
+    def non_interactive(self) -> NonInteractiveForm:
+        """Return kc, tau_i, tau_d, tau_a with the acceleration term kc tau_a^2/2 s^2.
+
+        Returns
+        -------
+        NonInteractiveForm
+            The gains; tau_a = sqrt(2 ta).
+
+        Raises
+        ------
+        ValueError
+            Without proportional action, or with an acceleration of the opposite sign.
+
+        Examples
+        --------
+        >>> from pidalab.controllers import IdealGains
+        >>> IdealGains(ki=0.5, kp=2.0, kd=1.0, ka=0.25).non_interactive()
+        NonInteractiveForm(kc=2.0, tau_i=4.0, tau_d=0.5, tau_a=0.5)
+        """
+        kp, ti, td, ta = self.standard()
+        if ta < 0:
+            raise ValueError(f"no non-interactive form: tau_a^2 = 2 ta = {2 * ta:.4g} is negative")
+        return NonInteractiveForm(kp, ti, td, math.sqrt(2 * ta))
+
+    def series(self) -> SeriesForm:
+        """Return the series (automatic reset) form with the largest possible ti.
+
+        Returns
+        -------
+        SeriesForm
+            The factors (kp + kd s + ka s^2) and (1 + ti s)/(ti s).
+
+        Raises
+        ------
+        ValueError
+            Where the numerator has no zero on the negative real axis to give to the reset factor, as for a PID with
+            ti < 4 td, or without integral action.
+
+        Examples
+        --------
+        >>> from pidalab.controllers import IdealGains
+        >>> IdealGains(ki=1.0, kp=3.0, kd=2.0, ka=0.0).series()
+        SeriesForm(kp=2.0, kd=2.0, ka=0.0, ti=2.0)
+        >>> IdealGains(ki=1.0, kp=1.0, kd=1.0, ka=0.0).series()
+        Traceback (most recent call last):
+        ...
+        ValueError: no series form: ki + kp s + kd s^2 + ka s^3 has no negative real zero
+        """
+        if self.ki == 0:
+            raise ValueError("no series form: there is no integral action to factor out")
+        zeros = np.roots(np.trim_zeros([self.ka, self.kd, self.kp, self.ki], "f"))
+        real = zeros.real[(np.abs(zeros.imag) < 1e-7 * np.abs(zeros)) & (zeros.real < 0)]
+        if real.size == 0:
+            raise ValueError("no series form: ki + kp s + kd s^2 + ka s^3 has no negative real zero")
+        ti = -1 / float(real.max())
+        return SeriesForm(self.ki * ti, self.kd - self.ka / ti, self.ka, ti)
+
+
+class Controller:
+    """What all controllers share: evaluation, and printing themselves in every form."""
+
+    def transfer_function(self) -> control.TransferFunction:
+        """Return the realisable transfer function from error to control, filters included."""
+        raise TypeError(f"{type(self).__name__} must define transfer_function")
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered controller."""
+        raise TypeError(f"{type(self).__name__} must define gains")
+
+    def __call__(self, s: ArrayLike) -> Any:
+        """Evaluate the filtered controller at complex s."""
+        return self.transfer_function()(np.asarray(s, dtype=complex))
+
+    def __str__(self) -> str:
+        lines = [repr(self)]
+        gains = self.gains()
+        for name, form in (
+            ("standard", gains.standard),
+            ("parallel", lambda: gains),
+            ("non-interactive", gains.non_interactive),
+            ("series", gains.series),
+        ):
+            try:
+                text = ", ".join(f"{key} = {value:.5g}" for key, value in form()._asdict().items())
+            except ValueError as reason:
+                text = str(reason)
+            lines.append(f"  {name + ':':17}{text}")
+        return "\n".join(lines)
+
+
+def _lag(time: float, order: int = 1) -> _check.Array:
+    """Return the polynomial (time s + 1)^order."""
+    polynomial = np.ones(1)
+    for _ in range(order):
+        polynomial = np.convolve(polynomial, [time, 1.0])
+    return polynomial
+
+
+def _sum(terms: Sequence[tuple[ArrayLike, ArrayLike]]) -> control.TransferFunction:
+    """Add fractions num/den that share no factor worth cancelling."""
+    num, den = np.zeros(1), np.ones(1)
+    for n, d in terms:
+        num = np.polyadd(np.convolve(num, d), np.convolve(n, den))
+        den = np.convolve(den, d)
+    return control.TransferFunction(np.trim_zeros(num, "f") if np.any(num) else [0.0], den)
+
+
+@dataclass(frozen=True)
+class PIDA(Controller):
+    r"""PIDA controller in standard form with separate filters (haalman2024, eq. (2)).
+
+    .. math:: C(s) = k_p \left(1 + \frac{1}{t_i s} + \frac{t_d s}{\frac{t_d}{n} s + 1}
+              + \frac{t_a s^2}{\left(\frac{t_a}{m} s + 1\right)^2}\right)
+
+    With ``ta = 0`` it is a PID, with ``td = ta = 0`` a PI controller.
+
+    ============  =======================
+    haalman2024   argument
+    ============  =======================
+    K_p           `kp`
+    T_i           `ti`
+    T_d           `td`
+    T_a           `ta`
+    N             `n`
+    M             `m`
+    ============  =======================
+
+    Parameters
+    ----------
+    kp : float
+        Proportional gain, in units of u per unit of y; not 0.
+    ti : float
+        Integral time, above 0; ``math.inf`` for no integral action.
+    td : float
+        Derivative time, not negative.
+    ta : float
+        Acceleration time constant, in squared time units; not negative.
+    n, m : float, optional
+        Ratio of `td` and of `ta` to their filters' time constants, above 0. As printed in the paper, ``ta/m`` is used as
+        a time although `ta` is a time squared; so `m` depends on the time unit.
+
+    Raises
+    ------
+    ValueError
+        For a value outside the range above.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> print(pidalab.PIDA(kp=1.31, ti=3.37, td=0.938, ta=0.269))
+    PIDA(kp=1.31, ti=3.37, td=0.938, ta=0.269, n=10, m=10)
+      standard:        kp = 1.31, ti = 3.37, td = 0.938, ta = 0.269
+      parallel:        ki = 0.38872, kp = 1.31, kd = 1.2288, ka = 0.35239
+      non-interactive: kc = 1.31, tau_i = 3.37, tau_d = 0.938, tau_a = 0.73348
+      series:          kp = 0.79153, kd = 1.0557, ka = 0.35239, ti = 2.0362
+    """
+
+    kp: float
+    ti: float
+    td: float
+    ta: float
+    n: float = 10
+    m: float = 10
+
+    def __post_init__(self) -> None:
+        if _check.real("kp", self.kp) == 0:
+            raise ValueError("kp must not be 0, found 0")
+        if self.ti != math.inf:
+            _check.real("ti", self.ti, above=0.0)
+        for name in ("td", "ta"):
+            _check.real(name, getattr(self, name), at_least=0.0)
+        for name in ("n", "m"):
+            _check.real(name, getattr(self, name), above=0.0)
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered controller, eq. (1).
+
+        Returns
+        -------
+        IdealGains
+            ki, kp, kd, ka.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.5).gains()
+        IdealGains(ki=0.5, kp=2.0, kd=2.0, ka=1.0)
+        """
+        return IdealGains(self.kp / self.ti, self.kp, self.kp * self.td, self.kp * self.ta)
+
+    def transfer_function(self) -> control.TransferFunction:
+        """Return the filtered controller, eq. (2).
+
+        Returns
+        -------
+        control.TransferFunction
+            From error to control; the factors of absent actions are left out.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.0).transfer_function()
+        >>> C.den[0][0].round(6).tolist()
+        [0.4, 4.0, 0.0]
+        """
+        ki, kp, kd, ka = self.gains()
+        terms = [([kp], [1.0])]
+        if ki:
+            terms.append(([kp], [self.ti, 0.0]))
+        if kd:
+            terms.append(([kd, 0.0], _lag(self.td / self.n)))
+        if ka:
+            terms.append(([ka, 0.0, 0.0], _lag(self.ta / self.m, 2)))
+        return _sum(terms)
+
+
+@dataclass(frozen=True)
+class NonInteractivePIDA(Controller):
+    r"""PIDA controller whose acceleration time has the unit of a time (heo2023, eq. (16)).
+
+    .. math:: C(s) = k_c \left(1 + \frac{1}{\tau_i s} + \frac{\tau_d s}{\alpha_d \tau_d s + 1}
+              + \frac{\tau_a^2 s^2}{2 (\alpha_a \tau_a s + 1)^2}\right)
+
+    Parameters
+    ----------
+    kc : float
+        Proportional gain; not 0.
+    tau_i : float
+        Integral time, above 0.
+    tau_d, tau_a : float
+        Derivative and acceleration time, not negative.
+    alpha_d, alpha_a : float, optional
+        Filter time constants as a share of `tau_d` and `tau_a`, above 0.
+
+    Raises
+    ------
+    ValueError
+        For a value outside the range above.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.NonInteractivePIDA(kc=2.0, tau_i=4.0, tau_d=1.0, tau_a=1.0)
+    >>> C.gains()
+    IdealGains(ki=0.5, kp=2.0, kd=2.0, ka=1.0)
+    >>> print(f"{abs(C(1e9j)) / 2.0:.1f}")
+    821.0
+    """
+
+    kc: float
+    tau_i: float
+    tau_d: float
+    tau_a: float
+    alpha_d: float = 0.05
+    alpha_a: float = 0.025
+
+    def __post_init__(self) -> None:
+        if _check.real("kc", self.kc) == 0:
+            raise ValueError("kc must not be 0, found 0")
+        for name in ("tau_i", "alpha_d", "alpha_a"):
+            _check.real(name, getattr(self, name), above=0.0)
+        for name in ("tau_d", "tau_a"):
+            _check.real(name, getattr(self, name), at_least=0.0)
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered controller, eq. (6).
+
+        Returns
+        -------
+        IdealGains
+            ki, kp, kd, ka.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.NonInteractivePIDA(kc=1.0, tau_i=2.0, tau_d=0.5, tau_a=2.0).gains()
+        IdealGains(ki=0.5, kp=1.0, kd=0.5, ka=2.0)
+        """
+        return IdealGains(self.kc / self.tau_i, self.kc, self.kc * self.tau_d, self.kc * self.tau_a**2 / 2)
+
+    def transfer_function(self) -> control.TransferFunction:
+        """Return the filtered controller, eq. (16).
+
+        Returns
+        -------
+        control.TransferFunction
+            From error to control; the factors of absent actions are left out.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.NonInteractivePIDA(kc=1.0, tau_i=2.0, tau_d=0.0, tau_a=0.0)
+        >>> C.transfer_function().num[0][0].tolist(), C.transfer_function().den[0][0].tolist()
+        ([2.0, 1.0], [2.0, 0.0])
+        """
+        _, kc, kd, ka = self.gains()
+        terms = [([kc], [1.0]), ([kc], [self.tau_i, 0.0])]
+        if kd:
+            terms.append(([kd, 0.0], _lag(self.alpha_d * self.tau_d)))
+        if ka:
+            terms.append(([ka, 0.0, 0.0], _lag(self.alpha_a * self.tau_a, 2)))
+        return _sum(terms)
+
+
+@dataclass(frozen=True)
+class HighOrderPID(Controller):
+    r"""PID with derivatives up to order m behind one binomial filter of order n (vrancic2021, eq. (1)).
+
+    .. math:: C(s) = \frac{K_{-1} s^{-1} + K_0 + K_1 s + \dots + K_m s^m}{(1 + T_F s)^n}
+
+    Parameters
+    ----------
+    gains : sequence of float
+        K_-1, K_0, …, K_m; at least two values.
+    filter_time : float
+        T_F, above 0; 0 is allowed only with ``filter_order=0``.
+    filter_order : int
+        n, at least m.
+
+    Raises
+    ------
+    ValueError
+        For fewer than two gains, a filter order below m, or a filter time that is not positive.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.HighOrderPID([0.5, 2.0, 1.0, 0.25], filter_time=0.1, filter_order=2)
+    >>> C.gains()
+    IdealGains(ki=0.5, kp=2.0, kd=1.0, ka=0.25)
+    """
+
+    coefficients: tuple[float, ...]
+    filter_time: float
+    filter_order: int
+
+    def __init__(self, gains: Sequence[float], filter_time: float, filter_order: int) -> None:
+        coefficients = _check.vector("gains", gains, minimum_length=2)
+        order = _check.integer("filter_order", filter_order, at_least=coefficients.size - 2)
+        time = _check.real("filter_time", filter_time, at_least=0.0)
+        if order and not time:
+            raise ValueError(f"filter_time must be above 0 for a filter of order {order}, found {filter_time!r}")
+        object.__setattr__(self, "coefficients", tuple(coefficients.tolist()))
+        object.__setattr__(self, "filter_time", time)
+        object.__setattr__(self, "filter_order", order)
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered controller up to the second derivative.
+
+        Returns
+        -------
+        IdealGains
+            ki, kp, kd, ka.
+
+        Raises
+        ------
+        ValueError
+            For derivatives of order 3 or more, which no PIDA form holds.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.HighOrderPID([0.5, 2.0], filter_time=0.0, filter_order=0).gains()
+        IdealGains(ki=0.5, kp=2.0, kd=0.0, ka=0.0)
+        """
+        if any(self.coefficients[4:]):
+            raise ValueError(f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}")
+        return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
+
+    def transfer_function(self) -> control.TransferFunction:
+        """Return the filtered controller, eq. (1).
+
+        Returns
+        -------
+        control.TransferFunction
+            From error to control.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.HighOrderPID([0.5, 2.0, 1.0], filter_time=0.5, filter_order=1).transfer_function()
+        >>> C.num[0][0].tolist(), C.den[0][0].tolist()
+        ([1.0, 2.0, 0.5], [0.5, 1.0, 0.0])
+        """
+        num = _check.polynomial("gains", self.coefficients[::-1])
+        return control.TransferFunction(num, np.convolve(_lag(self.filter_time, self.filter_order), [1.0, 0.0]))
+
+    def __str__(self) -> str:
+        names = ", ".join(f"K_{k} = {value:.5g}" for k, value in enumerate(self.coefficients, start=-1))
+        return super().__str__() if not any(self.coefficients[4:]) else f"{self!r}\n  {names}"
+
+
+@dataclass(frozen=True)
+class SeriesPIDA(Controller):
+    r"""Series PIDA: a filtered PDA controller with automatic reset (huba2024, Fig. 1, eqs. (4), (5), (9)).
+
+    .. math:: C(s) = \frac{k_p + k_d s + k_a s^2}{(T_f s + 1)^n} \cdot \frac{1 + t_i s}{t_i s}
+
+    The reset is positive feedback of the limited control signal, so the linear transfer function holds while the limits
+    are not reached.
+
+    Parameters
+    ----------
+    kp, kd, ka : float
+        Gains of the stabilising controller.
+    ti : float
+        Time constant of the automatic reset, above 0.
+    filter_time : float
+        T_f, above 0.
+    filter_order : int
+        n, at least the order of the highest derivative.
+    limits : tuple of float, optional
+        Lower and upper limit of the control signal.
+
+    Raises
+    ------
+    ValueError
+        For a value outside the range above, or limits in the wrong order.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.SeriesPIDA(kp=2.0, kd=2.0, ka=0.0, ti=2.0, filter_time=0.1, filter_order=2)
+    >>> C.gains()
+    IdealGains(ki=1.0, kp=3.0, kd=2.0, ka=0.0)
+    """
+
+    kp: float
+    kd: float
+    ka: float
+    ti: float
+    filter_time: float
+    filter_order: int
+    limits: tuple[float, float] = (-math.inf, math.inf)
+
+    def __post_init__(self) -> None:
+        for name in ("kp", "kd", "ka"):
+            _check.real(name, getattr(self, name))
+        for name in ("ti", "filter_time"):
+            _check.real(name, getattr(self, name), above=0.0)
+        _check.integer("filter_order", self.filter_order, at_least=2 if self.ka else 1 if self.kd else 0)
+        low, high = self.limits
+        if not low < high:
+            raise ValueError(f"limits must be (lower, upper) with lower < upper, found {self.limits!r}")
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered, unlimited controller, eq. (5) multiplied out.
+
+        Returns
+        -------
+        IdealGains
+            ki, kp, kd, ka.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).gains()
+        IdealGains(ki=0.5, kp=1.0, kd=0.0, ka=0.0)
+        """
+        return IdealGains(self.kp / self.ti, self.kp + self.kd / self.ti, self.kd + self.ka / self.ti, self.ka)
+
+    def transfer_function(self) -> control.TransferFunction:
+        """Return the filtered controller between its limits.
+
+        Returns
+        -------
+        control.TransferFunction
+            From error to control.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.SeriesPIDA(2.0, 0.0, 0.0, ti=4.0, filter_time=0.5, filter_order=1).transfer_function()
+        >>> C.num[0][0].tolist(), C.den[0][0].tolist()
+        ([8.0, 2.0], [2.0, 4.0, 0.0])
+        """
+        num = _check.polynomial("gains", np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]))
+        return control.TransferFunction(num, np.convolve(_lag(self.filter_time, self.filter_order), [self.ti, 0.0]))
