@@ -18,6 +18,8 @@ any approximation as long as no multiple of h lies strictly between t and t + ta
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import matrix_balance
@@ -26,6 +28,7 @@ from scipy.signal import fftconvolve
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.simulation.realisation import Cut, cut_at_delay
 
@@ -227,16 +230,60 @@ def simulate(loop: Loop, t: ArrayLike, setpoint: ArrayLike = 0.0, load: ArrayLik
     [0.0, 0.0, 0.5, 0.875, 1.020833]
     """
     t = _check.uniform_time("t", t)
-    held = {"r": ("setpoint", setpoint), "d": ("load", load), "n": ("noise", noise)}
-    signals = {key: _check.signal(name, value, t.size) for key, (name, value) in held.items()}
-    driven = [key for key, signal in signals.items() if np.any(signal)]
-    y, area, u = np.zeros((3, t.size))
-    if driven:
-        unit = unit_step_responses(loop, t, "".join(driven))
-        y, area, u = sum(_superpose(unit[i], signals[key], t) for i, key in enumerate(driven))
-    response = Response(t=t, r=signals["r"], d=signals["d"], n=signals["n"], y=y, u=u, area=area)
-    _require_within_limits(loop, response)
-    return response
+    return simulate_ensemble(loop, t, _check.signal("noise", noise, t.size)[None, :], setpoint, load)[0]
+
+
+def simulate_ensemble(
+    loop: Loop, t: ArrayLike, noise: ArrayLike, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0
+) -> list[Response]:
+    """Simulate the same experiment under several records of noise, for the cost of little more than one.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop, stable or not.
+    t : array_like, shape (n,)
+        Uniform times that start at 0.
+    noise : array_like, shape (k, n)
+        One record of held noise in each row.
+    setpoint, load : float or array_like, shape (n,), optional
+        As for `simulate`.
+
+    Returns
+    -------
+    list of Response
+        One for each row.
+
+    Raises
+    ------
+    ValueError
+        As for `simulate`.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> noise = [pidalab.uniform_noise(t, 0.1, seed=seed) for seed in range(3)]
+    >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.3)
+    >>> len(pidalab.simulate_ensemble(loop, t, noise, setpoint=1.0))
+    3
+    """
+    t = _check.uniform_time("t", t)
+    records = np.atleast_2d(np.asarray(noise, dtype=float))
+    records = np.stack([_check.signal("noise", record, t.size) for record in records])
+    signals = {"r": _check.signal("setpoint", setpoint, t.size), "d": _check.signal("load", load, t.size)}
+    driven = [key for key, signal in signals.items() if np.any(signal)] + (["n"] if np.any(records) else [])
+    unit = unit_step_responses(loop, t, "".join(driven)) if driven else np.zeros((0, 3, t.size))
+    common = np.zeros((3, t.size))
+    for i, key in enumerate(driven):
+        if key != "n":
+            common = common + _superpose(unit[i], signals[key], t)
+    responses = []
+    for record in records:
+        y, area, u = common + (_superpose(unit[-1], record, t) if np.any(record) else 0.0)
+        responses.append(Response(t=t, r=signals["r"], d=signals["d"], n=record, y=y, u=u, area=area))
+        _require_within_limits(loop, responses[-1])
+    return responses
 
 
 def _superpose(unit: Array, signal: Array, t: Array) -> Array:
@@ -310,3 +357,29 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
     [0.0, 0.0, 1.0, 1.75]
     """
     return simulate(loop, t, load=1.0)
+
+
+def open_loop_step(process: Process, t: ArrayLike) -> Response:
+    """Experiment for identification: the input of the process steps from 0 to 1 at t = 0, without feedback.
+
+    Parameters
+    ----------
+    process : Process
+        The process.
+    t : array_like, shape (n,)
+        Uniform times that start at 0.
+
+    Returns
+    -------
+    Response
+        With y the output and u = 1 the input.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> r = pidalab.open_loop_step(pidalab.fopdt(gain=2.0, lag=1.0, delay=0.5), np.arange(4) * 0.5)
+    >>> r.y.round(4).tolist()
+    [0.0, 0.0, 0.7869, 1.2642]
+    """
+    record = simulate(Loop(process, 0.0), t, load=1.0)
+    return replace(record, u=record.d, d=np.zeros_like(record.d))

@@ -1,0 +1,165 @@
+"""From a step experiment to a process model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.process import Process
+
+LEVELS = (0.05, 0.353, 0.853)
+STILL_MOVING = 0.01  # change of the mean between the last two tenths of a record, relative to the whole change
+
+
+@dataclass(frozen=True)
+class ThreePointModel:
+    r"""Third-order model with dead time from three points of a step response (haalman2024, eqs. (4) and (5)).
+
+    .. math:: \hat P(s) = \frac{K}{(1 + \tau s)\left(1 + \frac{(1 - \alpha) L}{2} s\right)^2} e^{-\alpha L s}
+
+    ============  ==================
+    haalman2024   attribute
+    ============  ==================
+    K             `gain`
+    L             `apparent_delay`
+    α             `alpha`
+    τ             `tau`
+    ============  ==================
+
+    Attributes
+    ----------
+    gain : float
+        Static gain.
+    apparent_delay : float
+        L, the dead time of a first-order model of the same record.
+    alpha : float
+        Share of L that is true dead time, between 0 and 1; the rest becomes two equal lags.
+    tau : float
+        Dominant time constant.
+    times : tuple of float
+        When the record reached the three levels.
+    """
+
+    gain: float
+    apparent_delay: float
+    alpha: float
+    tau: float
+    times: tuple[float, float, float]
+
+    @property
+    def process(self) -> Process:
+        """The model as a process, multiplied out as in eqs. (6) and (7)."""
+        lag = (1 - self.alpha) * self.apparent_delay / 2
+        den = np.convolve([self.tau, 1.0], np.convolve([lag, 1.0], [lag, 1.0]))
+        return Process([self.gain], den, delay=self.alpha * self.apparent_delay)
+
+
+def three_point(
+    t: ArrayLike,
+    y: ArrayLike,
+    step: float = 1.0,
+    levels: tuple[float, float, float] = LEVELS,
+    crossing: Literal["interpolated", "sampled"] = "interpolated",
+) -> ThreePointModel:
+    """Fit a third-order model with dead time through three points of an open-loop step response.
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Uniform times; the step of the input is at t = 0.
+    y : array_like, shape (n,)
+        Output, from rest to rest. Its first sample is the rest value, the mean of its last tenth the final value.
+    step : float, optional
+        Change of the input, not 0.
+    levels : tuple of float, optional
+        The three shares of the change. The method's formulas belong to 5 %, 35.3 % and 85.3 %.
+    crossing : {"interpolated", "sampled"}, optional
+        Time of a level: linear interpolation between the samples around it, or the first sample at or above it.
+
+    Returns
+    -------
+    ThreePointModel
+        The parameters; its `process` is the model.
+
+    Raises
+    ------
+    ValueError
+        For a record that never moves, still moves at its end, or already moves at its beginning; for levels out of order;
+        for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not positive).
+
+    References
+    ----------
+    R. Sanchis and I. Peñarrocha-Alós (2022), as used in haalman2024, eqs. (4), (5).
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> t = np.linspace(0.0, 30.0, 3001)
+    >>> y = pidalab.open_loop_step(pidalab.lags(4), t).y
+    >>> model = pidalab.identification.three_point(t, y)
+    >>> print(f"{model.apparent_delay:.3f} {model.alpha:.3f} {model.tau:.3f}")
+    2.147 0.382 2.041
+    """
+    t, (t5, t35, t85), change = _levels_reached(t, y, levels, crossing)
+    gain = change / _step(step)
+    apparent_delay = 1.3 * t35 - 0.29 * t85
+    tau = 0.67 * (t85 - t35)
+    if apparent_delay <= 0 or tau <= 0 or t5 <= 0:
+        raise ValueError(
+            f"y does not fit a third-order model with dead time: it reaches the levels at {t5:.4g}, {t35:.4g} and {t85:.4g}, "
+            f"which gives L = {apparent_delay:.4g} and tau = {tau:.4g}; both must be positive"
+        )
+    alpha = 0.598 + 0.4799 * t5 / apparent_delay - 0.41 / (t5 / tau) ** 0.6
+    if not 0 <= alpha <= 1:
+        raise ValueError(
+            f"y does not fit a third-order model with dead time: alpha = {alpha:.4g} is outside [0, 1] "
+            "(below 0 the response is too sluggish at first, above 1 too sudden)"
+        )
+    return ThreePointModel(float(gain), float(apparent_delay), float(alpha), float(tau), (t5, t35, t85))
+
+
+def _step(step: float) -> float:
+    if _check.real("step", step) == 0:
+        raise ValueError("step must not be 0: without a change of the input nothing can be identified")
+    return float(step)
+
+
+def _levels_reached(
+    t: ArrayLike, y: ArrayLike, levels: tuple[float, ...], crossing: str
+) -> tuple[Array, tuple[float, float, float], float]:
+    """Check a step record; return its times, the times at which it reaches the levels, and its whole change."""
+    t = _check.uniform_time("t", t)
+    y = _check.signal("y", y, t.size)
+    if len(levels) != 3 or not 0 < levels[0] < levels[1] < levels[2] < 1:
+        raise ValueError(f"levels must be three rising shares between 0 and 1, found {levels!r}")
+    if crossing not in ("interpolated", "sampled"):
+        raise ValueError(f"crossing must be 'interpolated' or 'sampled', found {crossing!r}")
+    if t.size < 30:
+        raise ValueError(f"y must have at least 30 samples to judge whether it settles, found {t.size}")
+    tenth = t.size // 10
+    final, before = y[-tenth:].mean(), y[-2 * tenth : -tenth].mean()
+    change = final - y[0]
+    if abs(change) <= 1e-9 * max(np.max(np.abs(y)), 1e-300):
+        raise ValueError(f"y never moves: it starts at {y[0]:.4g} and ends at {final:.4g}")
+    if abs(final - before) > STILL_MOVING * abs(change):
+        raise ValueError(
+            f"y has not settled: its mean still changes by {100 * abs(final - before) / abs(change):.2g} % of the whole change "
+            f"between the last two tenths of the record, and {100 * STILL_MOVING:g} % is allowed; record longer"
+        )
+    share = (y - y[0]) / change
+    if share[1] > levels[0]:
+        raise ValueError(
+            f"y already moves at its beginning ({100 * share[1]:.3g} % of the change in one sample): "
+            "t = 0 must be the time of the step, and the record finer than the dead time and lags"
+        )
+    times = []
+    for level in levels:
+        i = int(np.argmax(share >= level))
+        part = 1.0 if crossing == "sampled" else (level - share[i - 1]) / (share[i] - share[i - 1])
+        times.append(float(t[i - 1] + part * (t[i] - t[i - 1])))
+    return t, (times[0], times[1], times[2]), float(change)

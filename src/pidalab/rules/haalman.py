@@ -1,0 +1,182 @@
+"""Generalized Haalman tuning: cancel the model's poles, choose the gain by the maximum sensitivity (haalman2024)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import control
+import numpy as np
+from scipy.optimize import brentq
+
+from pidalab import _check
+from pidalab.controllers import PIDA
+from pidalab.loop import Loop
+from pidalab.margins import gain_crossovers, max_sensitivity
+from pidalab.process import Process
+
+SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
+
+
+def pida(model: Process, ms: float = 1.4, n: float = 10, m: float = 10) -> PIDA:
+    """PIDA controller for a third-order model with dead time.
+
+    The integral, derivative and acceleration times cancel the model's poles, eq. (8):
+    ``ti = a1``, ``td = a2/a1``, ``ta = a3/a1``. The gain is the smallest one with which the model and the filtered
+    controller, eq. (2), reach the maximum sensitivity; the output filter (9) is not part of that loop.
+
+    ============  ======================================
+    haalman2024   here
+    ============  ======================================
+    P̂             `model`, K / (a3 s³ + a2 s² + a1 s + 1)
+    M_s           `ms`
+    N, M          `n`, `m`
+    ============  ======================================
+
+    Parameters
+    ----------
+    model : Process
+        Constant numerator, three stable poles, dead time.
+    ms : float, optional
+        Maximum sensitivity wanted, above 1; 1.4 is cautious, 2.0 fast.
+    n, m : float, optional
+        Filter ratios of the derivative and the acceleration, above 0.
+
+    Returns
+    -------
+    PIDA
+        The controller.
+
+    Raises
+    ------
+    ValueError
+        For a model of another structure, and for an `ms` that no gain reaches.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> model = pidalab.Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
+    >>> C = pidalab.rules.haalman.pida(model, ms=1.4)
+    >>> print(f"kp = {C.kp:.3f}, ti = {C.ti:.3f}, td = {C.td:.3f}, ta = {C.ta:.3f}")
+    kp = 1.298, ti = 3.370, td = 0.937, ta = 0.269
+    """
+    gain, (a3, a2, a1) = _lag_coefficients(model, order=3)
+    return _with_gain(model, PIDA(1 / gain, a1, a2 / a1, a3 / a1, n, m), ms)
+
+
+def pid(model: Process, ms: float = 1.4, n: float = 10) -> PIDA:
+    """PID controller for a second-order model with dead time, by the same approach, eq. (10).
+
+    Parameters
+    ----------
+    model : Process
+        Constant numerator, two stable poles, dead time.
+    ms : float, optional
+        Maximum sensitivity wanted, above 1.
+    n : float, optional
+        Filter ratio of the derivative, above 0.
+
+    Returns
+    -------
+    PIDA
+        With ``ta = 0``.
+
+    Raises
+    ------
+    ValueError
+        For a model of another structure, and for an `ms` that no gain reaches.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.rules.haalman.pid(pidalab.Process([1.0], [2.062, 2.875, 1.0], delay=1.12), ms=1.4)
+    >>> print(f"kp = {C.kp:.3f}, ti = {C.ti:.3f}, td = {C.td:.3f}")
+    kp = 0.906, ti = 2.875, td = 0.717
+    """
+    gain, (a2, a1) = _lag_coefficients(model, order=2)
+    return _with_gain(model, PIDA(1 / gain, a1, a2 / a1, 0.0, n), ms)
+
+
+class OutputFilter(NamedTuple):
+    """Low-pass filter of the control signal, 1/(time s + 1)^order, and the gain crossover it was chosen from."""
+
+    time: float
+    order: int
+    wgc: float
+
+    def transfer_function(self) -> control.TransferFunction:
+        """Return the filter for a `Loop`."""
+        den = np.ones(1)
+        for _ in range(self.order):
+            den = np.convolve(den, [self.time, 1.0])
+        return control.TransferFunction([1.0], den)
+
+
+def output_filter(model: Process, controller: PIDA) -> OutputFilter:
+    """Low-pass filter for the control signal, 20 times faster than the gain crossover, eq. (9).
+
+    Parameters
+    ----------
+    model : Process
+        The model; its loop with the filtered controller gives the gain crossover.
+    controller : PIDA
+        With acceleration the filter is of second order, without of first.
+
+    Returns
+    -------
+    OutputFilter
+        Time constant ``0.05/wgc``, order, and ``wgc``; goes into a `Loop` as it is.
+
+    Raises
+    ------
+    ValueError
+        For a loop whose gain never crosses 1, or crosses it more than once: the rule does not say which one counts.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> model = pidalab.Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
+    >>> F = pidalab.rules.haalman.output_filter(model, pidalab.rules.haalman.pida(model, ms=1.4))
+    >>> print(f"{F.time:.3f} {F.order} {F.wgc:.3f}")
+    0.128 2 0.390
+    """
+    crossovers = gain_crossovers(Loop(model, controller))
+    if crossovers.size != 1:
+        raise ValueError(f"the loop must have one gain crossover, found {crossovers.size}: {crossovers.round(4).tolist()}")
+    return OutputFilter(float(SLOWDOWN / crossovers[0]), 2 if controller.ta else 1, float(crossovers[0]))
+
+
+def _lag_coefficients(model: Process, order: int) -> tuple[float, list[float]]:
+    """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), or raise."""
+    if not isinstance(model, Process):
+        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
+    if len(model.num) != 1 or len(model.den) != order + 1:
+        raise ValueError(
+            f"model must have a constant numerator and {order} poles, found {model!r}; reduce or fit a model of that order first"
+        )
+    if np.any(np.roots(model.den).real >= 0):
+        raise ValueError(f"model must be stable, its poles are to be cancelled; found poles {np.roots(model.den).round(4)}")
+    if model.num[0] == 0:
+        raise ValueError("model must have a gain other than 0, found 0")
+    return float(model.num[0] / model.den[-1]), (model.den[:-1] / model.den[-1]).tolist()
+
+
+def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
+    """Raise the gain from nothing until Ms is reached; `unit` has the loop's static gain over ti at 1."""
+    ms = _check.real("ms", ms, above=1.0)
+
+    def controller(log_gain: float) -> PIDA:
+        return PIDA(unit.kp * math.exp(log_gain), unit.ti, unit.td, unit.ta, unit.n, unit.m)
+
+    def excess(log_gain: float) -> float:
+        return 1 / ms - 1 / max_sensitivity(Loop(model, controller(log_gain)))[0]
+
+    low, high = math.log(1e-3), math.log(1e3)
+    grid = np.arange(low, high, math.log(1.5))
+    reached = next((x for x in grid if excess(x) >= 0), None)
+    if reached is None:
+        largest = max_sensitivity(Loop(model, controller(grid[-1])))[0]
+        raise ValueError(f"ms = {ms:g} is reached by no gain: even kp = {unit.kp * math.exp(grid[-1]):.4g} gives Ms = {largest:.4g}")
+    if reached == grid[0]:
+        raise ValueError(f"ms = {ms:g} is exceeded by every gain down to kp = {unit.kp * math.exp(low):.4g}")
+    return controller(float(brentq(excess, reached - math.log(1.5), reached, xtol=1e-13, rtol=1e-13)))
