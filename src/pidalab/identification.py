@@ -103,7 +103,7 @@ def three_point(
     >>> y = pidalab.open_loop_step(pidalab.lags(4), t).y
     >>> model = pidalab.identification.three_point(t, y)
     >>> print(f"{model.apparent_delay:.3f} {model.alpha:.3f} {model.tau:.3f}")
-    2.147 0.382 2.041
+    2.148 0.382 2.041
     """
     t, (t5, t35, t85), change = _levels_reached(t, y, levels, crossing)
     gain = change / _step(step)
