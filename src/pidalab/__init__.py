@@ -1,8 +1,60 @@
-"""pidalab."""
-from pidalab.process import Process, fopdt, sopdt, ipdt, lags
+"""PIDA control: processes with dead time, loops simulated exactly, tuning rules, and a ledger of printed numbers.
+
+Data flow down one corridor, and every chapter of the book walks it::
+
+    step data -> identify -> Process -> rule -> controller -> Loop -> Response -> measures -> figure, ledger
+"""
+
+from pidalab import identification, ledger, plots, rules
 from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
 from pidalab.loop import Loop
+from pidalab.margins import (
+    Margins,
+    gain_crossovers,
+    is_stable,
+    margins,
+    max_sensitivity,
+    phase_crossovers,
+    unstable_poles,
+)
+from pidalab.process import Process, fopdt, ipdt, lags, sopdt
 from pidalab.response import Response
-from pidalab.margins import Margins, gain_crossovers, is_stable, margins, max_sensitivity, phase_crossovers, unstable_poles
-from pidalab.simulation import load_response, open_loop_step, simulate, simulate_ensemble, step_response, uniform_noise
-from pidalab import identification, rules
+from pidalab.simulation import (
+    load_response,
+    open_loop_step,
+    simulate,
+    simulate_ensemble,
+    step_response,
+    uniform_noise,
+)
+
+__all__ = [
+    "PIDA",
+    "HighOrderPID",
+    "Loop",
+    "Margins",
+    "NonInteractivePIDA",
+    "Process",
+    "Response",
+    "SeriesPIDA",
+    "fopdt",
+    "gain_crossovers",
+    "identification",
+    "ipdt",
+    "is_stable",
+    "lags",
+    "ledger",
+    "load_response",
+    "margins",
+    "max_sensitivity",
+    "open_loop_step",
+    "phase_crossovers",
+    "plots",
+    "rules",
+    "simulate",
+    "simulate_ensemble",
+    "sopdt",
+    "step_response",
+    "uniform_noise",
+    "unstable_poles",
+]

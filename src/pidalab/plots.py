@@ -1,0 +1,181 @@
+"""Figures: pure functions of responses, loops and axes. They compute nothing but what a picture needs.
+
+Lines differ in dash as well as in colour, so that figures can be read in grey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+
+from pidalab._check import Array
+from pidalab.loop import Loop
+from pidalab.response import Response
+
+STYLE = {
+    "figure.dpi": 100,
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+    "axes.facecolor": "none",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.titlesize": "medium",
+    "axes.titlelocation": "left",
+    "axes.prop_cycle": mpl.cycler(color=["#1f5fa8", "#c8591a", "#2a8f5b", "#8a4fa3"], linestyle=["-", "--", "-.", ":"]),
+    "grid.color": "#808080",
+    "grid.alpha": 0.25,
+    "font.size": 11,
+    "legend.frameon": False,
+    "lines.linewidth": 1.8,
+    "figure.constrained_layout.use": True,
+    "svg.hashsalt": "pidalab",
+}
+POINTS = 500  # a line in a figure needs no more
+
+
+def use_book_style() -> None:
+    """Set matplotlib up for the book: transparent SVG that is the same to the byte on every run.
+
+    Examples
+    --------
+    >>> from pidalab import plots
+    >>> plots.use_book_style()
+    """
+    mpl.rcParams.update(STYLE)
+    try:
+        from matplotlib_inline.backend_inline import set_matplotlib_formats
+    except ImportError:  # not in a notebook
+        return
+    set_matplotlib_formats("svg", metadata={"Date": None, "Creator": None})
+
+
+def thin(t: Array, x: Array, points: int = POINTS) -> tuple[Array, Array]:
+    """Reduce a long line to few points, keeping the extremes of every stretch.
+
+    Parameters
+    ----------
+    t, x : ndarray, shape (n,)
+        The line.
+    points : int, optional
+        About how many points to keep.
+
+    Returns
+    -------
+    t, x : ndarray
+        The first, smallest, largest and last point of each stretch, in order of time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pidalab import plots
+    >>> t = np.linspace(0.0, 1.0, 10001)
+    >>> plots.thin(t, np.sin(50 * t))[0].size <= 500
+    True
+    """
+    if x.size <= points:
+        return t, x
+    keep = [np.array([0, x.size - 1])]
+    for stretch in np.array_split(np.arange(x.size), max(1, points // 4)):
+        keep.append(stretch[[0, int(np.argmin(x[stretch])), int(np.argmax(x[stretch])), -1]])
+    i = np.unique(np.concatenate(keep))[:]
+    return t[i], x[i]
+
+
+def signal(
+    ax: Axes, responses: Mapping[str, Response], name: str, until: float | None = None, faint: Mapping[str, Response] | None = None
+) -> None:
+    """Draw one signal of several responses.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to draw.
+    responses : mapping of str to Response
+        Lines by their labels.
+    name : {"y", "u", "e"}
+        Which signal.
+    until : float, optional
+        End of the time axis; by default the end of the records.
+    faint : mapping of str to Response, optional
+        Lines under the others without label, in the colour of the response of the same key: single noisy runs.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> import matplotlib.pyplot as plt
+    >>> r = pidalab.step_response(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.3), np.linspace(0, 20, 201))
+    >>> figure, ax = plt.subplots()
+    >>> pidalab.plots.signal(ax, {"P": r}, "y")
+    >>> ax.get_xlabel()
+    'time'
+    """
+    for label, response in responses.items():
+        end = response.t <= (until or response.t[-1]) * (1 + 1e-9)
+        (line,) = ax.plot(*thin(response.t[end], getattr(response, name)[end]), label=label, zorder=3)
+        if faint and label in faint:
+            run = faint[label]
+            end = run.t <= (until or run.t[-1]) * (1 + 1e-9)
+            ax.plot(*thin(run.t[end], getattr(run, name)[end]), "-", color=line.get_color(), alpha=0.35, linewidth=0.6)
+    ax.set_xlabel("time")
+    ax.set_xlim(0, until)
+
+
+def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float | None = None) -> None:
+    """Draw L(jw) near the critical point, with the circle that it must not enter for a given Ms.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to draw.
+    loops : mapping of str to Loop
+        Curves by their labels.
+    frequencies : ndarray
+        In rad per time unit.
+    ms : float, optional
+        Maximum sensitivity; its circle has the radius 1/ms around -1.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> import matplotlib.pyplot as plt
+    >>> figure, ax = plt.subplots()
+    >>> pidalab.plots.nyquist(ax, {"P": pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5)}, np.logspace(-1, 1, 100), ms=1.6)
+    """
+    for label, loop in loops.items():
+        value = loop.L(1j * frequencies)
+        ax.plot(value.real, value.imag, label=label)
+    if ms is not None:
+        angle = np.linspace(0, 2 * np.pi, 200)
+        ax.plot(-1 + np.cos(angle) / ms, np.sin(angle) / ms, ":", color="#555555", linewidth=1.2)
+    ax.plot([-1], [0], "+", color="#555555", markersize=9)
+    ax.set_aspect("equal")
+    ax.set(xlabel="real part", ylabel="imaginary part")
+
+
+def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None:
+    """Draw magnitudes over frequency on logarithmic axes.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to draw.
+    curves : mapping of str to ndarray
+        Complex or real values by their labels; their magnitude is drawn.
+    frequencies : ndarray
+        In rad per time unit.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> import matplotlib.pyplot as plt
+    >>> figure, ax = plt.subplots()
+    >>> w = np.logspace(-1, 1, 100)
+    >>> pidalab.plots.magnitude(ax, {"S": pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).S(1j * w)}, w)
+    """
+    for label, values in curves.items():
+        ax.loglog(*thin(frequencies, np.abs(values), 1200), label=label)
+    ax.set(xlabel="frequency, rad per time unit", ylabel="magnitude")
