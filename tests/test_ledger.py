@@ -359,7 +359,7 @@ def test_table_has_the_rows_of_the_prefix():
     assert lines[2].split()[-3:] == ["2.8680", "-1.2", "last-digit"]
     assert len(lines) == 5
     assert '<td class="number">1.3098</td>' in table._repr_html_()
-    assert '<span class="verdict verdict-last-digit">last-digit</span>' in table._repr_html_()
+    assert '<span class="verdict-last-digit">last-digit</span>' in table._repr_html_()
     with pytest.raises(LedgerError, match=r"no id starts with demo\.t9"):
         ledger().table("demo.t9")
 
@@ -381,10 +381,10 @@ def test_html_is_the_same_every_time():
 
 def test_scorebar():
     bar = ledger().scorebar()
-    assert bar.html.startswith('<div class="scorebar">')
+    assert bar.html.startswith('<div class="scorebar" role="img"')
     assert 'role="img" aria-label="demo: 8 claims, 1 reproduced, ' in bar.html
     assert bar.html.count('style="width:12.50%"') == 8
-    assert '<li><span class="verdict verdict-misprint">misprint</span> 1</li>' in bar.html
+    assert '<li class="verdict-misprint">misprint 1</li>' in bar.html
     assert repr(bar).startswith("demo: 8 claims, ")
 
 

@@ -17,7 +17,11 @@ def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -
         number = float(value)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be a real number, found {value!r}") from None
-    allowed = f"above {above:g}" if above > -math.inf else f"at least {at_least:g}" if at_least > -math.inf else "finite"
+    allowed = "finite"
+    if above > -math.inf:
+        allowed = f"above {above:g}"
+    elif at_least > -math.inf:
+        allowed = f"at least {at_least:g}"
     if not math.isfinite(number) or number <= above or number < at_least:
         raise ValueError(f"{name} must be {allowed}, found {value!r}")
     return number
@@ -37,7 +41,9 @@ def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be a one-dimensional array of real numbers, found {value!r}") from None
     if array.ndim != 1 or array.size < minimum_length:
-        raise ValueError(f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {array.shape}")
+        raise ValueError(
+            f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {array.shape}"
+        )
     if not np.all(np.isfinite(array)):
         where = int(np.flatnonzero(~np.isfinite(array))[0])
         raise ValueError(f"{name} must be finite, found {array[where]} at index {where}")
@@ -73,7 +79,9 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     off = np.abs(t - step * np.arange(t.size)) > 1e-6 * step
     if np.any(off):
         i = int(np.flatnonzero(off)[0])
-        raise ValueError(f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of {step * i:.12g}")
+        raise ValueError(
+            f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of {step * i:.12g}"
+        )
     return t
 
 

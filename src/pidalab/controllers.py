@@ -1,7 +1,8 @@
 """Controllers in the forms of the five papers, with filters, and the conversions between their gains.
 
-Filters differ from form to form and have no exact counterpart in another form; gains do. So every controller gives its
-unfiltered gains (`IdealGains`), these convert (or say why they cannot), and every controller prints itself in all forms.
+Filters differ from form to form and have no exact counterpart in another form; gains do. So every controller gives
+its unfiltered gains (`IdealGains`), these convert (or say why they cannot), and every controller prints itself in
+all forms.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
+from pidalab.process import binomial
 
 
 class StandardForm(NamedTuple):
@@ -135,7 +137,7 @@ class IdealGains(NamedTuple):
         """
         if self.ki == 0:
             raise ValueError("no series form: there is no integral action to factor out")
-        zeros = np.roots(np.trim_zeros([self.ka, self.kd, self.kp, self.ki], "f"))
+        zeros = np.roots([self.ka, self.kd, self.kp, self.ki])
         real = zeros.real[(np.abs(zeros.imag) < 1e-7 * np.abs(zeros)) & (zeros.real < 0)]
         if real.size == 0:
             raise ValueError("no series form: ki + kp s + kd s^2 + ka s^3 has no negative real zero")
@@ -175,21 +177,14 @@ class Controller:
         return "\n".join(lines)
 
 
-def _lag(time: float, order: int = 1) -> _check.Array:
-    """Return the polynomial (time s + 1)^order."""
-    polynomial = np.ones(1)
-    for _ in range(order):
-        polynomial = np.convolve(polynomial, [time, 1.0])
-    return polynomial
-
-
-def _sum(terms: Sequence[tuple[ArrayLike, ArrayLike]]) -> control.TransferFunction:
+def _sum(terms: Sequence[tuple[list[float], list[float] | _check.Array]]) -> control.TransferFunction:
     """Add fractions num/den that share no factor worth cancelling."""
-    num, den = np.zeros(1), np.ones(1)
+    num: Any = np.zeros(1)
+    den: Any = np.ones(1)
     for n, d in terms:
-        num = np.polyadd(np.convolve(num, d), np.convolve(n, den))
-        den = np.convolve(den, d)
-    return control.TransferFunction(np.trim_zeros(num, "f") if np.any(num) else [0.0], den)
+        num = np.polyadd(np.convolve(num, np.array(d)), np.convolve(np.array(n), den))
+        den = np.convolve(den, np.array(d))
+    return control.TransferFunction(_check.polynomial("num", num), den)
 
 
 @dataclass(frozen=True)
@@ -223,8 +218,8 @@ class PIDA(Controller):
     ta : float
         Acceleration time constant, in squared time units; not negative.
     n, m : float, optional
-        Ratio of `td` and of `ta` to their filters' time constants, above 0. As printed in the paper, ``ta/m`` is used as
-        a time although `ta` is a time squared; so `m` depends on the time unit.
+        Ratio of `td` and of `ta` to their filters' time constants, above 0. As printed in the paper, ``ta/m`` is used
+        as a time although `ta` is a time squared; so `m` depends on the time unit.
 
     Raises
     ------
@@ -291,13 +286,13 @@ class PIDA(Controller):
         [0.4, 4.0, 0.0]
         """
         ki, kp, kd, ka = self.gains()
-        terms = [([kp], [1.0])]
+        terms: list[tuple[list[float], list[float] | _check.Array]] = [([kp], [1.0])]
         if ki:
             terms.append(([kp], [self.ti, 0.0]))
         if kd:
-            terms.append(([kd, 0.0], _lag(self.td / self.n)))
+            terms.append(([kd, 0.0], binomial(self.td / self.n, 1)))
         if ka:
-            terms.append(([ka, 0.0, 0.0], _lag(self.ta / self.m, 2)))
+            terms.append(([ka, 0.0, 0.0], binomial(self.ta / self.m, 2)))
         return _sum(terms)
 
 
@@ -381,11 +376,11 @@ class NonInteractivePIDA(Controller):
         ([2.0, 1.0], [2.0, 0.0])
         """
         _, kc, kd, ka = self.gains()
-        terms = [([kc], [1.0]), ([kc], [self.tau_i, 0.0])]
+        terms: list[tuple[list[float], list[float] | _check.Array]] = [([kc], [1.0]), ([kc], [self.tau_i, 0.0])]
         if kd:
-            terms.append(([kd, 0.0], _lag(self.alpha_d * self.tau_d)))
+            terms.append(([kd, 0.0], binomial(self.alpha_d * self.tau_d, 1)))
         if ka:
-            terms.append(([ka, 0.0, 0.0], _lag(self.alpha_a * self.tau_a, 2)))
+            terms.append(([ka, 0.0, 0.0], binomial(self.alpha_a * self.tau_a, 2)))
         return _sum(terms)
 
 
@@ -470,7 +465,7 @@ class HighOrderPID(Controller):
         ([1.0, 2.0, 0.5], [0.5, 1.0, 0.0])
         """
         num = _check.polynomial("gains", self.coefficients[::-1])
-        return control.TransferFunction(num, np.convolve(_lag(self.filter_time, self.filter_order), [1.0, 0.0]))
+        return control.TransferFunction(num, np.convolve(binomial(self.filter_time, self.filter_order), [1.0, 0.0]))
 
     def __str__(self) -> str:
         names = ", ".join(f"K_{k} = {value:.5g}" for k, value in enumerate(self.coefficients, start=-1))
@@ -562,4 +557,4 @@ class SeriesPIDA(Controller):
         ([8.0, 2.0], [2.0, 4.0, 0.0])
         """
         num = _check.polynomial("gains", np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]))
-        return control.TransferFunction(num, np.convolve(_lag(self.filter_time, self.filter_order), [self.ti, 0.0]))
+        return control.TransferFunction(num, np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0]))

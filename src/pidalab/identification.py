@@ -89,8 +89,8 @@ def three_point(
     Raises
     ------
     ValueError
-        For a record that never moves, still moves at its end, or already moves at its beginning; for levels out of order;
-        for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not positive).
+        For a record that never moves, still moves at its end, or already moves at its beginning; for levels out of
+        order; for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not positive).
 
     References
     ----------
@@ -111,8 +111,9 @@ def three_point(
     tau = 0.67 * (t85 - t35)
     if apparent_delay <= 0 or tau <= 0 or t5 <= 0:
         raise ValueError(
-            f"y does not fit a third-order model with dead time: it reaches the levels at {t5:.4g}, {t35:.4g} and {t85:.4g}, "
-            f"which gives L = {apparent_delay:.4g} and tau = {tau:.4g}; both must be positive"
+            "y does not fit a third-order model with dead time: it reaches the levels at "
+            f"{t5:.4g}, {t35:.4g} and {t85:.4g}, which gives L = {apparent_delay:.4g} and tau = {tau:.4g}; "
+            "both must be positive"
         )
     alpha = 0.598 + 0.4799 * t5 / apparent_delay - 0.41 / (t5 / tau) ** 0.6
     if not 0 <= alpha <= 1:
@@ -148,8 +149,8 @@ def _levels_reached(
         raise ValueError(f"y never moves: it starts at {y[0]:.4g} and ends at {final:.4g}")
     if abs(final - before) > STILL_MOVING * abs(change):
         raise ValueError(
-            f"y has not settled: its mean still changes by {100 * abs(final - before) / abs(change):.2g} % of the whole change "
-            f"between the last two tenths of the record, and {100 * STILL_MOVING:g} % is allowed; record longer"
+            f"y has not settled: its mean still changes by {100 * abs(final - before) / abs(change):.2g} % of the "
+            f"whole change between the last two tenths of the record, and {100 * STILL_MOVING:g} % is allowed; record longer"
         )
     share = (y - y[0]) / change
     if share[1] > levels[0]:

@@ -1,14 +1,16 @@
 r"""Robustness margins and stability with exact dead time.
 
-The magnitude of L(jw) is that of its rational part: smooth on a logarithmic grid. Its phase also turns by the dead time,
-without end. So the grid is logarithmic, and is divided further where the dead time turns the phase quickly *and* L is
-large enough for it to matter. Candidates from the grid are then refined to full precision.
+The magnitude of L(jw) is that of its rational part: smooth on a logarithmic grid. Its phase also turns by the dead
+time, without end. So the grid is logarithmic, and is divided further where the dead time turns the phase quickly *and*
+L is large enough for it to matter. Candidates from the grid are then refined to full precision.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize.elementwise import find_minimum, find_root
@@ -76,8 +78,9 @@ def _roots(loop: Loop) -> Array:
     return np.concatenate([np.roots(p) for p in open_loop(loop)])
 
 
-def _rational(loop: Loop, s: Array) -> Array:
-    value = np.ones_like(s, dtype=complex)
+def _rational(loop: Loop, w: Array) -> Any:
+    s = 1j * w
+    value = np.ones_like(s)
     for name in ("process", "controller", "output_filter"):
         value = value * loop.block(name, s)
     return value
@@ -98,7 +101,7 @@ def _grid(loop: Loop, loud: float) -> Array:
     w = np.unique(np.concatenate([w, *local]))
     w = w[(w > 10**low) & (w < 10**high)]
     if delay:
-        size = np.abs(_rational(loop, 1j * w))
+        size = np.abs(_rational(loop, w))
         heard = np.maximum(size[:-1], size[1:]) >= loud
         pieces = np.where(heard, np.ceil(np.diff(w) * delay / TURN), 1).astype(int)
         first = np.repeat(np.cumsum(pieces) - pieces, pieces)
@@ -144,6 +147,8 @@ def _peak(loop: Loop, w: Array, complementary: bool) -> tuple[float, float]:
         heights.extend(-found.f_x)
     best = int(np.nanargmax(heights))
     for end, at in ((at_zero, 0.0), (at_infinity, math.inf)):
+        if end == -1:
+            return math.inf, at
         share = 1 / (1 + end) if not complementary else 1.0 if math.isinf(end) else end / (1 + end)
         if abs(share) >= heights[best] * (1 - 1e-7):  # the grid only comes close to the ends
             return abs(share), at
@@ -196,13 +201,13 @@ def gain_crossovers(loop: Loop) -> Array:
     """
 
     def excess(x: Array) -> Array:
-        return np.log(np.abs(_rational(loop, 1j * np.exp(x))))
+        return np.log(np.abs(_rational(loop, np.exp(x))))
 
     x = np.log(_grid(loop, np.inf))
     return np.exp(_sign_changes(excess, x, excess(x)))
 
 
-def _sign_changes(function, x: Array, value: Array) -> Array:  # type: ignore[no-untyped-def]
+def _sign_changes(function: Callable[[Array], Array], x: Array, value: Array) -> Array:
     i = np.flatnonzero(np.sign(value[:-1]) * np.sign(value[1:]) < 0)
     zeros = x[value == 0]
     if not i.size:
@@ -271,17 +276,20 @@ def margins(loop: Loop) -> Margins:
         wpc = phase_crossovers(loop, quietest)
     stable = is_stable(loop)
     if not stable:
-        return Margins(False, *[math.nan] * 10, wgc, wpc)
+        none = math.nan
+        return Margins(False, none, none, none, none, none, none, none, none, none, none, wgc, wpc)
     lag = np.mod(np.angle(loop.L(1j * wgc)) + np.pi, 2 * np.pi)  # what further dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
     size = np.abs(loop.L(1j * wpc))
     small, large = size < 1, size > 1
     ms, wms = max_sensitivity(loop)
     mt, wmt = _peak(loop, _grid(loop, 0.05), complementary=True)
-    end = abs(_ends(loop)[1])  # with |L| >= 1 out to infinity, any extra dead time is too much
+    end = abs(_ends(loop)[1])
+    worst = float(max(size[small].max(initial=0.0), end if loop.process.delay else 0.0))
+    # with |L| >= 1 out to infinity, any extra dead time is too much
     return Margins(
         stable=True,
-        gm=float(1 / max(size[small].max(initial=0.0), end if loop.process.delay else 0.0, 1e-300)) if small.any() else math.inf,
+        gm=1 / worst if worst else math.inf,
         gm_low=float(1 / size[large].min()) if large.any() else 0.0,
         pm=float(np.degrees(rotation.min(initial=math.inf))),
         dm=0.0 if end >= 1 else float(np.min(lag / wgc, initial=math.inf)),

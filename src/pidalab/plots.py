@@ -6,16 +6,20 @@ Lines differ in dash as well as in colour, so that figures can be read in grey.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
+from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.response import Response
 
-STYLE = {
+STYLE: dict[str, Any] = {
     "figure.dpi": 100,
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
@@ -25,7 +29,7 @@ STYLE = {
     "axes.grid": True,
     "axes.titlesize": "medium",
     "axes.titlelocation": "left",
-    "axes.prop_cycle": mpl.cycler(color=["#1f5fa8", "#c8591a", "#2a8f5b", "#8a4fa3"], linestyle=["-", "--", "-.", ":"]),
+    "axes.prop_cycle": cycler(color=["#1f5fa8", "#c8591a", "#2a8f5b", "#8a4fa3"], linestyle=["-", "--", "-.", ":"]),
     "grid.color": "#808080",
     "grid.alpha": 0.25,
     "font.size": 11,
@@ -45,7 +49,7 @@ def use_book_style() -> None:
     >>> from pidalab import plots
     >>> plots.use_book_style()
     """
-    mpl.rcParams.update(STYLE)
+    mpl.rcParams.update(STYLE)  # type: ignore[arg-type]
     try:
         from matplotlib_inline.backend_inline import set_matplotlib_formats
     except ImportError:  # not in a notebook
@@ -86,7 +90,11 @@ def thin(t: Array, x: Array, points: int = POINTS) -> tuple[Array, Array]:
 
 
 def signal(
-    ax: Axes, responses: Mapping[str, Response], name: str, until: float | None = None, faint: Mapping[str, Response] | None = None
+    ax: Axes,
+    responses: Mapping[str, Response],
+    name: str,
+    until: float | None = None,
+    faint: Mapping[str, Response] | None = None,
 ) -> None:
     """Draw one signal of several responses.
 
@@ -124,6 +132,49 @@ def signal(
     ax.set_xlim(0, until)
 
 
+def comparison(
+    setpoint: Mapping[str, Response],
+    load: Mapping[str, Response],
+    noisy_setpoint: Mapping[str, Response],
+    noisy_load: Mapping[str, Response],
+    u_until: float,
+) -> Figure:
+    """Draw set-point (left) and load (right) responses, y above u, exact lines over single noisy runs.
+
+    Parameters
+    ----------
+    setpoint, load : mapping of str to Response
+        Noise-free responses by their labels.
+    noisy_setpoint, noisy_load : mapping of str to Response
+        Single runs with noise, by the same labels, drawn faintly.
+    u_until : float
+        End of the time axis of u after a set-point step, where its first peak can be seen.
+
+    Returns
+    -------
+    Figure
+        With four axes.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> t, loop = np.linspace(0, 20, 201), pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.3)
+    >>> r, d = {"P": pidalab.step_response(loop, t)}, {"P": pidalab.load_response(loop, t)}
+    >>> len(pidalab.plots.comparison(r, d, r, d, u_until=5.0).axes)
+    4
+    """
+    figure, axes = plt.subplots(2, 2, figsize=(8.4, 5.4))
+    for column, (clean, noisy, title, end) in enumerate(
+        ((setpoint, noisy_setpoint, "set-point step", u_until), (load, noisy_load, "load step", None))
+    ):
+        signal(axes[0, column], clean, "y", faint=noisy)
+        signal(axes[1, column], clean, "u", until=end, faint=noisy)
+        axes[0, column].set(title=title, ylabel="output y", xlabel="")
+        axes[1, column].set(ylabel="control u")
+    axes[0, 0].legend()
+    return figure
+
+
 def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float | None = None) -> None:
     """Draw L(jw) near the critical point, with the circle that it must not enter for a given Ms.
 
@@ -143,7 +194,8 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     >>> import numpy as np, pidalab
     >>> import matplotlib.pyplot as plt
     >>> figure, ax = plt.subplots()
-    >>> pidalab.plots.nyquist(ax, {"P": pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5)}, np.logspace(-1, 1, 100), ms=1.6)
+    >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5)
+    >>> pidalab.plots.nyquist(ax, {"P": loop}, np.logspace(-1, 1, 100), ms=1.6)
     """
     for label, loop in loops.items():
         value = loop.L(1j * frequencies)

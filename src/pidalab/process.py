@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import control
@@ -124,7 +123,7 @@ class Process:
 
 def latex_polynomial(coefficients: ArrayLike) -> str:
     """Write a polynomial in s as LaTeX, four digits a coefficient."""
-    terms = []
+    terms: list[str] = []
     coefficients = np.asarray(coefficients, dtype=float)
     for power, c in zip(range(coefficients.size - 1, -1, -1), coefficients, strict=True):
         if c == 0 and coefficients.size > 1:
@@ -138,9 +137,17 @@ def latex_polynomial(coefficients: ArrayLike) -> str:
     return "".join(terms)
 
 
+def binomial(lag: float, order: int) -> _check.Array:
+    """Return the polynomial (lag s + 1)^order."""
+    polynomial = np.ones(1)
+    for _ in range(order):
+        polynomial = np.convolve(polynomial, np.array([lag, 1.0]))
+    return polynomial
+
+
 def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
     """Return (num, den) of a number, a controller or a proper continuous SISO python-control system."""
-    if hasattr(system, "transfer_function") and isinstance(system.transfer_function, Callable):
+    if hasattr(system, "transfer_function"):
         system = system.transfer_function()
     if isinstance(system, control.StateSpace):
         system = control.ss2tf(system)
@@ -154,7 +161,8 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
         num, den = [system], [1.0]
     else:
         raise TypeError(
-            f"{name} must be a number, a pidalab controller or a control.TransferFunction, found {type(system).__name__}"
+            f"{name} must be a number, a pidalab controller or a control.TransferFunction, "
+            f"found {type(system).__name__}"
         )
     num, den = _check.polynomial(f"{name}.num", num), _check.polynomial(f"{name}.den", den)
     _check.proper(name, num, den)
@@ -287,7 +295,4 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
     Process(num=[1], den=[1, 4, 6, 4, 1], delay=0)
     """
     order, lag = _check.integer("order", order, at_least=1), _check.real("lag", lag, above=0.0)
-    den = np.ones(1)
-    for _ in range(order):
-        den = np.convolve(den, [lag, 1.0])
-    return Process([_check.real("gain", gain)], den, delay)
+    return Process([_check.real("gain", gain)], binomial(lag, order), delay)

@@ -168,7 +168,7 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).iae()
         1.0
         """
-        return self._absolute(horizon, lambda t: np.ones_like(t), 0.0)
+        return self._absolute(horizon, 1.0, 0.0)
 
     def itae(self, horizon: float | None = None, origin: float = 0.0) -> float:
         r"""Integral of time-weighted absolute error, :math:`\int (t - t_0)\,|e|\,dt`.
@@ -201,15 +201,16 @@ class Response:
         origin = _check.real("origin", origin)
         if origin > 0:
             raise ValueError(f"origin must not be after the start of the record (0), found {origin:g}")
-        return self._absolute(horizon, lambda t: t - origin, 1.0)
+        return self._absolute(horizon, -origin, 1.0)
 
-    def _absolute(self, horizon: float | None, weight: object, slope: float) -> float:
-        """Integrate |e| times a weight that starts each interval at weight(t) and rises with `slope`."""
+    def _absolute(self, horizon: float | None, base: float, slope: float) -> float:
+        """Integrate |e| times the weight base + slope t."""
         (c0, c1, c2), end, start = self._pieces(horizon)
         cuts = np.sort(np.clip(np.vstack([np.zeros_like(end), _roots(c0, c1, c2), end]), 0.0, end), axis=0)
         plain = cuts * (c0 + cuts * (c1 / 2 + cuts * c2 / 3))
         rising = cuts**2 * (c0 / 2 + cuts * (c1 / 3 + cuts * c2 / 4))
-        pieces = np.abs(np.diff(plain, axis=0)) * weight(start) + slope * self.step * np.abs(np.diff(rising, axis=0))  # type: ignore[operator]
+        weight = base + slope * start
+        pieces = weight * np.abs(np.diff(plain, axis=0)) + slope * self.step * np.abs(np.diff(rising, axis=0))
         return float(self.step * np.sum(pieces))
 
     def ise(self, horizon: float | None = None) -> float:
@@ -394,8 +395,8 @@ class Response:
         limit = _check.real("band", band, above=0.0) * (abs(self.r[-1]) or e.max())
         if e[-1] > limit:
             raise ValueError(
-                f"the error is {e[-1]:.3g} at the end of the record (t = {self.t[-1]:g}), outside the band of {limit:.3g}; "
-                "simulate longer or widen the band"
+                f"the error is {e[-1]:.3g} at the end of the record (t = {self.t[-1]:g}), outside the band of "
+                f"{limit:.3g}; simulate longer or widen the band"
             )
         outside = np.flatnonzero(e > limit)
         if outside.size == 0:

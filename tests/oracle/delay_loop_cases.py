@@ -127,6 +127,15 @@ def cases():
         0.5,
         times,
     )
+    add(
+        "stiff_pida",
+        "third-order plant, dead time 0.5, PIDA with N = M = 1e5, filter 1/(1e-5s+1)^2: five fast poles",
+        third,
+        pida(1.31, 3.37, 0.938, 0.269, n=1e5),
+        0.5,
+        times,
+        output_filter=lag_filter(1e-5),
+    )
 
     unstable = rational([1.0], [1.0, -1.0])
     times = [0, 0.05, 0.1, 0.3, 0.5, 0.77, 1.1, 1.5, 1.9, 2.5, 3.1, 3.7, *multiples(0.2, 1, 2, 3, 4, 6, 10, 15, 20)]

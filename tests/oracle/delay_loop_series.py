@@ -80,11 +80,14 @@ def circles(case):
     The trapezoidal rule errs by the integrand on a smaller or larger circle times the ratio of
     the radii to the power of the number of points: the radius taken is the cheapest of a list.
     """
-    first, *rest = clusters(case)
-    far = [(g.real.mean(), abs(g.real.mean()) / 4) for g in rest]
-    center = (first.real.max() + first.real.min()) / 2
-    limit = min((abs(g).min() / 4 for g in rest), default=math.inf) - abs(center)
-    radii = abs(first - center).max() + 0.05 * 1.3 ** np.arange(40)
+    spans = []
+    for group in clusters(case):
+        center = (group.real.max() + group.real.min()) / 2
+        spans.append((center, abs(group - center).max()))
+    (center, extent), *rest = spans
+    far = [(c, (abs(c) + e) / 2) for c, e in rest]  # halfway from the poles to the origin
+    limit = min(((abs(c) - e) / 3 for c, e in rest), default=math.inf) - abs(center)
+    radii = extent + 0.05 * 1.3 ** np.arange(40)
     radii = radii[radii < limit]
     logs = np.array([peak(case, center, r) for r in radii])
     best = (math.inf,)

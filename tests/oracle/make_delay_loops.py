@@ -132,7 +132,7 @@ def solve(case):
         check_closed_forms(case, values)
     case["values"] = nest(values, text)
     if extra:  # running maximum of |value| over the dense grid
-        top = {n: np.maximum.accumulate([abs(float(x)) for x in v]) for n, v in dense.items()}
+        top = {n: np.maximum.accumulate([abs(float(text(x))) for x in v]) for n, v in dense.items()}
         case["envelope"] = nest({n: v[pick] for n, v in top.items()}, float)
     seen = f"{nodes:5d} nodes, change by doubling {nstr(change, 2)}, Talbot differs {nstr(talbot, 2)}"
     return case, f"{case['name']:28s}{len(pick):3d} times, {seen}"

@@ -139,6 +139,33 @@ class Ledger:
             failures = [f"{row.id}: drifted from {row.computed} to {fresh.computed}", fresh.disagreement()]
         return [failure for failure in failures if failure]
 
+    def printed(self, id: str) -> float:
+        """Return a printed number, for computations that start from what the paper prints.
+
+        Parameters
+        ----------
+        id : str
+            Id of a row with a number.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        LedgerError
+            For an unknown id, or a statement.
+
+        Examples
+        --------
+        >>> Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")]).printed("demo.kp")
+        1.31
+        """
+        if id not in self.rows:
+            raise LedgerError(f"{id}: unknown id; the closest are {', '.join(get_close_matches(id, self.rows, n=3))}")
+        with naming(id):
+            return float(read_number(self.rows[id].printed))
+
     def missing(self) -> list[str]:
         """List the ids that were never handed over, not-computable ones excepted.
 

@@ -68,10 +68,12 @@ def number(text: str) -> Cell:
 
 def chip(verdict: str) -> Cell:
     """Make a cell of a verdict, in its colour."""
-    return Cell(verdict, f'<span class="verdict verdict-{escape(verdict)}">{escape(verdict)}</span>')
+    return Cell(verdict, f'<span class="verdict-{escape(verdict)}">{escape(verdict)}</span>')
 
 
-def grid(kind: str, header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Display:
+def grid(
+    kind: str, header: Sequence[str], rows: Iterable[Sequence[Cell]], notes: Iterable[str] | None = None
+) -> Display:
     """Lay cells out as a table; the first cell of a row is its heading.
 
     Parameters
@@ -82,6 +84,8 @@ def grid(kind: str, header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Di
         Headings of the columns.
     rows : iterable of sequences of Cell
         One cell for each column.
+    notes : iterable of str, optional
+        A remark for each row: under it on a page, in a last column in a terminal.
 
     Returns
     -------
@@ -94,17 +98,23 @@ def grid(kind: str, header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Di
     SIMC  1.5
     """
     body = [list(row) for row in rows]
+    remarks = [""] * len(body) if notes is None else list(notes)
     lines = [list(header), *([cell.text for cell in row] for row in body)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
-    text = ["  ".join(entry.ljust(width) for entry, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+    text = [
+        "  ".join([*(entry.ljust(width) for entry, width in zip(line, widths, strict=True)), remark]).rstrip()
+        for line, remark in zip(lines, ["", *remarks], strict=True)
+    ]
     html = [
-        f'<table class="ledger ledger-{kind}">',
+        f'<table class="dataframe ledger-{kind}">',
         "<thead><tr>" + "".join(f'<th scope="col">{escape(name)}</th>' for name in header) + "</tr></thead>",
         "<tbody>",
-        *("<tr>" + _heading(row[0]) + "".join(map(_entry, row[1:])) + "</tr>" for row in body),
-        "</tbody>",
-        "</table>",
     ]
+    for row, remark in zip(body, remarks, strict=True):
+        html.append("<tr>" + _heading(row[0]) + "".join(map(_entry, row[1:])) + "</tr>")
+        if remark:
+            html.append(f'<tr class="note"><td colspan="{len(header)}" class="text">{escape(remark)}</td></tr>')
+    html += ["</tbody>", "</table>"]
     return Display("\n".join(html), "\n".join(text))
 
 
@@ -129,8 +139,9 @@ def claims(rows: Iterable[Row]) -> Display:
     Display
         The computed number has two digits more than the print; the difference is in units of the last printed place.
     """
-    header = ("quantity", "where", "printed", "computed", "difference in last place", "verdict", "note")
-    return grid("claims", header, map(_claim, rows))
+    rows = list(rows)
+    header = ("quantity", "where", "printed", "computed", "difference", "verdict")
+    return grid("claims", header, map(_claim, rows), [row.note for row in rows])
 
 
 def _claim(row: Row) -> list[Cell]:
@@ -142,7 +153,6 @@ def _claim(row: Row) -> list[Cell]:
         number(row.shown()) if row.is_number else words(row.computed),
         number("" if difference is None else f"{difference:+z.1f}"),
         chip(row.verdict or "open"),
-        words(row.note),
     ]
 
 
@@ -186,11 +196,11 @@ def bar(name: str, score: Mapping[str, int]) -> str:
     """
     total = sum(score.values())
     parts = "".join(
-        f'<span class="scorebar-part verdict-{escape(verdict)}" style="width:{100 * count / total:.2f}%"></span>'
+        f'<span class="verdict-{escape(verdict)}" style="width:{100 * count / total:.2f}%"></span>'
         for verdict, count in score.items()
         if count
     )
-    return f'<div class="scorebar-bar" role="img" aria-label="{escape(score_line(name, score))}">{parts}</div>'
+    return f'<div class="scorebar" role="img" aria-label="{escape(score_line(name, score))}">{parts}</div>'
 
 
 def scorebar(name: str, score: Mapping[str, int]) -> Display:
@@ -207,6 +217,9 @@ def scorebar(name: str, score: Mapping[str, int]) -> Display:
     -------
     Display
     """
-    legend = "".join(f"<li>{chip(verdict).html} {count}</li>" for verdict, count in score.items() if count)
-    html = f'<div class="scorebar">\n{bar(name, score)}\n<ul class="scorebar-legend">{legend}</ul>\n</div>'
-    return Display(html, score_line(name, score))
+    legend = "".join(
+        f'<li class="verdict-{escape(verdict)}">{escape(verdict)} {count}</li>'
+        for verdict, count in score.items()
+        if count
+    )
+    return Display(f'{bar(name, score)}\n<ul class="scorelegend">{legend}</ul>', score_line(name, score))

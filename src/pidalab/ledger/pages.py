@@ -115,22 +115,26 @@ def errata(folder: Path | str | None = None) -> Display:
     --------
     >>> import tempfile
     >>> print(errata(tempfile.mkdtemp()).text.splitlines()[-1])
-    paper  where  quantity  printed, as read  should be  proof
+    paper  where  quantity  printed, as read  should be
     """
+    misprints = [
+        (paper, row)
+        for paper, book in load_all(folder).items()
+        for row in book.rows.values()
+        if row.verdict == "misprint"
+    ]
     rows = [
         [
             words(paper),
             words(row.where),
             words(row.quantity),
             number(row.printed) if row.is_number else words(row.printed),
-            number(row.shown()) if row.is_number else words("does not hold; see the proof"),
-            words(row.note),
+            number(row.shown()) if row.is_number else words("does not hold"),
         ]
-        for paper, book in load_all(folder).items()
-        for row in book.rows.values()
-        if row.verdict == "misprint"
+        for paper, row in misprints
     ]
-    table = display.grid("errata", ("paper", "where", "quantity", "printed, as read", "should be", "proof"), rows)
+    header = ("paper", "where", "quantity", "printed, as read", "should be")
+    table = display.grid("errata", header, rows, [f"Proof. {row.note}" for _, row in misprints])
     return Display(f'<p class="errata-notice">{NOTICE}</p>\n{table.html}', f"{NOTICE}\n\n{table.text}")
 
 

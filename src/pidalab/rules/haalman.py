@@ -13,7 +13,7 @@ from pidalab import _check
 from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.margins import gain_crossovers, max_sensitivity
-from pidalab.process import Process
+from pidalab.process import Process, binomial
 
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
 
@@ -106,10 +106,7 @@ class OutputFilter(NamedTuple):
 
     def transfer_function(self) -> control.TransferFunction:
         """Return the filter for a `Loop`."""
-        den = np.ones(1)
-        for _ in range(self.order):
-            den = np.convolve(den, [self.time, 1.0])
-        return control.TransferFunction([1.0], den)
+        return control.TransferFunction([1.0], binomial(self.time, self.order))
 
 
 def output_filter(model: Process, controller: PIDA) -> OutputFilter:
@@ -142,7 +139,9 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     """
     crossovers = gain_crossovers(Loop(model, controller))
     if crossovers.size != 1:
-        raise ValueError(f"the loop must have one gain crossover, found {crossovers.size}: {crossovers.round(4).tolist()}")
+        raise ValueError(
+            f"the loop must have one gain crossover, found {crossovers.size}: {crossovers.round(4).tolist()}"
+        )
     return OutputFilter(float(SLOWDOWN / crossovers[0]), 2 if controller.ta else 1, float(crossovers[0]))
 
 
@@ -152,10 +151,13 @@ def _lag_coefficients(model: Process, order: int) -> tuple[float, list[float]]:
         raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
     if len(model.num) != 1 or len(model.den) != order + 1:
         raise ValueError(
-            f"model must have a constant numerator and {order} poles, found {model!r}; reduce or fit a model of that order first"
+            f"model must have a constant numerator and {order} poles, found {model!r}; "
+            "reduce or fit a model of that order first"
         )
     if np.any(np.roots(model.den).real >= 0):
-        raise ValueError(f"model must be stable, its poles are to be cancelled; found poles {np.roots(model.den).round(4)}")
+        raise ValueError(
+            f"model must be stable, its poles are to be cancelled; found poles {np.roots(model.den).round(4)}"
+        )
     if model.num[0] == 0:
         raise ValueError("model must have a gain other than 0, found 0")
     return float(model.num[0] / model.den[-1]), (model.den[:-1] / model.den[-1]).tolist()
@@ -176,7 +178,9 @@ def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
     reached = next((x for x in grid if excess(x) >= 0), None)
     if reached is None:
         largest = max_sensitivity(Loop(model, controller(grid[-1])))[0]
-        raise ValueError(f"ms = {ms:g} is reached by no gain: even kp = {unit.kp * math.exp(grid[-1]):.4g} gives Ms = {largest:.4g}")
+        raise ValueError(
+            f"ms = {ms:g} is reached by no gain: even kp = {unit.kp * math.exp(grid[-1]):.4g} gives Ms = {largest:.4g}"
+        )
     if reached == grid[0]:
         raise ValueError(f"ms = {ms:g} is exceeded by every gain down to kp = {unit.kp * math.exp(low):.4g}")
     return controller(float(brentq(excess, reached - math.log(1.5), reached, xtol=1e-13, rtol=1e-13)))

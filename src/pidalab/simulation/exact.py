@@ -1,13 +1,14 @@
 r"""Exact simulation of linear loops with dead time.
 
-Cut at its dead time h, the loop is x' = A x + b w with w(t) = v(t - h): one delayed channel. Stack the state with its own
-past, (x(t), x(t - h), x(t - 2h), ...): between multiples of h this stack obeys an ordinary linear differential equation
-whose matrix is block Toeplitz, that is, a polynomial in the shift z = e^{-hs}:
+Cut at its dead time h, the loop is x' = A x + b w with w(t) = v(t - h): one delayed channel. Stack the state with its
+own past, (x(t), x(t - h), x(t - 2h), ...): between multiples of h this stack obeys an ordinary linear differential
+equation whose matrix is block Toeplitz, that is, a polynomial in the shift z = e^{-hs}:
 
 .. math:: \mathcal A(z) = A + b\,(c_v z + d_v c_v z^2 + d_v^2 c_v z^3 + \dots).
 
-So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi_j(\tau) z^j = e^{\mathcal A(z)\tau}`, without
-any approximation as long as no multiple of h lies strictly between t and t + tau. The simulation takes four steps:
+So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi_j(\tau) z^j = e^{\mathcal A(z)\tau}`,
+without any approximation as long as no multiple of h lies strictly between t and t + tau. The simulation takes four
+steps:
 
 1. a ladder of :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p, by squaring (kept without the 1, so that slow
    states keep their digits next to fast ones);
@@ -41,7 +42,8 @@ class _Ladder:
 
     def __init__(self, cut: Cut, depth: int, step: float, longest: float) -> None:
         self.cut, self.depth, self.order = cut, depth, cut.b.size
-        norm = np.abs(cut.A).sum(axis=0).max() + np.abs(cut.b).sum() * np.abs(cut.c_v).max() * max(1.0, abs(cut.d_v)) ** depth
+        delayed = np.abs(cut.b).sum() * np.abs(cut.c_v).max() * max(1.0, abs(cut.d_v)) ** depth
+        norm = float(np.abs(cut.A).sum(axis=0).max()) + delayed
         low = -max(0, int(np.ceil(np.log2(2.0 * norm * step)))) if norm else 0
         high = max(low, int(np.floor(np.log2(longest / step))))
         self.steps = [step * 2.0**p for p in range(low, high + 1)]
@@ -180,10 +182,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     distance[distance <= slack[heads]] = 0.0
     stacks = ladder.carry(stacks, np.repeat(distance, channels))
 
-    rows = np.zeros((3, depth + 1, order))
-    rows[:, 0] = cut.C
-    rows[:, 1:] = cut.d[:, None, None] * (cut.d_v ** np.arange(depth, dtype=float))[:, None] * cut.c_v
-    rows = rows.reshape(3, -1)
+    past = cut.d[:, None, None] * (cut.d_v ** np.arange(depth, dtype=float))[:, None] * cut.c_v
+    rows = np.concatenate([cut.C[:, None], past], axis=1).reshape(3, -1)
     base = ladder.steps.index(step) if step in ladder.steps else 0
     longest_run = int(place.max()) + 1
     for rung in ladder.rungs[base:]:
@@ -195,7 +195,9 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     return values[place, :, segment, :].transpose(2, 1, 0)
 
 
-def simulate(loop: Loop, t: ArrayLike, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0, noise: ArrayLike = 0.0) -> Response:
+def simulate(
+    loop: Loop, t: ArrayLike, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0, noise: ArrayLike = 0.0
+) -> Response:
     """Simulate a linear loop exactly, dead time included.
 
     The loop is at rest before t = 0. No Padé approximation, no interpolation: the values are those of the

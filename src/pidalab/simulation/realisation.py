@@ -8,6 +8,7 @@ of different speed are decoupled exactly: what a fast block makes of a slow sign
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -111,7 +112,8 @@ class _Assembly:
 
     def pad(self, signal: Signal) -> Signal:
         """Lengthen the rows of an earlier signal to the states there are now."""
-        return Signal([np.pad(row, (0, b.size - row.size)) for row, b in zip(signal.rows, self.b, strict=True)], signal.direct)
+        rows = [np.pad(row, (0, b.size - row.size)) for row, b in zip(signal.rows, self.b, strict=True)]
+        return Signal(rows, signal.direct)
 
     def add(self, first: Signal, second: Signal, sign: float = 1.0) -> Signal:
         """Return first + sign * second."""
@@ -161,7 +163,7 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
         "integral": (np.ones(1), np.array([1.0, 0.0])),
     }
     speeds = np.sort(np.abs(np.concatenate([np.roots(den) for _, den in ratios.values()])))
-    edges = np.array([np.sqrt(a * b) for a, b in zip(speeds, speeds[1:]) if b > GAP * a])  # noqa: RUF007, B905
+    edges = np.array([np.sqrt(a * b) for a, b in pairwise(speeds) if b > GAP * a])
     blocks = {name: Block(num, den, edges) for name, (num, den) in ratios.items()}
 
     states = _Assembly(edges.size + 1, len(inputs))
