@@ -11,11 +11,9 @@ from pidalab.loop import Loop
 from pidalab.margins import (
     Margins,
     gain_crossovers,
-    is_stable,
     margins,
     max_sensitivity,
     phase_crossovers,
-    unstable_poles,
 )
 from pidalab.process import Process, fopdt, ipdt, lags, sopdt
 from pidalab.response import Response
@@ -27,6 +25,7 @@ from pidalab.simulation import (
     step_response,
     uniform_noise,
 )
+from pidalab.stability import is_stable, unstable_poles
 
 __all__ = [
     "PIDA",

@@ -10,139 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
+from pidalab.forms import IdealGains
 from pidalab.process import binomial
-
-
-class StandardForm(NamedTuple):
-    """kp (1 + 1/(ti s) + td s + ta s^2): haalman2024 eq. (1)."""
-
-    kp: float
-    ti: float
-    td: float
-    ta: float
-
-
-class NonInteractiveForm(NamedTuple):
-    """kc (1 + 1/(tau_i s) + tau_d s + tau_a^2/2 s^2): heo2023 eq. (6)."""
-
-    kc: float
-    tau_i: float
-    tau_d: float
-    tau_a: float
-
-
-class SeriesForm(NamedTuple):
-    """(kp + kd s + ka s^2) (1 + ti s)/(ti s): huba2024 eq. (5)."""
-
-    kp: float
-    kd: float
-    ka: float
-    ti: float
-
-
-class IdealGains(NamedTuple):
-    """Parallel form ki/s + kp + kd s + ka s^2, without filters: what all other forms convert from.
-
-    Examples
-    --------
-    >>> from pidalab.controllers import IdealGains
-    >>> IdealGains(ki=0.5, kp=2.0, kd=1.0, ka=0.25).standard()
-    StandardForm(kp=2.0, ti=4.0, td=0.5, ta=0.125)
-    """
-
-    ki: float
-    kp: float
-    kd: float
-    ka: float
-
-    def standard(self) -> StandardForm:
-        """Return kp, ti, td, ta.
-
-        Returns
-        -------
-        StandardForm
-            With ``ti = inf`` where there is no integral action.
-
-        Raises
-        ------
-        ValueError
-            Without proportional action, on which the standard form divides.
-
-        Examples
-        --------
-        >>> from pidalab.controllers import IdealGains
-        >>> IdealGains(ki=1.0, kp=0.0, kd=0.0, ka=0.0).standard()
-        Traceback (most recent call last):
-        ...
-        ValueError: no standard form: kp is 0, and the time constants are ratios to kp
-        """
-        if self.kp == 0:
-            raise ValueError("no standard form: kp is 0, and the time constants are ratios to kp")
-        return StandardForm(self.kp, self.kp / self.ki if self.ki else math.inf, self.kd / self.kp, self.ka / self.kp)
-
-    def non_interactive(self) -> NonInteractiveForm:
-        """Return kc, tau_i, tau_d, tau_a with the acceleration term kc tau_a^2/2 s^2.
-
-        Returns
-        -------
-        NonInteractiveForm
-            The gains; tau_a = sqrt(2 ta).
-
-        Raises
-        ------
-        ValueError
-            Without proportional action, or with an acceleration of the opposite sign.
-
-        Examples
-        --------
-        >>> from pidalab.controllers import IdealGains
-        >>> IdealGains(ki=0.5, kp=2.0, kd=1.0, ka=0.25).non_interactive()
-        NonInteractiveForm(kc=2.0, tau_i=4.0, tau_d=0.5, tau_a=0.5)
-        """
-        kp, ti, td, ta = self.standard()
-        if ta < 0:
-            raise ValueError(f"no non-interactive form: tau_a^2 = 2 ta = {2 * ta:.4g} is negative")
-        return NonInteractiveForm(kp, ti, td, math.sqrt(2 * ta))
-
-    def series(self) -> SeriesForm:
-        """Return the series (automatic reset) form with the largest possible ti.
-
-        Returns
-        -------
-        SeriesForm
-            The factors (kp + kd s + ka s^2) and (1 + ti s)/(ti s).
-
-        Raises
-        ------
-        ValueError
-            Where the numerator has no zero on the negative real axis to give to the reset factor, as for a PID with
-            ti < 4 td, or without integral action.
-
-        Examples
-        --------
-        >>> from pidalab.controllers import IdealGains
-        >>> IdealGains(ki=1.0, kp=3.0, kd=2.0, ka=0.0).series()
-        SeriesForm(kp=2.0, kd=2.0, ka=0.0, ti=2.0)
-        >>> IdealGains(ki=1.0, kp=1.0, kd=1.0, ka=0.0).series()
-        Traceback (most recent call last):
-        ...
-        ValueError: no series form: ki + kp s + kd s^2 + ka s^3 has no negative real zero
-        """
-        if self.ki == 0:
-            raise ValueError("no series form: there is no integral action to factor out")
-        zeros = np.roots([self.ka, self.kd, self.kp, self.ki])
-        real = zeros.real[(np.abs(zeros.imag) < 1e-7 * np.abs(zeros)) & (zeros.real < 0)]
-        if real.size == 0:
-            raise ValueError("no series form: ki + kp s + kd s^2 + ka s^3 has no negative real zero")
-        ti = -1 / float(real.max())
-        return SeriesForm(self.ki * ti, self.kd - self.ka / ti, self.ka, ti)
 
 
 class Controller:

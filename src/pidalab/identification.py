@@ -150,7 +150,8 @@ def _levels_reached(
     if abs(final - before) > STILL_MOVING * abs(change):
         raise ValueError(
             f"y has not settled: its mean still changes by {100 * abs(final - before) / abs(change):.2g} % of the "
-            f"whole change between the last two tenths of the record, and {100 * STILL_MOVING:g} % is allowed; record longer"
+            f"whole change between the last two tenths of the record, and {100 * STILL_MOVING:g} % is allowed; "
+            "record longer"
         )
     share = (y - y[0]) / change
     if share[1] > levels[0]:
