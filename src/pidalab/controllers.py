@@ -269,11 +269,11 @@ class HighOrderPID(Controller):
     Parameters
     ----------
     gains : sequence of float
-        K_-1, K_0, …, K_m; at least two values.
+        :math:`K_{-1}, K_0, \dots, K_m`; at least two values.
     filter_time : float
-        T_F, above 0; 0 is allowed only with ``filter_order=0``.
+        Time constant of the filter, above 0; 0 is allowed only with ``filter_order=0``.
     filter_order : int
-        n, at least m.
+        Order of the filter, at least m.
 
     Raises
     ------
@@ -364,9 +364,9 @@ class SeriesPIDA(Controller):
     ti : float
         Time constant of the automatic reset, above 0.
     filter_time : float
-        T_f, above 0.
+        Time constant of the filter, above 0.
     filter_order : int
-        n, at least the order of the highest derivative.
+        Order of the filter, at least that of the highest derivative.
     limits : tuple of float, optional
         Lower and upper limit of the control signal.
 

@@ -133,20 +133,21 @@ def signal(
 
 
 def comparison(
-    setpoint: Mapping[str, Response],
-    load: Mapping[str, Response],
-    noisy_setpoint: Mapping[str, Response],
-    noisy_load: Mapping[str, Response],
+    clean: Mapping[str, Mapping[str, Response]],
+    noisy: Mapping[str, Mapping[str, Response]],
+    until: float,
     u_until: float,
 ) -> Figure:
     """Draw set-point (left) and load (right) responses, y above u, exact lines over single noisy runs.
 
     Parameters
     ----------
-    setpoint, load : mapping of str to Response
-        Noise-free responses by their labels.
-    noisy_setpoint, noisy_load : mapping of str to Response
-        Single runs with noise, by the same labels, drawn faintly.
+    clean : mapping of str to mapping of str to Response
+        By label and by experiment, ``"setpoint"`` and ``"load"``: noise-free responses.
+    noisy : mapping of str to mapping of str to Response
+        Single runs with noise in the same order, drawn faintly.
+    until : float
+        End of the time axes.
     u_until : float
         End of the time axis of u after a set-point step, where its first peak can be seen.
 
@@ -159,17 +160,16 @@ def comparison(
     --------
     >>> import numpy as np, pidalab
     >>> t, loop = np.linspace(0, 20, 201), pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.3)
-    >>> r, d = {"P": pidalab.step_response(loop, t)}, {"P": pidalab.load_response(loop, t)}
-    >>> len(pidalab.plots.comparison(r, d, r, d, u_until=5.0).axes)
+    >>> runs = {"P": {"setpoint": pidalab.step_response(loop, t), "load": pidalab.load_response(loop, t)}}
+    >>> len(pidalab.plots.comparison(runs, runs, until=20.0, u_until=5.0).axes)
     4
     """
     figure, axes = plt.subplots(2, 2, figsize=(8.4, 5.4))
-    for column, (clean, noisy, title, end) in enumerate(
-        ((setpoint, noisy_setpoint, "set-point step", u_until), (load, noisy_load, "load step", None))
-    ):
-        signal(axes[0, column], clean, "y", faint=noisy)
-        signal(axes[1, column], clean, "u", until=end, faint=noisy)
-        axes[0, column].set(title=title, ylabel="output y", xlabel="")
+    for column, (experiment, end) in enumerate((("setpoint", u_until), ("load", until))):
+        lines, faint = ({label: run[experiment] for label, run in runs.items()} for runs in (clean, noisy))
+        signal(axes[0, column], lines, "y", until=until, faint=faint)
+        signal(axes[1, column], lines, "u", until=end, faint=faint)
+        axes[0, column].set(title=f"{experiment.replace('setpoint', 'set-point')} step", ylabel="output y", xlabel="")
         axes[1, column].set(ylabel="control u")
     axes[0, 0].legend()
     return figure

@@ -145,7 +145,7 @@ class Ledger:
         Parameters
         ----------
         id : str
-            Id of a row with a number.
+            Id of a row with a number; the key of the paper may be left out.
 
         Returns
         -------
@@ -158,13 +158,14 @@ class Ledger:
 
         Examples
         --------
-        >>> Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")]).printed("demo.kp")
+        >>> Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")]).printed("kp")
         1.31
         """
-        if id not in self.rows:
-            raise LedgerError(f"{id}: unknown id; the closest are {', '.join(get_close_matches(id, self.rows, n=3))}")
-        with naming(id):
-            return float(read_number(self.rows[id].printed))
+        full = id if id in self.rows else f"{self.paper}.{id}"
+        if full not in self.rows:
+            raise LedgerError(f"{id}: unknown id; the closest are {', '.join(get_close_matches(full, self.rows, n=3))}")
+        with naming(full):
+            return float(read_number(self.rows[full].printed))
 
     def missing(self) -> list[str]:
         """List the ids that were never handed over, not-computable ones excepted.

@@ -1,0 +1,54 @@
+# The commands a reader needs: `make book` builds the site, `make test` proves it. `make help` lists the rest.
+# A target that names a file under .venv or _build is a stamp: it is done once, and again when what it stands on changes.
+
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+ENV := .venv/.installed
+SITE := _build/.built
+SOURCES := Makefile _config.yml _toc.yml $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+
+.PHONY: help env book test notebooks lint bench lock clean
+.DELETE_ON_ERROR:
+
+help:  ## list these targets
+	@sed -n 's/^\([a-z]*\):.*##  *\(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
+
+env: $(ENV)  ## make .venv from the locked requirements
+
+$(ENV): requirements.txt pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(PIP) install --quiet --require-hashes -r requirements.txt
+	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+book: $(SITE)  ## execute every notebook and build the site in _build/html
+	@echo "The site: _build/html/index.html"
+
+# Sphinx does not see that a change of the library changes a page, so every build starts from nothing.
+$(SITE): $(ENV) $(SOURCES)
+	rm -rf _build
+	$(BIN)/jupyter-book build --all -W -n --keep-going --path-output . .
+	touch $@
+
+test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site
+	$(BIN)/pytest -n 2 --dist loadfile --nbval --nbval-current-env
+
+notebooks: $(ENV)  ## execute every notebook and store its outputs in place
+	$(BIN)/python tools/notebooks.py
+
+lint: $(ENV)  ## style and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+bench: $(ENV)  ## compare speed and accuracy with other libraries
+	$(BIN)/python -m benchmarks.run
+
+lock: $(ENV)  ## write requirements.txt from pyproject.toml, keeping the versions it already has
+	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
+		--custom-compile-command "make lock" --all-extras --output-file requirements.txt pyproject.toml
+
+clean:  ## remove everything that was made
+	rm -rf .venv _build .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,30 @@
+"""Serve MathJax from the site itself: formulas without a network.
+
+The package ``sphinx-mathjax-offline`` carries a whole MathJax distribution.
+The book needs one of its combined scripts and the fonts that this script
+loads, about 1.6 MB.
+"""
+
+import shutil
+from importlib.resources import as_file, files
+from pathlib import Path
+
+SCRIPT = "tex-chtml.js"
+FONTS = "output/chtml/fonts/woff-v2"
+
+
+def copy_mathjax(app, exception):
+    """Copy the script and its fonts, in the layout the script expects."""
+    if exception or app.builder.format != "html":
+        return
+    # The package's name holds hyphens, so it cannot be imported by name.
+    with as_file(files("sphinx-mathjax-offline") / "static" / "mathjax") as source:
+        target = Path(app.outdir) / "_static" / "mathjax"
+        shutil.copytree(source / FONTS, target / FONTS, dirs_exist_ok=True)
+        shutil.copy(source / SCRIPT, target)
+
+
+def setup(app):
+    app.config.mathjax_path = f"mathjax/{SCRIPT}"
+    app.connect("build-finished", copy_mathjax)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,171 @@
+"""Generalized Haalman rule: cancellation, the gain that reaches Ms, the printed numbers, and every refusal."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab import Loop, Process
+from pidalab.rules import haalman
+
+THIRD = Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)  # haalman2024, eq. (12)
+SECOND = Process([1.0], [2.062, 2.875, 1.0], delay=1.12)  # eq. (14)
+MODELS = {"third": THIRD, "second": SECOND}
+
+
+@pytest.fixture(scope="module")
+def tuned():
+    """Controllers by (model, ms); each is computed once."""
+    rules = {"third": haalman.pida, "second": haalman.pid}
+    return {(name, ms): rules[name](MODELS[name], ms=ms) for name in MODELS for ms in (1.4, 2.0)}
+
+
+KEYS = [(name, ms) for name in MODELS for ms in (1.4, 2.0)]
+
+
+@pytest.mark.parametrize("key", KEYS, ids=str)
+def test_times_cancel_the_poles(tuned, key):
+    """Without its filters the controller times the model is kp K/(ti s) e^{-Ls}: an integrator and a dead time."""
+    C, model, s = tuned[key], MODELS[key[0]], np.array([0.3 + 0.7j, 2.0 - 1.0j, 0.01j])
+    ki, kp, kd, ka = C.gains()
+    np.testing.assert_allclose((ki / s + kp + kd * s + ka * s**2) * model(s), ki / s * np.exp(-model.delay * s), rtol=1e-12)
+
+
+@pytest.mark.parametrize("key", KEYS, ids=str)
+def test_gain_reaches_ms(tuned, key):
+    loop = Loop(MODELS[key[0]], tuned[key])
+    assert pidalab.max_sensitivity(loop)[0] == pytest.approx(key[1], rel=1e-9)
+    w = np.geomspace(1e-3, 1e3, 2_000_001)
+    assert np.max(np.abs(loop.S(1j * w))) == pytest.approx(key[1], rel=1e-6)  # brute force
+    assert pidalab.is_stable(loop)
+
+
+@pytest.mark.parametrize("key", KEYS, ids=str)
+def test_gain_is_the_smallest(tuned, key):
+    C, w = tuned[key], np.geomspace(1e-3, 1e3, 20_001)
+    unit = Loop(MODELS[key[0]], C).L(1j * w) / C.kp
+    for kp in C.kp * np.linspace(0.01, 0.999, 60):
+        assert np.max(1 / np.abs(1 + kp * unit)) < key[1]
+
+
+@pytest.mark.parametrize(
+    ("key", "printed", "wgc"),
+    [
+        (("third", 1.4), dict(kp=1.31, ti=3.37, td=0.938, ta=0.269), 0.39),
+        (("second", 1.4), dict(kp=0.91, ti=2.88, td=0.72, ta=0.0), 0.32),  # printed 0.39; eq. (15) gives 0.05/0.158 = 0.316
+        (("second", 2.0), dict(kp=1.69, ti=2.88, td=0.72, ta=0.0), 0.60),
+    ],
+    ids=str,
+)
+def test_printed_numbers_of_example_1(tuned, key, printed, wgc):
+    """Within one unit of the last printed digit, but kp, which the paper took from a grid of 0.01: within two."""
+    C = tuned[key]
+    for name, value in printed.items():
+        digits = 3 if name in ("td", "ta") and key[0] == "third" else 2
+        unit = 10.0**-digits
+        assert getattr(C, name) == pytest.approx(value, abs=(2.0 if name == "kp" else 1.0) * unit * 1.001)
+    assert haalman.output_filter(MODELS[key[0]], C).wgc == pytest.approx(wgc, abs=0.01)
+
+
+def test_printed_gain_2_48_is_not_ms_2(tuned):
+    """Unexplained in the paper: with kp = 2.48 its own Ms is 2.05."""
+    assert tuned["third", 2.0].kp < 2.42
+    C = pidalab.PIDA(2.48, *THIRD.den[[2]], THIRD.den[1] / THIRD.den[2], THIRD.den[0] / THIRD.den[2])
+    assert pidalab.max_sensitivity(Loop(THIRD, C))[0] == pytest.approx(2.05, abs=0.005)
+
+
+def test_printed_output_filters(tuned):
+    F = haalman.output_filter(THIRD, tuned["third", 1.4])
+    assert (round(F.time, 2), F.order) == (0.13, 2)  # eq. (13)
+    G = haalman.output_filter(SECOND, tuned["second", 1.4])
+    assert (round(G.time, 3), G.order) == (0.158, 1)  # eq. (15)
+    assert F.time * F.wgc == pytest.approx(0.05)
+    assert abs(Loop(THIRD, tuned["third", 1.4]).L(1j * F.wgc)) == pytest.approx(1.0)
+    s = 0.3 + 2.0j
+    assert F.transfer_function()(s) == pytest.approx(1 / (F.time * s + 1) ** 2)
+    assert Loop(THIRD, tuned["third", 1.4], F).block("output_filter", s) == pytest.approx(1 / (F.time * s + 1) ** 2)
+
+
+def test_scaled_model_scales_the_gain(tuned):
+    """The model's gain, its sign, and the normalisation of its denominator change nothing but kp."""
+    reference = tuned["second", 1.4]
+    C = haalman.pid(Process([-5.0], 2.0 * SECOND.den, SECOND.delay), ms=1.4)
+    assert (C.kp, C.ti, C.td) == pytest.approx((-reference.kp / 2.5, reference.ti, reference.td), rel=1e-9)
+
+
+def test_time_unit_changes_nothing_but_the_times(tuned):
+    reference, scale = tuned["second", 1.4], 1e3
+    C = haalman.pid(Process([1.0], SECOND.den * [scale**2, scale, 1.0], SECOND.delay * scale), ms=1.4)
+    assert (C.kp, C.ti, C.td) == pytest.approx((reference.kp, reference.ti * scale, reference.td * scale), rel=1e-9)
+
+
+def test_integrator_with_dead_time_in_closed_form():
+    """A filter that is far away leaves kp K/(ti s) e^{-Ls}: kp L/ti is a number that depends on Ms alone."""
+    x = np.linspace(0.5, 2.0, 1_000_001)  # frequency times dead time
+    C = haalman.pid(SECOND, ms=1.59049, n=1e5)
+    k = C.kp * SECOND.delay / C.ti
+    assert np.max(1 / np.abs(1 + k / (1j * x) * np.exp(-1j * x))) == pytest.approx(1.59049, abs=1e-4)
+    assert k == pytest.approx(0.5, abs=1e-4)  # as for 0.5/s e^{-s}, whose Ms is 1.590490
+
+
+@pytest.mark.parametrize("ms", [5.0, 20.0, 100.0])
+def test_high_ms_is_reached_below_the_critical_gain(ms):
+    """The peak of Ms over the gain is narrow, and the smallest gain that reaches it is a stable one."""
+    C = haalman.pida(THIRD, ms=ms)
+    loop = Loop(THIRD, C)
+    assert pidalab.max_sensitivity(loop)[0] == pytest.approx(ms, rel=1e-6)
+    assert pidalab.is_stable(loop)
+    assert C.kp < 5.1
+
+
+def test_small_dead_time_and_light_filter_need_a_high_gain():
+    model = Process([1.0], [1.0, 2.0, 1.0], delay=1e-4)
+    C = haalman.pid(model, ms=1.4, n=1e4)
+    assert pidalab.max_sensitivity(Loop(model, C))[0] == pytest.approx(1.4, rel=1e-9)
+    assert C.kp > 1000.0
+
+
+@pytest.mark.parametrize("ms", [1.0, 0.9, -2.0, math.nan, math.inf])
+def test_ms_must_be_above_one(ms):
+    with pytest.raises(ValueError, match="ms must be above 1, found"):
+        haalman.pid(SECOND, ms=ms)
+
+
+def test_ms_that_no_gain_reaches():
+    """Without dead time and with a far filter, the loop is an integrator: Ms stays near 1."""
+    with pytest.raises(ValueError, match=r"ms = 10 is reached by no gain"):
+        haalman.pid(Process([1.0], [1.0, 2.0, 1.0]), ms=10.0, n=1e6)
+
+
+@pytest.mark.parametrize(
+    ("rule", "model", "error", "message"),
+    [
+        (haalman.pida, SECOND, ValueError, "model must have a constant numerator and 3 poles, found Process"),
+        (haalman.pid, THIRD, ValueError, "model must have a constant numerator and 2 poles, found Process"),
+        (haalman.pid, Process([1.0, 1.0], SECOND.den), ValueError, "model must have a constant numerator and 2 poles"),
+        (haalman.pid, Process([1.0], [1.0, 1.0, -1.0]), ValueError, "model must be stable, its poles are to be cancelled"),
+        (haalman.pid, Process([1.0], [1.0, 1.0, 0.0]), ValueError, "model must be stable"),
+        (haalman.pida, Process([0.0], THIRD.den), ValueError, "model must have a gain other than 0, found 0"),
+        (haalman.pid, control.tf([1.0], [1.0, 2.0, 1.0]), TypeError, "model must be a pidalab.Process, found TransferFunction"),
+    ],
+    ids=["order-3", "order-2", "zero", "unstable", "integrating", "no-gain", "type"],
+)
+def test_wrong_models(rule, model, error, message):
+    with pytest.raises(error, match=message):
+        rule(model)
+
+
+@pytest.mark.parametrize(("name", "value"), [("n", 0.0), ("m", -1.0)])
+def test_filter_ratios_are_checked(name, value):
+    with pytest.raises(ValueError, match=f"{name} must be above 0, found"):
+        haalman.pida(THIRD, **{name: value})
+
+
+def test_output_filter_needs_one_gain_crossover():
+    light = Process([1.0], np.convolve([1.0, 0.02, 1.0], [10.0, 1.0]), delay=0.1)
+    with pytest.raises(ValueError, match="the loop must have one gain crossover, found 3"):
+        haalman.output_filter(light, pidalab.PIDA(1.0, 10.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="the loop must have one gain crossover, found 0"):
+        haalman.output_filter(pidalab.lags(2), pidalab.PIDA(0.5, math.inf, 0.0, 0.0))

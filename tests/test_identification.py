@@ -1,0 +1,111 @@
+"""Three-point identification: records whose parameters are known, the three times from a root finder, every refusal."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import gammainc
+
+import pidalab
+from pidalab.identification import three_point
+
+T = np.linspace(0.0, 40.0, 4001)
+FOURTH = gammainc(4, T)  # step response of 1/(s + 1)^4
+
+
+def formulas(t5, t35, t85):  # haalman2024, eq. (5)
+    L, tau = 1.3 * t35 - 0.29 * t85, 0.67 * (t85 - t35)
+    return L, 0.598 + 0.4799 * t5 / L - 0.41 / (t5 / tau) ** 0.6, tau
+
+
+def test_fourth_order_lag_against_exact_crossings():
+    times = [brentq(lambda t, level=level: gammainc(4, t) - level, 0.0, 20.0, xtol=1e-14) for level in (0.05, 0.353, 0.853)]
+    model = three_point(T, FOURTH)
+    assert model.times == pytest.approx(times, abs=1e-5)  # linear between samples 0.01 apart
+    assert (model.apparent_delay, model.alpha, model.tau) == pytest.approx(formulas(*times), abs=1e-5)
+    assert model.gain == pytest.approx(1.0, abs=1e-12)
+
+
+def test_sampled_crossings_are_the_paper_s():
+    """First sample at or above the level on a 0.01 grid; haalman2024 prints L = 2.159, alpha = 0.382, tau = 2.037."""
+    model = three_point(T, FOURTH, crossing="sampled")
+    for time, level in zip(model.times, (0.05, 0.353, 0.853), strict=True):
+        i = int(np.argmax(level <= FOURTH))
+        assert time == pytest.approx(T[i], abs=1e-12)
+    assert (model.apparent_delay, model.alpha, model.tau) == pytest.approx((2.159, 0.382, 2.037), abs=1e-3)
+    assert model.process.den / model.process.den[-1] == pytest.approx([0.905, 3.159, 3.37, 1.0], abs=1.5e-3)
+    assert model.process.delay == pytest.approx(0.826, abs=1.5e-3)
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.4, 0.6, 0.8])
+@pytest.mark.parametrize("tau", [1.0, 3.0, 6.0])
+def test_recovers_a_process_of_the_model_class(alpha, tau):
+    """The formulas are fits, so the parameters come back roughly and the response closely."""
+    L = 2.0
+    lag = (1 - alpha) * L / 2
+    process = pidalab.Process([1.5], np.polymul([tau, 1.0], np.polymul([lag, 1.0], [lag, 1.0])), delay=alpha * L)
+    t = np.linspace(0.0, 60.0, 6001)
+    y = pidalab.open_loop_step(process, t).y
+    model = three_point(t, y)
+    assert model.gain == pytest.approx(1.5, rel=1e-3)
+    assert model.tau == pytest.approx(tau, rel=0.15)
+    assert model.apparent_delay == pytest.approx(L, rel=0.15)
+    assert np.max(np.abs(pidalab.open_loop_step(model.process, t).y - y)) < 0.04 * 1.5
+
+
+def test_model_is_its_printed_form():
+    model = pidalab.identification.ThreePointModel(2.0, 3.0, 0.4, 5.0, (0.0, 0.0, 0.0))
+    s = 0.3 + 0.7j
+    assert model.process(s) == pytest.approx(2 / ((1 + 5 * s) * (1 + 0.9 * s) ** 2) * np.exp(-1.2 * s), rel=1e-12)
+
+
+@pytest.mark.parametrize(("gain", "step", "rest"), [(2.0, 1.0, 0.0), (-2.0, 1.0, 0.0), (2.0, -0.5, 7.0), (-3.0, 10.0, -100.0)])
+def test_gain_step_size_and_rest_value(gain, step, rest):
+    model, unit = three_point(T, rest + gain * step * FOURTH, step=step), three_point(T, FOURTH)
+    assert model.gain == pytest.approx(gain, rel=1e-9)
+    assert (model.apparent_delay, model.alpha, model.tau) == pytest.approx((unit.apparent_delay, unit.alpha, unit.tau), rel=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_time_scales_with_the_clock(scale):
+    model, unit = three_point(T * scale, FOURTH), three_point(T, FOURTH)
+    assert model.tau == pytest.approx(scale * unit.tau, rel=1e-9)
+    assert model.alpha == pytest.approx(unit.alpha, rel=1e-9)
+
+
+def test_other_levels_are_reached_where_they_say():
+    model = three_point(T, FOURTH, levels=(0.1, 0.35, 0.85))
+    assert np.interp(model.times, T, FOURTH) == pytest.approx([0.1, 0.35, 0.85], abs=1e-9)
+
+
+FIRST = 1 - np.exp(-T)
+BAD = {
+    "constant": (dict(y=np.full(T.size, 3.0)), r"y never moves: it starts at 3 and ends at 3"),
+    "ramp": (dict(y=T), r"y has not settled: its mean still changes by 1.* % .* 1 % is allowed; record longer"),
+    "jump": (dict(y=np.append(0.0, np.ones(T.size - 1))), r"y already moves at its beginning \(100 % of the change in one sample\)"),
+    "coarse": (dict(t=np.arange(40.0), y=1 - np.exp(-np.arange(40.0))), "y already moves at its beginning"),
+    "first-order": (dict(y=FIRST), r"y does not fit a third-order model with dead time: alpha = -?\d.* is outside \[0, 1\]"),
+    "few": (dict(t=np.arange(20.0), y=gammainc(2, np.arange(20.0))), "y must have at least 30 samples .* found 20"),
+    "short": (dict(y=FOURTH[:-1]), r"y must be a number or an array as long as t \(4001\), found shape \(4000,\)"),
+    "nan": (dict(y=np.where(T == 20.0, np.nan, FOURTH)), "y must be finite, found nan at index 2000"),
+    "time": (dict(t=T + 1.0), "t must start at 0, found 1"),
+    "no-step": (dict(step=0.0), "step must not be 0"),
+    "nan-step": (dict(step=np.nan), "step must be finite, found nan"),
+    "order": (dict(levels=(0.353, 0.05, 0.853)), r"levels must be three rising shares between 0 and 1, found \(0\.353"),
+    "percent": (dict(levels=(5, 35, 85)), "levels must be three rising shares between 0 and 1"),
+    "two": (dict(levels=(0.05, 0.35)), "levels must be three rising shares"),
+    "crossing": (dict(crossing="nearest"), "crossing must be 'interpolated' or 'sampled', found 'nearest'"),
+    "convex": (dict(y=np.clip((T - 10.0) / 0.05, 0.0, 1.0)), r"y does not fit a third-order model .* alpha = 1\.\d+ is outside \[0, 1\]"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_three_point_complains(name):
+    change, message = BAD[name]
+    with pytest.raises(ValueError, match=message):
+        three_point(**(dict(t=T, y=FOURTH) | change))
+
+
+def test_levels_whose_formulas_turn_negative_say_so():
+    """Levels far from the method's own can make L negative."""
+    with pytest.raises(ValueError, match=r"it reaches the levels at .* which gives L = -.* both must be positive"):
+        three_point(T, FOURTH, levels=(0.001, 0.01, 0.999))

@@ -1,0 +1,178 @@
+"""Process: evaluation against the factorised formula, the named models, python-control, and every complaint."""
+
+import control
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.process import latex_polynomial
+
+RNG = np.random.default_rng(1)
+POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)  # complex frequencies that have nothing to do with any pole
+
+
+def test_evaluates_rational_part_times_exact_dead_time():
+    process = pidalab.Process([2.0, -3.0], [1.0, 4.0, 5.0], delay=0.7)
+    expected = (2 * POINTS - 3) / (POINTS**2 + 4 * POINTS + 5) * np.exp(-0.7 * POINTS)
+    np.testing.assert_allclose(process(POINTS), expected, rtol=1e-13)
+    assert process(POINTS.reshape(4, 5)).shape == (4, 5)
+
+
+def test_dead_time_turns_the_phase_and_leaves_the_magnitude():
+    w = np.geomspace(1e-3, 1e5, 50)
+    with_delay, without = pidalab.fopdt(2.0, 3.0, 10.0)(1j * w), pidalab.fopdt(2.0, 3.0, 0.0)(1j * w)
+    np.testing.assert_allclose(np.abs(with_delay), np.abs(without), rtol=1e-13)
+    np.testing.assert_allclose(with_delay / without, np.cos(10 * w) - 1j * np.sin(10 * w), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("process", "formula"),
+    [
+        (pidalab.fopdt(-2.0, 3.0, 0.5), lambda s: -2 / (3 * s + 1) * np.exp(-0.5 * s)),
+        (pidalab.sopdt(2.0, 3.0, 0.2, 0.5), lambda s: 2 / (9 * s**2 + 1.2 * s + 1) * np.exp(-0.5 * s)),
+        (pidalab.sopdt(2.0, 3.0, 0.0, 0.5), lambda s: 2 / (9 * s**2 + 1) * np.exp(-0.5 * s)),
+        (pidalab.ipdt(0.3, 2.0), lambda s: 0.3 / s * np.exp(-2 * s)),
+        (pidalab.lags(5, lag=0.4, gain=3.0, delay=0.1), lambda s: 3 / (0.4 * s + 1) ** 5 * np.exp(-0.1 * s)),
+    ],
+    ids=["fopdt", "sopdt", "undamped", "ipdt", "lags"],
+)
+def test_named_models(process, formula):
+    np.testing.assert_allclose(process(POINTS), formula(POINTS), rtol=1e-12)
+
+
+def test_static_gain():
+    assert pidalab.lags(3, gain=-2.0).gain() == -2.0
+    assert pidalab.Process([1.0, 6.0], [1.0, 1.0, 3.0]).gain() == 2.0
+    assert pidalab.ipdt(1.0, 0.0).gain() == np.inf
+
+
+def test_leading_zeros_are_no_degrees():
+    process = pidalab.Process([0.0, 0.0, 1.0], [0.0, 2.0, 1.0])
+    assert process.num.tolist() == [1.0]
+    assert process.den.tolist() == [2.0, 1.0]
+
+
+def test_keeps_its_own_copy_of_the_coefficients():
+    den = np.array([2.0, 1.0])
+    process = pidalab.Process([1.0], den)
+    den[0] = 99.0
+    assert process.den.tolist() == [2.0, 1.0]
+    with pytest.raises(ValueError, match="read-only"):
+        process.den[0] = 3.0
+
+
+def test_from_control_keeps_the_rational_part():
+    tf = control.tf([1.0, 2.0], [1.0, 3.0, 5.0])
+    for system in (tf, control.ss([[0, 1], [-5, -3]], [[0], [1]], [[2, 1]], [[0]])):
+        process = pidalab.Process.from_control(system, delay=0.3)
+        np.testing.assert_allclose(process(POINTS), tf(POINTS) * np.exp(-0.3 * POINTS), rtol=1e-10)
+    np.testing.assert_allclose(process.rational_part()(POINTS), tf(POINTS), rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("system", "error", "message"),
+    [
+        (control.tf([1.0], [1.0, 0.5], 0.1), ValueError, r"sys must be continuous in time, found sample time 0\.1"),
+        (
+            control.ss(-np.eye(2), np.eye(2), np.eye(2), 0 * np.eye(2)),
+            ValueError,
+            "sys must have one input and one output, found 2",
+        ),
+        (
+            control.tf([1.0, 0.0], [1.0]),
+            ValueError,
+            r"sys must be proper .* found degrees 1 and 0; add a filter of order 1",
+        ),
+        ("1/s", TypeError, "sys must be a number, a pidalab controller or a control.TransferFunction, found str"),
+    ],
+    ids=["discrete", "mimo", "improper", "text"],
+)
+def test_from_control_complains(system, error, message):
+    with pytest.raises(error, match=message):
+        pidalab.Process.from_control(system)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (([1.0, 0.0], [1.0]), ValueError, "must be proper .* found degrees 1 and 0"),
+        (([1.0], [0.0, 0.0]), ValueError, "den must not be the zero polynomial"),
+        (([1.0], [1.0, 1.0], -0.1), ValueError, r"delay must be at least 0, found -0\.1"),
+        (([1.0], [1.0, 1.0], np.inf), ValueError, "delay must be at least 0, found inf"),
+        (([1.0], [1.0, 1.0], "soon"), TypeError, "delay must be a real number, found 'soon'"),
+        (([1.0], [1.0, np.nan]), ValueError, "den must be finite, found nan at index 1"),
+        (([np.inf], [1.0, 1.0]), ValueError, "num must be finite, found inf at index 0"),
+        (
+            ([[1.0]], [1.0, 1.0]),
+            ValueError,
+            r"num must be one-dimensional with at least 1 value\(s\), found shape \(1, 1\)",
+        ),
+        (([], [1.0, 1.0]), ValueError, "num must be one-dimensional with at least 1"),
+        ((["a"], [1.0, 1.0]), TypeError, "num must be a one-dimensional array of real numbers"),
+        (([1.0 + 1.0j], [1.0, 1.0]), TypeError, "num must be a one-dimensional array of real numbers"),
+        (([1.0], [[1.0], [1.0, 2.0]]), (TypeError, ValueError), "den must be"),
+    ],
+    ids=[
+        "improper",
+        "zero",
+        "negative",
+        "infinite",
+        "text",
+        "nan",
+        "inf",
+        "shape",
+        "empty",
+        "letters",
+        "complex",
+        "ragged",
+    ],
+)
+def test_process_complains(arguments, error, message):
+    with pytest.raises(error, match=message):
+        pidalab.Process(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: pidalab.fopdt(1.0, 0.0, 1.0), "lag must be above 0, found 0"),
+        (lambda: pidalab.fopdt(np.nan, 1.0, 1.0), "gain must be finite, found nan"),
+        (lambda: pidalab.sopdt(1.0, -1.0, 0.5, 1.0), r"tau must be above 0, found -1\.0"),
+        (lambda: pidalab.sopdt(1.0, 1.0, -0.5, 1.0), r"damping must be at least 0, found -0\.5"),
+        (lambda: pidalab.ipdt(1.0, -1.0), r"delay must be at least 0, found -1\.0"),
+        (lambda: pidalab.lags(0), "order must be a whole number, at least 1, found 0"),
+        (lambda: pidalab.lags(2.5), r"order must be a whole number, at least 1, found 2\.5"),
+        (lambda: pidalab.lags(2, lag=-1.0), r"lag must be above 0, found -1\.0"),
+    ],
+    ids=lambda value: value.split(",")[0].replace(" ", "-") if isinstance(value, str) else "",
+)
+def test_named_models_complain(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_repr_makes_the_same_process():
+    process = pidalab.Process([0.5, 1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
+    again = eval(repr(process), {"Process": pidalab.Process})
+    assert again.num.tolist() == process.num.tolist()
+    assert again.den.tolist() == process.den.tolist()
+    assert again.delay == process.delay
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "text"),
+    [
+        ([1.0, -2.0, 0.0, 3.5], "s^3-2s^2+3.5"),
+        ([-1.0, 1.0], "-s+1"),
+        ([0.0], "0"),
+        ([1.5e-7, 1.0], r"1.5\cdot 10^{-7}s+1"),
+    ],
+    ids=["gap", "signs", "zero", "small"],
+)
+def test_latex(coefficients, text):
+    assert latex_polynomial(coefficients) == text
+
+
+def test_latex_of_a_process_names_the_dead_time_only_if_there_is_one():
+    assert pidalab.fopdt(2.0, 3.0, 0.5)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}\,e^{-0.5s}$"
+    assert pidalab.fopdt(2.0, 3.0, 0.0)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}$"

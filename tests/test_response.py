@@ -1,0 +1,233 @@
+"""Response: every measure against a closed form, and every refusal."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pidalab import Response
+from pidalab.response import SETTLED
+
+
+def record(t, y, r=1.0, **signals):
+    return Response(**(dict(t=t, r=r, d=0.0, n=0.0, y=y, u=0.0) | signals))
+
+
+def from_error(t, e, running):
+    """Record of set point 0 whose error is e, with the exact running integral of the error."""
+    return record(t, -e(t), r=0.0, area=-running(t))
+
+
+T = np.linspace(0.0, 30.0, 1501)
+DECAY = from_error(T, lambda t: np.exp(-t), lambda t: 1 - np.exp(-t))
+SINE = from_error(T[:511], np.sin, lambda t: 1 - np.cos(t))  # to t = 10.2, crossings at multiples of pi inside samples
+
+
+def test_exponential_error():
+    last = T[-1]
+    assert DECAY.ie() == pytest.approx(1 - math.exp(-last), rel=1e-12)
+    assert DECAY.iae() == pytest.approx(1 - math.exp(-last), rel=1e-12)
+    assert DECAY.ise() == pytest.approx(0.5, rel=1e-8)
+    assert DECAY.itae() == pytest.approx(1 - (1 + last) * math.exp(-last), rel=1e-7)
+    assert DECAY.itae(origin=-2.0) == pytest.approx(3.0, rel=1e-7)
+
+
+def integral_of_abs_sine(x):
+    return 2 * math.floor(x / math.pi) + 1 - math.cos(x % math.pi)
+
+
+@pytest.mark.parametrize("horizon", [0.013, 2.0, 3.1, 3.15, math.pi, 9.999, 10.2])
+def test_sine_with_sign_changes_and_horizon_inside_samples(horizon):
+    assert SINE.ie(horizon) == pytest.approx(1 - math.cos(horizon), abs=1e-6)
+    assert SINE.iae(horizon) == pytest.approx(integral_of_abs_sine(horizon), abs=1e-6)
+    assert SINE.ise(horizon) == pytest.approx(horizon / 2 - math.sin(2 * horizon) / 4, abs=1e-6)
+    x = np.linspace(0.0, horizon, 400_001)
+    assert SINE.itae(horizon, origin=-1.5) == pytest.approx(np.trapezoid((x + 1.5) * np.abs(np.sin(x)), x), abs=3e-6)
+
+
+def test_error_order_of_the_parabola():
+    """Halving the step divides the error of ISE by 16: with the exact area the rule is of fourth order."""
+    errors = []
+    for n in (21, 41, 81):
+        t = np.linspace(0.0, 2.0, n)
+        errors.append(abs(from_error(t, np.cos, np.sin).ise() - (1 + math.sin(4.0) / 4)))
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.05)
+    assert errors[1] / errors[2] == pytest.approx(16, rel=0.05)
+
+
+def test_parabolas_are_exact():
+    """e = (t - 0.3)(t - 1.7): sign changes at 0.3 and 1.7, one sample per unit of time."""
+    t = np.arange(3.0)
+    parabola = from_error(t, lambda t: (t - 0.3) * (t - 1.7), lambda t: t**3 / 3 - t**2 + 0.51 * t)
+    F = np.polynomial.Polynomial([0.0, 0.51, -1.0, 1 / 3])
+    G = np.polynomial.Polynomial([0.0, 0.0, 0.51 / 2, -2 / 3, 1 / 4])
+    assert parabola.iae() == pytest.approx(F(0.3) - (F(1.7) - F(0.3)) + F(2.0) - F(1.7), rel=1e-13)
+    assert parabola.itae() == pytest.approx(G(0.3) - (G(1.7) - G(0.3)) + G(2.0) - G(1.7), rel=1e-13)
+    square = (np.polynomial.Polynomial([0.51, -2.0, 1.0]) ** 2).integ()
+    assert parabola.ise() == pytest.approx(square(2.0), rel=1e-13)
+    assert parabola.ie(0.5) == pytest.approx(F(0.5), rel=1e-13)
+
+
+def test_recorded_area_is_the_trapezoidal_rule():
+    y = np.array([0.0, 1.0, 3.0, 2.0])
+    np.testing.assert_allclose(record(np.arange(4) * 0.5, y).area, [0.0, 0.25, 1.25, 2.5])
+
+
+def test_held_set_point_and_noise():
+    """r and n are held: the error jumps at the samples and is no straight line between them."""
+    held = record(np.arange(4.0), 0.0, r=[1.0, -2.0, 3.0, 100.0], n=[0.5, 0.5, -1.0, 7.0])
+    assert (held.ie(), held.iae(), held.ise()) == pytest.approx((2.0, 6.0, 14.0))
+    assert held.itae() == pytest.approx(0.5 * 1 + 1.5 * 2 + 2.5 * 3)
+    measured = held.measured()  # e - n = 0.5, -2.5, 4
+    assert (measured.ie(), measured.iae(), measured.ise()) == pytest.approx((2.0, 7.0, 0.25 + 6.25 + 16.0))
+    np.testing.assert_allclose(measured.e, held.r - held.y - held.n)
+
+
+def test_measured_is_what_the_recorder_sees():
+    """y + n in place of y: the set point stays what it was, so overshoot is judged against it."""
+    seen = record(np.arange(4.0), [0.0, 1.0, 1.0, 1.0], r=1.0, n=[0.0, 0.2, -0.1, 0.1]).measured()
+    np.testing.assert_allclose(seen.r, 1.0)
+    np.testing.assert_allclose(seen.y, [0.0, 1.2, 0.9, 1.1])
+
+
+@pytest.mark.parametrize("name", ["ie", "iae", "ise", "itae"])
+def test_infinite_horizon_needs_a_settled_record(name):
+    assert getattr(DECAY, name)(math.inf) == getattr(DECAY, name)()
+    with pytest.raises(ValueError, match=r"horizon=inf needs a settled record: the error is still .* before t = 10\.2"):
+        getattr(SINE, name)(math.inf)
+
+
+@pytest.mark.parametrize(("factor", "settled"), [(0.99, True), (1.01, False)])
+def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(factor, settled):
+    y = np.ones(100)
+    y[0], y[90] = 0.0, 1 + factor * SETTLED
+    if settled:
+        record(np.arange(100.0), y).iae(math.inf)
+    else:
+        with pytest.raises(ValueError, match="simulate longer or give a finite horizon"):
+            record(np.arange(100.0), y).iae(math.inf)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: DECAY.iae(30.1), r"horizon must be within the record \(up to 30\), found 30\.1"),
+        (lambda: DECAY.iae(0.0), r"horizon must be above 0, found 0\.0"),
+        (lambda: DECAY.ie(math.nan), "horizon must be above 0, found nan"),
+        (lambda: DECAY.itae(origin=0.5), r"origin must not be after the start of the record \(0\), found 0\.5"),
+        (lambda: DECAY.tv("e"), "signal must be 'u' or 'y', found 'e'"),
+        (lambda: DECAY.tv1("r"), "signal must be 'u' or 'y', found 'r'"),
+        (lambda: DECAY.peak("d"), "signal must be 'u' or 'y', found 'd'"),
+        (lambda: DECAY.tv("u", start=math.inf), "start must be finite, found inf"),
+        (lambda: DECAY.tv("u", end=math.nan), "end must be finite, found nan"),
+        (lambda: DECAY.overshoot(), "overshoot needs a set point that does not end at 0"),
+        (lambda: SINE.settling_time(), r"the error is 0\.7 at the end of the record \(t = 10\.2\), outside the band"),
+        (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
+    ],
+    ids=["beyond", "zero", "nan", "origin", "tv", "tv1", "peak", "start", "end", "overshoot", "unsettled", "band"],
+)
+def test_measures_complain(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (dict(t=[0.0, 1.0, 3.0]), ValueError, r"t must be uniform with step 1\.5, found 1 at index 1 instead of 1\.5"),
+        (dict(t=[1.0, 2.0, 3.0]), ValueError, "t must start at 0, found 1"),
+        (dict(t=[0.0, -1.0, -2.0]), ValueError, "t must increase, found a last value of -2"),
+        (dict(t=[0.0]), ValueError, r"t must be one-dimensional with at least 2 value\(s\)"),
+        (dict(t=[0.0, np.nan, 2.0]), ValueError, "t must be finite, found nan at index 1"),
+        (dict(y=[1.0, 2.0]), ValueError, r"y must be a number or an array as long as t \(3\), found shape \(2,\)"),
+        (dict(u=[1.0, np.inf, 0.0]), ValueError, "u must be finite, found inf at index 1"),
+        (dict(n=np.nan), ValueError, "n must be finite, found nan"),
+        (dict(area=[0.0, 1.0]), ValueError, "area must be a number or an array as long as t"),
+        (dict(r="one"), TypeError, "r must be"),
+        (dict(d=[[1.0], [1.0, 2.0]]), (TypeError, ValueError), "d must be"),
+        (dict(y=np.array([1.0, 1j, 0.0])), TypeError, "y must be"),
+    ],
+    ids=[
+        "uneven",
+        "late",
+        "backwards",
+        "single",
+        "nan-time",
+        "short",
+        "inf",
+        "nan",
+        "area",
+        "text",
+        "ragged",
+        "complex",
+    ],
+)
+def test_record_complains(change, error, message):
+    with pytest.raises(error, match=message):
+        Response(**(dict(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=0.0) | change))
+
+
+def test_total_variation():
+    u = record(np.arange(5.0), 0.0, u=[3.0, 1.0, 2.0, 2.0, -1.0])
+    assert u.tv() == 3 + 2 + 1 + 0 + 3
+    assert u.tv(start=3.0, end=0.0) == 0 + 2 + 1 + 0 + 3 + 1
+    assert record(T[:511], np.sin(T[:511])).tv("y") == pytest.approx(
+        integral_of_abs_sine(10.2 + math.pi / 2) - 1, abs=2e-3
+    )
+
+
+def huba_tv1(path):
+    """huba2024, eq. (24), by trying every sample as the one extreme."""
+    total = np.sum(np.abs(np.diff(path)))
+    return min(total - abs(2 * x - path[0] - path[-1]) for x in path)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_excess_over_one_pulse(seed):
+    u = np.cumsum(np.random.default_rng(seed).normal(size=50))
+    assert record(np.arange(50.0), 0.0, u=u).tv1() == pytest.approx(huba_tv1(np.append(0.0, u)), abs=1e-12)
+    assert record(np.arange(50.0), 0.0, u=u).tv1(start=2.0, end=1.0) == pytest.approx(
+        huba_tv1([2.0, *u, 1.0]), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_one_pulse_has_no_excess(sign):
+    pulse = sign * T * np.exp(-T)  # two monotonic intervals
+    assert record(T, 0.0, u=pulse).tv1() == pytest.approx(0.0, abs=1e-12)
+    assert record(T, 0.0, u=sign * (1 - np.exp(-T))).tv1() == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("target", [2.0, -0.5])
+def test_overshoot_between_samples(target):
+    """Second-order response with damping 0.5: exp(-pi z/sqrt(1-z^2)), the peak falls between coarse samples."""
+    z, w = 0.5, math.sqrt(0.75)
+    exact = 100 * math.exp(-math.pi * z / w)
+    t = np.linspace(0.0, 20.0, 81)
+    y = target * (1 - np.exp(-z * t) * (np.cos(w * t) + z / w * np.sin(w * t)))
+    pole = -z + 1j * w
+    area = target * (t - np.real((1 - 1j * z / w) * (np.exp(pole * t) - 1) / pole))
+    assert record(t, y, r=target, area=area).overshoot() == pytest.approx(exact, abs=0.02)
+    assert 100 * (np.max(y / target) - 1) < exact - 0.05  # the samples alone miss it
+    assert record(t, target * (1 - np.exp(-t)), r=target).overshoot() == 0.0
+
+
+def test_peak_has_its_sign():
+    assert record(np.arange(4.0), [0.0, -3.0, 2.0, 0.0]).peak() == -3.0
+    assert record(np.arange(4.0), 0.0, u=[0.0, -3.0, 4.0, 0.0]).peak("u") == 4.0
+
+
+def test_settling_time():
+    rise = record(T, 1 - np.exp(-T))
+    assert rise.settling_time() == pytest.approx(math.log(50), abs=1e-4)
+    assert rise.settling_time(0.05) == pytest.approx(math.log(20), abs=1e-4)
+    assert record(T, -2 * (1 - np.exp(-T)), r=-2.0).settling_time() == pytest.approx(math.log(50), abs=1e-4)
+    assert record(T, 5 * np.exp(-T), r=0.0).settling_time() == pytest.approx(
+        math.log(50), abs=1e-4
+    )  # of the largest error
+    assert record(T, 1.0).settling_time() == 0.0
+
+
+def test_settling_time_when_the_error_changes_sign_on_its_way_in():
+    """A straight line from +0.1 to -0.01 enters the band of 0.02 at 8/11 of the sample."""
+    assert record(np.arange(3.0), [0.9, 1.01, 1.0]).settling_time(0.02) == pytest.approx(8 / 11)

@@ -1,0 +1,278 @@
+"""Simulation of held inputs: superposition, python-control, method of steps with an ODE solver, closed forms, refusals."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+from scipy import signal
+from scipy.integrate import solve_ivp
+from scipy.special import gammainc
+
+import pidalab
+from pidalab import PIDA, Loop, Process, simulate
+from pidalab.loop import open_loop
+
+LOOPS = {
+    "paper": Loop(pidalab.lags(4), PIDA(1.31, 3.37, 0.938, 0.269), control.tf([1.0], [0.0164, 0.256, 1.0])),
+    "delay": Loop(pidalab.sopdt(2.0, 1.5, 1.2, 0.73), PIDA(0.6, 3.0, 0.5, 0.1), None, control.tf([1.0], [0.5, 1.0])),
+    "integrating": Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.4, 8.0, 0.0, 0.0)),
+    "negative": Loop(Process([-2.0], [3.0, 1.0], 0.5), PIDA(-0.4, 3.0, 0.0, 0.0)),
+    "unstable": Loop(pidalab.ipdt(1.0, 1.0), 2.5),
+    "neutral": Loop(Process([0.4, 1.0], [1.0, 1.0], 0.7), 0.6),
+}
+TIME = np.linspace(0.0, 12.0, 241)
+
+
+def held(seed, n=TIME.size, every=7):
+    values = np.repeat(np.random.default_rng(seed).normal(size=n // every + 1), every)[:n]
+    return values
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_held_inputs_are_superposed_steps(name):
+    """Each change of a held input is a step at that sample; steps of all inputs add up."""
+    inputs = {"setpoint": held(1), "load": held(2), "noise": held(3, every=1)}
+    expected = np.zeros((3, TIME.size))
+    for key, values in inputs.items():
+        step = simulate(LOOPS[name], TIME, **{key: 1.0})
+        unit = np.stack([step.y, step.u, step.area])
+        for i, change in enumerate(np.diff(values, prepend=0.0)):
+            if change:
+                expected[:, i:] += change * unit[:, : TIME.size - i]
+    r = simulate(LOOPS[name], TIME, **inputs)
+    envelope = np.maximum.accumulate(np.abs(expected), axis=1) + 1.0
+    assert np.max(np.abs(np.stack([r.y, r.u, r.area]) - expected) / envelope) < 1e-11
+    assert (r.r.tolist(), r.d.tolist(), r.n.tolist()) == tuple(values.tolist() for values in inputs.values())
+
+
+def hold_finely(values, factor):
+    return np.repeat(values, factor)[: (values.size - 1) * factor + 1]
+
+
+@pytest.mark.parametrize("source", ["r", "d", "n"])
+def test_against_python_control_without_delay(source):
+    """python-control interpolates linearly, so its input is held as short ramps: extrapolate their length to zero."""
+    P, C = control.tf([1.0, 3.0], [1.0, 2.0, 4.0]), PIDA(1.5, 2.0, 0.3, 0.1)
+    t = np.linspace(0.0, 8.0, 81)
+    loop, F = Loop(P, C), C.transfer_function()
+    to_y = {"r": control.feedback(P * F), "d": control.feedback(P, F), "n": -control.feedback(P * F)}[source]
+    to_u = {"r": control.feedback(F, P), "d": -control.feedback(P * F), "n": -control.feedback(F, P)}[source]
+    r = simulate(loop, t, **{{"r": "setpoint", "d": "load", "n": "noise"}[source]: held(4, t.size)})
+    for system, got in ((to_y, r.y), (to_u, r.u)):
+        values = held(4, t.size)
+        discrete = control.ss(system).sample(t[1], "zoh")  # exact for a held input
+        expected = control.forced_response(discrete, t, values).outputs
+        np.testing.assert_allclose(got, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def method_of_steps(loop, t, tolerance=1e-11):
+    """Set-point step by an adaptive ODE solver, one dead time after the other, from dense output to dense output."""
+    num, den = open_loop(loop)
+    A, b, c, d = signal.tf2ss(num, den)
+    b, c, d, h = b[:, 0], c[0], d[0, 0], loop.process.delay
+    x, past, y = np.zeros(A.shape[0]), lambda s: 0.0, np.zeros(t.size)
+    for k in range(int(t[-1] / h) + 1):
+        last = past
+
+        def error(s, last=last, k=k):  # what enters the undelayed loop: 1 - y, with y from the interval before
+            return 1.0 - last(s - k * h)
+
+        solution = solve_ivp(lambda s, x, error=error: A @ x + b * error(s), (k * h, (k + 1) * h), x, "DOP853",
+                             rtol=tolerance, atol=tolerance, dense_output=True)  # fmt: skip
+        inside = (t >= (k + 1) * h - 1e-12) & (t < (k + 2) * h - 1e-12)  # the output comes one dead time later
+        y[inside] = [c @ solution.sol(s - h) + d * error(s - h) for s in t[inside]]
+
+        def past(s, solution=solution, k=k, error=error):
+            return c @ solution.sol(s + k * h) + d * error(s + k * h)
+
+        x = solution.y[:, -1]
+    return y
+
+
+@pytest.mark.parametrize(
+    "loop",
+    [
+        Loop(pidalab.sopdt(2.0, 1.5, 1.2, 0.73), PIDA(0.6, 3.0, 0.5, 0.1)),
+        Loop(pidalab.sopdt(1.0, 1.0, 0.01, 1.3), PIDA(0.1, 2.0, 0.0, 0.0)),
+        Loop(Process([-0.7, 1.0], [1.0, 2.0, 1.0], 2.0), PIDA(0.4, 1.5, 0.0, 0.0)),
+        Loop(pidalab.ipdt(1.0, 1.0), 2.5),
+    ],
+    ids=["pida", "light", "rhp-zero", "unstable"],
+)
+def test_against_method_of_steps(loop):
+    t = np.linspace(0.0, 11.7, 118)
+    got, expected = simulate(loop, t, setpoint=1.0).y, method_of_steps(loop, t)
+    assert np.max(np.abs(got - expected) / np.maximum.accumulate(np.abs(expected) + 1)) < 1e-8
+
+
+@pytest.mark.parametrize("order", [1, 4, 8, 20])
+def test_chain_of_lags_is_an_incomplete_gamma_function(order):
+    t = np.linspace(0.0, 60.0, 601)
+    r = pidalab.open_loop_step(pidalab.lags(order, delay=0.37), t)
+    exact = np.where(t > 0.37, gammainc(order, np.maximum(t - 0.37, 0.0)), 0.0)
+    np.testing.assert_allclose(r.y, exact, atol=1e-9)
+    assert r.u.tolist() == [1.0] * t.size
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-6, 1.0, 1e3, 1e6, 1e8])
+def test_time_unit_does_not_matter(scale):
+    t = np.linspace(0.0, 20.0, 201)
+    reference = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, 1.0), PIDA(0.5, 1.0, 0.0, 0.0)), t)
+    r = pidalab.step_response(Loop(pidalab.fopdt(1.0, scale, scale), PIDA(0.5, scale, 0.0, 0.0)), t * scale)
+    np.testing.assert_allclose(r.y, reference.y, atol=1e-11)
+    assert r.iae() == pytest.approx(scale * reference.iae(), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("step", [0.317, 1.9])
+def test_coarse_grid_is_the_fine_grid_decimated(name, step):
+    coarse = step * np.arange(8)
+    fine = np.linspace(0.0, coarse[-1], 7 * 64 + 1)
+    a = simulate(LOOPS[name], coarse, setpoint=1.0, load=-0.5)
+    b = simulate(LOOPS[name], fine, setpoint=1.0, load=-0.5)
+    for key in ("y", "u", "area"):
+        np.testing.assert_allclose(getattr(a, key), getattr(b, key)[::64], rtol=1e-10, atol=1e-11)
+
+
+def test_unstable_loop_with_noise_keeps_its_digits_from_the_start():
+    """Growth by 1e20; each value is compared with the largest one up to its time, not up to the end."""
+    t, loop = np.linspace(0.0, 160.0, 1601), Loop(pidalab.ipdt(1.0, 1.0), 2.5)
+    noise = pidalab.uniform_noise(t, 0.1, seed=5)
+    unit = simulate(loop, t, noise=1.0).y
+    direct = np.array([np.dot(np.diff(noise, prepend=0.0)[: i + 1][::-1], unit[: i + 1]) for i in range(t.size)])
+    y = simulate(loop, t, noise=noise).y
+    envelope = np.maximum.accumulate(np.abs(direct)) + 1e-3
+    assert envelope[-1] > 1e18
+    assert np.max(np.abs(y - direct) / envelope) < 1e-10
+
+
+@pytest.mark.parametrize(("kp", "ti", "delay"), [(0.5, 3.0, 0.7), (0.8, 4.0, 1.0), (0.2, 2.0, 3.0)])
+def test_load_step_integrates_to_minus_ti_over_kp(kp, ti, delay):
+    r = pidalab.load_response(
+        Loop(pidalab.fopdt(1.0, 3.0, delay), PIDA(kp, ti, 0.1, 0.0)), np.linspace(0.0, 300.0, 3001)
+    )
+    assert r.ie(math.inf) == pytest.approx(-ti / kp, rel=1e-9)
+    assert r.iae(math.inf) >= ti / kp * (1 - 1e-9)
+    if kp == 0.5:
+        assert r.iae(math.inf) == pytest.approx(ti / kp, rel=1e-6)  # well damped: no sign change
+
+
+@pytest.mark.parametrize(
+    ("loop", "y", "u"),
+    [
+        (Loop(pidalab.fopdt(2.0, 1.0, 0.5), PIDA(0.4, math.inf, 0.3, 0.0)), 0.8 / 1.8, 0.4 / 1.8),
+        (Loop(pidalab.fopdt(2.0, 1.0, 0.5), 0.0), 0.0, 0.0),
+        (Loop(Process([0.0], [1.0, 1.0], 0.5), 0.7), 0.0, 0.7),
+        (Loop(Process([-1.0, 1.0], [1.0, 2.0, 1.0]), PIDA(0.5, 2.0, 0.0, 0.0)), 1.0, 1.0),
+        (Loop(Process([1.0], np.convolve([1e4, 1.0], [1e-4, 1.0]), 0.1), PIDA(1e4, 1e4, 0.0, 0.0)), 1.0, 1.0),
+        (Loop(pidalab.fopdt(1.0, 1.0, 1e-3), PIDA(1.0, 1.0, 0.0, 0.0)), 1.0, 1.0),
+        (Loop(Process([1.0], [1.0], 1.0), 0.5), 1 / 3, 1 / 3),
+    ],
+    ids=["pd", "no-controller", "no-process", "rhp-zero", "spread", "tiny-delay", "neutral"],
+)
+def test_final_values(loop, y, u):
+    r = simulate(loop, np.linspace(0.0, 200.0, 401), setpoint=1.0)
+    assert (r.y[-1], r.u[-1]) == pytest.approx((y, u), abs=1e-8)
+
+
+def test_nothing_returns_before_the_dead_time():
+    r = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, 50.0), PIDA(0.5, 2.0, 0.0, 0.0)), np.linspace(0.0, 20.0, 41))
+    assert np.all(r.y == 0.0)
+    np.testing.assert_allclose(r.u, 0.5 * (1 + r.t / 2), rtol=1e-12)  # the controller integrates the unit error
+
+
+@pytest.mark.parametrize(("gain", "cycles"), [(0.9, 400), (0.5, 2000), (2.0, 900)])
+def test_neutral_loop_over_many_dead_times(gain, cycles):
+    """y jumps once a dead time: the partial sums of gain (-gain)^k. Growing by 2 at each, it fits in double until 1024."""
+    y = simulate(Loop(Process([1.0], [1.0], 1.0), gain), np.arange(0.0, cycles + 0.5, 0.5), setpoint=1.0).y[::2]
+    k = np.arange(cycles + 1)
+    np.testing.assert_allclose(y, gain * (1 - (-gain) ** k) / (1 + gain), rtol=1e-9, atol=1e-12)
+
+
+def test_two_samples_are_enough():
+    loop = Loop(pidalab.lags(2), 1.0)
+    one = simulate(loop, [0.0, 1.0], setpoint=1.0).y
+    assert simulate(loop, [0.0, 1.0], setpoint=[1.0, 5.0]).y == pytest.approx(
+        one
+    )  # the second value acts from t = 1 on
+
+
+def test_ensemble_is_simulate_row_by_row():
+    noise = np.stack([held(seed, every=1) for seed in range(3)] + [np.zeros(TIME.size)])
+    records = pidalab.simulate_ensemble(LOOPS["delay"], TIME, noise, setpoint=held(7), load=-0.4)
+    for row, record in zip(noise, records, strict=True):
+        single = simulate(LOOPS["delay"], TIME, held(7), -0.4, row)
+        for key in ("t", "r", "d", "n", "y", "u", "area"):
+            np.testing.assert_allclose(getattr(record, key), getattr(single, key), atol=1e-12)
+
+
+def test_noise_is_held_bounded_and_reproducible():
+    t = np.arange(1000) * 0.01
+    noise = pidalab.uniform_noise(t, 0.1, seed=3, hold=0.05)
+    np.testing.assert_array_equal(noise, pidalab.uniform_noise(t, 0.1, seed=3, hold=0.05))
+    assert np.all(noise.reshape(-1, 5) == noise[::5, None])
+    assert np.unique(noise).size == 200
+    assert np.abs(noise).max() <= 0.1
+    assert np.std(noise) == pytest.approx(0.1 / math.sqrt(3), rel=0.1)
+    assert np.any(noise != pidalab.uniform_noise(t, 0.1, seed=4, hold=0.05))
+    assert not pidalab.uniform_noise(t, 0.0, seed=3).any()
+
+
+def limited(low, high):
+    return Loop(pidalab.fopdt(1.0, 1.0, 1.0), pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(low, high)))
+
+
+def test_limits_are_respected_or_refused():
+    free = simulate(limited(-math.inf, math.inf), TIME, setpoint=1.0)
+    np.testing.assert_array_equal(simulate(limited(-1e-9, free.u.max() + 1e-9), TIME, setpoint=1.0).y, free.y)
+    with pytest.raises(ValueError, match=r"leaves the controller's limits \(-1, 0\.5\): u = 0\.5.* at t = "):
+        simulate(limited(-1.0, 0.5), TIME, setpoint=1.0)
+    with pytest.raises(ValueError, match=r"limits \(-0\.2, 1\): u = -0\.2"):
+        pidalab.simulate_ensemble(limited(-0.2, 1.0), TIME, np.zeros((2, TIME.size)), load=1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (dict(t=[0.0, 1.0, 3.0]), ValueError, "t must be uniform"),
+        (dict(t=[1.0, 2.0]), ValueError, "t must start at 0, found 1"),
+        (dict(t=[0.0]), ValueError, "t must be one-dimensional with at least 2"),
+        (dict(t=[0.0, np.inf]), ValueError, "t must be finite, found inf at index 1"),
+        (dict(setpoint=[1.0, 2.0]), ValueError, r"setpoint must be a number or an array as long as t \(3\), found shape \(2,\)"),
+        (dict(load=[[1.0, 2.0, 3.0]]), ValueError, r"load must be .* found shape \(1, 3\)"),
+        (dict(noise=[0.0, np.nan, 0.0]), ValueError, "noise must be finite, found nan at index 1"),
+        (dict(setpoint=np.nan), ValueError, "setpoint must be finite, found nan"),
+        (dict(load="big"), TypeError, "load must be"),
+        (dict(setpoint=np.array([1j, 0, 0])), TypeError, "setpoint must be"),
+        (dict(loop=Loop(Process([-1.0, 2.0], [1.0, 3.0]), 1.0)), ValueError, "the loop is ill-posed: .* exactly -1"),
+        (dict(loop=Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), t=[0.0, 2000.0]), (ValueError, OverflowError), "unstable|too large|finite"),
+    ],
+    ids=["uneven", "late", "single", "inf", "short", "shape", "nan", "nan-step", "text", "complex", "ill-posed", "overflow"],
+)  # fmt: skip
+def test_simulate_complains(arguments, error, message):
+    with pytest.raises(error, match=message):
+        simulate(**(dict(loop=LOOPS["delay"], t=[0.0, 1.0, 2.0], setpoint=1.0) | arguments))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: pidalab.simulate_ensemble(LOOPS["delay"], TIME, np.zeros((2, 3))),
+            r"noise must be .* \(241\), found shape \(3,\)",
+        ),
+        (lambda: pidalab.simulate_ensemble(LOOPS["delay"], [0.0, 1.0], [[1.0, 2.0], [1.0]]), "noise must be"),
+        (lambda: pidalab.uniform_noise(TIME, -1.0, seed=0), r"amplitude must be at least 0, found -1\.0"),
+        (
+            lambda: pidalab.uniform_noise(TIME, 1.0, seed=0, hold=0.07),
+            r"hold must be a multiple of the step of t \(0\.05\), found 0\.07",
+        ),
+        (lambda: pidalab.uniform_noise(TIME, 1.0, seed=0, hold=0.01), r"hold must be a multiple of the step of t"),
+        (lambda: pidalab.uniform_noise([1.0, 2.0], 1.0, seed=0), "t must start at 0"),
+    ],
+    ids=["length", "ragged", "amplitude", "hold", "short-hold", "time"],
+)
+def test_noise_complains(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
