@@ -24,8 +24,9 @@ def pida_formula(kp, ti, td, ta, n, m, s=POINTS):  # haalman2024, eq. (2)
 
 @pytest.mark.parametrize(
     "values",
-    [(1.31, 3.37, 0.938, 0.269, 10, 10), (-2.0, 4.0, 1.0, 0.5, 3, 700), (2.0, 4.0, 0.0, 0.5, 3, 7), (2.0, 4.0, 1.0, 0.0, 3, 7),
-     (2.0, 4.0, 0.0, 0.0, 3, 7), (2.0, math.inf, 1.0, 0.5, 3, 7), (2.0, math.inf, 0.0, 0.0, 3, 7)],
+    [(1.31, 3.37, 0.938, 0.269, 10, 10), (-2.0, 4.0, 1.0, 0.5, 3, 700), (2.0, 4.0, 0.0, 0.5, 3, 7),
+     (2.0, 4.0, 1.0, 0.0, 3, 7), (2.0, 4.0, 0.0, 0.0, 3, 7), (2.0, math.inf, 1.0, 0.5, 3, 7),
+     (2.0, math.inf, 0.0, 0.0, 3, 7)],
     ids=["paper", "negative", "no-d", "no-a", "pi", "no-i", "p"],
 )  # fmt: skip
 def test_pida_is_the_printed_formula(values):
@@ -184,9 +185,9 @@ def test_repr_makes_the_same_controller(C):
     assert eval(repr(C), names) == C
 
 
-PIDA, NON = dict(kp=2.0, ti=4.0, td=1.0, ta=0.5), dict(kc=2.0, tau_i=4.0, tau_d=1.0, tau_a=1.0)
-HIGH = dict(gains=[0.5, 2.0, 1.0, 0.25], filter_time=0.1, filter_order=2)
-SERIES = dict(kp=2.0, kd=1.0, ka=0.5, ti=4.0, filter_time=0.1, filter_order=2)
+PIDA, NON = {"kp": 2.0, "ti": 4.0, "td": 1.0, "ta": 0.5}, {"kc": 2.0, "tau_i": 4.0, "tau_d": 1.0, "tau_a": 1.0}
+HIGH = {"gains": [0.5, 2.0, 1.0, 0.25], "filter_time": 0.1, "filter_order": 2}
+SERIES = {"kp": 2.0, "kd": 1.0, "ka": 0.5, "ti": 4.0, "filter_time": 0.1, "filter_order": 2}
 BAD = [
     (pidalab.PIDA, PIDA, "kp", 0.0, "kp must not be 0, found 0"),
     (pidalab.PIDA, PIDA, "kp", math.nan, "kp must be finite, found nan"),

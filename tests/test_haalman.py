@@ -30,7 +30,9 @@ def test_times_cancel_the_poles(tuned, key):
     """Without its filters the controller times the model is kp K/(ti s) e^{-Ls}: an integrator and a dead time."""
     C, model, s = tuned[key], MODELS[key[0]], np.array([0.3 + 0.7j, 2.0 - 1.0j, 0.01j])
     ki, kp, kd, ka = C.gains()
-    np.testing.assert_allclose((ki / s + kp + kd * s + ka * s**2) * model(s), ki / s * np.exp(-model.delay * s), rtol=1e-12)
+    np.testing.assert_allclose(
+        (ki / s + kp + kd * s + ka * s**2) * model(s), ki / s * np.exp(-model.delay * s), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("key", KEYS, ids=str)
@@ -53,9 +55,13 @@ def test_gain_is_the_smallest(tuned, key):
 @pytest.mark.parametrize(
     ("key", "printed", "wgc"),
     [
-        (("third", 1.4), dict(kp=1.31, ti=3.37, td=0.938, ta=0.269), 0.39),
-        (("second", 1.4), dict(kp=0.91, ti=2.88, td=0.72, ta=0.0), 0.32),  # printed 0.39; eq. (15) gives 0.05/0.158 = 0.316
-        (("second", 2.0), dict(kp=1.69, ti=2.88, td=0.72, ta=0.0), 0.60),
+        (("third", 1.4), {"kp": 1.31, "ti": 3.37, "td": 0.938, "ta": 0.269}, 0.39),
+        (
+            ("second", 1.4),
+            {"kp": 0.91, "ti": 2.88, "td": 0.72, "ta": 0.0},
+            0.32,
+        ),  # printed 0.39; eq. (15) gives 0.05/0.158 = 0.316
+        (("second", 2.0), {"kp": 1.69, "ti": 2.88, "td": 0.72, "ta": 0.0}, 0.60),
     ],
     ids=str,
 )
@@ -145,10 +151,20 @@ def test_ms_that_no_gain_reaches():
         (haalman.pida, SECOND, ValueError, "model must have a constant numerator and 3 poles, found Process"),
         (haalman.pid, THIRD, ValueError, "model must have a constant numerator and 2 poles, found Process"),
         (haalman.pid, Process([1.0, 1.0], SECOND.den), ValueError, "model must have a constant numerator and 2 poles"),
-        (haalman.pid, Process([1.0], [1.0, 1.0, -1.0]), ValueError, "model must be stable, its poles are to be cancelled"),
+        (
+            haalman.pid,
+            Process([1.0], [1.0, 1.0, -1.0]),
+            ValueError,
+            "model must be stable, its poles are to be cancelled",
+        ),
         (haalman.pid, Process([1.0], [1.0, 1.0, 0.0]), ValueError, "model must be stable"),
         (haalman.pida, Process([0.0], THIRD.den), ValueError, "model must have a gain other than 0, found 0"),
-        (haalman.pid, control.tf([1.0], [1.0, 2.0, 1.0]), TypeError, "model must be a pidalab.Process, found TransferFunction"),
+        (
+            haalman.pid,
+            control.tf([1.0], [1.0, 2.0, 1.0]),
+            TypeError,
+            "model must be a pidalab.Process, found TransferFunction",
+        ),
     ],
     ids=["order-3", "order-2", "zero", "unstable", "integrating", "no-gain", "type"],
 )

@@ -77,22 +77,22 @@ def test_repr_names_what_is_there():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        (dict(controller="PI"), TypeError, "controller must be a number, a pidalab controller or .* found str"),
-        (dict(controller=1j), TypeError, "controller must be a number, .* found complex"),
-        (dict(controller=control.tf([1.0, 0.0], [1.0])), ValueError, "controller must be proper .* found degrees 1 and 0"),
-        (dict(controller=np.nan), ValueError, "controller.num must be finite, found nan"),
-        (dict(controller=control.tf([1.0], [1.0, 0.5], 0.1)), ValueError, r"controller must be continuous in time, found sample time 0\.1"),
-        (dict(output_filter=control.tf([1.0, 1.0], [1.0])), ValueError, "output_filter must be proper"),
-        (dict(prefilter=control.tf([1.0], [1.0, -2.0])), ValueError, "prefilter must be stable, found a pole at 2"),
-        (dict(prefilter=control.tf([1.0], [1.0, 0.0])), ValueError, "prefilter must be stable, found a pole at 0"),
-        (dict(process="P"), TypeError, "process must be a number, .* found str"),
-        (dict(process=control.tf([1.0, 0.0, 0.0], [1.0, 1.0])), ValueError, "process must be proper .* found degrees 2 and 1"),
+        ({"controller": "PI"}, TypeError, "controller must be a number, a pidalab controller or .* found str"),
+        ({"controller": 1j}, TypeError, "controller must be a number, .* found complex"),
+        ({"controller": control.tf([1.0, 0.0], [1.0])}, ValueError, "controller must be proper .* degrees 1 and 0"),
+        ({"controller": np.nan}, ValueError, "controller.num must be finite, found nan"),
+        ({"controller": control.tf([1.0], [1.0, 0.5], 0.1)}, ValueError, r"controller must be continuous .* 0\.1"),
+        ({"output_filter": control.tf([1.0, 1.0], [1.0])}, ValueError, "output_filter must be proper"),
+        ({"prefilter": control.tf([1.0], [1.0, -2.0])}, ValueError, "prefilter must be stable, found a pole at 2"),
+        ({"prefilter": control.tf([1.0], [1.0, 0.0])}, ValueError, "prefilter must be stable, found a pole at 0"),
+        ({"process": "P"}, TypeError, "process must be a number, .* found str"),
+        ({"process": control.tf([1.0, 0.0, 0.0], [1.0, 1.0])}, ValueError, "process must be proper .* degrees 2 and 1"),
     ],
-    ids=["text", "complex", "improper", "nan", "discrete", "filter", "unstable-prefilter", "integrating-prefilter", "process", "improper-process"],
+    ids=["text", "complex", "improper", "nan", "z", "filter", "prefilter", "integrates", "process", "degree"],
 )  # fmt: skip
 def test_loop_complains(arguments, error, message):
     with pytest.raises(error, match=message):
-        pidalab.Loop(**(dict(process=PROCESS, controller=CONTROLLER) | arguments))
+        pidalab.Loop(**({"process": PROCESS, "controller": CONTROLLER} | arguments))
 
 
 @pytest.mark.parametrize(

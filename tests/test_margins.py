@@ -1,15 +1,13 @@
-"""Margins and stability: brute force, exact polynomial roots, spectral discretisation, critical gains, python-control."""
+"""Margins against brute force, closed forms and python-control; every margin as a bound that holds."""
 
 import math
 
 import control
 import numpy as np
 import pytest
-from scipy import signal
 
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
-from pidalab.loop import open_loop
 
 PAPER = Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
 LIGHT = Process([1.0], np.convolve([1.0, 0.02, 1.0], [0.3, 1.0]), delay=0.4)  # resonance 50 times its static gain
@@ -37,22 +35,6 @@ def brute_force(loop, points=5_000_000, low=1e-4, high=1e4):
         distance = np.abs(1 + L)
         ms, mt = max(ms, 1 / distance.min()), max(mt, np.max(np.abs(L) / distance))
     return ms, mt
-
-
-def spectral_poles(loop, nodes=24):
-    """Rightmost poles of x'(t) = A x(t) - b c x(t - h) by Chebyshev collocation on the delay interval."""
-    num, den = open_loop(loop)
-    A, b, c, d = signal.tf2ss(num, den)
-    assert not d.any()
-    n, k = A.shape[0], np.arange(nodes + 1)
-    x = np.cos(np.pi * k / nodes)
-    weight = np.where((k == 0) | (k == nodes), 2.0, 1.0) * (-1.0) ** k
-    D = np.outer(weight, 1 / weight) / (x[:, None] - x[None, :] + np.eye(nodes + 1))
-    D -= np.diag(D.sum(axis=1))
-    generator = np.kron(D * 2 / loop.process.delay, np.eye(n))
-    generator[:n] = 0.0
-    generator[:n, :n], generator[:n, -n:] = A, -b @ c
-    return np.linalg.eigvals(generator)
 
 
 def scaled(loop, factor=1.0, extra_delay=0.0):
@@ -93,31 +75,6 @@ def test_gain_margins_are_valid_bounds(name):
     assert (result.gm_low > 0) == (name in ("unstable-plant", "double-integrator"))
 
 
-def random_loop(seed, delay=True):
-    rng = np.random.default_rng(seed)
-    poles = [-rng.uniform(0.05, 3.0, rng.integers(1, 4)), *[-z * w + 1j * w * np.array([1, -1]) * math.sqrt(1 - z * z)
-             for z, w in zip(rng.uniform(0.002, 0.9, 2), rng.uniform(0.2, 4.0, 2), strict=True)]]  # fmt: skip
-    den = np.poly(np.concatenate(poles)).real
-    num = rng.normal(size=rng.integers(1, 3)) * den[-1]
-    num[-1] = abs(num[-1])  # so that a low gain is stable
-    process = Process(
-        num * rng.choice([0.2, 1.0]) / abs(num).max(), den, delay=rng.uniform(0.05, 4.0) if delay else 0.0
-    )
-    return Loop(process, PIDA(*rng.uniform([0.05, 0.5, 0.0, 0.0], [0.8, 8.0, 1.0, 0.3]).tolist()))
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_bounds_of_random_stable_loops(seed):
-    """Gain turned down until the loop is stable, then half of the random loops have several gain crossovers."""
-    loop = next(candidate for k in range(30) if pidalab.is_stable(candidate := scaled(random_loop(seed), 0.8**k)))
-    result = margins(loop)
-    if math.isfinite(result.dm):
-        assert unstable_poles(scaled(loop, extra_delay=0.999 * result.dm)) == 0
-        assert unstable_poles(scaled(loop, extra_delay=1.001 * result.dm)) > 0
-    assert unstable_poles(scaled(loop, 0.999 * result.gm)) == 0
-    assert unstable_poles(scaled(loop, 1.001 * result.gm)) > 0
-
-
 def test_delay_margin_is_the_least_over_all_gain_crossovers():
     """Three crossovers: the smallest phase margin (1.9 deg, second) is not the smallest delay margin (2.7, third)."""
     resonance = [1 / 2.15**2, 2 * 0.0134 / 2.15, 1.0]
@@ -149,24 +106,6 @@ def test_gain_that_just_touches_one(damping):
     assert unstable_poles(scaled(loop, extra_delay=1.0005 * result.dm)) > 0
 
 
-def test_the_trap_of_the_acceleration_filter():
-    """kp ta s^2 rises until its filter's corner m/ta; over a lag, |L| is about kp m/2 there, three decades above crossover."""
-    process = pidalab.fopdt(1.0, 1.0, 0.5)
-    for kp, stable in ((0.02, True), (0.2, False), (0.6, False)):
-        loop = Loop(process, PIDA(kp, 1.0, 0.3, 0.05, n=10, m=10))
-        low = np.geomspace(1e-3, 10.0, 2000)
-        assert np.abs(loop.S(1j * low)).max() < 1.3  # comfortable, as far as the plant's own frequencies go
-        assert pidalab.is_stable(loop) is stable
-        if not stable:
-            assert (
-                pidalab.gain_crossovers(loop).max() > 10 * kp
-                if kp > 0.2
-                else pidalab.max_sensitivity(loop)[1] > 100 * kp
-            )
-    assert unstable_poles(Loop(process, PIDA(0.2, 1.0, 0.3, 0.05))) == 4
-    assert np.sum(spectral_poles(Loop(process, PIDA(0.2, 1.0, 0.3, 0.05)), nodes=120).real > 0) == 4
-
-
 def test_unstable_loop_has_no_margins_and_says_so():
     result = margins(Loop(pidalab.ipdt(1.0, 1.0), 2.0))
     assert not result.stable
@@ -176,68 +115,6 @@ def test_unstable_loop_has_no_margins_and_says_so():
     )
     assert "unstable" in str(result)
     assert result.gain_crossovers == pytest.approx([2.0])
-
-
-@pytest.mark.parametrize("delay", [1e-6, 0.5, 1.0, 7.0, 1e6])
-def test_critical_gain_of_integrator_and_dead_time(delay):
-    critical = np.pi / 2 / delay
-    assert [unstable_poles(Loop(pidalab.ipdt(1.0, delay), k * critical)) for k in (0.999999, 1.0, 1.000001)] == [
-        0,
-        2,
-        2,
-    ]
-    assert unstable_poles(Loop(pidalab.ipdt(1.0, delay), 5.01 * critical)) == 4  # next pair crosses at 5 pi/2
-    assert unstable_poles(Loop(pidalab.ipdt(1.0, delay), 8.99 * critical)) == 4
-    assert unstable_poles(Loop(pidalab.ipdt(-1.0, delay), critical)) == 1
-    result = margins(Loop(pidalab.ipdt(1.0, delay), 0.5 / delay))  # all in closed form
-    assert (result.gm, result.pm, result.dm) == pytest.approx((np.pi, np.degrees(np.pi / 2 - 0.5), (np.pi - 1) * delay))
-    assert (result.wgc, result.wpc) == pytest.approx((0.5 / delay, critical))
-
-
-@pytest.mark.parametrize("damping", [0.0, 1e-9, 1e-3])
-def test_lightly_damped_process_on_both_sides_of_its_critical_gain(damping):
-    """s^2 + 2 z s + 1 + k e^{-0.1 s}: unstable once the delay takes more damping than there is."""
-    for k in (1e-6, 0.1):
-        poles = spectral_poles(Loop(pidalab.sopdt(1.0, 1.0, damping, 0.1), k))
-        assert unstable_poles(Loop(pidalab.sopdt(1.0, 1.0, damping, 0.1), k)) == np.sum(poles.real > 0)
-
-
-@pytest.mark.parametrize("seed", range(25))
-def test_count_against_spectral_discretisation(seed):
-    loop = scaled(random_loop(seed), [1.0, -1.0, 4.0][seed % 3])
-    poles = spectral_poles(loop)
-    assert np.min(np.abs(poles.real)) > 1e-7
-    assert unstable_poles(loop) == np.sum(poles.real > 0)
-
-
-@pytest.mark.parametrize("seed", range(25))
-def test_count_against_polynomial_roots_without_delay(seed):
-    rng = np.random.default_rng(100 + seed)
-    n = int(rng.integers(1, 8))
-    num, den = rng.normal(size=rng.integers(1, n + 2)), rng.normal(size=n + 1)
-    loop = Loop(Process(num, den), float(rng.normal()))
-    a, b = open_loop(loop)
-    assert unstable_poles(loop) == np.sum(np.roots(np.polyadd(a, b)).real > 0)
-
-
-@pytest.mark.parametrize(
-    ("process", "controller", "count"),
-    [
-        (Process([1.0], [1.0, -1.0], 0.1), control.tf([1.0, -1.0], [1.0, 1.0]), 1),
-        (Process([1.0], np.poly([1.0, 2.0, -1.0]), 0.1), control.tf([0.1, -0.2], [1.0, 1.0]), 2),
-        (pidalab.ipdt(1.0, 1.0), control.tf([1.0, 0.0], [1.0, 1.0]), 1),
-        (Process([1.0], [1.0, 0.0, 0.0]), 1.0, 2),
-        (Process([1.0], [1.0, 0.0]), 0.0, 1),
-        (Process([1.0], [1.0, 0.0, 1.0], 1.0), 0.0, 2),
-        (Process([1.0], np.convolve([1e4, 1.0], [1.0, 0.0, 1e8])), 0.0, 2),
-        (pidalab.fopdt(1.0, 1.0, 1.0), 0.0, 0),
-        (pidalab.ipdt(1.0, 1.0), PIDA(np.pi / 2, 1e9, 0.0, 0.0), 2),
-    ],
-    ids=["cancelled", "one-of-two-cancelled", "integrator-cancelled", "axis", "origin", "axis-no-feedback", "fast-axis",
-         "no-feedback", "slow-reset-at-critical-gain"],
-)  # fmt: skip
-def test_cancelled_poles_and_poles_on_the_axis_count(process, controller, count):
-    assert unstable_poles(Loop(process, controller)) == count
 
 
 @pytest.mark.parametrize("gain", [0.5, 0.999, -0.999])
@@ -258,19 +135,28 @@ def test_neutral_loop_with_gain_from_one_on(gain):
 @pytest.mark.parametrize(
     ("process", "expected"),
     [
-        (Process([-0.5, 1.0], [1.0, 1.0]), dict(ms=2.0, mt=1.0, gm=2.0, wms=math.inf)),  # L(inf) = -0.5
-        (Process([2.0, 1.0], [1.0, 1.0]), dict(ms=0.5, mt=2 / 3, gm=math.inf, dm=0.0, wms=0.0)),  # |L| > 1 far out
-        (Process([0.5, 2.0], [1.0, 1.0]), dict(ms=1 / 1.5, mt=2 / 3, gm=math.inf, wms=math.inf)),
+        (Process([-0.5, 1.0], [1.0, 1.0]), {"ms": 2.0, "mt": 1.0, "gm": 2.0, "wms": math.inf}),  # L(inf) = -0.5
+        (
+            Process([2.0, 1.0], [1.0, 1.0]),
+            {"ms": 0.5, "mt": 2 / 3, "gm": math.inf, "dm": 0.0, "wms": 0.0},
+        ),  # |L| > 1 far out
+        (Process([0.5, 2.0], [1.0, 1.0]), {"ms": 1 / 1.5, "mt": 2 / 3, "gm": math.inf, "wms": math.inf}),
         (
             Process([-0.5], [1.0, 1.0]),
-            dict(ms=2.0, mt=1.0, gm=2.0, dm=math.inf, wms=0.0),
+            {"ms": 2.0, "mt": 1.0, "gm": 2.0, "dm": math.inf, "wms": 0.0},
         ),  # L(0) = -0.5: pole at 0 for 2
-        (Process([2.0], [1.0, -1.0]), dict(ms=1.0, mt=2.0, gm=math.inf, gm_low=0.5)),  # pole at 0 for half the gain
-        (Process([2.0], [1.0, -1.0], 0.1), dict(gm_low=0.5, mt=2.0)),
-        (Process([0.05], [1.0, 3.0, 3.0, 1.0]), dict(gm=160.0, pm=math.inf, dm=math.inf)),  # Routh: (s+1)^3 + k, k < 8
+        (
+            Process([2.0], [1.0, -1.0]),
+            {"ms": 1.0, "mt": 2.0, "gm": math.inf, "gm_low": 0.5},
+        ),  # pole at 0 for half the gain
+        (Process([2.0], [1.0, -1.0], 0.1), {"gm_low": 0.5, "mt": 2.0}),
+        (
+            Process([0.05], [1.0, 3.0, 3.0, 1.0]),
+            {"gm": 160.0, "pm": math.inf, "dm": math.inf},
+        ),  # Routh: (s+1)^3 + k, k < 8
         (
             Process([1.0, 0.02, 1e-4], [1.0, 0.0, 0.0, 0.0], 1e-4),
-            dict(gm_low=0.005),
+            {"gm_low": 0.005},
         ),  # Routh without delay: k > 1e-4/0.02
     ],
     ids=[
@@ -330,7 +216,7 @@ def test_against_python_control_without_delay(seed):
 def test_stable_loops_with_zeros_and_poles_where_a_logarithm_or_a_quotient_fails(loop):
     result = margins(loop)
     assert result.stable
-    ms, mt = brute_force(loop, points=100_001)
+    ms, mt = brute_force(loop, points=100_000)
     assert (result.ms, result.mt) == pytest.approx((max(ms, 1.0), mt), rel=1e-3, abs=1e-9)
 
 

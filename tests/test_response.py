@@ -10,7 +10,7 @@ from pidalab.response import SETTLED
 
 
 def record(t, y, r=1.0, **signals):
-    return Response(**(dict(t=t, r=r, d=0.0, n=0.0, y=y, u=0.0) | signals))
+    return Response(**({"t": t, "r": r, "d": 0.0, "n": 0.0, "y": y, "u": 0.0} | signals))
 
 
 def from_error(t, e, running):
@@ -134,18 +134,18 @@ def test_measures_complain(call, message):
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        (dict(t=[0.0, 1.0, 3.0]), ValueError, r"t must be uniform with step 1\.5, found 1 at index 1 instead of 1\.5"),
-        (dict(t=[1.0, 2.0, 3.0]), ValueError, "t must start at 0, found 1"),
-        (dict(t=[0.0, -1.0, -2.0]), ValueError, "t must increase, found a last value of -2"),
-        (dict(t=[0.0]), ValueError, r"t must be one-dimensional with at least 2 value\(s\)"),
-        (dict(t=[0.0, np.nan, 2.0]), ValueError, "t must be finite, found nan at index 1"),
-        (dict(y=[1.0, 2.0]), ValueError, r"y must be a number or an array as long as t \(3\), found shape \(2,\)"),
-        (dict(u=[1.0, np.inf, 0.0]), ValueError, "u must be finite, found inf at index 1"),
-        (dict(n=np.nan), ValueError, "n must be finite, found nan"),
-        (dict(area=[0.0, 1.0]), ValueError, "area must be a number or an array as long as t"),
-        (dict(r="one"), TypeError, "r must be"),
-        (dict(d=[[1.0], [1.0, 2.0]]), (TypeError, ValueError), "d must be"),
-        (dict(y=np.array([1.0, 1j, 0.0])), TypeError, "y must be"),
+        ({"t": [0.0, 1.0, 3.0]}, ValueError, r"t must be uniform with step 1\.5, found 1 at index 1 instead of 1\.5"),
+        ({"t": [1.0, 2.0, 3.0]}, ValueError, "t must start at 0, found 1"),
+        ({"t": [0.0, -1.0, -2.0]}, ValueError, "t must increase, found a last value of -2"),
+        ({"t": [0.0]}, ValueError, r"t must be one-dimensional with at least 2 value\(s\)"),
+        ({"t": [0.0, np.nan, 2.0]}, ValueError, "t must be finite, found nan at index 1"),
+        ({"y": [1.0, 2.0]}, ValueError, r"y must be a number or an array as long as t \(3\), found shape \(2,\)"),
+        ({"u": [1.0, np.inf, 0.0]}, ValueError, "u must be finite, found inf at index 1"),
+        ({"n": np.nan}, ValueError, "n must be finite, found nan"),
+        ({"area": [0.0, 1.0]}, ValueError, "area must be a number or an array as long as t"),
+        ({"r": "one"}, TypeError, "r must be"),
+        ({"d": [[1.0], [1.0, 2.0]]}, (TypeError, ValueError), "d must be"),
+        ({"y": np.array([1.0, 1j, 0.0])}, TypeError, "y must be"),
     ],
     ids=[
         "uneven",
@@ -164,7 +164,7 @@ def test_measures_complain(call, message):
 )
 def test_record_complains(change, error, message):
     with pytest.raises(error, match=message):
-        Response(**(dict(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=0.0) | change))
+        Response(**({"t": [0.0, 1.0, 2.0], "r": 1.0, "d": 0.0, "n": 0.0, "y": 0.0, "u": 0.0} | change))
 
 
 def test_total_variation():

@@ -1,4 +1,4 @@
-"""Simulation of held inputs: superposition, python-control, method of steps with an ODE solver, closed forms, refusals."""
+"""Simulation of held inputs: superposition, python-control, method of steps with an ODE solver, closed forms."""
 
 import math
 
@@ -25,8 +25,7 @@ TIME = np.linspace(0.0, 12.0, 241)
 
 
 def held(seed, n=TIME.size, every=7):
-    values = np.repeat(np.random.default_rng(seed).normal(size=n // every + 1), every)[:n]
-    return values
+    return np.repeat(np.random.default_rng(seed).normal(size=n // every + 1), every)[:n]
 
 
 @pytest.mark.parametrize("name", LOOPS)
@@ -93,7 +92,7 @@ def method_of_steps(loop, t, tolerance=1e-11):
 @pytest.mark.parametrize(
     "loop",
     [
-        Loop(pidalab.sopdt(2.0, 1.5, 1.2, 0.73), PIDA(0.6, 3.0, 0.5, 0.1)),
+        Loop(pidalab.sopdt(2.0, 1.5, 1.2, 0.73), PIDA(0.6, 3.0, 0.5, 0.1, n=3, m=3)),
         Loop(pidalab.sopdt(1.0, 1.0, 0.01, 1.3), PIDA(0.1, 2.0, 0.0, 0.0)),
         Loop(Process([-0.7, 1.0], [1.0, 2.0, 1.0], 2.0), PIDA(0.4, 1.5, 0.0, 0.0)),
         Loop(pidalab.ipdt(1.0, 1.0), 2.5),
@@ -182,9 +181,9 @@ def test_nothing_returns_before_the_dead_time():
     np.testing.assert_allclose(r.u, 0.5 * (1 + r.t / 2), rtol=1e-12)  # the controller integrates the unit error
 
 
-@pytest.mark.parametrize(("gain", "cycles"), [(0.9, 400), (0.5, 2000), (2.0, 900)])
+@pytest.mark.parametrize(("gain", "cycles"), [(0.9, 400), (0.5, 2000), (2.0, 300)])
 def test_neutral_loop_over_many_dead_times(gain, cycles):
-    """y jumps once a dead time: the partial sums of gain (-gain)^k. Growing by 2 at each, it fits in double until 1024."""
+    """y jumps once a dead time: the partial sums of gain (-gain)^k."""
     y = simulate(Loop(Process([1.0], [1.0], 1.0), gain), np.arange(0.0, cycles + 0.5, 0.5), setpoint=1.0).y[::2]
     k = np.arange(cycles + 1)
     np.testing.assert_allclose(y, gain * (1 - (-gain) ** k) / (1 + gain), rtol=1e-9, atol=1e-12)
@@ -235,24 +234,24 @@ def test_limits_are_respected_or_refused():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        (dict(t=[0.0, 1.0, 3.0]), ValueError, "t must be uniform"),
-        (dict(t=[1.0, 2.0]), ValueError, "t must start at 0, found 1"),
-        (dict(t=[0.0]), ValueError, "t must be one-dimensional with at least 2"),
-        (dict(t=[0.0, np.inf]), ValueError, "t must be finite, found inf at index 1"),
-        (dict(setpoint=[1.0, 2.0]), ValueError, r"setpoint must be a number or an array as long as t \(3\), found shape \(2,\)"),
-        (dict(load=[[1.0, 2.0, 3.0]]), ValueError, r"load must be .* found shape \(1, 3\)"),
-        (dict(noise=[0.0, np.nan, 0.0]), ValueError, "noise must be finite, found nan at index 1"),
-        (dict(setpoint=np.nan), ValueError, "setpoint must be finite, found nan"),
-        (dict(load="big"), TypeError, "load must be"),
-        (dict(setpoint=np.array([1j, 0, 0])), TypeError, "setpoint must be"),
-        (dict(loop=Loop(Process([-1.0, 2.0], [1.0, 3.0]), 1.0)), ValueError, "the loop is ill-posed: .* exactly -1"),
-        (dict(loop=Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), t=[0.0, 2000.0]), (ValueError, OverflowError), "unstable|too large|finite"),
+        ({"t": [0.0, 1.0, 3.0]}, ValueError, "t must be uniform"),
+        ({"t": [1.0, 2.0]}, ValueError, "t must start at 0, found 1"),
+        ({"t": [0.0]}, ValueError, "t must be one-dimensional with at least 2"),
+        ({"t": [0.0, np.inf]}, ValueError, "t must be finite, found inf at index 1"),
+        ({"setpoint": [1.0, 2.0]}, ValueError, r"setpoint must be .* as long as t \(3\), found shape \(2,\)"),
+        ({"load": [[1.0, 2.0, 3.0]]}, ValueError, r"load must be .* found shape \(1, 3\)"),
+        ({"noise": [0.0, np.nan, 0.0]}, ValueError, "noise must be finite, found nan at index 1"),
+        ({"setpoint": np.nan}, ValueError, "setpoint must be finite, found nan"),
+        ({"load": "big"}, TypeError, "load must be"),
+        ({"setpoint": np.array([1j, 0, 0])}, TypeError, "setpoint must be"),
+        ({"loop": Loop(Process([-1.0, 2.0], [1.0, 3.0]), 1.0)}, ValueError, "the loop is ill-posed: .* exactly -1"),
+        ({"loop": Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), "t": [0.0, 2e3]}, ValueError, "large|finite"),
     ],
-    ids=["uneven", "late", "single", "inf", "short", "shape", "nan", "nan-step", "text", "complex", "ill-posed", "overflow"],
+    ids=["uneven", "late", "single", "inf", "short", "shape", "nan", "nan-step", "text", "complex", "ill-posed", "big"],
 )  # fmt: skip
 def test_simulate_complains(arguments, error, message):
     with pytest.raises(error, match=message):
-        simulate(**(dict(loop=LOOPS["delay"], t=[0.0, 1.0, 2.0], setpoint=1.0) | arguments))
+        simulate(**({"loop": LOOPS["delay"], "t": [0.0, 1.0, 2.0], "setpoint": 1.0} | arguments))
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,7 @@
-"""Controllers in the forms of the five papers, with filters, and the conversions between their gains.
+"""Controllers in the forms of the five papers, with filters.
 
-Filters differ from form to form and have no exact counterpart in another form; gains do. So every controller gives
-its unfiltered gains (`IdealGains`), these convert (or say why they cannot), and every controller prints itself in
-all forms.
+Every controller gives its unfiltered gains (`pidalab.forms.IdealGains`), which convert from form to form or say why
+they cannot, and prints itself in all forms. Filters carry over only between forms that share their structure.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from pidalab._check import Array
 from pidalab.process import Process
 
 LEVELS = (0.05, 0.353, 0.853)
+OVERSHOOT = 0.1  # the model has real poles: a record may exceed its final value by noise, not by more than this
 STILL_MOVING = 0.01  # change of the mean between the last two tenths of a record, relative to the whole change
 
 
@@ -89,8 +90,8 @@ def three_point(
     Raises
     ------
     ValueError
-        For a record that never moves, still moves at its end, or already moves at its beginning; for levels out of
-        order; for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not positive).
+        For a record that never moves, still moves at its end, already moves at its beginning, or overshoots by more
+        than 10 %; for levels out of order; for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not positive).
 
     References
     ----------
@@ -158,6 +159,11 @@ def _levels_reached(
         raise ValueError(
             f"y already moves at its beginning ({100 * share[1]:.3g} % of the change in one sample): "
             "t = 0 must be the time of the step, and the record finer than the dead time and lags"
+        )
+    if share.max() > 1 + OVERSHOOT:
+        raise ValueError(
+            f"y overshoots its final value by {100 * (share.max() - 1):.3g} % of the change, and {100 * OVERSHOOT:g} % "
+            "is allowed for noise: a model with real poles cannot oscillate"
         )
     times = []
     for level in levels:

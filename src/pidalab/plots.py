@@ -38,7 +38,7 @@ STYLE: dict[str, Any] = {
     "figure.constrained_layout.use": True,
     "svg.hashsalt": "pidalab",
 }
-POINTS = 500  # a line in a figure needs no more
+POINTS = 400  # a line in a figure needs no more
 
 
 def use_book_style() -> None:
@@ -77,7 +77,7 @@ def thin(t: Array, x: Array, points: int = POINTS) -> tuple[Array, Array]:
     >>> import numpy as np
     >>> from pidalab import plots
     >>> t = np.linspace(0.0, 1.0, 10001)
-    >>> plots.thin(t, np.sin(50 * t))[0].size <= 500
+    >>> plots.thin(t, np.sin(50 * t))[0].size <= 400
     True
     """
     if x.size <= points:
@@ -85,7 +85,7 @@ def thin(t: Array, x: Array, points: int = POINTS) -> tuple[Array, Array]:
     keep = [np.array([0, x.size - 1])]
     for stretch in np.array_split(np.arange(x.size), max(1, points // 4)):
         keep.append(stretch[[0, int(np.argmin(x[stretch])), int(np.argmax(x[stretch])), -1]])
-    i = np.unique(np.concatenate(keep))[:]
+    i = np.unique(np.concatenate(keep))
     return t[i], x[i]
 
 

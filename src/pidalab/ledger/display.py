@@ -140,17 +140,17 @@ def claims(rows: Iterable[Row]) -> Display:
         The computed number has two digits more than the print; the difference is in units of the last printed place.
     """
     rows = list(rows)
-    header = ("quantity", "where", "printed", "computed", "difference", "verdict")
+    header = ("claim", "printed", "computed", "difference", "verdict")
     return grid("claims", header, map(_claim, rows), [row.note for row in rows])
 
 
 def _claim(row: Row) -> list[Cell]:
+    claim = row.quantity if row.is_number else row.printed
     difference = row.difference()
     return [
-        words(row.quantity),
-        words(row.where),
-        number(row.printed) if row.is_number else words(row.printed),
-        number(row.shown()) if row.is_number else words(row.computed),
+        Cell(f"{claim} ({row.where})", f'{escape(claim)} <span class="where">{escape(row.where)}</span>'),
+        number(row.printed if row.is_number else ""),
+        number(row.shown() if row.is_number else ""),
         number("" if difference is None else f"{difference:+z.1f}"),
         chip(row.verdict or "open"),
     ]
