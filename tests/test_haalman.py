@@ -123,7 +123,7 @@ def test_high_ms_is_reached_below_the_critical_gain(ms):
     loop = Loop(THIRD, C)
     assert pidalab.max_sensitivity(loop)[0] == pytest.approx(ms, rel=1e-6)
     assert pidalab.is_stable(loop)
-    assert C.kp < 5.1
+    assert C.kp < C.kp * pidalab.margins(loop).gm < 5.42
 
 
 def test_small_dead_time_and_light_filter_need_a_high_gain():
@@ -142,7 +142,7 @@ def test_ms_must_be_above_one(ms):
 def test_ms_that_no_gain_reaches():
     """Without dead time and with a far filter, the loop is an integrator: Ms stays near 1."""
     with pytest.raises(ValueError, match=r"ms = 10 is reached by no gain"):
-        haalman.pid(Process([1.0], [1.0, 2.0, 1.0]), ms=10.0, n=1e6)
+        haalman.pid(Process([1.0], [1.0, 2.0, 1.0]), ms=10.0, n=1e14)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf) -> float:
     """Return `value` as a finite float above (or at least) a bound, or raise naming the argument."""
     try:
+        if isinstance(value, (str, bytes)):
+            raise TypeError
         number = float(value)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be a real number, found {value!r}") from None
@@ -34,12 +36,20 @@ def integer(name: str, value: Any, *, at_least: int) -> int:
     return int(value)
 
 
-def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
-    """Return `value` as a finite one-dimensional float array, or raise naming the argument."""
+def _real_array(name: str, value: ArrayLike) -> Array:
+    """Return a copy as a float array of any shape; nothing imaginary is dropped."""
     try:
-        array = np.array(value, dtype=float)
+        array = np.array(value)
+        if np.iscomplexobj(array) or array.dtype.kind in "USO":
+            raise TypeError
+        return array.astype(float)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be a one-dimensional array of real numbers, found {value!r}") from None
+
+
+def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
+    """Return `value` as a finite one-dimensional float array, or raise naming the argument."""
+    array = _real_array(name, value)
     if array.ndim != 1 or array.size < minimum_length:
         raise ValueError(
             f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {array.shape}"
@@ -52,7 +62,7 @@ def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
 
 def polynomial(name: str, value: ArrayLike) -> Array:
     """Return descending coefficients without leading zeros; the zero polynomial is ``[0.]``."""
-    array = vector(name, np.atleast_1d(np.asarray(value)))
+    array = vector(name, np.atleast_1d(_real_array(name, value)))
     nonzero = np.flatnonzero(array)
     return array[nonzero[0] :] if nonzero.size else np.zeros(1)
 
@@ -87,7 +97,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
 
 def signal(name: str, value: ArrayLike, size: int) -> Array:
     """Return a held signal of `size` samples; a number becomes a step at t = 0."""
-    array = np.asarray(value, dtype=float)
+    array = _real_array(name, value)
     if array.ndim == 0:
         return np.full(size, real(name, value))
     if array.shape != (size,):

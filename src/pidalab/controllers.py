@@ -52,6 +52,22 @@ class Controller:
         return "\n".join(lines)
 
 
+def _store(controller: Controller, names: Sequence[str], **bounds: float) -> None:
+    """Check attributes of a frozen controller and store them as plain floats."""
+    for name in names:
+        object.__setattr__(controller, name, _check.real(name, getattr(controller, name), **bounds))
+
+
+def _without_common_s(num: ArrayLike, den: ArrayLike) -> control.TransferFunction:
+    """Return num/den; without integral action both end in a zero, and the common s is dropped."""
+    num, den = _check.polynomial("gains", num), np.asarray(den, dtype=float)
+    return (
+        control.TransferFunction(num[:-1], den[:-1])
+        if num.size > 1 and num[-1] == 0
+        else control.TransferFunction(num, den)
+    )
+
+
 def _sum(terms: Sequence[tuple[list[float], list[float] | _check.Array]]) -> control.TransferFunction:
     """Add fractions num/den that share no factor worth cancelling."""
     num: Any = np.zeros(1)
@@ -69,7 +85,9 @@ class PIDA(Controller):
     .. math:: C(s) = k_p \left(1 + \frac{1}{t_i s} + \frac{t_d s}{\frac{t_d}{n} s + 1}
               + \frac{t_a s^2}{\left(\frac{t_a}{m} s + 1\right)^2}\right)
 
-    With ``ta = 0`` it is a PID, with ``td = ta = 0`` a PI controller.
+    With ``ta = 0`` it is a PID, with ``td = ta = 0`` a PI controller. On a process of first order the filtered
+    acceleration makes a hump of \\|L\\| of about kp m/2 (unit gain and lag) at m/ta, far above the crossover: look at
+    `pidalab.margins`, which see it.
 
     ============  =======================
     haalman2024   argument
@@ -120,14 +138,11 @@ class PIDA(Controller):
     m: float = 10
 
     def __post_init__(self) -> None:
-        if _check.real("kp", self.kp) == 0:
+        _store(self, ("kp",))
+        _store(self, ("n", "m") if self.ti == math.inf else ("ti", "n", "m"), above=0.0)
+        _store(self, ("td", "ta"), at_least=0.0)
+        if self.kp == 0:
             raise ValueError("kp must not be 0, found 0")
-        if self.ti != math.inf:
-            _check.real("ti", self.ti, above=0.0)
-        for name in ("td", "ta"):
-            _check.real(name, getattr(self, name), at_least=0.0)
-        for name in ("n", "m"):
-            _check.real(name, getattr(self, name), above=0.0)
 
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller, eq. (1).
@@ -212,12 +227,11 @@ class NonInteractivePIDA(Controller):
     alpha_a: float = 0.025
 
     def __post_init__(self) -> None:
-        if _check.real("kc", self.kc) == 0:
+        _store(self, ("kc",))
+        _store(self, ("tau_i", "alpha_d", "alpha_a"), above=0.0)
+        _store(self, ("tau_d", "tau_a"), at_least=0.0)
+        if self.kc == 0:
             raise ValueError("kc must not be 0, found 0")
-        for name in ("tau_i", "alpha_d", "alpha_a"):
-            _check.real(name, getattr(self, name), above=0.0)
-        for name in ("tau_d", "tau_a"):
-            _check.real(name, getattr(self, name), at_least=0.0)
 
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller, eq. (6).
@@ -339,8 +353,14 @@ class HighOrderPID(Controller):
         >>> C.num[0][0].tolist(), C.den[0][0].tolist()
         ([1.0, 2.0, 0.5], [0.5, 1.0, 0.0])
         """
-        num = _check.polynomial("gains", self.coefficients[::-1])
-        return control.TransferFunction(num, np.convolve(binomial(self.filter_time, self.filter_order), [1.0, 0.0]))
+        den = np.convolve(binomial(self.filter_time, self.filter_order), [1.0, 0.0])
+        return _without_common_s(self.coefficients[::-1], den)
+
+    def __repr__(self) -> str:
+        return (
+            f"HighOrderPID(gains={list(self.coefficients)}, filter_time={self.filter_time}, "
+            f"filter_order={self.filter_order})"
+        )
 
     def __str__(self) -> str:
         names = ", ".join(f"K_{k} = {value:.5g}" for k, value in enumerate(self.coefficients, start=-1))
@@ -391,13 +411,10 @@ class SeriesPIDA(Controller):
     limits: tuple[float, float] = (-math.inf, math.inf)
 
     def __post_init__(self) -> None:
-        for name in ("kp", "kd", "ka"):
-            _check.real(name, getattr(self, name))
-        for name in ("ti", "filter_time"):
-            _check.real(name, getattr(self, name), above=0.0)
+        _store(self, ("kp", "kd", "ka"))
+        _store(self, ("ti", "filter_time"), above=0.0)
         _check.integer("filter_order", self.filter_order, at_least=2 if self.ka else 1 if self.kd else 0)
-        low, high = self.limits
-        if not low < high:
+        if not (isinstance(self.limits, tuple) and len(self.limits) == 2 and self.limits[0] < self.limits[1]):
             raise ValueError(f"limits must be (lower, upper) with lower < upper, found {self.limits!r}")
 
     def gains(self) -> IdealGains:
@@ -431,5 +448,5 @@ class SeriesPIDA(Controller):
         >>> C.num[0][0].tolist(), C.den[0][0].tolist()
         ([8.0, 2.0], [2.0, 4.0, 0.0])
         """
-        num = _check.polynomial("gains", np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]))
-        return control.TransferFunction(num, np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0]))
+        den = np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0])
+        return _without_common_s(np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]), den)

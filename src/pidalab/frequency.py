@@ -7,13 +7,11 @@ L is large enough for it to matter.
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop
+from pidalab.process import static_gain
 
 PER_DECADE = 120  # points of the logarithmic grid
 TURN = 0.25  # largest turn of the phase by the dead time between two points, in rad
@@ -23,13 +21,11 @@ def _roots(loop: Loop) -> Array:
     return np.concatenate([np.roots(p) for p in open_loop(loop)])
 
 
-def rational_part(loop: Loop, w: Array) -> Any:
-    """Evaluate L(jw) without its dead time."""
-    s = 1j * w
-    value = np.ones_like(s)
-    for name in ("process", "controller", "output_filter"):
-        value = value * loop.block(name, s)
-    return value
+def log_gain(loop: Loop, w: Array) -> Array:
+    """Return log |L(jw)|, on which the dead time has no influence; -inf and inf at zeros and poles on the axis."""
+    num, den = open_loop(loop)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.log(np.abs(np.polyval(num, 1j * w))) - np.log(np.abs(np.polyval(den, 1j * w)))
 
 
 def grid(loop: Loop, loud: float) -> Array:
@@ -41,14 +37,14 @@ def grid(loop: Loop, loud: float) -> Array:
     low, high = np.log10(scale.min()) - 4, np.log10(scale.max()) + 4
     w = np.logspace(low, high, int(PER_DECADE * (high - low)) + 1)
     # lightly damped roots are narrower than the grid: add points around each at the scale of its damping
-    near = np.concatenate([-np.logspace(3, -2, 40), [0.0], np.logspace(-2, 3, 40)])
+    near = np.concatenate([-np.logspace(3, -2, 40), np.logspace(-2, 3, 40)])
     sharp = roots[(roots.imag > 0) & (np.abs(roots.real) < 0.2 * np.abs(roots))]
     local = [abs(root.imag) + np.maximum(abs(root.real), 1e-9 * abs(root)) * near for root in sharp]
     w = np.unique(np.concatenate([w, *local]))
     w = w[(w > 10**low) & (w < 10**high)]
     if delay:
-        size = np.abs(rational_part(loop, w))
-        heard = np.maximum(size[:-1], size[1:]) >= loud
+        size = log_gain(loop, w)
+        heard = np.maximum(size[:-1], size[1:]) >= np.log(loud)
         pieces = np.where(heard, np.ceil(np.diff(w) * delay / TURN), 1).astype(int)
         first = np.repeat(np.cumsum(pieces) - pieces, pieces)
         share = (np.arange(pieces.sum()) - first) / np.repeat(pieces, pieces)
@@ -59,11 +55,4 @@ def grid(loop: Loop, loud: float) -> Array:
 def ends(loop: Loop) -> tuple[float, float]:
     """Limits of L(s) e^{s delay}, a real number, at s = 0 (infinite for integral action) and at infinity."""
     num, den = open_loop(loop)
-    at_zero = num[-1] / den[-1] if den[-1] else math.inf if num[-1] else _cancelled_end(num, den)
-    return float(at_zero), float(num[0] / den[0]) if len(num) == len(den) else 0.0
-
-
-def _cancelled_end(num: Array, den: Array) -> float:
-    """The limit at s = 0 where both num and den vanish there."""
-    zeros, poles = (int(np.flatnonzero(p[::-1])[0]) for p in (num, den))
-    return 0.0 if zeros > poles else math.inf if poles > zeros else float(num[-1 - zeros] / den[-1 - poles])
+    return static_gain(num, den), float(num[0] / den[0]) if len(num) == len(den) else 0.0

@@ -105,6 +105,12 @@ class Loop:
         s = np.asarray(s, dtype=complex)
         return np.polyval(num, s) / np.polyval(den, s)
 
+    def _fraction(self, s: ArrayLike) -> tuple[Any, Any]:
+        """Numerator (dead time included) and denominator of L at complex s."""
+        s = np.asarray(s, dtype=complex)
+        num, den = open_loop(self)
+        return np.polyval(num, s) * np.exp(-s * self.process.delay), np.polyval(den, s)
+
     def L(self, s: ArrayLike) -> Any:
         """Loop transfer function: process (dead time exact), controller and output filter.
 
@@ -124,7 +130,8 @@ class Loop:
         >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).L(4.0)
         np.complex128(0.25+0j)
         """
-        return self.block("controller", s) * self.block("output_filter", s) * self.process(s)
+        forward, back = self._fraction(s)
+        return forward / back
 
     def S(self, s: ArrayLike) -> Any:
         """Sensitivity 1 / (1 + L): what feedback leaves of a disturbance at the output.
@@ -145,7 +152,8 @@ class Loop:
         >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).S(1.0)
         np.complex128(0.5+0j)
         """
-        return 1 / (1 + self.L(s))
+        forward, back = self._fraction(s)  # not 1/(1 + L): with integral action S(0) is 0, not 1/(1 + inf)
+        return back / (back + forward)
 
     def T(self, s: ArrayLike) -> Any:
         """Complementary sensitivity L / (1 + L) = 1 - S.
@@ -166,8 +174,8 @@ class Loop:
         >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).T(1.0)
         np.complex128(0.5+0j)
         """
-        loop = self.L(s)
-        return loop / (1 + loop)
+        forward, back = self._fraction(s)
+        return forward / (back + forward)
 
     def transfer(self, output: str, source: str, s: ArrayLike) -> Any:
         """Closed-loop transfer function between two named signals.
@@ -220,6 +228,13 @@ class Loop:
             if value is not None
         )
         return f"Loop({self.process!r}, {self.controller!r}{extras})"
+
+
+def require_well_posed(loop: Loop) -> None:
+    """Raise for a loop without dead time whose direct feedthrough is exactly -1: it has no solution."""
+    num, den = open_loop(loop)
+    if not loop.process.delay and len(num) == len(den) and abs(1 + num[0] / den[0]) < 1e-12:
+        raise ValueError("the loop is ill-posed: without dead time, its direct feedthrough is exactly -1")
 
 
 def open_loop(loop: Loop) -> tuple[_check.Array, _check.Array]:

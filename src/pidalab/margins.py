@@ -10,11 +10,11 @@ import numpy as np
 from scipy.optimize.elementwise import find_minimum, find_root
 
 from pidalab._check import Array
-from pidalab.frequency import ends, grid, rational_part
-from pidalab.loop import Loop
+from pidalab.frequency import ends, grid, log_gain
+from pidalab.loop import Loop, require_well_posed
 from pidalab.stability import is_stable
 
-QUIETEST = 1e-2  # loops are searched for phase crossovers while |L| is above this, lower if there are none
+QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,8 @@ class Margins:
     wms, wmt : float
         Frequencies of the peaks (inf where the peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
-        All gain crossovers; all phase crossovers where \\|L\\| is at least 0.01 (lower if there are none above).
+        All gain crossovers; all phase crossovers, but with dead time only those where \\|L\\| is at least 0.1, and at
+        least the first with \\|L\\| below 1.
     """
 
     stable: bool
@@ -67,36 +68,46 @@ class Margins:
         )
 
 
-def _peak(loop: Loop, w: Array, complementary: bool) -> tuple[float, float]:
+def _peak(loop: Loop, complementary: bool) -> tuple[float, float]:
     """Supremum of |S|, or of |T|, and where it lies."""
+    require_well_posed(loop)
 
     def value(w: Array) -> Array:
-        return np.abs(loop.T(1j * w) if complementary else loop.S(1j * w))
+        with np.errstate(divide="ignore", invalid="ignore"):  # poles and zeros on the axis
+            return np.abs(loop.T(1j * w) if complementary else loop.S(1j * w))
 
-    loop_value, height = loop.L(1j * w), value(w)
-    at_zero, at_infinity = ends(loop)
-    if loop.process.delay:  # far out the phase takes every value, so also the worst
-        at_infinity = -abs(at_infinity)
-    where, heights = [w[np.argmax(height)]], [height.max()]
-    # a maximum between points is out of reach if L cannot come close enough to -1 from there
-    step = np.abs(np.diff(loop_value))
-    closest = np.abs(1 + loop_value[1:-1]) - np.maximum(step[1:], step[:-1])
-    top = np.abs(loop_value[1:-1]) if complementary else 1.0
-    local = (height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])
-    inner = np.flatnonzero(local & (closest * height.max() <= 1.5 * top)) + 1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first = np.nanmax(value(grid(loop, 0.5)))
+        # where |L| is smaller than this, |S| or |T| cannot be larger than what was found
+        w = grid(loop, 0.99 * first / (1 + first) if complementary else 0.99 * (1 - 1 / max(first, 1 + 1e-6)))
+        loop_value, height = loop.L(1j * w), value(w)
+        best = int(np.nanargmax(height))
+        where, heights = [w[best]], [height[best]]
+        # a maximum between points is out of reach if L cannot come close enough to -1 from there
+        step = np.abs(np.diff(loop_value))
+        closest = np.abs(1 + loop_value[1:-1]) - np.maximum(step[1:], step[:-1])
+        top = np.abs(loop_value[1:-1]) if complementary else 1.0
+        local = (height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])
+        inner = np.flatnonzero(local & (closest * height[best] <= 1.5 * top)) + 1
     if inner.size:
         bracket = (np.log(w[inner - 1]), np.log(w[inner]), np.log(w[inner + 1]))
         found = find_minimum(lambda x: -value(np.exp(x)), bracket, tolerances={"xatol": 0, "xrtol": 1e-10})
         where.extend(np.exp(found.x))
         heights.extend(-found.f_x)
     best = int(np.nanargmax(heights))
-    for end, at in ((at_zero, 0.0), (at_infinity, math.inf)):
+    for end, at in zip(_worst_ends(loop), (0.0, math.inf), strict=True):
         if end == -1:
             return math.inf, at
         share = 1 / (1 + end) if not complementary else 1.0 if math.isinf(end) else end / (1 + end)
         if abs(share) >= heights[best] * (1 - 1e-7):  # the grid only comes close to the ends
             return abs(share), at
     return float(heights[best]), float(where[best])
+
+
+def _worst_ends(loop: Loop) -> tuple[float, float]:
+    """L at zero and infinite frequency; with dead time it takes every phase far out, so also the worst."""
+    at_zero, at_infinity = ends(loop)
+    return at_zero, -abs(at_infinity) if loop.process.delay else at_infinity
 
 
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
@@ -112,6 +123,11 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     ms, wms : float
         The supremum of \\|1/(1 + L(jw))\\| over all frequencies; ``wms`` is inf where it is only approached.
 
+    Raises
+    ------
+    ValueError
+        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+
     Examples
     --------
     >>> import pidalab
@@ -119,9 +135,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     >>> print(f"{ms:.6f} {w:.4f}")
     1.590490 1.1442
     """
-    first = np.abs(loop.S(1j * grid(loop, 0.5))).max()
-    floor = 1 - 1 / max(first, 1 + 1e-9)  # where |L| is smaller than this, |S| cannot be larger than found
-    return _peak(loop, grid(loop, 0.99 * floor), complementary=False)
+    return _peak(loop, complementary=False)
 
 
 def gain_crossovers(loop: Loop) -> Array:
@@ -145,14 +159,27 @@ def gain_crossovers(loop: Loop) -> Array:
     """
 
     def excess(x: Array) -> Array:
-        return np.log(np.abs(rational_part(loop, np.exp(x))))
+        return log_gain(loop, np.exp(x))
 
     x = np.log(grid(loop, np.inf))
-    return np.exp(_sign_changes(excess, x, excess(x)))
+    value = excess(x)
+    # a gain that just touches 1 crosses it twice between two points: look at every extreme that comes close
+    for sign in (1.0, -1.0):
+        with np.errstate(invalid="ignore"):
+            bump = sign * value
+            close = (bump[1:-1] < 0) & (bump[1:-1] > -0.1) & (bump[1:-1] >= bump[:-2]) & (bump[1:-1] > bump[2:])
+        i = np.flatnonzero(close) + 1
+        if i.size:
+            top = find_minimum(lambda x, sign=sign: -sign * excess(x), (x[i - 1], x[i], x[i + 1])).x
+            x, value = np.append(x, top), np.append(value, excess(top))
+            order = np.argsort(x, kind="stable")
+            x, value = x[order], value[order]
+    return np.exp(_sign_changes(excess, x, value))
 
 
 def _sign_changes(function: Callable[[Array], Array], x: Array, value: Array) -> Array:
-    i = np.flatnonzero(np.sign(value[:-1]) * np.sign(value[1:]) < 0)
+    with np.errstate(invalid="ignore"):
+        i = np.flatnonzero((np.sign(value[:-1]) * np.sign(value[1:]) < 0) & np.isfinite(value[:-1] + value[1:]))
     zeros = x[value == 0]
     if not i.size:
         return zeros
@@ -167,12 +194,12 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     loop : Loop
         The loop.
     quietest : float, optional
-        A dead time makes infinitely many; those with \\|L\\| below this are left out.
+        A dead time makes infinitely many; those with \\|L\\| below this are left out. Without dead time all count.
 
     Returns
     -------
     ndarray
-        Frequencies in rad per time unit.
+        Frequencies in rad per time unit. Where L is real along the whole axis, there are none.
 
     Examples
     --------
@@ -181,15 +208,19 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     >>> (w / np.pi).round(9).tolist()
     [0.5, 2.5]
     """
+    floor = quietest if loop.process.delay else 0.0
 
     def imaginary(x: Array) -> Array:
-        loop_value = loop.L(1j * np.exp(x))
-        return loop_value.imag / np.abs(loop_value)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            loop_value = loop.L(1j * np.exp(x))
+            return loop_value.imag / np.abs(loop_value)
 
     x = np.log(grid(loop, quietest))
-    w = np.exp(_sign_changes(imaginary, x, imaginary(x)))
-    value = loop.L(1j * w)
-    return w[(value.real < 0) & (np.abs(value) >= quietest)]
+    value = imaginary(x)
+    value[np.abs(value) < 1e-12] = np.nan  # rounding of a real L, not a crossing
+    w = np.exp(_sign_changes(imaginary, x, value))
+    crossing = loop.L(1j * w)
+    return w[(crossing.real < 0) & (np.abs(crossing) >= floor)]
 
 
 def margins(loop: Loop) -> Margins:
@@ -205,6 +236,11 @@ def margins(loop: Loop) -> Margins:
     Margins
         Named values. For an unstable loop ``stable`` is False and the margins are NaN.
 
+    Raises
+    ------
+    ValueError
+        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+
     Examples
     --------
     >>> import pidalab
@@ -213,34 +249,35 @@ def margins(loop: Loop) -> Margins:
     Ms = 1.59 at 1.144 rad/time, Mt = 1 at 0
     gain margin 3.142 at 1.571, phase margin 61.35 deg at 0.5, delay margin 2.142
     """
+    stable = is_stable(loop)
     wgc, quietest = gain_crossovers(loop), QUIETEST
     wpc = phase_crossovers(loop, quietest)
-    while not wpc.size and loop.process.delay and quietest > 1e-12:
-        quietest /= 100
+    while loop.process.delay and quietest > 1e-12 and not np.any(np.abs(loop.L(1j * wpc)) < 1):
+        quietest /= 10
         wpc = phase_crossovers(loop, quietest)
-    stable = is_stable(loop)
     if not stable:
         none = math.nan
         return Margins(False, none, none, none, none, none, none, none, none, none, none, wgc, wpc)
     lag = np.mod(np.angle(loop.L(1j * wgc)) + np.pi, 2 * np.pi)  # what further dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
-    size = np.abs(loop.L(1j * wpc))
-    small, large = size < 1, size > 1
+    # at zero and infinite frequency L is real: these are phase crossovers too where it is negative
+    at = np.concatenate([[0.0], wpc, [math.inf]])
+    at_zero, at_infinity = _worst_ends(loop)
+    size = np.concatenate([[max(-at_zero, 0.0)], np.abs(loop.L(1j * wpc)), [max(-at_infinity, 0.0)]])
+    small, large = np.where(size < 1, size, 0.0), size[size > 1]
     ms, wms = max_sensitivity(loop)
-    mt, wmt = _peak(loop, grid(loop, 0.05), complementary=True)
-    end = abs(ends(loop)[1])
-    worst = float(max(size[small].max(initial=0.0), end if loop.process.delay else 0.0))
-    # with |L| >= 1 out to infinity, any extra dead time is too much
+    mt, wmt = _peak(loop, complementary=True)
     return Margins(
         stable=True,
-        gm=1 / worst if worst else math.inf,
-        gm_low=float(1 / size[large].min()) if large.any() else 0.0,
+        gm=float(1 / small.max()) if small.any() else math.inf,
+        gm_low=float(1 / large.min()) if large.size else 0.0,
         pm=float(np.degrees(rotation.min(initial=math.inf))),
-        dm=0.0 if end >= 1 else float(np.min(lag / wgc, initial=math.inf)),
+        # with |L| >= 1 out to infinity, any extra dead time is too much
+        dm=0.0 if abs(ends(loop)[1]) >= 1 else float(np.min(lag / wgc, initial=math.inf)),
         ms=ms,
         mt=mt,
         wgc=float(wgc[np.argmin(rotation)]) if wgc.size else math.nan,
-        wpc=float(wpc[small][np.argmax(size[small])]) if small.any() else math.nan,
+        wpc=float(at[np.argmax(small)]) if small.any() else math.nan,
         wms=wms,
         wmt=wmt,
         gain_crossovers=wgc,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import control
@@ -102,7 +103,7 @@ class Process:
         Returns
         -------
         float
-            P(0); infinite for an integrating process.
+            P(0), after cancelling common factors s; infinite, with its sign, for an integrating process.
 
         Examples
         --------
@@ -110,7 +111,7 @@ class Process:
         >>> pidalab.lags(order=4, gain=2.0).gain()
         2.0
         """
-        return float(self.num[-1] / self.den[-1]) if self.den[-1] else float("inf")
+        return static_gain(self.num, self.den)
 
     def __repr__(self) -> str:
         num, den = (", ".join(f"{c:.10g}" for c in p) for p in (self.num, self.den))
@@ -135,6 +136,15 @@ def latex_polynomial(coefficients: ArrayLike) -> str:
         sign = "-" if c < 0 else "+" if terms else ""
         terms.append(f"{sign}{size}" + ("" if power == 0 else "s" if power == 1 else f"s^{power}"))
     return "".join(terms)
+
+
+def static_gain(num: _check.Array, den: _check.Array) -> float:
+    """Return the limit of num/den for s falling to 0, infinite with its sign for integrators."""
+    if not np.any(num):
+        return 0.0
+    zeros, poles = (int(np.flatnonzero(p[::-1])[0]) for p in (num, den))
+    ratio = float(num[-1 - zeros] / den[-1 - poles])
+    return 0.0 if zeros > poles else math.copysign(math.inf, ratio) if poles > zeros else ratio
 
 
 def binomial(lag: float, order: int) -> _check.Array:

@@ -30,6 +30,8 @@ class Response:
         Process output and control signal; at a jump the value just after it.
     area : ndarray, shape (k,), optional
         Running integral of y from t = 0. The exact engine delivers it; for other records the trapezoidal rule does.
+    held : ndarray, shape (k,), optional
+        The part of y that is held between samples, such as noise in a measured record; default 0.
 
     Raises
     ------
@@ -53,11 +55,13 @@ class Response:
     y: Array
     u: Array
     area: Array | None = None
+    held: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _check.uniform_time("t", self.t))
         for name in ("r", "d", "n", "y", "u"):
             object.__setattr__(self, name, _check.signal(name, getattr(self, name), self.t.size))
+        object.__setattr__(self, "held", _check.signal("held", 0.0 if self.held is None else self.held, self.t.size))
         if self.area is None:
             steps = 0.5 * self.step * (self.y[1:] + self.y[:-1])
             object.__setattr__(self, "area", np.concatenate([[0.0], np.cumsum(steps)]))
@@ -80,7 +84,7 @@ class Response:
         Returns
         -------
         Response
-            A record whose error is r - y - n, with n held between samples.
+            With y + n as its y, held as n is, and no noise left to add.
 
         Examples
         --------
@@ -89,7 +93,12 @@ class Response:
         >>> print(f"{record.iae():.3f} {record.measured().iae():.3f}")
         0.000 0.200
         """
-        return replace(self, r=self.r - self.n, n=np.zeros_like(self.n))
+        assert self.area is not None
+        assert self.held is not None
+        noise_area = self.step * np.concatenate([[0.0], np.cumsum(self.n[:-1])])
+        return replace(
+            self, y=self.y + self.n, n=np.zeros_like(self.n), area=self.area + noise_area, held=self.held + self.n
+        )
 
     def _pieces(self, horizon: float | None) -> tuple[Array, Array, Array]:
         """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
@@ -102,7 +111,8 @@ class Response:
         if horizon > self.t[-1] * (1 + 1e-12):
             raise ValueError(f"horizon must be within the record (up to {self.t[-1]:g}), found {horizon:g}")
         assert self.area is not None
-        first, last = self.r[:-1] - self.y[:-1], self.r[:-1] - self.y[1:]
+        assert self.held is not None
+        first, last = self.r[:-1] - self.y[:-1], self.r[:-1] - self.y[1:] + np.diff(self.held)
         mean = self.r[:-1] - np.diff(self.area) / self.step
         curve = 3 * (first + last) - 6 * mean
         ends = np.clip((horizon - self.t[:-1]) / self.step, 0.0, 1.0)
@@ -402,7 +412,8 @@ class Response:
         if outside.size == 0:
             return 0.0
         i = outside[-1]
-        return float(self.t[i] + self.step * (e[i] - limit) / (e[i] - e[i + 1]))
+        first, last = self.e[i], self.e[i + 1]
+        return float(self.t[i] + self.step * (first - math.copysign(limit, first)) / (first - last))
 
 
 def _roots(c0: Array, c1: Array, c2: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.frequency import ends, grid
-from pidalab.loop import Loop, open_loop
+from pidalab.loop import Loop, open_loop, require_well_posed
 
 ON_AXIS = 1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
 
@@ -31,6 +31,8 @@ def unstable_poles(loop: Loop) -> float:
 
     Raises
     ------
+    ValueError
+        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
     ArithmeticError
         If the argument cannot be followed: a root too close to the contour.
 
@@ -42,25 +44,25 @@ def unstable_poles(loop: Loop) -> float:
     >>> pidalab.unstable_poles(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 1.6))
     2
     """
+    require_well_posed(loop)
     if loop.process.delay and abs(ends(loop)[1]) >= 1 - 1e-12:
         return math.inf
     w = np.concatenate([[0.0], grid(loop, 0.5)])
-    scale = float(w[1]) * 1e4  # the slowest corner of the loop
-    for shift in (0.0, -1e-7 * scale, -1e-5 * scale):  # a contour just left of the axis takes in the roots on it
-        count = _encirclements(loop, w, shift)
+    for lean in (0.0, 1e-9, 1e-7):  # a contour that leans to the left takes in the roots on the axis
+        count = _encirclements(loop, w, lean)
         if count is not None:
             return count
     raise ArithmeticError("the closed loop has a pole so close to the imaginary axis that it cannot be counted")
 
 
-def _encirclements(loop: Loop, w: Array, shift: float) -> int | None:
-    """Count the zeros of the characteristic function to the right of Re s = shift; None if one is on the contour."""
+def _encirclements(loop: Loop, w: Array, lean: float) -> int | None:
+    """Count the zeros of the characteristic function right of s = jw - lean (w + w_min); None if one is on it."""
     num, den = open_loop(loop)
-    roots = np.roots(den)
-    reference = np.where(roots == 0, np.min(np.abs(roots[roots != 0]), initial=1.0), np.abs(roots)) + 2 * abs(shift)
+    roots, slowest = np.roots(den), w[1]
+    reference = np.where(roots == 0, np.min(np.abs(roots[roots != 0]), initial=1.0), np.abs(roots))
 
     def characteristic(w: Array) -> tuple[Array, Array]:
-        s = shift + 1j * w
+        s = 1j * w - lean * (w + slowest)
         scaled_den, scaled_num = np.ones_like(s), np.full_like(s, 1 / den[0])
         for root, ref in zip(roots, reference, strict=True):
             scaled_den = scaled_den * (s - root) / (s + ref)

@@ -75,6 +75,14 @@ class Ledger:
         ------
         LedgerError
             If the file is missing or is no table.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> write_rows(folder / "demo.csv", [Row("demo.kp", "Table 1", "gain", "1.31")])
+        >>> list(Ledger.open("demo", folder).rows)
+        ['demo.kp']
         """
         place = Path(folder) if folder is not None else find_folder()
         path = place / f"{paper}.csv"
@@ -102,6 +110,14 @@ class Ledger:
         LedgerError
             Listing every value that is unknown, has drifted, no longer has the verdict of the file, agrees although
             it was declared not to, or was handed over before as something else.
+
+        Examples
+        --------
+        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+        >>> book.check("demo.kp", 1.3098)
+        Traceback (most recent call last):
+        pidalab.ledger.errors.LedgerError: demo.kp: drifted from 1.309812345 to 1.309800000
+        >>> book.check({"demo.kp": 1.309812345})
         """
         handed = {claims: value} if isinstance(claims, str) else claims
         failures = [failure for id, claim in handed.items() for failure in self._receive(id, claim)]
@@ -173,6 +189,15 @@ class Ledger:
         Returns
         -------
         list of str
+
+        Examples
+        --------
+        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+        >>> book.missing()
+        ['demo.kp']
+        >>> book.check("demo.kp", 1.309812345)
+        >>> book.missing()
+        []
         """
         return [id for id, row in self.rows.items() if row.verdict != "not-computable" and id not in self.values]
 
@@ -183,6 +208,13 @@ class Ledger:
         ------
         LedgerError
             Listing the ids that were not.
+
+        Examples
+        --------
+        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+        >>> book.check("demo.kp", 1.309812345)
+        >>> book.close()
+        demo: 1 claim, 1 reproduced
         """
         if missing := self.missing():
             raise LedgerError("\n".join(f"{id}: never handed over" for id in missing))
@@ -194,6 +226,11 @@ class Ledger:
         Returns
         -------
         list of str
+
+        Examples
+        --------
+        >>> Ledger(Path("demo.csv"), [Row("other.kp", "Table 1", "gain", "1.31")]).problems()
+        ['other.kp: does not start with demo.', "other.kp: 'computed' is empty"]
         """
         foreign = [id for id in self.rows if not id.startswith(f"{self.paper}.")]
         found = [f"{id}: does not start with {self.paper}." for id in foreign]
@@ -206,6 +243,12 @@ class Ledger:
         -------
         dict of str to int
             Every verdict in the order of `VERDICTS`; ``open`` last, if some rows have none yet.
+
+        Examples
+        --------
+        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")])
+        >>> {verdict: count for verdict, count in book.score().items() if count}
+        {'open': 1}
         """
         counts = Counter(row.verdict or "open" for row in self.rows.values())
         return {**dict.fromkeys(verdicts.VERDICTS, 0), **counts}
@@ -216,6 +259,12 @@ class Ledger:
         Returns
         -------
         Display
+
+        Examples
+        --------
+        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+        >>> book.scorebar()
+        demo: 1 claim, 1 reproduced
         """
         return display.scorebar(self.paper, self.score())
 
@@ -235,6 +284,13 @@ class Ledger:
         ------
         LedgerError
             If no id starts with `prefix`.
+
+        Examples
+        --------
+        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+        >>> book.table()
+        claim           printed  computed  difference  verdict
+        gain (Table 1)  1.31     1.3098    -0.0        reproduced
         """
         rows = [row for id, row in self.rows.items() if id.startswith(prefix)]
         if not rows:

@@ -70,6 +70,11 @@ class Row:
         ------
         LedgerError
             If an entry cannot be read.
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", printed="1.31", computed="1.3151").derived()
+        'last-digit'
         """
         with naming(self.id):
             return verdicts.derive(self.printed, self.computed, self.note)
@@ -80,6 +85,11 @@ class Row:
         Returns
         -------
         decimal.Decimal or None
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", printed="1.30", computed="1.3125").difference()
+        Decimal('1.25')
         """
         with naming(self.id):
             return verdicts.difference(self.printed, self.computed) if self.is_number else None
@@ -90,6 +100,11 @@ class Row:
         Returns
         -------
         str
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", printed="1.31", computed="1.309812345").shown()
+        '1.3098'
         """
         with naming(self.id):
             return digits.show(self.printed, self.computed) if self.is_number else self.computed
@@ -100,6 +115,11 @@ class Row:
         Returns
         -------
         str or None
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.3151", "reproduced").disagreement()
+        'demo.kp: file says reproduced, 1.3151 against printed 1.31 gives last-digit'
         """
         try:
             derived = self.derived()
@@ -120,6 +140,11 @@ class Row:
         Returns
         -------
         list of str
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.9", "misprint").problems()
+        ['demo.kp: misprint needs a note']
         """
         computable = self.verdict != "not-computable"
         noted = self.verdict in (*verdicts.DECLARED, *verdicts.STATEMENT)
@@ -184,6 +209,14 @@ def read_rows(path: Path) -> list[Row]:
     ------
     LedgerError
         If the columns are others than those of `Row`, a line is incomplete or an id occurs twice.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "demo.csv")
+    >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
+    >>> [row.printed for row in read_rows(path)]
+    ['1.31']
     """
     with path.open(encoding="utf-8", newline="") as file:
         try:
@@ -212,6 +245,15 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
         The csv file.
     rows : sequence of Row
         In the order to keep.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "demo.csv")
+    >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
+    >>> print(path.read_text(encoding="utf-8"), end="")
+    id,where,quantity,printed,computed,verdict,note
+    demo.kp,Table 1,gain,1.31,,,
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

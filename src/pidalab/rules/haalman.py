@@ -14,7 +14,9 @@ from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.margins import gain_crossovers, max_sensitivity
 from pidalab.process import Process, binomial
+from pidalab.stability import is_stable
 
+LOWEST, HIGHEST = -25.0, 25.0  # logarithms of the gains between which Ms is searched
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
 
 
@@ -105,7 +107,19 @@ class OutputFilter(NamedTuple):
     wgc: float
 
     def transfer_function(self) -> control.TransferFunction:
-        """Return the filter for a `Loop`."""
+        """Return the filter as a block for a `Loop`.
+
+        Returns
+        -------
+        control.TransferFunction
+            1/(time s + 1)^order.
+
+        Examples
+        --------
+        >>> from pidalab.rules.haalman import OutputFilter
+        >>> OutputFilter(time=0.5, order=2, wgc=0.1).transfer_function().den[0][0].tolist()
+        [0.25, 1.0, 1.0]
+        """
         return control.TransferFunction([1.0], binomial(self.time, self.order))
 
 
@@ -164,7 +178,7 @@ def _lag_coefficients(model: Process, order: int) -> tuple[float, list[float]]:
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
-    """Raise the gain from nothing until Ms is reached; `unit` has the loop's static gain over ti at 1."""
+    """Raise the gain from nothing until Ms is reached; `unit` has the inverse of the model's gain."""
     ms = _check.real("ms", ms, above=1.0)
 
     def controller(log_gain: float) -> PIDA:
@@ -173,14 +187,23 @@ def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
     def excess(log_gain: float) -> float:
         return 1 / ms - 1 / max_sensitivity(Loop(model, controller(log_gain)))[0]
 
-    low, high = math.log(1e-3), math.log(1e3)
-    grid = np.arange(low, high, math.log(1.5))
-    reached = next((x for x in grid if excess(x) >= 0), None)
-    if reached is None:
-        largest = max_sensitivity(Loop(model, controller(grid[-1])))[0]
-        raise ValueError(
-            f"ms = {ms:g} is reached by no gain: even kp = {unit.kp * math.exp(grid[-1]):.4g} gives Ms = {largest:.4g}"
-        )
-    if reached == grid[0]:
-        raise ValueError(f"ms = {ms:g} is exceeded by every gain down to kp = {unit.kp * math.exp(low):.4g}")
-    return controller(float(brentq(excess, reached - math.log(1.5), reached, xtol=1e-13, rtol=1e-13)))
+    def stable(log_gain: float) -> bool:
+        return is_stable(Loop(model, controller(log_gain)))
+
+    low = 0.0
+    while excess(low) >= 0 or not stable(low):
+        low -= 1.0
+        if low < LOWEST:
+            raise ValueError(f"ms = {ms:g} is exceeded by every gain down to kp = {unit.kp * math.exp(low):.4g}")
+    high = low
+    while excess(high) < 0 and stable(high):
+        low, high = high, high + 0.25
+        if high > HIGHEST:
+            reached = max_sensitivity(Loop(model, controller(high)))[0]
+            raise ValueError(
+                f"ms = {ms:g} is reached by no gain: even kp = {unit.kp * math.exp(high):.4g} gives Ms = {reached:.4g}"
+            )
+    while excess(high) < 0:  # unstable at high: Ms passes through infinity on the way there
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) < 0 and stable(middle) else (low, middle)
+    return controller(float(brentq(excess, low, high, xtol=1e-13, rtol=1e-13)))

@@ -54,6 +54,12 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     ndarray, shape (len(inputs), 3, n)
         For each input the three signals.
 
+    Raises
+    ------
+    ValueError
+        For an ill-posed loop, an unstable loop whose response overflows, and a loop whose memory of past dead times
+        does not fade (\\|L\\| near 1 or above at infinite frequency) over too many of them.
+
     Examples
     --------
     >>> import numpy as np, pidalab
@@ -62,6 +68,15 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     >>> unit_step_responses(square, np.arange(6) * 0.5, "r")[0, 0].tolist()
     [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     """
+    with np.errstate(over="ignore", invalid="ignore"):
+        unit = _unit_step_responses(loop, t, inputs)
+    lost = ~np.isfinite(unit).all(axis=(0, 1))
+    if lost.any():
+        raise ValueError(f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}")
+    return unit
+
+
+def _unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     n, step, delay = t.size, t[-1] / (t.size - 1), loop.process.delay
     cut = cut_at_delay(loop, inputs)
     _, (scale, _) = matrix_balance(np.abs(cut.A) + np.abs(np.outer(cut.b, cut.c_v)), permute=False, separate=True)
@@ -208,7 +223,8 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     # FFT convolution rounds relative to its largest value; damping a growing response first (and undoing it after)
     # makes that the largest value up to each time, so that an unstable loop keeps its digits from the start.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
-    rate = max(0.0, (growth[-1] - growth[t.size // 2]) / (t[-1] - t[t.size // 2]))
+    middle = (t.size - 1) // 2
+    rate = max(0.0, (growth[-1] - growth[middle]) / (t[-1] - t[middle]))
     rate = rate if rate * t[-1] > 20.0 else 0.0
     weight = np.exp(-rate * t)
     return fftconvolve(unit * weight, (changes * weight)[None, :], axes=1)[:, : t.size] / weight

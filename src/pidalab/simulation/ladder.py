@@ -7,6 +7,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.simulation.realisation import Cut
 
+LARGEST = 1500  # states in a stack: beyond, its matrices take too much memory
 FORGOTTEN = 1e-20  # size, relative to the largest, below which the influence of a distant past is nothing in double
 
 
@@ -90,6 +91,12 @@ def ladder_for(cut: Cut, delay: float, intervals: int, step: float, end: float) 
         return Ladder(cut, 0, step, end), np.zeros((cut.b.size, cut.b.size))
     depth = min(intervals, 24)
     while True:
+        if depth * cut.b.size > LARGEST:
+            raise ValueError(
+                f"the loop still remembers what happened {depth // 2} dead times ago (|L| is near 1 or above at infinite "
+                f"frequency), which can be followed over {LARGEST // cut.b.size} dead times and not over {intervals}; "
+                "shorten t"
+            )
         ladder = Ladder(cut, depth, step, max(delay, step))
         transition = ladder.transition(delay)
         sizes = np.abs(transition).reshape(cut.b.size, depth + 1, cut.b.size).max(axis=(0, 2))

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag, solve_sylvester
 
 from pidalab._check import Array
-from pidalab.loop import Loop
+from pidalab.loop import Loop, require_well_posed
 
 GAP = 10.0  # poles whose speeds differ by more than this factor go to different groups
 
@@ -186,13 +186,12 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
         d=np.array([signal.direct for signal in outputs]),
         x0=np.vstack(states.x0),
     )
+    require_well_posed(loop)
     return cut if loop.process.delay else _closed_at_once(cut)
 
 
 def _closed_at_once(cut: Cut) -> Cut:
     """Close a loop without dead time: w = v."""
-    if abs(1 - cut.d_v) < 1e-12:
-        raise ValueError("the loop is ill-posed: without dead time, its direct feedthrough is exactly -1")
     w = cut.c_v / (1 - cut.d_v)
     nothing = np.zeros_like(cut.b)
     return cut._replace(
