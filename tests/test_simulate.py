@@ -245,7 +245,7 @@ def test_limits_are_respected_or_refused():
         ({"load": "big"}, TypeError, "load must be"),
         ({"setpoint": np.array([1j, 0, 0])}, TypeError, "setpoint must be"),
         ({"loop": Loop(Process([-1.0, 2.0], [1.0, 3.0]), 1.0)}, ValueError, "the loop is ill-posed: .* exactly -1"),
-        ({"loop": Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), "t": [0.0, 2e3]}, ValueError, "large|finite"),
+        ({"loop": Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), "t": [0.0, 2e3]}, ValueError, "leaves the range of"),
     ],
     ids=["uneven", "late", "single", "inf", "short", "shape", "nan", "nan-step", "text", "complex", "ill-posed", "big"],
 )  # fmt: skip

@@ -123,7 +123,7 @@ class PIDA(Controller):
     --------
     >>> import pidalab
     >>> print(pidalab.PIDA(kp=1.31, ti=3.37, td=0.938, ta=0.269))
-    PIDA(kp=1.31, ti=3.37, td=0.938, ta=0.269, n=10, m=10)
+    PIDA(kp=1.31, ti=3.37, td=0.938, ta=0.269, n=10.0, m=10.0)
       standard:        kp = 1.31, ti = 3.37, td = 0.938, ta = 0.269
       parallel:        ki = 0.38872, kp = 1.31, kd = 1.2288, ka = 0.35239
       non-interactive: kc = 1.31, tau_i = 3.37, tau_d = 0.938, tau_a = 0.73348

@@ -91,7 +91,8 @@ def three_point(
     ------
     ValueError
         For a record that never moves, still moves at its end, already moves at its beginning, or overshoots by more
-        than 10 %; for levels out of order; for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not positive).
+        than 10 %; for levels out of order; for a shape that the model does not fit (alpha outside
+        [0, 1], or a time constant that is not positive).
 
     References
     ----------

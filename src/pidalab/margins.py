@@ -219,8 +219,9 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     value = imaginary(x)
     value[np.abs(value) < 1e-12] = np.nan  # rounding of a real L, not a crossing
     w = np.exp(_sign_changes(imaginary, x, value))
-    crossing = loop.L(1j * w)
-    return w[(crossing.real < 0) & (np.abs(crossing) >= floor)]
+    with np.errstate(divide="ignore", invalid="ignore"):  # the phase also jumps at poles and zeros on the axis
+        crossing = loop.L(1j * w)
+        return w[(crossing.real < 0) & (np.abs(crossing) >= floor) & (np.abs(crossing) < 1e9)]
 
 
 def margins(loop: Loop) -> Margins:

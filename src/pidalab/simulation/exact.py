@@ -14,7 +14,8 @@ steps:
    states keep their digits next to fast ones);
 2. the states at the multiples of h, one after the other;
 3. from there to the first requested time in each interval, by the binary digits of the distance;
-4. all other requested times at once, as one matrix product.
+4. all other requested times as matrix products: rows for a run of times, applied to the stacks of all intervals at
+   once.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from pidalab.response import Response
 from pidalab.simulation.ladder import ladder_for
 from pidalab.simulation.realisation import cut_at_delay
 
-RUN = 128  # requested times served from one stack; a power of two
+RUN = 6  # requested times served from one stack, as a power of two
 
 
 def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
@@ -100,26 +101,31 @@ def _unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     for k in range(intervals - 1, -1, -1):
         anchors[k] = transition @ anchors[k + 1 : k + 2 + depth].reshape(-1, channels)
 
-    first = np.searchsorted(interval, interval)  # index of the first requested time in the same interval
-    place = (np.arange(n) - first) % RUN
-    heads = np.flatnonzero(place == 0)
-    windows = (intervals - interval[heads])[:, None] + np.arange(depth + 1)
-    stacks = anchors[windows].transpose(1, 2, 0, 3).reshape((depth + 1) * order, -1)
-    distance = np.maximum(times[heads] - interval[heads] * delay, 0.0)
-    distance[distance <= slack[heads]] = 0.0
+    present, first, count = np.unique(interval, return_index=True, return_counts=True)
+    windows = (intervals - present)[:, None] + np.arange(depth + 1)
+    stacks = anchors[windows].transpose(2, 1, 0, 3).reshape(order, depth + 1, -1)
+    distance = np.maximum(times[first] - present * delay, 0.0)
+    distance[distance <= slack[first]] = 0.0
     stacks = ladder.carry(stacks, np.repeat(distance, channels))
 
     past = cut.d[:, None, None] * (cut.d_v ** np.arange(depth, dtype=float))[:, None] * cut.c_v
-    rows = np.concatenate([cut.C[:, None], past], axis=1).reshape(3, -1)
-    base = ladder.steps.index(step) if step in ladder.steps else 0
-    longest_run = int(place.max()) + 1
-    for rung in ladder.rungs[base:]:
-        if len(rows) // 3 >= longest_run:
-            break
-        rows = np.concatenate([rows, rows + rows @ rung])
-    values = (rows @ stacks).reshape(-1, 3, heads.size, channels)
-    segment = np.searchsorted(heads, np.arange(n), side="right") - 1
-    return values[place, :, segment, :].transpose(2, 1, 0)
+    rows = np.concatenate([cut.C[:, None], past], axis=1)
+    base = ladder.steps.index(step)
+    run = 1 << min(int(count.max() - 1).bit_length(), RUN)
+    for rung in ladder.rungs[base : base + run.bit_length() - 1]:
+        rows = np.concatenate([rows, ladder.continued(rows, rung)])
+
+    result = np.empty((channels, 3, n))
+    stop = first + count
+    for start in range(0, int(count.max()), run):  # all intervals at once, one run after the other
+        if start:
+            stacks = ladder.advanced(stacks, ladder.rungs[base + RUN])
+        states = stacks.transpose(1, 0, 2).reshape((depth + 1) * order, -1)
+        values = (rows.reshape(3 * run, -1) @ states).reshape(run, 3, present.size, channels)
+        index = np.arange(start, start + run)[:, None] + first
+        asked = index < stop
+        result[:, :, index[asked]] = values.transpose(3, 1, 0, 2)[:, :, asked]
+    return result
 
 
 def simulate(
@@ -198,8 +204,10 @@ def simulate_ensemble(
     3
     """
     t = _check.uniform_time("t", t)
-    records = np.atleast_2d(np.asarray(noise, dtype=float))
-    records = np.stack([_check.signal("noise", record, t.size) for record in records])
+    rows = list(noise) if np.iterable(noise) else []
+    if not rows or not all(np.iterable(row) for row in rows):
+        raise ValueError("noise must have one record in each row (shape (k, n)), found no rows")
+    records = np.stack([_check.signal("noise", row, t.size) for row in rows])
     signals = {"r": _check.signal("setpoint", setpoint, t.size), "d": _check.signal("load", load, t.size)}
     driven = [key for key, signal in signals.items() if np.any(signal)] + (["n"] if np.any(records) else [])
     unit = unit_step_responses(loop, t, "".join(driven)) if driven else np.zeros((0, 3, t.size))

@@ -90,6 +90,8 @@ class Block:
 
     def without_group(self, g: int, row: Array, A: Array) -> Array:
         """Return row @ H(A) for the partial fractions of all groups but g: what they make of a signal of group g."""
+        if not np.any(row):
+            return np.zeros(row.size)
         value = np.zeros(row.size, dtype=complex)
         for coefficient in self.faster_numerator(g):
             value = value @ A + coefficient * row
@@ -112,7 +114,7 @@ class _Assembly:
 
     def pad(self, signal: Signal) -> Signal:
         """Lengthen the rows of an earlier signal to the states there are now."""
-        rows = [np.pad(row, (0, b.size - row.size)) for row, b in zip(signal.rows, self.b, strict=True)]
+        rows = [np.append(row, np.zeros(b.size - row.size)) for row, b in zip(signal.rows, self.b, strict=True)]
         return Signal(rows, signal.direct)
 
     def add(self, first: Signal, second: Signal, sign: float = 1.0) -> Signal:
