@@ -1,0 +1,35 @@
+"""The front pages: their code runs, their score is that of the ledgers."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pidalab.ledger import score_markdown
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "book" / "intro.md"]
+
+
+def blocks(page):
+    return re.findall(r"```python\n(.*?)```", page.read_text(), flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_code_runs(page, capsys):
+    assert blocks(page)
+    for block in blocks(page):
+        exec(compile(block, page.name, "exec"), {})
+    assert "series:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_score_is_that_of_the_ledgers(page):
+    """`python -m pidalab.ledger readme README.md book/intro.md` writes it."""
+    assert score_markdown(ROOT / "book" / "ledger") in page.read_text()
+
+
+def test_the_bibliography_has_every_paper_of_the_ledgers():
+    known = re.findall(r"@\w+\{(\w+),", (ROOT / "book" / "references.bib").read_text())
+    for ledger in (ROOT / "book" / "ledger").glob("*.csv"):
+        assert ledger.stem in known
