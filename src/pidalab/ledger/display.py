@@ -126,6 +126,12 @@ def _entry(cell: Cell) -> str:
     return f'<td class="{cell.kind}">{cell.html}</td>'
 
 
+def claim(row: Row, where: str) -> Cell:
+    """Make a cell of what is claimed, and where."""
+    text = row.quantity if row.is_number else row.printed
+    return Cell(f"{text} ({where})", f'{escape(text)} <span class="where">{escape(where)}</span>')
+
+
 def claims(rows: Iterable[Row]) -> Display:
     """Show rows of a ledger, printed beside computed.
 
@@ -145,10 +151,9 @@ def claims(rows: Iterable[Row]) -> Display:
 
 
 def _claim(row: Row) -> list[Cell]:
-    claim = row.quantity if row.is_number else row.printed
     difference = row.difference()
     return [
-        Cell(f"{claim} ({row.where})", f'{escape(claim)} <span class="where">{escape(row.where)}</span>'),
+        claim(row, row.where),
         number(row.printed if row.is_number else ""),
         number(row.shown() if row.is_number else ""),
         number("" if difference is None else f"{difference:+z.1f}"),

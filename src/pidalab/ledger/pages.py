@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pidalab.ledger import display
 from pidalab.ledger.book import Ledger
-from pidalab.ledger.display import Cell, Display, number, words
+from pidalab.ledger.display import Display, number, words
 from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.rows import find_folder
 from pidalab.ledger.verdicts import VERDICTS
@@ -80,18 +80,17 @@ def scoreboard(folder: Path | str | None = None) -> Display:
     Examples
     --------
     >>> import tempfile
-    >>> scoreboard(tempfile.mkdtemp()).text.splitlines()[-1].split()
-    ['total', '0', '0', '0', '0', '0', '0', '0', '0', '0']
+    >>> print(scoreboard(tempfile.mkdtemp()).text.splitlines()[-1])
+    claims          0
     """
+    scores = _scores(folder)
     rows = [
-        [
-            Cell(paper, words(paper).html + display.bar(paper, score)),
-            number(str(sum(score.values()))),
-            *(number(str(count)) for count in score.values()),
-        ]
-        for paper, score in _scores(folder).items()
+        [display.chip(verdict), *(number(str(score[verdict])) for score in scores.values())] for verdict in VERDICTS
     ]
-    return display.grid("scoreboard", ("paper", "claims", *VERDICTS), rows)
+    rows.append([words("claims"), *(number(str(sum(score.values()))) for score in scores.values())])
+    table = display.grid("scoreboard", ("verdict", *scores), rows)
+    bars = "".join(f"<p>{words(paper).html}</p>{display.bar(paper, score)}" for paper, score in scores.items())
+    return Display(f"{bars}\n{table.html}", table.text)
 
 
 def errata(folder: Path | str | None = None) -> Display:
@@ -115,7 +114,7 @@ def errata(folder: Path | str | None = None) -> Display:
     --------
     >>> import tempfile
     >>> print(errata(tempfile.mkdtemp()).text.splitlines()[-1])
-    paper  where  quantity  printed, as read  should be
+    claim  printed, as read  should be
     """
     misprints = [
         (paper, row)
@@ -125,15 +124,13 @@ def errata(folder: Path | str | None = None) -> Display:
     ]
     rows = [
         [
-            words(paper),
-            words(row.where),
-            words(row.quantity),
-            number(row.printed) if row.is_number else words(row.printed),
+            display.claim(row, f"{paper}, {row.where}"),
+            number(row.printed) if row.is_number else words(""),
             number(row.shown()) if row.is_number else words("does not hold"),
         ]
         for paper, row in misprints
     ]
-    header = ("paper", "where", "quantity", "printed, as read", "should be")
+    header = ("claim", "printed, as read", "should be")
     table = display.grid("errata", header, rows, [f"Proof. {row.note}" for _, row in misprints])
     return Display(f'<p class="errata-notice">{NOTICE}</p>\n{table.html}', f"{NOTICE}\n\n{table.text}")
 
@@ -161,11 +158,10 @@ def score_markdown(folder: Path | str | None = None) -> str:
     >>> print(score_markdown(tempfile.mkdtemp()).splitlines()[0])
     <!-- score -->
     """
-    header = ["paper", "claims", *VERDICTS]
-    rows = [
-        [f"**{paper}**" if paper == "total" else paper, str(sum(score.values())), *map(str, score.values())]
-        for paper, score in _scores(folder).items()
-    ]
+    scores = _scores(folder)
+    header = ["verdict", *scores]
+    rows = [[verdict, *(str(score[verdict]) for score in scores.values())] for verdict in VERDICTS]
+    rows.append(["**claims**", *(f"**{sum(score.values())}**" for score in scores.values())])
     lines = [header, ["---", *("--:" for _ in header[1:])], *rows]
     return "\n".join([BEGIN, "", *("| " + " | ".join(line) + " |" for line in lines), "", END])
 
