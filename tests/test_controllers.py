@@ -192,7 +192,7 @@ BAD = [
     (pidalab.PIDA, PIDA, "kp", 0.0, "kp must not be 0, found 0"),
     (pidalab.PIDA, PIDA, "kp", math.nan, "kp must be finite, found nan"),
     (pidalab.PIDA, PIDA, "ti", 0.0, r"ti must be above 0, found 0\.0"),
-    (pidalab.PIDA, PIDA, "ti", -math.inf, "ti must be above 0, found -inf"),
+    (pidalab.PIDA, PIDA, "ti", -math.inf, "ti must be finite and above 0, found -inf"),
     (pidalab.PIDA, PIDA, "td", -1.0, r"td must be at least 0, found -1\.0"),
     (pidalab.PIDA, PIDA, "ta", -1.0, r"ta must be at least 0, found -1\.0"),
     (pidalab.PIDA, PIDA, "n", 0.0, r"n must be above 0, found 0\.0"),

@@ -355,7 +355,7 @@ def test_table_has_the_rows_of_the_prefix():
     table = ledger().table("demo.t1.")
     lines = repr(table).splitlines()
     assert lines[0].split("  ")[0] == "claim"
-    assert lines[1].split() == ["gain", "(Table", "1)", "1.31", "1.3098", "+0.0", "reproduced"]
+    assert lines[1].split() == ["demo.t1.kp:", "gain", "(Table", "1)", "1.31", "1.3098", "+0.0", "reproduced"]
     assert lines[2].split()[-3:] == ["2.8680", "-1.2", "last-digit"]
     assert len(lines) == 5
     assert '<td class="number">1.3098</td>' in table._repr_html_()

@@ -113,7 +113,7 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
     [
         (lambda: DECAY.iae(30.1), r"horizon must be within the record \(up to 30\), found 30\.1"),
         (lambda: DECAY.iae(0.0), r"horizon must be above 0, found 0\.0"),
-        (lambda: DECAY.ie(math.nan), "horizon must be above 0, found nan"),
+        (lambda: DECAY.ie(math.nan), "horizon must be finite and above 0, found nan"),
         (lambda: DECAY.itae(origin=0.5), r"origin must not be after the start of the record \(0\), found 0\.5"),
         (lambda: DECAY.tv("e"), "signal must be 'u' or 'y', found 'e'"),
         (lambda: DECAY.tv1("r"), "signal must be 'u' or 'y', found 'r'"),
@@ -121,7 +121,7 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
         (lambda: DECAY.tv("u", start=math.inf), "start must be finite, found inf"),
         (lambda: DECAY.tv("u", end=math.nan), "end must be finite, found nan"),
         (lambda: DECAY.overshoot(), "overshoot needs a set point that does not end at 0"),
-        (lambda: SINE.settling_time(), r"the error is 0\.7 at the end of the record \(t = 10\.2\), outside the band"),
+        (lambda: SINE.settling_time(), r"the error is 0\.7 in the last tenth of the record \(up to t = 10\.2\), outside the band"),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
     ],
     ids=["beyond", "zero", "nan", "origin", "tv", "tv1", "peak", "start", "end", "overshoot", "unsettled", "band"],

@@ -5,6 +5,8 @@ Data flow down one corridor, and every chapter of the book walks it::
     step data -> identify -> Process -> rule -> controller -> Loop -> Response -> measures -> figure, ledger
 """
 
+from importlib.metadata import version
+
 from pidalab import identification, ledger, plots, rules
 from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
 from pidalab.loop import Loop
@@ -26,6 +28,8 @@ from pidalab.simulation import (
     uniform_noise,
 )
 from pidalab.stability import is_stable, unstable_poles
+
+__version__ = version("pidalab")
 
 __all__ = [
     "PIDA",

@@ -21,7 +21,7 @@ def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -
         raise TypeError(f"{name} must be a real number, found {value!r}") from None
     allowed = "finite"
     if above > -math.inf:
-        allowed = f"above {above:g}"
+        allowed = f"above {above:g}" if math.isfinite(number) else f"finite and above {above:g}"
     elif at_least > -math.inf:
         allowed = f"at least {at_least:g}"
     if not math.isfinite(number) or number <= above or number < at_least:
@@ -44,7 +44,9 @@ def _real_array(name: str, value: ArrayLike) -> Array:
             raise TypeError
         return array.astype(float)
     except (TypeError, ValueError):
-        raise TypeError(f"{name} must be a one-dimensional array of real numbers, found {value!r}") from None
+        found = repr(value)
+        found = found if len(found) < 80 else f"{type(value).__name__} {found[:60]}..."
+        raise TypeError(f"{name} must be a one-dimensional array of real numbers, found {found}") from None
 
 
 def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
@@ -82,15 +84,17 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     """Return a uniform time grid that starts at 0, or raise naming the first place where it fails."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
-        raise ValueError(f"{name} must start at 0, found {t[0]:g}")
+        raise ValueError(f"{name} must start at 0, found {t[0]:g}; cut the record there and subtract that time")
     step = t[-1] / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
-    off = np.abs(t - step * np.arange(t.size)) > 1e-6 * step
+    grid = step * np.arange(t.size)
+    off = np.abs(t - grid) > 1e-6 * step + 1e-6 * grid  # the second part: times stored in single precision
     if np.any(off):
         i = int(np.flatnonzero(off)[0])
         raise ValueError(
-            f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of {step * i:.12g}"
+            f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of {step * i:.12g}; "
+            "resample first, for instance with np.interp"
         )
     return t
 

@@ -106,10 +106,10 @@ class PIDA(Controller):
         Proportional gain, in units of u per unit of y; not 0.
     ti : float
         Integral time, above 0; ``math.inf`` for no integral action.
-    td : float
-        Derivative time, not negative.
-    ta : float
-        Acceleration time constant, in squared time units; not negative.
+    td : float, optional
+        Derivative time, not negative; default 0.
+    ta : float, optional
+        Acceleration time constant, in squared time units; not negative; default 0.
     n, m : float, optional
         Ratio of `td` and of `ta` to their filters' time constants, above 0. As printed in the paper, ``ta/m`` is used
         as a time although `ta` is a time squared; so `m` depends on the time unit.
@@ -132,8 +132,8 @@ class PIDA(Controller):
 
     kp: float
     ti: float
-    td: float
-    ta: float
+    td: float = 0.0
+    ta: float = 0.0
     n: float = 10
     m: float = 10
 

@@ -78,7 +78,8 @@ def three_point(
     step : float, optional
         Change of the input, not 0.
     levels : tuple of float, optional
-        The three shares of the change. The method's formulas belong to 5 %, 35.3 % and 85.3 %.
+        The three shares of the change. The method's formulas belong to 5 %, 35.3 % and 85.3 %; with others the model
+        is another one, and usually a worse one.
     crossing : {"interpolated", "sampled"}, optional
         Time of a level: linear interpolation between the samples around it, or the first sample at or above it.
 
@@ -86,6 +87,18 @@ def three_point(
     -------
     ThreePointModel
         The parameters; its `process` is the model.
+
+    Notes
+    -----
+    Prepare a plant record first: cut it at the step, subtract that time, and resample if the times are not uniform::
+
+        h = 0.1
+        grid = np.arange(0.0, t[-1] - t_step, h)
+        y = np.interp(grid + t_step, t, y)
+        model = three_point(grid, y, step=u_after - u_before)
+
+    An offset of y does no harm. Noise does: the rest value is one sample and each level is where the record first
+    reaches it. Up to about 1 % of the change the model stays useful; smooth a noisier record first.
 
     Raises
     ------

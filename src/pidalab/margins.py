@@ -41,7 +41,7 @@ class Margins:
         Frequencies of the peaks (inf where the peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers; all phase crossovers, but with dead time only those where \\|L\\| is at least 0.1, and at
-        least the first with \\|L\\| below 1.
+        least the first with \\|L\\| below 1. None are listed for an unstable loop.
     """
 
     stable: bool
@@ -61,10 +61,11 @@ class Margins:
     def __str__(self) -> str:
         if not self.stable:
             return "closed loop unstable: it has no margins"
+        gain = f"{self.gm:.4g} at {self.wpc:.4g}" if math.isfinite(self.gm) else "infinite"
+        phase = f"{self.pm:.4g} deg at {self.wgc:.4g}" if math.isfinite(self.pm) else "infinite"
         return (
             f"Ms = {self.ms:.4g} at {self.wms:.4g} rad/time, Mt = {self.mt:.4g} at {self.wmt:.4g}\n"
-            f"gain margin {self.gm:.4g} at {self.wpc:.4g}, phase margin {self.pm:.4g} deg at {self.wgc:.4g}, "
-            f"delay margin {self.dm:.4g}"
+            f"gain margin {gain}, phase margin {phase}, delay margin {self.dm:.4g}"
         )
 
 
@@ -250,15 +251,14 @@ def margins(loop: Loop) -> Margins:
     Ms = 1.59 at 1.144 rad/time, Mt = 1 at 0
     gain margin 3.142 at 1.571, phase margin 61.35 deg at 0.5, delay margin 2.142
     """
-    stable = is_stable(loop)
     wgc, quietest = gain_crossovers(loop), QUIETEST
+    if not is_stable(loop):
+        none = math.nan
+        return Margins(False, none, none, none, none, none, none, none, none, none, none, wgc, np.zeros(0))
     wpc = phase_crossovers(loop, quietest)
     while loop.process.delay and quietest > 1e-12 and not np.any(np.abs(loop.L(1j * wpc)) < 1):
         quietest /= 10
         wpc = phase_crossovers(loop, quietest)
-    if not stable:
-        none = math.nan
-        return Margins(False, none, none, none, none, none, none, none, none, none, none, wgc, wpc)
     lag = np.mod(np.angle(loop.L(1j * wgc)) + np.pi, 2 * np.pi)  # what further dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
     # at zero and infinite frequency L is real: these are phase crossovers too where it is negative

@@ -119,7 +119,7 @@ def signal(
     >>> figure, ax = plt.subplots()
     >>> pidalab.plots.signal(ax, {"P": r}, "y")
     >>> ax.get_xlabel()
-    'time'
+    'time units'
     """
     for label, response in responses.items():
         end = response.t <= (until or response.t[-1]) * (1 + 1e-9)
@@ -128,7 +128,7 @@ def signal(
             run = faint[label]
             end = run.t <= (until or run.t[-1]) * (1 + 1e-9)
             ax.plot(*thin(run.t[end], getattr(run, name)[end]), "-", color=line.get_color(), alpha=0.35, linewidth=0.6)
-    ax.set_xlabel("time")
+    ax.set_xlabel("time units")
     ax.set_xlim(0, until)
 
 

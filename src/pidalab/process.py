@@ -25,6 +25,8 @@ class Process:
 
     Raises
     ------
+    TypeError
+        For a python-control system in place of coefficients: see `from_control`.
     ValueError
         For an improper rational part, a zero denominator, a negative dead time, NaN or infinity.
 
@@ -39,12 +41,30 @@ class Process:
     """
 
     def __init__(self, num: ArrayLike, den: ArrayLike, delay: float = 0.0) -> None:
+        if isinstance(num, (control.TransferFunction, control.StateSpace)):
+            raise TypeError(
+                "num must be coefficients, found a python-control system; use Process.from_control(sys, delay)"
+            )
         self.num = _check.polynomial("num", num)
         self.den = _check.polynomial("den", den)
         self.delay = _check.real("delay", delay, at_least=0.0)
         _check.proper("the process", self.num, self.den)
         self.num.setflags(write=False)
         self.den.setflags(write=False)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if hasattr(self, name):
+            raise AttributeError(f"a Process does not change; make a new one, as in Process(P.num, P.den, {name}=...)")
+        super().__setattr__(name, value)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Process) and repr(self._key()) == repr(other._key())
+
+    def __hash__(self) -> int:
+        return hash(repr(self._key()))
+
+    def _key(self) -> tuple[list[float], list[float], float]:
+        return self.num.tolist(), self.den.tolist(), self.delay
 
     @classmethod
     def from_control(cls, sys: control.TransferFunction | control.StateSpace, delay: float = 0.0) -> Process:

@@ -68,6 +68,9 @@ class Response:
         else:
             object.__setattr__(self, "area", _check.signal("area", self.area, self.t.size))
 
+    def __repr__(self) -> str:
+        return f"Response({self.t.size} samples, t = 0 to {self.t[-1]:g})"
+
     @property
     def step(self) -> float:
         """Sample time."""
@@ -378,12 +381,13 @@ class Response:
         return float(path[np.argmax(np.abs(path))])
 
     def settling_time(self, band: float = 0.02) -> float:
-        """Time after which the error stays within a band.
+        """Time after which the error stays within a band, and does so at least over the last tenth of the record.
 
         Parameters
         ----------
         band : float, optional
-            Half width, as a share of the final set point, or of the largest error where the set point ends at 0.
+            Half width, as a share of the final set point, or of the largest error where the set point ends at 0;
+            between 0 and 1 (0.02 for 2 %).
 
         Returns
         -------
@@ -393,7 +397,7 @@ class Response:
         Raises
         ------
         ValueError
-            If the error is outside the band at the end of the record, or the band is not positive.
+            If the error leaves the band in the last tenth of the record, or the band is not between 0 and 1.
 
         Examples
         --------
@@ -402,11 +406,14 @@ class Response:
         1.5
         """
         e = np.abs(self.e)
-        limit = _check.real("band", band, above=0.0) * (abs(self.r[-1]) or e.max())
-        if e[-1] > limit:
+        if _check.real("band", band, above=0.0) >= 1:
+            raise ValueError(f"band must be a share between 0 and 1 (0.02 for 2 %), found {band!r}")
+        limit = band * (abs(self.r[-1]) or e.max())
+        tail = e[-max(1, self.t.size // 10) :].max()
+        if tail > limit:
             raise ValueError(
-                f"the error is {e[-1]:.3g} at the end of the record (t = {self.t[-1]:g}), outside the band of "
-                f"{limit:.3g}; simulate longer or widen the band"
+                f"the error is {tail:.3g} in the last tenth of the record (up to t = {self.t[-1]:g}), outside the "
+                f"band of {limit:.3g}; simulate longer or widen the band"
             )
         outside = np.flatnonzero(e > limit)
         if outside.size == 0:

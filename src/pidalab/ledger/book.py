@@ -289,8 +289,8 @@ class Ledger:
         --------
         >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
         >>> book.table()
-        claim           printed  computed  difference  verdict
-        gain (Table 1)  1.31     1.3098    -0.0        reproduced
+        claim                    printed  computed  difference  verdict
+        demo.kp: gain (Table 1)  1.31     1.3098    -0.0        reproduced
         """
         rows = [row for id, row in self.rows.items() if id.startswith(prefix)]
         if not rows:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from html import escape
 
 from pidalab.ledger.rows import Row
+from pidalab.ledger.verdicts import STATEMENT
 
 
 @dataclass(frozen=True, repr=False)
@@ -126,10 +127,14 @@ def _entry(cell: Cell) -> str:
     return f'<td class="{cell.kind}">{cell.html}</td>'
 
 
+def _is_statement(row: Row) -> bool:
+    return row.quantity == "statement" or row.computed in STATEMENT
+
+
 def claim(row: Row, where: str) -> Cell:
-    """Make a cell of what is claimed, and where."""
-    text = row.quantity if row.is_number else row.printed
-    return Cell(f"{text} ({where})", f'{escape(text)} <span class="where">{escape(where)}</span>')
+    """Make a cell of what is claimed, and where; a terminal also shows the id."""
+    text = row.printed if _is_statement(row) else row.quantity
+    return Cell(f"{row.id}: {text} ({where})", f'{escape(text)} <span class="where">{escape(where)}</span>')
 
 
 def claims(rows: Iterable[Row]) -> Display:
@@ -146,15 +151,21 @@ def claims(rows: Iterable[Row]) -> Display:
         The computed number has two digits more than the print; the difference is in units of the last printed place.
     """
     rows = list(rows)
+    if all(_is_statement(row) for row in rows):
+        return grid("claims", ("claim", "verdict"), map(_statement, rows), [row.note for row in rows])
     header = ("claim", "printed", "computed", "difference", "verdict")
     return grid("claims", header, map(_claim, rows), [row.note for row in rows])
+
+
+def _statement(row: Row) -> list[Cell]:
+    return [claim(row, row.where), chip(row.verdict or "open")]
 
 
 def _claim(row: Row) -> list[Cell]:
     difference = row.difference()
     return [
         claim(row, row.where),
-        number(row.printed if row.is_number else ""),
+        number("" if _is_statement(row) else row.printed),
         number(row.shown() if row.is_number else ""),
         number("" if difference is None else f"{difference:+z.1f}"),
         chip(row.verdict or "open"),

@@ -35,6 +35,9 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float = 10) -> PIDA:
     N, M          `n`, `m`
     ============  ======================================
 
+    Use it with `output_filter`, or with a prefilter of the set point: alone, a set-point step kicks the control signal
+    to kp (1 + n + m²/ta). The output filter then raises Ms somewhat above `ms`.
+
     Parameters
     ----------
     model : Process
@@ -42,7 +45,9 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float = 10) -> PIDA:
     ms : float, optional
         Maximum sensitivity wanted, above 1; 1.4 is cautious, 2.0 fast.
     n, m : float, optional
-        Filter ratios of the derivative and the acceleration, above 0.
+        Filter ratios of the derivative and the acceleration, above 0. As printed, the acceleration's filter time is
+        ``ta/m`` with a squared time above: ``m = 10`` belongs to a time unit near the lags of the process. With
+        seconds and lags of many seconds, give a larger `m` (10 times the lag).
 
     Returns
     -------

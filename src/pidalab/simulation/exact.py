@@ -78,8 +78,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
 
 
 def _unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
-    n, step, delay = t.size, t[-1] / (t.size - 1), loop.process.delay
     cut = cut_at_delay(loop, inputs)
+    n, step, delay = t.size, t[-1] / (t.size - 1), loop.process.delay
     _, (scale, _) = matrix_balance(np.abs(cut.A) + np.abs(np.outer(cut.b, cut.c_v)), permute=False, separate=True)
     cut = cut._replace(
         A=cut.A * scale / scale[:, None],

@@ -21,8 +21,10 @@ class Ladder:
 
     def __init__(self, cut: Cut, depth: int, step: float, longest: float) -> None:
         self.cut, self.depth, self.order = cut, depth, cut.b.size
-        delayed = np.abs(cut.b).sum() * np.abs(cut.c_v).max() * max(1.0, abs(cut.d_v)) ** depth
+        delayed = np.abs(cut.b).sum() * np.abs(cut.c_v).max() * np.float64(max(1.0, abs(cut.d_v))) ** depth
         norm = float(np.abs(cut.A).sum(axis=0).max()) + delayed
+        if not norm * step < 1e300:
+            raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
         low = -max(0, int(np.ceil(np.log2(2.0 * norm * step)))) if norm else 0
         high = max(low, int(np.floor(np.log2(longest / step))))
         self.steps = [step * 2.0**p for p in range(low, high + 1)]

@@ -46,5 +46,7 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     repeats = round(each)
     if repeats < 1 or abs(each - repeats) > 1e-6:
         raise ValueError(f"hold must be a multiple of the step of t ({step:g}), found {hold!r}")
-    values = np.random.default_rng(seed).uniform(-amplitude, amplitude, -(-t.size // repeats))
+    values = np.random.default_rng(_check.integer("seed", seed, at_least=0)).uniform(
+        -amplitude, amplitude, -(-t.size // repeats)
+    )
     return np.repeat(values, repeats)[: t.size]

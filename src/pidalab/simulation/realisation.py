@@ -157,6 +157,7 @@ class _Assembly:
 
 def cut_at_delay(loop: Loop, inputs: str) -> Cut:
     """Open the loop at its dead time; `inputs` names the step inputs to keep, out of "r", "d", "n"."""
+    require_well_posed(loop)
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     ratios = {
         "process": loop.blocks["process"],
@@ -188,7 +189,6 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
         d=np.array([signal.direct for signal in outputs]),
         x0=np.vstack(states.x0),
     )
-    require_well_posed(loop)
     return cut if loop.process.delay else _closed_at_once(cut)
 
 
