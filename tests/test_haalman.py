@@ -135,7 +135,7 @@ def test_small_dead_time_and_light_filter_need_a_high_gain():
 
 @pytest.mark.parametrize("ms", [1.0, 0.9, -2.0, math.nan, math.inf])
 def test_ms_must_be_above_one(ms):
-    with pytest.raises(ValueError, match="ms must be (finite and )?above 1, found"):
+    with pytest.raises(ValueError, match=r"ms must be (finite and )?above 1, found"):
         haalman.pid(SECOND, ms=ms)
 
 

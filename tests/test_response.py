@@ -121,7 +121,10 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
         (lambda: DECAY.tv("u", start=math.inf), "start must be finite, found inf"),
         (lambda: DECAY.tv("u", end=math.nan), "end must be finite, found nan"),
         (lambda: DECAY.overshoot(), "overshoot needs a set point that does not end at 0"),
-        (lambda: SINE.settling_time(), r"the error is 0\.7 in the last tenth of the record \(up to t = 10\.2\), outside the band"),
+        (
+            lambda: SINE.settling_time(),
+            r"the error is 0\.7 in the last tenth of the record \(up to t = 10\.2\), outside the band",
+        ),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
     ],
     ids=["beyond", "zero", "nan", "origin", "tv", "tv1", "peak", "start", "end", "overshoot", "unsettled", "band"],
