@@ -1,0 +1,357 @@
+r"""Multiple real dominant pole tuning of PID_n^m for an integrator with dead time (huba2018).
+
+Without filter the loop of the controller and the model :math:`K_s e^{-T_d s}/s` has the characteristic quasi-polynomial
+:math:`s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1})`, eq. (4). With :math:`x = T_d s`
+it is :math:`x^2 e^x + N(x)`, and wherever :math:`x_o` lies, it is an (m+2)-fold zero if -N is the Taylor polynomial of
+degree m+1 of :math:`x^2 e^x` there. The rule takes the :math:`x_o` nearest to 0 at which the next derivative vanishes
+too:
+
+.. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
+
+The sums of the Taylor polynomial telescope. With :math:`a = -x_o` and the truncated exponential
+:math:`E_k(a) = \sum_{i \le k} a^i/i!` the coefficient of :math:`x^j` in N is
+
+.. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right),
+
+for every m, and in double precision right to 14 digits up to m = 24 and more. In particular
+:math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import control
+import numpy as np
+
+from pidalab import _check
+from pidalab.controllers import HighOrderPID
+from pidalab.loop import Loop
+from pidalab.process import Process, ipdt
+from pidalab.stability import is_stable
+
+
+class Constants(NamedTuple):
+    """Parameters of PID^m for a model with unit velocity gain and unit dead time, eq. (6)."""
+
+    pole: float
+    gain: float
+    integral_time: float
+    derivative_times: tuple[float, ...]
+
+
+def constants(m: int) -> Constants:
+    r"""Dimensionless parameters of the controller without filter, eq. (6) and Table I.
+
+    ===============  ========================================  ====================
+    huba2018         meaning                                   field
+    ===============  ========================================  ====================
+    p_o              dominant pole times T_d                   ``pole``
+    K_o              K_c K_s T_d                               ``gain``
+    τ_io             T_i / T_d                                 ``integral_time``
+    τ_1o ... τ_mo    T_Dj / T_d^j                              ``derivative_times``
+    ===============  ========================================  ====================
+
+    Parameters
+    ----------
+    m : int
+        Order of the highest derivative, at least 0: 0 is PI, 1 PID, 2 PIDA.
+
+    Returns
+    -------
+    Constants
+        Pure numbers, from the closed form at the top of this module.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an m that is not an integer, or negative.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.rules.mrdp.constants(m=1)
+    Constants(pole=-1.267949, gain=0.783612, integral_time=3.732051, derivative_times=(0.262892,))
+    """
+    m = _check.integer("m", m, at_least=0)
+    mu = math.sqrt(m + 2)
+    c = [_coefficient(m, j) for j in range(m + 2)]
+    return Constants(mu - mu**2, c[1], c[1] / c[0], tuple(value / c[1] for value in c[2:]))
+
+
+def _coefficient(m: int, j: int) -> float:
+    """Coefficient of x^j in N(x)."""
+    mu, rest = math.sqrt(m + 2), m + 1 - j
+    a = mu**2 - mu
+    head = (mu + j - 1) * a ** (rest + 1) / math.factorial(rest)
+    tail = math.fsum(a**i / math.factorial(i) for i in range(rest + 1))
+    return math.exp(-a) / math.factorial(j) * (head - j * (j - 1) * tail)
+
+
+def filter_ratio(m: int, n: int) -> float:
+    r"""Filter time constant per unit of equivalent dead time, T_f / T_e: eq. (11) and Table II.
+
+    The filter and the dead time T_e are called equivalent if they put the dominant pole of the loop with a pure
+    integrator at the same place. For n = m the loop with the filter has no such pole: the condition leaves a constant,
+    and eq. (9) gives -1/T_f, the pole of the filter. The rule uses it all the same.
+
+    Parameters
+    ----------
+    m : int
+        Order of the highest derivative, at least 0.
+    n : int
+        Order of the filter, at least m and at least 1.
+
+    Returns
+    -------
+    float
+        T_f / T_e.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For orders outside their ranges.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> print(f"{pidalab.rules.mrdp.filter_ratio(m=2, n=3):.4f}")
+    0.3000
+    """
+    m, n = _orders(m, n)
+    if n == 0:
+        raise ValueError("n must be at least 1 to have a filter, found 0")
+    pole = (m + 2) * (n + 1) - math.sqrt((m + 2) * (n + 1) * (n - m))
+    return pole / ((n + 1) * (n + 2) * -constants(m).pole)
+
+
+def _orders(m: int, n: int) -> tuple[int, int]:
+    m, n = _check.integer("m", m, at_least=0), _check.integer("n", n, at_least=0)
+    if n < m:
+        raise ValueError(f"n must be at least m = {m}, or the controller is not proper; found {n}")
+    return m, n
+
+
+def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
+    r"""Weights b_0, b_1, ... of the prefilter that cancels some of the dominant poles, eq. (14) and Table III.
+
+    Parameters
+    ----------
+    m : int
+        Order of the highest derivative, at least 0.
+    cancelled : int
+        Number p of cancelled poles, from 1 to m + 1: the more, the faster.
+
+    Returns
+    -------
+    tuple of float
+        p weights, for eq. (13).
+
+    Raises
+    ------
+    TypeError, ValueError
+        For numbers outside their ranges.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> [round(b, 4) for b in pidalab.rules.mrdp.prefilter_weights(m=1, cancelled=2)]
+    [0.4226, 0.634]
+    """
+    unit = constants(m)
+    p = _check.integer("cancelled", cancelled, at_least=1)
+    if p > m + 1:
+        raise ValueError(f"cancelled must be at most m + 1 = {m + 1}, or the prefilter is not proper; found {p}")
+    scale = [unit.integral_time * time for time in (1.0, *unit.derivative_times)]
+    return tuple(math.comb(p, k + 1) * (-1 / unit.pole) ** (k + 1) / scale[k] for k in range(p))
+
+
+@dataclass(frozen=True)
+class Design:
+    """A controller with its prefilter and the numbers they were made from; made by `tune`.
+
+    Attributes
+    ----------
+    model : Process
+        The integrator with dead time.
+    m, n : int
+        Order of the highest derivative, and of the filter.
+    te : float
+        Dead time that stands for the filter.
+    delay : float
+        Total dead time T_d for which the controller is tuned.
+    pole : float
+        Dominant pole s_o, in 1/time.
+    kc, ti : float
+        Proportional gain and integral time.
+    td : tuple of float
+        T_D1 ... T_Dm, in time, time², ...
+    filter_time : float
+        Time constant T_f of the filter.
+    weights : tuple of float
+        b_0, b_1, ... of the prefilter.
+    iae : float
+        Integral of the error after a unit step of the set point; the integral of its absolute value as long as the
+        error does not change its sign.
+    """
+
+    model: Process
+    m: int
+    n: int
+    te: float
+    delay: float
+    pole: float
+    kc: float
+    ti: float
+    td: tuple[float, ...]
+    filter_time: float
+    weights: tuple[float, ...]
+    iae: float
+
+    @property
+    def source(self) -> dict[str, str]:
+        """Where each number comes from in huba2018, by attribute."""
+        return {
+            "te": "chosen, step 1 of the tuning procedure",
+            "delay": "eq. (12)",
+            "pole": "eq. (6)",
+            "kc": "eq. (6), Table I",
+            "ti": "eq. (6), Table I",
+            "td": "eq. (6), Table I",
+            "filter_time": "eq. (11), Table II" if self.n else "no filter",
+            "weights": "eq. (14), Table III",
+            "iae": "eq. (15), Table IV",
+        }
+
+    @property
+    def controller(self) -> HighOrderPID:
+        """The controller R_n^m, filter included: eqs. (2) and (7)."""
+        return HighOrderPID([self.kc * x for x in (1 / self.ti, 1.0, *self.td)], self.filter_time, self.n)
+
+    @property
+    def prefilter(self) -> control.TransferFunction:
+        """The prefilter F_p of the set point, eq. (13)."""
+        den = [1.0, *(self.ti * x for x in (1.0, *self.td))]
+        num = [1.0, *(b * x for b, x in zip(self.weights, den[1:], strict=False))]
+        return control.TransferFunction(num[::-1], den[::-1])
+
+    def loop(self, process: Process | None = None) -> Loop:
+        """Close the loop.
+
+        Parameters
+        ----------
+        process : Process, optional
+            The process to control; by default the model.
+
+        Returns
+        -------
+        Loop
+            With controller and prefilter.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> design = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=1, n=2, te=0.2)
+        >>> pidalab.is_stable(design.loop())
+        True
+        """
+        return Loop(self.model if process is None else process, self.controller, prefilter=self.prefilter)
+
+    def __str__(self) -> str:
+        lines = [f"PID with m = {self.m}, n = {self.n} for {self.model!r}"]
+        for name, source in self.source.items():
+            value = getattr(self, name)
+            text = ", ".join(f"{x:.6g}" for x in value) if isinstance(value, tuple) else f"{value:.6g}"
+            lines.append(f"  {name:12} = {text:42} {source}" if text else f"  {name:12}   {'none':42} {source}")
+        return "\n".join(lines)
+
+
+def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None) -> Design:
+    r"""Tune PID_n^m and its prefilter for an integrator with dead time, sec. II.B.
+
+    ============  =========================================
+    huba2018      argument
+    ============  =========================================
+    K_sm, T_dm    `model`, an `ipdt`
+    m             `m`
+    n             `n`
+    T_e           `te`
+    p             `cancelled`
+    ============  =========================================
+
+    Nothing in the rule makes sure that the loop is stable: for m of 2 and more it is not if `te` is short against the
+    dead time, see `smallest_te`.
+
+    Parameters
+    ----------
+    model : Process
+        Velocity gain and dead time: `ipdt`.
+    m : int
+        Order of the highest derivative, at least 0.
+    n : int
+        Order of the filter, at least m. 0 is for PI without filter.
+    te : float
+        Dead time that stands for the filter, above 0: the larger, the less noise and speed. 0 with ``n=0``.
+    cancelled : int, optional
+        Number of dominant poles that the prefilter cancels, from 1 to m + 1 (the default).
+
+    Returns
+    -------
+    Design
+        Controller, prefilter, and each number with its source.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a model of another structure and for numbers outside their ranges.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> print(pidalab.rules.mrdp.tune(pidalab.ipdt(0.01, delay=5.0), m=1, n=2, te=1.0))
+    PID with m = 1, n = 2 for Process(num=[0.01], den=[1, 0], delay=5)
+      te           = 1                                          chosen, step 1 of the tuning procedure
+      delay        = 6                                          eq. (12)
+      pole         = -0.211325                                  eq. (6)
+      kc           = 13.0602                                    eq. (6), Table I
+      ti           = 22.3923                                    eq. (6), Table I
+      td           = 1.57735                                    eq. (6), Table I
+      filter_time  = 0.394338                                   eq. (11), Table II
+      weights      = 0.42265, 0.633975                          eq. (14), Table III
+      iae          = 12.9282                                    eq. (15), Table IV
+    """
+    velocity, dead_time = _integrator(model)
+    m, n = _orders(m, n)
+    te = _check.real("te", te, at_least=0.0)
+    if bool(n) != bool(te):
+        raise ValueError(f"te must be above 0 with a filter and 0 without, found te = {te:g} with n = {n}")
+    delay = dead_time + te
+    if not delay:
+        raise ValueError("model must have a dead time, or te must be above 0: both are 0")
+    unit, weights = constants(m), prefilter_weights(m, m + 1 if cancelled is None else cancelled)
+    ti = unit.integral_time * delay
+    return Design(
+        model=model,
+        m=m,
+        n=n,
+        te=te,
+        delay=delay,
+        pole=unit.pole / delay,
+        kc=unit.gain / (velocity * delay),
+        ti=ti,
+        td=tuple(time * delay**j for j, time in enumerate(unit.derivative_times, start=1)),
+        filter_time=filter_ratio(m, n) * te if n else 0.0,
+        weights=weights,
+        iae=(1 - weights[0]) * ti,
+    )
+
+
+def _integrator(model: Process) -> tuple[float, float]:
+    """Return velocity gain and dead time of an integrator, or raise."""
+    if not isinstance(model, Process):
+        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
+    if len(model.num) != 1 or len(model.den) != 2 or model.den[1] != 0 or model.num[0] == 0:
+        raise ValueError(f"model must be an integrator with dead time (pidalab.ipdt), found {model!r}")
+    return float(model.num[0] / model.den[0]), model.delay
