@@ -1,12 +1,14 @@
 """Three-point identification: records whose parameters are known, the three times from a root finder, every refusal."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.special import gammainc
 
 import pidalab
-from pidalab.identification import three_point
+from pidalab.identification import ipdt_tangent, three_point
 
 T = np.linspace(0.0, 40.0, 4001)
 FOURTH = gammainc(4, T)  # step response of 1/(s + 1)^4
@@ -124,3 +126,66 @@ def test_levels_whose_formulas_turn_negative_say_so():
     """Levels far from the method's own can make L negative."""
     with pytest.raises(ValueError, match=r"it reaches the levels at .* which gives L = -.* both must be positive"):
         three_point(T, FOURTH, levels=(0.001, 0.01, 0.999))
+
+
+def inflection(order, lag):
+    """Steepest point of the step response of 1/(lag s + 1)^order: at (order - 1) lags, in closed form."""
+    time = (order - 1) * lag
+    slope = gammainc(order, order - 1.0)  # level there
+    density = (order - 1.0) ** (order - 1) * np.exp(1.0 - order) / math.factorial(order - 1) / lag
+    return density, time - slope / density
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 8])
+def test_tangent_of_equal_lags_is_its_closed_form(order):
+    """The slope falls short by at most |y'''| h^2 / 6: half a sample beside the steepest point, mean over a sample."""
+    slope, delay = inflection(order, 2.0)
+    for h in (0.1, 0.05, 0.01):
+        t = h * np.arange(round(60.0 / h))
+        y = 3.0 * gammainc(order, np.maximum(t - 0.7, 0.0) / 2.0) + 20.0
+        model = ipdt_tangent(t, y, step=1.5)
+        off = h**2 / (6 * (order - 1) * 2.0**2)  # at its maximum the gamma density has f'' = -f / (order - 1)
+        assert 0 <= 1 - model.num[0] / (2.0 * slope) <= 1.1 * off
+        assert model.delay == pytest.approx(0.7 + delay, abs=5 * off * delay + h**2)
+
+
+@pytest.mark.parametrize("span", [None, 0.5, 7.0])
+def test_tangent_of_an_integrator_is_the_integrator(span):
+    y = 5.0 - 0.3 * np.maximum(T - 3.217, 0.0)
+    model = ipdt_tangent(T, y, step=0.5, span=span)
+    assert (model.num[0], model.den.tolist()) == (pytest.approx(-0.6, rel=1e-10), [1.0, 0.0])
+    assert model.delay == pytest.approx(3.217, abs=1e-9)
+
+
+def test_tangent_ignores_a_steep_start_in_the_wrong_direction():
+    y = FOURTH - 0.5 * (T > 0) * np.exp(-T)
+    assert np.diff(y).min() < -10 * np.diff(y).max()
+    model = ipdt_tangent(T, y)
+    assert model.num[0] == pytest.approx(np.max(np.diff(y)) / 0.01, rel=1e-12)
+    assert model.delay > 0
+
+
+def test_tangent_of_a_noisy_record_needs_a_span():
+    noisy = FOURTH + np.random.default_rng(1).normal(scale=0.005, size=T.size)
+    slope, delay = inflection(4, 1.0)
+    model = ipdt_tangent(T, noisy, span=1.0)
+    assert (model.num[0], model.delay) == pytest.approx((slope, delay), rel=0.06)
+    assert ipdt_tangent(T, noisy).num[0] > 5 * slope
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"y": np.full(T.size, 2.0)}, "y must end elsewhere than it begins: it starts at 2 and ends at 2"),
+        ({"step": 0.0}, "step must not be 0"),
+        ({"span": 0.0}, "span must be above 0"),
+        ({"span": 50.0}, r"span must be shorter than the record \(40\), found 50"),
+        ({"t": T + 1.0}, "t must start at 0"),
+        ({"y": FOURTH[:-1]}, "y must be a number or an array as long as t"),
+        ({"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0}, "meets the level of rest at t = -.*, before the step"),
+    ],
+    ids=["constant", "no-step", "no-span", "long-span", "time", "short", "early"],
+)
+def test_tangent_complains(change, message):
+    with pytest.raises(ValueError, match=message):
+        ipdt_tangent(**({"t": T, "y": FOURTH} | change))

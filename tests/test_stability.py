@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 from scipy import signal
+from scipy.special import lambertw
 
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
@@ -137,3 +138,53 @@ def test_count_against_polynomial_roots_without_delay(seed):
 )  # fmt: skip
 def test_cancelled_poles_and_poles_on_the_axis_count(process, controller, count):
     assert unstable_poles(Loop(process, controller)) == count
+
+
+@pytest.mark.parametrize("gain", [0.1, 0.3678, 1.0, 1.57, 1.6, 5.0, 50.0])
+def test_rightmost_poles_of_an_integrator_are_lambert_w(gain):
+    """s + K e^{-s} = 0 has the zeros W_k(-K)."""
+    found = pidalab.rightmost_poles(Loop(pidalab.ipdt(1.0, delay=1.0), gain), count=6)
+    exact = np.array([lambertw(-gain, k) for k in range(-8, 9)])
+    exact = exact[np.argsort(-exact.real)][: found.size]
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(exact), abs=1e-12)
+    assert np.all(np.diff(found.real) < 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rightmost_poles_of_random_loops(seed):
+    """They solve the characteristic equation, and as many are unstable as the argument principle counts."""
+    loop = random_loop(seed)
+    found = pidalab.rightmost_poles(loop, count=10)
+    assert found.size in (10, 11)
+    assert np.abs(1 + loop.L(found)) == pytest.approx(0, abs=1e-8)
+    unstable = unstable_poles(loop)
+    assert unstable < 10
+    assert np.count_nonzero(found.real >= 0) == unstable
+    assert found.sum().imag == pytest.approx(0, abs=1e-9)  # pairs are whole
+
+
+def test_rightmost_poles_without_dead_time():
+    loop = Loop(Process([1.0], [1.0, 2.0, 0.0]), 5.0)
+    assert pidalab.rightmost_poles(loop) == pytest.approx([-1 + 2j, -1 - 2j])
+    with pytest.raises(ValueError, match="at most the order of the loop, 2, found 3"):
+        pidalab.rightmost_poles(loop, count=3)
+
+
+def test_rightmost_poles_of_a_triple_pole():
+    """PI tuned for a triple pole at sqrt(2) - 2 without filter; a third of the digits can be had."""
+    loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=0, n=0, te=0.0).loop()
+    assert pidalab.rightmost_poles(loop, count=3)[:3] == pytest.approx([math.sqrt(2) - 2] * 3, abs=1e-4)
+
+
+def test_rightmost_poles_of_a_neutral_loop():
+    """Right of the chain at log(0.5) they can be told apart; of the chain itself there is no rightmost one."""
+    neutral = Loop(Process([0.5, 1.0], [1.0, 1.0], delay=1.0), 1.0)
+    found = pidalab.rightmost_poles(neutral)
+    assert np.abs(1 + neutral.L(found)) == pytest.approx(0, abs=1e-10)
+    with pytest.raises(ArithmeticError, match="cannot be told from their neighbours"):
+        pidalab.rightmost_poles(Loop(Process([1.0], [1.0], delay=1.0), 0.5))
+
+
+def test_rightmost_poles_bad_input():
+    with pytest.raises(ValueError, match="count must be a whole number, at least 1"):
+        pidalab.rightmost_poles(Loop(pidalab.ipdt(1.0, delay=1.0), 1.0), count=0)

@@ -7,7 +7,7 @@ Data flow down one corridor, and every chapter of the book walks it::
 
 from importlib.metadata import version
 
-from pidalab import identification, ledger, plots, rules
+from pidalab import identification, ledger, plots, rules, twins
 from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
 from pidalab.loop import Loop
 from pidalab.margins import (
@@ -20,19 +20,22 @@ from pidalab.margins import (
 from pidalab.process import Process, fopdt, ipdt, lags, sopdt
 from pidalab.response import Response
 from pidalab.simulation import (
+    AsymmetricPlant,
     load_response,
     open_loop_step,
     simulate,
     simulate_ensemble,
+    simulate_sampled,
     step_response,
     uniform_noise,
 )
-from pidalab.stability import is_stable, unstable_poles
+from pidalab.stability import is_stable, rightmost_poles, unstable_poles
 
 __version__ = version("pidalab")
 
 __all__ = [
     "PIDA",
+    "AsymmetricPlant",
     "HighOrderPID",
     "Loop",
     "Margins",
@@ -53,11 +56,14 @@ __all__ = [
     "open_loop_step",
     "phase_crossovers",
     "plots",
+    "rightmost_poles",
     "rules",
     "simulate",
     "simulate_ensemble",
+    "simulate_sampled",
     "sopdt",
     "step_response",
+    "twins",
     "uniform_noise",
     "unstable_poles",
 ]

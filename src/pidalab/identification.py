@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.process import Process
+from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)
 OVERSHOOT = 0.1  # the model has real poles: a record may exceed its final value by noise, not by more than this
@@ -137,6 +137,77 @@ def three_point(
             "(below 0 the response is too sluggish at first, above 1 too sudden)"
         )
     return ThreePointModel(float(gain), float(apparent_delay), float(alpha), float(tau), (t5, t35, t85))
+
+
+def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | None = None) -> Process:
+    r"""Approximate the steepest segment of a step response by an integrator with dead time.
+
+    The straight line through the segment has the slope K step, and meets the level of rest after the dead time L:
+    the model is :math:`K e^{-Ls}/s`. It says nothing of what comes later; the process may well settle.
+
+    ============  ===========================
+    huba2018      result
+    ============  ===========================
+    K_sm          gain of the `ipdt`
+    T_dm          its delay
+    ============  ===========================
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Uniform times; the step of the input is at t = 0.
+    y : array_like, shape (n,)
+        Output; its first sample is the level of rest.
+    step : float, optional
+        Change of the input, not 0.
+    span : float, optional
+        Length of the segment in time. By default one sample interval, right for a clean record; the slope and the dead
+        time then miss those of the tangent by a share in the order of the squared sample time. In a noisy record the
+        steepest short segment is noise: take a longer one, along which a line is fitted by least squares.
+
+    Returns
+    -------
+    Process
+        The model, an `ipdt`.
+
+    Raises
+    ------
+    ValueError
+        For a record that ends where it began, a span longer than the record, and a line that meets the level of rest
+        before the step.
+
+    References
+    ----------
+    huba2018, sec. V.A and Fig. 4.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> t = np.linspace(0.0, 10.0, 1001)
+    >>> y = pidalab.open_loop_step(pidalab.lags(2, delay=1.0), t).y
+    >>> pidalab.identification.ipdt_tangent(t, y)
+    Process(num=[0.36787], den=[1, 0], delay=1.28171)
+    """
+    t = _check.uniform_time("t", t)
+    y = _check.signal("y", y, t.size)
+    h = float(t[-1] / (t.size - 1))
+    change = y[-1] - y[0]
+    if abs(change) <= 1e-9 * max(np.max(np.abs(y)), 1e-300):
+        raise ValueError(f"y must end elsewhere than it begins: it starts at {y[0]:.4g} and ends at {y[-1]:.4g}")
+    width = 1 if span is None else max(1, round(_check.real("span", span, above=0.0) / h))
+    if width >= t.size:
+        raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
+    lever = np.arange(width + 1) - width / 2
+    slopes = np.correlate(y, lever) / (h * np.sum(lever**2))
+    i = int(np.argmax(slopes * np.sign(change)))  # not the steepest of all: the record may first go the wrong way
+    middle, level = t[i] + h * width / 2, np.mean(y[i : i + width + 1])
+    delay = middle - (level - y[0]) / slopes[i]
+    if delay < -1e-9 * t[-1]:
+        raise ValueError(
+            "y does not fit an integrator with dead time: the line along its steepest segment, around "
+            f"t = {middle:.4g}, meets the level of rest at t = {delay:.4g}, before the step"
+        )
+    return ipdt(float(slopes[i]) / _step(step), max(0.0, float(delay)))
 
 
 def _step(step: float) -> float:

@@ -175,6 +175,39 @@ def comparison(
     return figure
 
 
+def experiment(runs: Mapping[str, Response], y_label: str, u_label: str, time_label: str = "time units") -> Figure:
+    """Draw output above control signal for several runs of the same experiment, with its set point.
+
+    Parameters
+    ----------
+    runs : mapping of str to Response
+        By label; all with the same set point.
+    y_label, u_label, time_label : str, optional
+        What is drawn, with units.
+
+    Returns
+    -------
+    Figure
+        With two axes.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> r = pidalab.step_response(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.3), np.linspace(0, 20, 201))
+    >>> len(pidalab.plots.experiment({"P": r}, "level, m", "valve, %", "time, s").axes)
+    2
+    """
+    figure, axes = plt.subplots(2, 1, figsize=(8.4, 5.0), sharex=True)
+    first = next(iter(runs.values()))
+    axes[0].plot(*thin(first.t, first.r), "-", color="#808080", linewidth=1.0, drawstyle="steps-post")
+    for ax, name, label in zip(axes, "yu", (y_label, u_label), strict=True):
+        signal(ax, runs, name)
+        ax.set(ylabel=label, xlabel="")
+    axes[1].set(xlabel=time_label, xlim=(0, first.t[-1]))
+    axes[0].legend(ncols=3, loc="lower right")
+    return figure
+
+
 def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float | None = None) -> None:
     """Draw L(jw) near the critical point, with the circle that it must not enter for a given Ms.
 

@@ -1,15 +1,19 @@
-"""Stability of loops with exact dead time, by the argument principle."""
+"""Stability of loops with exact dead time: poles counted by the argument principle, and the rightmost ones found."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
+from pidalab import _check
 from pidalab._check import Array
 from pidalab.frequency import ends, grid
 from pidalab.loop import Loop, open_loop, require_well_posed
+from pidalab.process import Process
 
+MOST_NODES = 512  # of the collocation on the dead time
 ON_AXIS = 1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
 
 
@@ -112,3 +116,131 @@ def is_stable(loop: Loop) -> bool:
     False
     """
     return unstable_poles(loop) == 0
+
+
+def rightmost_poles(loop: Loop, count: int = 1) -> Array:
+    """Closed-loop poles with the largest real parts, with exact dead time.
+
+    A dead time makes infinitely many poles. They are approximated by collocation at Chebyshev points of the dead time,
+    brought to full precision by Newton's method on the characteristic function, and counted by the argument principle:
+    none to the right of those returned is missing.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+    count : int, optional
+        How many, at least 1. One more is returned where a complex pair would be split.
+
+    Returns
+    -------
+    ndarray of complex, shape (count,) or (count + 1,)
+        In 1/time, by falling real part; poles of higher multiplicity several times. Near a pole of multiplicity k only
+        1/k of the digits can be had.
+
+    Raises
+    ------
+    ValueError
+        For a loop with fewer poles, and for an ill-posed one.
+    ArithmeticError
+        If the argument principle does not confirm them: they lie too close to their neighbours or to the infinite
+        chain of a neutral loop, or belong to frequencies of hundreds of rad per dead time.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 1.0)
+    >>> pidalab.rightmost_poles(loop, count=2).round(6).tolist()
+    [(-0.318132+1.337236j), (-0.318132-1.337236j)]
+    """
+    require_well_posed(loop)
+    count = _check.integer("count", count, at_least=1)
+    if not loop.process.delay:
+        num, den = open_loop(loop)
+        found = _sorted(np.roots(np.polyadd(num, den)))
+        if found.size < count:
+            raise ValueError(f"count must be at most the order of the loop, {found.size}, found {count}")
+        return found[: _whole_pairs(found, count)]
+    delay, nodes = loop.process.delay, 32
+    with np.errstate(divide="ignore"):
+        chain = np.log(abs(ends(loop)[1])) / delay  # where the poles of a neutral loop gather
+    while nodes <= MOST_NODES:
+        found = _polished(loop, _collocation(loop, nodes))
+        last = _whole_pairs(found, count)
+        if last < found.size:
+            border = max(0.5 * (found[last - 1].real + found[last].real), found[last - 1].real - 1 / delay)
+            if border <= chain + 1e-6 / delay:
+                break
+            if unstable_poles(_shifted(loop, border)) == last:
+                return found[:last]
+        nodes *= 2
+    raise ArithmeticError(f"the {count} rightmost poles cannot be told from their neighbours")
+
+
+def _collocation(loop: Loop, nodes: int) -> Any:
+    """Eigenvalues of the loop with its dead time as a transport equation, held at Chebyshev points."""
+    num, den = open_loop(loop)
+    order = len(den) - 1
+    direct = num[0] / den[0] if len(num) == len(den) else 0.0
+    c = np.append(np.zeros(len(den) - len(num)), num)[1:] / den[0] - direct * den[1:] / den[0]
+    A = np.eye(order, k=-1)
+    A[:1] = -den[1:] / den[0]
+    k = np.arange(nodes + 1)
+    x = np.cos(np.pi * k / nodes)
+    weight = np.where((k == 0) | (k == nodes), 2.0, 1.0) * (-1.0) ** k
+    D = np.outer(weight, 1 / weight) / (x[:, None] - x[None, :] + np.eye(nodes + 1))
+    D = (D - np.diag(D.sum(axis=1))) * 2 / loop.process.delay
+    generator = np.zeros((order + nodes, order + nodes))
+    generator[:order, :order] = A
+    generator[:order, -1] = -np.eye(1, order)  # the input is minus the loop's output, one dead time ago
+    generator[order:, order:] = D[1:, 1:]
+    generator[order:, :order] = np.outer(D[1:, 0], c)
+    generator[order:, -1] -= direct * D[1:, 0]
+    return np.linalg.eigvals(generator)
+
+
+def _polished(loop: Loop, approximate: Any) -> Any:
+    """Newton's method on 1 + 1/L, logarithmically scaled; what it moves far was no pole."""
+    num, den = open_loop(loop)
+    slope_num, slope_den, delay = np.polyder(num), np.polyder(den), loop.process.delay
+    s = approximate[approximate.real > -20 / delay]  # further left e^{-s delay} is huge, and nothing is asked for
+    start = s
+    with np.errstate(all="ignore"):
+        for _ in range(20):
+            forward = np.exp(-s * delay)
+            value = np.polyval(den, s) + np.polyval(num, s) * forward
+            slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - delay * np.polyval(num, s)) * forward
+            step = np.where(value == 0, 0.0, value / slope)
+            s = s - step
+        near = np.abs(s - start) <= 1e-2 * (np.abs(s) + 1 / delay)
+    return _sorted(s[near])
+
+
+def _sorted(poles: Any) -> Any:
+    """By falling real part; of a pair the one above the axis first."""
+    scale = np.max(np.abs(poles), initial=1e-300)
+    return poles[np.lexsort((-poles.imag, -np.round(poles.real / scale, 13)))]
+
+
+def _whole_pairs(poles: Array, count: int) -> int:
+    """Smallest number from count on that does not split a complex pair."""
+    if count >= poles.size:
+        return poles.size
+    last, following = poles[count - 1], poles[count]
+    return count + 1 if last.imag > 0 and abs(following - last.conjugate()) <= 1e-6 * abs(last) else count
+
+
+def _shifted(loop: Loop, abscissa: float) -> Loop:
+    """Return the loop whose transfer function is L(s + abscissa)."""
+    num, den = open_loop(loop)
+    process = Process(
+        num[0] * math.exp(-abscissa * loop.process.delay) * _monic(np.roots(num) - abscissa),
+        den[0] * _monic(np.roots(den) - abscissa),
+        loop.process.delay,
+    )
+    return Loop(process, 1.0)
+
+
+def _monic(roots: Any) -> Array:
+    """Real monic polynomial with these roots; 1 where there are none."""
+    return np.atleast_1d(np.poly(roots)).real

@@ -6,6 +6,8 @@ return {signal: values}.  They share only the evaluation of the rational functio
 
 import math
 from fractions import Fraction
+from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from mpmath import exp, mp, mpc, mpf
@@ -74,7 +76,7 @@ def peak(case, center, radius):
     return max(0.0, max((k * size + s.real * tau).max() for k, tau in ends))
 
 
-def circles(case):
+def circles(case, digits):
     """Circles (centre, radius), a first node number, log10 of the largest integrand.
 
     The trapezoidal rule errs by the integrand on a smaller or larger circle times the ratio of
@@ -89,10 +91,11 @@ def circles(case):
     limit = min(((abs(c) - e) / 3 for c, e in rest), default=math.inf) - abs(center)
     radii = extent + 0.05 * 1.3 ** np.arange(40)
     radii = radii[radii < limit]
+    goal = (digits + 10) * math.log(10)
     logs = np.array([peak(case, center, r) for r in radii])
     best = (math.inf,)
     for r, log in zip(radii[1:-1], logs[1:-1], strict=True):
-        points = [(logs[m] + 80) / abs(np.log(radii[m] / r)) for m in (radii < r, radii > r)]
+        points = [(logs[m] + goal) / abs(np.log(radii[m] / r)) for m in (radii < r, radii > r)]
         best = min(best, (max(p.min() for p in points) / 2, log, r))
     nodes, log, radius = best
     log = max([log] + [peak(case, *circle) for circle in far])
@@ -104,6 +107,7 @@ def on_circles(case, times, places, nodes):
     blocks = coefficients(case, mpf)
     delay = mpf(case["delay"])
     last = [last_term(t, case["delay"]) for t in times]
+    gaps = [mpf(b) - mpf(a) for a, b in pairwise([0.0, *times])]  # exact
     total = [[mpf(0)] * 6 for _ in times]
     for center, radius in places:
         for j in range(nodes):  # upper half circle; the lower half is the conjugate
@@ -115,8 +119,10 @@ def on_circles(case, times, places, nodes):
                 partial, x = [mpc(0), mpc(1)], -q * lag  # partial[k] = sum of k terms
                 while len(partial) < max(last) + 2:
                     partial.append(partial[-1] * x + 1)
-            for i, t in enumerate(times):
-                e = weight * exp(mpf(t) * s)
+            over = {gap: exp(gap * s) for gap in {*gaps}}  # dense times have few different gaps
+            e = weight
+            for i, gap in enumerate(gaps):
+                e *= over[gap]
                 if delay:
                     now, late = e * partial[last[i] + 1], e * lag * partial[last[i]]
                 else:
@@ -150,14 +156,18 @@ def by_talbot(case, times, degree):
 
 def talbot_nodes(tau, degree):
     """(s, weight) such that f(tau) = sum of Re(weight * s F(s)); s = None is infinity."""
-    if tau == 0:
-        return [(None, mpf(1))]
-    r = mpf(2 * degree) / (5 * tau)
-    nodes = [(r, exp(r * tau) * r / (2 * degree * r))]
+    return [(z / tau, weight) for z, weight in talbot_contour(degree, mp.prec)] if tau else [(None, mpf(1))]
+
+
+@cache
+def talbot_contour(degree, precision):
+    """(tau s, weight), which do not depend on tau, to the current precision (in bits)."""
+    r = mpf(2 * degree) / 5
+    nodes = [(r, exp(r) / (2 * degree))]
     for j in range(1, degree):
         a = j * mp.pi / degree
         cot = mp.cot(a)
-        s = r * a * mpc(cot, 1)
+        z = r * a * mpc(cot, 1)
         sigma = a + (a * cot - 1) * cot
-        nodes.append((s, exp(tau * s) * mpc(1, sigma) * r / (degree * s)))
+        nodes.append((z, exp(z) * mpc(1, sigma) * r / (degree * z)))
     return nodes

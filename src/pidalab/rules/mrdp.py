@@ -1,10 +1,12 @@
 r"""Multiple real dominant pole tuning of PID_n^m for an integrator with dead time (huba2018).
 
 Without filter the loop of the controller and the model :math:`K_s e^{-T_d s}/s` has the characteristic quasi-polynomial
-:math:`s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1})`, eq. (4). With :math:`x = T_d s`
-it is :math:`x^2 e^x + N(x)`, and wherever :math:`x_o` lies, it is an (m+2)-fold zero if -N is the Taylor polynomial of
-degree m+1 of :math:`x^2 e^x` there. The rule takes the :math:`x_o` nearest to 0 at which the next derivative vanishes
-too:
+
+.. math:: s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1}),
+
+eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`, and wherever :math:`x_o` lies, it is an (m+2)-fold zero if
+-N is the Taylor polynomial of degree m+1 of :math:`x^2 e^x` there. The rule takes the :math:`x_o` nearest to 0 at which
+the next derivative vanishes too:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
@@ -24,7 +26,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import control
-import numpy as np
 
 from pidalab import _check
 from pidalab.controllers import HighOrderPID
@@ -41,18 +42,29 @@ class Constants(NamedTuple):
     integral_time: float
     derivative_times: tuple[float, ...]
 
+    @property
+    def numerator(self) -> list[float]:
+        """Coefficients of N(x) in descending powers; the loop without filter has the poles x^2 e^x + N(x) = 0, eq. (4).
+
+        Returns
+        -------
+        list of float
+            m + 2 numbers.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> [round(c, 4) for c in pidalab.rules.mrdp.constants(m=0).numerator]
+        [0.4612, 0.0791]
+        """
+        return [self.gain * x for x in (*self.derivative_times[::-1], 1.0, 1 / self.integral_time)]
+
 
 def constants(m: int) -> Constants:
     r"""Dimensionless parameters of the controller without filter, eq. (6) and Table I.
 
-    ===============  ========================================  ====================
-    huba2018         meaning                                   field
-    ===============  ========================================  ====================
-    p_o              dominant pole times T_d                   ``pole``
-    K_o              K_c K_s T_d                               ``gain``
-    τ_io             T_i / T_d                                 ``integral_time``
-    τ_1o ... τ_mo    T_Dj / T_d^j                              ``derivative_times``
-    ===============  ========================================  ====================
+    In the paper's symbols ``pole`` is p_o, the dominant pole times T_d, ``gain`` K_o = K_c K_s T_d, ``integral_time``
+    τ_io = T_i/T_d, and ``derivative_times`` are τ_jo = T_Dj/T_d^j for j = 1 ... m.
 
     Parameters
     ----------
@@ -66,8 +78,8 @@ def constants(m: int) -> Constants:
 
     Raises
     ------
-    TypeError, ValueError
-        For an m that is not an integer, or negative.
+    ValueError
+        For an m that is not a whole number, or negative.
 
     Examples
     --------
@@ -111,7 +123,7 @@ def filter_ratio(m: int, n: int) -> float:
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         For orders outside their ranges.
 
     Examples
@@ -151,7 +163,7 @@ def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         For numbers outside their ranges.
 
     Examples
@@ -271,16 +283,6 @@ class Design:
 def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None) -> Design:
     r"""Tune PID_n^m and its prefilter for an integrator with dead time, sec. II.B.
 
-    ============  =========================================
-    huba2018      argument
-    ============  =========================================
-    K_sm, T_dm    `model`, an `ipdt`
-    m             `m`
-    n             `n`
-    T_e           `te`
-    p             `cancelled`
-    ============  =========================================
-
     Nothing in the rule makes sure that the loop is stable: for m of 2 and more it is not if `te` is short against the
     dead time, see `smallest_te`.
 
@@ -346,6 +348,65 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         weights=weights,
         iae=(1 - weights[0]) * ti,
     )
+
+
+def smallest_te(m: int, n: int) -> float:
+    r"""Shortest T_e, in dead times of the model, for which the tuned loop is stable with the model itself.
+
+    For m = 0 and m = 1 every T_e is long enough: without filter \|L\| falls to 0, or to 0.21, at high frequencies. For
+    m of 2 and more it rises without end, and it is the filter alone that brings it down. Far above the crossover
+    \|L\| has a hump
+
+    .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
+              \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
+
+    and there the dead time turns the phase through all values. So the loop is stable, roughly, when the hump is below
+    1; this function starts from that estimate and bisects with the argument principle.
+
+    Parameters
+    ----------
+    m : int
+        Order of the highest derivative, at least 0.
+    n : int
+        Order of the filter, at least m and at least 1.
+
+    Returns
+    -------
+    float
+        The limit of T_e / T_dm, to 6 digits and more; 0 for m = 0 and m = 1.
+
+    Raises
+    ------
+    ValueError
+        For orders outside their ranges.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> print(f"{pidalab.rules.mrdp.smallest_te(m=2, n=2):.4f}")
+    0.0477
+    """
+    ratio, unit = filter_ratio(m, n), constants(m)
+    if m < 2:
+        return 0.0
+    shape = math.sqrt((m - 1) ** (m - 1) * (n - m + 1) ** (n - m + 1) / n**n)
+    share = (unit.gain * unit.derivative_times[-1] * shape) ** (
+        1 / (m - 1)
+    ) / ratio  # of T_e in T_d, where the hump is 1
+    estimate = share / (1 - share)
+
+    def stable(te: float) -> bool:
+        return is_stable(tune(ipdt(1.0, delay=1.0), m, n, te).loop())
+
+    low = high = estimate
+    while stable(low):
+        low *= 0.9
+    while not stable(high):
+        high *= 1.1
+    while high - low > 1e-7 * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if stable(middle) else (middle, high)
+    return high
 
 
 def _integrator(model: Process) -> tuple[float, float]:

@@ -1,0 +1,99 @@
+"""Durations, a limit for tasks that take too long, and errors against the high-precision oracles of the tests."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+import control
+import numpy as np
+
+import pidalab
+
+T = TypeVar("T")
+
+ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
+
+
+def oracle_cases(name: str) -> list[dict]:
+    """Return the cases of one oracle file."""
+    return json.loads((ORACLES / name).read_text())["cases"]
+
+
+def case_loop(case: dict) -> pidalab.Loop:
+    """Return the loop of a case, with the coefficients of the file: to the last bit those that its values belong to."""
+
+    def block(name: str) -> control.TransferFunction | None:
+        return control.tf(case[name]["num"], case[name]["den"]) if case[name] else None
+
+    process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
+    return pidalab.Loop(process, block("controller") or 1.0, block("output_filter"), block("prefilter"))
+
+
+def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
+    """Return the CPU time of a run in seconds, and its result.
+
+    With one thread that is the time on a clock, without the time in which the machine does something else.
+    """
+    start = time.process_time()
+    for _ in range(runs):
+        result = task()
+    return (time.process_time() - start) / runs, result
+
+
+def median_time(task: Callable[[], object], repeats: int = 5) -> float:
+    """Return the median duration after one run that does not count.
+
+    Each of the repeats is as many runs as take a tenth of a second, since some clocks tick only every few milliseconds.
+    """
+    first = duration(task)[0]
+    runs = min(50, math.ceil(0.1 / max(first, 1e-3)))
+    return statistics.median(duration(task, runs)[0] for _ in range(repeats))
+
+
+@contextmanager
+def limit(seconds: int) -> Iterator[None]:
+    """Raise TimeoutError once the block has taken so many seconds of CPU time."""
+    over = f"stopped after {seconds} s"
+    fired = False
+
+    def stop(*_: object) -> None:
+        nonlocal fired
+        fired = True
+        raise TimeoutError(over)
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    except Exception as reason:
+        if fired:  # compiled code on the way may have made another exception of it
+            raise TimeoutError(over) from reason
+        raise
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def error(t: np.ndarray, y: np.ndarray, case: dict) -> float:
+    """Return the largest error at those oracle times that lie on the uniform grid t.
+
+    It is relative to max(1, |y|), for a response that grows to the largest |y| so far. Where y is not a number the
+    error is infinite.
+    """
+    exact = np.array([float(text) for text in case["values"]["setpoint"]["y"]])
+    times = np.array(case["times"])
+    scale = np.maximum(1.0, np.abs(exact))
+    if "envelope" in case:
+        scale = np.maximum(scale, case["envelope"]["setpoint"]["y"])
+    i = np.minimum(np.rint(times / t[-1] * (t.size - 1)).astype(int), t.size - 1)
+    on_grid = np.abs(t[i] - times) < 1e-12 * t[-1]
+    worst = np.max(np.abs(y[i] - exact)[on_grid] / scale[on_grid])
+    return float(worst) if np.isfinite(worst) else np.inf

@@ -1,0 +1,227 @@
+r"""Other ways to simulate a loop with dead time, one function for each.
+
+Each function takes a loop, a horizon and a setting (an order, steps per dead time, or a tolerance), prepares what can
+be prepared, and returns a task without arguments. The task computes the response y to a unit step of the set point and
+returns it with its times: the part that is timed.
+
+All but Padé solve the same delay differential equation: the states of prefilter, controller and process, with
+
+.. math:: \dot x = A x + b\,v(t - h) + e, \qquad v = c_v x, \qquad y = c_y x, \qquad x(t) = 0 \text{ for } t \le 0,
+
+where e is the share of the set point. It is set up here from the transfer functions, so it has nothing in common with
+the states of the exact engine.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Callable
+from typing import NamedTuple
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, expm, matrix_balance
+from scipy.signal import tf2ss
+
+import pidalab
+
+Array = NDArray[np.float64]
+Task = Callable[[], tuple[Array, Array]]
+
+GRID = 500  # points per dead time for those that compute at any times asked
+
+
+class DelayEquation(NamedTuple):
+    """The delay differential equation at the top of this module."""
+
+    A: Array
+    b: Array
+    e: Array
+    c_v: Array
+    c_y: Array
+    delay: float
+
+
+def delay_equation(loop: pidalab.Loop) -> DelayEquation:
+    """Set up the equation of a loop whose process and controller are strictly proper."""
+    controller, output_filter = loop.blocks["controller"], loop.blocks["output_filter"]
+    Af, bf, cf, df = _states(*loop.blocks["prefilter"])
+    Ac, bc, cc, dc = _states(*(np.convolve(a, b) for a, b in zip(controller, output_filter, strict=True)))
+    Ap, bp, cp, dp = _states(*loop.blocks["process"])
+    if dc or dp:
+        raise ValueError("process and controller must be strictly proper")
+    f, c, p = len(bf), len(bc), len(bp)
+    A = block_diag(Af, Ac, Ap)
+    A[f : f + c, :f] = np.outer(bc, cf)
+    A[f : f + c, f + c :] = -np.outer(bc, cp)
+    return DelayEquation(
+        A=A,
+        b=np.concatenate([np.zeros(f + c), bp]),
+        e=np.concatenate([bf, df * bc, np.zeros(p)]),
+        c_v=np.concatenate([np.zeros(f), cc, np.zeros(p)]),
+        c_y=np.concatenate([np.zeros(f + c), cp]),
+        delay=loop.process.delay,
+    )
+
+
+def _states(num: Array, den: Array) -> tuple[Array, Array, Array, float]:
+    """Realise num/den with states of similar size, the first of which is the output (less its direct share)."""
+    A, B, C, D = tf2ss(num, den)
+    _, (scale, _) = matrix_balance(A.T, permute=False, separate=True)
+    scale /= scale[0]
+    return A.T * scale / scale[:, None], C[0] / scale, B[:, 0] * scale, D[0, 0]
+
+
+def grid(loop: pidalab.Loop, horizon: float, per_delay: int = GRID) -> Array:
+    """Return uniform times from 0 to the horizon, `per_delay` in each dead time."""
+    return np.linspace(0.0, horizon, round(horizon / loop.process.delay * per_delay) + 1)
+
+
+def exact(loop: pidalab.Loop, horizon: float, setting: None = None) -> Task:
+    """Return pidalab's own engine; it has no setting."""
+    t = grid(loop, horizon)
+    return lambda: (t, pidalab.step_response(loop, t).y)
+
+
+def pade(loop: pidalab.Loop, horizon: float, order: int) -> Task:
+    """Return python-control with a Padé approximation of the dead time, in state space throughout.
+
+    The states are balanced: those that python-control makes of a Padé approximation of order 20 overflow here.
+    """
+    t = grid(loop, horizon)
+    blocks = {name: _system(*ratio) for name, ratio in loop.blocks.items()}
+    delay = _system(*control.pade(loop.process.delay, order))
+    chain = delay * blocks["process"] * blocks["output_filter"] * blocks["controller"]
+    closed = control.feedback(chain, 1) * blocks["prefilter"]
+    return lambda: (t, control.step_response(closed, t).outputs)
+
+
+def _system(num: Array, den: Array) -> control.StateSpace:
+    A, b, c, d = _states(np.atleast_1d(num), np.atleast_1d(den))
+    return control.ss(A, b[:, None], c[None, :], d)
+
+
+def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
+    """Return the fixed-step method that holds v(t - h) over each step and is exact otherwise: first order."""
+    equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
+
+    def task() -> tuple[Array, Array]:
+        A, b, e, *_ = equation
+        d = b.size
+        step = expm(np.block([[A, b[:, None], e[:, None]], [np.zeros((2, d + 2))]]) * equation.delay / per_delay)
+        Phi, gamma, constant = step[:d, :d], step[:d, d], step[:d, d + 1]
+        x, v = np.zeros((1, d)), np.zeros(per_delay + 1)
+        y = [np.zeros(1)]
+        while len(y) <= t.size // per_delay:
+            x = recurrence(Phi, x[-1], np.outer(v[:-1], gamma) + constant)
+            v = x @ equation.c_v
+            y.append(x[1:] @ equation.c_y)
+        return t, np.concatenate(y)
+
+    return task
+
+
+def runge_kutta(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
+    """Return the classical Runge–Kutta method, dead time by dead time (method of steps): fourth order.
+
+    The step divides the dead time, so that no kink lies inside a step. In the middle of a step the past comes from the
+    cubic Hermite interpolant.
+    """
+    equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
+
+    def task() -> tuple[Array, Array]:
+        A, b, e, c_v, c_y, delay = equation
+        step, one, none = delay / per_delay, np.eye(b.size), np.zeros_like(A)
+        R = _runge_kutta_step(A, step, one, none, none, none)
+        first, middle, last = (
+            _runge_kutta_step(A, step, none, *(one if i == j else none for j in range(3))) for i in range(3)
+        )
+        x, v, slope = np.zeros((1, b.size)), np.zeros(per_delay + 1), np.zeros(per_delay + 1)
+        y = [np.zeros(1)]
+        while len(y) <= t.size // per_delay:
+            w, halfway = v, (v[:-1] + v[1:]) / 2 + step / 8 * (slope[:-1] - slope[1:])
+            forcing = np.outer(w[:-1], first @ b) + np.outer(halfway, middle @ b) + np.outer(w[1:], last @ b)
+            x = recurrence(R, x[-1], forcing + (first + middle + last) @ e)
+            v, slope = x @ c_v, (x @ A.T + np.outer(w, b) + e) @ c_v
+            y.append(x[1:] @ c_y)
+        return t, np.concatenate(y)
+
+    return task
+
+
+def _runge_kutta_step(A: Array, step: float, x: Array, first: Array, middle: Array, last: Array) -> Array:
+    """One step of x' = A x + forcing, for the forcing at the start, in the middle and at the end of the step."""
+    k1 = A @ x + first
+    k2 = A @ (x + step / 2 * k1) + middle
+    k3 = A @ (x + step / 2 * k2) + middle
+    k4 = A @ (x + step * k3) + last
+    return x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def recurrence(M: Array, x: Array, forcing: Array) -> Array:
+    """Return all x_k of x_{k+1} = M x_k + forcing_k.
+
+    After pass p, row k holds the share of the last 2^p rows: a few large products in place of many small ones, which
+    in Python is much faster.
+    """
+    rows, power, reach = np.vstack([x, forcing]), M, 1
+    while reach < len(rows):
+        rows[reach:] += rows[:-reach] @ power.T
+        power, reach = power @ power, 2 * reach
+    return rows
+
+
+def jitcdde(loop: pidalab.Loop, horizon: float, tolerance: float, output: bool = True) -> Task:
+    """Return JiTCDDE, compiled: adaptive Bogacki–Shampine steps with cubic Hermite interpolation of the past.
+
+    Its manual offers several ways around the kinks that a step sends through the loop; two are used here.
+    `adjust_diff` makes the first derivative right (over so short a time that it changes nothing else), and
+    `step_on_discontinuities` puts a step on the first dead time. Until then y is 0. Without output only the last value
+    is asked for: on 10,001 points that saves most of the time at low accuracy.
+    """
+    from jitcdde import jitcdde, t, y
+
+    A, b, e, c_v, c_y, delay = delay_equation(loop)
+    times = grid(loop, horizon)
+
+    def combined(row: Array, time: object) -> object:
+        return sum(float(row[i]) * y(i, time) for i in np.flatnonzero(row))
+
+    w = combined(c_v, t - delay)
+    right = [combined(A[i], t) + float(b[i]) * w + float(e[i]) for i in range(b.size)]
+    solver = jitcdde(right, verbose=False, automatic_anchor_helpers=True, delays=[0.0, delay])
+    with tempfile.TemporaryDirectory() as elsewhere, contextlib.chdir(elsewhere):
+        try:
+            solver.compile_C(simplify=False)  # elsewhere, since it would read the project's pyproject.toml
+        except SystemExit as reason:
+            raise OSError("not compiled: is there a C compiler?") from reason
+
+    def task() -> tuple[Array, Array]:
+        solver.purge_past()
+        solver.constant_past(np.zeros(b.size))
+        solver.set_integration_parameters(rtol=tolerance, atol=tolerance)
+        solver.adjust_diff(1e-8)
+        solver.step_on_discontinuities()
+        if not output:
+            return times[-1:], np.array([solver.integrate(times[-1]) @ c_y])
+        states = np.array([solver.integrate(time) for time in times[GRID + 1 :]])
+        return times, np.concatenate([np.zeros(GRID + 1), states @ c_y])
+
+    return task
+
+
+def ddeint(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
+    """Return ddeint: SciPy's VODE from each point asked for to the next, linear interpolation of the past.
+
+    Version 0.3 answers a question for the present state with that of the last point: first order, like Euler's method.
+    """
+    from ddeint import ddeint
+
+    (A, b, e, c_v, c_y, delay), t = delay_equation(loop), grid(loop, horizon, per_delay)
+
+    def derivative(x, time):
+        return A @ x(time) + b * (c_v @ x(time - delay)) + e
+
+    return lambda: (t, ddeint(derivative, lambda time: np.zeros(b.size), t) @ c_y)

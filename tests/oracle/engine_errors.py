@@ -1,0 +1,55 @@
+"""The exact engine held against the oracles."""
+
+import json
+from pathlib import Path
+
+import control
+import numpy as np
+
+import pidalab
+from pidalab.simulation.exact import unit_step_responses
+
+INPUTS = {"setpoint": "r", "load": "d", "noise": "n"}
+SIGNALS = {"y": 0, "u": 2}  # rows of a unit step response
+
+
+def oracle(name):
+    """Content of an oracle file."""
+    return json.loads(Path(__file__).with_name(name).read_text())
+
+
+def oracle_loop(case):
+    """The loop of a case, with the coefficients of the file."""
+
+    def block(name):
+        return control.tf(case[name]["num"], case[name]["den"]) if case[name] else None
+
+    process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
+    return pidalab.Loop(process, block("controller") or 1.0, block("output_filter"), block("prefilter"))
+
+
+def worst_error(case, points):
+    """Largest error over all signals and times, and where; each time ends a grid of its own, of so many points."""
+    loop, worst = oracle_loop(case), (0.0, "")
+    driven = [name for name in INPUTS if name in case["values"]]
+    for i, time in enumerate(case["times"]):
+        if time == 0.0:
+            continue
+        unit = unit_step_responses(loop, np.linspace(0.0, time, points), "".join(INPUTS[name] for name in driven))
+        for k, name in enumerate(driven):
+            for signal, row in SIGNALS.items():
+                value, reference = unit[k, row, -1], float(case["values"][name][signal][i])
+                error = abs(value - reference) / scale(case, name, signal, i)
+                where = f"{name} {signal} at t = {time}: {value!r} against {reference!r}, error {error:.2g}"
+                worst = max(worst, (error, where))
+    return worst
+
+
+def scale(case, name, signal, i):
+    """What an error at time number i is relative to: max(1, |value|).
+
+    After a kick of the control signal it is relative to the kick, where a response diverges to the running envelope.
+    """
+    values = np.abs(np.array(case["values"][name][signal][: i + 1], dtype=float))
+    envelope = case["envelope"][name][signal][i] if "envelope" in case else 0.0
+    return max(1.0, values.max() if signal == "u" else values[i], envelope)

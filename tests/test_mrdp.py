@@ -1,0 +1,173 @@
+"""Multiple real dominant pole tuning: the defining equations in high precision, scaling, stability limits."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.loop import open_loop
+from pidalab.rules import mrdp
+
+UNIT = pidalab.ipdt(1.0, delay=1.0)
+
+
+def taylor_constants(m):
+    """K_o, tau_i, tau_1 ... from the Taylor polynomial of x^2 e^x at p_o, in 60 digits."""
+    with mpmath.workdps(60):
+        pole = mpmath.sqrt(m + 2) - (m + 2)
+        ascending = [mpmath.mpf(0)]
+        for k in range(m + 1, -1, -1):  # Horner in powers of (x - pole)
+            value = mpmath.exp(pole) * (pole**2 + 2 * k * pole + k * (k - 1)) / mpmath.factorial(k)
+            shifted = [mpmath.mpf(0), *ascending]
+            ascending = [a - pole * b for a, b in zip(shifted, [*ascending, mpmath.mpf(0)], strict=True)]
+            ascending[0] += value
+        c = [-value for value in ascending[: m + 2]]
+        return pole, c[1], c[1] / c[0], [value / c[1] for value in c[2:]]
+
+
+@pytest.mark.parametrize("m", range(25))
+def test_closed_form_is_the_taylor_polynomial(m):
+    pole, gain, integral_time, derivative_times = taylor_constants(m)
+    got = mrdp.constants(m)
+    assert got.pole == pytest.approx(float(pole), rel=1e-14)
+    assert got.gain == pytest.approx(float(gain), rel=2e-14)
+    assert got.integral_time == pytest.approx(float(integral_time), rel=2e-14)
+    assert got.derivative_times == pytest.approx([float(x) for x in derivative_times], rel=2e-14)
+
+
+@pytest.mark.parametrize("m", range(6))
+def test_pole_has_multiplicity_m_plus_3(m):
+    """All derivatives of s^2 e^s + N(s) up to the order m+2 vanish at the pole, and the next one does not."""
+    unit = mrdp.constants(m)
+    for k in range(m + 4):
+        first = (unit.pole**2 + 2 * k * unit.pole + k * (k - 1)) * math.exp(unit.pole)
+        second = np.polyval(np.polyder(unit.numerator, k), unit.pole)
+        assert (abs(first + second) < 1e-13) == (k < m + 3)
+
+
+@pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(6) for n in range(m + 1, 9)])
+def test_filter_ratio_puts_both_poles_at_the_same_place(m, n):
+    """At p_o T_f / T_e the derivative of order m+2 of s^2 (s + 1)^n vanishes, and nowhere nearer to 0."""
+    derivative = np.polyder(np.convolve([1.0, 0.0, 0.0], np.poly(-np.ones(n))), m + 2)
+    pole = mrdp.filter_ratio(m, n) * mrdp.constants(m).pole
+    assert -1 < pole < 0
+    assert np.polyval(derivative, pole) / np.polyval(np.polyder(derivative), pole) == pytest.approx(0, abs=1e-9)
+    assert np.all(np.polyval(derivative, np.linspace(0.999 * pole, 0.0, 200)) > 0)
+
+
+def test_filter_ratio_for_equal_orders_is_the_filter_pole():
+    for m in range(1, 6):
+        assert mrdp.filter_ratio(m, m) == pytest.approx(-1 / mrdp.constants(m).pole, rel=1e-14)
+
+
+@pytest.mark.parametrize(("m", "p"), [(m, p) for m in range(6) for p in range(1, m + 2)])
+def test_prefilter_cancels_p_poles(m, p):
+    design = mrdp.tune(pidalab.ipdt(0.3, delay=2.0), m, max(m, 1), te=0.7, cancelled=p)
+    num, den = design.prefilter.num[0][0], design.prefilter.den[0][0]
+    assert num / num[-1] == pytest.approx(np.poly([design.pole] * p) / (-design.pole) ** p, rel=1e-12)
+    controller = design.controller.transfer_function().num[0][0]
+    assert den / den[-1] == pytest.approx(controller / controller[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("m", "n", "te", "p"), [(0, 0, 0.0, 1), (0, 2, 0.3, 1), (1, 1, 0.01, 2), (2, 4, 0.5, 2), (4, 6, 1.0, 5)]
+)
+def test_integral_of_the_error_does_not_depend_on_the_filter(m, n, te, p):
+    design = mrdp.tune(UNIT, m, n, te, cancelled=p)
+    run = pidalab.step_response(design.loop(), np.linspace(0, 60, 6001))
+    assert run.ie() == pytest.approx(design.iae, rel=1e-8)
+    assert run.iae() >= design.iae * (1 - 1e-9)
+
+
+def test_units_of_gain_and_time():
+    """Another unit of u, y and time gives the same loop on another time axis."""
+    one = mrdp.tune(UNIT, 2, 3, 0.4)
+    other = mrdp.tune(pidalab.ipdt(-0.02, delay=5.0), 2, 3, 2.0)
+    t = np.linspace(0, 20, 401)
+    first, second = (pidalab.step_response(design.loop(), time) for design, time in ((one, t), (other, 5 * t)))
+    assert second.y == pytest.approx(first.y, abs=1e-11)
+    assert second.u == pytest.approx(first.u / (-0.02 * 5.0), abs=1e-9)
+    assert other.iae == pytest.approx(5 * one.iae)
+
+
+def test_loop_with_another_process():
+    design = mrdp.tune(UNIT, 1, 2, 0.4)
+    process = pidalab.Process([1.0], [10.0, 1.0], delay=1.0)
+    assert design.loop(process).process is process
+    assert design.loop().process is UNIT
+
+
+def test_prints_each_number_with_its_source():
+    design = mrdp.tune(UNIT, 0, 0, 0.0)
+    for name in design.source:
+        assert hasattr(design, name)
+        assert f"  {name}" in str(design)
+    assert "no filter" in str(design)
+
+
+@pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(2, 7) for n in range(m, m + 3)])
+def test_smallest_te_is_the_only_border(m, n):
+    limit = mrdp.smallest_te(m, n)
+    for factor in (0.7, 0.9, 0.999, 1.001, 1.1, 1.5, 3.0, 10.0, 100.0):
+        assert pidalab.is_stable(mrdp.tune(UNIT, m, n, factor * limit).loop()) == (factor > 1)
+    below, above = (pidalab.rightmost_poles(mrdp.tune(UNIT, m, n, x * limit).loop())[0].real for x in (0.999, 1.001))
+    assert below > 0 > above
+
+
+@pytest.mark.parametrize(("m", "n"), [(0, 1), (0, 6), (1, 1), (1, 2), (1, 6)])
+def test_pi_and_pid_are_stable_with_any_filter(m, n):
+    assert mrdp.smallest_te(m, n) == 0.0
+    for te in np.logspace(-4, 2, 13):
+        assert pidalab.is_stable(mrdp.tune(UNIT, m, n, te).loop())
+
+
+@pytest.mark.parametrize(("factor", "sign"), [(0.9, 1), (1.1, -1)])
+def test_simulation_grows_and_decays_with_the_rightmost_pole(factor, sign):
+    loop = mrdp.tune(UNIT, 4, 5, factor * mrdp.smallest_te(4, 5)).loop()
+    t = np.linspace(0, 120, 24001)
+    error = np.abs(pidalab.step_response(loop, t).e)
+    rate = math.log(error[(t > 110)].max() / error[(t > 50) & (t < 60)].max()) / 60
+    assert math.copysign(1, rate) == sign
+    assert rate == pytest.approx(pidalab.rightmost_poles(loop)[0].real, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"model": pidalab.fopdt(1.0, 2.0, 1.0)}, "model must be an integrator"),
+        ({"model": pidalab.Process([1.0, 1.0], [1.0, 0.0], 1.0)}, "model must be an integrator"),
+        ({"model": pidalab.Process([0.0], [1.0, 0.0], 1.0)}, "model must be an integrator"),
+        ({"m": -1}, "m must be a whole number, at least 0"),
+        ({"n": 1}, "n must be at least m = 2"),
+        ({"te": 0.0}, "te must be above 0 with a filter"),
+        ({"te": -0.1}, "te must be at least 0"),
+        ({"m": 0, "n": 0}, "te must be above 0 with a filter and 0 without"),
+        ({"cancelled": 0}, "cancelled must be a whole number, at least 1"),
+        ({"cancelled": 4}, r"cancelled must be at most m \+ 1 = 3"),
+        ({"model": pidalab.ipdt(1.0, 0.0), "m": 0, "n": 0, "te": 0.0}, "must have a dead time"),
+    ],
+)
+def test_bad_input(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        mrdp.tune(**{"model": UNIT, "m": 2, "n": 3, "te": 0.5, **arguments})
+
+
+def test_bad_types():
+    with pytest.raises(TypeError, match=r"model must be a pidalab\.Process"):
+        mrdp.tune("1/s", 1, 1, 0.5)
+    with pytest.raises(ValueError, match="m must be a whole number"):
+        mrdp.tune(UNIT, 1.5, 2, 0.5)
+    with pytest.raises(ValueError, match="n must be at least 1"):
+        mrdp.filter_ratio(0, 0)
+
+
+def test_controller_is_the_one_of_the_paper():
+    """K_c (1 + 1/(T_i s) + T_D1 s + T_D2 s^2) / (T_f s + 1)^n, eqs. (2) and (7)."""
+    d = mrdp.tune(UNIT, 2, 3, 0.5)
+    s = np.array([0.3j, 1.0 + 2.0j])
+    expected = d.kc * (1 + 1 / (d.ti * s) + d.td[0] * s + d.td[1] * s**2) / (d.filter_time * s + 1) ** 3
+    assert d.controller(s) == pytest.approx(expected, rel=1e-12)
+    num, den = open_loop(d.loop())
+    assert len(den) - len(num) == 2

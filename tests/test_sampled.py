@@ -1,0 +1,253 @@
+"""Digital, limited controllers: recurrences by hand, the exact engine in the limit, ODE solvers, every refusal."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import gammainc
+
+import pidalab
+from pidalab import PIDA, AsymmetricPlant, HighOrderPID, Loop, Process, simulate, simulate_sampled
+from pidalab.rules import mrdp
+
+LOOPS = {
+    "chain": Loop(pidalab.lags(4), PIDA(1.31, 3.37, 0.938, 0.269), control.tf([1.0], [0.0164, 0.256, 1.0])),
+    "prefilter": Loop(pidalab.sopdt(2.0, 1.5, 1.2, 0.7), PIDA(0.6, 3.0, 0.5, 0.1, 3, 3), None, control.tf(1, [0.5, 1])),
+    "integrating": Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.4, 8.0, 0.0, 0.0)),
+    "misaligned": Loop(pidalab.fopdt(1.0, 2.0, math.sqrt(0.5)), PIDA(0.9, 2.0, 0.0, 0.0)),
+    "feedthrough": Loop(Process([0.4, 1.0], [1.0, 1.0], 0.7), 0.6),
+    "short delay": Loop(pidalab.ipdt(1.0, 0.001), 0.5),
+    "PID_2^1": mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=1, n=2, te=0.2).loop(),
+    "PID_6^2": mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=2, n=6, te=1.2).loop(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_first_order_convergence_to_the_continuous_loop(name):
+    """Half the sample time, half the error, in y, u and the area; whether or not samples and dead time are aligned."""
+    errors = []
+    for fineness in (20, 40, 80):
+        t = np.linspace(0.0, 12.0, 60 * fineness + 1)
+        inputs = {"setpoint": 1.0, "load": np.where(t < 5.0, 0.0, 0.3)}
+        sampled, exact = simulate_sampled(LOOPS[name], t, **inputs), simulate(LOOPS[name], t, **inputs)
+        off = [np.max(np.abs(getattr(sampled, key) - getattr(exact, key))[::fineness]) for key in ("y", "u", "area")]
+        errors.append(off)
+    ratios = np.array(errors)[:-1] / np.array(errors)[1:]
+    assert np.all((ratios > 1.8) & (ratios < 2.3)), ratios
+    assert max(errors[-1]) < 0.15
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.03, 0.1, 0.3, 0.3000000001, 0.37, 1.2345])
+def test_proportional_control_of_an_integrator_by_hand(delay):
+    """In each sample the integrator climbs by the share of the newer and the older input; limits included."""
+    h, gain, kp = 0.1, 1.5, 0.9
+    whole = math.floor(delay / h + 1e-9)
+    part = max(0.0, delay - whole * h)
+    y, area, u = [0.0], [0.0], []
+
+    def past(k):
+        return u[k] if k >= 0 else 0.0
+
+    for k in range(80):
+        u.append(min(max(kp * (1.0 - y[k]), -0.1), 0.4))
+        older, newer = gain * past(k - whole - 1), gain * past(k - whole)
+        corner = y[k] + older * part
+        y.append(corner + newer * (h - part))
+        area.append(area[k] + part * (y[k] + corner) / 2 + (h - part) * (corner + y[-1]) / 2)
+    t = h * np.arange(80)
+    r = simulate_sampled(Loop(pidalab.ipdt(gain, delay), kp), t, 1.0, limits=(-0.1, 0.4))
+    np.testing.assert_allclose(r.y, y[:80], atol=1e-9)
+    np.testing.assert_allclose(r.u, u, atol=1e-9)
+    np.testing.assert_allclose(r.area, area[:80], atol=1e-9)
+    assert r.u.max() == 0.4
+
+
+def test_static_plant_with_dead_time_repeats_the_controller():
+    r = simulate_sampled(Loop(Process([2.0], [1.0], 0.25), 0.3), 0.1 * np.arange(8))
+    assert r.y.round(12).tolist() == [0.0, 0.0, 0.0, 0.6, 0.6, 0.6, 0.24, 0.24]  # u of 0.05 samples before t
+    assert r.area[3:5] == pytest.approx([0.6 * 0.05, 0.6 * 0.15])
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 0.1, 1.0, 20.0, 1e4], ids="{}_samples".format)
+def test_filter_of_sixth_order_is_its_closed_form(ratio):
+    """The controller alone, with a filter time constant of `ratio` samples: derivatives of the gamma distribution."""
+    h, gains, n = 0.02, [0.5, 2.0, 1.3, 0.7, 0.2, 0.05], 6
+    time = ratio * h
+    t = h * np.arange(4000)
+    x = t / time
+    density = np.polynomial.Polynomial([0.0] * (n - 1) + [1.0 / math.factorial(n - 1) / time])
+    expected = gains[0] * (t * gammainc(n, x) - n * time * gammainc(n + 1, x)) + gains[1] * gammainc(n, x)
+    for gain in gains[2:]:
+        expected += gain * density(x) * np.exp(-x)
+        density = (density.deriv() - density) / time
+    nothing = Process([0.0], [1.0])
+    u = simulate_sampled(Loop(nothing, HighOrderPID(gains, time, n)), t, setpoint=1.0).u
+    assert np.max(np.abs(u - expected)) < 1e-9 * max(gains[1], np.max(np.abs(expected)))
+
+
+def limited_loop_by_ode_solver(t, limits):
+    """PI with a filter on an integrator with dead time 1, limited, without any sampling: method of steps."""
+    kp, ti, tf, gain = 1.2, 2.0, 0.3, 1.0
+
+    def control_signal(x):
+        return min(max(kp * (x[1] + x[2] / ti), limits[0]), limits[1])
+
+    x, past, y, u = np.zeros(3), lambda s: 0.0, [], []
+    for k in range(int(t[-1]) + 1):
+
+        def slope(s, x, past=past):
+            return [gain * past(s - 1.0), (1.0 - x[0] - x[1]) / tf, x[1]]
+
+        solution = solve_ivp(slope, (k, k + 1), x, "RK45", rtol=1e-9, atol=1e-10, dense_output=True, max_step=2e-3)
+        inside = t[(t >= k) & (t < k + 1)]
+        y += [solution.sol(s)[0] for s in inside]
+        u += [control_signal(solution.sol(s)) for s in inside]
+        x = solution.y[:, -1]
+
+        def past(s, solution=solution):
+            return control_signal(solution.sol(s))
+
+    return np.array(y), np.array(u)
+
+
+def test_limits_against_an_ode_solver():
+    limits = (-0.3, 0.35)
+    loop = Loop(pidalab.ipdt(1.0, 1.0), HighOrderPID([0.6, 1.2], filter_time=0.3, filter_order=1))
+    coarse = np.arange(120) * 0.1
+    y, u = limited_loop_by_ode_solver(coarse, limits)
+    assert (u.min(), u.max()) == limits
+    errors = []
+    for fineness in (16, 32, 64):
+        t = np.arange(119 * fineness + 1) * 0.1 / fineness
+        r = simulate_sampled(loop, t, setpoint=1.0, limits=limits)
+        errors.append(max(np.max(np.abs(r.y[::fineness] - y)), np.max(np.abs(r.u[::fineness] - u))))
+    assert errors[-1] < 0.01
+    assert 1.8 < errors[0] / errors[1] < 2.3
+    assert 1.8 < errors[1] / errors[2] < 2.3
+
+
+def asymmetric(rise, fall, delay=0.0):
+    return AsymmetricPlant(control.tf([3.0, 2.0], [4.0, 5.0, 1.0]), rise, fall, control.tf([-0.2], [0.3, 1.0]), delay)
+
+
+def test_equal_speeds_are_a_process():
+    plant, t = asymmetric(2.0, 2.0, delay=0.13), 0.05 * np.arange(400)
+    assert plant.rising == plant.falling
+    s = 0.3 + 0.9j
+    expected = np.exp(-0.13 * s) * (plant.main(s) / (2 * s + 1) + plant.direct(s))
+    assert plant.rising(s) == pytest.approx(expected, rel=1e-12)
+    inputs = {"setpoint": 1.0, "load": np.sin(t), "noise": 0.1 * np.cos(7 * t), "limits": (-0.4, 0.8)}
+    loop = Loop(plant.rising, PIDA(0.7, 3.0, 0.2, 0.0))
+    one, other = simulate_sampled(loop, t, **inputs), simulate_sampled(loop, t, **inputs, plant=plant)
+    for key in ("y", "u", "area"):
+        np.testing.assert_allclose(getattr(one, key), getattr(other, key), atol=1e-11)
+
+
+def test_asymmetric_plant_against_an_ode_solver():
+    plant, h = asymmetric(1.0, 5.0, delay=0.25), 0.5
+    t = h * np.arange(60)
+    drive = np.repeat([1.0, -0.5, 0.3, 0.25, 2.0, 0.0], 10)
+    r = simulate_sampled(Loop(Process([1.0], [1.0, 1.0]), 0.0), t, load=drive, plant=plant)
+    A, b, c, d = control.ssdata(control.ss(plant.main))
+
+    def slope(s, x, w):
+        rate = (w - x[0]) / (plant.rise if w > x[0] else plant.fall)
+        return [rate, *(A @ x[1:3] + b[:, 0] * x[0]), (w - x[3]) / 0.3]
+
+    x, y = np.zeros(4), [0.0]
+    for k in range(59):
+        for start, w in ((0.0, drive[k - 1] if k else 0.0), (0.25, drive[k])):
+            run = solve_ivp(slope, (start, start + 0.25), x, "DOP853", rtol=1e-11, atol=1e-12, args=(w,))
+            x = run.y[:, -1]
+        y.append(c[0] @ x[1:3] + d[0, 0] * x[0] - 0.2 * x[3])
+    np.testing.assert_allclose(r.y, y, atol=1e-9)
+
+
+def test_a_path_of_its_own_poles_keeps_them():
+    plant = AsymmetricPlant(control.tf([1.0], [2.0, 1.0]), 1.0, 2.0, control.tf([0.5], [7.0, 1.0]))
+    assert plant.falling(0.4j) == pytest.approx(1 / (2 * 0.4j + 1) ** 2 + 0.5 / (7 * 0.4j + 1), rel=1e-12)
+    assert AsymmetricPlant(control.tf([1.0], [2.0, 1.0]), 1.0, 2.0, 0.5).rising(0.0) == pytest.approx(1.5)
+
+
+def test_a_warm_state_of_rest_is_a_shift():
+    """Warm up, then step: the same as a step from rest whose limits count from there, also for the asymmetric plant."""
+    plant, h = asymmetric(1.0, 4.0, delay=0.17), 0.1
+    loop = Loop(Process([1.0], [1.0, 1.0]), PIDA(0.6, 3.0, 0.0, 0.0), prefilter=control.tf([1.0], [1.0, 1.0]))
+    t = h * np.arange(4001)
+    r = simulate_sampled(loop, t, np.where(t < 200.0, 0.9, 0.5), limits=(0.0, 0.8), plant=plant)
+    rest = 0.9 / (2.0 - 0.2)
+    assert r.u[1999] == pytest.approx(rest, abs=1e-9)
+    step = simulate_sampled(loop, t[:2001], -0.4, limits=(0.0 - rest, 0.8 - rest), plant=plant)
+    np.testing.assert_allclose(r.y[2000:], 0.9 + step.y, atol=1e-8)
+    np.testing.assert_allclose(r.u[2000:], rest + step.u, atol=1e-8)
+
+
+def test_inputs_are_superposed_without_limits():
+    t = 0.05 * np.arange(300)
+    inputs = {"setpoint": 1.0, "load": np.sin(t), "noise": np.random.default_rng(0).normal(size=t.size)}
+    parts = [simulate_sampled(LOOPS["misaligned"], t, **({"setpoint": 0.0} | {k: v})) for k, v in inputs.items()]
+    whole = simulate_sampled(LOOPS["misaligned"], t, **inputs)
+    for key in ("r", "d", "n", "y", "u", "area"):
+        np.testing.assert_allclose(getattr(whole, key), sum(getattr(part, key) for part in parts), atol=1e-11)
+
+
+def test_wide_limits_change_nothing():
+    t = 0.05 * np.arange(300)
+    free = simulate_sampled(LOOPS["integrating"], t)
+    wide = simulate_sampled(LOOPS["integrating"], t, limits=(free.u.min(), free.u.max()))
+    np.testing.assert_array_equal(free.y, wide.y)
+
+
+def test_reset_controller_is_linear_without_limits():
+    free = pidalab.SeriesPIDA(0.3, 0.1, 0.0, 1.0, 0.1, 1)
+    t = 0.05 * np.arange(100)
+    plain = simulate_sampled(Loop(LOOPS["misaligned"].process, free.transfer_function()), t)
+    np.testing.assert_array_equal(simulate_sampled(Loop(LOOPS["misaligned"].process, free), t).u, plain.u)
+
+
+RESET = pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(-1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"loop": pidalab.ipdt(1.0, 1.0)}, TypeError, "loop must be a pidalab.Loop, found Process"),
+        ({"t": [0.0, 1.0, 3.0]}, ValueError, "t must be uniform"),
+        ({"t": [1.0, 2.0]}, ValueError, "t must start at 0"),
+        ({"setpoint": [1.0]}, ValueError, r"setpoint must be .* as long as t \(3\), found shape \(1,\)"),
+        ({"load": [0.0, 1.0, np.nan]}, ValueError, "load must be finite, found nan at index 2"),
+        ({"noise": "loud"}, TypeError, "noise must be"),
+        ({"limits": (1.0, -1.0)}, ValueError, r"limits must be \(lower, upper\) .* found \(1\.0, -1\.0\)"),
+        ({"limits": (1.0, 2.0)}, ValueError, "hold 0, the control signal at rest"),
+        ({"limits": (-1.0, np.nan)}, ValueError, "limits must be"),
+        ({"limits": 1.0}, TypeError, "limits must be two numbers, lower and upper, found 1.0"),
+        ({"limits": (0.0, 1.0, 2.0)}, TypeError, "limits must be two numbers"),
+        ({"plant": 1.0}, TypeError, "plant must be a Process or an AsymmetricPlant, found float"),
+        ({"plant": Process([1.0, 2.0], [1.0, 1.0])}, ValueError, "answers within the sample"),
+        ({"loop": Loop(pidalab.ipdt(1.0, 1.0), RESET)}, ValueError, r"the reset of a SeriesPIDA .* \(-1\.0, 1\.0\)"),
+        ({"loop": Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), "t": np.arange(3e3)}, ValueError, "leaves the range of"),
+    ],
+    ids=["loop", "uneven", "late", "short", "nan", "text", "order", "zero", "nan-limit", "number", "three", "plant",
+         "feedthrough", "reset", "overflow"],
+)  # fmt: skip
+def test_simulate_sampled_complains(arguments, error, message):
+    with pytest.raises(error, match=message):
+        simulate_sampled(**({"loop": LOOPS["integrating"], "t": [0.0, 1.0, 2.0]} | arguments))
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"rise": 0.0}, ValueError, r"rise must be above 0, found 0\.0"),
+        ({"fall": -1.0}, ValueError, "fall must be above 0"),
+        ({"delay": -1.0}, ValueError, "delay must be at least 0"),
+        ({"main": control.tf([1.0, 0.0], [1.0])}, ValueError, "main must be proper"),
+        ({"direct": "none"}, TypeError, "direct must be"),
+    ],
+    ids=["rise", "fall", "delay", "improper", "type"],
+)
+def test_asymmetric_plant_complains(changes, error, message):
+    with pytest.raises(error, match=message):
+        AsymmetricPlant(**({"main": control.tf([1.0], [1.0, 1.0]), "rise": 1.0, "fall": 2.0} | changes))
