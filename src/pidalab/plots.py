@@ -29,7 +29,9 @@ STYLE: dict[str, Any] = {
     "axes.grid": True,
     "axes.titlesize": "medium",
     "axes.titlelocation": "left",
-    "axes.prop_cycle": cycler(color=["#1f5fa8", "#c8591a", "#2a8f5b", "#8a4fa3"], linestyle=["-", "--", "-.", ":"]),
+    "axes.prop_cycle": cycler(
+        color=["#1f5fa8", "#c8591a", "#2a8f5b", "#8a4fa3", "#7a6a1c"], linestyle=["-", "--", "-.", ":", (0, (5, 1))]
+    ),
     "grid.color": "#808080",
     "grid.alpha": 0.25,
     "font.size": 11,
@@ -38,7 +40,8 @@ STYLE: dict[str, Any] = {
     "figure.constrained_layout.use": True,
     "svg.hashsalt": "pidalab",
 }
-POINTS = 400  # a line in a figure needs no more
+POINTS = 4000  # of a line; a vector file keeps only those that can be seen
+NOISY_POINTS = 400  # of a noisy line, of which it would keep nearly all
 
 
 def use_book_style() -> None:
@@ -77,7 +80,7 @@ def thin(t: Array, x: Array, points: int = POINTS) -> tuple[Array, Array]:
     >>> import numpy as np
     >>> from pidalab import plots
     >>> t = np.linspace(0.0, 1.0, 10001)
-    >>> plots.thin(t, np.sin(50 * t))[0].size <= 400
+    >>> plots.thin(t, np.sin(50 * t), points=400)[0].size <= 400
     True
     """
     if x.size <= points:
@@ -127,7 +130,13 @@ def signal(
         if faint and label in faint:
             run = faint[label]
             end = run.t <= (until or run.t[-1]) * (1 + 1e-9)
-            ax.plot(*thin(run.t[end], getattr(run, name)[end]), "-", color=line.get_color(), alpha=0.35, linewidth=0.6)
+            ax.plot(
+                *thin(run.t[end], getattr(run, name)[end], NOISY_POINTS),
+                "-",
+                color=line.get_color(),
+                alpha=0.35,
+                linewidth=0.6,
+            )
     ax.set_xlabel("time units")
     ax.set_xlim(0, until)
 
@@ -262,5 +271,5 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     >>> pidalab.plots.magnitude(ax, {"S": pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).S(1j * w)}, w)
     """
     for label, values in curves.items():
-        ax.loglog(*thin(frequencies, np.abs(values), 1200), label=label)
+        ax.loglog(*thin(frequencies, np.abs(values)), label=label)
     ax.set(xlabel="frequency, rad per time unit", ylabel="magnitude")

@@ -22,7 +22,7 @@ from delay_loop_values import reference, stored, write
 import pidalab
 
 DIGITS = 110
-UNIT, PAPER = {"gain": 1.0, "delay": 1.0}, {"gain": 0.01, "delay": 5.0}  # the latter of huba2018, sec. III
+UNIT, PAPER = {"gain": 1.0, "delay": 1.0}, {"gain": 0.01, "delay": 5.0}  # the latter as in huba2018
 # In dead times, some aligned. Just after a multiple, as at 1.004, the fast filter alone acts; many of the responses
 # that diverge do so in bursts a fraction of a dead time after the multiples, with little in between.
 TIMES = [0, 0.3, 0.77, 1, 1.004, 1.37, 2, 2.05, 2.6, 3, 3.3, 4.7, 5, 6.21, 8, 9.2, 11.5, 13, 16.3, 20]
