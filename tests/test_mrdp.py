@@ -77,8 +77,8 @@ def test_prefilter_cancels_p_poles(m, p):
 def test_integral_of_the_error_does_not_depend_on_the_filter(m, n, te, p):
     design = mrdp.tune(UNIT, m, n, te, cancelled=p)
     run = pidalab.step_response(design.loop(), np.linspace(0, 60, 6001))
-    assert run.ie() == pytest.approx(design.iae, rel=1e-8)
-    assert run.iae() >= design.iae * (1 - 1e-9)
+    assert run.ie() == pytest.approx(design.ie, rel=1e-8)
+    assert run.iae() >= design.ie * (1 - 1e-9)
 
 
 def test_units_of_gain_and_time():
@@ -89,7 +89,7 @@ def test_units_of_gain_and_time():
     first, second = (pidalab.step_response(design.loop(), time) for design, time in ((one, t), (other, 5 * t)))
     assert second.y == pytest.approx(first.y, abs=1e-11)
     assert second.u == pytest.approx(first.u / (-0.02 * 5.0), abs=1e-9)
-    assert other.iae == pytest.approx(5 * one.iae)
+    assert other.ie == pytest.approx(5 * one.ie)
 
 
 def test_loop_with_another_process():

@@ -204,7 +204,7 @@ class Design:
         Time constant T_f of the filter.
     weights : tuple of float
         b_0, b_1, ... of the prefilter.
-    iae : float
+    ie : float
         Integral of the error after a unit step of the set point; the integral of its absolute value as long as the
         error does not change its sign.
     """
@@ -220,7 +220,7 @@ class Design:
     td: tuple[float, ...]
     filter_time: float
     weights: tuple[float, ...]
-    iae: float
+    ie: float
 
     @property
     def source(self) -> dict[str, str]:
@@ -234,7 +234,7 @@ class Design:
             "td": "eq. (6), Table I",
             "filter_time": "eq. (11), Table II" if self.n else "no filter",
             "weights": "eq. (14), Table III",
-            "iae": "eq. (15), Table IV",
+            "ie": "eq. (15), Table IV",
         }
 
     @property
@@ -322,7 +322,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
       td           = 1.57735                                    eq. (6), Table I
       filter_time  = 0.394338                                   eq. (11), Table II
       weights      = 0.42265, 0.633975                          eq. (14), Table III
-      iae          = 12.9282                                    eq. (15), Table IV
+      ie           = 12.9282                                    eq. (15), Table IV
     """
     velocity, dead_time = _integrator(model)
     m, n = _orders(m, n)
@@ -346,7 +346,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         td=tuple(time * delay**j for j, time in enumerate(unit.derivative_times, start=1)),
         filter_time=filter_ratio(m, n) * te if n else 0.0,
         weights=weights,
-        iae=(1 - weights[0]) * ti,
+        ie=(1 - weights[0]) * ti,
     )
 
 
