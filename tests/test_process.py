@@ -98,7 +98,7 @@ def test_from_control_complains(system, error, message):
         (([1.0, 0.0], [1.0]), ValueError, "must be proper .* found degrees 1 and 0"),
         (([1.0], [0.0, 0.0]), ValueError, "den must not be the zero polynomial"),
         (([1.0], [1.0, 1.0], -0.1), ValueError, r"delay must be at least 0, found -0\.1"),
-        (([1.0], [1.0, 1.0], np.inf), ValueError, "delay must be at least 0, found inf"),
+        (([1.0], [1.0, 1.0], np.inf), ValueError, "delay must be finite and at least 0, found inf"),
         (([1.0], [1.0, 1.0], "soon"), TypeError, "delay must be a real number, found 'soon'"),
         (([1.0], [1.0, np.nan]), ValueError, "den must be finite, found nan at index 1"),
         (([np.inf], [1.0, 1.0]), ValueError, "num must be finite, found inf at index 0"),

@@ -181,10 +181,29 @@ def test_rightmost_poles_of_a_neutral_loop():
     neutral = Loop(Process([0.5, 1.0], [1.0, 1.0], delay=1.0), 1.0)
     found = pidalab.rightmost_poles(neutral)
     assert np.abs(1 + neutral.L(found)) == pytest.approx(0, abs=1e-10)
-    with pytest.raises(ArithmeticError, match="cannot be told from their neighbours"):
+    with pytest.raises(ArithmeticError, match=r"chain of poles of this neutral loop at -0\.6931"):
         pidalab.rightmost_poles(Loop(Process([1.0], [1.0], delay=1.0), 0.5))
 
 
 def test_rightmost_poles_bad_input():
     with pytest.raises(ValueError, match="count must be a whole number, at least 1"):
         pidalab.rightmost_poles(Loop(pidalab.ipdt(1.0, delay=1.0), 1.0), count=0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_rightmost_poles_do_not_split_a_cluster(count):
+    """A triple pole comes whole, however few are asked for."""
+    loop = pidalab.rules.mrdp.tune(pidalab.ipdt(0.02, delay=3.0), m=0, n=0, te=0.0).loop()
+    assert pidalab.rightmost_poles(loop, count) == pytest.approx([(math.sqrt(2) - 2) / 3] * 3, abs=1e-4)
+
+
+def test_rightmost_poles_of_an_open_loop():
+    loop = Loop(Process([1.0], [1.0, 3.0, 2.0], delay=1.0), 0.0)
+    assert pidalab.rightmost_poles(loop, count=2) == pytest.approx([-1.0, -2.0])
+
+
+def test_rightmost_poles_too_far_left():
+    """A filter of 20 dead times: what the dead time adds lies too far left."""
+    loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=0, n=1, te=1000.0).loop()
+    with pytest.raises(ArithmeticError, match=r"count = 5: only . poles lie right of -20"):
+        pidalab.rightmost_poles(loop, count=5)

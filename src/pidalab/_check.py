@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf) -> float:
     """Return `value` as a finite float above (or at least) a bound, or raise naming the argument."""
     try:
-        if isinstance(value, (str, bytes)):
+        if isinstance(value, (str, bytes, bool, np.bool_)):
             raise TypeError
         number = float(value)
     except (TypeError, ValueError):
@@ -23,7 +23,7 @@ def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -
     if above > -math.inf:
         allowed = f"above {above:g}" if math.isfinite(number) else f"finite and above {above:g}"
     elif at_least > -math.inf:
-        allowed = f"at least {at_least:g}"
+        allowed = f"at least {at_least:g}" if math.isfinite(number) else f"finite and at least {at_least:g}"
     if not math.isfinite(number) or number <= above or number < at_least:
         raise ValueError(f"{name} must be {allowed}, found {value!r}")
     return number

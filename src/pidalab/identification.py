@@ -163,7 +163,8 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
     span : float, optional
         Length of the segment in time. By default one sample interval, right for a clean record; the slope and the dead
         time then miss those of the tangent by a share in the order of the squared sample time. In a noisy record the
-        steepest short segment is noise: take a longer one, along which a line is fitted by least squares.
+        steepest short segment is noise: take a longer one, along which a line is fitted by least squares, such as a
+        third of the time in which the record rises. It is rounded to whole steps of t.
 
     Returns
     -------
@@ -194,7 +195,9 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
     change = y[-1] - y[0]
     if abs(change) <= 1e-9 * max(np.max(np.abs(y)), 1e-300):
         raise ValueError(f"y must end elsewhere than it begins: it starts at {y[0]:.4g} and ends at {y[-1]:.4g}")
-    width = 1 if span is None else max(1, round(_check.real("span", span, above=0.0) / h))
+    width = 1 if span is None else round(_check.real("span", span, above=0.0) / h)
+    if width < 1:
+        raise ValueError(f"span must be at least one step of t ({h:g}), found {span:g}")
     if width >= t.size:
         raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
     lever = np.arange(width + 1) - width / 2

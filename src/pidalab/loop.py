@@ -61,6 +61,11 @@ class Loop:
     def __init__(self, process: Process, controller: Any, output_filter: Any = None, prefilter: Any = None) -> None:
         if isinstance(controller, Process):
             raise TypeError("controller must not be a Process; the order is Loop(process, controller)")
+        if hasattr(process, "rising"):
+            raise TypeError(
+                f"process must be linear, found {type(process).__name__}; close the loop with a model or with its "
+                "rising part, and give it to simulate_sampled as plant"
+            )
         self.process = process if isinstance(process, Process) else Process(*rational("process", process))
         self.controller = controller
         self.output_filter = output_filter
@@ -242,9 +247,8 @@ def require_well_posed(loop: Loop) -> None:
 def open_loop(loop: Loop) -> tuple[_check.Array, _check.Array]:
     """Return (num, den) of the loop transfer function without its dead time; nothing is cancelled."""
     if not isinstance(loop, Loop):
-        raise TypeError(
-            f"loop must be a pidalab.Loop, found {type(loop).__name__}; for a process alone use open_loop_step"
-        )
+        hint = "take its loop()" if hasattr(loop, "loop") else "for a process alone use open_loop_step"
+        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}; {hint}")
     num, den = np.ones(1), np.ones(1)
     for name in ("process", "controller", "output_filter"):
         num, den = np.convolve(num, loop.blocks[name][0]), np.convolve(den, loop.blocks[name][1])

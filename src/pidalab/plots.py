@@ -199,6 +199,11 @@ def experiment(runs: Mapping[str, Response], y_label: str, u_label: str, time_la
     Figure
         With two axes.
 
+    Raises
+    ------
+    TypeError, ValueError
+        For anything but responses by label, and for runs of different experiments.
+
     Examples
     --------
     >>> import numpy as np, pidalab
@@ -206,8 +211,13 @@ def experiment(runs: Mapping[str, Response], y_label: str, u_label: str, time_la
     >>> len(pidalab.plots.experiment({"P": r}, "level, m", "valve, %", "time, s").axes)
     2
     """
-    figure, axes = plt.subplots(2, 1, figsize=(8.4, 5.0), sharex=True)
+    if not isinstance(runs, Mapping) or not runs or not all(isinstance(run, Response) for run in runs.values()):
+        raise TypeError(f"runs must be a dictionary of labels and responses, found {runs!r:.60}")
     first = next(iter(runs.values()))
+    for label, run in runs.items():
+        if not np.array_equal(run.t, first.t) or not np.array_equal(run.r, first.r):
+            raise ValueError(f"runs must have the same times and the same set point, found others in {label!r}")
+    figure, axes = plt.subplots(2, 1, figsize=(8.4, 5.0), sharex=True)
     axes[0].plot(*thin(first.t, first.r), "-", color="#808080", linewidth=1.0, drawstyle="steps-post")
     for ax, name, label in zip(axes, "yu", (y_label, u_label), strict=True):
         signal(ax, runs, name)

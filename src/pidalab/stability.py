@@ -14,6 +14,8 @@ from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
 
 MOST_NODES = 512  # of the collocation on the dead time
+FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
+CLUSTER = 8  # more poles than asked for that are returned at most, not to split a cluster of them
 ON_AXIS = 1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
 
 
@@ -130,11 +132,11 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     loop : Loop
         The loop.
     count : int, optional
-        How many, at least 1. One more is returned where a complex pair would be split.
+        How many, at least 1. A few more are returned where a complex pair or a cluster would be split.
 
     Returns
     -------
-    ndarray of complex, shape (count,) or (count + 1,)
+    ndarray of complex
         In 1/time, by falling real part; poles of higher multiplicity several times. Near a pole of multiplicity k only
         1/k of the digits can be had.
 
@@ -144,7 +146,8 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         For a loop with fewer poles, and for an ill-posed one.
     ArithmeticError
         If the argument principle does not confirm them: they lie too close to their neighbours or to the infinite
-        chain of a neutral loop, or belong to frequencies of hundreds of rad per dead time.
+        chain of a neutral loop, decay by more than e^20 in a dead time, or belong to frequencies of hundreds of rad per
+        dead time.
 
     Examples
     --------
@@ -155,8 +158,8 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     """
     require_well_posed(loop)
     count = _check.integer("count", count, at_least=1)
-    if not loop.process.delay:
-        num, den = open_loop(loop)
+    num, den = open_loop(loop)
+    if not loop.process.delay or not np.any(num):
         found = _sorted(np.roots(np.polyadd(num, den)))
         if found.size < count:
             raise ValueError(f"count must be at most the order of the loop, {found.size}, found {count}")
@@ -166,15 +169,28 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         chain = np.log(abs(ends(loop)[1])) / delay  # where the poles of a neutral loop gather
     while nodes <= MOST_NODES:
         found = _polished(loop, _collocation(loop, nodes))
-        last = _whole_pairs(found, count)
-        if last < found.size:
-            border = max(0.5 * (found[last - 1].real + found[last].real), found[last - 1].real - 1 / delay)
-            if border <= chain + 1e-6 / delay:
-                break
-            if unstable_poles(_shifted(loop, border)) == last:
+        for last in range(count, min(count + CLUSTER, found.size - 1) + 1):
+            if last == _whole_pairs(found, last) and _all_of_them(loop, found, last, chain):
                 return found[:last]
         nodes *= 2
-    raise ArithmeticError(f"the {count} rightmost poles cannot be told from their neighbours")
+    if found.size <= count:
+        raise ArithmeticError(
+            f"count = {count}: only {found.size} poles lie right of {-FARTHEST / delay:.4g}; e^(-s delay) drowns others"
+        )
+    near = "their neighbours" if chain == -math.inf else f"the chain of poles of this neutral loop at {chain:.4g}"
+    raise ArithmeticError(f"the {count} rightmost poles cannot be told from {near}")
+
+
+def _all_of_them(loop: Loop, found: Any, last: int, chain: float) -> bool:
+    """Whether the argument principle counts as many poles as the first `last`, right of a line behind these."""
+    delay = loop.process.delay
+    border = max(0.5 * (found[last - 1].real + found[last].real), found[last - 1].real - 1 / delay)
+    if border <= chain + 1e-6 / delay or found[last - 1].real - border < 1e-9 * (1 / delay + abs(border)):
+        return False
+    try:
+        return unstable_poles(_shifted(loop, border)) == last
+    except ArithmeticError:
+        return False
 
 
 def _collocation(loop: Loop, nodes: int) -> Any:
@@ -200,20 +216,20 @@ def _collocation(loop: Loop, nodes: int) -> Any:
 
 
 def _polished(loop: Loop, approximate: Any) -> Any:
-    """Newton's method on 1 + 1/L, logarithmically scaled; what it moves far was no pole."""
+    """Newton's method on the characteristic function; what does not solve it in the end was no pole."""
     num, den = open_loop(loop)
     slope_num, slope_den, delay = np.polyder(num), np.polyder(den), loop.process.delay
-    s = approximate[approximate.real > -20 / delay]  # further left e^{-s delay} is huge, and nothing is asked for
-    start = s
+    start = s = approximate[approximate.real > -FARTHEST / delay]
     with np.errstate(all="ignore"):
         for _ in range(20):
             forward = np.exp(-s * delay)
             value = np.polyval(den, s) + np.polyval(num, s) * forward
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - delay * np.polyval(num, s)) * forward
-            step = np.where(value == 0, 0.0, value / slope)
-            s = s - step
-        near = np.abs(s - start) <= 1e-2 * (np.abs(s) + 1 / delay)
-    return _sorted(s[near])
+            s = s - np.where(value == 0, 0.0, value / slope)
+        s = np.where(np.abs(s - start) <= 1e-2 * (np.abs(s) + 1 / delay), s, start)  # in a cluster it goes astray
+        back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s * delay)
+        solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
+    return _sorted(s[solved])
 
 
 def _sorted(poles: Any) -> Any:

@@ -22,6 +22,7 @@ from pidalab.simulation import AsymmetricPlant, open_loop_step, simulate_sampled
 
 RECORD = 15.0  # length of the step record in apparent dead times; the steepest point comes long before
 FINENESS = 400  # its samples in an apparent dead time; the tangent is then right to six digits
+MOST_LAGS = 20  # more are a dead time, and their coefficients lose accuracy
 LAMP = (0.0, 80.0)  # limits of the lamp power of the thermal plant in per cent (huba2018, sec. V.B)
 
 
@@ -113,8 +114,8 @@ def thermal_plant(
     Raises
     ------
     ValueError
-        For arguments outside their ranges, and where no lag gives the apparent dead time because dead time and dip
-        alone exceed it.
+        For arguments outside their ranges, and where no lag gives the apparent dead time: dead time and dip alone
+        exceed it, or the body is too fast.
 
     Examples
     --------
@@ -124,14 +125,17 @@ def thermal_plant(
     >>> pidalab.identification.ipdt_tangent(t, pidalab.open_loop_step(twin.rising, t).y)
     Process(num=[0.0100], den=[1, 0], delay=5.5600)
     """
+    rise, fall = _check.real("rise", rise, above=0.0), _check.real("fall", fall, above=0.0)
     if _check.real("velocity_gain", velocity_gain) == 0:
         raise ValueError("velocity_gain must not be 0, found 0")
     apparent_delay = _check.real("apparent_delay", apparent_delay, above=0.0)
     conduction = _check.real("conduction", conduction, above=0.0)
     lags = _check.integer("lags", lags, at_least=1)
+    if lags > MOST_LAGS:
+        raise ValueError(f"lags must be at most {MOST_LAGS}, found {lags}")
     for name, value, top in (("share", share, 1.0), ("dip", dip, np.nextafter(1.0, 0.0))):
         if not 0 <= _check.real(name, value) <= top:
-            raise ValueError(f"{name} must be between 0 and 1, found {value!r}")
+            raise ValueError(f"{name} must be from 0 to {'1' if top == 1 else 'below 1'}, found {value!r}")
 
     def plant(gain: float, lag: float) -> AsymmetricPlant:
         under = binomial(lag, lags)
@@ -152,6 +156,11 @@ def thermal_plant(
         raise ValueError(
             f"apparent_delay = {apparent_delay:g} is exceeded without any lag, through the dead time {delay:g} and the "
             f"dip {dip:g}"
+        )
+    if excess(apparent_delay) < 0:
+        raise ValueError(
+            f"apparent_delay = {apparent_delay:g} is not reached by lags of that size: rise = {rise:g} is too short "
+            "against it"
         )
     lag = brentq(excess, shortest, apparent_delay, xtol=1e-9 * apparent_delay)
     return plant(velocity_gain / float(model(lag).num[0]), lag)
@@ -191,7 +200,7 @@ def thermal_experiment(
     Raises
     ------
     ValueError
-        For a time that is not above 0.
+        For a time that is not above 0, and a `hold` that is no multiple of the sample time.
 
     Examples
     --------
@@ -201,8 +210,12 @@ def thermal_experiment(
     >>> print(f"{r.y[9999]:.2f} {r.y[19999]:.2f} {r.y[-1]:.2f}")
     10.00 15.00 10.00
     """
-    sample_time = _check.real("sample_time", sample_time, above=0.0)
-    r = np.repeat([level, level + step, level], round(_check.real("hold", hold, above=0.0) / sample_time))
+    sample_time, hold = _check.real("sample_time", sample_time, above=0.0), _check.real("hold", hold, above=0.0)
+    level, step = _check.real("level", level), _check.real("step", step)
+    samples = round(hold / sample_time)
+    if samples < 1 or abs(samples * sample_time - hold) > 1e-6 * sample_time:
+        raise ValueError(f"hold must be a multiple of sample_time = {sample_time:g}, found {hold:g}")
+    r = np.repeat([level, level + step, level], samples)
     return simulate_sampled(loop, sample_time * np.arange(r.size), r, limits=LAMP, plant=plant)
 
 
@@ -225,8 +238,9 @@ def step_measures(record: Response, start: float, stop: float, limits: tuple[flo
 
     Raises
     ------
-    ValueError
-        For a stretch outside the record, and a set point that does not change at its beginning, or changes later.
+    TypeError, ValueError
+        For a stretch outside the record, limits out of order, and a set point that does not change at its beginning,
+        or changes later.
 
     Examples
     --------
@@ -236,6 +250,10 @@ def step_measures(record: Response, start: float, stop: float, limits: tuple[flo
     >>> [round(x, 2) for x in pidalab.twins.step_measures(r, 20.0, 40.0, limits=(0.0, 0.8))]
     [5.74, 0.0, 5.2, 4.39, 9.8, 2.12]
     """
+    if not isinstance(record, Response):
+        raise TypeError(f"record must be a pidalab.Response, found {type(record).__name__}")
+    low, high = _limits(limits)
+    start, stop = _check.real("start", start), _check.real("stop", stop)
     first, last = round(start / record.step), round(stop / record.step)
     if not 0 <= first < last <= record.t.size:
         raise ValueError(
@@ -255,6 +273,17 @@ def step_measures(record: Response, start: float, stop: float, limits: tuple[flo
         undershoot=float(max(0.0, 100 * wrong_way.max())),
         settling=float(record.step * (outside[-1] + 1 if outside.size else 0)) if settled else float("inf"),
         iae=float(trapezoid(np.abs(level - y), dx=record.step)),
-        saturated=float(record.step * np.count_nonzero((u <= limits[0]) | (u >= limits[1]))),
+        saturated=float(record.step * np.count_nonzero((u <= low) | (u >= high))),
         tv=float(np.sum(np.abs(np.diff(u, prepend=record.u[first - 1] if first else 0.0)))),
     )
+
+
+def _limits(limits: tuple[float, float]) -> tuple[float, float]:
+    """Check limits, which may be infinite."""
+    try:
+        low, high = (float(x) for x in limits)
+    except (TypeError, ValueError):
+        raise TypeError(f"limits must be two numbers, lower and upper, found {limits!r}") from None
+    if not low < high:
+        raise ValueError(f"limits must be (lower, upper) with lower < upper, found {limits!r}")
+    return low, high
