@@ -7,7 +7,7 @@ Data flow down one corridor, and every chapter of the book walks it::
 
 from importlib.metadata import version
 
-from pidalab import identification, ledger, plots, rules, twins
+from pidalab import identification, ledger, plots, reduction, rules, twins
 from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
 from pidalab.loop import Loop
 from pidalab.margins import (
@@ -56,6 +56,7 @@ __all__ = [
     "open_loop_step",
     "phase_crossovers",
     "plots",
+    "reduction",
     "rightmost_poles",
     "rules",
     "simulate",

@@ -1,0 +1,298 @@
+r"""Explicit ITAE tuning of PID and PIDA controllers for a second-order model with dead time (heo2023).
+
+The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and dead time of `model`, and :math:`r` stands
+for :math:`\theta/\tau`. For a model of another structure, or outside 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2, all functions but
+`imc_pid` raise a ValueError. Some formulas are not used as printed, as read:
+
+* Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. For a
+  short dead time Table 2 then gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
+* Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left, gives the integral time for r > 1. It
+  goes on where the one for r ≤ 1 ends, but for 1.4 %.
+* Table 3: both exponentials have a negative argument, as the one of Table 2 has.
+* Table 3: the gain changes its formula at r = 0.9, not at ξ = 0.9. At r = 0.9 the two differ by 0.003. At ξ = 0.9 they
+  would differ by 29 for r = 0.1, and for ξ = 0.3 and r = 2 the gain would have the wrong sign.
+* Table 1: the last four lines belong to ξ > 1, where they go on from the others.
+* Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
+
+The first, third and last are needed for the printed tunings; no example decides the others. All constants are as
+printed. So are the jumps between the branches; the largest is that of the gain of Table 2 at ξ = 0.9, 13 % for r = 2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from pidalab.controllers import NonInteractivePIDA
+from pidalab.process import Process
+
+
+class Factors(NamedTuple):
+    """Share f_d of the dead time that the acceleration makes up for, and acceleration by derivative time, f_a."""
+
+    f_d: float
+    f_a: float
+
+
+class _Model(NamedTuple):
+    gain: float
+    tau: float
+    damping: float
+    delay: float
+
+    @property
+    def ratio(self) -> float:
+        return round(self.delay / self.tau, 12)  # so that 0.3/3 is 0.1, and on its side of a break point
+
+
+def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
+    r"""ITAE-2 PID controller for steps of the set point, Table 2.
+
+    .. math::
+
+       k k_c &= \begin{cases} -0.04 + (0.333 + 0.949\,r^{-0.983})\,\xi & \xi \le 0.9 \\
+                              -0.544 + 0.308\,r + 1.408\,\xi\,r^{-0.832} & \xi > 0.9 \end{cases} \\
+       \tau_i/\tau &= \begin{cases} (2.055 + 0.072\,r)\,\xi & r \le 1 \\ (1.768 + 0.329\,r)\,\xi & r > 1 \end{cases} \\
+       \tau/\tau_d &= \left(1 - e^{-r^{1.06}\xi/0.87}\right)\left(0.55 + 1.683\,r^{-1.09}\right)
+
+    Corrected: the left side of the last formula, and of the integral time for r > 1; see the top of this module.
+
+    Parameters
+    ----------
+    model : Process
+        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+    alpha_d : float, optional
+        Filter time constant as a share of the derivative time, above 0.
+
+    Returns
+    -------
+    NonInteractivePIDA
+        With ``tau_a = 0``.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.rules.itae.pid_setpoint(pidalab.sopdt(gain=1.0, tau=3.098, damping=0.413, delay=1.381))
+    NonInteractivePIDA(kc=0.965, tau_i=2.67, tau_d=3.68, tau_a=0.0, alpha_d=0.05, alpha_a=0.025)
+    """
+    return NonInteractivePIDA(*_setpoint(_second_order(model)), 0.0, alpha_d)
+
+
+def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
+    r"""ITAE-2 PID controller for load disturbances, Table 3.
+
+    .. math::
+
+       k k_c &= 2.189\,\xi\,r^{-0.766} + \begin{cases} -0.67 + 0.297\,r^{-2.001} & r < 0.9 \\
+                              -0.365 + 0.26\,(r - 1.4)^2 & r \ge 0.9 \end{cases} \\
+       \tau_i/\tau &= \begin{cases} 2.2122\,r^{0.52} - 0.3 & r < 0.4 \\
+                      -0.975 + 0.91\,(r - 1.845)^2 + \left(1 - e^{-\xi/(0.15 + 0.33 r)}\right)
+                      \left(5.25 - 0.88\,(r - 2.8)^2\right) & r \ge 0.4 \end{cases} \\
+       \tau/\tau_d &= -1.9 + 1.576\,r^{-0.53} + \left(1 - e^{-\xi/(-0.15 + 0.939\,r^{-1.121})}\right)
+                      \left(1.45 + 0.969\,r^{-1.171}\right)
+
+    Corrected: where the gain changes its formula, the sign in both exponentials, and the left side of the last formula;
+    see the top of this module. As read, 2.2122 has a digit more than the rest; no printed tuning tells it from 2.212.
+
+    Parameters
+    ----------
+    model : Process
+        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+    alpha_d : float, optional
+        Filter time constant as a share of the derivative time, above 0.
+
+    Returns
+    -------
+    NonInteractivePIDA
+        With ``tau_a = 0``.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.rules.itae.pid_load(pidalab.sopdt(gain=1.0, tau=3.098, damping=0.413, delay=1.381))
+    NonInteractivePIDA(kc=2.50, tau_i=3.37, tau_d=2.58, tau_a=0.0, alpha_d=0.05, alpha_a=0.025)
+    """
+    return NonInteractivePIDA(*_load(_second_order(model)), 0.0, alpha_d)
+
+
+def pida_setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
+    r"""PIDA controller for steps of the set point: Table 2 for the changed model of eq. (9).
+
+    .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
+              \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
+
+    The `factors` are those of the model itself. The changed model may have a ratio r down to 0.057; the paper takes it
+    so. Corrected: the factor of the acceleration time; see the top of this module.
+
+    Parameters
+    ----------
+    model : Process
+        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+    alpha_d, alpha_a : float, optional
+        Filter time constants as shares of the derivative and acceleration time, above 0.
+
+    Returns
+    -------
+    NonInteractivePIDA
+        The controller.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> model = pidalab.reduction.to_sopdt(pidalab.lags(3, delay=0.2))
+    >>> pidalab.rules.itae.pida_setpoint(model.process)
+    NonInteractivePIDA(kc=3.778, tau_i=2.900, tau_d=0.940, tau_a=0.718, alpha_d=0.05, alpha_a=0.025)
+    """
+    return _pida(model, _setpoint, alpha_d, alpha_a)
+
+
+def pida_load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
+    r"""PIDA controller for load disturbances: as `pida_setpoint`, with Table 3.
+
+    The paper found the factors for the set point, and uses them for loads too. There the loop with the model itself is
+    not always stable, although the model is in the range: for ξ = 0.3 not with r ≤ 0.35, for ξ = 0.7 not with r ≤ 0.2,
+    for ξ = 1 not with r = 0.1, for ξ = 2 not with r ≥ 1.75. Look at `pidalab.margins`.
+
+    Parameters
+    ----------
+    model : Process
+        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+    alpha_d, alpha_a : float, optional
+        Filter time constants as shares of the derivative and acceleration time, above 0.
+
+    Returns
+    -------
+    NonInteractivePIDA
+        The controller.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> model = pidalab.reduction.to_sopdt(pidalab.lags(3, delay=0.2))
+    >>> pidalab.rules.itae.pida_load(model.process)
+    NonInteractivePIDA(kc=10.87, tau_i=1.167, tau_d=0.593, tau_a=0.453, alpha_d=0.05, alpha_a=0.025)
+    """
+    return _pida(model, _load, alpha_d, alpha_a)
+
+
+def factors(model: Process) -> Factors:
+    """Factors of the PIDA rule, Table 1; from the given model, not from the changed one.
+
+    Parameters
+    ----------
+    model : Process
+        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+
+    Returns
+    -------
+    Factors
+        ``f_d`` and ``f_a``, pure numbers.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.rules.itae.factors(pidalab.sopdt(gain=1.0, tau=2.0, damping=1.0, delay=1.0))
+    Factors(f_d=0.3700, f_a=0.8509)
+    """
+    m = _second_order(model)
+    r, xi = m.ratio, m.damping
+    row = 0 if r <= 0.37 else 1 if r <= 1 else 2
+    if xi <= 1:
+        a, b, c = ((0.105, 0.949, 0.149), (0.024, 0.216, 1.908), (0.009, 0.081, 6.407))[row]
+        return Factors(0.3425 + 0.0875 * xi - 0.12 * r, 0.273 + (a + b * xi) * (r + c))
+    a, b, c = ((0.966, 0.088, 1.136), (0.22, 0.02, 6.255), (0.0825, 0.0075, 18.0))[row]
+    return Factors(0.5175 - 0.0875 * xi - 0.12 * r, -0.768 + (a + b * xi) * (r + c))
+
+
+def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
+    r"""PID controller by internal model control for a first-order model with dead time, the one of Tables 4 to 6.
+
+    .. math:: k k_c = \frac{\tau + \theta/2}{1.25\,\theta}, \qquad \tau_i = \tau + \frac{\theta}{2}, \qquad
+              \tau_d = \frac{\tau\theta}{2\tau + \theta}
+
+    The paper does not print the rule; these formulas, with a filter of a quarter of the dead time, give its tunings.
+
+    Parameters
+    ----------
+    model : Process
+        `fopdt`, stable, with a dead time above 0; no other range.
+    alpha_d : float, optional
+        Filter time constant as a share of the derivative time, above 0.
+
+    Returns
+    -------
+    NonInteractivePIDA
+        With ``tau_a = 0``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a model of another structure or without dead time.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.rules.itae.imc_pid(pidalab.fopdt(gain=2.0, lag=3.0, delay=1.0))
+    NonInteractivePIDA(kc=1.400, tau_i=3.500, tau_d=0.429, tau_a=0.0, alpha_d=0.05, alpha_a=0.025)
+    """
+    gain, (tau,) = _lags(model, 1)
+    theta = model.delay
+    if theta == 0:
+        raise ValueError("model must have a dead time above 0, found 0: the gain of this rule is in inverse proportion")
+    tau_i = tau + theta / 2
+    return NonInteractivePIDA(tau_i / (1.25 * theta * gain), tau_i, tau * theta / (2 * tau + theta), 0.0, alpha_d)
+
+
+def _pida(model: Process, table: Callable[[_Model], tuple], alpha_d: float, alpha_a: float) -> NonInteractivePIDA:
+    (f_d, f_a), m = factors(model), _second_order(model)
+    kc, tau_i, tau_d = table(m._replace(delay=m.delay * (1 - f_d), tau=m.tau + 0.5 * m.delay * f_d))
+    return NonInteractivePIDA(kc, tau_i, tau_d, tau_d * f_a, alpha_d, alpha_a)
+
+
+def _setpoint(model: _Model) -> tuple[float, float, float]:
+    """Gain, integral and derivative time by Table 2."""
+    (gain, tau, xi, _), r = model, model.ratio
+    low, high = -0.04 + (0.333 + 0.949 * r**-0.983) * xi, -0.544 + 0.308 * r + 1.408 * xi * r**-0.832
+    integral = (2.055 + 0.072 * r) * xi if r <= 1 else (1.768 + 0.329 * r) * xi
+    inverse = (1 - math.exp(-(r**1.06) * xi / 0.87)) * (0.55 + 1.683 * r**-1.09)
+    return (low if xi <= 0.9 else high) / gain, integral * tau, tau / inverse
+
+
+def _load(model: _Model) -> tuple[float, float, float]:
+    """Gain, integral and derivative time by Table 3."""
+    (gain, tau, xi, _), r = model, model.ratio
+    product = 2.189 * xi * r**-0.766 + (-0.67 + 0.297 * r**-2.001 if r < 0.9 else -0.365 + 0.26 * (r - 1.4) ** 2)
+    if r < 0.4:
+        integral = 2.2122 * r**0.52 - 0.3
+    else:
+        share = 1 - math.exp(-xi / (0.15 + 0.33 * r))
+        integral = -0.975 + 0.91 * (r - 1.845) ** 2 + share * (5.25 - 0.88 * (r - 2.8) ** 2)
+    share = 1 - math.exp(-xi / (-0.15 + 0.939 * r**-1.121))
+    inverse = -1.9 + 1.576 * r**-0.53 + share * (1.45 + 0.969 * r**-1.171)
+    return product / gain, integral * tau, tau / inverse
+
+
+def _lags(model: Process, order: int) -> tuple[float, list[float]]:
+    """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), all positive, or raise."""
+    if not isinstance(model, Process):
+        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
+    kind = "one stable pole (pidalab.fopdt)" if order == 1 else "two stable poles (pidalab.sopdt)"
+    fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0 and model.den[-1] != 0
+    lags = (model.den[:-1] / model.den[-1]).tolist() if fits else [0.0]
+    if min(lags) <= 0:
+        raise ValueError(f"model must have a constant numerator (not 0) and {kind}, found {model!r}; see reduction")
+    return float(model.num[0] / model.den[-1]), lags
+
+
+def _second_order(model: Process) -> _Model:
+    """Return the parameters of a second-order model inside the range of the rule, or raise."""
+    gain, (a2, a1) = _lags(model, 2)
+    tau = math.sqrt(a2)
+    damping = round(a1 / (2 * tau), 12)
+    if not 0.3 <= damping <= 2:
+        raise ValueError(f"damping of the model must be from 0.3 to 2, found {damping:.6g}")
+    result = _Model(gain, tau, damping, model.delay)
+    if not 0.1 <= result.ratio <= 2:
+        raise ValueError(f"dead time / time constant of the model must be from 0.1 to 2, found {result.ratio:.6g}")
+    return result

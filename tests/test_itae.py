@@ -1,0 +1,336 @@
+"""Explicit ITAE rule: printed tunings, the proof of each correction, the break points, units, the range, refusals."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.reduction import to_fopdt, to_sopdt
+from pidalab.rules import itae
+
+EXAMPLES = {  # heo2023, (17) to (19)
+    1: pidalab.lags(3, delay=0.2),
+    2: pidalab.lags(5),
+    3: pidalab.Process([1.0], np.convolve([9.0, 2.4, 1.0], [1.0, 1.0]), delay=0.5),
+}
+RULES: dict[str, Callable] = {
+    f.__name__: f for f in (itae.imc_pid, itae.pid_setpoint, itae.pid_load, itae.pida_setpoint, itae.pida_load)
+}
+TABLES = {  # Tables 4, 5, 6: kc, tau_i, tau_d, tau_a by rule, in the order above
+    1: "2.690 4.216 0.534; 2.233 2.718 0.917; 5.180 1.580 0.761; 3.778 2.900 0.940 0.718; 10.87 1.167 0.593 0.453",
+    2: "1.525 5.050 0.977; 1.312 3.726 1.385; 2.174 3.069 1.448; 2.022 4.145 1.454 1.214; 4.214 2.694 1.284 1.072",
+    3: "1.101 5.559 1.286; 0.965 2.670 3.680; 2.504 3.366 2.579; 1.465 2.847 3.933 2.123; 5.503 2.798 1.857 1.002",
+}
+PRINTED = {(k, rule): row for k, table in TABLES.items() for rule, row in zip(RULES, table.split("; "), strict=True)}
+OFF = {  # by how many units of the last printed digit; all others agree
+    (1, "imc_pid", "kc"): -1,
+    (1, "pid_setpoint", "kc"): 101,
+    (2, "pid_setpoint", "kc"): 7,
+    (2, "pid_setpoint", "tau_i"): -1,
+    (3, "pida_setpoint", "tau_a"): -1,
+    (3, "pida_load", "tau_d"): -1,
+    (3, "pida_load", "tau_a"): -1,
+}
+RATIOS = np.linspace(0.1, 2.0, 39)
+DAMPINGS = np.linspace(0.3, 2.0, 35)
+
+
+def unit(r: float, xi: float) -> pidalab.Process:
+    return pidalab.sopdt(1.0, 1.0, xi, r)
+
+
+def model_of(k, rule="pid_setpoint"):
+    return to_fopdt(EXAMPLES[k]) if rule == "imc_pid" else to_sopdt(EXAMPLES[k])
+
+
+def printed(name):
+    """All printed values of one parameter, by example and rule."""
+    index = ("kc", "tau_i", "tau_d", "tau_a").index(name)
+    return {key: float(v[index]) for key, text in PRINTED.items() if len(v := text.split()) > index}
+
+
+@pytest.mark.parametrize(("k", "rule"), PRINTED)
+def test_printed_tunings(k, rule):
+    """Agreement is recorded digit by digit: 51 numbers, 7 of them off, 2 by more than one unit of the last digit."""
+    controller = RULES[rule](model_of(k, rule).process)
+    for name, text in zip(("kc", "tau_i", "tau_d", "tau_a"), PRINTED[k, rule].split(), strict=False):
+        digits = len(text.split(".")[1])
+        off = round((round(getattr(controller, name), digits) - float(text)) * 10**digits)
+        assert off == OFF.get((k, rule, name), 0), name
+    assert (controller.alpha_d, controller.alpha_a) == (0.05, 0.025)
+
+
+def test_units_off_are_within_the_precision_of_the_ultimate_frequency():
+    """With one wrong by 1.5e-5 all the units come out but one: 2.123 stays 2.122."""
+
+    def wrong(k, by):
+        w = to_sopdt(EXAMPLES[k]).wu * (1 + by)
+        x = np.linspace(0, w, 10)
+        g = np.abs(EXAMPLES[k](1j * x)) ** 2
+        a, b = np.linalg.lstsq(np.column_stack([g * x**2, g * x**4]), 1 - g, rcond=None)[0]
+        tau, damping, lag = b**0.25, math.sqrt((a / b**0.5 + 2) / 4), math.sqrt(1 / g[-1] - 1) / w
+        delay = (math.pi - math.atan2(2 * damping * tau * w, 1 - (tau * w) ** 2)) / w
+        return pidalab.fopdt(1.0, lag, math.pi / w - math.atan(lag * w) / w), pidalab.sopdt(1.0, tau, damping, delay)
+
+    assert round(itae.imc_pid(wrong(1, 1.5e-5)[0]).kc, 3) == 2.690
+    assert round(itae.pid_setpoint(wrong(2, -1.5e-5)[1]).tau_i, 3) == 3.726
+    load, setpoint = itae.pida_load(wrong(3, -1.5e-5)[1]), itae.pida_setpoint(wrong(3, -1.5e-5)[1])
+    assert (round(load.tau_d, 3), round(load.tau_a, 3), round(setpoint.tau_a, 3)) == (1.857, 1.002, 2.122)
+
+
+# Corrections. Each test computes the formula as printed, without the library, and shows what it does.
+
+
+def values(rule, k):
+    """Time constant, ratio and damping of the model that Tables 2 and 3 are used for."""
+    _, tau, damping, delay, _ = model_of(k)
+    f = itae.factors(model_of(k).process)
+    if rule.startswith("pida"):
+        tau, delay = tau + 0.5 * delay * f.f_d, delay * (1 - f.f_d)
+    return tau, delay / tau, damping
+
+
+def test_derivative_time_is_the_reciprocal():
+    """As printed, tau_d is 25 % and more off; its reciprocal gives all twelve numbers to 1 in the last digit."""
+    for (k, rule), target in printed("tau_d").items():
+        if rule != "imc_pid":
+            tau, r, xi = values(rule, k)
+            if rule.endswith("setpoint"):
+                right = (1 - math.exp(-(r**1.06) * xi / 0.87)) * (0.55 + 1.683 * r**-1.09)
+            else:
+                right = 1 - math.exp(-xi / (-0.15 + 0.939 * r**-1.121))
+                right = -1.9 + 1.576 * r**-0.53 + right * (1.45 + 0.969 * r**-1.171)
+            assert tau / right == pytest.approx(target, abs=1e-3)
+            assert abs(tau * right / target - 1) > 0.25
+
+
+def test_derivative_time_for_short_dead_times():
+    """A PID controller cancels two poles with tau_i = 2 xi tau and tau_d = tau/(2 xi); Table 2 comes near to that."""
+    for xi in DAMPINGS:
+        controller = itae.pid_setpoint(unit(0.1, xi))
+        assert controller.tau_d == pytest.approx(1 / (2 * xi), rel=0.07)
+        assert controller.tau_i == pytest.approx(2 * xi, rel=0.04)
+
+
+@pytest.mark.parametrize(("k", "rule"), [key for key in PRINTED if key[1].endswith("load")])
+def test_exponentials_of_table_3_fall(k, rule):
+    """With the arguments as printed, positive, no time comes out; the one of tau_i is used in three of six tunings."""
+    tau, r, xi = values(rule, k)
+    for sign in (-1, 1):
+        share = 1 - math.exp(sign * xi / (-0.15 + 0.939 * r**-1.121))
+        inverse = -1.9 + 1.576 * r**-0.53 + share * (1.45 + 0.969 * r**-1.171)
+        assert (abs(tau / inverse - printed("tau_d")[k, rule]) <= 1e-3) == (sign == -1)
+        if r >= 0.4:
+            share = 1 - math.exp(sign * xi / (0.15 + 0.33 * r))
+            integral = -0.975 + 0.91 * (r - 1.845) ** 2 + share * (5.25 - 0.88 * (r - 2.8) ** 2)
+            assert (abs(tau * integral - printed("tau_i")[k, rule]) <= 1e-3) == (sign == -1)
+    assert (r >= 0.4) == ((k, rule) in [(2, "pid_load"), (3, "pid_load"), (2, "pida_load")])
+
+
+def test_acceleration_time_is_tau_d_times_f_a_of_the_given_model():
+    """f_d, printed in (12), misses the six printed times by a third and more; f_a of the changed model by 7 %."""
+    for (k, rule), target in printed("tau_a").items():
+        f, tau_d = itae.factors(model_of(k).process), RULES[rule](model_of(k).process).tau_d
+        tau, r, xi = values(rule, k)
+        assert tau_d * f.f_a == pytest.approx(target, abs=1.2e-3)
+        assert tau_d * f.f_d < 0.67 * target
+        assert abs(tau_d * itae.factors(pidalab.sopdt(1.0, tau, xi, r * tau)).f_a / target - 1) > 0.07
+
+
+def test_no_printed_tuning_tells_2_2122_from_2_212():
+    for k, rule in ((1, "pid_load"), (1, "pida_load"), (3, "pida_load")):
+        tau, r, _ = values(rule, k)
+        found = {round(tau * (c * r**0.52 - 0.3), 3) for c in (2.2122, 2.212)}
+        assert found == {printed("tau_i")[k, rule]}
+
+
+def load_gains(r, xi):
+    """The two formulas of Table 3 for the gain."""
+    rest = 2.189 * xi * r**-0.766
+    return -0.67 + 0.297 * r**-2.001 + rest, -0.365 + 0.26 * (r - 1.4) ** 2 + rest
+
+
+def test_gain_of_table_3_changes_with_the_ratio():
+    """At r = 0.9 the formulas meet. At a damping of 0.9, as printed, they do not, and the first may be negative."""
+    low, high = load_gains(0.9, 0.5)
+    assert high - low == pytest.approx(0.0033, abs=1e-4)
+    low, high = load_gains(0.1, 0.9)
+    assert low - high == pytest.approx(29.03, abs=0.01)
+    assert load_gains(2.0, 0.3)[0] == pytest.approx(-0.21, abs=0.01)
+    for xi in DAMPINGS:
+        for r in RATIOS:
+            kc = itae.pid_load(unit(r, xi)).kc
+            assert kc == pytest.approx(load_gains(r, xi)[0 if round(r, 9) < 0.9 else 1], rel=1e-9)
+            assert kc > 0
+
+
+@pytest.mark.parametrize(("r", "xi"), [(0.2, 1.0), (0.3, 1.5), (0.5, 1.2), (1.5, 0.5), (1.5, 0.8), (2.0, 0.6)])
+def test_the_formula_chosen_by_the_ratio_has_the_smaller_itae(r, xi):
+    """What the rule is for, simulated: models for which the printed condition would choose the other formula."""
+    controller, t = itae.pid_load(unit(r, xi)), np.linspace(0, 60, 12001)
+
+    def cost(kc):
+        loop = pidalab.Loop(unit(r, xi), pidalab.NonInteractivePIDA(kc, controller.tau_i, controller.tau_d, 0.0))
+        return pidalab.load_response(loop, t).itae()
+
+    low, high = load_gains(r, xi)
+    as_printed = low if xi <= 0.9 else high
+    assert as_printed != pytest.approx(controller.kc)
+    assert cost(controller.kc) < 0.97 * cost(as_printed)
+
+
+# Break points: value just after minus value just before, as a share of the latter.
+
+
+@pytest.mark.parametrize(
+    ("rule", "name", "variable", "at", "smallest", "largest"),
+    [
+        (itae.pid_setpoint, "tau_i", "r", 1.0, -0.0141, -0.0141),
+        (itae.pid_load, "kc", "r", 0.9, 0.0007, 0.0081),
+        (itae.pid_load, "tau_i", "r", 0.4, -0.0279, 0.0303),
+        (itae.factors, "f_a", "r", 0.37, -0.0004, 0.0033),
+        (itae.factors, "f_a", "r", 1.0, -0.0323, -0.0217),
+        (itae.pid_setpoint, "kc", "xi", 0.9, -0.0752, 0.1330),
+        (itae.factors, "f_d", "xi", 1.0, 0.0, 0.0),
+        (itae.factors, "f_a", "xi", 1.0, -0.0014, 0.0028),
+    ],
+)
+def test_jumps_at_break_points(rule, name, variable, at, smallest, largest):
+    jumps = []
+    for other in np.linspace(0.3, 2.0, 171) if variable == "r" else np.linspace(0.1, 2.0, 191):
+        where = [(x, other) if variable == "r" else (other, x) for x in (at * (1 - 1e-9), at * (1 + 1e-9))]
+        before, after = (getattr(rule(unit(*x)), name) for x in where)
+        jumps.append(after / before - 1)
+    assert (min(jumps), max(jumps)) == pytest.approx((smallest, largest), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "inner", [((0.024, 0.216, 1.908), (0.009, 0.081, 6.407)), ((0.22, 0.02, 6.255), (0.0825, 0.0075, 18))]
+)
+def test_last_two_branches_of_f_a_meet_near_0_79(inner):
+    """In both halves of Table 1 and for any damping, not at the printed break point 1.0."""
+    for xi in DAMPINGS:
+        (a, b, c), (d, e, f) = inner
+        first, second = a + b * xi, d + e * xi
+        assert (second * f - first * c) / (first - second) == pytest.approx(0.7914, abs=1e-3)
+
+
+def test_branches_that_no_example_reaches():
+    """By hand: Table 2 with damping above 0.9, and with r > 1; Table 3 with r >= 0.9; Table 1 with damping above 1."""
+    assert itae.pid_setpoint(unit(1.0, 1.0)).kc == pytest.approx(-0.544 + 0.308 + 1.408, rel=1e-12)
+    assert itae.pid_setpoint(unit(2.0, 1.0)).tau_i == pytest.approx(1.768 + 2 * 0.329, rel=1e-12)
+    assert itae.pid_load(unit(1.0, 1.0)).kc == pytest.approx(-0.365 + 0.26 * 0.16 + 2.189, rel=1e-12)
+    assert itae.factors(unit(0.37, 2.0)) == pytest.approx((0.2981, -0.768 + 1.142 * 1.506), rel=1e-12)
+    assert itae.factors(unit(1.0, 2.0)) == pytest.approx((0.2225, -0.768 + 0.26 * 7.255), rel=1e-12)
+    assert itae.factors(unit(2.0, 2.0)) == pytest.approx((0.1025, -0.768 + 0.0975 * 20.0), rel=1e-12)
+    assert itae.factors(unit(2.0, 1.0)) == pytest.approx((0.19, 0.273 + 0.09 * 8.407), rel=1e-12)
+
+
+# The rule as a whole.
+
+
+@pytest.mark.parametrize("rule", [name for name in RULES if name != "imc_pid"])
+def test_all_models_in_the_range_give_a_controller(rule):
+    for controller in (RULES[rule](unit(r, xi)) for r in RATIOS for xi in DAMPINGS):
+        assert min(controller.kc, controller.tau_i, controller.tau_d) > 0
+        assert (controller.tau_a > 0) == rule.startswith("pida")
+
+
+@pytest.mark.parametrize("rule", ["pid_setpoint", "pid_load", "pida_setpoint"])
+def test_loops_with_the_model_are_stable(rule):
+    for xi in (0.3, 0.6, 1.0, 1.5, 2.0):
+        for r in (0.1, 0.2, 0.4, 0.8, 1.3, 2.0):
+            assert pidalab.is_stable(pidalab.Loop(unit(r, xi), RULES[rule](unit(r, xi))))
+
+
+@pytest.mark.parametrize(
+    ("xi", "unstable", "stable"), [(0.3, 0.35, 0.4), (0.7, 0.2, 0.25), (1, 0.1, 0.15), (2, 1.8, 1.7)]
+)
+def test_pida_load_is_not_always_stable(xi, unstable, stable):
+    assert not pidalab.is_stable(pidalab.Loop(unit(unstable, xi), itae.pida_load(unit(unstable, xi))))
+    assert pidalab.is_stable(pidalab.Loop(unit(stable, xi), itae.pida_load(unit(stable, xi))))
+
+
+def test_pida_load_cannot_be_stable_without_filters_where_the_acceleration_is_too_strong():
+    """Far above all lags |L| tends to kc tau_a^2/(2 tau^2); above 1 the dead time makes it unstable."""
+    controller = itae.pida_load(unit(2.0, 2.0))
+    assert controller.kc * controller.tau_a**2 / 2 == pytest.approx(1.333, abs=1e-3)
+    assert max(itae.pida_setpoint(unit(r, xi)).gains().ka for r in RATIOS for xi in DAMPINGS) < 1
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_units_of_gain_and_time(rule):
+    make = pidalab.fopdt if rule == "imc_pid" else pidalab.sopdt
+    for shape in [()] if rule == "imc_pid" else [(0.4,), (0.9,), (1.7,)]:
+        for r in (0.1, 0.3, 0.4, 0.9, 1.0, 1.4, 2.0):
+            one, other = (RULES[rule](make(k, tau, *shape, r * tau)) for k, tau in ((1.0, 1.0), (-0.02, 30.0)))
+            assert other.kc == pytest.approx(-one.kc / 0.02, rel=1e-10)
+            for name in ("tau_i", "tau_d", "tau_a"):
+                assert getattr(other, name) == pytest.approx(30 * getattr(one, name), rel=1e-10)
+
+
+def test_any_process_of_the_structure():
+    """Coefficients that are not normalised, and real poles."""
+    model = pidalab.Process([6.0], [12.0, 21.0, 3.0], delay=1.0)
+    assert itae.pida_load(model) == itae.pida_load(pidalab.sopdt(2.0, 2.0, 1.75, 1.0))
+
+
+def test_borders_of_the_range_and_break_points_survive_rounding():
+    for tau in (0.7, 3.0, 11.3, 1e-4):
+        for xi in (0.3, 2.0):
+            for r in (0.1, 2.0):
+                assert itae.pida_setpoint(pidalab.sopdt(1.0, tau, xi, r * tau)).kc > 0
+        at = itae.pid_setpoint(pidalab.sopdt(1.0, tau, 0.9, tau)).kc
+        assert at == pytest.approx(-0.04 + (0.333 + 0.949) * 0.9, rel=1e-10)
+
+
+def test_filters():
+    model = model_of(1).process
+    controller = itae.pida_load(model, alpha_d=0.1, alpha_a=0.2)
+    assert (controller.alpha_d, controller.alpha_a) == (0.1, 0.2)
+    assert controller.gains() == itae.pida_load(model).gains()
+    for rule in (itae.pid_load, itae.pid_setpoint):
+        assert rule(model, alpha_d=0.1).alpha_d == 0.1
+    assert itae.imc_pid(to_fopdt(EXAMPLES[1]).process, alpha_d=0.1).alpha_d == 0.1
+    with pytest.raises(ValueError, match="alpha_a must be above 0"):
+        itae.pida_setpoint(model, alpha_a=0.0)
+
+
+@pytest.mark.parametrize("rule", [*(RULES[name] for name in RULES if name != "imc_pid"), itae.factors])
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (unit(0.0999, 1.0), r"dead time / time constant of the model must be from 0\.1 to 2, found 0\.0999"),
+        (unit(2.001, 1.0), r"dead time / time constant of the model must be from 0\.1 to 2, found 2\.001"),
+        (unit(1.0, 0.29), r"damping of the model must be from 0\.3 to 2, found 0\.29"),
+        (unit(1.0, 2.1), r"damping of the model must be from 0\.3 to 2, found 2\.1"),
+        (pidalab.lags(3, delay=1.0), "model must have a constant numerator .* two stable poles"),
+        (pidalab.fopdt(1.0, 1.0, 1.0), "two stable poles"),
+        (pidalab.Process([1.0, 1.0], [1.0, 1.0, 1.0], 1.0), "two stable poles"),
+        (pidalab.Process([0.0], [1.0, 1.0, 1.0], 1.0), r"constant numerator \(not 0\)"),
+        (pidalab.Process([1.0], [1.0, 1.0, 0.0], 1.0), "two stable poles"),
+        (pidalab.Process([1.0], [1.0, -1.0, 1.0], 1.0), "two stable poles"),
+    ],
+)
+def test_models_that_are_refused(rule, model, message):
+    with pytest.raises(ValueError, match=message):
+        rule(model)
+
+
+def test_models_that_imc_refuses():
+    for model in (unit(1.0, 1.0), pidalab.ipdt(1.0, 1.0), pidalab.Process([1.0], [1.0, -1.0], 1.0)):
+        with pytest.raises(ValueError, match="one stable pole"):
+            itae.imc_pid(model)
+    with pytest.raises(ValueError, match="model must have a dead time above 0, found 0"):
+        itae.imc_pid(pidalab.fopdt(1.0, 1.0, 0.0))
+    with pytest.raises(TypeError, match=r"model must be a pidalab\.Process, found SecondOrderModel"):
+        itae.pid_load(to_sopdt(EXAMPLES[1]))
+
+
+def test_imc_is_the_pid_of_rivera_with_a_quarter_of_the_dead_time():
+    """kc (1 + 1/(tau_i s) + tau_d s) k = (tau s + 1)(theta s/2 + 1)/((lambda + theta) s) with lambda = theta/4."""
+    controller, s = itae.imc_pid(pidalab.fopdt(3.0, 2.0, 0.8)), np.array([0.3j, 1.0 + 2.0j])
+    ideal = controller.kc * (1 + 1 / (controller.tau_i * s) + controller.tau_d * s)
+    assert 3 * ideal == pytest.approx((2 * s + 1) * (0.4 * s + 1) / (1.25 * 0.8 * s), rel=1e-12)
