@@ -16,6 +16,7 @@ from pidalab.process import Process
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
 CLUSTER = 8  # more poles than asked for that are returned at most, not to split a cluster of them
+SLOW = 1e-6  # modulus, in 1/dead time, below which a pole is found without dead time first: rounding drowns it with
 ON_AXIS = 1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
 
 
@@ -164,33 +165,41 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         if found.size < count:
             raise ValueError(f"count must be at most the order of the loop, {found.size}, found {count}")
         return found[: _whole_pairs(found, count)]
-    delay, nodes = loop.process.delay, 32
+    delay, loop, nodes = loop.process.delay, _in_dead_times(loop), 32
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(ends(loop)[1])) / delay  # where the poles of a neutral loop gather
+        chain = np.log(abs(ends(loop)[1]))  # where the poles of a neutral loop gather
     while nodes <= MOST_NODES:
         found = _polished(loop, _collocation(loop, nodes))
-        for last in range(count, min(count + CLUSTER, found.size - 1) + 1):
+        for last in range(count, min(count + CLUSTER, found.size) + 1):
             if last == _whole_pairs(found, last) and _all_of_them(loop, found, last, chain):
-                return found[:last]
+                return found[:last] / delay
         nodes *= 2
-    if found.size <= count:
+    if found.size < count:
         raise ArithmeticError(
             f"count = {count}: only {found.size} poles lie right of {-FARTHEST / delay:.4g}; e^(-s delay) drowns others"
         )
-    near = "their neighbours" if chain == -math.inf else f"the chain of poles of this neutral loop at {chain:.4g}"
+    near = (
+        "their neighbours" if chain == -math.inf else f"the chain of poles of this neutral loop at {chain / delay:.4g}"
+    )
     raise ArithmeticError(f"the {count} rightmost poles cannot be told from {near}")
 
 
 def _all_of_them(loop: Loop, found: Any, last: int, chain: float) -> bool:
     """Whether the argument principle counts as many poles as the first `last`, right of a line behind these."""
-    delay = loop.process.delay
-    border = max(0.5 * (found[last - 1].real + found[last].real), found[last - 1].real - 1 / delay)
-    if border <= chain + 1e-6 / delay or found[last - 1].real - border < 1e-9 * (1 / delay + abs(border)):
+    slowest = found[last - 1].real
+    border = slowest - 1 if last == found.size else max(0.5 * (slowest + found[last].real), slowest - 1)
+    if border <= chain + 1e-6 or slowest - border < 1e-9 * (abs(border) + SLOW):
         return False
     try:
         return unstable_poles(_shifted(loop, border)) == last
     except ArithmeticError:
         return False
+
+
+def _in_dead_times(loop: Loop) -> Loop:
+    """Return the loop with its dead time as the unit of time."""
+    num, den = (p * loop.process.delay ** np.arange(1.0 - len(p), 1.0) for p in open_loop(loop))
+    return Loop(Process(num / den[0], den / den[0], 1.0), 1.0)
 
 
 def _collocation(loop: Loop, nodes: int) -> Any:
@@ -205,29 +214,30 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     x = np.cos(np.pi * k / nodes)
     weight = np.where((k == 0) | (k == nodes), 2.0, 1.0) * (-1.0) ** k
     D = np.outer(weight, 1 / weight) / (x[:, None] - x[None, :] + np.eye(nodes + 1))
-    D = (D - np.diag(D.sum(axis=1))) * 2 / loop.process.delay
+    D = (D - np.diag(D.sum(axis=1))) * 2
     generator = np.zeros((order + nodes, order + nodes))
     generator[:order, :order] = A
     generator[:order, -1] = -np.eye(1, order)  # the input is minus the loop's output, one dead time ago
     generator[order:, order:] = D[1:, 1:]
     generator[order:, :order] = np.outer(D[1:, 0], c)
     generator[order:, -1] -= direct * D[1:, 0]
-    return np.linalg.eigvals(generator)
+    approximate, slow = np.linalg.eigvals(generator), np.roots(np.polyadd(num, den))
+    return np.append(approximate[np.abs(approximate) >= SLOW], slow[np.abs(slow) < SLOW])
 
 
 def _polished(loop: Loop, approximate: Any) -> Any:
     """Newton's method on the characteristic function; what does not solve it in the end was no pole."""
     num, den = open_loop(loop)
-    slope_num, slope_den, delay = np.polyder(num), np.polyder(den), loop.process.delay
-    start = s = approximate[approximate.real > -FARTHEST / delay]
+    slope_num, slope_den = np.polyder(num), np.polyder(den)
+    start = s = approximate[approximate.real > -FARTHEST]
     with np.errstate(all="ignore"):
         for _ in range(20):
-            forward = np.exp(-s * delay)
+            forward = np.exp(-s)
             value = np.polyval(den, s) + np.polyval(num, s) * forward
-            slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - delay * np.polyval(num, s)) * forward
+            slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             s = s - np.where(value == 0, 0.0, value / slope)
-        s = np.where(np.abs(s - start) <= 1e-2 * (np.abs(s) + 1 / delay), s, start)  # in a cluster it goes astray
-        back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s * delay)
+        s = np.where(np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW), s, start)  # in a cluster it goes astray
+        back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
     return _sorted(s[solved])
 
