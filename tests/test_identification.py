@@ -149,6 +149,15 @@ def test_tangent_of_equal_lags_is_its_closed_form(order):
         assert model.delay == pytest.approx(0.7 + delay, abs=5 * off * delay + h**2)
 
 
+def test_tangent_at_a_corner_is_off_by_half_a_sample():
+    """First-order lag: the steepest point is the corner itself, and the mean slope of a sample is h/2 away from it."""
+    for h in (0.1, 0.01):
+        t = h * np.arange(round(20.0 / h))
+        model = ipdt_tangent(t, -np.expm1(-np.maximum(t - 1.0, 0.0) / 4.0))
+        assert model.num[0] == pytest.approx(0.25 * (1 - h / 8), rel=h**2)
+        assert model.delay == pytest.approx(1.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("span", [None, 0.5, 7.0])
 def test_tangent_of_an_integrator_is_the_integrator(span):
     y = 5.0 - 0.3 * np.maximum(T - 3.217, 0.0)

@@ -107,6 +107,28 @@ def test_prints_each_number_with_its_source():
     assert "no filter" in str(design)
 
 
+@pytest.mark.parametrize("te", [1e-2, 1e-7])
+def test_prints_an_unstable_design_however_many_poles_it_has(te):
+    """Below the limit |L| > 1 up to 1/te^2 rad per dead time: nothing is to be counted there."""
+    assert "unstable with the model itself, where te must be above 0.143" in str(
+        mrdp.tune(pidalab.ipdt(2.0, delay=3.0), 2, 2, te)
+    )
+
+
+@pytest.mark.parametrize(("m", "n"), [(0, 1), (2, 2), (4, 9), (10, 10)])
+def test_model_without_dead_time_is_stable_with_any_filter(m, n):
+    for te in (1e-6, 1.0, 1e6):
+        design = mrdp.tune(pidalab.ipdt(-2.0, delay=0.0), m, n, te)
+        assert pidalab.is_stable(design.loop())
+        assert "unstable" not in str(design)
+
+
+@pytest.mark.parametrize(("m", "n"), [(10, 10), (12, 22), (25, 25), (2, 40)])
+def test_smallest_te_of_high_orders(m, n):
+    limit = mrdp.smallest_te(m, n)
+    assert [pidalab.is_stable(mrdp.tune(UNIT, m, n, x * limit).loop()) for x in (0.99, 1.01)] == [False, True]
+
+
 @pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(2, 7) for n in range(m, m + 3)])
 def test_smallest_te_is_the_only_border(m, n):
     limit = mrdp.smallest_te(m, n)

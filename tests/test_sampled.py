@@ -165,6 +165,47 @@ def test_asymmetric_plant_against_an_ode_solver():
     np.testing.assert_allclose(r.y, y, atol=1e-9)
 
 
+@pytest.mark.parametrize("samples", [0.0, 0.3, 1.0, 2.0 - 1e-12, 2.0 + 1e-12, 3.9])
+@pytest.mark.parametrize("limits", [(-math.inf, math.inf), (0.0, 0.6), (-0.5, 0.0)], ids=["free", "up", "down"])
+def test_closed_loop_event_by_event(samples, limits):
+    """Asymmetric plant with feedthrough, PI, all inputs: Runge-Kutta steps between the instants at which w changes."""
+    h, n, rng = 0.4, 50, np.random.default_rng(7)
+    direct = 0.2 if samples else control.tf([0.2], [0.5, 1.0])
+    plant = AsymmetricPlant(control.tf([1.2], [0.7, 1.0]), 0.9, 2.5, direct, samples * h)
+    inputs = {"setpoint": rng.normal(size=n).cumsum(), "load": 0.2 * rng.normal(size=n), "noise": rng.normal(size=n)}
+    kp, ti = 0.3, 2.0
+    r = simulate_sampled(Loop(plant.rising, PIDA(kp, ti)), h * np.arange(n), limits=limits, plant=plant, **inputs)
+
+    def slope(x, w):
+        past = 0.2 * w if samples else x[2]
+        lagged = (0.2 * w - x[2]) / 0.5
+        return np.array([(w - x[0]) / (0.9 if w > x[0] else 2.5), (1.2 * x[0] - x[1]) / 0.7, lagged, x[1] + past])
+
+    whole = math.floor(samples + 1e-6)
+    part = h * max(0.0, samples - whole) if abs(samples - round(samples)) > 1e-6 else 0.0
+    x, total, v = np.zeros(4), 0.0, []
+
+    def input_of(sample):
+        return v[sample] if sample >= 0 else 0.0
+
+    for k in range(n):
+        now = input_of(k - whole - (part > 0)) if samples else 0.0
+        y = x[1] + (0.2 * now if samples else x[2])
+        assert (r.y[k], r.area[k]) == pytest.approx((y, x[3]), abs=1e-7)
+        error = inputs["setpoint"][k] - inputs["noise"][k] - y
+        u = min(max(kp * (error + total / ti), limits[0]), limits[1])
+        assert r.u[k] == pytest.approx(u, abs=1e-7)
+        total += h * error
+        v.append(u + inputs["load"][k])
+        for duration, w in ((part, input_of(k - whole - 1)), (h - part, input_of(k - whole))):
+            step = duration / 40
+            for _ in range(40):
+                k1 = slope(x, w)
+                k2 = slope(x + step / 2 * k1, w)
+                k3 = slope(x + step / 2 * k2, w)
+                x = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + slope(x + step * k3, w))
+
+
 def test_a_path_of_its_own_poles_keeps_them():
     plant = AsymmetricPlant(control.tf([1.0], [2.0, 1.0]), 1.0, 2.0, control.tf([0.5], [7.0, 1.0]))
     assert plant.falling(0.4j) == pytest.approx(1 / (2 * 0.4j + 1) ** 2 + 0.5 / (7 * 0.4j + 1), rel=1e-12)

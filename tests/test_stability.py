@@ -207,3 +207,57 @@ def test_rightmost_poles_too_far_left():
     loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=0, n=1, te=1000.0).loop()
     with pytest.raises(ArithmeticError, match=r"count = 5: only . poles lie right of -20"):
         pidalab.rightmost_poles(loop, count=5)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("m", "n"), [(2, 12), (10, 20)])
+def test_rightmost_poles_in_any_unit_of_time(m, n, unit):
+    """A loop of order 14 in milliseconds has coefficients of 1e42; they must not drown its poles."""
+    one, scaled_loop = (
+        pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=time), m, n, te=4.0 * time).loop() for time in (1.0, unit)
+    )
+    found = pidalab.rightmost_poles(scaled_loop, count=5)
+    assert unit * found == pytest.approx(pidalab.rightmost_poles(one, count=5), abs=1e-6)
+    assert np.abs(1 + scaled_loop.L(found)) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("delay", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("seed", range(6))
+def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
+    """All poles of the loop without dead time, each once, also where the dead time's own lie out of reach."""
+    loop = random_loop(seed, delay=False)
+    short = Loop(Process(loop.process.num, loop.process.den, delay * 1e-2), loop.controller)
+    expected = pidalab.rightmost_poles(loop, count=4)
+    assert pidalab.rightmost_poles(short, count=4) == pytest.approx(expected, abs=1e-9 + 5 * delay, rel=1e-6 + delay)
+
+
+def test_rightmost_poles_all_that_are_right_of_the_dead_times_own():
+    """Four poles of the process are asked for; the fifth decays by more than e^20 in a dead time."""
+    loop = Loop(Process([2.47582], np.poly([-0.36407, -0.42434 + 0.18j, -0.42434 - 0.18j, -1.12723]), 0.0368), 1.0)
+    found = pidalab.rightmost_poles(loop, count=3)
+    assert found.size == 4
+    assert np.abs(1 + loop.L(found)) == pytest.approx(0, abs=1e-9)
+    assert np.sort(found.real)[-1] > 0 > np.sort(found.real)[0]
+
+
+@pytest.mark.parametrize("delay", [10.0, 30.0, 50.0, 300.0])
+def test_rightmost_pole_of_an_unstable_process_that_feedback_cannot_reach(delay):
+    """s^2 - 1 + 2 e^{-s delay}: the pole is 1 less e^{-delay}, right of which only rounding is left of the feedback."""
+    loop = Loop(Process([2.0], [1.0, 0.0, -1.0], delay), 1.0)
+    assert pidalab.rightmost_poles(loop) == pytest.approx([1 - math.exp(-delay)], abs=1e-7)
+
+
+def test_rightmost_poles_keep_pairs_together():
+    """Two pairs with the same real part, and slow pairs beside a fast pole."""
+    loop = Loop(Process([0.0], [1.0, 0.0, 5.0, 0.0, 4.0]), 1.0)
+    assert pidalab.rightmost_poles(loop) == pytest.approx([2j, -2j], abs=1e-9)
+    slow = [-1.0 + 2j, -1.0 - 2j, -2.0 + 3j, -2.0 - 3j]
+    fast = Loop(Process([0.0], np.poly([*slow, -1e15]).real), 1.0)
+    assert pidalab.rightmost_poles(fast, count=3) == pytest.approx(slow, rel=1e-6)
+
+
+def test_phase_that_turns_too_often_is_refused():
+    """PIDA with a filter of a millionth of the dead time: |L| > 1 up to 1e12 rad per dead time."""
+    loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), 2, 2, te=1e-6).loop()
+    with pytest.raises(ArithmeticError, match="too often to follow"):
+        unstable_poles(loop)

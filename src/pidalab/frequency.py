@@ -14,6 +14,7 @@ from pidalab.loop import Loop, open_loop
 from pidalab.process import static_gain
 
 PER_DECADE = 120  # points of the logarithmic grid
+MOST_POINTS = 20_000_000  # of a grid: more would fill the memory
 TURN = 0.25  # largest turn of the phase by the dead time between two points, in rad
 
 
@@ -46,6 +47,11 @@ def grid(loop: Loop, loud: float) -> Array:
         size = log_gain(loop, w)
         heard = np.maximum(size[:-1], size[1:]) >= np.log(loud)
         pieces = np.where(heard, np.ceil(np.diff(w) * delay / TURN), 1).astype(int)
+        if pieces.sum() > MOST_POINTS:
+            raise ArithmeticError(
+                f"the dead time turns the phase {pieces.sum() * TURN / (2 * np.pi):.2g} times while |L| is large: "
+                "too often to follow; is the loop far from stable?"
+            )
         first = np.repeat(np.cumsum(pieces) - pieces, pieces)
         share = (np.arange(pieces.sum()) - first) / np.repeat(pieces, pieces)
         w = np.append(np.repeat(w[:-1], pieces) + share * np.repeat(np.diff(w), pieces), w[-1])

@@ -162,7 +162,8 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
         Change of the input, not 0.
     span : float, optional
         Length of the segment in time. By default one sample interval, right for a clean record; the slope and the dead
-        time then miss those of the tangent by a share in the order of the squared sample time. In a noisy record the
+        time then miss those of the tangent by a share in the order of the squared sample time (of the sample time, if
+        the record is steepest at a corner). In a noisy record the
         steepest short segment is noise: take a longer one, along which a line is fitted by least squares, such as a
         third of the time in which the record rises. It is rounded to whole steps of t.
 

@@ -188,7 +188,7 @@ def _all_of_them(loop: Loop, found: Any, last: int, chain: float) -> bool:
     """Whether the argument principle counts as many poles as the first `last`, right of a line behind these."""
     slowest = found[last - 1].real
     border = slowest - 1 if last == found.size else max(0.5 * (slowest + found[last].real), slowest - 1)
-    if border <= chain + 1e-6 or slowest - border < 1e-9 * (abs(border) + SLOW):
+    if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
         return False
     try:
         return unstable_poles(_shifted(loop, border)) == last
@@ -235,17 +235,21 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             forward = np.exp(-s)
             value = np.polyval(den, s) + np.polyval(num, s) * forward
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
-            s = s - np.where(value == 0, 0.0, value / slope)
-        s = np.where(np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW), s, start)  # in a cluster it goes astray
+            step = np.where(value == 0, 0.0, value / slope)
+            s = s - step
+        still = np.abs(step) <= 1e-9 * np.abs(s)  # far right of the axis the dead time leaves only rounding of `value`
+        near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW)
+        s = np.where(near, s, start)  # in a cluster it goes astray
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
-    return _sorted(s[solved])
+    return _sorted(s[solved | still & near])
 
 
 def _sorted(poles: Any) -> Any:
-    """By falling real part; of a pair the one above the axis first."""
-    scale = np.max(np.abs(poles), initial=1e-300)
-    return poles[np.lexsort((-poles.imag, -np.round(poles.real / scale, 13)))]
+    """By falling real part, pairs together, the one above the axis first."""
+    unit = np.exp2(np.ceil(np.log2(np.maximum(np.abs(poles), 1e-300))))
+    real, height = (np.round(part / unit, 13) * unit for part in (poles.real, np.abs(poles.imag)))
+    return poles[np.lexsort((-poles.imag, -height, -real))]
 
 
 def _whole_pairs(poles: Array, count: int) -> int:

@@ -277,8 +277,8 @@ class Design:
             value = getattr(self, name)
             text = ", ".join(f"{x:.6g}" for x in value) if isinstance(value, tuple) else f"{value:.6g}"
             lines.append(f"  {name:12} = {text:42} {source}" if text else f"  {name:12}   {'none':42} {source}")
-        if not is_stable(self.loop()):
-            limit = smallest_te(self.m, self.n) * self.model.delay
+        limit = smallest_te(self.m, self.n) * self.model.delay if self.n else 0.0
+        if self.te < limit:
             lines.append(f"  unstable with the model itself, where te must be above {limit:.4g}")
         return "\n".join(lines)
 
