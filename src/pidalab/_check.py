@@ -107,3 +107,14 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
     if array.shape != (size,):
         raise ValueError(f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}")
     return vector(name, array)
+
+
+def limits(value: Any) -> tuple[float, float]:
+    """Return lower and upper limit, which may be infinite, as floats in order, or raise."""
+    try:
+        low, high = (float(x) for x in value)
+    except (TypeError, ValueError):
+        raise TypeError(f"limits must be two numbers, lower and upper, found {value!r}") from None
+    if not low < high:
+        raise ValueError(f"limits must be (lower, upper) with lower < upper, found {value!r}")
+    return low, high

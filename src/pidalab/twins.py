@@ -252,7 +252,7 @@ def step_measures(record: Response, start: float, stop: float, limits: tuple[flo
     """
     if not isinstance(record, Response):
         raise TypeError(f"record must be a pidalab.Response, found {type(record).__name__}")
-    low, high = _limits(limits)
+    low, high = _check.limits(limits)
     start, stop = _check.real("start", start), _check.real("stop", stop)
     first, last = round(start / record.step), round(stop / record.step)
     if not 0 <= first < last <= record.t.size:
@@ -276,14 +276,3 @@ def step_measures(record: Response, start: float, stop: float, limits: tuple[flo
         saturated=float(record.step * np.count_nonzero((u <= low) | (u >= high))),
         tv=float(np.sum(np.abs(np.diff(u, prepend=record.u[first - 1] if first else 0.0)))),
     )
-
-
-def _limits(limits: tuple[float, float]) -> tuple[float, float]:
-    """Check limits, which may be infinite."""
-    try:
-        low, high = (float(x) for x in limits)
-    except (TypeError, ValueError):
-        raise TypeError(f"limits must be two numbers, lower and upper, found {limits!r}") from None
-    if not low < high:
-        raise ValueError(f"limits must be (lower, upper) with lower < upper, found {limits!r}")
-    return low, high

@@ -113,12 +113,9 @@ def simulate_sampled(
 
 
 def _limits(loop: Loop, limits: tuple[float, float]) -> tuple[float, float]:
-    """Check limits, which may be infinite."""
-    try:
-        low, high = (float(x) for x in limits)
-    except (TypeError, ValueError):
-        raise TypeError(f"limits must be two numbers, lower and upper, found {limits!r}") from None
-    if not (low < high and low <= 0 <= high):
+    """Check limits, which may be infinite, against the state of rest and the controller."""
+    low, high = _check.limits(limits)
+    if not low <= 0 <= high:
         raise ValueError(
             "limits must be (lower, upper) with lower < upper, and hold 0, the control signal at rest "
             f"(give them as distances from the state of rest); found {limits!r}"
