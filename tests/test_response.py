@@ -125,9 +125,12 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
             lambda: SINE.settling_time(),
             r"the error is 0\.7 in the last tenth of the record \(up to t = 10\.2\), outside the band",
         ),
+        (lambda: DECAY.rise_time(), "rise_time needs a set point that does not end at 0"),
+        (lambda: record(T, 0.5 * T / T[-1]).rise_time(), r"the output reaches 0\.5 of the final set point .* not 0\.9"),
+        (lambda: SINE.rise_time(0.9, 0.1), r"low and high must be shares with 0 < low < high < 1, found 0\.9 and 0\.1"),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
     ],
-    ids=["beyond", "zero", "nan", "origin", "tv", "tv1", "peak", "start", "end", "overshoot", "unsettled", "band"],
+    ids="beyond zero nan origin tv tv1 peak start end overshoot fall slow shares unsettled band".split(),
 )
 def test_measures_complain(call, message):
     with pytest.raises(ValueError, match=message):
@@ -218,6 +221,14 @@ def test_overshoot_between_samples(target):
 def test_peak_has_its_sign():
     assert record(np.arange(4.0), [0.0, -3.0, 2.0, 0.0]).peak() == -3.0
     assert record(np.arange(4.0), 0.0, u=[0.0, -3.0, 4.0, 0.0]).peak("u") == 4.0
+
+
+@pytest.mark.parametrize("target", [3.0, -0.5])
+def test_rise_time(target):
+    assert record(T, target * (1 - np.exp(-T)), r=target).rise_time() == pytest.approx(math.log(9), abs=1e-4)
+    wave = record(T, target * (1 - np.exp(-T) * np.cos(3 * T)), r=target)  # the first passage counts
+    assert wave.rise_time(0.5, 0.99) < math.pi / 6
+    assert record(np.arange(3.0), [0.5, 1.0, 1.0]).rise_time(0.2, 0.9) == pytest.approx(0.8)  # starts above
 
 
 def test_settling_time():

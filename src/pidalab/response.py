@@ -380,6 +380,49 @@ class Response:
         path = self._path(signal, 0.0, None)
         return float(path[np.argmax(np.abs(path))])
 
+    def rise_time(self, low: float = 0.1, high: float = 0.9) -> float:
+        """Time y needs from a low to a high share of the final set point, first passage of each.
+
+        Parameters
+        ----------
+        low, high : float, optional
+            Shares of the final set point, ``0 < low < high < 1``.
+
+        Returns
+        -------
+        float
+            The time, interpolated linearly between samples.
+
+        Raises
+        ------
+        ValueError
+            If the set point ends at 0, the output never reaches the high share, or the shares are in another order.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> record = Response(t=[0.0, 1.0, 2.0, 3.0], r=2.0, d=0.0, n=0.0, y=[0.0, 1.0, 2.0, 2.0], u=0.0)
+        >>> print(f"{record.rise_time():.2f}")
+        1.60
+        """
+        if not 0 < _check.real("low", low) < _check.real("high", high) < 1:
+            raise ValueError(f"low and high must be shares with 0 < low < high < 1, found {low!r} and {high!r}")
+        if self.r[-1] == 0:
+            raise ValueError("rise_time needs a set point that does not end at 0")
+        share = self.y / self.r[-1]
+        if share.max() < high:
+            raise ValueError(
+                f"the output reaches {share.max():.3g} of the final set point in this record (up to t = "
+                f"{self.t[-1]:g}), not {high:g}; simulate longer"
+            )
+        first, last = (self._passage(share, level) for level in (low, high))
+        return last - first
+
+    def _passage(self, share: Array, level: float) -> float:
+        """Return the time at which `share` first reaches a level, 0 if it starts there."""
+        i = int(np.argmax(share >= level))
+        return float(np.interp(level, share[i - 1 : i + 1], self.t[i - 1 : i + 1])) if i else 0.0
+
     def settling_time(self, band: float = 0.02) -> float:
         """Time after which the error stays within a band, and does so at least over the last tenth of the record.
 
