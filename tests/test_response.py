@@ -130,7 +130,23 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
         (lambda: SINE.rise_time(0.9, 0.1), r"low and high must be shares with 0 < low < high < 1, found 0\.9 and 0\.1"),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
     ],
-    ids="beyond zero nan origin tv tv1 peak start end overshoot fall slow shares unsettled band".split(),
+    ids=[
+        "beyond",
+        "zero",
+        "nan",
+        "origin",
+        "tv",
+        "tv1",
+        "peak",
+        "start",
+        "end",
+        "overshoot",
+        "fall",
+        "slow",
+        "shares",
+        "unsettled",
+        "band",
+    ],
 )
 def test_measures_complain(call, message):
     with pytest.raises(ValueError, match=message):
