@@ -8,7 +8,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks lint bench lock clean
+.PHONY: help env book test notebooks lint bench study lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -44,6 +44,9 @@ lint: $(ENV)  ## style and types
 
 bench: $(ENV)  ## compare speed and accuracy with other libraries
 	$(BIN)/python -m benchmarks.run
+
+study: $(ENV)  ## find the optimal controllers of heo2023 again (many hours)
+	$(BIN)/python studies/itae_optima.py
 
 lock: $(ENV)  ## write requirements.txt from pyproject.toml, keeping the versions it already has
 	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \

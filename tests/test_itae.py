@@ -298,7 +298,10 @@ def test_filters():
         itae.pida_setpoint(model, alpha_a=0.0)
 
 
-@pytest.mark.parametrize("rule", [*(RULES[name] for name in RULES if name != "imc_pid"), itae.factors])
+@pytest.mark.parametrize(
+    "rule",
+    [*list(RULES.values())[1:], itae.factors, itae.setpoint_factors, itae.load_factors],
+)
 @pytest.mark.parametrize(
     ("model", "message"),
     [
@@ -334,3 +337,25 @@ def test_imc_is_the_pid_of_rivera_with_a_quarter_of_the_dead_time():
     controller, s = itae.imc_pid(pidalab.fopdt(3.0, 2.0, 0.8)), np.array([0.3j, 1.0 + 2.0j])
     ideal = controller.kc * (1 + 1 / (controller.tau_i * s) + controller.tau_d * s)
     assert 3 * ideal == pytest.approx((2 * s + 1) * (0.4 * s + 1) / (1.25 * 0.8 * s), rel=1e-12)
+
+
+# Factors given by the user.
+
+
+def test_given_factors():
+    """Those of Table 1 change nothing; with f_d = 0 the PID part is the one of the PID table."""
+    model = unit(0.4, 0.7)
+    for rule, pid in ((itae.pida_setpoint, itae.pid_setpoint), (itae.pida_load, itae.pid_load)):
+        assert rule(model, factors=itae.factors) == rule(model)
+        own, plain = rule(model, factors=lambda m: (0.0, 0.6)), pid(model)
+        assert (own.kc, own.tau_i, own.tau_d) == (plain.kc, plain.tau_i, plain.tau_d)
+        assert own.tau_a == pytest.approx(0.6 * plain.tau_d, rel=1e-12)
+
+
+def test_factors_that_are_refused():
+    for rule in (itae.pida_setpoint, itae.pida_load):
+        with pytest.raises(TypeError, match=r"factors must be a function of the model .* found \(0\.3, 0\.6\)"):
+            rule(unit(1.0, 1.0), factors=(0.3, 0.6))
+        for f_d in (1.0, -2.0):
+            with pytest.raises(ValueError, match="f_d must leave dead time and time constant"):
+                rule(unit(1.0, 1.0), factors=lambda m, f_d=f_d: (f_d, 0.6))

@@ -1,0 +1,46 @@
+"""The models that the rules start from, taken apart and checked."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from pidalab.process import Process
+
+
+class SecondOrder(NamedTuple):
+    """Parameters of a second-order model with dead time inside the range of a rule."""
+
+    gain: float
+    tau: float
+    damping: float
+    delay: float
+
+    @property
+    def ratio(self) -> float:
+        return round(self.delay / self.tau, 12)  # so that 0.3/3 is 0.1, and on its side of a break point
+
+
+def lags(model: Process, order: int) -> tuple[float, list[float]]:
+    """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), all positive, or raise."""
+    if not isinstance(model, Process):
+        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
+    kind = "one stable pole (pidalab.fopdt)" if order == 1 else "two stable poles (pidalab.sopdt)"
+    fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0 and model.den[-1] != 0
+    lags = (model.den[:-1] / model.den[-1]).tolist() if fits else [0.0]
+    if min(lags) <= 0:
+        raise ValueError(f"model must have a constant numerator (not 0) and {kind}, found {model!r}; see reduction")
+    return float(model.num[0] / model.den[-1]), lags
+
+
+def second_order(model: Process) -> SecondOrder:
+    """Return the parameters of a second-order model inside the range of the rule, or raise."""
+    gain, (a2, a1) = lags(model, 2)
+    tau = math.sqrt(a2)
+    damping = round(a1 / (2 * tau), 12)
+    if not 0.3 <= damping <= 2:
+        raise ValueError(f"damping of the model must be from 0.3 to 2, found {damping:.6g}")
+    result = SecondOrder(gain, tau, damping, model.delay)
+    if not 0.1 <= result.ratio <= 2:
+        raise ValueError(f"dead time / time constant of the model must be from 0.1 to 2, found {result.ratio:.6g}")
+    return result

@@ -1,0 +1,161 @@
+"""Direct ITAE rules beside the optima stored by studies/itae_optima.py, and the refitted factors of the ITAE rule."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.rules import direct, itae
+
+RATIOS = np.linspace(0.1, 2.0, 39)
+DAMPINGS = np.linspace(0.3, 2.0, 35)
+
+
+def unit(r: float, xi: float) -> pidalab.Process:
+    return pidalab.sopdt(1.0, 1.0, xi, r)
+
+
+with (Path(__file__).parents[1] / "book" / "data" / "itae_optima.csv").open() as file:
+    OPTIMA = list(csv.DictReader(file))
+
+
+def itae_of(kind, r, xi, controller, end=100.0):
+    run = pidalab.step_response if kind == "setpoint" else pidalab.load_response
+    t = np.linspace(0.0, end, math.ceil(end / min(0.01, r / 20)) + 1)
+    return run(pidalab.Loop(unit(r, xi), controller), t).itae()
+
+
+def validation(kind, bound):
+    """Ratio, damping, optimal controller and its ITAE, for every fourth model that is not used in the fit."""
+    rows = [row for row in OPTIMA if (row["role"], row["kind"], row["ms_bound"]) == ("validation", kind, bound)]
+    for row in rows[::4]:
+        r, xi, least, *optimal = (float(row[k]) for k in ("ratio", "damping", "itae", "kc", "tau_i", "tau_d", "tau_a"))
+        yield r, xi, pidalab.NonInteractivePIDA(*optimal), least
+
+
+@pytest.mark.parametrize(("kind", "bound"), [("setpoint", "inf"), ("load", "inf"), ("load", "2")])
+def test_stored_optima(kind, bound):
+    """The table holds 80 and 40 models; its ITAE is that of its controllers, and the bound on Ms is kept."""
+    roles = [row["role"] for row in OPTIMA if (row["kind"], row["ms_bound"]) == (kind, bound)]
+    assert (roles.count("fit"), roles.count("validation")) == (80, 40)
+    for r, xi, controller, least in validation(kind, bound):
+        assert itae_of(kind, r, xi, controller) == pytest.approx(least, rel=1e-4)
+        if bound == "2":
+            assert pidalab.max_sensitivity(pidalab.Loop(unit(r, xi), controller))[0] < 2.002
+
+
+def test_setpoint_is_near_the_optimum():
+    """For models that are not used in the fit: at most 12 % above it, and always better than the rule of the paper."""
+    for r, xi, _, least in validation("setpoint", "inf"):
+        own, printed = (itae_of("setpoint", r, xi, f(unit(r, xi))) for f in (direct.setpoint, itae.pida_setpoint))
+        assert 0.999 * least < own < 1.12 * least
+        assert own < printed
+
+
+def test_load_is_near_the_optimum_with_its_bound():
+    """For models that are not used in the fit: at most 30 % above it. No rule with such an Ms can be far below."""
+    for r, xi, _, least in validation("load", "2"):
+        assert 0.97 * least < itae_of("load", r, xi, direct.load(unit(r, xi))) < 1.3 * least
+
+
+@pytest.mark.parametrize(("rule", "bound"), [(direct.setpoint, 2.25), (direct.load, 2.03)])
+def test_rules_are_robust_in_the_whole_range(rule, bound):
+    for xi in DAMPINGS[::2]:
+        for r in RATIOS[::2]:
+            assert pidalab.is_stable(pidalab.Loop(unit(r, xi), rule(unit(r, xi))))
+    for xi in (0.3, 0.35, 0.6, 1.0, 2.0):
+        for r in (0.1, 0.13, 0.25, 0.6, 1.2, 2.0):
+            assert pidalab.max_sensitivity(pidalab.Loop(unit(r, xi), rule(unit(r, xi))))[0] < bound
+
+
+@pytest.mark.parametrize("rule", [direct.setpoint, direct.load])
+def test_rules_have_no_jumps(rule):
+    """A step of 1e-6 at the break points of the tables changes no parameter by more than 1e-4."""
+    for r, xi in ((0.37, 0.5), (0.4, 0.5), (0.9, 0.5), (1.0, 0.5), (1.0, 0.9), (0.3, 0.9), (0.3, 1.0)):
+        one, other = rule(unit(r, xi)), rule(unit(r * (1 + 1e-6), xi * (1 + 1e-6)))
+        for name in ("kc", "tau_i", "tau_d", "tau_a"):
+            assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-4)
+
+
+@pytest.mark.parametrize("xi", [0.5, 1.0, 1.8])
+def test_setpoint_cancels_the_poles(xi):
+    """With hardly any filter the open loop is 0.722 (1 + 0.36 theta s) e^(-theta s)/(theta s)."""
+    model, s = pidalab.sopdt(2.0, 3.0, xi, 1.5), np.array([0.1j, 1.0j])
+    loop = model(s) * direct.setpoint(model, alpha_d=1e-6, alpha_a=1e-6)(s)
+    assert loop == pytest.approx(0.722 * (1 + 0.36 * 1.5 * s) * np.exp(-1.5 * s) / (1.5 * s), rel=1e-4)
+
+
+@pytest.mark.parametrize("rule", [direct.setpoint, direct.load])
+def test_rules_and_slower_filters(rule):
+    """The acceleration makes up for the derivative filter: its lag of second order stays the same."""
+    model, s = unit(0.5, 0.6), 1e-3j
+    for alpha_d in (0.01, 0.05, 0.1):
+        c = rule(model, alpha_d=alpha_d)
+        assert (c.alpha_d, c.alpha_a) == (alpha_d, 0.025)
+        second = c.gains().ka - c.kc * alpha_d * c.tau_d**2
+        assert (c(s).real - c.kc) / -(1e-3**2) == pytest.approx(second, rel=1e-3)
+        assert pidalab.is_stable(pidalab.Loop(model, c))
+    with pytest.raises(ValueError, match="alpha_d must be above 0"):
+        rule(model, alpha_d=-3.0)
+
+
+@pytest.mark.parametrize("rule", [direct.setpoint, direct.load])
+def test_units_of_gain_and_time(rule):
+    for xi in (0.4, 0.9, 1.7):
+        for r in (0.1, 0.4, 1.0, 2.0):
+            one, other = (rule(pidalab.sopdt(k, tau, xi, r * tau)) for k, tau in ((1.0, 1.0), (-0.02, 30.0)))
+            assert other.kc == pytest.approx(-one.kc / 0.02, rel=1e-10)
+            for name in ("tau_i", "tau_d", "tau_a"):
+                assert getattr(other, name) == pytest.approx(30 * getattr(one, name), rel=1e-10)
+
+
+@pytest.mark.parametrize("rule", [direct.setpoint, direct.load])
+def test_models_that_are_refused(rule):
+    with pytest.raises(ValueError, match=r"damping of the model must be from 0\.3 to 2, found 0\.29"):
+        rule(unit(1.0, 0.29))
+    with pytest.raises(
+        ValueError, match=r"dead time / time constant of the model must be from 0\.1 to 2, found 2\.001"
+    ):
+        rule(unit(2.001, 1.0))
+    with pytest.raises(ValueError, match="two stable poles"):
+        rule(pidalab.lags(3, delay=1.0))
+
+
+# The refitted factors of the ITAE rule.
+
+REFITTED = {"setpoint": (itae.pida_setpoint, itae.setpoint_factors), "load": (itae.pida_load, itae.load_factors)}
+
+
+@pytest.mark.parametrize(("kind", "bound", "mean", "worst"), [("setpoint", "inf", 1.74, 2.6), ("load", "2", 1.6, 2.0)])
+def test_refitted_factors_on_models_not_used_in_the_fit(kind, bound, mean, worst):
+    """Nearer to the optimum than with Table 1, on the average; some load loops with Table 1 are unstable."""
+    rule, factors = REFITTED[kind]
+    refitted, printed = [], []
+    for r, xi, _, least in validation(kind, bound):
+        refitted.append(itae_of(kind, r, xi, rule(unit(r, xi), factors=factors)) / least)
+        stable = pidalab.is_stable(pidalab.Loop(unit(r, xi), rule(unit(r, xi))))
+        printed.append(itae_of(kind, r, xi, rule(unit(r, xi))) / least if stable else math.inf)
+    assert np.exp(np.mean(np.log(refitted))) < min(mean, np.exp(np.mean(np.log(printed))))
+    assert max(refitted) < min(worst, max(printed))
+
+
+@pytest.mark.parametrize(("kind", "bound"), [("setpoint", 2.5), ("load", 2.4)])
+def test_refitted_factors_are_robust_in_the_whole_range(kind, bound):
+    rule, factors = REFITTED[kind]
+    for xi in DAMPINGS[::2]:
+        for r in RATIOS[::2]:
+            loop = pidalab.Loop(unit(r, xi), rule(unit(r, xi), factors=factors))
+            assert pidalab.is_stable(loop)
+            assert pidalab.max_sensitivity(loop)[0] < bound
+
+
+def test_refitted_factors_are_continuous_but_at_a_damping_of_0_9():
+    for factors in (itae.setpoint_factors, itae.load_factors):
+        for r, xi in ((0.37, 0.5), (1.0, 0.5), (0.4, 1.0), (0.9, 1.5)):
+            near = factors(unit(r * (1 + 1e-6), xi * (1 + 1e-6)))
+            assert np.allclose(factors(unit(r, xi)), near, atol=1e-5)
+    low, high = (itae.setpoint_factors(unit(0.5, xi)) for xi in (0.9, 0.9 + 1e-9))
+    assert high.f_d - low.f_d == pytest.approx(0.0354, abs=1e-3)  # where the gain of Table 2 jumps
