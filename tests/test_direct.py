@@ -95,11 +95,31 @@ def test_rules_and_slower_filters(rule):
     for alpha_d in (0.01, 0.05, 0.1):
         c = rule(model, alpha_d=alpha_d)
         assert (c.alpha_d, c.alpha_a) == (alpha_d, 0.025)
+        assert rule(model, alpha_d, 0.05).alpha_a == 0.05
         second = c.gains().ka - c.kc * alpha_d * c.tau_d**2
         assert (c(s).real - c.kc) / -(1e-3**2) == pytest.approx(second, rel=1e-3)
         assert pidalab.is_stable(pidalab.Loop(model, c))
     with pytest.raises(ValueError, match="alpha_d must be above 0"):
         rule(model, alpha_d=-3.0)
+
+
+@pytest.mark.parametrize(("slower", "bound"), [(0.5, 2.03), (2, 2.3), (4, 2.95)])
+@pytest.mark.parametrize("rule", [direct.setpoint, direct.load])
+def test_rules_are_robust_with_other_filters(rule, slower, bound):
+    """Also where the lead of `setpoint` is below 0; with a lead of at least 0, Ms would be 5.8 and 397."""
+    for xi in (0.3, 0.4, 0.7, 2.0):
+        for r in (0.1, 0.14, 0.3, 2.0):
+            loop = pidalab.Loop(unit(r, xi), rule(unit(r, xi), 0.05 * slower, 0.025 * slower))
+            assert pidalab.is_stable(loop)
+            assert pidalab.max_sensitivity(loop)[0] < bound
+
+
+@pytest.mark.parametrize("gain", [1.0, -3.0])
+@pytest.mark.parametrize("alpha_d", [0.3, 0.5, 0.8, 1.5, 2.0, 5.0, 1e3, 1e200, 1e308])
+def test_setpoint_with_filters_that_are_too_slow(gain, alpha_d):
+    """Whichever of the gains is the first to turn."""
+    with pytest.raises(ValueError, match="alpha_d is too large for this model, found"):
+        direct.setpoint(pidalab.sopdt(gain, 1.0, 0.3, 0.1), alpha_d)
 
 
 @pytest.mark.parametrize("rule", [direct.setpoint, direct.load])
@@ -142,9 +162,13 @@ def test_refitted_factors_on_models_not_used_in_the_fit(kind, bound, mean, worst
     assert max(refitted) < min(worst, max(printed))
 
 
-@pytest.mark.parametrize(("kind", "bound"), [("setpoint", 2.5), ("load", 2.4)])
-def test_refitted_factors_are_robust_in_the_whole_range(kind, bound):
+@pytest.mark.parametrize(("kind", "bound", "peak"), [("setpoint", 2.5, 2.916), ("load", 2.4, 1.987)])
+def test_refitted_factors_are_robust_in_the_whole_range(kind, bound, peak):
+    """The peak is that of the corner where the gain of Table 2 jumps, just above a damping of 0.9."""
     rule, factors = REFITTED[kind]
+    corner = unit(2.0, 0.9 + 1e-9)
+    found = pidalab.max_sensitivity(pidalab.Loop(corner, rule(corner, factors=factors)))[0]
+    assert found == pytest.approx(peak, abs=1e-3)
     for xi in DAMPINGS[::2]:
         for r in RATIOS[::2]:
             loop = pidalab.Loop(unit(r, xi), rule(unit(r, xi), factors=factors))

@@ -328,7 +328,9 @@ def test_models_that_imc_refuses():
             itae.imc_pid(model)
     with pytest.raises(ValueError, match="model must have a dead time above 0, found 0"):
         itae.imc_pid(pidalab.fopdt(1.0, 1.0, 0.0))
-    with pytest.raises(TypeError, match=r"model must be a pidalab\.Process, found SecondOrderModel"):
+    with pytest.raises(
+        TypeError, match=r"model must be a pidalab\.Process, found SecondOrderModel; pass its \.process"
+    ):
         itae.pid_load(to_sopdt(EXAMPLES[1]))
 
 
@@ -359,3 +361,27 @@ def test_factors_that_are_refused():
         for f_d in (1.0, -2.0):
             with pytest.raises(ValueError, match="f_d must leave dead time and time constant"):
                 rule(unit(1.0, 1.0), factors=lambda m, f_d=f_d: (f_d, 0.6))
+        for value in (None, 0.3, (0.3,), (0.3, 0.6, 0.9)):
+            with pytest.raises(TypeError, match="factors must return two numbers, f_d and f_a, found"):
+                rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
+        for value, message in ((("a", 0.6), "f_d must be a real number"), ((0.3, None), "f_a must be a real number")):
+            with pytest.raises(TypeError, match=message):
+                rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
+        for value, message in (((math.nan, 0.6), "f_d must be finite"), ((0.3, -0.1), r"f_a must be at least 0")):
+            with pytest.raises(ValueError, match=message):
+                rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
+
+
+@pytest.mark.parametrize(
+    ("rule", "r", "gain"),
+    [
+        (itae.pida_setpoint, 5e-14, 1.0),  # the ratio is rounded to 0
+        (itae.pida_load, 0.01, 1.0),  # the integral time is below 0
+        (itae.pida_load, 5.146, -2.0),  # beside the pole of the derivative time; the exponential overflows
+        (itae.pida_load, 7.0, -2.0),  # the derivative time is below 0
+    ],
+)
+def test_factors_that_lead_out_of_the_tables(rule, r, gain):
+    f_d = (1 - r) / (1 + r / 2)  # for a model with ratio 1
+    with pytest.raises(ValueError, match=r"f_d = .* takes the changed model to r = .*, where the table does not hold"):
+        rule(pidalab.sopdt(gain, 1.0, 1.0, 1.0), factors=lambda m: (f_d, 0.6))

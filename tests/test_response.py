@@ -127,6 +127,10 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
         ),
         (lambda: DECAY.rise_time(), "rise_time needs a set point that does not end at 0"),
         (lambda: record(T, 0.5 * T / T[-1]).rise_time(), r"the output reaches 0\.5 of the final set point .* not 0\.9"),
+        (lambda: record(T, 0.8999 * T / T[-1]).rise_time(), r"the output reaches 0\.8999 of"),
+        (lambda: SINE.rise_time(0.9, 0.9), r"low and high must be shares with 0 < low < high < 1"),
+        (lambda: SINE.rise_time(0.0, 0.9), r"low and high must be shares with 0 < low < high < 1"),
+        (lambda: SINE.rise_time(0.1, 1.0), r"low and high must be shares with 0 < low < high < 1"),
         (lambda: SINE.rise_time(0.9, 0.1), r"low and high must be shares with 0 < low < high < 1, found 0\.9 and 0\.1"),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
     ],
@@ -143,6 +147,10 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
         "overshoot",
         "fall",
         "slow",
+        "just-below",
+        "same-shares",
+        "share-0",
+        "share-1",
         "shares",
         "unsettled",
         "band",
@@ -245,6 +253,12 @@ def test_rise_time(target):
     wave = record(T, target * (1 - np.exp(-T) * np.cos(3 * T)), r=target)  # the first passage counts
     assert wave.rise_time(0.5, 0.99) < math.pi / 6
     assert record(np.arange(3.0), [0.5, 1.0, 1.0]).rise_time(0.2, 0.9) == pytest.approx(0.8)  # starts above
+    assert record(np.arange(3.0), [0.2, 0.1, 1.0]).rise_time(0.2, 0.9) == pytest.approx(17 / 9)  # starts on the share
+    assert record(np.arange(3.0), [0.0, 0.1, 0.9]).rise_time() == pytest.approx(1.0)  # samples on both shares
+    assert record(np.arange(3.0), [2.0, 1.0, 1.0]).rise_time() == 0.0  # starts above both
+    assert record(np.arange(4.0), target * np.array([0.0, 0.5, 1.0, 1.0]), r=[9.0, 9.0, 9.0, target]).rise_time() == (
+        pytest.approx(1.6)
+    )  # of the final set point
 
 
 def test_settling_time():

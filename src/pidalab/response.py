@@ -383,6 +383,9 @@ class Response:
     def rise_time(self, low: float = 0.1, high: float = 0.9) -> float:
         """Time y needs from a low to a high share of the final set point, first passage of each.
 
+        A share that y has at t = 0 is passed at 0. So a record that starts above the high share, such as one of a set
+        point that goes down towards 0, has a rise time of 0.
+
         Parameters
         ----------
         low, high : float, optional
@@ -412,7 +415,7 @@ class Response:
         share = self.y / self.r[-1]
         if share.max() < high:
             raise ValueError(
-                f"the output reaches {share.max():.3g} of the final set point in this record (up to t = "
+                f"the output reaches {share.max():.6g} of the final set point in this record (up to t = "
                 f"{self.t[-1]:g}), not {high:g}; simulate longer"
             )
         first, last = (self._passage(share, level) for level in (low, high))

@@ -24,12 +24,15 @@ class SecondOrder(NamedTuple):
 def lags(model: Process, order: int) -> tuple[float, list[float]]:
     """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), all positive, or raise."""
     if not isinstance(model, Process):
-        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
+        hint = "; pass its .process" if isinstance(getattr(model, "process", None), Process) else ""
+        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}{hint}")
     kind = "one stable pole (pidalab.fopdt)" if order == 1 else "two stable poles (pidalab.sopdt)"
     fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0 and model.den[-1] != 0
     lags = (model.den[:-1] / model.den[-1]).tolist() if fits else [0.0]
     if min(lags) <= 0:
-        raise ValueError(f"model must have a constant numerator (not 0) and {kind}, found {model!r}; see reduction")
+        raise ValueError(
+            f"model must have a constant numerator (not 0) and {kind}, found {model!r}; see pidalab.reduction"
+        )
     return float(model.num[0] / model.den[-1]), lags
 
 
