@@ -144,6 +144,16 @@ def test_models_that_are_refused(rule):
         rule(pidalab.lags(3, delay=1.0))
 
 
+@pytest.mark.parametrize(("r", "xi"), [(0.1, 0.3), (0.1, 2.0), (2.0, 0.3), (2.0, 2.0)])
+def test_load_by_hand(r, xi):
+    """The matrix of the docstring, at the corners."""
+    matrix = [[0.040, 0.546, 0.455], [0.344, 1.852, 0.003], [0.790, 0.714, -0.076], [0.335, 0.058, -0.023]]
+    ki, kp, kd, ka = np.array(matrix) @ [1.0, r * xi, r**2] / [r**3, r**2, r, 1.0]
+    c = direct.load(unit(r, xi))
+    assert (c.kc, c.tau_i, c.tau_d) == pytest.approx((kp, kp / ki, kd / kp), rel=1e-9)
+    assert c.gains().ka - 0.05 * c.kc * c.tau_d**2 == pytest.approx(ka, rel=1e-9)
+
+
 # The refitted factors of the ITAE rule.
 
 REFITTED = {"setpoint": (itae.pida_setpoint, itae.setpoint_factors), "load": (itae.pida_load, itae.load_factors)}
@@ -160,6 +170,19 @@ def test_refitted_factors_on_models_not_used_in_the_fit(kind, bound, mean, worst
         printed.append(itae_of(kind, r, xi, rule(unit(r, xi))) / least if stable else math.inf)
     assert np.exp(np.mean(np.log(refitted))) < min(mean, np.exp(np.mean(np.log(printed))))
     assert max(refitted) < min(worst, max(printed))
+
+
+def test_refitted_factors_by_hand():
+    """The logarithm of r is -1 or 0, and the damping 1/2, 2, 1, and 0.9, where the formula changes."""
+    low, high = (unit(math.exp(-1), xi) for xi in (0.5, 2.0))
+    x = math.log(2)
+    assert itae.setpoint_factors(low) == pytest.approx((0.406 - 0.186 * x, 0.733 - 0.284 * x), rel=1e-9)
+    assert itae.setpoint_factors(high) == pytest.approx((0.395 - 0.271 * x, 0.758 - 0.025 * x), rel=1e-9)
+    assert itae.load_factors(low) == pytest.approx((0.0, 0.747 - 0.125 * x + 0.009 * x**2), rel=1e-9)
+    assert itae.load_factors(high) == pytest.approx((0.0, 0.747 + 0.125 * x + 0.009 * x**2), rel=1e-9)
+    assert itae.setpoint_factors(unit(1.0, 1.0)) == (0.345, 0.989)
+    assert itae.load_factors(unit(1.0, 1.0)) == (0.0, 0.717)
+    assert itae.setpoint_factors(unit(1.0, 0.9)) == pytest.approx((0.361763, 0.897430), abs=1e-5)
 
 
 @pytest.mark.parametrize(("kind", "bound", "peak"), [("setpoint", 2.5, 2.916), ("load", 2.4, 1.987)])

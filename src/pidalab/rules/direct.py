@@ -30,7 +30,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     The constants are fitted to the optima for 80 models of the range, with the default filters. There the ITAE is 4.5 %
     above the least on average (geometric mean), 18 % at most; for 40 models not used in the fit, 4 % and 10 %. Ms is
     1.76 to 2.21; with filters twice as slow it is up to 2.3, with filters four times as slow up to 3.4, and with slower
-    ones the rule is no longer robust. The rule with Table 1 is 84 % above the least on average, 330 % at most; with the
+    ones look at `pidalab.margins`. The rule with Table 1 is 84 % above the least on average, 330 % at most; with the
     best factors for each model, 64 % and 257 %.
 
     This holds for processes that are the model. The three examples of the paper are not: there the ITAE is 38 % larger,
@@ -116,7 +116,7 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
 def _from_gains(ki: float, kp: float, kd: float, ka: float, alpha_d: float, alpha_a: float) -> NonInteractivePIDA:
     """PIDA controller; the acceleration also makes up for the derivative filter, to second order in s."""
     alpha_d = _check.real("alpha_d", alpha_d, above=0.0)
-    tau_d = kd / kp if min(kp / ki, kd / ki) > 0 else math.nan
+    tau_d = kd / kp if kp / ki > 0 else math.nan
     acceleration = ka / kp + alpha_d * tau_d**2 if tau_d > 0 else math.nan
     if not acceleration > 0:
         raise ValueError(f"alpha_d is too large for this model, found {alpha_d:g}: a gain would have the wrong sign")
