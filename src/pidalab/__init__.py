@@ -7,7 +7,7 @@ Data flow down one corridor, and every chapter of the book walks it::
 
 from importlib.metadata import version
 
-from pidalab import identification, ledger, plots, reduction, rules, twins
+from pidalab import areas, identification, ledger, moments, plots, reduction, rules, twins
 from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
 from pidalab.loop import Loop
 from pidalab.margins import (
@@ -22,6 +22,7 @@ from pidalab.response import Response
 from pidalab.simulation import (
     AsymmetricPlant,
     load_response,
+    noise_gain,
     open_loop_step,
     simulate,
     simulate_ensemble,
@@ -43,6 +44,7 @@ __all__ = [
     "Process",
     "Response",
     "SeriesPIDA",
+    "areas",
     "fopdt",
     "gain_crossovers",
     "identification",
@@ -53,6 +55,8 @@ __all__ = [
     "load_response",
     "margins",
     "max_sensitivity",
+    "moments",
+    "noise_gain",
     "open_loop_step",
     "phase_crossovers",
     "plots",

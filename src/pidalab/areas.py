@@ -1,0 +1,168 @@
+r"""Characteristic areas: what a tuning by the magnitude optimum needs to know of a process (vrancic2021).
+
+Areas :math:`A_k` are the alternating coefficients of the process about s = 0, eq. (6), and the moments of its impulse
+response h(t), eqs. (4) and (5):
+
+.. math:: P(s) = A_0 - A_1 s + A_2 s^2 - A_3 s^3 + \dots, \qquad A_k = \frac{1}{k!} \int_0^\infty t^k h(t)\,dt .
+
+So those of blocks in series are the convolution of theirs. Eq. (7), as read, has :math:`A_1` where the recursion needs
+:math:`A_i`; nothing here depends on it. The areas of a model are computed as exact fractions and rounded once: neither
+the recursion nor the powers of a dead time cost a digit. Those of a record come from `pidalab.moments`.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check, series
+from pidalab._check import Array
+from pidalab.process import Process, rational
+
+
+def from_process(process: Process, count: int) -> Array:
+    """Areas of a model, exact but for one rounding each, dead time included (eqs. (2) to (7)).
+
+    Parameters
+    ----------
+    process : Process
+        Stable; a common factor s is cancelled.
+    count : int
+        How many areas, at least 1.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        A_0, A_1, ....
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else than a Process, an integrating or unstable process, and a count below 1.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.areas.from_process(pidalab.lags(4), 10).tolist()
+    [1.0, 4.0, 10.0, 20.0, 35.0, 56.0, 84.0, 120.0, 165.0, 220.0]
+    >>> pidalab.areas.from_process(pidalab.lags(2, delay=0.5), 4).round(3).tolist()
+    [1.0, 2.5, 4.125, 5.771]
+    """
+    return np.array(exact(process, count), dtype=float)
+
+
+def exact(process: Process, count: int) -> list[Fraction]:
+    """Areas of a model as exact fractions of its coefficients, which are floats and so fractions themselves.
+
+    Parameters
+    ----------
+    process : Process
+        Stable; a common factor s is cancelled.
+    count : int
+        How many areas, at least 1.
+
+    Returns
+    -------
+    list of Fraction
+        A_0, A_1, ....
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `from_process`.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.areas.exact(pidalab.fopdt(gain=2.0, lag=0.5, delay=0.25), 3)
+    [Fraction(2, 1), Fraction(3, 2), Fraction(13, 16)]
+    """
+    if not isinstance(process, Process):
+        raise TypeError(f"process must be a pidalab.Process, found {type(process).__name__}")
+    count = _check.integer("count", count, at_least=1)
+    rest = _stable_series("process", process.num, process.den, count)
+    return series.product(rest, series.dead_time(process.delay, count))
+
+
+def with_filter(areas: ArrayLike, block: Any) -> Array:
+    """Areas of a process in series with a rational block, such as a filter of any kind.
+
+    Parameters
+    ----------
+    areas : array_like, shape (count,)
+        Areas of the process.
+    block : control.TransferFunction or controller without integral action
+        Proper and stable, as the filter of eq. (47).
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Areas of both in series.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a block that is no proper continuous transfer function with one input and output, and for an integrating or
+        unstable one.
+
+    Examples
+    --------
+    >>> import control, pidalab
+    >>> pidalab.areas.with_filter([1.0, 4.0, 10.0], control.tf([1.0], [0.5, 1.0])).tolist()
+    [1.0, 4.5, 12.25]
+    """
+    values = series.fractions(_check.vector("areas", areas))
+    own = _stable_series("block", *rational("block", block), len(values))
+    return np.array(series.product(values, own), dtype=float)
+
+
+def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int) -> Array:
+    """Areas of a process in series with the filter 1/(filter_time s + 1)^filter_order, eq. (8).
+
+    Eq. (8) prints the matrix for one of the lags; it is applied once for each.
+
+    Parameters
+    ----------
+    areas : array_like, shape (count,)
+        Areas of the process.
+    filter_time : float
+        Time constant, not negative.
+    filter_order : int
+        Number of lags, at least 0.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Areas of both in series.
+
+    Raises
+    ------
+    ValueError
+        For a negative time constant or order.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> areas = pidalab.areas.from_process(pidalab.lags(4), 4)
+    >>> pidalab.areas.with_binomial_filter(areas, filter_time=0.1, filter_order=2).round(3).tolist()
+    [1.0, 4.2, 10.83, 22.124]
+    """
+    values = series.fractions(_check.vector("areas", areas))
+    lag = _check.real("filter_time", filter_time, at_least=0.0)
+    order = _check.integer("filter_order", filter_order, at_least=0)
+    return np.array(series.lagged(values, lag, order), dtype=float)
+
+
+def _stable_series(name: str, num: Array, den: Array, count: int) -> list[Fraction]:
+    """Expand a proper rational function about s = 0, or raise."""
+    while num.size > 1 and den.size > 1 and num[-1] == 0 == den[-1]:
+        num, den = num[:-1], den[:-1]
+    if den[-1] == 0:
+        raise ValueError(f"{name} must have a static gain, found an integrating one: its areas are infinite")
+    poles = np.roots(den)
+    if np.any(poles.real >= 0):
+        raise ValueError(f"{name} must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
+    return series.quotient(series.polynomial(num, count), series.polynomial(den, count))

@@ -1,0 +1,203 @@
+"""Areas from records: against those of the model, for steps, ramps, any change, closed loops; noise, short records."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+import pidalab
+from pidalab import areas, moments
+from pidalab.moments import RecordWarning
+
+G1, G2 = pidalab.lags(4), pidalab.lags(2, delay=0.5)
+
+
+def step_record(process, horizon=50.0, h=0.01):
+    t = h * np.arange(round(horizon / h) + 1)
+    return t, np.ones_like(t), pidalab.open_loop_step(process, t).y
+
+
+def driven(process, t, u):
+    """Exact response to a held input."""
+    return pidalab.simulate(pidalab.Loop(process, 0.0), t, load=u).y
+
+
+@pytest.mark.parametrize("process", [G1, G2, pidalab.sopdt(-3.0, 0.5, 0.6, 1.0)])
+@pytest.mark.parametrize("h", [0.002, 0.05])
+def test_step(process, h):
+    """The output starts smoothly, and so a coarse record is as good. What is left is rounding of y."""
+    found = moments.areas(*step_record(process, h=h), 10, start=(0.0, 0.0))
+    assert found.values == pytest.approx(areas.from_process(process, 10), rel=1e-5)
+    assert found.settled
+
+
+@pytest.mark.parametrize("h", [0.02, 0.1])
+def test_step_with_a_slope_at_the_beginning(h):
+    """An output that starts with a slope, here -1/2: A_1 misses h^2/12 of it."""
+    process = pidalab.Process([-0.5, 2.0], [1.0, 2.0, 1.0])
+    found = moments.areas(*step_record(process, h=h), 2, start=(0.0, 0.0)).values
+    assert found == pytest.approx([2.0, 4.5 - h**2 / 24], rel=1e-6)
+
+
+def test_units_and_levels():
+    """From one level to another in units of their own; a change downwards; time in another unit."""
+    t, _, y = step_record(G2)
+    u = np.where(t < 4.0, 30.0, 26.0)
+    y = 70.0 - 4.0 * 2.5 * np.concatenate([np.zeros(400), y[:-400]])
+    found = moments.areas(60 * t, u, y, 6)
+    assert found.values == pytest.approx(2.5 * areas.from_process(G2, 6) * 60.0 ** np.arange(6), rel=1e-8)
+    assert (found.input_levels, found.output_levels) == (pytest.approx((30, 26)), pytest.approx((70, 60)))
+    assert found.gain == pytest.approx(2.5)
+    assert found.span[0] == pytest.approx(240.0)
+
+
+def test_any_change_of_a_held_input():
+    t = 0.01 * np.arange(6001)
+    u = np.select([t < 1, t < 3, t < 3.5, t < 8], [2.0, 5.0, -1.0, 4.0], 3.0)
+    found = moments.areas(t, u, 7.0 + driven(G1, t, u - 2.0), 8)
+    assert found.values == pytest.approx(areas.from_process(G1, 8), rel=1e-5)
+
+
+@pytest.mark.parametrize("h", [0.01, 0.1])
+def test_ramp(h):
+    """A ramp: its response is a difference of integrals of the step response. Read as held, it misses h/2."""
+    t = h * np.arange(round(40 / h) + 1)
+    area = pidalab.open_loop_step(G1, t).area
+    late = [np.concatenate([np.zeros(round(x / h)), area[: t.size - round(x / h)]]) for x in (1.0, 5.0)]
+    u, y = np.clip((t - 1) / 4, 0, 1), (late[0] - late[1]) / 4
+    assert moments.areas(t, u, y, 8, between="linear").values == pytest.approx(areas.from_process(G1, 8), rel=3e-6)
+    assert moments.areas(t, u, y, 8).values[1] == pytest.approx(4.0 - h / 2, abs=1e-6)
+
+
+def test_record_of_a_closed_loop():
+    """A change of the set point under digital PID control: the areas are those of the process, not of the loop."""
+    t = 0.02 * np.arange(6001)
+    record = pidalab.simulate_sampled(pidalab.Loop(G1, pidalab.PIDA(kp=1.2, ti=3.0, td=0.9)), t, setpoint=2.0)
+    found = moments.areas(t, record.u, record.y, 6, start=(0.0, 0.0))
+    assert found.values == pytest.approx(areas.from_process(G1, 6), rel=1e-5)
+
+
+def test_levels_at_rest_are_means():
+    """With noise, what y0 is taken from matters for the gain only."""
+    t = 0.01 * np.arange(4001)
+    u = (t >= 10.0) * 1.0
+    y = driven(G2, t, u) + 0.02 * np.cos(1e4 * t)
+    assert moments.areas(t, u, y, 2).gain == pytest.approx(1.0, abs=1e-3)
+
+
+def test_settled_from():
+    t, u, y = step_record(G1)
+    given = moments.areas(t, u, y, 6, start=(0.0, 0.0), settled_from=40.0)
+    assert given.span == (0.0, 40.0)
+    assert given.values == pytest.approx(areas.from_process(G1, 6), rel=1e-9)
+    with pytest.warns(RecordWarning, match="still drifts at its end, after t = 8"):
+        early = moments.areas(t, u, y, 6, start=(0.0, 0.0), settled_from=8.0)
+    assert not early.settled
+
+
+# Uncertainty
+
+
+@pytest.mark.parametrize("hold", [1, 5])
+@pytest.mark.parametrize(
+    ("process", "horizon", "noise"), [(G1, 30, 1e-3), (G1, 30, 1e-2), (G2, 20, 1e-3), (G2, 50, 1e-3)]
+)
+@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+def test_uncertainty_is_that_of_many_records(process, horizon, noise, hold):
+    """White noise, and noise that is held for five samples: errors of 40 records against what each says of itself."""
+    t, u, y = step_record(process, horizon, h=0.02)
+    rng, expected = np.random.default_rng(5), areas.from_process(process, 6)
+    records = [
+        moments.areas(t, u, y + noise * np.repeat(rng.normal(size=t.size), hold)[: t.size], 6, start=(0.0, 0.0))
+        for _ in range(40)
+    ]
+    error = np.sqrt(np.mean([(r.values - expected) ** 2 for r in records], axis=0))
+    claimed = np.median([r.uncertainty for r in records], axis=0)
+    assert np.all(error < 2.5 * claimed)
+    assert np.all(error > 0.1 * claimed)
+    assert np.median([r.noise for r in records]) == pytest.approx(noise, rel=0.1)
+    correlation = records[0].covariance / np.outer(records[0].uncertainty, records[0].uncertainty)
+    assert np.linalg.eigvalsh(correlation).min() > 1e-9  # noise on the way: errors of the areas differ in every way
+
+
+@pytest.mark.parametrize(
+    ("noisy", "step_at", "start", "low", "high"),
+    [("y", 0.5, None, 0.8, 1.2), ("y", 0.0, (0.0, 0.0), 1.0, 1.6), ("u", 0.0, (0.0, 0.0), 0.4, 2.5)],
+)
+def test_uncertainty_of_the_gain(noisy, step_at, start, low, high):
+    """Long steady state of a fast process. With a short rest its noise decides, otherwise that of y or u at the end."""
+    process, t, rng = pidalab.lags(2, lag=0.2), 0.01 * np.arange(3001), np.random.default_rng(9)
+    u, records = (t >= step_at) * 1.0, []
+    y = driven(process, t, u)
+    for _ in range(60):
+        noise = 1e-3 * rng.normal(size=t.size)
+        signals = (u, y + noise) if noisy == "y" else (u + noise, y)
+        records.append(moments.areas(t, *signals, 2, start=start))
+    error = np.sqrt(np.mean([(r.values - areas.from_process(process, 2)) ** 2 for r in records], axis=0))
+    claimed = np.sqrt(np.mean([r.covariance.diagonal() for r in records], axis=0))
+    assert low < claimed[0] / error[0] < high
+    assert 0.4 < claimed[1] / error[1] < 6
+
+
+@pytest.mark.parametrize("kind", ["held", "linear"])
+def test_moments_of_an_input_that_moves_to_the_end(kind):
+    """Between two samples a step or a line: integrals of polynomials, written out interval by interval."""
+    h, x = 0.3, np.random.default_rng(1).normal(size=8)
+    tau = h * np.arange(x.size)
+    weights = np.array([tau**k / math.factorial(k) for k in range(6)])
+    found = (moments._of_steps if kind == "held" else moments._of_lines)(x, weights, h)
+    for k in range(1, 5):
+        total = 0.0
+        for i in range(x.size - 1):
+            slope = (x[i + 1] - x[i]) / h if kind == "linear" else 0.0
+            weight = Polynomial([0.0] * (k - 1) + [1 / math.factorial(k - 1)])
+            integral = (Polynomial([x[i] - slope * tau[i], slope]) * weight).integ()
+            total += integral(tau[i + 1]) - integral(tau[i])
+        assert found[k - 1] == pytest.approx(total, rel=1e-12)
+
+
+def test_noise_is_told_with_figures():
+    t, u, y = step_record(G1, 30.0)
+    y = y + 1e-3 * np.random.default_rng(0).normal(size=t.size)
+    with pytest.warns(
+        RecordWarning, match=r"noise of standard deviation 0.00104\): it leaves A_. by .* and A_9 by .* %"
+    ) as told:
+        found = moments.areas(t, u, y, 10, start=(0.0, 0.0))
+    first = int(np.flatnonzero(found.uncertainty / found.values > 0.05)[0])
+    assert f"only those before A_{first} better" in str(told[0].message)
+    assert 4 <= first <= 8
+    assert moments.areas(t, u, y, 4, start=(0.0, 0.0)).settled  # no warning: the first four are good
+
+
+def test_a_short_record_is_told():
+    with pytest.warns(RecordWarning, match="still drifts at its end"):
+        found = moments.areas(*step_record(G1, 8.0), 4, start=(0.0, 0.0))
+    error = np.abs(found.values - areas.from_process(G1, 4))
+    assert not found.settled
+    assert np.all(error < 3 * found.uncertainty)
+
+
+RECORD = step_record(G1, 30.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"u": 1.0}, "u must move, found 1 throughout"),
+        ({"u": (RECORD[0] < 9) * 1.0, "start": (0.0, 0.0)}, "u must end elsewhere than it begins"),
+        ({"y": RECORD[2][:-1]}, "y must be a number or an array as long as t"),
+        ({"t": RECORD[0] + 1.0}, "t must start at 0"),
+        ({"count": 0}, "count must be a whole number, at least 1"),
+        ({"start": (0.0, 0.0), "settled_from": 29.9}, "settled_from must leave 16 samples after it"),
+        ({"start": (0.0, 0.0), "settled_from": 0.0}, "settled_from must"),
+        ({"start": 0.0}, "start must be two levels"),
+        ({"start": (0.0, np.nan)}, "start.1. must be finite"),
+        ({"between": "smooth"}, "between must be 'held' or 'linear', found 'smooth'"),
+        ({"u": np.arange(301) >= 295.0}, "y must have more than 16 samples after the first move of u, found 5"),
+    ],
+)
+def test_refusals(change, text):
+    t, u, y = RECORD
+    with pytest.raises(ValueError, match=text):
+        moments.areas(**({"t": t, "u": u, "y": y, "count": 4} | change))
