@@ -1,0 +1,210 @@
+"""Magnitude optimum designs: the gains for given areas, and the controller for a given filter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_discrete_lyapunov
+
+from pidalab import _check, series
+from pidalab._check import Array
+from pidalab.controllers import HighOrderPID
+from pidalab.loop import Loop
+from pidalab.moments import MeasuredAreas
+from pidalab.process import Process, binomial
+from pidalab.rules.magnitude_optimum.system import (
+    areas_of,
+    measured_uncertainty,
+    require_digits,
+    sensitivity,
+    solved,
+)
+from pidalab.simulation.plants import digital
+from pidalab.stability import is_stable
+
+UNSURE = 1.0  # relative uncertainty at which a gain from a record is refused
+
+
+@dataclass(frozen=True)
+class Design:
+    """A tuned controller, and what is known of it.
+
+    Attributes
+    ----------
+    controller : HighOrderPID
+        The controller with its filter.
+    static_gain : float
+        Gain of the process, A_0.
+    uncertainty : tuple of float
+        Standard uncertainty of each gain in its own unit, from that of the areas; zeros for a model.
+    """
+
+    controller: HighOrderPID
+    static_gain: float
+    uncertainty: tuple[float, ...]
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        r""":math:`K_{-1}, K_0, \dots, K_m`."""
+        return self.controller.coefficients
+
+    @property
+    def filter_time(self) -> float:
+        """Time constant of the filter, T_F."""
+        return self.controller.filter_time
+
+    @property
+    def ie(self) -> float:
+        r"""Integral of the error after a unit step of the filtered set point, :math:`1/(A_0 K_{-1})`: eq. (37)."""
+        return 1 / (self.static_gain * self.gains[0])
+
+    def noise_gain(self, sample_time: float) -> float:
+        r"""Expected ratio of the standard deviations of control signal and measurement noise, eqs. (21) and (35).
+
+        The noise is white and held for a sample. Of the loop the high frequencies count, at which the process passes
+        nothing, so that the transfer function from the noise to the control signal is about
+
+        .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
+
+        (for m = 0 with :math:`K_0` on top). This is the H2 norm of its sampled form, exact, without the asymptotes of
+        eq. (26). For the loop itself see `pidalab.noise_gain`.
+
+        Parameters
+        ----------
+        sample_time : float
+            Sample time T_S, above 0.
+
+        Returns
+        -------
+        float
+            The ratio, in units of u per unit of y.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> design = pidalab.rules.magnitude_optimum.tune(pidalab.lags(3, delay=0.5), m=3, n=4, filter_time=0.124)
+        >>> design.noise_gain(sample_time=0.002)
+        9.40
+        """
+        n = self.controller.filter_order
+        return filtered_noise_gain(self.gains, self.filter_time, n, self.static_gain, sample_time)
+
+
+def gains(areas: ArrayLike, m: int) -> Array:
+    r"""Gains for given areas of process and filter together, eqs. (14) to (17).
+
+    For a filter that is not binomial, as that of eq. (47): take its areas in with `pidalab.areas.with_filter`.
+
+    Parameters
+    ----------
+    areas : array_like, shape (at least 2m + 4,)
+        A_0, A_1, ..., with the filter.
+    m : int
+        Order of the highest derivative, at least 0.
+
+    Returns
+    -------
+    ndarray, shape (m + 2,)
+        :math:`K_{-1}, K_0, \dots, K_m`.
+
+    Raises
+    ------
+    ValueError
+        For too few areas, a static gain of 0, and areas that make the system singular or so ill-conditioned that
+        rounding them decides the gains.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> areas = pidalab.areas.from_process(pidalab.lags(4), 6)
+    >>> pidalab.rules.magnitude_optimum.gains(pidalab.areas.with_binomial_filter(areas, 0.1, 1), m=1)
+    array([0.438, 1.295, 1.041])
+    """
+    filtered = areas_of(areas, m)
+    result = solved(filtered, m)
+    require_digits(sensitivity(filtered, result), filtered, m)
+    return np.array(result, dtype=float)
+
+
+def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time: float) -> Design:
+    """Controller with a filter that is given, eqs. (8) and (17).
+
+    ============  =================
+    vrancic2021   argument
+    ============  =================
+    m, n          `m`, `n`
+    T_F           `filter_time`
+    ============  =================
+
+    Parameters
+    ----------
+    model : Process, MeasuredAreas or array_like, shape (at least 2m + 4,)
+        A stable process; or areas, without the filter.
+    m : int
+        Order of the highest derivative, at least 0: 0 is PI, 1 PID, 2 PIDA.
+    n : int
+        Order of the filter, at least m.
+    filter_time : float
+        Time constant of the filter, above 0; with ``n=0`` it is 0.
+
+    Returns
+    -------
+    Design
+        The controller.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an order or filter outside these bounds; a process that is integrating, unstable or without static gain, or
+        with which the loop would be unstable; too few areas; a system that is singular or so ill-conditioned that
+        rounding decides the gains; and measured areas of which a gain is as uncertain as it is large.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.rules.magnitude_optimum.tune(pidalab.lags(2, delay=0.5), m=2, n=2, filter_time=0.1).controller
+    HighOrderPID(gains=[1.140, 2.578, 1.738, 0.300], filter_time=0.1, filter_order=2)
+    """
+    plain = areas_of(model, m)
+    n = _check.integer("n", n, at_least=m)
+    filtered = series.lagged(plain, _check.real("filter_time", filter_time, at_least=0.0), n)
+    exact_gains = solved(filtered, m)
+    controller = HighOrderPID([float(gain) for gain in exact_gains], filter_time, n)
+    change = sensitivity(filtered, exact_gains)
+    require_digits(change, filtered, m)
+    unsure = np.zeros(m + 2)
+    if isinstance(model, MeasuredAreas):
+        share = measured_uncertainty(change, model, filter_time, n)
+        _require_sure(share, m)
+        unsure = share * np.abs(controller.coefficients)
+    if isinstance(model, Process) and not is_stable(Loop(model, controller)):
+        raise ValueError(
+            f"the loop of PID_{n}^{m} with T_F = {filter_time:.4g} and {model!r} is unstable: the magnitude optimum "
+            "shapes low frequencies only; take a lower m or a longer filter, or look at the gains with areas as model"
+        )
+    return Design(controller, float(plain[0]), tuple(unsure.tolist()))
+
+
+def _require_sure(share: Array, m: int) -> None:
+    """Raise if the record leaves a gain as uncertain as it is large."""
+    if not np.max(share) < UNSURE:
+        worst = int(np.argmax(share))
+        raise ValueError(
+            f"model: the record does not support m = {m}; it leaves K_{worst - 1} uncertain by "
+            f"{100 * share[worst]:.3g} %, and {100 * UNSURE:g} % is allowed; take a lower m, or a better record"
+        )
+
+
+def filtered_noise_gain(
+    gains: Sequence[float], filter_time: float, n: int, static_gain: float, sample_time: float
+) -> float:
+    """H2 norm of the sampled form of eq. (21), for noise that is held."""
+    h = _check.real("sample_time", sample_time, above=0.0)
+    top = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
+    block = digital(np.array(top[::-1]), binomial(filter_time, n), h)
+    spread = solve_discrete_lyapunov(block.A, np.outer(block.b, block.b)) if block.b.size else np.zeros((0, 0))
+    return math.sqrt(block.c @ spread @ block.c + block.d**2)

@@ -1,0 +1,88 @@
+"""The linear system of the magnitude optimum: solved exactly, and how far its solution can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check, series
+from pidalab._check import Array
+from pidalab.areas import exact
+from pidalab.moments import MeasuredAreas
+from pidalab.process import Process
+
+LOST = 1e-3  # relative error that rounding the areas may make in a gain
+
+
+def areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fraction]:
+    """Return the 2m + 4 areas that order m needs, as fractions, or raise."""
+    need = 2 * _check.integer("m", m, at_least=0) + 4
+    if isinstance(model, Process):
+        found = exact(model, need)
+    else:
+        values = model.values if isinstance(model, MeasuredAreas) else model
+        found = series.fractions(_check.vector("model", values))
+    if len(found) < need:
+        raise ValueError(f"model must have at least 2m + 4 = {need} areas for m = {m}, found {len(found)}")
+    if not found[0]:
+        raise ValueError("model must have a static gain A_0 other than 0, or integral action has nothing to act on")
+    return found[:need]
+
+
+def _row(areas: Sequence[Fraction], r: int, size: int) -> list[Fraction]:
+    """Return row r of M, eq. (15)."""
+    return [(-1) ** (c + 1) * areas[2 * r + 1 - c] if c <= 2 * r + 1 else Fraction(0) for c in range(size)]
+
+
+def solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
+    """Solve M K = C, eqs. (15) to (17), for areas with the filter, or raise."""
+    size = m + 2
+    matrix = [_row(areas, r, size) for r in range(size)]
+    result = series.solve(matrix, [Fraction(-1, 2), *[Fraction(0)] * (size - 1)])
+    if result is None:
+        raise ValueError(
+            f"the areas leave the gains for m = {m} undetermined (singular matrix): a controller of this order can "
+            "cancel all poles of process and filter, and the more gain the better; take a lower m or a higher n"
+        )
+    return result
+
+
+def sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> Array:
+    """Relative change of each gain by each area, in 1/unit of the area, shape (m + 2, 2m + 4); inf where it is lost."""
+    size = len(gains)
+    scale = [gain if gain else Fraction(1) for gain in gains]
+    scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
+    largest = [max(map(abs, row)) for row in scaled]
+    matrix = np.array([[float(x / top) for x in row] for row, top in zip(scaled, largest, strict=True)])
+    moved = np.zeros((size, len(areas)))  # of each condition, by each area
+    for r in range(size):
+        for c in range(min(size, 2 * r + 2)):
+            k = 2 * r + 1 - c
+            moved[r, k] += float((-1) ** (c + 1) * gains[c] / largest[r])
+    try:
+        return -np.linalg.solve(matrix, moved)
+    except np.linalg.LinAlgError:
+        return np.full(moved.shape, np.inf)
+
+
+def require_digits(change: Array, areas: Sequence[Fraction], m: int) -> None:
+    """Raise if rounding the areas to double precision, each on its own, would spoil a gain; see `sensitivity`."""
+    error = float(np.max(np.abs(change) @ np.abs(np.array(areas, dtype=float)))) * np.finfo(float).eps / 2
+    if not error < LOST:
+        raise ValueError(
+            f"the areas leave the gains for m = {m} ill-conditioned: rounding them in the 16th digit may change a gain "
+            f"by {100 * error:.2g} %, and {100 * LOST:g} % is allowed; take a lower m or a higher n"
+        )
+
+
+def measured_uncertainty(change: Array, model: MeasuredAreas, filter_time: float, n: int) -> Array:
+    """Relative standard uncertainty of each gain from that of measured areas, which the filter mixes; first order."""
+    size = change.shape[1]
+    unit = series.lagged([Fraction(1), *[Fraction(0)] * (size - 1)], filter_time, n)
+    column = np.array(unit, dtype=float)
+    mix = np.array([[column[k - i] if k >= i else 0.0 for i in range(size)] for k in range(size)])
+    step = change @ mix
+    return np.sqrt(np.einsum("ij,jk,ik->i", step, model.covariance[:size, :size], step))

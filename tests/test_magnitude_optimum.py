@@ -1,0 +1,330 @@
+"""Magnitude optimum: printed gains, the flat real part, records, noise gains, ranking of orders, refusals."""
+
+import math
+
+import control
+import mpmath
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab import areas, moments
+from pidalab.rules import magnitude_optimum as mo
+
+G1, G2, G4 = pidalab.lags(4), pidalab.lags(2, delay=0.5), pidalab.lags(3, delay=1.0)
+G3 = pidalab.lags(3, delay=0.5)  # of Tables 3 to 5; (33), as printed, gives none of their gains
+TS = 0.002
+
+
+def poles(*lags):
+    den = np.ones(1)
+    for lag in lags:
+        den = np.convolve(den, [lag, 1.0])
+    return den
+
+
+def off(values, text):
+    """By how many units of the last printed digit each value is off, once it is rounded."""
+    result = []
+    for value, printed in zip(values, text.split(), strict=True):
+        digits = len(printed.partition(".")[2])
+        result.append(round((round(value, digits) - float(printed)) * 10**digits))
+    return result
+
+
+TABLE_2 = {
+    (1, 1): "0.438 1.295 1.041",
+    (1, 2): "0.812 2.911 3.599 1.556",
+    (1, 3): "1.810 7.282 11.008 7.417 1.883",
+    (2, 1): "0.890 1.814 0.934",
+    (2, 2): "1.140 2.578 1.738 0.300",
+    (2, 3): "1.304 3.152 2.459 0.678 0.0674",
+}
+NOISY = {  # table, m, n, K_HF: T_F, K_-1, K_0, ..., and the noise gain of a record
+    (3, 3, 4, 2): ("0.209 0.679 2.445 3.282 1.954 0.440", 1.85),
+    (3, 3, 4, 5): ("0.155 0.773 2.684 3.426 1.896 0.382", 4.60),
+    (3, 3, 4, 10): ("0.124 0.844 2.873 3.562 1.885 0.352", 9.2),
+    (3, 3, 4, 20): ("0.100 0.914 3.062 3.710 1.890 0.329", 18.3),
+    (4, 3, 3, 10): ("0.396 0.619 2.402 3.547 2.388 0.629", 10.1),
+    (4, 3, 4, 10): ("0.124 0.844 2.873 3.562 1.885 0.352", 9.17),
+    (4, 3, 5, 10): ("0.109 0.799 2.731 3.410 1.824 0.348", 5.05),
+    (4, 3, 6, 10): ("0.104 0.742 2.564 3.247 1.777 0.352", 3.33),
+    (5, 1, 2, 10): ("0.015 0.517 1.323 0.904", 10.9),
+    (5, 2, 3, 10): ("0.078 0.766 2.36 2.45 0.863", 9.7),
+    (5, 3, 4, 10): ("0.124 0.844 2.873 3.562 1.885 0.352", 9.2),
+    (5, 4, 5, 10): ("0.161 0.876 3.270 4.694 3.225 1.068 0.143", 8.9),
+    (6, 2, 3, 10): ("0.0702 0.498 1.597 1.752 0.668", None),
+    (6, 3, 4, 10): ("0.125 0.554 1.992 2.674 1.596 0.362", None),
+    (6, 4, 5, 10): ("0.170 0.579 2.308 3.629 2.832 1.117 0.185", None),
+}
+
+
+@pytest.mark.parametrize("key", TABLE_2)
+def test_printed_gains_for_a_given_filter(key):
+    """All 24 numbers of Table 2, to the last digit."""
+    design = mo.tune({1: G1, 2: G2}[key[0]], key[1], key[1], 0.1)
+    assert off(design.gains, TABLE_2[key]) == [0] * (key[1] + 2)
+    assert design.uncertainty == (0.0,) * (key[1] + 2)
+
+
+def noisy(key, **options):
+    table, m, n, noise_gain = key
+    design = mo.tune_for_noise(G4 if table == 6 else G3, m, n, noise_gain, TS, **options)
+    return off((design.filter_time, *design.gains), NOISY[key][0])
+
+
+@pytest.mark.parametrize(
+    ("options", "exact", "worst"),
+    [
+        ({"first": 0.05, "updates": 4}, 78, 1),
+        ({"first": 0.1, "updates": 4}, 72, 2),
+        ({"first": 0.1, "updates": 3}, 63, 10),
+        ({}, 67, 4),
+    ],
+)
+def test_printed_gains_for_a_noise_gain(options, exact, worst):
+    """All 88 numbers of Tables 3 to 6 by the way of iterating, which the paper leaves open; the rest are slow rows."""
+    units = [unit for key in NOISY for unit in noisy(key, **options)]
+    assert len(units) == 88
+    assert units.count(0) == exact
+    assert max(map(abs, units)) == worst
+
+
+def test_printed_gains_of_the_comparison():
+    """(41), (44), (48). Two of 22 are off; 38.88 by more than rounding can explain, see below."""
+    g5, g6 = pidalab.Process([1.0], poles(1, 1 / 2, 1 / 3)), pidalab.Process([1 / 18], poles(1, 1 / 3, 1 / 6))
+    assert off(mo.tune(g5, 2, 2, 0.01).gains, "25.06 45.95 25.07 4.18") == [1, 0, 0, 0]
+    assert off(mo.tune(g5, 3, 3, 0.01).gains, "37.53 69.42 38.88 6.88 0.104") == [0, 0, -21, 0, 0]
+    assert off(mo.tune(g6, 2, 2, 0.005).gains, "902 1353 501 50.1") == [0, 0, 0, 0]
+    assert off(mo.tune(g6, 3, 3, 0.005).gains, "1351 2037 767 81.3 0.6") == [0, 0, 0, 0, 0]
+    g7 = pidalab.Process([1.0], poles(1, 1 / 2, 1 / 4, 1 / 8))
+    filtered = areas.with_filter(areas.from_process(g7, 8), control.tf([1.0], [5.26e-5, 0.0132, 1.0]))  # (47)
+    assert off(mo.gains(filtered, 2), "4.36 7.735 3.97 0.60") == [0, 0, 0, 0]
+
+
+# The principle
+
+
+def real_part(process, design, w):
+    s, n = mpmath.mpc(0, w), design.controller.filter_order
+    top = sum(mpmath.mpf(k) * s**i for i, k in enumerate(design.gains, start=-1))
+    num = mpmath.polyval(process.num[::-1].tolist(), s, asc=True)
+    den = mpmath.polyval(process.den[::-1].tolist(), s, asc=True)
+    lag = 1 + mpmath.mpf(design.filter_time) * s
+    return mpmath.re(top * num / den * mpmath.exp(-s * mpmath.mpf(process.delay)) / lag**n)
+
+
+FLAT = [G2, pidalab.Process([-0.3, 2.0], poles(2, 1, 0.5), 0.4), pidalab.sopdt(-3, 1, 0.6, 0.5)]
+
+
+@pytest.mark.parametrize(("m", "n"), [(0, 0), (0, 2), (1, 1), (2, 2), (2, 5), (3, 4)])
+@pytest.mark.parametrize("process", FLAT)
+def test_real_part_is_flat(process, m, n):
+    """Re L(jw) + 1/2 begins with w^(2m + 4): evaluated in 50 digits, without areas and without the matrix."""
+    design = mo.tune(process, m, n, 0.1 if n else 0.0)
+    with mpmath.workdps(50):
+        far, near = (real_part(process, design, mpmath.mpf(w)) + 0.5 for w in (0.2, 0.1))
+        assert math.log2(abs(far / near)) == pytest.approx(2 * m + 4, abs=0.35)
+
+
+def test_printed_gain_of_case_1_is_not_flat():
+    """With 38.88, printed in (41) for K_1, the coefficient of w^2 is -0.40; with 38.67 it is 0 in those digits."""
+    g5 = pidalab.Process([1.0], poles(1, 1 / 2, 1 / 3))
+    own = areas.with_binomial_filter(areas.from_process(g5, 4), 0.01, 3)
+
+    def second(k1, k=(37.53, 69.42, 6.88)):
+        return -own[3] * k[0] + own[2] * k[1] - own[1] * k1 + own[0] * k[2]
+
+    assert abs(second(38.67)) < 0.02 < 0.3 < abs(second(38.88))
+
+
+def test_closed_loop_magnitude_stays_1():
+    loop = pidalab.Loop(G1, mo.tune(G1, 3, 3, 0.1).controller)
+    w = np.linspace(0.01, 1.0, 50)
+    assert np.abs(loop.T(1j * w)) == pytest.approx(1.0, abs=2e-3)
+
+
+def test_time_unit_and_gain():
+    """In another unit of time, and with another gain, the same controller."""
+    fast, slow = mo.tune(G2, 3, 4, 0.1), mo.tune(pidalab.lags(2, lag=60.0, gain=-4.0, delay=30.0), 3, 4, 6.0)
+    scaled = [-4.0 * k * 60.0 ** (1 - i) for i, k in enumerate(slow.gains)]
+    assert scaled == pytest.approx(fast.gains, rel=1e-12)
+    assert fast.ie == pytest.approx(1 / fast.gains[0])
+    assert slow.ie == pytest.approx(60.0 * fast.ie)
+
+
+def test_integral_of_the_error():
+    """Eq. (37), against the exact response to a step of the set point."""
+    design = mo.tune(G2, 2, 3, 0.1)
+    response = pidalab.step_response(pidalab.Loop(G2, design.controller), np.linspace(0, 60, 6001))
+    assert response.ie() == pytest.approx(design.ie, rel=1e-9)
+
+
+def test_areas_and_process_are_the_same_model():
+    from_areas = mo.tune(areas.from_process(G2, 12), 3, 4, 0.1)
+    assert from_areas.gains == pytest.approx(mo.tune(G2, 3, 4, 0.1).gains, rel=1e-10)
+    assert mo.gains(areas.with_binomial_filter(areas.from_process(G2, 10), 0.1, 4), 3) == pytest.approx(
+        from_areas.gains
+    )
+
+
+# From records
+
+
+@pytest.mark.parametrize("process", [1, 2])
+def test_printed_gains_from_a_record(process):
+    """Table 2 without a model, from a step recorded every 0.002 for 50: all 24 digits."""
+    t = TS * np.arange(25001)
+    y = pidalab.open_loop_step({1: G1, 2: G2}[process], t).y
+    measured = moments.areas(t, np.ones_like(t), y, 10, start=(0.0, 0.0))
+    for m in (1, 2, 3):
+        design = mo.tune(measured, m, m, 0.1)
+        assert off(design.gains, TABLE_2[process, m]) == [0] * (m + 2)
+        assert 0 < max(design.uncertainty) < 1e-4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_uncertainty_of_gains_is_that_of_areas_passed_on(seed):
+    """One error of the areas that is fully known: its effect on the gains, by differences and as passed on."""
+    values, m, n, time = areas.from_process(G2, 8), 2, 3, 0.2
+    error = 1e-7 * np.random.default_rng(seed).normal(size=8)
+    measured = moments.MeasuredAreas(values, np.outer(error, error), (0, 1), (0, 1), (0, 1), True, 0.0)
+    up, down = (np.array(mo.tune(values + sign * error, m, n, time).gains) for sign in (0.5, -0.5))
+    assert mo.tune(measured, m, n, time).uncertainty == pytest.approx(np.abs(up - down), rel=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+def test_uncertain_gains_are_told_and_refused():
+    """Noise of 0.001: PID good to a few per cent, as it says; PID_3^3 refused."""
+    t, rng = 0.01 * np.arange(3001), np.random.default_rng(2)
+    y = pidalab.open_loop_step(G1, t).y
+    true, errors, claimed = np.array(mo.tune(G1, 1, 1, 0.1).gains), [], []
+    for _ in range(20):
+        measured = moments.areas(t, np.ones_like(t), y + 1e-3 * rng.normal(size=t.size), 10, start=(0.0, 0.0))
+        design = mo.tune(measured, 1, 1, 0.1)
+        errors.append(design.gains - true)
+        claimed.append(design.uncertainty)
+        with pytest.raises(ValueError, match=r"the record does not support m = 3; it leaves K_. uncertain by .* %"):
+            mo.tune(measured, 3, 3, 0.1)
+    spread, claim = np.sqrt(np.mean(np.square(errors), axis=0)), np.median(claimed, axis=0)
+    assert np.all(spread < 2 * claim)
+    assert np.all(claim < 10 * spread)
+    assert np.all(spread < 0.1 * true)
+
+
+# Noise gain
+
+
+def test_estimate_is_met():
+    for m, n in ((0, 1), (1, 2), (2, 2), (3, 6)):
+        design = mo.tune_for_noise(G3, m, n, 10.0, TS)
+        again = mo.filter_time(design.gains[-1], m, n, 10.0, TS)
+        assert again == pytest.approx(design.filter_time, rel=1e-11)
+
+
+def test_estimate_written_out():
+    assert mo.filter_time(8.0, 3, 3, 1.0, 123.0) == pytest.approx(2.0)
+    assert mo.filter_time(-2.0, 1, 3, 0.5, math.pi) == pytest.approx((16 / 2 * (1 / 3 + 1 / 3)) ** (1 / 3))
+
+
+def test_noise_gain_of_a_lag():
+    """Noise through a sampled lag with pole a has the variance (1 - a)/(1 + a); beside it, a direct share."""
+    a = math.exp(-0.1)
+    loop = pidalab.Loop(pidalab.Process([0.0], [1.0]), control.tf([1.0], [1.0, 1.0]))
+    assert pidalab.noise_gain(loop, 0.1) == pytest.approx(math.sqrt((1 - a) / (1 + a)), rel=1e-10)
+    design = mo.tune(G2, 1, 1, 0.5)
+    d, a = design.gains[2] / 0.5, math.exp(-0.05 / 0.5)
+    assert design.noise_gain(0.05) == pytest.approx(math.hypot(d, (1 - d) * math.sqrt((1 - a) / (1 + a))), rel=1e-12)
+
+
+def test_noise_gain_is_that_of_a_noise_record():
+    design = mo.tune(G2, 2, 3, 0.2)
+    t, loop = 0.02 * np.arange(200001), pidalab.Loop(G2, design.controller)
+    noise = pidalab.uniform_noise(t, 1.0, seed=3)
+    record = pidalab.simulate_sampled(loop, t, setpoint=0.0, noise=noise)
+    ratio = np.std(record.u[5000:]) / np.std(noise[5000:])
+    assert pidalab.noise_gain(loop, 0.02) == pytest.approx(ratio, rel=0.01)
+
+
+@pytest.mark.parametrize("key", [key for key, (_, sigma) in NOISY.items() if sigma])
+def test_printed_noise_gains(key):
+    """One unstated record each: 4 %. The process takes no part at these frequencies: 0.6 %."""
+    design = mo.tune_for_noise(G3, *key[1:], TS)
+    loop = pidalab.noise_gain(pidalab.Loop(G3, design.controller), TS)
+    assert loop == pytest.approx(NOISY[key][1], rel=0.04)
+    assert design.noise_gain(TS) == pytest.approx(loop, rel=0.006)
+
+
+def test_exact_noise_gain():
+    for m, n in ((1, 1), (2, 4), (4, 6)):
+        assert mo.tune_for_exact_noise(G3, m, n, 7.0, TS).noise_gain(TS) == pytest.approx(7.0, rel=1e-10)
+
+
+def test_rank_of_orders():
+    ranked = mo.rank_orders(G3, 10.0, TS, largest_m=2, largest_n=3)
+    assert [(c.m, c.n) for c in ranked] == [(2, 3), (2, 2), (1, 3), (1, 2), (1, 1)]  # PI has no such noise gain
+    assert sorted(c.iae for c in ranked) == [c.iae for c in ranked]
+    for c in ranked:
+        assert c.design.noise_gain(TS) == pytest.approx(10.0, rel=1e-9)
+        assert 0.9999 < c.iae * c.design.gains[0] < 1.05  # the integral of e itself is 1/K_-1
+        assert len(c.design.gains) == c.m + 2
+
+
+# Refusals
+
+
+def dominant_delay():
+    return pidalab.fopdt(1.0, 0.05, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: mo.tune(G1, 2, 1, 0.1), "n must be a whole number, at least 2, found 1"),
+        (lambda: mo.tune(G1, -1, 1, 0.1), "m must be a whole number, at least 0"),
+        (lambda: mo.tune(G1, 1, 1, 0.0), "filter_time must be above 0 for a filter of order 1"),
+        (lambda: mo.tune([1.0, 4.0, 10.0, 20.0], 1, 1, 0.1), r"at least 2m \+ 4 = 6 areas for m = 1, found 4"),
+        (lambda: mo.gains([1.0, 4.0, 10.0], 0), r"at least 2m \+ 4 = 4 areas for m = 0, found 3"),
+        (lambda: mo.tune(pidalab.Process([1.0, 0.0], [1.0, 1.0]), 1, 1, 0.1), "static gain A_0 other than 0"),
+        (lambda: mo.tune(pidalab.ipdt(1.0, 1.0), 1, 1, 0.1), "must have a static gain"),
+        (lambda: mo.tune(pidalab.lags(1, 0.3), 2, 2, 0.1), "singular matrix"),
+        (lambda: mo.tune(pidalab.lags(1, 0.3), 0, 0, 0.0), "singular matrix"),
+        (lambda: mo.tune(areas.from_process(pidalab.lags(1, 0.3), 8), 2, 2, 0.1), "ill-conditioned"),
+        (lambda: mo.tune(pidalab.lags(1), 8, 9, 0.1), "ill-conditioned"),
+        (lambda: mo.tune(dominant_delay(), 3, 4, 0.1), r"the loop of PID_4\^3 .* is unstable"),
+        (lambda: mo.tune(pidalab.sopdt(1.0, 1.0, 0.1, 0.2), 0, 1, 0.1), "is unstable"),
+        (lambda: mo.filter_time(1.0, 0, 0, 1.0, 1.0), "n must be a whole number, at least 1, found 0"),
+        (lambda: mo.filter_time(0.0, 1, 1, 1.0, 1.0), "gain must not be 0"),
+        (lambda: mo.tune_for_noise(G1, 1, 2, 0.0, TS), "noise_gain must be above 0"),
+        (lambda: mo.tune_for_noise(G1, 1, 2, 1.0, 0.0), "sample_time must be above 0"),
+        (lambda: mo.tune_for_exact_noise(G1, 0, 1, 10.0, TS), "and nearly constant$"),
+        (lambda: mo.tune_for_noise(G1, 2, 1, 1.0, TS), "n must be a whole number, at least 2, found 1"),
+        (lambda: mo.tune_for_noise(G1, 1, 2, 1.0, TS, first=0.0), "first must be above 0"),
+        (lambda: mo.tune_for_noise(G1, 1, 2, 1.0, TS, updates=0), "updates must be a whole number, at least 1"),
+        (lambda: mo.tune_for_noise(G1, 1, 1, 0.1, TS), "no filter time for noise_gain = 0.1 .* n = m no filter"),
+        (
+            lambda: mo.tune_for_exact_noise(G1, 1, 1, 0.1, TS),
+            "noise_gain = 0.1 .* it is .* with n = m no filter",
+        ),
+        (lambda: mo.tune_for_exact_noise(G1, 0, 1, 10.0, TS), "no filter time for noise_gain = 10 .* it is 0."),
+        (lambda: mo.rank_orders(G1, 10.0, TS, largest_n=0), "largest_n must be a whole number, at least 1"),
+        (lambda: mo.rank_orders(pidalab.ipdt(1.0, 1.0), 10.0, TS), "must have a static gain"),
+        (lambda: mo.rank_orders(G1, 1e-3, TS, 1, 1), "no orders up to largest_m and largest_n"),
+        (lambda: pidalab.noise_gain(pidalab.Loop(pidalab.lags(3), 8.0), 0.01), "loop must be stable with sample_time"),
+    ],
+)
+def test_refusals(call, text):
+    with pytest.raises(ValueError, match=text):
+        call()
+
+
+def test_what_is_no_model():
+    with pytest.raises(TypeError, match=r"process must be a pidalab\.Process, found list"):
+        mo.rank_orders([1.0, 2.0], 10.0, TS)
+    with pytest.raises(TypeError, match="model must be a one-dimensional array"):
+        mo.tune("lags", 1, 1, 0.1)
+
+
+def test_unstable_designs_can_be_looked_at():
+    design = mo.tune(areas.from_process(dominant_delay(), 10), 3, 4, 0.1)
+    assert not pidalab.is_stable(pidalab.Loop(dominant_delay(), design.controller))
