@@ -28,12 +28,12 @@ def lags(model: Process, order: int) -> tuple[float, list[float]]:
         raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}{hint}")
     kind = "one stable pole (pidalab.fopdt)" if order == 1 else "two stable poles (pidalab.sopdt)"
     fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0 and model.den[-1] != 0
-    lags = (model.den[:-1] / model.den[-1]).tolist() if fits else [0.0]
-    if min(lags) <= 0:
+    coefficients = (model.den[:-1] / model.den[-1]).tolist() if fits else [0.0]
+    if min(coefficients) <= 0:
         raise ValueError(
             f"model must have a constant numerator (not 0) and {kind}, found {model!r}; see pidalab.reduction"
         )
-    return float(model.num[0] / model.den[-1]), lags
+    return float(model.num[0] / model.den[-1]), coefficients
 
 
 def second_order(model: Process) -> SecondOrder:
