@@ -157,11 +157,36 @@ def test_moments_of_an_input_that_moves_to_the_end(kind):
         assert found[k - 1] == pytest.approx(total, rel=1e-12)
 
 
+@pytest.mark.parametrize("process", [G1, G2, pidalab.lags(3, delay=0.5)])
+@pytest.mark.parametrize(("h", "noise"), [(0.2, 1e-3), (0.2, 1e-2), (0.02, 1e-3), (0.02, 1e-2)])
+@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
+    """Of 20 records nearly all claim enough, bias included, and are cut where next to nothing is left of the step."""
+    t, u, y = step_record(process, 30.0, h)
+    expected = areas.from_process(process, 10)
+    records = [
+        moments.areas(t, u, y + noise * np.random.default_rng(seed).normal(size=t.size), 10, start=(0.0, 0.0))
+        for seed in range(20)
+    ]
+    worst = [np.max(np.abs(r.values - expected) / r.uncertainty) for r in records]
+    end = np.median([r.span[1] for r in records])
+    assert np.all([r.settled for r in records])
+    assert np.quantile(worst, 0.9) < 2.5
+    assert 1 - np.interp(end, t, y) < noise
+
+
+def test_a_transient_in_the_first_samples_is_seen():
+    """The pieces begin with the first sample, also where their number does not divide the record."""
+    x = 1e-3 * np.random.default_rng(3).normal(size=159)
+    assert moments._steady(x)
+    assert not moments._steady(x + 0.05 * np.exp(-np.arange(159.0)))
+
+
 def test_noise_is_told_with_figures():
     t, u, y = step_record(G1, 30.0)
     y = y + 1e-3 * np.random.default_rng(0).normal(size=t.size)
     with pytest.warns(
-        RecordWarning, match=r"noise of standard deviation 0.00104\): it leaves A_. by .* and A_9 by .* %"
+        RecordWarning, match=r"noise of standard deviation 0.0\d+\): it leaves A_. by .* and A_9 by .* %"
     ) as told:
         found = moments.areas(t, u, y, 10, start=(0.0, 0.0))
     first = int(np.flatnonzero(found.uncertainty / found.values > 0.05)[0])
