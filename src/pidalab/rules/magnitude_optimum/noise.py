@@ -116,9 +116,9 @@ def tune_for_noise(
 
     Notes
     -----
-    Of the 88 numbers in Tables 3 to 6, four updates from 0.035 give 78, and the other ten by one unit of the last digit;
-    that is one of several ways to iterate that do so. Settled values give 67, and differ by up to four units, in the
-    rows that settle slowly (n = m, and m = 4).
+    Of the 88 numbers in Tables 3 to 6, four updates from 0.035 give 78, and the other ten by one unit of the last
+    digit; that is one of several ways to iterate that do so. Settled values give 67, and differ by up to four units, in
+    the rows that settle slowly (n = m, and m = 4).
 
     Examples
     --------
