@@ -161,7 +161,13 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     TypeError, ValueError
         For an order or filter outside these bounds; a process that is integrating, unstable or without static gain, or
         with which the loop would be unstable; too few areas; a system that is singular or so ill-conditioned that
-        rounding decides the gains; and measured areas of which a gain is as uncertain as it is large.
+        rounding decides the gains; measured areas of which a gain is as uncertain as it is large, or with which the
+        integral gain has the wrong sign.
+
+    Notes
+    -----
+    Whether the loop is stable can be tested with a `Process` only. Areas tell nothing about high frequencies: test a
+    controller from a record on a fitted model.
 
     Examples
     --------
@@ -180,6 +186,7 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     if isinstance(model, MeasuredAreas):
         share = measured_uncertainty(change, model, filter_time, n)
         _require_sure(share, m)
+        _require_sign(controller, model)
         unsure = share * np.abs(controller.coefficients)
     if isinstance(model, Process) and not is_stable(Loop(model, controller)):
         raise ValueError(
@@ -196,6 +203,16 @@ def _require_sure(share: Array, m: int) -> None:
         raise ValueError(
             f"model: the record does not support m = {m}; it leaves K_{worst - 1} uncertain by "
             f"{100 * share[worst]:.3g} %, and {100 * UNSURE:g} % is allowed; take a lower m, or a better record"
+        )
+
+
+def _require_sign(controller: HighOrderPID, model: MeasuredAreas) -> None:
+    """Raise if integral action drives the output away; more about stability the areas do not tell."""
+    integral = controller.coefficients[0]
+    if integral * model.gain <= 0:
+        raise ValueError(
+            f"model: with m = {len(controller.coefficients) - 2} the record gives K_-1 = {integral:.4g}, whose sign is "
+            f"not that of the gain A_0 = {model.gain:.4g}: the loop would be unstable; take another m or another filter"
         )
 
 
