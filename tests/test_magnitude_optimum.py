@@ -252,6 +252,13 @@ def test_noise_gain_of_a_lag():
     assert design.noise_gain(0.05) == pytest.approx(math.hypot(d, (1 - d) * math.sqrt((1 - a) / (1 + a))), rel=1e-12)
 
 
+@pytest.mark.parametrize("h", [0.1, 0.001])
+def test_noise_comes_back_after_the_dead_time(h):
+    """Gain 0.5 and a dead time of any number of samples: each sample of noise comes back as 0.5^k."""
+    loop = pidalab.Loop(pidalab.Process([0.5], [1.0], delay=10.0), 1.0)
+    assert pidalab.noise_gain(loop, h) == pytest.approx(math.sqrt(4 / 3), rel=1e-9)
+
+
 def test_noise_gain_is_that_of_a_noise_record():
     design = mo.tune(G2, 2, 3, 0.2)
     t, loop = 0.02 * np.arange(200001), pidalab.Loop(G2, design.controller)
@@ -325,7 +332,11 @@ def dominant_delay():
         (lambda: mo.rank_orders(G1, 10.0, TS, largest_n=0), "largest_n must be a whole number, at least 1"),
         (lambda: mo.rank_orders(pidalab.ipdt(1.0, 1.0), 10.0, TS), "must have a static gain"),
         (lambda: mo.rank_orders(G1, 1e-3, TS, 1, 1), "no orders up to largest_m and largest_n"),
-        (lambda: pidalab.noise_gain(pidalab.Loop(pidalab.lags(3), 8.0), 0.01), "loop must be stable with sample_time"),
+        (lambda: pidalab.noise_gain(pidalab.Loop(pidalab.lags(3), 6.0), 2.0), "range of numbers"),
+        (lambda: pidalab.noise_gain(pidalab.Loop(G1, pidalab.PIDA(kp=1.0, ti=4.0)), 1e-5), "fade sooner"),
+        (lambda: pidalab.noise_gain(pidalab.Loop(pidalab.lags(3), 9.0), 1e-7), "loop must be stable, found poles"),
+        (lambda: pidalab.noise_gain(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 9.0), 2.0), 0.001), "stable, found poles"),
+        (lambda: pidalab.noise_gain(pidalab.Loop(G3, 0.5), 1e-6), "sample_time must be at least 1.91e-06, for 4 dead"),
     ],
 )
 def test_refusals(call, text):

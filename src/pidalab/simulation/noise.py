@@ -11,9 +11,11 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.simulation.sampled import simulate_sampled
+from pidalab.stability import is_stable
 
 FIRST, MOST = 4096, 1 << 20  # samples of a response to noise, at first and at most
 FADED = 1e-12  # share of the squares that the second half of such a response may hold
+ECHOES = 4  # dead times that such a response covers at least: what comes back of the noise comes after the first
 
 
 def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None = None) -> Array:
@@ -69,7 +71,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Parameters
     ----------
     loop : Loop
-        The loop, stable also with this sample time.
+        The loop, stable, and stable also with this sample time.
     sample_time : float
         Sample time of controller and noise, above 0.
 
@@ -81,7 +83,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As `simulate_sampled`, and if the response to the noise does not fade within a million samples.
+        As `simulate_sampled`; for an unstable loop; and if a million samples do not hold four dead times, or the
+        response to the noise does not fade within them.
 
     Examples
     --------
@@ -90,19 +93,35 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     >>> pidalab.noise_gain(loop, sample_time=0.01)
     2.002
     """
-    h, samples = _check.real("sample_time", sample_time, above=0.0), FIRST
-    while samples <= MOST:
-        t = h * np.arange(samples)
+    h = _check.real("sample_time", sample_time, above=0.0)
+    for samples in _lengths(loop, h):
         pulse = np.zeros(samples)
         pulse[0] = 1.0
-        u = simulate_sampled(loop, t, setpoint=0.0, noise=pulse).u
+        u = simulate_sampled(loop, h * np.arange(samples), setpoint=0.0, noise=pulse).u
         largest = float(np.max(np.abs(u))) or 1.0
         squares = (u / largest) ** 2
         total, late = float(np.sum(squares)), float(np.sum(squares[samples // 2 :]))
         if late <= FADED * total:
             return largest * math.sqrt(total)
-        samples *= 4
     raise ValueError(
-        f"loop must be stable with sample_time = {h:g}: {100 * late / total:.3g} % of the squares of u after one "
-        f"pulse of noise come in the second half of {samples // 4} samples"
+        f"loop must be stable with sample_time = {h:g}, and fade sooner: {100 * late / total:.3g} % of the squares of "
+        f"u after one pulse of noise come in the second half of {samples} samples"
     )
+
+
+def _lengths(loop: Loop, h: float) -> list[int]:
+    """Return the numbers of samples to try, or raise for a loop whose noise comes back later, or ever stronger."""
+    if not isinstance(loop, Loop):
+        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}")
+    if not is_stable(loop):
+        raise ValueError("loop must be stable, found poles in the closed right half-plane, or arbitrarily near it")
+    shortest = math.ceil(ECHOES * loop.process.delay / h)
+    if shortest > MOST:
+        raise ValueError(
+            f"sample_time must be at least {ECHOES * loop.process.delay / MOST:.3g}, for {ECHOES} dead times in {MOST} "
+            f"samples, found {h:g}"
+        )
+    lengths = [max(FIRST, shortest)]
+    while 4 * lengths[-1] <= MOST:
+        lengths.append(4 * lengths[-1])
+    return lengths
