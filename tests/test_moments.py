@@ -182,6 +182,18 @@ def test_a_transient_in_the_first_samples_is_seen():
     assert not moments._steady(x + 0.05 * np.exp(-np.arange(159.0)))
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 2e-2])
+@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+def test_an_oscillation_that_decays_is_no_noise(noise):
+    """Its mean over half a period or more is next to nothing, its square is not; a whole record looked settled."""
+    process = pidalab.sopdt(1.0, 1.0, 0.05, 0.0)
+    t, u, y = step_record(process, 100.0, 0.05)
+    y = y + noise * np.random.default_rng(0).normal(size=t.size)
+    found = moments.areas(t, u, y, 4, start=(0.0, 0.0))
+    assert 1.1 * found.span[1] > math.log(1 / (0.05 + noise)) / 0.05
+    assert np.all(np.abs(found.values - areas.from_process(process, 4)) < 3 * found.uncertainty + 1e-3)
+
+
 def test_noise_is_told_with_figures():
     t, u, y = step_record(G1, 30.0)
     y = y + 1e-3 * np.random.default_rng(0).normal(size=t.size)

@@ -27,6 +27,7 @@ LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # in pieces, of the transients that are looked
 SHORTEST = 0.05  # share of the record that a steady state must hold
 SHORTER = 0.9  # each steady state that is tried is shorter than the one before by this factor
 DRIFT = 2.5  # up to how many of its standard deviations such a transient counts as noise
+FADE = 5.0  # the same for the squares of the record, which scatter more
 LONGER = 1.1  # times what the transient takes to sink below the noise: from there on all counts as at rest
 ROUNDING = float(np.finfo(float).eps)  # share of a level that counts as no drift
 UNCERTAIN = 0.05  # share of an area beyond which its uncertainty is worth a warning
@@ -135,7 +136,8 @@ def areas(
     lag does, A_1 misses about h² y'/12.
 
     An end of the record counts as free of transients if none of five decaying exponentials, with time constants of 1/32
-    to 1/2 of its length, fits the means of its sixteen pieces by more than 2.5 standard deviations. Noise still hides
+    to 1/2 of its length, fits the means of its sixteen pieces by more than 2.5 standard deviations, or the means of its
+    squares by more than 5: an oscillation that decays shows there. Noise still hides
     what is smaller, and all areas would come out too small. So a tenth of that time is waited in addition. In simulated
     records of three processes that gave areas about as good as the best fixed time; none at all costs bias, a quarter
     costs noise. If you know how long the process takes, say so with `settled_from`.
@@ -247,12 +249,24 @@ def _noise(x: Array, h: float) -> tuple[float, float]:
 
 
 def _steady(x: Array) -> bool:
-    """Tell whether a piece of record shows no more of a decaying transient than its noise explains."""
+    """Tell whether a piece of record shows no more of a transient than its noise explains.
+
+    An oscillation that decays, or a transient whose mean is 0 by chance, shows in the squares only.
+    """
+    rounding = 4 * ROUNDING * float(np.max(np.abs(x)))
+    squares = (x - np.mean(x[x.size // 2 :])) ** 2
+    means, power = _transients(x), _transients(squares)
+    return bool(
+        np.max(np.abs(means[0])) <= DRIFT * means[1] + rounding and np.max(power[0]) <= FADE * power[1] + rounding**2
+    )
+
+
+def _transients(x: Array) -> tuple[Array, float]:
+    """Return how much of each decaying exponential is in the means of the pieces, and its standard deviation."""
     means, spread = _pieces(x)
     shapes = np.exp(-np.arange(PIECES) / np.array(LAGS)[:, None])
     shapes -= np.mean(shapes, axis=1, keepdims=True)
-    found = np.abs(shapes @ means) / np.linalg.norm(shapes, axis=1)
-    return bool(np.max(found) <= DRIFT * spread + 4 * ROUNDING * np.max(np.abs(x)))
+    return shapes @ means / np.linalg.norm(shapes, axis=1), spread
 
 
 def _of_samples(x: Array, weights: Array, h: float) -> Array:
