@@ -277,6 +277,30 @@ def test_printed_noise_gains(key):
     assert design.noise_gain(TS) == pytest.approx(loop, rel=0.006)
 
 
+@pytest.mark.parametrize("tuning", [mo.tune_for_noise, mo.tune_for_exact_noise])
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_unit_of_time_where_the_first_area_is_0(tuning, unit):
+    """(2s + 1)/(s + 1)^2: the zero cancels A_1, which gives no scale of time then. Its loops are unstable: areas."""
+    plain = areas.from_process(pidalab.Process([2.0, 1.0], [1.0, 2.0, 1.0]), 6)
+    found = tuning(plain * unit ** np.arange(6), 1, 2, 2.0, 0.002 * unit)
+    assert found.filter_time / unit == pytest.approx(tuning(plain, 1, 2, 2.0, 0.002).filter_time, rel=1e-9)
+
+
+def test_a_proportional_gain_of_0_on_the_way():
+    """PI for (2s + 1)/(s + 1)^2: with a filter (s + 1)^2 its K_0 is exactly 0, and so is the noise gain."""
+    process = pidalab.Process([2.0, 1.0], [1.0, 2.0, 1.0])
+    assert mo.tune(process, 0, 2, 1.0).gains == (0.25, 0.0)
+    with pytest.raises(ValueError, match="no filter time for noise_gain = 10 with PID_2"):
+        mo.tune_for_exact_noise(process, 0, 2, 10.0, TS)
+
+
+@pytest.mark.parametrize("first", [1e-14, 1e-6, 1e6])
+def test_a_start_that_is_far_off(first):
+    settled = mo.tune_for_noise(G1, 1, 2, 10.0, TS)
+    assert mo.tune_for_noise(G1, 1, 2, 10.0, TS, first=first).filter_time == pytest.approx(settled.filter_time)
+    assert mo.tune_for_noise(G1, 1, 2, 10.0, TS, first, 60).filter_time == pytest.approx(settled.filter_time)
+
+
 def test_exact_noise_gain():
     for m, n in ((1, 1), (2, 4), (4, 6)):
         assert mo.tune_for_exact_noise(G3, m, n, 7.0, TS).noise_gain(TS) == pytest.approx(7.0, rel=1e-10)

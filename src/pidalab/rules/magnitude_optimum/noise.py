@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from fractions import Fraction
+import sys
+from collections.abc import Callable
 
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
@@ -13,7 +13,7 @@ from pidalab import _check, series
 from pidalab.moments import MeasuredAreas
 from pidalab.process import Process
 from pidalab.rules.magnitude_optimum.design import Design, filtered_noise_gain, tune
-from pidalab.rules.magnitude_optimum.system import areas_of, solved
+from pidalab.rules.magnitude_optimum.system import areas_of, solved, time_scale
 
 ROUNDS = 300  # updates of the filter time after which it is said not to settle
 NO_LIMIT = "; with n = m no filter makes the noise gain as small as one likes"
@@ -98,7 +98,8 @@ def tune_for_noise(
     sample_time : float
         Sample time of the controller, above 0.
     first : float, optional
-        Filter time to start from. The paper takes 0.1; by default it is a twentieth of the residence time A_1/A_0.
+        Filter time to start from. The paper takes 0.1; by default it is a twentieth of the residence time A_1/A_0,
+        or of the largest |A_k/A_0|^(1/k), k = 2 or 3, if that is longer.
     updates : int, optional
         How often the filter time is corrected, at least 1; the paper says that three times is usually enough. By
         default until it changes by less than 1e-12 of its value.
@@ -129,11 +130,12 @@ def tune_for_noise(
     """
     plain = areas_of(model, m)
     n = _check.integer("n", n, at_least=max(m, 1))
-    time = start = _first(plain, first)
+    scale = time_scale(plain)
+    time = start = scale / 20 if first is None else _check.real("first", first, above=0.0)
     for _ in range(ROUNDS if updates is None else _check.integer("updates", updates, at_least=1)):
         before, top = time, float(solved(series.lagged(plain, time, n), m)[-1])
         time = filter_time(top, m, n, noise_gain, sample_time)
-        if not 1e-9 < time / start < 1e6:
+        if updates is None and not 1e-10 * scale < time < 1e5 * max(scale, start):
             break
         if updates is None and abs(time - before) <= 1e-12 * time:
             return tune(model, m, n, time)
@@ -173,7 +175,8 @@ def tune_for_exact_noise(
     Raises
     ------
     TypeError, ValueError
-        As `tune`, and if no filter time between 1e-6 and 1e3 times the residence time gives this noise gain.
+        As `tune`, and if no filter time between 1e-5 and 1e3 times the residence time (see `tune_for_noise`) gives this
+        noise gain.
 
     Examples
     --------
@@ -190,22 +193,16 @@ def tune_for_exact_noise(
     def excess(log_time: float) -> float:
         time = math.exp(log_time)
         found = [float(gain) for gain in solved(series.lagged(plain, time, n), m)]
-        return math.log(filtered_noise_gain(found, time, n, float(plain[0]), sample_time) / wanted)
+        ratio = filtered_noise_gain(found, time, n, float(plain[0]), sample_time) / wanted
+        return math.log(max(ratio, sys.float_info.min))  # 0 where K_0 of a PI controller changes its sign
 
-    low, high = _bracket(excess, math.log(_first(plain, None)))
+    low, high = _bracket(excess, math.log(time_scale(plain) / 20))
     if high is None:
         raise ValueError(
             f"no filter time for noise_gain = {noise_gain:g} with PID_{n}^{m}: at {math.exp(low):.3g} it is "
             f"{noise_gain * math.exp(excess(low)):.4g}, and nearly constant" + NO_LIMIT * (n == m)
         )
     return tune(model, m, n, math.exp(brentq(excess, low, high, xtol=1e-13)))
-
-
-def _first(areas: Sequence[Fraction], given: float | None) -> float:
-    """Return the filter time to start from."""
-    if given is not None:
-        return _check.real("first", given, above=0.0)
-    return abs(float(areas[1] / areas[0])) / 20 or 1.0
 
 
 def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, float | None]:

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from pidalab import _check
-from pidalab.areas import from_process
+from pidalab.areas import exact
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.rules.magnitude_optimum.design import Design
 from pidalab.rules.magnitude_optimum.noise import tune_for_exact_noise
+from pidalab.rules.magnitude_optimum.system import time_scale
 from pidalab.simulation import load_response
 
 SAMPLES = 4000  # of a load response
@@ -73,7 +74,7 @@ def rank_orders(
     largest_n = _check.integer("largest_n", largest_n, at_least=1)
     _check.real("noise_gain", noise_gain, above=0.0)
     _check.real("sample_time", sample_time, above=0.0)
-    from_process(process, 1)  # complains of a process without areas
+    exact(process, 1)  # complains of a process without areas
     found, refused = [], []
     for m in range(largest_m + 1):
         for n in range(max(m, 1), largest_n + 1):
@@ -90,8 +91,7 @@ def rank_orders(
 
 def _load_iae(loop: Loop) -> float:
     """IAE after a unit step of the load, on a record that is lengthened until it has settled."""
-    gain, mean = from_process(loop.process, 2)
-    unit = abs(mean / gain) or 1.0
+    unit = time_scale(exact(loop.process, 4))
     horizon = 10 * unit
     while True:
         record: Response = load_response(loop, np.linspace(0.0, horizon, SAMPLES + 1))

@@ -32,6 +32,14 @@ def areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fractio
     return found[:need]
 
 
+def time_scale(areas: Sequence[Fraction]) -> float:
+    """Return the longest of the times |A_k/A_0|^(1/k), k = 1, 2, 3: of lags and dead time A_1/A_0.
+
+    A zero can cancel A_1 or A_2, as in (2s + 1)/(s + 1)^2, but not all of them, unless the process has no dynamics.
+    """
+    return max(abs(float(area / areas[0])) ** (1 / k) for k, area in enumerate(areas[1:4], start=1)) or 1.0
+
+
 def _row(areas: Sequence[Fraction], r: int, size: int) -> list[Fraction]:
     """Return row r of M, eq. (15)."""
     return [(-1) ** (c + 1) * areas[2 * r + 1 - c] if c <= 2 * r + 1 else Fraction(0) for c in range(size)]
