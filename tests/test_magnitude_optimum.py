@@ -353,6 +353,10 @@ def dominant_delay():
             "noise_gain = 0.1 .* it is .* with n = m no filter",
         ),
         (lambda: mo.tune_for_exact_noise(G1, 0, 1, 10.0, TS), "no filter time for noise_gain = 10 .* it is 0."),
+        (
+            lambda: mo.tune_for_exact_noise(pidalab.Process([1.0], [1.0], delay=1.0), 1, 2, 100.0, 1e-5),
+            r"the loop of PID_2\^1 .* cannot be told stable \(the dead time turns the phase",
+        ),
         (lambda: mo.rank_orders(G1, 10.0, TS, largest_n=0), "largest_n must be a whole number, at least 1"),
         (lambda: mo.rank_orders(pidalab.ipdt(1.0, 1.0), 10.0, TS), "must have a static gain"),
         (lambda: mo.rank_orders(G1, 1e-3, TS, 1, 1), "no orders up to largest_m and largest_n"),

@@ -188,12 +188,22 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
         _require_sure(share, m)
         _require_sign(controller, model)
         unsure = share * np.abs(controller.coefficients)
-    if isinstance(model, Process) and not is_stable(Loop(model, controller)):
+    if isinstance(model, Process):
+        _require_stable(Loop(model, controller), m, n, filter_time)
+    return Design(controller, float(plain[0]), tuple(unsure.tolist()))
+
+
+def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
+    """Raise unless the loop is known to be stable."""
+    try:
+        found = "" if is_stable(loop) else "is unstable"
+    except ArithmeticError as reason:
+        found = f"cannot be told stable ({reason})"
+    if found:
         raise ValueError(
-            f"the loop of PID_{n}^{m} with T_F = {filter_time:.4g} and {model!r} is unstable: the magnitude optimum "
+            f"the loop of PID_{n}^{m} with T_F = {filter_time:.4g} and {loop.process!r} {found}: the magnitude optimum "
             "shapes low frequencies only; take a lower m or a longer filter, or look at the gains with areas as model"
         )
-    return Design(controller, float(plain[0]), tuple(unsure.tolist()))
 
 
 def _require_sure(share: Array, m: int) -> None:
