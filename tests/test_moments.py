@@ -182,6 +182,25 @@ def test_a_transient_in_the_first_samples_is_seen():
     assert not moments._steady(x + 0.05 * np.exp(-np.arange(159.0)))
 
 
+@pytest.mark.parametrize("step", [0.001, 0.01])
+@pytest.mark.parametrize("noise", [0.0, 0.2, 0.6])
+@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+def test_what_a_converter_rounds_away(step, noise):
+    """A tail below half a step does not show, and the record then looks like one without any noise."""
+    t, u, y = step_record(G1, 50.0, 0.02)
+    y = step * np.round(y / step + noise * np.random.default_rng(0).normal(size=t.size))
+    found = moments.areas(t, u, y, 6, start=(0.0, 0.0))
+    assert np.all(np.abs(found.values - areas.from_process(G1, 6)) < 2.5 * found.uncertainty)
+    assert found.uncertainty[1] < 30 * step
+
+
+def test_a_dead_time_alone_is_no_converter_of_two_values():
+    t = 0.01 * np.arange(1001)
+    found = moments.areas(t, t >= 1.0, 2.0 * (t >= 3.0), 3)
+    assert found.uncertainty == pytest.approx([0.0] * 3, abs=1e-9)
+    assert found.values == pytest.approx([2.0, 4.0, 4.0], rel=0.01)
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-3, 2e-2])
 @pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
 def test_an_oscillation_that_decays_is_no_noise(noise):

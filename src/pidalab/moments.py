@@ -142,11 +142,11 @@ def areas(
     records of three processes that gave areas about as good as the best fixed time; none at all costs bias, a quarter
     costs noise. If you know how long the process takes, say so with `settled_from`.
 
-    Three errors are estimated: noise on the way; noise in the level at the end, which enters :math:`A_k` with the
-    weight :math:`\tau_1^k/k!`; and a slow tail that the steady state may hide, as large as the most by which the mean
-    of one of its quarters misses its mean. The noise may be coloured, if it forgets within a sixteenth of the steady
-    state. Of a record that ends on the way the estimate is too small, but large. Nothing shows a load disturbance
-    during the record.
+    Four errors are estimated: noise on the way; noise in the level at the end, which enters :math:`A_k` with the
+    weight :math:`\tau_1^k/k!`; a slow tail that the steady state may hide, as large as the most by which the mean of
+    one of its quarters misses its mean; and what a converter of few digits rounds away. The noise may be coloured, if
+    it forgets within a sixteenth of the steady state. Of a record that ends on the way the estimate is too small, but
+    large. Nothing shows a load disturbance during the record, or that a few samples are wild.
 
     References
     ----------
@@ -180,7 +180,7 @@ def areas(
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
     quotient = _over(a_u)
     values = quotient @ a_y
-    errors = _errors(values, weights, u[last:], y[last:], h, rest)
+    errors = _errors(values, weights, u[last:], y[last:], h, rest, _unseen(y, y[last:]))
     result = MeasuredAreas(
         values=values[:count],
         covariance=(quotient @ errors @ quotient.T / step**2)[:count, :count],
@@ -291,28 +291,43 @@ def _of_lines(x: Array, weights: Array, h: float) -> Array:
     return weights[1:-1, -1] * x[-1] - np.diff(weights[2:]) @ np.diff(x) / h
 
 
-def _errors(values: Array, weights: Array, u: Array, y: Array, h: float, rest: int) -> Array:
+def _errors(values: Array, weights: Array, u: Array, y: Array, h: float, rest: int, unseen: float) -> Array:
     """Estimate the covariance of the moments of y, from what u and y do in the steady state at the end.
 
     An error of the moments of u counts as one of those of y that makes the same error in the areas.
     """
     (density, drift), window, size = _noise(y, h), h * (y.size - 1), len(values)
     level = weights[:size, -1]
-    tail = _tail(values, level, window)
+    tail, per_drift = _tail(values, level, window)
     errors = np.zeros((size, size))
     errors[1:, 1:] = density * h * weights[: size - 1] @ weights[: size - 1].T
     errors[0, 0] = density / (h * rest) if rest else 0.0
     for source in (
         level * math.sqrt(density / window),
-        tail * (drift + ROUNDING * np.max(np.abs(y))),
-        np.convolve(values, tail)[:size] * _noise(u, h)[1],
+        tail * (per_drift * (drift + ROUNDING * np.max(np.abs(y))) + unseen),
+        level * unseen,
+        np.convolve(values, tail * per_drift)[:size] * _noise(u, h)[1],
     ):
         errors += np.outer(source, source)
     return errors
 
 
-def _tail(values: Array, level: Array, window: float) -> Array:
-    """Errors that a slow tail would make, per unit of the drift that it makes in the steady state.
+def _unseen(y: Array, end: Array) -> float:
+    """Return how far a level can be off that a converter rounds: half its step, and less where noise crosses the steps.
+
+    The step is the smallest between two values of the record; with two in all, as after a dead time, it is none.
+    Gaussian noise of standard deviation sigma lowers the error of a mean by exp(-2 pi^2 sigma^2/step^2), the first
+    harmonic of the rounding error.
+    """
+    steps = np.diff(np.unique(y))
+    if steps.size < 2:
+        return 0.0
+    step = float(np.min(steps))
+    return 0.5 * step * math.exp(-2 * (math.pi * min(float(np.std(end)) / step, 4.0)) ** 2)
+
+
+def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
+    """Errors that a slow tail would make, per unit of its height, and that height per unit of the drift that it makes.
 
     It is taken to decay as a lag with the standard deviation of the impulse response, from which a dead time is absent.
     Cut off, it is missing in the integrals, and lowers the mean that is taken for the last level.
@@ -323,7 +338,7 @@ def _tail(values: Array, level: Array, window: float) -> Array:
     average = lag / window * -math.expm1(-window / lag)
     drift = 4 * lag / window * -math.expm1(-window / (4 * lag)) - average
     rest = np.convolve(level, lag ** np.arange(level.size))[: level.size] - level
-    return (average * level + rest) / drift
+    return average * level + rest, 1 / drift
 
 
 def _over(a: Array) -> Array:
