@@ -98,8 +98,8 @@ def tune_for_noise(
     sample_time : float
         Sample time of the controller, above 0.
     first : float, optional
-        Filter time to start from. The paper takes 0.1; by default it is a twentieth of the residence time A_1/A_0,
-        or of the largest |A_k/A_0|^(1/k), k = 2 or 3, if that is longer.
+        Filter time to start from. The paper takes 0.1; by default it is a twentieth of the residence time A_1/A_0, or
+        of the k-th root of the magnitude of A_k/A_0, k = 2 or 3, if one of these is longer.
     updates : int, optional
         How often the filter time is corrected, at least 1; the paper says that three times is usually enough. By
         default until it changes by less than 1e-12 of its value.
