@@ -103,7 +103,7 @@ def linear_part(loop: Loop) -> LinearPart:
     >>> C = pidalab.SeriesPIDA(kp=0.4, kd=0.0, ka=0.0, ti=6.0, filter_time=0.1, filter_order=1)
     >>> G = pidalab.absolute_stability.linear_part(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), C))
     >>> print(f"{G(0.5j):.4f}")
-    -0.5197-0.3797j
+    -0.5176-0.3812j
     """
     num, den = open_loop(loop)
     zeros, poles, ti = np.roots(num), np.roots(den), math.inf
@@ -215,24 +215,24 @@ def popov(loop: Loop) -> Criterion:
 
 def smallest_filter_time(
     family: Callable[[float], Loop],
-    criterion: Callable[[Loop], Criterion],
+    holds: Callable[[Loop], bool],
     longest: float,
     shortest: float | None = None,
 ) -> float:
-    """Shortest filter down to which a criterion holds, for a family of loops with the time constant of their filter.
+    """Shortest filter down to which a property holds, for a family of loops with the time constant of their filter.
 
     What else changes with the filter is the family's affair: the gains may stay, or be computed anew for a total dead
-    time that contains the filter's. From `longest` the filter is made shorter by a tenth until the criterion fails for
+    time that contains the filter's. From `longest` the filter is made shorter by a tenth until the property fails for
     the first time, and the border is then found by bisection.
 
     Parameters
     ----------
     family : callable
         From the time constant of the filter to a loop.
-    criterion : callable
-        `circle` or `popov`.
+    holds : callable
+        From a loop to whether it has the property, such as ``lambda loop: circle(loop).holds`` or `pidalab.is_stable`.
     longest : float
-        Where to begin; the criterion must hold there. Above 0.
+        Where to begin; the property must hold there. Above 0.
     shortest : float, optional
         Where to end, by default a thousandth of `longest`.
 
@@ -244,11 +244,11 @@ def smallest_filter_time(
     Raises
     ------
     ValueError
-        If the criterion does not hold at `longest`, and for times out of order.
+        If the property does not hold at `longest`, and for times out of order.
 
     Examples
     --------
-    The gains stay, tuned for T_e = 0.8; what happens if the filter is made shorter?
+    The gains stay, tuned for T_e = 0.8. How far may the filter be made shorter?
 
     >>> import dataclasses, pidalab
     >>> from pidalab import absolute_stability
@@ -257,21 +257,23 @@ def smallest_filter_time(
     >>> C = automatic_reset.tune(model, automatic_reset.PIDA_2, n=4, filter_time=0.2).controller
     >>> def family(filter_time):
     ...     return pidalab.Loop(model, dataclasses.replace(C, filter_time=filter_time))
-    >>> print(f"{absolute_stability.smallest_filter_time(family, absolute_stability.circle, longest=0.2):.4f}")
-    0.0000
+    >>> def holds(loop):
+    ...     return absolute_stability.circle(loop).holds
+    >>> print(f"{absolute_stability.smallest_filter_time(family, holds, longest=0.2):.4f}")
+    0.0695
     """
     longest = _check.real("longest", longest, above=0.0)
     shortest = 1e-3 * longest if shortest is None else _check.real("shortest", shortest, above=0.0)
     if shortest >= longest:
         raise ValueError(f"shortest must be below longest = {longest:g}, found {shortest:g}")
     high, low = longest, longest
-    if not criterion(family(longest)).holds:
-        raise ValueError(f"the criterion must hold at longest = {longest:g}, found that it fails there")
-    while criterion(family(low)).holds:
+    if not holds(family(longest)):
+        raise ValueError(f"the property must hold at longest = {longest:g}, found that it does not")
+    while holds(family(low)):
         if low == shortest:
             return 0.0
         high, low = low, max(0.9 * low, shortest)
     while high - low > 1e-7 * high:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if criterion(family(middle)).holds else (middle, high)
+        low, high = (low, middle) if holds(family(middle)) else (middle, high)
     return high
