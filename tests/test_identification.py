@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 from scipy.special import gammainc
 
 import pidalab
@@ -237,7 +236,9 @@ def test_ramp_is_the_nearest_one():
     def squares(x):
         return np.sum((y - x[0] * np.maximum(t - x[1], 0.0)) ** 2)
 
-    best = min((minimize(squares, (0.2, start), method="Nelder-Mead") for start in (0.5, 1.0, 2.0)), key=lambda r: r.fun)
+    best = min(
+        (minimize(squares, (0.2, start), method="Nelder-Mead") for start in (0.5, 1.0, 2.0)), key=lambda r: r.fun
+    )
     found = _hinge(t, y)
     assert squares(found) <= best.fun * (1 + 1e-9)
     assert found == pytest.approx(best.x, rel=1e-3)

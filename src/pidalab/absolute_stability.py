@@ -1,37 +1,34 @@
 r"""Absolute stability of a loop whose control signal is limited: circle and Popov criterion with exact dead time.
 
 With constant set point and load the limited control signal :math:`u = \mathrm{sat}(u_L)` of a controller with automatic
-reset drives, through the linear part
+reset drives its own input,
 
-.. math:: G(s) = F(s) - F_r(s), \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s},
+.. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
-its own input: :math:`u_L = -G\,u + \text{const}` (huba2024, Fig. 1). F_r stands in G with a minus sign because the reset
-is positive feedback, and from the *limited* signal. If the loop can rest at a :math:`u` strictly between the limits,
-the deviation of u from there is a function of that of u_L in the sector [0, 1]: at most 1 steep, falling towards 0 far
-out, and 0 only at 0. The criterion of Popov with the multiplier θ ≥ 0 is
+(huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback, and it stands in G because it starts
+from the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation of u from there is a
+function of that of u_L in the sector from 0 to 1: nowhere steeper than 1, and 0 only at 0, though it flattens far out.
+The criterion of Popov with the multiplier :math:`\theta \ge 0` is
 
-.. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta) G(j\omega)\right] > 0,
+.. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
-and with θ = 0 it is the circle criterion for that sector, which then is a half plane right of -1. If it holds, the loop
-comes to rest from every initial state. The assumptions are those of the theorem:
+With θ = 0 it is the circle criterion, whose circle for this sector is the half plane left of -1. If one of them holds,
+the loop comes to rest from every initial state. The theorem assumes the following.
 
-- F is strictly proper and its poles lie left of the imaginary axis, but for one simple pole at 0, that of an
-  integrating process. Such a pole makes it Popov's particular case: the sector must not contain 0, as it does not
-  here, and the residue must be positive, so that a small gain stabilises.
-- The nonlinearity does not vary with time, for θ > 0. The circle criterion allows that.
-- A dead time is allowed (Popov and Halanay 1962); nothing is approximated.
+- F is strictly proper, and its poles lie left of the imaginary axis, but for one simple pole at 0, that of an
+  integrating process. With this pole it is Popov's particular case: gain 0 does not belong to the sector, since it does
+  not stabilise, and the residue is positive, so that every small gain does.
+- The nonlinearity does not change with time. (The circle criterion alone would not need that.)
 - The inequality is strict, also in the limits of ω to 0 and to infinity.
+- A dead time is allowed (Popov and Halanay, 1962), and nothing is approximated.
 
-Both criteria are sufficient, not necessary: a loop that fails may well be stable.
+Both criteria are sufficient, not necessary: a loop that fails may well come to rest from everywhere.
 
-With :math:`F = E/s` and :math:`E(0) > 0` the limit at :math:`\omega \to 0` is finite,
-:math:`1 - F_r(0) + E'(0) + \theta E(0)`. For the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f))
-+ \theta K_s K_p`: without derivative the circle criterion cannot hold. At :math:`\omega \to \infty` the limit
-:math:`1 - \theta/T_i` bounds the multiplier.
+With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \theta E(0)`, since :math:`F_r(0) = 1`. For
+the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`; without derivative the
+circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is not read off a grid. Each stretch of frequencies has a bound of the second derivative, from the product
-of its factors; a stretch is halved until its values and that bound show that it hides nothing, and beyond the last one
-a bound of \|G\| decides.
+The infimum is not read off a grid: see `pidalab.infimum`.
 """
 
 from __future__ import annotations
@@ -117,7 +114,7 @@ def linear_part(loop: Loop) -> LinearPart:
         poles = np.concatenate([np.full(C.filter_order, -1 / C.filter_time), *(np.roots(den) for _, den in rest)])
         den = np.convolve(binomial(C.filter_time, C.filter_order), np.convolve(rest[0][1], rest[1][1]))
     part = LinearPart(Process(num, den, loop.process.delay), zeros, poles[poles != 0], ti)
-    _check_assumptions(part, np.count_nonzero(poles == 0))
+    _check_assumptions(part, int(np.sum(poles == 0)))
     return part
 
 
@@ -133,7 +130,9 @@ def _check_assumptions(part: LinearPart, integrators: int) -> None:
     if integrators:
         residue = float(part.forward.num[-1] / part.forward.den[-2])
         if residue <= 0:
-            raise ValueError(f"the pole at 0 must have a positive residue, or no small gain stabilises; found {residue:.4g}")
+            raise ValueError(
+                f"the pole at 0 must have a positive residue, or no small gain stabilises; found {residue:.4g}"
+            )
 
 
 def circle(loop: Loop) -> Criterion:
@@ -207,7 +206,10 @@ def popov(loop: Loop) -> Criterion:
     scale = part.reset_time if math.isfinite(part.reset_time) else slowest
     farthest = 0.5 if math.isfinite(part.reset_time) else SLOWEST / (1 + SLOWEST)
     found = minimize_scalar(
-        lambda x: -infimum(part, scale * x / (1 - x))[0], bounds=(0.0, farthest), method="bounded", options={"xatol": 1e-7}
+        lambda x: -infimum(part, scale * x / (1 - x))[0],
+        bounds=(0.0, farthest),
+        method="bounded",
+        options={"xatol": 1e-7},
     )
     theta = float(scale * found.x / (1 - found.x))
     return max(Criterion(*infimum(part, theta), theta), Criterion(*infimum(part, 0.0), 0.0))

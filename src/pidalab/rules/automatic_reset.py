@@ -10,9 +10,9 @@ The reset takes the real zero farthest from 0, so the shortest time constant: PI
 .. math:: -\tfrac{1}{\tau_i} = y - 3, \qquad y = \sqrt[3]{5 + 2\sqrt 6} + \sqrt[3]{5 - 2\sqrt 6},
 
 beside the complex pair with the real part :math:`-3 - y/2`. That reset is slow. PIDA_1 drops the imaginary part, which
-leaves a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and gives one of the two to the reset,
-eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), come from a search and are printed
-data.
+leaves a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and gives one of the two to the
+reset, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), come from a search and are
+printed data.
 
 A `Setting` holds these numbers without dimension, and `tune` makes a controller of any setting.
 """
