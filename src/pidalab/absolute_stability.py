@@ -5,9 +5,10 @@ reset drives its own input,
 
 .. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
-(huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback, and it stands in G because it starts
-from the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation of u from there is a
-function of that of u_L in the sector from 0 to 1: nowhere steeper than 1, and 0 only at 0, though it flattens far out.
+(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback, and it stands
+in G because it starts from the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation
+of u from there is a function of that of u_L in the sector from 0 to 1: nowhere steeper than 1, and 0 only at 0, though
+it flattens far out.
 The criterion of Popov with the multiplier :math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
@@ -55,7 +56,8 @@ class Criterion(NamedTuple):
     Attributes
     ----------
     margin : float
-        Infimum of Re[1 + (1 + jωθ) G(jω)]; the true one is at most 1e-6 lower.
+        Infimum of Re[1 + (1 + jωθ) G(jω)]; the true one is at most 1e-6 lower, relative to it if it is
+        beyond 1.
     frequency : float
         Where it lies, in rad per time unit; 0 or infinite where it is only approached.
     multiplier : float

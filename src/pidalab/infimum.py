@@ -26,10 +26,10 @@ from scipy.optimize import minimize_scalar
 from pidalab._check import Array
 from pidalab.process import Process
 
-TOLERANCE = 1e-6  # the true infimum is at most this far below what is returned
+TOLERANCE = 1e-6  # the true infimum is at most this far below what is returned, relative to it if that is beyond 1
 SLACK = 1.1  # multiple roots of a polynomial are found to a few digits only: the bounds are taken larger
 PER_DECADE = 30  # stretches to begin with
-MOST_STRETCHES = 4_000_000  # at a time: more would fill the memory
+MOST_STRETCHES = 1_000_000  # at a time: more would fill the memory
 
 
 class LinearPart(NamedTuple):
@@ -156,7 +156,8 @@ def _majorant(
 def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and the frequency where it lies: 0 or inf where approached there.
 
-    The value is at most `TOLERANCE` too high. F must be strictly proper, without poles on the axis but one at 0.
+    The value is at most `TOLERANCE` too high, relative to it if it is beyond 1. F must be strictly proper, without poles
+    on the axis but one at 0.
     """
     f = _Function(part, theta)
     at_infinity = f.at_infinity()
@@ -165,7 +166,7 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     w = np.append([0.0], np.logspace(np.log10(low), np.log10(high), 1 + int(PER_DECADE * np.log10(high / low))))
     values = np.append([f.at_zero()], f(w[1:]))
     best = min(float(values.min()), at_infinity)
-    while f.tail(w[-1]) < best - TOLERANCE:
+    while f.tail(w[-1]) < _below(best):
         if w[-1] > 1e12 * high:
             raise ArithmeticError("the tail of the frequency response does not come to an end")
         further = w[-1] * np.linspace(1.0, 2.0, 11)[1:]
@@ -175,13 +176,18 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     return (best, where) if best < at_infinity else (at_infinity, math.inf)
 
 
+def _below(best: float) -> float:
+    """What a stretch must not fall short of."""
+    return best - TOLERANCE * max(1.0, abs(best))
+
+
 def _descend(f: _Function, w: Array, values: Array, best: float) -> tuple[float, float]:
     """Halve every stretch that could hide a value below the best one; return the lowest and its frequency."""
     i = int(np.argmin(values))
     found, where, around = float(values[i]), float(w[i]), (float(w[max(i - 1, 0)]), float(w[min(i + 1, w.size - 1)]))
     a, b, fa, fb = w[:-1], w[1:], values[:-1], values[1:]
     while True:
-        suspect = np.minimum(fa, fb) - (b - a) ** 2 / 8 * f.curvature(a, b) < best - TOLERANCE
+        suspect = np.minimum(fa, fb) - (b - a) ** 2 / 8 * f.curvature(a, b) < _below(best)
         if not suspect.any():
             break
         if suspect.sum() > MOST_STRETCHES:
