@@ -156,8 +156,8 @@ def _majorant(
 def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and the frequency where it lies: 0 or inf where approached there.
 
-    The value is at most `TOLERANCE` too high, relative to it if it is beyond 1. F must be strictly proper, without poles
-    on the axis but one at 0.
+    The value is at most `TOLERANCE` too high, relative to it if it is beyond 1. F must be strictly proper,
+    without poles on the axis but one at 0.
     """
     f = _Function(part, theta)
     at_infinity = f.at_infinity()
