@@ -18,7 +18,8 @@ the loop comes to rest from every initial state. The theorem assumes the followi
 
 - F is strictly proper, and its poles lie left of the imaginary axis, but for one simple pole at 0, that of an
   integrating process. With this pole it is Popov's particular case: gain 0 does not belong to the sector, since it does
-  not stabilise, and the residue is positive, so that every small gain does.
+  not stabilise, and the residue is positive, so that every small gain does. There the theorem asks for θ > 0, and the
+  circle criterion is covered all the same: ωG is bounded, so a positive margin leaves room for a small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need that.)
 - The inequality is strict, also in the limits of ω to 0 and to infinity.
 - A dead time is allowed (Popov and Halanay, 1962), and nothing is approximated.
