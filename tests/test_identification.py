@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 from scipy.special import gammainc
 
 import pidalab
-from pidalab.identification import ipdt_tangent, three_point
+from pidalab.identification import _hinge, binomial_filtered, ipdt_least_squares, ipdt_tangent, three_point
 
 T = np.linspace(0.0, 40.0, 4001)
 FOURTH = gammainc(4, T)  # step response of 1/(s + 1)^4
@@ -198,3 +198,112 @@ def test_tangent_of_a_noisy_record_needs_a_span():
 def test_tangent_complains(change, message):
     with pytest.raises(ValueError, match=message):
         ipdt_tangent(**({"t": T, "y": FOURTH} | change))
+
+
+@pytest.mark.parametrize("order", [1, 3, 4])
+def test_filtered_ramp_is_its_closed_form(order):
+    """A ramp behind n lags: t - n T_f + its transient; straight from sample to sample, so exact however coarse."""
+    t = np.arange(0.0, 20.0, 0.25)
+    lag = 0.8
+    x = t / lag
+    moments = sum((order - k) * x**k / math.factorial(k) for k in range(order)) * np.exp(-x)
+    expected = 5.0 + 2.0 * (t - order * lag + lag * moments)
+    assert binomial_filtered(t, 5.0 + 2.0 * t, lag, order) == pytest.approx(expected, abs=1e-12)
+
+
+def test_filtered_record_is_that_of_the_process_with_the_filter():
+    process = pidalab.Process([1.0], np.convolve([1, 4, 6, 4, 1], np.poly([-2.0] * 4) / 16.0), delay=0.7)
+    y = pidalab.open_loop_step(pidalab.lags(4, delay=0.7), T).y
+    assert binomial_filtered(T, y, 0.5, 4) == pytest.approx(pidalab.open_loop_step(process, T).y, abs=1e-5)
+
+
+def test_filter_of_a_level_is_the_level():
+    assert binomial_filtered(T, np.full(T.size, 3.0), 0.5, 4).tolist() == [3.0] * T.size
+
+
+@pytest.mark.parametrize("rise", [0.02, 0.2, 0.9])
+def test_least_squares_of_an_integrator_is_the_integrator(rise):
+    y = 5.0 - 0.3 * np.maximum(T - 3.217, 0.0)
+    model = ipdt_least_squares(T, y, step=0.5, rise=rise)
+    assert (model.num[0], model.den.tolist()) == (pytest.approx(-0.6, rel=1e-9), [1.0, 0.0])
+    assert model.delay == pytest.approx(3.217, abs=1e-8)
+
+
+def test_ramp_is_the_nearest_one():
+    """Beside a general minimiser, from many starts."""
+    t, y = T[:600], FOURTH[:600] + np.random.default_rng(2).normal(scale=0.01, size=600)
+
+    def squares(x):
+        return np.sum((y - x[0] * np.maximum(t - x[1], 0.0)) ** 2)
+
+    best = min(
+        (minimize(squares, (0.2, start), method="Nelder-Mead") for start in (0.5, 1.0, 2.0)), key=lambda r: r.fun
+    )
+    found = _hinge(t, y)
+    assert squares(found) <= best.fun * (1 + 1e-9)
+    assert found == pytest.approx(best.x, rel=1e-3)
+
+
+def test_least_squares_stays_right_in_noise():
+    """Where the tangent finds five times the gain, one per cent of noise moves the fit by about one per cent."""
+    clean = ipdt_least_squares(T, FOURTH)
+    rng = np.random.default_rng(3)
+    fits = []
+    for _ in range(40):
+        noisy = FOURTH + rng.normal(scale=0.01, size=T.size)
+        noisy[0] = 0.0
+        fits.append(ipdt_least_squares(T, noisy))
+    gains, delays = np.array([(fit.num[0], fit.delay) for fit in fits]).T
+    assert gains.mean() == pytest.approx(clean.num[0], rel=0.005)
+    assert gains.std() < 0.01 * clean.num[0]
+    assert delays.mean() == pytest.approx(clean.delay, rel=0.01)
+    assert delays.std() < 0.02 * clean.delay
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 8])
+def test_least_squares_beside_the_tangent(order):
+    """The ramp is a mean along the rise: a little flatter, and a little earlier."""
+    model = ipdt_least_squares(T, gammainc(order, T))
+    slope, delay = inflection(order, 1.0)
+    assert 0.85 * slope < model.num[0] < slope
+    assert 0.75 * delay < model.delay < delay
+
+
+def test_filter_of_the_dryer_is_in_the_dead_time():
+    """A twin of the dryer of huba2024, whose filtered record has about the printed model (32)."""
+    t = np.arange(0.0, 1500.0, 0.5)
+    y = pidalab.open_loop_step(pidalab.Process([4.0], np.convolve([4677.0, 1.0], [10.0, 1.0]), delay=5.0), t).y
+    filtered = binomial_filtered(t, y, 15.3, 4)
+    tangent, fit = ipdt_tangent(t, filtered), ipdt_least_squares(t, filtered)
+    assert (tangent.num[0], tangent.delay) == pytest.approx((8.31e-4, 74.5), rel=3e-3)
+    assert (fit.num[0], fit.delay) == pytest.approx((8.31e-4, 74.5), rel=0.07)
+
+
+def test_filter_of_50_s_alone_has_nearly_the_printed_dead_time():
+    """Its step response has its inflection at 3 T_f, and there a tangent with a dead time of 71.4 s."""
+    assert 50.0 * (3 - gammainc(4, 3.0) / (27 * np.exp(-3.0) / 6)) == pytest.approx(71.3, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"y": np.full(T.size, 2.0)}, "y must end elsewhere than it begins: it starts at 2 and ends at 2"),
+        ({"step": 0.0}, "step must not be 0"),
+        ({"rise": 0.0}, "rise must be above 0"),
+        ({"rise": 1.0}, "rise must be below 1, found 1"),
+        ({"t": T + 1.0}, "t must start at 0"),
+        ({"y": FOURTH[:-1]}, "y must be a number or an array as long as t"),
+        ({"t": np.arange(4.0), "y": np.arange(4.0)}, "y must have at least 5 samples, found 4"),
+    ],
+    ids=["constant", "no-step", "no-rise", "all-rise", "time", "short", "few"],
+)
+def test_least_squares_complains(change, message):
+    with pytest.raises(ValueError, match=message):
+        ipdt_least_squares(**({"t": T, "y": FOURTH} | change))
+
+
+def test_filter_complains():
+    with pytest.raises(ValueError, match="filter_time must be above 0"):
+        binomial_filtered(T, FOURTH, 0.0, 4)
+    with pytest.raises(ValueError, match="filter_order must be a whole number, at least 1"):
+        binomial_filtered(T, FOURTH, 1.0, 0)

@@ -7,7 +7,7 @@ Data flow down one corridor, and every chapter of the book walks it::
 
 from importlib.metadata import version
 
-from pidalab import areas, identification, ledger, moments, plots, reduction, rules, twins
+from pidalab import absolute_stability, areas, identification, ledger, moments, plots, reduction, rules, twins
 from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
 from pidalab.loop import Loop
 from pidalab.margins import (
@@ -44,6 +44,7 @@ __all__ = [
     "Process",
     "Response",
     "SeriesPIDA",
+    "absolute_stability",
     "areas",
     "fopdt",
     "gain_crossovers",

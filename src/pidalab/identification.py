@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import expm
+from scipy.signal import lfilter
 
 from pidalab import _check
 from pidalab._check import Array
@@ -14,6 +16,7 @@ from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)
 OVERSHOOT = 0.1  # the model has real poles: a record may exceed its final value by noise, not by more than this
+MOST_ENDS = 400  # stretches of a record to which a ramp is fitted
 STILL_MOVING = 0.01  # change of the mean between the last two tenths of a record, relative to the whole change
 
 
@@ -193,9 +196,7 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
     t = _check.uniform_time("t", t)
     y = _check.signal("y", y, t.size)
     h = float(t[-1] / (t.size - 1))
-    change = y[-1] - y[0]
-    if abs(change) <= 1e-9 * max(np.max(np.abs(y)), 1e-300):
-        raise ValueError(f"y must end elsewhere than it begins: it starts at {y[0]:.4g} and ends at {y[-1]:.4g}")
+    change = _whole_change(y)
     width = 1 if span is None else round(_check.real("span", span, above=0.0) / h)
     if width < 1:
         raise ValueError(f"span must be at least one step of t ({h:g}), found {span:g}")
@@ -212,6 +213,150 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
             f"t = {middle:.4g}, meets the level of rest at t = {delay:.4g}, before the step"
         )
     return ipdt(float(slopes[i]) / _step(step), max(0.0, float(delay)))
+
+
+def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_order: int) -> Array:
+    r"""Pass a record through the filter of a controller, :math:`1/(T_f s + 1)^n` (huba2024, eq. (9)).
+
+    A model identified from the filtered record contains the delay of the filter, and a controller computed for that
+    model has to use this filter (huba2024, sec. 3.1).
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Uniform times that start at 0.
+    y : array_like, shape (n,)
+        Output, at rest before t = 0 at the level of its first sample; straight from sample to sample.
+    filter_time : float
+        Time constant of the filter, above 0.
+    filter_order : int
+        Order of the filter, at least 1.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The filtered record, exact at the times t for an output that is straight between them.
+
+    Raises
+    ------
+    ValueError
+        For times that are not uniform, and for a filter outside its ranges.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> print(f"{pidalab.identification.binomial_filtered(t, t, filter_time=0.5, filter_order=4)[-1]:.6f}")
+    8.000002
+    """
+    t = _check.uniform_time("t", t)
+    y = _check.signal("y", y, t.size)
+    h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
+    order = _check.integer("filter_order", filter_order, at_least=1)
+    # a chain: the slope of a straight stretch drives the input, and the input the lags, one after the other
+    across = expm(h * (np.eye(order + 2, k=-1) - np.diag([0.0, 0.0] + [1.0] * order)))
+    level = y - y[0]
+    chain = [np.append(np.diff(level), 0.0) / h, level]
+    for row in across[2:]:
+        driven = sum(weight * signal[:-1] for weight, signal in zip(row, chain, strict=False))
+        chain.append(np.append(0.0, lfilter([1.0], [1.0, -row[len(chain)]], driven)))
+    return chain[-1] + y[0]
+
+
+def ipdt_least_squares(t: ArrayLike, y: ArrayLike, step: float = 1.0, rise: float = 0.2) -> Process:
+    r"""Fit an integrator with dead time to the beginning of a step response by least squares.
+
+    The model :math:`K e^{-Ls}/s` answers a step with a level line and, from L on, a ramp. Both are fitted together to
+    the record from 0 to t_1, and of all t_1 the one is taken that gives the largest gain K, the careful choice for the
+    tuning of a controller (huba2024, sec. 3.1). No derivative of the record is needed, so noise does little harm.
+
+    ============  ===========================
+    huba2024      result
+    ============  ===========================
+    K_s           gain of the `ipdt`
+    T_d           its delay
+    ============  ===========================
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Uniform times; the step of the input is at t = 0.
+    y : array_like, shape (n,)
+        Output; its first sample is the level of rest. Of a noisy record put the mean from before the step there.
+    step : float, optional
+        Change of the input, not 0.
+    rise : float, optional
+        The shortest stretch 0 ... t_1 ends where the output has last been below this share of its whole change,
+        between 0 and 1. It must be large against the noise; a small one lets the gain come near to that of the
+        tangent where the output is steepest at its beginning.
+
+    Returns
+    -------
+    Process
+        The model, an `ipdt`.
+
+    Raises
+    ------
+    ValueError
+        For a record that ends where it began, one that is too short, a share outside its range, and a record in which
+        no ramp fits.
+
+    Notes
+    -----
+    The paper does not print its criterion. The one above is that of its words: least squares, and the solution with the
+    largest gain.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> t = np.linspace(0.0, 10.0, 1001)
+    >>> y = pidalab.open_loop_step(pidalab.lags(2, delay=1.0), t).y
+    >>> pidalab.identification.ipdt_least_squares(t, y)
+    Process(num=[0.34489], den=[1, 0], delay=1.22681)
+    """
+    t = _check.uniform_time("t", t)
+    y = _check.signal("y", y, t.size)
+    change = _whole_change(y)
+    rise = _check.real("rise", rise, above=0.0)
+    if rise >= 1:
+        raise ValueError(f"rise must be below 1, found {rise:g}")
+    if t.size < 5:
+        raise ValueError(f"y must have at least 5 samples, found {t.size}")
+    first = max(int(np.flatnonzero((y - y[0]) / change < rise)[-1]) + 1, 4)
+    ends = np.unique(np.linspace(first, t.size - 1, MOST_ENDS).astype(int))
+    fits = [_hinge(t[: end + 1], y[: end + 1] - y[0]) for end in ends]
+    slope, delay = max(fits, key=lambda fit: fit[0] * np.sign(change))
+    if slope * change <= 0:
+        raise ValueError("y does not fit an integrator with dead time: no ramp in the direction of its change")
+    return ipdt(slope / _step(step), delay)
+
+
+def _hinge(t: Array, y: Array) -> tuple[float, float]:
+    """Slope k and beginning L of the ramp k max(t - L, 0) nearest to y by least squares."""
+    # sums over all samples from the i-th on, for a ramp that begins at or before it
+    count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))
+
+    def gain(delay: Array, i: Any) -> tuple[Array, Array]:
+        """Slope for these beginnings, and by how much it lessens the sum of squares."""
+        square, product = stt[i] - 2 * delay * st[i] + delay**2 * count[i], sty[i] - delay * sy[i]
+        return product / square, product**2 / square
+
+    i = np.arange(1, t.size - 2)  # at least two samples on the ramp
+    spread = count[i] * stt[i] - st[i] ** 2
+    slope = (count[i] * sty[i] - st[i] * sy[i]) / spread
+    with np.errstate(divide="ignore", invalid="ignore"):  # where the line through the samples meets the level of rest
+        free = (st[i] - sy[i] / slope) / count[i]
+    delay = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
+    slopes, gains = gain(delay, i)
+    best = int(np.argmax(gains))
+    return float(slopes[best]), float(delay[best])
+
+
+def _whole_change(y: Array) -> float:
+    change = float(y[-1] - y[0])
+    if abs(change) <= 1e-9 * max(np.max(np.abs(y)), 1e-300):
+        raise ValueError(f"y must end elsewhere than it begins: it starts at {y[0]:.4g} and ends at {y[-1]:.4g}")
+    return change
 
 
 def _step(step: float) -> float:

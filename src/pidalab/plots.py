@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pidalab._check import Array
+from pidalab.infimum import LinearPart
 from pidalab.loop import Loop
 from pidalab.response import Response
 
@@ -283,3 +284,70 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     for label, values in curves.items():
         ax.loglog(*thin(frequencies, np.abs(values)), label=label)
     ax.set(xlabel="frequency, rad per time unit", ylabel="magnitude")
+
+
+def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) -> None:
+    """Draw G(jw) of limited loops with the line that the circle criterion forbids them to reach.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to draw.
+    parts : mapping of str to LinearPart
+        Curves by their labels, from `pidalab.absolute_stability.linear_part`.
+    frequencies : ndarray, shape (n,)
+        In rad per time unit.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> import matplotlib.pyplot as plt
+    >>> figure, ax = plt.subplots()
+    >>> part = pidalab.absolute_stability.linear_part(pidalab.Loop(pidalab.lags(3), 3.0))
+    >>> pidalab.plots.circle_locus(ax, {"lags": part}, np.logspace(-2, 2, 200))
+    """
+    for label, part in parts.items():
+        value = part(1j * frequencies)
+        ax.plot(value.real, value.imag, label=label)
+    ax.axvline(-1.0, linestyle=":", color="#808080", linewidth=1.2, zorder=1)
+    ax.plot([-1], [0], "+", color="#808080", markersize=9)
+    ax.set(xlabel="real part of G", ylabel="imaginary part of G")
+
+
+def popov_plot(
+    ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array, multipliers: Mapping[str, float] | None = None
+) -> None:
+    """Draw Popov plots: w Im G(jw) over Re G(jw), with the line that a curve must stay to the right of.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to draw.
+    parts : mapping of str to LinearPart
+        Curves by their labels, from `pidalab.absolute_stability.linear_part`.
+    frequencies : ndarray, shape (n,)
+        In rad per time unit.
+    multipliers : mapping of str to float, optional
+        θ by label, as `pidalab.absolute_stability.popov` finds it: a thin line in the colour of the curve passes
+        through -1 with the slope 1/θ.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> import matplotlib.pyplot as plt
+    >>> figure, ax = plt.subplots()
+    >>> loop = pidalab.Loop(pidalab.lags(3), 7.0)
+    >>> parts = {"lags": pidalab.absolute_stability.linear_part(loop)}
+    >>> theta = {"lags": pidalab.absolute_stability.popov(loop).multiplier}
+    >>> pidalab.plots.popov_plot(ax, parts, np.logspace(-2, 2, 200), theta)
+    >>> len(ax.lines)
+    3
+    """
+    for label, part in parts.items():
+        value = part(1j * frequencies)
+        (curve,) = ax.plot(value.real, frequencies * value.imag, label=label)
+        if multipliers and label in multipliers:
+            theta = multipliers[label]
+            ax.axline((-1.0, 0.0), (theta - 1.0, 1.0), color=curve.get_color(), linestyle=":", linewidth=1.0, zorder=1)
+    ax.plot([-1], [0], "+", color="#808080", markersize=9)
+    ax.set(xlabel="real part of G", ylabel="frequency times imaginary part of G")

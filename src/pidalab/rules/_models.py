@@ -47,3 +47,12 @@ def second_order(model: Process) -> SecondOrder:
     if not 0.1 <= result.ratio <= 2:
         raise ValueError(f"dead time / time constant of the model must be from 0.1 to 2, found {result.ratio:.6g}")
     return result
+
+
+def integrator(model: Process) -> tuple[float, float]:
+    """Return velocity gain and dead time of an integrator, or raise."""
+    if not isinstance(model, Process):
+        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
+    if len(model.num) != 1 or len(model.den) != 2 or model.den[1] != 0 or model.num[0] == 0:
+        raise ValueError(f"model must be an integrator with dead time (pidalab.ipdt), found {model!r}")
+    return float(model.num[0] / model.den[0]), model.delay

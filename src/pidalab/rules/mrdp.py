@@ -31,6 +31,7 @@ from pidalab import _check
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, ipdt
+from pidalab.rules._models import integrator
 from pidalab.stability import is_stable
 
 
@@ -327,7 +328,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
       weights      = 0.42265, 0.633975                          eq. (14), Table III
       ie           = 12.9282                                    eq. (15), Table IV
     """
-    velocity, dead_time = _integrator(model)
+    velocity, dead_time = integrator(model)
     m, n = _orders(m, n)
     te = _check.real("te", te, at_least=0.0)
     if bool(n) != bool(te):
@@ -410,12 +411,3 @@ def smallest_te(m: int, n: int) -> float:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if stable(middle) else (middle, high)
     return high
-
-
-def _integrator(model: Process) -> tuple[float, float]:
-    """Return velocity gain and dead time of an integrator, or raise."""
-    if not isinstance(model, Process):
-        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
-    if len(model.num) != 1 or len(model.den) != 2 or model.den[1] != 0 or model.num[0] == 0:
-        raise ValueError(f"model must be an integrator with dead time (pidalab.ipdt), found {model!r}")
-    return float(model.num[0] / model.den[0]), model.delay

@@ -1,0 +1,284 @@
+r"""Absolute stability of a loop whose control signal is limited: circle and Popov criterion with exact dead time.
+
+With constant set point and load the limited control signal :math:`u = \mathrm{sat}(u_L)` of a controller with automatic
+reset drives its own input,
+
+.. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
+
+(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback, and it stands
+in G because it starts from the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation
+of u from there is a function of that of u_L in the sector from 0 to 1: nowhere steeper than 1, and 0 only at 0, though
+it flattens far out.
+The criterion of Popov with the multiplier :math:`\theta \ge 0` is
+
+.. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
+
+With θ = 0 it is the circle criterion, whose circle for this sector is the half plane left of -1. If one of them holds,
+the loop comes to rest from every initial state. The theorem assumes the following.
+
+- F is strictly proper, and its poles lie left of the imaginary axis, but for one simple pole at 0, that of an
+  integrating process. With this pole it is Popov's particular case: gain 0 does not belong to the sector, since it does
+  not stabilise, and the residue is positive, so that every small gain does. There the theorem asks for θ > 0, and the
+  circle criterion is covered all the same: ωG is bounded, so a positive margin leaves room for a small θ.
+- The nonlinearity does not change with time. (The circle criterion alone would not need that.)
+- The inequality is strict, also in the limits of ω to 0 and to infinity.
+- A dead time is allowed (Popov and Halanay, 1962), and nothing is approximated.
+
+Both criteria are sufficient, not necessary: a loop that fails may well come to rest from everywhere.
+
+With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \theta E(0)`, since :math:`F_r(0) = 1`. For
+the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`; without derivative the
+circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
+
+The infimum is not read off a grid: see `pidalab.infimum`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from pidalab import _check
+from pidalab.controllers import SeriesPIDA
+from pidalab.infimum import TOLERANCE, LinearPart, infimum
+from pidalab.loop import Loop, open_loop
+from pidalab.process import Process, binomial
+
+SLOWEST = 1e3  # without a reset the multiplier is searched up to so many times the slowest time of the loop
+
+
+class Criterion(NamedTuple):
+    """Result of a criterion of absolute stability.
+
+    Attributes
+    ----------
+    margin : float
+        Infimum of Re[1 + (1 + jωθ) G(jω)]; the true one is at most 1e-6 lower, relative to it if it is
+        beyond 1.
+    frequency : float
+        Where it lies, in rad per time unit; 0 or infinite where it is only approached.
+    multiplier : float
+        θ, a time; 0 for the circle criterion.
+    """
+
+    margin: float
+    frequency: float
+    multiplier: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the margin is surely positive."""
+        return self.margin > TOLERANCE
+
+
+def linear_part(loop: Loop) -> LinearPart:
+    r"""Linear part G of a loop, as the limited control signal sees it.
+
+    For a `pidalab.SeriesPIDA` the reset acts on the limited signal: G = F - F_r, as at the top of this page. With any
+    other controller the limits act on its output, and G is the loop transfer function L.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop. Its prefilter has no influence, nor have the limits of its controller.
+
+    Returns
+    -------
+    LinearPart
+        G, to be called with complex s.
+
+    Raises
+    ------
+    ValueError
+        If F is not strictly proper, has poles on or right of the imaginary axis other than a simple one at 0, or has a
+        pole at 0 with a residue that is not positive.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.SeriesPIDA(kp=0.4, kd=0.0, ka=0.0, ti=6.0, filter_time=0.1, filter_order=1)
+    >>> G = pidalab.absolute_stability.linear_part(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), C))
+    >>> print(f"{G(0.5j):.4f}")
+    -0.5176-0.3812j
+    """
+    num, den = open_loop(loop)
+    zeros, poles, ti = np.roots(num), np.roots(den), math.inf
+    if isinstance(loop.controller, SeriesPIDA):
+        C, ti = loop.controller, loop.controller.ti
+        rest = [loop.blocks[name] for name in ("process", "output_filter")]
+        stabiliser = _check.polynomial("gains", [C.ka, C.kd, C.kp])
+        num = np.convolve(stabiliser, np.convolve(rest[0][0], rest[1][0]))
+        zeros = np.concatenate([np.roots(p) for p in (stabiliser, rest[0][0], rest[1][0])])
+        # the filter's pole is known: as a root of a polynomial, being multiple, it would be found to a few digits
+        poles = np.concatenate([np.full(C.filter_order, -1 / C.filter_time), *(np.roots(den) for _, den in rest)])
+        den = np.convolve(binomial(C.filter_time, C.filter_order), np.convolve(rest[0][1], rest[1][1]))
+    part = LinearPart(Process(num, den, loop.process.delay), zeros, poles[poles != 0], ti)
+    _check_assumptions(part, int(np.sum(poles == 0)))
+    return part
+
+
+def _check_assumptions(part: LinearPart, integrators: int) -> None:
+    if len(part.forward.num) >= len(part.forward.den):
+        raise ValueError("the forward path must be strictly proper: the limits would act on themselves")
+    bad = part.poles[part.poles.real >= 0]
+    if bad.size or integrators > 1:
+        found = f"one at {bad[0]:.4g}" if bad.size else f"{integrators} at 0"
+        raise ValueError(
+            f"poles of the forward path must lie left of the imaginary axis, but for one at 0; found {found}"
+        )
+    if integrators:
+        residue = float(part.forward.num[-1] / part.forward.den[-2])
+        if residue <= 0:
+            raise ValueError(
+                f"the pole at 0 must have a positive residue, or no small gain stabilises; found {residue:.4g}"
+            )
+
+
+def circle(loop: Loop) -> Criterion:
+    r"""Circle criterion for the sector [0, 1]: Re[1 + G(jω)] > 0 at all frequencies.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop; see `linear_part`.
+
+    Returns
+    -------
+    Criterion
+        With the multiplier 0.
+
+    Raises
+    ------
+    ValueError
+        For a loop to which the criterion does not apply.
+    ArithmeticError
+        If there are too many turns of the phase to follow.
+
+    Examples
+    --------
+    A third-order lag meets the criterion up to the gain 4, and is stable up to the gain 8.
+
+    >>> import pidalab
+    >>> result = pidalab.absolute_stability.circle(pidalab.Loop(pidalab.lags(3), 3.0))
+    >>> print(f"{result.margin:.6f} at {result.frequency:.4f}, {result.holds}")
+    0.250000 at 1.0000, True
+    """
+    return Criterion(*infimum(linear_part(loop), 0.0), 0.0)
+
+
+def popov(loop: Loop) -> Criterion:
+    r"""Popov criterion for the sector [0, 1], with the multiplier θ ≥ 0 that leaves the largest margin.
+
+    As an infimum of functions linear in θ the margin is concave in θ, so the best one can be found. With a reset θ must
+    be below T_i. Without, it is searched up to 1000 times the slowest time of the loop.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop; see `linear_part`.
+
+    Returns
+    -------
+    Criterion
+        Its multiplier is 0 where no other is better: the circle criterion.
+
+    Raises
+    ------
+    ValueError
+        For a loop to which the criterion does not apply.
+    ArithmeticError
+        If there are too many turns of the phase to follow.
+
+    Examples
+    --------
+    A third-order lag meets the criterion up to the gain 8, the limit of stability.
+
+    >>> import pidalab
+    >>> pidalab.absolute_stability.popov(pidalab.Loop(pidalab.lags(3), 7.9)).holds
+    True
+    >>> pidalab.absolute_stability.popov(pidalab.Loop(pidalab.lags(3), 8.1)).holds
+    False
+    """
+    part = linear_part(loop)
+    slowest = max(part.forward.delay, *(1 / np.abs(part.poles)), 0.0) or 1 / abs(part.gain)
+    # θ = scale x/(1 - x) covers times of every size, and turns a concave function into one with a single top
+    scale = part.reset_time if math.isfinite(part.reset_time) else slowest
+    farthest = 0.5 if math.isfinite(part.reset_time) else SLOWEST / (1 + SLOWEST)
+    found = minimize_scalar(
+        lambda x: -infimum(part, scale * x / (1 - x))[0],
+        bounds=(0.0, farthest),
+        method="bounded",
+        options={"xatol": 1e-7},
+    )
+    theta = float(scale * found.x / (1 - found.x))
+    return max(Criterion(*infimum(part, theta), theta), Criterion(*infimum(part, 0.0), 0.0))
+
+
+def smallest_filter_time(
+    family: Callable[[float], Loop],
+    holds: Callable[[Loop], bool],
+    longest: float,
+    shortest: float | None = None,
+) -> float:
+    """Shortest filter down to which a property holds, for a family of loops with the time constant of their filter.
+
+    What else changes with the filter is the family's affair: the gains may stay, or be computed anew for a total dead
+    time that contains the filter's. From `longest` the filter is made shorter by a tenth until the property fails for
+    the first time, and the border is then found by bisection.
+
+    Parameters
+    ----------
+    family : callable
+        From the time constant of the filter to a loop.
+    holds : callable
+        From a loop to whether it has the property, such as ``lambda loop: circle(loop).holds`` or `pidalab.is_stable`.
+    longest : float
+        Where to begin; the property must hold there. Above 0.
+    shortest : float, optional
+        Where to end, by default a thousandth of `longest`.
+
+    Returns
+    -------
+    float
+        The border, to 6 digits, on the side where the criterion holds; 0 if it holds down to `shortest`.
+
+    Raises
+    ------
+    ValueError
+        If the property does not hold at `longest`, and for times out of order.
+
+    Examples
+    --------
+    The gains stay, tuned for T_e = 0.8. How far may the filter be made shorter?
+
+    >>> import dataclasses, pidalab
+    >>> from pidalab import absolute_stability
+    >>> from pidalab.rules import automatic_reset
+    >>> model = pidalab.ipdt(1.0, delay=1.0)
+    >>> C = automatic_reset.tune(model, automatic_reset.PIDA_2, n=4, filter_time=0.2).controller
+    >>> def family(filter_time):
+    ...     return pidalab.Loop(model, dataclasses.replace(C, filter_time=filter_time))
+    >>> def holds(loop):
+    ...     return absolute_stability.circle(loop).holds
+    >>> print(f"{absolute_stability.smallest_filter_time(family, holds, longest=0.2):.4f}")
+    0.0695
+    """
+    longest = _check.real("longest", longest, above=0.0)
+    shortest = 1e-3 * longest if shortest is None else _check.real("shortest", shortest, above=0.0)
+    if shortest >= longest:
+        raise ValueError(f"shortest must be below longest = {longest:g}, found {shortest:g}")
+    high, low = longest, longest
+    if not holds(family(longest)):
+        raise ValueError(f"the property must hold at longest = {longest:g}, found that it does not")
+    while holds(family(low)):
+        if low == shortest:
+            return 0.0
+        high, low = low, max(0.9 * low, shortest)
+    while high - low > 1e-7 * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if holds(family(middle)) else (middle, high)
+    return high

@@ -1,0 +1,339 @@
+r"""Series PI, PID and PIDA controllers with automatic reset for an integrator with dead time (huba2024).
+
+The controller that puts m + 3 poles of the loop at one place is known in parallel form: `pidalab.rules.mrdp`. Its
+numerator N(x), with :math:`x = T_d s`, is split into the stabilising controller and the reset,
+
+.. math:: N(x) = \frac{\kappa}{\tau_i} (1 + \tau_D x + \tau_A x^2)(1 + \tau_i x).
+
+The reset takes the real zero farthest from 0, so the shortest time constant: PI has one zero, PID two and PIDA one,
+
+.. math:: -\tfrac{1}{\tau_i} = y - 3, \qquad y = \sqrt[3]{5 + 2\sqrt 6} + \sqrt[3]{5 - 2\sqrt 6},
+
+beside the complex pair with the real part :math:`-3 - y/2`. That reset is slow. PIDA_1 drops the imaginary part, which
+leaves a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and gives one of the two to the
+reset, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), come from a search and are
+printed data.
+
+A `Setting` holds these numbers without dimension, and `tune` makes a controller of any setting.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import control
+import numpy as np
+
+from pidalab import _check
+from pidalab.controllers import SeriesPIDA
+from pidalab.loop import Loop
+from pidalab.process import Process, binomial
+from pidalab.rules import mrdp
+from pidalab.rules._models import integrator
+
+
+class Setting(NamedTuple):
+    """Parameters of a series controller for a model with unit velocity gain and unit dead time.
+
+    Attributes
+    ----------
+    name : str
+        As the paper calls it.
+    source : str
+        Equations of huba2024.
+    lag : float
+        τ_0 = T_0/T_d, dominant time constant of the loop. For changed settings that of the MRDP controller which they
+        come from.
+    kp, kd, ka : float
+        Gains of the stabilising controller: K_p K_s T_d, K_d K_s and K_a K_s / T_d.
+    ti : float
+        τ_i = T_i/T_d, time constant of the automatic reset.
+    """
+
+    name: str
+    source: str
+    lag: float
+    kp: float
+    kd: float
+    ka: float
+    ti: float
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """Constants τ_D = T_D/T_d and τ_A = T_A²/T_d² of the stabilising controller, eq. (19)."""
+        return self.kd / self.kp, self.ka / self.kp
+
+
+def multiple_pole(m: int) -> Setting:
+    """PI, PID and PIDA whose loop without filter has m + 3 equal poles: eqs. (14)-(19), Table 1.
+
+    Parameters
+    ----------
+    m : int
+        Order of the highest derivative: 0, 1 or 2.
+
+    Returns
+    -------
+    Setting
+        From the closed form of `pidalab.rules.mrdp.constants`, factored with the shortest reset.
+
+    Raises
+    ------
+    ValueError
+        For another m.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> setting = pidalab.rules.automatic_reset.multiple_pole(1)
+    >>> print(f"{setting.kp:.4f} {setting.kd:.4f} {setting.ti:.4f}")
+    0.0598 0.2060 0.2846
+    """
+    if _check.integer("m", m, at_least=0) > 2:
+        raise ValueError(f"m must be 0, 1 or 2, for PI, PID or PIDA; found {m}")
+    unit = mrdp.constants(m)
+    zeros = np.roots(unit.numerator)
+    zero = float(np.min(zeros.real[zeros.imag == 0]))
+    stabiliser = np.polydiv(unit.numerator, [-1 / zero, 1.0])[0] * (-1 / zero)
+    ka, kd, kp = (0.0,) * (2 - m) + tuple(stabiliser.tolist())
+    return Setting(("PI", "PID", "MRDP-PIDA")[m], f"eq. ({(15, 16, 18)[m]})", -1 / unit.pole, kp, kd, ka, -1 / zero)
+
+
+def double_zero(ratio: float = 1.0) -> Setting:
+    """PIDA with the double real zero in place of the complex pair, and one of the two as reset: eqs. (26)-(31).
+
+    Parameters
+    ----------
+    ratio : float, optional
+        Time constant of the double zero relative to its own value, `TAU_2` = 0.2322, above 0: 1 gives PIDA_1, 1.5 gives
+        PIDA_2. Figure 2 has ``ratio * TAU_2`` from 0.16 to 0.42.
+
+    Returns
+    -------
+    Setting
+        From the exact zeros, not from the printed ones.
+
+    Raises
+    ------
+    ValueError
+        For a ratio that is not above 0.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> setting = pidalab.rules.automatic_reset.double_zero(1.5)
+    >>> print(f"{setting.kp:.3f} {setting.kd:.3f} {setting.ka:.3f} {setting.ti:.3f}")
+    0.126 0.369 0.113 0.348
+    """
+    ratio = _check.real("ratio", ratio, above=0.0)
+    base, short = MRDP_PIDA, ratio * TAU_2
+    kp = base.kp * short / base.ti
+    name = {1.0: "PIDA_1", 1.5: "PIDA_2"}.get(ratio, f"PIDA with {ratio:g} tau_2")
+    return Setting(name, "eq. (29)", base.lag, kp, kp * (base.ti + short), kp * base.ti * short, short)
+
+
+PI, PID, MRDP_PIDA = (multiple_pole(m) for m in range(3))
+TAU_2 = 2 * MRDP_PIDA.ka / MRDP_PIDA.kd  # the pair of zeros of the stabilising controller has the real part -kd/(2 ka)
+PIDA_1, PIDA_2 = double_zero(), double_zero(1.5)
+PPM_PIDA = Setting("PPM-PIDA", "eq. (25), printed", MRDP_PIDA.lag, kp=0.17, kd=0.45, ka=0.1157, ti=0.36)
+SETTINGS = {setting.name: setting for setting in (PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1, PIDA_2)}
+
+
+@dataclass(frozen=True)
+class Design:
+    """A series controller with its prefilter and the numbers they were made from; made by `tune`.
+
+    Attributes
+    ----------
+    model : Process
+        The integrator with dead time.
+    setting : Setting
+        The dimensionless parameters.
+    n : int
+        Order of the filter.
+    filter_time : float
+        Time constant T_f of the filter.
+    te : float
+        Dead time that stands for the filter; 0 where the dead time of the model contains it.
+    delay : float
+        Total dead time T_d for which the controller is tuned.
+    kp, kd, ka : float
+        Gains of the stabilising controller.
+    ti : float
+        Time constant of the automatic reset.
+    lead : float
+        b_1 of the prefilter, a time.
+    limits : tuple of float
+        Lower and upper limit of the control signal.
+    """
+
+    model: Process
+    setting: Setting
+    n: int
+    filter_time: float
+    te: float
+    delay: float
+    kp: float
+    kd: float
+    ka: float
+    ti: float
+    lead: float
+    limits: tuple[float, float]
+
+    @property
+    def source(self) -> dict[str, str]:
+        """Where each number comes from in huba2024, by attribute."""
+        gains = dict.fromkeys(("kp", "kd", "ka", "ti"), self.setting.source)
+        return {
+            "filter_time": "chosen",
+            "te": "eq. (11)" if self.te else "in the dead time of the model, sec. 3.1",
+            "delay": "eq. (10)",
+            **gains,
+            "lead": "eq. (22)" if self.lead else "eq. (21)",
+        }
+
+    @property
+    def controller(self) -> SeriesPIDA:
+        """The controller with its filter, reset and limits: Fig. 1, eqs. (3), (4), (7) and (9)."""
+        return SeriesPIDA(self.kp, self.kd, self.ka, self.ti, self.filter_time, self.n, self.limits)
+
+    @property
+    def prefilter(self) -> control.TransferFunction:
+        """The prefilter F_p of the set point, eq. (20): it takes the zeros of the controller away."""
+        den = np.convolve(_check.polynomial("gains", [self.ka / self.kp, self.kd / self.kp, 1.0]), [self.ti, 1.0])
+        return control.TransferFunction(binomial(self.lead, 1) if self.lead else [1.0], den)
+
+    def loop(self, process: Process | None = None) -> Loop:
+        """Close the loop; it is that of the paper while the limits are not reached.
+
+        The filter is a part of the controller here, so the set point passes it too; the paper does not say whether it
+        does. The load and the noise do not see the difference.
+
+        Parameters
+        ----------
+        process : Process, optional
+            The process to control; by default the model.
+
+        Returns
+        -------
+        Loop
+            With controller and prefilter.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> from pidalab.rules import automatic_reset
+        >>> model = pidalab.ipdt(1.0, delay=1.0)
+        >>> design = automatic_reset.tune(model, automatic_reset.PIDA_1, n=4, filter_time=0.2)
+        >>> pidalab.is_stable(design.loop())
+        True
+        """
+        return Loop(self.model if process is None else process, self.controller, prefilter=self.prefilter)
+
+    def __str__(self) -> str:
+        lines = [f"{self.setting.name} with n = {self.n} for {self.model!r}"]
+        lines += [f"  {name:12} = {getattr(self, name):<12.6g} {source}" for name, source in self.source.items()]
+        return "\n".join(lines)
+
+
+def tune(
+    model: Process,
+    setting: Setting,
+    n: int,
+    filter_time: float,
+    weight: float = 1.0,
+    cancelled: int = 0,
+    limits: tuple[float, float] = (-math.inf, math.inf),
+) -> Design:
+    r"""Make a series controller and its prefilter from a dimensionless setting and an integrator with dead time.
+
+    The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`, in which
+    :math:`T_e = n N T_f` stands for the filter, eqs. (10) and (11).
+
+    ============  ====================
+    huba2024      argument
+    ============  ====================
+    K_sp, T_dp    `model`
+    n             `n`
+    T_f           `filter_time`
+    N             `weight`
+    U_min, U_max  `limits`
+    ============  ====================
+
+    Parameters
+    ----------
+    model : Process
+        Velocity gain and dead time: `ipdt`.
+    setting : Setting
+        PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1, PIDA_2 of this module (the dictionary SETTINGS has them by name), or one
+        made by `multiple_pole` or `double_zero`.
+    n : int
+        Order of the filter, at least 1 and at least that of the highest derivative.
+    filter_time : float
+        Time constant of the filter, above 0.
+    weight : float, optional
+        N, from 0.5 (half rule) to 1 (average residence time, the default); 0 for a model that was identified behind the
+        filter and so contains its delay, as in sec. 3.1.
+    cancelled : int, optional
+        Number of poles at -1/T_0 that the prefilter cancels: 0 (the default) as in eq. (21), or 1 as in eq. (22), which
+        is faster.
+    limits : tuple of float, optional
+        Lower and upper limit of the control signal.
+
+    Returns
+    -------
+    Design
+        Controller, prefilter, and each number with its source.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a model of another structure, anything but a setting, and numbers outside their ranges.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.rules import automatic_reset
+    >>> print(automatic_reset.tune(pidalab.ipdt(1.0, delay=1.0), automatic_reset.PIDA_1, n=4, filter_time=0.2))
+    PIDA_1 with n = 4 for Process(num=[1], den=[1, 0], delay=1)
+      filter_time  = 0.2          chosen
+      te           = 0.8          eq. (11)
+      delay        = 1.8          eq. (10)
+      kp           = 0.0465574    eq. (29)
+      kd           = 0.235943     eq. (29)
+      ka           = 0.0904853    eq. (29)
+      ti           = 0.417978     eq. (29)
+      lead         = 0            eq. (21)
+    """
+    velocity, dead_time = integrator(model)
+    if not isinstance(setting, Setting):
+        raise TypeError(f"setting must be a Setting, such as automatic_reset.PIDA_1, found {setting!r}")
+    order = 2 if setting.ka else 1
+    if _check.integer("n", n, at_least=1) < order:
+        raise ValueError(f"n must be at least {order} for {setting.name}, or the controller is not proper; found {n}")
+    filter_time = _check.real("filter_time", filter_time, above=0.0)
+    weight = _check.real("weight", weight)
+    if weight != 0 and not 0.5 <= weight <= 1:
+        raise ValueError(f"weight must be from 0.5 to 1, or 0 if the model contains the filter; found {weight:g}")
+    if _check.integer("cancelled", cancelled, at_least=0) > 1:
+        raise ValueError(f"cancelled must be 0 or 1, found {cancelled}")
+    te = n * weight * filter_time
+    delay = dead_time + te
+    if not delay:
+        raise ValueError("model must have a dead time where weight is 0: the total dead time is 0")
+    return Design(
+        model=model,
+        setting=setting,
+        n=n,
+        filter_time=filter_time,
+        te=te,
+        delay=delay,
+        kp=setting.kp / (velocity * delay),
+        kd=setting.kd / velocity,
+        ka=setting.ka * delay / velocity,
+        ti=setting.ti * delay,
+        lead=cancelled * setting.lag * delay,
+        limits=_check.limits(limits),
+    )

@@ -1,0 +1,291 @@
+"""Circle and Popov criterion: hand-solvable loops, dense grids, the controllers of huba2024, bad input."""
+
+import dataclasses
+import math
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.lines import AxLine
+
+import pidalab
+from pidalab.absolute_stability import Criterion, circle, linear_part, popov, smallest_filter_time
+from pidalab.infimum import TOLERANCE, _Function, _majorant, infimum
+from pidalab.rules import automatic_reset as reset
+
+UNIT = pidalab.ipdt(1.0, delay=1.0)
+
+
+def design(setting, n=4, te=0.8, **options):
+    return reset.tune(UNIT, setting, n=n, filter_time=te / n, **options)
+
+
+def dense(part, theta):
+    """The smallest value on a fine grid: never below the infimum."""
+    w = np.concatenate([np.logspace(-5, 0, 20_001), np.linspace(1.0, 10.0, 200_001), np.linspace(10.0, 300.0, 200_001)])
+    return np.min(1 + ((1 + 1j * w * theta) * part(1j * w)).real)
+
+
+@pytest.mark.parametrize("order", range(2, 8))
+def test_circle_criterion_of_equal_lags(order):
+    """With ω = tan φ the real part is cos^n φ cos nφ, and least at φ = π/(n + 1)."""
+    result = circle(pidalab.Loop(pidalab.lags(order, lag=3.0), 0.7))
+    assert result.margin == pytest.approx(1 - 0.7 * math.cos(math.pi / (order + 1)) ** (order + 1), abs=1e-12)
+    assert 3 * result.frequency == pytest.approx(math.tan(math.pi / (order + 1)), rel=1e-5)
+
+
+@pytest.mark.parametrize("order", range(3, 7))
+def test_popov_criterion_of_equal_lags_reaches_the_limit_of_stability(order):
+    limit = math.cos(math.pi / order) ** -order
+    assert popov(pidalab.Loop(pidalab.lags(order), 0.999 * limit)).holds
+    assert not popov(pidalab.Loop(pidalab.lags(order), 1.001 * limit)).holds
+
+
+def test_popov_criterion_of_two_lags_holds_for_any_gain():
+    """Re (1 + jωθ)/(1 + jω)² is positive for θ ≥ 1/2; the circle criterion ends at the gain 8."""
+    assert popov(pidalab.Loop(pidalab.lags(2), 1e3)).holds
+    assert [circle(pidalab.Loop(pidalab.lags(2), gain)).holds for gain in (7.99, 8.01)] == [True, False]
+
+
+@pytest.mark.parametrize(("gain", "delay"), [(1.0, 1.0), (0.3, 4.0), (2.5, 0.1)])
+def test_integrator_with_dead_time(gain, delay):
+    """Re K e^{-jωL}/(jω) = -K sin(ωL)/ω is least at 0, where it is -K L."""
+    result = circle(pidalab.Loop(pidalab.ipdt(gain, delay), 1.0))
+    assert result[:2] == (pytest.approx(1 - gain * delay, rel=1e-14), 0.0)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
+def test_lag_with_dead_time(ratio):
+    """The real part (cos ωL - ω sin ωL)/(1 + ω²) is stationary where its derivative, found by hand, vanishes."""
+    result = circle(pidalab.Loop(pidalab.fopdt(1.0, 1.0, delay=ratio), 1.0))
+    w, (c, s) = result.frequency, (math.cos(ratio * result.frequency), math.sin(ratio * result.frequency))
+    slope = -(1 + ratio) * s - ratio * w * c - 2 * w * (c - w * s) / (1 + w * w)
+    assert slope == pytest.approx(0, abs=1e-5)
+    assert result.margin == pytest.approx(1 + (c - w * s) / (1 + w * w), abs=1e-14)
+    assert math.pi / 2 < ratio * w + math.atan(w) < 1.5 * math.pi
+
+
+def test_lag_with_long_dead_time_tends_to_gain_one():
+    margins = [circle(pidalab.Loop(pidalab.fopdt(1.0, 1.0, delay=x), 1.0)).margin for x in (1.0, 10.0, 100.0)]
+    assert margins == sorted(margins, reverse=True)
+    assert 0 < margins[-1] < 1e-3
+
+
+@pytest.mark.parametrize("name", reset.SETTINGS)
+@pytest.mark.parametrize("n", [2, 3, 4, 8])
+@pytest.mark.parametrize("theta", [0.0, 0.4, 2.0])
+def test_infimum_beside_a_dense_grid(name, n, theta):
+    part = linear_part(design(reset.SETTINGS[name], n).loop())
+    f = _Function(part, theta)
+    lowest, where = infimum(part, theta)
+    reference = min(dense(part, theta), f.at_zero(), f.at_infinity())
+    assert reference - 1e-6 <= lowest <= reference + TOLERANCE
+    if 0 < where < math.inf:
+        assert lowest == pytest.approx(1 + ((1 + 1j * where * theta) * part(1j * where)).real, abs=1e-12)
+
+
+PROCESSES = [
+    pidalab.fopdt(3.0, 2.0, delay=5.0),
+    pidalab.sopdt(2.0, 1.0, 0.05, delay=0.3),
+    pidalab.Process([1.0, 0.0, 4.0], [1.0, 2.0, 3.0, 1.0], delay=1.0),  # zeros on the axis
+    pidalab.Process([0.2, 1.0], [1.0, 1.0, 0.0], delay=2.0),
+    pidalab.Process([-1.0, 1.0], [1.0, 3.0, 2.0]),
+    pidalab.Process([2.0, 1.0], [1.0, 3.0, 2.0, 0.0]),
+]
+
+
+@pytest.mark.parametrize("process", PROCESSES, ids=repr)
+@pytest.mark.parametrize("theta", [0.0, 0.05, 0.7])
+def test_bound_of_the_curvature(process, theta):
+    """No second difference exceeds the bound of its stretch."""
+    f = _Function(linear_part(pidalab.Loop(process, 1.0)), theta)
+    for a, b in [(0.001, 0.1), (0.1, 0.15), (0.9, 1.1), (1.9, 2.2), (5.0, 9.0)]:
+        w = np.linspace(a, b, 2001)
+        second = np.abs(np.diff(f(w), 2)).max() / (w[1] - w[0]) ** 2
+        assert second <= f.curvature(np.array([a]), np.array([b]))[0] + 1e-5
+
+
+@pytest.mark.parametrize("process", PROCESSES, ids=repr)
+@pytest.mark.parametrize("theta", [0.0, 0.05, 0.7])
+def test_limits_and_tail(process, theta):
+    part = linear_part(pidalab.Loop(process, 1.0))
+    f = _Function(part, theta)
+    assert f(np.array([1e-4]))[0] == pytest.approx(f.at_zero(), abs=1e-6)
+    for start in (50.0, 300.0):
+        assert f.tail(start) <= f(np.linspace(start, start + 500.0, 100_001)).min() + 1e-12
+    assert f(np.linspace(1e5, 1e5 + 10.0, 10_001)).min() == pytest.approx(f.at_infinity(), abs=1e-4)
+    assert infimum(part, theta)[0] == pytest.approx(min(dense(part, theta), f.at_zero(), f.at_infinity()), abs=2e-6)
+
+
+def test_majorant_of_a_single_pole():
+    """|1/(jω + 2)| and its derivatives are largest at the lower end."""
+    bound = _majorant([], [-2.0], 3.0, 0.0, np.array([0.0]), np.array([1.0]))
+    assert [float(x[0]) for x in bound] == pytest.approx([3 / 2, 3 / 4, 3 / 8, 3 / 16])
+
+
+@pytest.mark.parametrize("name", reset.SETTINGS)
+@pytest.mark.parametrize(("n", "weight"), [(4, 1.0), (3, 0.5), (2, 1.0)])
+def test_limit_at_zero_frequency(name, n, weight):
+    """K_s (K_d - K_p (T_dp + n T_f)); only with N = 1 the bracket is the total dead time T_d."""
+    d = reset.tune(pidalab.ipdt(0.5, delay=2.0), reset.SETTINGS[name], n, filter_time=0.3, weight=weight)
+    limit = 0.5 * (d.kd - d.kp * (2.0 + n * 0.3))
+    assert _Function(linear_part(d.loop()), 0.0).at_zero() == pytest.approx(limit, abs=1e-14)
+    if weight == 1.0:
+        assert limit == pytest.approx(d.setting.kd - d.setting.kp, abs=1e-14)
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_criteria_for_the_controllers_of_the_paper(n):
+    """PI and MRDP-PIDA fail at frequency 0, and Popov's multiplier helps; the others pass as they are."""
+    for name, setting in reset.SETTINGS.items():
+        loop = design(setting, n).loop()
+        simple, best = circle(loop), popov(loop)
+        assert pidalab.is_stable(loop)
+        assert best.holds
+        assert best.margin >= simple.margin
+        assert simple.holds == (name not in ("PI", "MRDP-PIDA"))
+        if not simple.holds:
+            assert simple.frequency == 0.0
+            assert simple.margin == pytest.approx(setting.kd - setting.kp)
+            assert 0 < best.multiplier < loop.controller.ti
+
+
+def test_popov_does_not_certify_mrdp_with_a_filter_of_high_order():
+    """For the same T_e a filter of order 8 lets more of the high frequencies through than one of order 4."""
+    loop = design(reset.MRDP_PIDA, 8).loop()
+    assert pidalab.is_stable(loop)
+    assert not popov(loop).holds
+    assert popov(design(reset.MRDP_PIDA, 8, te=1.2).loop()).holds
+
+
+def test_multiplier_is_the_best():
+    part = linear_part(design(reset.MRDP_PIDA).loop())
+    best = popov(design(reset.MRDP_PIDA).loop())
+    thetas = np.linspace(0.0, 0.9 * part.reset_time, 60)
+    assert max(infimum(part, theta)[0] for theta in thetas) <= best.margin + TOLERANCE
+    for change in (0.99, 1.01):
+        assert infimum(part, change * best.multiplier)[0] < best.margin
+
+
+def test_units():
+    """Another unit of time and of the signals leaves the margin as it is, and scales frequency and multiplier."""
+    one = popov(design(reset.MRDP_PIDA).loop())
+    other = popov(reset.tune(pidalab.ipdt(-0.02, delay=50.0), reset.MRDP_PIDA, n=4, filter_time=10.0).loop())
+    assert other.margin == pytest.approx(one.margin, abs=2e-6)
+    assert other.multiplier == pytest.approx(50 * one.multiplier, rel=1e-4)
+
+
+def test_a_criterion_that_holds_implies_linear_stability():
+    """Gains from 0 to 1 are in the sector: where the loop is unstable neither criterion may hold."""
+    rng = np.random.default_rng(5)
+    unstable = 0
+    for _ in range(40):
+        kp, kd, ka, ti = rng.uniform(0, 1.5), rng.uniform(0, 1.5), rng.uniform(0, 0.5), rng.uniform(0.2, 5)
+        loop = pidalab.Loop(UNIT, pidalab.SeriesPIDA(kp, kd, ka, ti, filter_time=0.1, filter_order=3))
+        if not pidalab.is_stable(loop):
+            unstable += 1
+            part = linear_part(loop)
+            assert all(infimum(part, theta)[0] < 0 for theta in (0.0, 0.1, 0.5, 1.0, 2.0))
+    assert 5 < unstable < 40
+
+
+def test_loop_without_reset_is_its_transfer_function():
+    loop = pidalab.Loop(pidalab.fopdt(1.0, 2.0, 1.0), 3.0)
+    s = np.array([0.1j, 2j])
+    assert linear_part(loop)(s) == pytest.approx(loop.L(s), rel=1e-14)
+
+
+def test_output_filter_and_reset_in_the_linear_part():
+    """1 + G = (1 - F_r)(1 + L), whatever stands in the loop."""
+    import control
+
+    loop = pidalab.Loop(UNIT, design(reset.PIDA_1).controller, output_filter=control.tf([1.0], [0.3, 1.0]))
+    s = np.array([0.1j, 1j, 10j])
+    ti = loop.controller.ti
+    assert 1 + linear_part(loop)(s) == pytest.approx(ti * s / (1 + ti * s) * (1 + loop.L(s)), rel=1e-12)
+
+
+def retuned(setting, n):
+    return lambda filter_time: reset.tune(UNIT, setting, n=n, filter_time=filter_time).loop()
+
+
+def gains_stay(setting, n):
+    C = design(setting, n).controller
+    return lambda filter_time: pidalab.Loop(UNIT, dataclasses.replace(C, filter_time=filter_time))
+
+
+@pytest.mark.parametrize("family", [retuned, gains_stay])
+@pytest.mark.parametrize("setting", [reset.PPM_PIDA, reset.PIDA_1, reset.PIDA_2], ids=lambda x: x.name)
+def test_smallest_filter(family, setting):
+    """At the border the criterion changes, above it holds, and the linear loop is stable with a shorter one still."""
+    loops = family(setting, 4)
+    border = smallest_filter_time(loops, lambda loop: circle(loop).holds, longest=0.2)
+    assert [circle(loops(x * border)).holds for x in (0.999, 1.0, 1.001, 1.2, 2.0)] == [False, True, True, True, True]
+    assert smallest_filter_time(loops, pidalab.is_stable, longest=0.2) < border
+
+
+def test_any_filter_will_do_for_pid():
+    assert smallest_filter_time(retuned(reset.PID, 1), lambda loop: circle(loop).holds, longest=1.0, shortest=0.01) == 0
+
+
+def test_smallest_filter_complains():
+    with pytest.raises(ValueError, match=r"the property must hold at longest = 0\.2"):
+        smallest_filter_time(retuned(reset.PI, 4), lambda loop: circle(loop).holds, longest=0.2)
+    with pytest.raises(ValueError, match=r"shortest must be below longest = 0\.2, found 0\.3"):
+        smallest_filter_time(retuned(reset.PID, 4), pidalab.is_stable, longest=0.2, shortest=0.3)
+    with pytest.raises(ValueError, match="longest must be above 0"):
+        smallest_filter_time(retuned(reset.PID, 4), pidalab.is_stable, longest=0.0)
+
+
+@pytest.mark.parametrize(
+    ("process", "controller", "message"),
+    [
+        (pidalab.Process([1.0], [1.0, 0.0, 0.0], 1.0), 1.0, "but for one at 0; found 2 at 0"),
+        (
+            pidalab.Process([1.0], [1.0, -1.0], 1.0),
+            2.0,
+            r"left of the imaginary axis, but for one at 0; found one at 1",
+        ),
+        (UNIT, pidalab.PIDA(kp=0.4, ti=6.0), "found 2 at 0"),
+        (UNIT, -1.0, "positive residue, or no small gain stabilises; found -1"),
+        (pidalab.Process([1.0, 1.0], [1.0, 2.0], 1.0), 1.0, "must be strictly proper"),
+    ],
+    ids=["double", "unstable", "integral", "positive-feedback", "biproper"],
+)
+def test_bad_loops(process, controller, message):
+    for criterion in (circle, popov):
+        with pytest.raises(ValueError, match=message):
+            criterion(pidalab.Loop(process, controller))
+
+
+def test_short_filter():
+    """|F| has a hump of hundreds, around which the dead time turns the phase thousands of times."""
+    loop = pidalab.Loop(UNIT, pidalab.SeriesPIDA(0.1, 0.2, 0.05, 0.5, filter_time=1e-3, filter_order=2))
+    result = circle(loop)
+    w = result.frequency + np.linspace(-20.0, 20.0, 400_001)
+    assert result.margin == pytest.approx((1 + linear_part(loop)(1j * w).real).min(), rel=1e-6)
+    assert result.margin < -20
+
+
+def test_plots_draw_the_curves_and_their_lines():
+    parts = {"a": linear_part(design(reset.PI).loop()), "b": linear_part(design(reset.PID).loop())}
+    w = np.logspace(-2, 2, 50)
+    figure, axes = plt.subplots(1, 2)
+    pidalab.plots.circle_locus(axes[0], parts, w)
+    pidalab.plots.popov_plot(axes[1], parts, w, {"a": 2.0})
+    for ax, y in ((axes[0], parts["a"](1j * w).imag), (axes[1], w * parts["a"](1j * w).imag)):
+        assert ax.lines[0].get_xdata() == pytest.approx(parts["a"](1j * w).real)
+        assert ax.lines[0].get_ydata() == pytest.approx(y)
+        assert ax.get_legend_handles_labels()[1] == ["a", "b"]
+    line = next(line for line in axes[1].lines if isinstance(line, AxLine))
+    assert (line.get_xy1(), line.get_xy2()) == ((-1.0, 0.0), (1.0, 1.0))  # slope 1/θ
+    plt.close(figure)
+
+
+def test_bad_type():
+    with pytest.raises(TypeError, match=r"loop must be a pidalab\.Loop"):
+        circle(UNIT)
+
+
+def test_a_margin_within_the_tolerance_does_not_hold():
+    assert not Criterion(0.5 * TOLERANCE, 1.0, 0.0).holds

@@ -1,0 +1,238 @@
+"""Series controllers of huba2024: closed forms, printed numbers and misprints, the multiple pole, bad input."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.rules import automatic_reset as reset
+from pidalab.rules import mrdp
+
+UNIT = pidalab.ipdt(1.0, delay=1.0)
+
+
+def numerator(setting):
+    """Descending coefficients of (kp + kd x + ka x²)(1 + ti x)/ti."""
+    return np.convolve([setting.ka, setting.kd, setting.kp], [setting.ti, 1.0]) / setting.ti
+
+
+def test_closed_form_of_pi():
+    """Equation (15), with c = e^{√2-2} (10√2 - 14, 2√2 - 2)."""
+    root = math.sqrt(2)
+    assert reset.PI.kp == pytest.approx(2 * (root - 1) * math.exp(root - 2), rel=1e-14)
+    assert reset.PI.ti == pytest.approx((2 * root - 2) / (10 * root - 14), rel=1e-13)
+    assert reset.PI.ti == pytest.approx(3 + 2 * root, rel=1e-13)
+
+
+def test_closed_form_of_pid():
+    root = math.sqrt(3)
+    c = math.exp(root - 3) * np.array([root - 1, 12 * root - 18, 42 * root - 72])
+    assert numerator(reset.PID)[1:] == pytest.approx(c, rel=1e-12)
+    zeros = np.roots(c)
+    assert reset.PID.ti == pytest.approx(-1 / zeros.min(), rel=1e-12)
+    assert reset.PID.times[0] == pytest.approx(-1 / zeros.max(), rel=1e-12)
+
+
+def test_closed_form_of_pida():
+    """The numerator 8/3 + 8x + 3x² + x³/3 is with x = y - 3 the cubic y³ - 3y - 10, solved by Cardano."""
+    assert numerator(reset.MRDP_PIDA) == pytest.approx(np.exp(-2) * np.array([1 / 3, 3, 8, 8 / 3]), rel=1e-13)
+    y = sum((5 + sign * 2 * math.sqrt(6)) ** (1 / 3) for sign in (-1, 1))
+    assert reset.MRDP_PIDA.ti == pytest.approx(1 / (3 - y), rel=1e-13)
+    assert pytest.approx(1 / (3 + y / 2), rel=1e-13) == reset.TAU_2
+
+
+PRINTED = [
+    (reset.PI, {"kp": 0.4612, "ti": 5.8284}, "(15)"),
+    (reset.PID, {"kp": 0.0598, "ti": 0.2846}, "(16)"),
+    (reset.MRDP_PIDA, {"kp": 0.9323, "kd": 0.3885, "ka": 0.0451, "ti": 2.5832}, "(18)"),
+    (reset.PIDA_1, {"kp": 0.0838, "kd": 0.236, "ka": 0.0503, "ti": 0.2322}, "(30), from exact zeros"),
+    (reset.PIDA_2, {"kp": 0.126, "kd": 0.369, "ka": 0.113, "ti": 0.348}, "(31), from exact zeros"),
+]
+
+
+@pytest.mark.parametrize(("setting", "values", "where"), PRINTED, ids=[row[2] for row in PRINTED])
+def test_printed_settings(setting, values, where):
+    for name, value in values.items():
+        digits = len(str(value).split(".")[1])
+        assert round(getattr(setting, name), digits) == value
+
+
+def test_table_1():
+    """All digits but one: the gain of PID, 0.059, misses the digit that eq. (16) has."""
+    rows = [reset.PI, reset.PID, reset.MRDP_PIDA]
+    assert [round(row.lag, 4) for row in rows] == [1.7071, 0.7887, 0.5]
+    assert [round(row.kp, 4) for row in rows] == [0.4612, 0.0598, 0.9323]
+    assert [round(row.ti, 4) for row in rows] == [5.8284, 0.2846, 2.5832]
+    assert [round(row.times[0], 4) for row in rows] == [0.0, 3.4475, 0.4168]
+    assert [round(row.times[1], 4) for row in rows] == [0.0, 0.0, 0.0484]
+
+
+def test_poles():
+    """Equations (14)-(17)."""
+    assert [round(-1 / row.lag, 4) for row in (reset.PI, reset.PID)] == [-0.5858, -1.2679]
+    assert reset.MRDP_PIDA.lag == pytest.approx(0.5, rel=1e-15)
+
+
+def test_misprints():
+    """(15): the closed form printed for T_i is half the number beside it. (16): K_d is K_p T_D, not 0.2062."""
+    printed_form = (math.sqrt(2) - 1) / (10 * math.sqrt(2) - 14)
+    assert 2 * printed_form == pytest.approx(reset.PI.ti, rel=1e-12)
+    assert round(2 * printed_form, 4) == 5.8284
+    assert round(reset.PID.kd, 4) == 0.2060
+    assert round(0.0598 * 3.4475, 4) == 0.2062  # product of the rounded factors
+
+
+def test_chained_from_rounded_numbers():
+    """(26)-(31) come out to the printed digit if, as in (30), every step starts from the printed numbers."""
+    zeros = np.roots([0.0484, 0.4168, 1.0])
+    assert (round(-zeros[0].real, 4), round(abs(zeros[0].imag), 4)) == (4.3058, 1.4565)
+    assert round(1 / 4.3058, 3) == 0.232
+    for short, kp, td, kd, ta, ka, places in (
+        (0.232, 0.0837, 2.8152, 0.236, 0.5993, 0.0502, (4, 4, 3, 4, 4)),
+        (0.348, 0.126, 2.931, 0.368, 0.899, 0.113, (3, 3, 3, 3, 3)),
+    ):
+        gain = 0.9323 * short / 2.5832
+        ours = gain, 2.5832 + short, gain * (2.5832 + short), 2.5832 * short, gain * 2.5832 * short
+        assert [round(x, p) for x, p in zip(ours, places, strict=True)] == [kp, td, kd, ta, ka]
+    assert -zeros[0].real != pytest.approx(1 / reset.TAU_2, abs=5e-4)  # the exact one is 4.3064
+
+
+def test_printed_data():
+    assert reset.PPM_PIDA[3:] == (0.17, 0.45, 0.1157, 0.36)
+    assert [round(x, places) for x, places in zip(reset.PPM_PIDA.times, (2, 3), strict=True)] == [2.65, 0.681]
+
+
+def test_quintuple_pole():
+    """All derivatives of eq. (13) up to the fourth vanish at -2/T_d, in 40 digits; the fifth does not."""
+    design = reset.tune(pidalab.ipdt(0.5, delay=2.0), reset.MRDP_PIDA, n=2, filter_time=1.0, weight=0)
+    with mpmath.workdps(40):
+
+        def quasi(s):
+            stabiliser = design.ka * s**2 + design.kd * s + design.kp
+            return s**2 * design.ti * mpmath.exp(2 * s) + 0.5 * stabiliser * (1 + design.ti * s)
+
+        derivatives = [mpmath.diff(quasi, -1, k) for k in range(6)]
+    assert max(abs(x) for x in derivatives[:5]) < 1e-13
+    assert derivatives[5] > 1
+
+
+@pytest.mark.parametrize("setting", [reset.PI, reset.PID], ids=lambda setting: setting.name)
+def test_rightmost_poles(setting):
+    """Behind a filter that hardly delays, the poles gather at -1/T_0; PIDA without filter is of advanced type."""
+    order = len(np.trim_zeros(numerator(setting), "f")) + 1
+    design = reset.tune(UNIT, setting, n=1, filter_time=1e-4, weight=0)
+    poles = pidalab.rightmost_poles(design.loop(), count=order)
+    assert abs(np.mean(poles[:order]) + 1 / setting.lag) < 1e-2
+    assert np.max(np.abs(poles + 1 / setting.lag)) < 3 * 1e-4 ** (1 / order)  # a k-fold pole moves with the k-th root
+
+
+def test_pida_needs_its_filter():
+    assert not pidalab.is_stable(reset.tune(UNIT, reset.MRDP_PIDA, n=2, filter_time=0.01, weight=0).loop())
+
+
+@pytest.mark.parametrize("m", range(3))
+def test_same_linear_controller_as_in_parallel_form(m):
+    """Split or not, it is the controller of huba2018."""
+    series = reset.tune(pidalab.ipdt(-0.3, delay=2.0), reset.multiple_pole(m), n=3, filter_time=0.2, weight=0)
+    parallel = mrdp.tune(pidalab.ipdt(-0.3, delay=1.6), m, 3, te=0.4)
+    assert series.delay == pytest.approx(parallel.delay)
+    gains = [parallel.kc * x for x in (1 / parallel.ti, 1.0, *parallel.td)]
+    assert series.controller.gains()[: m + 2] == pytest.approx(gains, rel=1e-12)
+
+
+def test_pid_takes_the_shorter_reset():
+    """The library's own conversion takes the longer one."""
+    gains = reset.tune(UNIT, reset.PID, n=1, filter_time=0.1).controller.gains()
+    short, long = reset.PID.ti * 1.1, reset.PID.times[0] * 1.1
+    assert gains.series().ti == pytest.approx(long, rel=1e-9)
+    assert reset.tune(UNIT, reset.PID, n=1, filter_time=0.1).ti == pytest.approx(short, rel=1e-12)
+
+
+def test_equation_29():
+    """The changed controller has the double zero twice in its stabiliser and reset together, and the old T_i."""
+    for ratio in (0.7, 1.0, 1.5):
+        setting = reset.double_zero(ratio)
+        short, base = ratio * reset.TAU_2, reset.MRDP_PIDA
+        expected = base.kp / base.ti * np.poly([-1 / short] * 2 + [-1 / base.ti]) * short**2 * base.ti
+        assert numerator(setting) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("setting", reset.SETTINGS.values(), ids=reset.SETTINGS)
+def test_units(setting):
+    """Another unit of time and another gain give the same loop on another time axis."""
+    one = reset.tune(UNIT, setting, n=4, filter_time=0.2)
+    other = reset.tune(pidalab.ipdt(-0.02, delay=50.0), setting, n=4, filter_time=10.0)
+    s = np.array([0.1j, 1j, 3j])
+    assert other.loop().L(s / 50) == pytest.approx(one.loop().L(s), rel=1e-12)
+    assert other.loop().block("prefilter", s / 50) == pytest.approx(one.loop().block("prefilter", s), rel=1e-12)
+
+
+def test_filter_and_total_dead_time():
+    """Equations (10) and (11), and the filter as a part of the model (sec. 3.1)."""
+    for weight, te in ((1.0, 0.8), (0.5, 0.4), (0.0, 0.0)):
+        design = reset.tune(UNIT, reset.PIDA_1, n=4, filter_time=0.2, weight=weight)
+        assert (design.te, design.delay) == pytest.approx((te, 1.0 + te))
+        assert (design.controller.filter_time, design.controller.filter_order) == (0.2, 4)
+
+
+def test_prefilter_takes_the_zeros_away():
+    for setting in reset.SETTINGS.values():
+        design = reset.tune(UNIT, setting, n=4, filter_time=0.2)
+        zeros = np.sort_complex(np.roots(design.controller.transfer_function().num[0][0]))
+        poles = np.sort_complex(np.roots(design.prefilter.den[0][0]))
+        assert poles == pytest.approx(zeros, rel=1e-6)
+        assert design.prefilter.num[0][0].tolist() == [design.prefilter.den[0][0][-1]]
+
+
+def test_prefilter_that_cancels_a_pole():
+    """Equation (22): b_1 = T_0 = T_d/2."""
+    design = reset.tune(UNIT, reset.MRDP_PIDA, n=4, filter_time=0.2, cancelled=1)
+    assert design.lead == pytest.approx(0.9)
+    assert complex(design.prefilter(-1 / 0.9)) == pytest.approx(0, abs=1e-12)
+    assert complex(design.prefilter(0.0)) == pytest.approx(1)
+    t = np.linspace(0, 40, 4001)
+    plain = pidalab.step_response(reset.tune(UNIT, reset.MRDP_PIDA, n=4, filter_time=0.2).loop(), t)
+    assert pidalab.step_response(design.loop(), t).iae() < plain.iae() - 0.8
+
+
+@pytest.mark.parametrize("setting", reset.SETTINGS.values(), ids=reset.SETTINGS)
+def test_loops_are_stable_and_print_their_sources(setting):
+    design = reset.tune(UNIT, setting, n=4, filter_time=0.2, limits=(-0.1, 0.1))
+    assert pidalab.is_stable(design.loop())
+    assert design.controller.limits == (-0.1, 0.1)
+    assert design.loop(pidalab.lags(2)).process == pidalab.lags(2)
+    for name in design.source:
+        assert f"  {name} " in str(design)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"model": pidalab.fopdt(1.0, 2.0, 1.0)}, "model must be an integrator with dead time"),
+        ({"model": pidalab.Process([0.0], [1.0, 0.0], 1.0)}, "model must be an integrator with dead time"),
+        ({"model": pidalab.ipdt(1.0, 0.0), "weight": 0.0}, "model must have a dead time where weight is 0"),
+        ({"n": 1}, "n must be at least 2 for PIDA_1, or the controller is not proper; found 1"),
+        ({"n": 2.5}, "n must be a whole number"),
+        ({"filter_time": 0.0}, "filter_time must be above 0"),
+        ({"weight": 0.3}, r"weight must be from 0\.5 to 1, or 0 if the model contains the filter; found 0\.3"),
+        ({"weight": 1.5}, r"weight must be from 0\.5 to 1"),
+        ({"cancelled": 2}, "cancelled must be 0 or 1, found 2"),
+        ({"limits": (1.0, 0.0)}, r"limits must be \(lower, upper\) with lower < upper"),
+    ],
+)
+def test_bad_input(change, message):
+    with pytest.raises(ValueError, match=message):
+        reset.tune(**{"model": UNIT, "setting": reset.PIDA_1, "n": 4, "filter_time": 0.2, **change})
+
+
+def test_bad_types_and_orders():
+    with pytest.raises(TypeError, match=r"model must be a pidalab\.Process, found str"):
+        reset.tune("1/s", reset.PI, n=1, filter_time=0.1)
+    with pytest.raises(TypeError, match=r"setting must be a Setting, such as automatic_reset\.PIDA_1, found 'PI'"):
+        reset.tune(UNIT, "PI", n=1, filter_time=0.1)
+    with pytest.raises(ValueError, match="m must be 0, 1 or 2, for PI, PID or PIDA; found 3"):
+        reset.multiple_pole(3)
+    with pytest.raises(ValueError, match="ratio must be above 0"):
+        reset.double_zero(0.0)
