@@ -81,7 +81,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As `simulate_sampled`, and if the response to the noise does not fade within a million samples.
+        As `simulate_sampled`, for a controller with limits, and if the response to the noise does not fade within a
+        million samples.
 
     Examples
     --------
@@ -91,6 +92,9 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     2.002
     """
     h, samples = _check.real("sample_time", sample_time, above=0.0), FIRST
+    own = getattr(getattr(loop, "controller", None), "limits", (-math.inf, math.inf))
+    if any(map(math.isfinite, own)):
+        raise ValueError(f"loop must be linear, found a controller with limits {own!r}")
     while samples <= MOST:
         t = h * np.arange(samples)
         pulse = np.zeros(samples)
