@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +54,7 @@ class Bank(NamedTuple):
         try:
             shape = np.broadcast_shapes(*(x.shape for x in (*values.values(), *num, *den)))
         except ValueError:
-            shapes = {name: np.shape(values[name]) for name in parameters}
+            shapes: dict[str, object] = {name: np.shape(values[name]) for name in parameters}
             shapes |= {"prefilter": [x.shape for x in (*num, *den)]} if prefilter is not None else {}
             raise ValueError(f"parameters must have shapes that can be broadcast together, found {shapes}") from None
         if 0 in shape:
@@ -70,7 +70,9 @@ class Bank(NamedTuple):
             if np.any(bad):
                 i = tuple(int(k) for k in np.argwhere(bad)[0])
                 where = f" at index {i[0] if len(i) == 1 else i}" if i else ""
-                raise ValueError(f"{name} must be finite and {ALLOWED[name]}, found {x[i]}{where}".replace(" and finite", ""))
+                raise ValueError(
+                    f"{name} must be finite and {ALLOWED[name]}, found {x[i]}{where}".replace(" and finite", "")
+                )
         for name, needed in (("kd", 1), ("ka", 2)):
             if self.order < needed and np.any(self.values[name]):
                 raise ValueError(f"{name} needs a filter_order of at least {needed}, found {self.order}")
@@ -134,11 +136,11 @@ def _companion(den: Array) -> Array:
 
 
 def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
-    """Discretise the sets, one-dimensional here, for the sample time h, in groups of so many lanes.
+    r"""Discretise the sets, one-dimensional here, for the sample time h, in groups of so many lanes.
 
-    The filter is a chain of equal lags, whose transition is a power series over an exponential:
-
-    .. math:: e^{-\\tau} \\tau^k / k!, \\quad 1 - e^{-\\tau} \\sum_{j \\le k} \\tau^j / j!, \\qquad \\tau = h/T_f.
+    The filter is a chain of equal lags. Its transition is :math:`e^{-\tau} e^{\tau N}` with N one below the diagonal
+    and :math:`\tau = h/T_f`. In the basis of the vectors :math:`M^k e_1`, :math:`M = (e^{\tau N} - 1)/\tau`, it is
+    :math:`e^{-\tau}(1 + \tau N)`, which takes the fewest operations; the change of basis is made of Stirling numbers.
 
     The last group is filled up with its last set.
     """
@@ -146,8 +148,7 @@ def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
     size = -(-sets // lanes) * lanes
     kp, kd, ka, ti, time = (_padded(bank.values[name], sets, size) for name in ALLOWED)
     n = bank.order
-    tau, k = h / time, np.arange(n)[:, None]
-    factorials = np.array([float(math.factorial(i)) for i in range(n)])[:, None]
+    tau = h / time
     # Derivatives of the filter's output are differences of its last states, and of its input where there are too few.
     rows = np.zeros((n + 3, size))
     rows[n + 2] = kp - kd / time + ka / time**2
@@ -157,11 +158,28 @@ def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
         rows[2] = kp
     elif n == 1:
         rows[3], rows[2] = kp - kd / time, kd / time
-    phi, gamma, c = np.exp(-tau) * tau**k / factorials, gammainc(k + 1, tau), rows[3:]
+    into, back = _change_of_basis(tau, n)
+    gamma = np.einsum("jks,ks->js", back, gammainc(np.arange(n)[:, None] + 1, tau))
+    c = np.einsum("js,jks->ks", rows[3:], into)
     prefilter = _prefilter(bank, sets, size, h)
-    whole = (phi, gamma, c, rows[2], -np.expm1(-h / ti), *prefilter)
+    whole = (np.exp(-tau), tau * np.exp(-tau), gamma, c, rows[2], -np.expm1(-h / ti), *prefilter)
     for start in range(0, size, lanes):
         yield Controllers(*(np.ascontiguousarray(x[..., start : start + lanes]) for x in whole))
+
+
+def _change_of_basis(tau: Array, n: int) -> tuple[Array, Array]:
+    """Return the matrix of the vectors M^k e_1 and its inverse, (n, n, sets): powers of (e^tx - 1)/t, log(1 + tx)/t."""
+    into, back = np.zeros((n, n, tau.size)), np.zeros((n, n, tau.size))
+    second, first = np.eye(n), np.eye(n)  # Stirling numbers
+    for j in range(1, n):
+        for k in range(1, n):
+            second[j, k] = second[j - 1, k - 1] + k * second[j - 1, k]
+            first[j, k] = first[j - 1, k - 1] - (j - 1) * first[j - 1, k]
+    for j in range(n):
+        for k in range(j + 1):
+            scaled = tau ** (j - k) * math.factorial(k) / math.factorial(j)
+            into[j, k], back[j, k] = second[j, k] * scaled, first[j, k] * scaled
+    return into, back
 
 
 def _padded(x: Array, sets: int, size: int) -> Array:

@@ -27,7 +27,8 @@ IE, IAE, ISE, ITAE, TV_Y, TV_U, Y_MIN, Y_MAX, U_MIN, U_MAX, Y_END, U_END = range
 class Controllers(NamedTuple):
     """Digital controllers with automatic reset, and prefilters, one of each for a lane."""
 
-    phi: Array  # (n, LANES), what is left after a sample in the states of the filter 0, 1, … places on
+    stay: Array  # (LANES,), what a state of the filter keeps in a sample
+    move: Array  # (LANES,), what it hands on to the next state
     gamma: Array  # (n, LANES)
     c: Array  # (n, LANES)
     d: Array  # (LANES,)
@@ -48,7 +49,7 @@ def run(
     past = np.zeros((size, LANES))  # a ring of the inputs of the plant, as long as its dead time
     slot = 0
     x, x_new = np.zeros((states, LANES)), np.zeros((states, LANES))
-    z, z_new = np.zeros((order, LANES)), np.zeros((order, LANES))
+    z = np.zeros((order + 1, LANES))  # the last row is the nothing that is handed on to the first
     f, f_new = np.zeros((degree, LANES)), np.zeros((degree, LANES))
     error, wanted, integral = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     y, y_old, area_old, u_old = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
@@ -76,7 +77,11 @@ def run(
         for i in range(LANES):
             error[i] -= y[i] + noise[k]
             wanted[i] = own.d[i] * error[i]
-        _add_products(own.c, z, wanted)
+        for row in range(order - 1, -1, -1):
+            state, previous, gamma, c = z[row], z[row - 1 if row else order], own.gamma[row], own.c[row]
+            for i in range(LANES):
+                wanted[i] += c[i] * state[i]
+                state[i] = own.stay[i] * state[i] + own.move[i] * previous[i] + gamma[i] * error[i]
         u = past[slot]
         for i in range(LANES):
             u[i] = min(max(wanted[i] + integral[i], low), high)
@@ -84,16 +89,6 @@ def run(
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
         for i in range(LANES):
             u[i] += load[k]
-        for row in range(order):
-            target, gamma = z_new[row], own.gamma[row]
-            for i in range(LANES):
-                target[i] = gamma[i] * error[i]
-            for column in range(row + 1):
-                phi, source = own.phi[row - column], z[column]
-                for i in range(LANES):
-                    target[i] += phi[i] * source[i]
-        z, z_new = z_new, z
-
         for piece in range(plant.ago.size):
             place = slot - plant.ago[piece]
             v = past[place + size if place < 0 else place]
@@ -188,7 +183,7 @@ def _integrate(
                 m[ITAE, i] += weighted
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
     """By how much the integrals of |e| and (start + h s) |e| over 0..1 exceed those of a parabola of one sign."""
     cuts = np.array([0.0, 0.0, 0.0, 1.0])

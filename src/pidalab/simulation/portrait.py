@@ -27,7 +27,6 @@ from pidalab.simulation.digital import require_fine_enough
 from pidalab.simulation.sampled import limits_at_rest
 from pidalab.simulation.steps import Actuator, plant_steps
 
-PARAMETERS = ("kp", "kd", "ka", "ti", "filter_time")
 TASKS = 64  # by default the sets go to the workers in about so many chunks
 
 
@@ -148,7 +147,7 @@ def portrait(
 
     Examples
     --------
-    Set points of `τ_A²` and reset times around eq. (25), for a load that the actuator can just bear:
+    Acceleration gains and reset times around huba2024, eq. (25), for a load that the actuator can just bear:
 
     >>> import numpy as np, pidalab
     >>> pda = pidalab.SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
@@ -156,7 +155,7 @@ def portrait(
     >>> grid = {"ka": [[0.18], [0.21]], "ti": [[0.5, 0.65, 0.8]]}
     >>> p = pidalab.portrait(loop, grid, t, load=1.0)
     >>> p.iae.round(2).tolist()
-    [[1, 2, 3], [1, 2, 3]]
+    [[14.74, 15.56, 16.49], [14.04, 14.79, 15.67]]
 
     With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
@@ -164,7 +163,9 @@ def portrait(
     if not isinstance(loop.controller, SeriesPIDA) or loop.output_filter is not None:
         raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
     t = _check.uniform_time("t", t)
-    signals = {name: _compact(name, x, t.size) for name, x in (("setpoint", setpoint), ("load", load), ("noise", noise))}
+    signals = {
+        name: _compact(name, x, t.size) for name, x in (("setpoint", setpoint), ("load", load), ("noise", noise))
+    }
     task = Task(loop.process, limits_at_rest(loop, limits), t.size, float(t[-1] / (t.size - 1)), **signals)
     plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))  # complains about the plant
     bank = Bank.of(loop, parameters, prefilter)
@@ -195,9 +196,7 @@ def _compact(name: str, value: ArrayLike, size: int) -> float | Array:
     return float(signal[0]) if np.ndim(value) == 0 else signal
 
 
-def _computed(
-    executor: Executor | None, task: Task, bank: Bank, sets: int, size: int
-) -> Iterator[tuple[slice, Array]]:
+def _computed(executor: Executor | None, task: Task, bank: Bank, sets: int, size: int) -> Iterator[tuple[slice, Array]]:
     """Yield chunks as they are done; with all of them, or an error that names those that are missing."""
     if executor is None:
         with ThreadPoolExecutor(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None) as threads:
