@@ -44,7 +44,7 @@ LAMBDA = {"integrating": 1.0, "misaligned": 0.7371, "short": 0.011, "none": 0.0}
 SCENES = {
     **{name: (pidalab.ipdt(1.3, delay), 4, {"load": 1.0}, (-1.1, 0.4)) for name, delay in LAMBDA.items()},
     "set point": (pidalab.ipdt(0.8, 1.0), 4, {"setpoint": -1.3}, (-0.3, 0.2)),
-    "noise": (pidalab.ipdt(1.0, 0.5), 2, {"setpoint": 1.0, "noise": 0.05 * np.sin(np.arange(1500.0) ** 2)}, (-9.0, 9.0)),
+    "noise": (pidalab.ipdt(1.0, 0.5), 2, {"setpoint": 1.0, "noise": 0.05 * np.sin(T**2)}, (-9.0, 9.0)),
     "steps": (pidalab.sopdt(2.0, 0.7, 0.4, 0.311), 6, {"setpoint": np.sign(np.sin(0.3 * T)), "load": 0.1}, (-0.7, 1.5)),
     "feedthrough": (Process([0.2, 1.0], [1.5, 1.0], 0.43), 3, {"setpoint": 1.0, "load": -0.3}, (-0.5, 2.0)),
 }  # fmt: skip
@@ -114,11 +114,11 @@ def assert_same_bits(one, other):
 def many():
     """Sets of many chunks, some of which diverge, and their portrait by threads."""
     rng = np.random.default_rng(2)
-    sets = {"kp": rng.uniform(0.05, 0.3, 500), "ti": rng.uniform(0.1, 1.0, 500), "kd": rng.uniform(0.2, 9.0, 500)}
+    sets = {"kp": rng.uniform(0.05, 0.3, 500), "ti": rng.uniform(0.1, 1.0, 500), "kd": rng.uniform(0.2, 2.0, 500)}
     own = SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4)
     task = {"loop": Loop(LOOP.process, own), "parameters": sets, "t": T, "load": 1.0}
     p = portrait(**task)
-    assert 0 < p.diverged.sum() + (p.iae > 1e3).sum() < 400
+    assert 50 < np.sum(p.iae > 1e3) < 450
     return task, p
 
 
@@ -126,6 +126,9 @@ def test_chunks_and_neighbours_do_not_matter(many):
     task, p = many
     for chunk in (1, 100, 10**6):
         assert_same_bits(portrait(**task, chunk=chunk), p)
+    own_times = ([1.0], [np.linspace(0.01, 40.0, 500), 1.0, 1.0])
+    step = task | {"load": 0.0, "setpoint": 1.0, "prefilter": own_times}
+    assert_same_bits(portrait(**step, chunk=1), portrait(**step, chunk=10**6))
     order = np.random.default_rng(0).permutation(500)
     shuffled = portrait(**(task | {"parameters": {name: x[order] for name, x in task["parameters"].items()}}))
     np.testing.assert_array_equal(shuffled.itae, p.itae[order])
@@ -242,11 +245,11 @@ WIDE = np.ones(3000)
         ({"parameters": {"kp": ["a"]}}, TypeError, r"parameters\['kp'\] must be an array of real numbers"),
         ({"parameters": {"kp": []}}, ValueError, r"at least one set, found a grid of shape \(0,\)"),
         ({"parameters": {"kp": [1.0, 2.0], "kd": [1, 2, 3]}}, ValueError, r"broadcast together, found .*'kd': \(3,\)"),
-        ({"parameters": {"kp": [1.0, np.nan]}}, ValueError, "kp must be other than 0, found nan at index 1"),
-        ({"parameters": {"kp": [[1.0], [0.0]]}}, ValueError, r"kp must be other than 0, found 0\.0 at index \(1, 0\)"),
-        ({"parameters": {"ti": [1.0, -1.0]}}, ValueError, r"ti must be above 0, found -1\.0 at index 1"),
+        ({"parameters": {"kp": [1.0, np.nan]}}, ValueError, "kp must be finite and not 0, found nan at index 1"),
+        ({"parameters": {"kp": [[1.0], [0.0]]}}, ValueError, r"kp must be finite and not 0, .* index \(1, 0\)"),
+        ({"parameters": {"ti": [1.0, -1.0]}}, ValueError, r"ti must be finite and above 0, found -1\.0 at index 1"),
         ({"parameters": {"kd": [np.inf]}}, ValueError, "kd must be finite, found inf at index 0"),
-        ({"parameters": {"filter_time": [0.2, 0.01]}}, ValueError, r"the sample time must be .* \(0\.01\), found 0\.02"),
+        ({"parameters": {"filter_time": [0.2, 0.01]}}, ValueError, r"sample time must be .* \(0\.01\), found 0\.02"),
         ({"limits": (0.1, -0.1)}, ValueError, r"limits must be \(lower, upper\)"),
         ({"load": 2.0}, ValueError, r"no state of rest: .* need u from -2 to -2, and the limits are \(-1\.1, 0\.1\)"),
         ({"load": [1.0]}, ValueError, "load must be a number or an array as long as t"),

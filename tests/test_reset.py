@@ -218,7 +218,7 @@ FINITE = {"limits": (-1.0, 1.0)}
         (PLAIN, {"pulse_widths": 10}, ValueError, "pulse_widths needs finite limits"),
         (PLAIN, {"pulse_widths": -1, **FINITE}, ValueError, "pulse_widths must be a whole number, at least 0"),
         (PLAIN, {"pulse_widths": 2, "quanta": (0.0, 0.1), **FINITE}, ValueError, r"quanta\[1\] must be 0, found 0\.1"),
-        (PLAIN, {"pulse_widths": 2, "plant": Process([1, 2], [1, 1], 1.0), **FINITE}, ValueError, "linear plant without"),
+        (PLAIN, {"pulse_widths": 2, "plant": Process([1, 2], [1, 1], 1.0), **FINITE}, ValueError, "linear plant"),
     ],
     ids=["name", "reset", "proportional", "fast", "integral", "limits", "one", "negative", "nan", "infinite", "minus",
          "twice", "feedthrough"],

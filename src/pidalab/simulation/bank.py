@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
 from scipy.special import gammainc
 
 from pidalab._check import Array
@@ -17,11 +16,11 @@ from pidalab.loop import Loop
 from pidalab.simulation.lanes import Controllers
 
 ALLOWED = {
-    "kp": "other than 0",
+    "kp": "finite and not 0",
     "kd": "finite",
     "ka": "finite",
-    "ti": "above 0",
-    "filter_time": "above 0",
+    "ti": "finite and above 0",
+    "filter_time": "finite and above 0",
 }
 
 
@@ -66,13 +65,14 @@ class Bank(NamedTuple):
         """Raise for a parameter out of its range and for a prefilter that is unstable."""
         for name, x in self.values.items():
             bad = ~np.isfinite(x)
-            bad |= x <= 0 if ALLOWED[name] == "above 0" else x == 0 if name == "kp" else False
+            if ALLOWED[name].endswith("above 0"):
+                bad |= x <= 0
+            elif ALLOWED[name].endswith("not 0"):
+                bad |= x == 0
             if np.any(bad):
                 i = tuple(int(k) for k in np.argwhere(bad)[0])
                 where = f" at index {i[0] if len(i) == 1 else i}" if i else ""
-                raise ValueError(
-                    f"{name} must be finite and {ALLOWED[name]}, found {x[i]}{where}".replace(" and finite", "")
-                )
+                raise ValueError(f"{name} must be {ALLOWED[name]}, found {x[i]}{where}")
         for name, needed in (("kd", 1), ("ka", 2)):
             if self.order < needed and np.any(self.values[name]):
                 raise ValueError(f"{name} needs a filter_order of at least {needed}, found {self.order}")
@@ -159,8 +159,11 @@ def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
     elif n == 1:
         rows[3], rows[2] = kp - kd / time, kd / time
     into, back = _change_of_basis(tau, n)
-    gamma = np.einsum("jks,ks->js", back, gammainc(np.arange(n)[:, None] + 1, tau))
-    c = np.einsum("js,jks->ks", rows[3:], into)
+    filling, reading = gammainc(np.arange(n)[:, None] + 1, tau), rows[3:]
+    gamma, c = np.zeros_like(reading), np.zeros_like(reading)
+    for j in range(n):
+        gamma += back[:, j] * filling[j]
+        c += into[j] * reading[j]
     prefilter = _prefilter(bank, sets, size, h)
     whole = (np.exp(-tau), tau * np.exp(-tau), gamma, c, rows[2], -np.expm1(-h / ti), *prefilter)
     for start in range(0, size, lanes):
@@ -201,6 +204,23 @@ def _prefilter(bank: Bank, sets: int, size: int, h: float) -> tuple[Array, Array
     if q:
         augmented[:, :q, :q] = _companion(den)
         augmented[:, 0, q] = 1.0
-    transition = expm(augmented * (h / unit)[:, :, None])
+    transition = _exponentials(augmented * (h / unit)[:, :, None])
     c = num[:, 1:] - d[:, None] * den[:, 1:]
     return tuple(np.moveaxis(x, 0, -1) for x in (transition[:, :q, :q], transition[:, :q, q], c, d))  # type: ignore
+
+
+def _exponentials(M: Array) -> Array:
+    """Return the exponentials of many small matrices, by Taylor's series of a 2^k-th part, squared k times.
+
+    The k is each matrix's own, so that its bits do not depend on the others.
+    """
+    largest = np.max(np.sum(np.abs(M), axis=-1), axis=-1, initial=1e-300)[:, None, None]
+    k = np.maximum(0, np.ceil(np.log2(4 * largest))).astype(int)
+    part, total = M / 2.0**k, np.zeros_like(M) + np.eye(M.shape[-1])
+    term = total
+    for i in range(1, 16):  # 0.25^16/16! is 1e-23
+        term = term @ part / i
+        total = total + term
+    for done in range(int(k.max())):
+        total = np.where(k > done, total @ total, total)
+    return total

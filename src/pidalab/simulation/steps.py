@@ -63,9 +63,18 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
 
 def _pulses(states: PlantStates, time: float, since: float, h: float, actuator: Actuator) -> Array:
     """Return what pulses of each width add to the state over a piece that begins `since` after the pulse."""
-    A, b = states.A[0], states.b[0]
-    added = np.zeros((actuator.widths + 1, b.size))
-    for width in range(1, actuator.widths + 1):
-        on = min(max(h * width / actuator.widths - since, 0.0), time)
-        added[width] = (actuator.high - actuator.low) * held(A, b, time - on)[0] @ held(A, b, on)[1]
-    return added
+    A, b, widths = states.A[0], states.b[0], actuator.widths
+    added = np.zeros((widths + 1, b.size))
+    if not widths:
+        return added
+    on = np.clip(h * np.arange(widths + 1) / widths - since, 0.0, time)
+    whole = held(A, b, time)[1]
+    phi, gamma = held(A, b, h / widths)
+    after = None  # what an input of 1 makes in the rest of the piece after the pulse: from the widest pulse down
+    for width in range(widths, 0, -1):
+        if 0 < on[width] < time:
+            after = held(A, b, time - on[width])[1] if after is None else phi @ after + gamma
+            added[width] = whole - after
+        elif on[width] > 0:
+            added[width] = whole
+    return (actuator.high - actuator.low) * added
