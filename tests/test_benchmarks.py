@@ -89,12 +89,12 @@ def test_stored_errors_of_the_exact_engine():
 
 def test_python_control_simulates_the_loops_of_the_portrait():
     """The same loops but for sampling and Padé approximation, which makes waves where y should still rest."""
-    t = 0.01 * np.arange(2000)
+    fine = portraits.T[:20_001]
     for index in portraits.FEW:
         own = portraits.one_set(index)
-        sampled = pidalab.simulate_sampled(pidalab.Loop(portraits.LOOP.process, own), t, 0.0, load=1.0)
-        record = portraits.plain(own, t)
-        assert np.max(np.abs(record.y - sampled.y)) < 0.05
-        assert record.iae() == pytest.approx(sampled.iae(), rel=0.01)
+        sampled = pidalab.simulate_sampled(pidalab.Loop(portraits.LOOP.process, own), fine, 0.0, load=1.0)
+        record = portraits.plain(own, fine[::10])
+        assert np.max(np.abs(record.y - sampled.y[::10])) < 0.05
+        assert record.iae() == pytest.approx(sampled.iae(), rel=0.003)
     first, last = (portraits.one_set(i).ti / portraits.AROUND["ti"] for i in (0, -1))
     assert (first, last) == pytest.approx((0.8, 1.2))
