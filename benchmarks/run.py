@@ -1,7 +1,8 @@
 """Time and error of the exact engine beside python-control with a Padé approximation, in one run.
 
 Errors are taken at the times of the high-precision oracle (tests/oracle), relative to max(1, |y|). Times are medians of
-several runs, CPU times of one thread; since machines differ, quote the ratios. `benchmarks.dead_time` follows.
+several runs, CPU times of one thread; since machines differ, quote the ratios. `benchmarks.dead_time` and
+`benchmarks.portraits` follow.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import control
 import numpy as np
 
 import pidalab
-from benchmarks import dead_time
+from benchmarks import dead_time, portraits
 from benchmarks.measure import case_loop, error, median_time, oracle_cases
 
 POINTS = 10_001
@@ -44,6 +45,7 @@ def main() -> None:
         y = control.step_response(approximation, t).outputs
         print(f"{'python-control, Padé order 10':34}{1e3 * peer:10.1f}{peer / own:8.1f}{error(t, y, case):10.0e}")
     dead_time.main()
+    portraits.main()
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import pidalab
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # pytest's importlib mode does not add it
 
-from benchmarks import dead_time, measure, peers
+from benchmarks import dead_time, measure, peers, portraits
 
 HORIZON = 8.0  # dead times
 STIFF, STABLE, LARGE, UNSTABLE = (measure.case_loop(dead_time.case_of(*design)) for design in dead_time.LOOPS)
@@ -85,3 +85,16 @@ def test_stored_errors_of_the_exact_engine():
     errors = [float(row["error"]) for row in stored() if row["method"] == "pidalab"]
     assert len(errors) == len(dead_time.LOOPS)
     assert max(errors) < 1e-9
+
+
+def test_python_control_simulates_the_loops_of_the_portrait():
+    """The same loops but for sampling and Padé approximation, which makes waves where y should still rest."""
+    fine = portraits.T[:20_001]
+    for index in portraits.FEW:
+        own = portraits.one_set(index)
+        sampled = pidalab.simulate_sampled(pidalab.Loop(portraits.LOOP.process, own), fine, 0.0, load=1.0)
+        record = portraits.plain(own, fine[::10])
+        assert np.max(np.abs(record.y - sampled.y[::10])) < 0.05
+        assert record.iae() == pytest.approx(sampled.iae(), rel=0.003)
+    first, last = (portraits.one_set(i).ti / portraits.AROUND["ti"] for i in (0, -1))
+    assert (first, last) == pytest.approx((0.8, 1.2))

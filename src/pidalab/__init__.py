@@ -21,9 +21,11 @@ from pidalab.process import Process, fopdt, ipdt, lags, sopdt
 from pidalab.response import Response
 from pidalab.simulation import (
     AsymmetricPlant,
+    Portrait,
     load_response,
     noise_gain,
     open_loop_step,
+    portrait,
     simulate,
     simulate_ensemble,
     simulate_sampled,
@@ -41,6 +43,7 @@ __all__ = [
     "Loop",
     "Margins",
     "NonInteractivePIDA",
+    "Portrait",
     "Process",
     "Response",
     "SeriesPIDA",
@@ -61,6 +64,7 @@ __all__ = [
     "open_loop_step",
     "phase_crossovers",
     "plots",
+    "portrait",
     "reduction",
     "rightmost_poles",
     "rules",

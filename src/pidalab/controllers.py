@@ -374,7 +374,7 @@ class SeriesPIDA(Controller):
     .. math:: C(s) = \frac{k_p + k_d s + k_a s^2}{(T_f s + 1)^n} \cdot \frac{1 + t_i s}{t_i s}
 
     The reset is positive feedback of the limited control signal, so the linear transfer function holds while the limits
-    are not reached.
+    are not reached. `pidalab.simulate_sampled` and `pidalab.portrait` run the reset itself, with its limits.
 
     Parameters
     ----------

@@ -83,8 +83,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As `simulate_sampled`; for an unstable loop; and if a million samples do not hold four dead times, or the
-        response to the noise does not fade within them.
+        As `simulate_sampled`; for an unstable loop or a controller with limits; and if a million samples do not hold
+        four dead times, or the response to the noise does not fade within them.
 
     Examples
     --------
@@ -113,6 +113,9 @@ def _lengths(loop: Loop, h: float) -> list[int]:
     """Return the numbers of samples to try, or raise for a loop whose noise comes back later, or ever stronger."""
     if not isinstance(loop, Loop):
         raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}")
+    limits = getattr(loop.controller, "limits", (-math.inf, math.inf))
+    if any(map(math.isfinite, limits)):
+        raise ValueError(f"loop must be linear, found a controller with limits {limits!r}")
     if not is_stable(loop):
         raise ValueError("loop must be stable, found poles in the closed right half-plane, or arbitrarily near it")
     shortest = math.ceil(ECHOES * loop.process.delay / h)

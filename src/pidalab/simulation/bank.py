@@ -1,0 +1,226 @@
+"""Parameter sets of a portrait, and the digital controllers and prefilters they stand for, many at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gammainc
+
+from pidalab._check import Array
+from pidalab.controllers import SeriesPIDA
+from pidalab.loop import Loop
+from pidalab.simulation.lanes import Controllers
+
+ALLOWED = {
+    "kp": "finite and not 0",
+    "kd": "finite",
+    "ka": "finite",
+    "ti": "finite and above 0",
+    "filter_time": "finite and above 0",
+}
+
+
+class Bank(NamedTuple):
+    """Parameters and prefilter coefficients, each a number or an array that broadcasts to the shape."""
+
+    shape: tuple[int, ...]
+    values: dict[str, Array]  # of `ALLOWED`
+    order: int  # of the filter
+    num: list[Array]  # of the prefilter, as long as den
+    den: list[Array]
+
+    @staticmethod
+    def of(loop: Loop, parameters: Mapping[str, ArrayLike], prefilter: tuple | None) -> Bank:
+        """Collect the parameters of a loop and what differs; complain about names, types and shapes."""
+        if not hasattr(parameters, "__getitem__") or not hasattr(parameters, "keys"):
+            raise TypeError(
+                f"parameters must be a mapping or a DataFrame of arrays by name, found {type(parameters).__name__}"
+            )
+        own = loop.controller
+        assert isinstance(own, SeriesPIDA)
+        values = {name: np.asarray(getattr(own, name)) for name in ALLOWED}
+        for name in parameters:
+            if name not in ALLOWED:
+                raise ValueError(f"parameters must be among {', '.join(ALLOWED)}, found {name!r}")
+            values[name] = _real(f"parameters[{name!r}]", parameters[name])
+        num, den = ([np.asarray(x) for x in part] for part in loop.blocks["prefilter"])
+        if prefilter is not None:
+            num, den = _coefficients(loop, prefilter)
+        try:
+            shape = np.broadcast_shapes(*(x.shape for x in (*values.values(), *num, *den)))
+        except ValueError:
+            shapes: dict[str, object] = {name: np.shape(values[name]) for name in parameters}
+            shapes |= {"prefilter": [x.shape for x in (*num, *den)]} if prefilter is not None else {}
+            raise ValueError(f"parameters must have shapes that can be broadcast together, found {shapes}") from None
+        if 0 in shape:
+            raise ValueError(f"parameters must hold at least one set, found a grid of shape {shape}")
+        num = [np.zeros(()) for _ in range(len(den) - len(num))] + num
+        return Bank(shape, values, own.filter_order, num, den)
+
+    def require_valid(self) -> None:
+        """Raise for a parameter out of its range and for a prefilter that is unstable."""
+        for name, x in self.values.items():
+            bad = ~np.isfinite(x)
+            if ALLOWED[name].endswith("above 0"):
+                bad |= x <= 0
+            elif ALLOWED[name].endswith("not 0"):
+                bad |= x == 0
+            if np.any(bad):
+                i = tuple(int(k) for k in np.argwhere(bad)[0])
+                where = f" at index {i[0] if len(i) == 1 else i}" if i else ""
+                raise ValueError(f"{name} must be {ALLOWED[name]}, found {x[i]}{where}")
+        for name, needed in (("kd", 1), ("ka", 2)):
+            if self.order < needed and np.any(self.values[name]):
+                raise ValueError(f"{name} needs a filter_order of at least {needed}, found {self.order}")
+        if not all(np.all(np.isfinite(x)) for x in (*self.num, *self.den)):
+            raise ValueError("prefilter must have finite coefficients, found nan or infinity")
+        if np.any(self.den[0] == 0) or np.any(self.den[-1] == 0):
+            raise ValueError("prefilter must have a denominator whose first and last coefficients are not 0, found 0")
+        if len(self.den) > 1:
+            den = np.stack(np.broadcast_arrays(*self.den), axis=-1)
+            poles = np.linalg.eigvals(_companion(den / den[..., :1]))
+            if np.any(poles.real >= 0):
+                raise ValueError(f"prefilter must be stable, found a pole at {poles[poles.real >= 0][0]:.4g}")
+
+    def shortest_filter(self) -> float:
+        """Shortest time constant of the filters; infinite without a filter."""
+        return float(np.min(self.values["filter_time"])) if self.order else math.inf
+
+    def static_gain(self) -> Array:
+        """Return the static gain of the prefilters."""
+        return np.asarray(self.num[-1] / self.den[-1])
+
+    def part(self, part: slice) -> Bank:
+        """Return some of the sets, in flat order."""
+
+        def cut(x: Array) -> Array:
+            return x if x.ndim == 0 else np.broadcast_to(x, self.shape).flat[part]
+
+        values = {name: cut(x) for name, x in self.values.items()}
+        size = (part.stop - part.start,)
+        return Bank(size, values, self.order, [cut(x) for x in self.num], [cut(x) for x in self.den])
+
+
+def _real(name: str, value: ArrayLike) -> Array:
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"{name} must be an array of real numbers, found {array.dtype}")
+    return array.astype(float)
+
+
+def _coefficients(loop: Loop, prefilter: tuple) -> tuple[list[Array], list[Array]]:
+    """Check the prefilters that differ."""
+    if loop.prefilter is not None:
+        raise ValueError(f"prefilter must be given once: the loop has one already, found {loop.prefilter!r}")
+    try:
+        num, den = prefilter
+        num, den = ([_real("prefilter", x) for x in part] for part in (num, den))
+    except (TypeError, ValueError):
+        raise TypeError(f"prefilter must be two sequences of coefficients, found {prefilter!r}") from None
+    if not 0 < len(num) <= len(den):
+        raise ValueError(f"prefilter must be proper, found {len(num)} and {len(den)} coefficients")
+    return num, den
+
+
+def _companion(den: Array) -> Array:
+    """Return companion matrices of monic polynomials, shape (..., degree + 1)."""
+    q = den.shape[-1] - 1
+    A = np.zeros((*den.shape[:-1], q, q))
+    A[..., 0, :] = -den[..., 1:]
+    A[..., 1:, :-1] += np.eye(q - 1)
+    return A
+
+
+def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
+    r"""Discretise the sets, one-dimensional here, for the sample time h, in groups of so many lanes.
+
+    The filter is a chain of equal lags. Its transition is :math:`e^{-\tau} e^{\tau N}` with N one below the diagonal
+    and :math:`\tau = h/T_f`. In the basis of the vectors :math:`M^k e_1`, :math:`M = (e^{\tau N} - 1)/\tau`, it is
+    :math:`e^{-\tau}(1 + \tau N)`, which takes the fewest operations; the change of basis is made of Stirling numbers.
+
+    The last group is filled up with its last set.
+    """
+    (sets,) = bank.shape
+    size = -(-sets // lanes) * lanes
+    kp, kd, ka, ti, time = (_padded(bank.values[name], sets, size) for name in ALLOWED)
+    n = bank.order
+    tau = h / time
+    # Derivatives of the filter's output are differences of its last states, and of its input where there are too few.
+    rows = np.zeros((n + 3, size))
+    rows[n + 2] = kp - kd / time + ka / time**2
+    rows[n + 1] = kd / time - 2 * ka / time**2
+    rows[n] = ka / time**2
+    if n == 0:
+        rows[2] = kp
+    elif n == 1:
+        rows[3], rows[2] = kp - kd / time, kd / time
+    into, back = _change_of_basis(tau, n)
+    filling, reading = gammainc(np.arange(n)[:, None] + 1, tau), rows[3:]
+    gamma, c = np.zeros_like(reading), np.zeros_like(reading)
+    for j in range(n):
+        gamma += back[:, j] * filling[j]
+        c += into[j] * reading[j]
+    prefilter = _prefilter(bank, sets, size, h)
+    whole = (np.exp(-tau), tau * np.exp(-tau), gamma, c, rows[2], -np.expm1(-h / ti), *prefilter)
+    for start in range(0, size, lanes):
+        yield Controllers(*(np.ascontiguousarray(x[..., start : start + lanes]) for x in whole))
+
+
+def _change_of_basis(tau: Array, n: int) -> tuple[Array, Array]:
+    """Return the matrix of the vectors M^k e_1 and its inverse, (n, n, sets): powers of (e^tx - 1)/t, log(1 + tx)/t."""
+    into, back = np.zeros((n, n, tau.size)), np.zeros((n, n, tau.size))
+    second, first = np.eye(n), np.eye(n)  # Stirling numbers
+    for j in range(1, n):
+        for k in range(1, n):
+            second[j, k] = second[j - 1, k - 1] + k * second[j - 1, k]
+            first[j, k] = first[j - 1, k - 1] - (j - 1) * first[j - 1, k]
+    for j in range(n):
+        for k in range(j + 1):
+            scaled = tau ** (j - k) * math.factorial(k) / math.factorial(j)
+            into[j, k], back[j, k] = second[j, k] * scaled, first[j, k] * scaled
+    return into, back
+
+
+def _padded(x: Array, sets: int, size: int) -> Array:
+    full = np.broadcast_to(x, (sets,))
+    return np.concatenate([full, np.repeat(full[-1:], size - sets)])
+
+
+def _prefilter(bank: Bank, sets: int, size: int, h: float) -> tuple[Array, Array, Array, Array]:
+    """Discretise the prefilters in controllable form, in a time unit of their own; the sets are the last axis."""
+    q = len(bank.den) - 1
+    num = np.stack([_padded(x, sets, size) for x in bank.num], axis=-1)
+    den = np.stack([_padded(x, sets, size) for x in bank.den], axis=-1)
+    num, den = num / den[:, :1], den / den[:, :1]
+    d = num[:, 0]
+    unit = np.abs(den[:, -1:]) ** (-1 / max(q, 1))  # a time; s times it is about 1 at the poles
+    scale = unit ** np.arange(q + 1)
+    num, den = num * scale, den * scale
+    augmented = np.zeros((size, q + 1, q + 1))
+    if q:
+        augmented[:, :q, :q] = _companion(den)
+        augmented[:, 0, q] = 1.0
+    transition = _exponentials(augmented * (h / unit)[:, :, None])
+    c = num[:, 1:] - d[:, None] * den[:, 1:]
+    return tuple(np.moveaxis(x, 0, -1) for x in (transition[:, :q, :q], transition[:, :q, q], c, d))  # type: ignore
+
+
+def _exponentials(M: Array) -> Array:
+    """Return the exponentials of many small matrices, by Taylor's series of a 2^k-th part, squared k times.
+
+    The k is each matrix's own, so that its bits do not depend on the others.
+    """
+    largest = np.max(np.sum(np.abs(M), axis=-1), axis=-1, initial=1e-300)[:, None, None]
+    k = np.maximum(0, np.ceil(np.log2(4 * largest))).astype(int)
+    part, total = M / 2.0**k, np.zeros_like(M) + np.eye(M.shape[-1])
+    term = total
+    for i in range(1, 16):  # 0.25^16/16! is 1e-23
+        term = term @ part / i
+        total = total + term
+    for done in range(int(k.max())):
+        total = np.where(k > done, total @ total, total)
+    return total

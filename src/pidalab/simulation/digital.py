@@ -1,0 +1,97 @@
+r"""Digital controllers: a linear block and an integral that may hear of the limits.
+
+Every controller here computes, from its difference :math:`\varepsilon_k`,
+
+.. math:: w_k = p_k + i_k, \qquad u_k = \operatorname{sat}(w_k), \qquad
+          i_{k+1} = i_k + \alpha\,\varepsilon_k + \beta\,p_k + \gamma\,(u_k - w_k),
+
+where p is what the block makes of :math:`\varepsilon`. What differs is what feeds the integral:
+
+==========================  ============================  ============================================================
+controller                  block                         :math:`\alpha,\ \beta,\ \gamma`
+==========================  ============================  ============================================================
+without anti-windup         the controller                0, 0, 0: the integral is a state of the block
+clamping                    :math:`C - k_i/s`             :math:`k_i h`, 0, 0, and the integral rests while it would
+                                                          drive w further beyond a limit
+conditioning                :math:`C - k_i/s`             :math:`k_i h`, 0, :math:`k_i h/k_p`
+automatic reset             :math:`R_p Q_n`               0, :math:`1 - a`, :math:`1 - a` with :math:`a = e^{-h/t_i}`,
+                                                          that is, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k`
+==========================  ============================  ============================================================
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pidalab import _check
+from pidalab.controllers import SeriesPIDA
+from pidalab.loop import Loop
+from pidalab.process import binomial
+from pidalab.simulation.plants import StateSpace, digital
+
+ANTI_WINDUP = ("clamping", "conditioning")
+
+
+class Digital(NamedTuple):
+    """A digital controller as in the table at the top of this module."""
+
+    block: StateSpace
+    from_error: float  # alpha
+    from_block: float  # beta
+    from_excess: float  # gamma
+    clamped: bool
+
+
+def digital_controller(loop: Loop, h: float, anti_windup: str | None) -> Digital:
+    """Discretise the controller of a loop, its output filter included, for the sample time h."""
+    if anti_windup is not None and anti_windup not in ANTI_WINDUP:
+        raise ValueError(f"anti_windup must be None, 'clamping' or 'conditioning', found {anti_windup!r}")
+    if isinstance(loop.controller, SeriesPIDA):
+        if anti_windup is not None:
+            raise ValueError(f"anti_windup must be None for a SeriesPIDA, whose reset is one; found {anti_windup!r}")
+        return _with_reset(loop, loop.controller, h)
+    num, den = (np.convolve(a, b) for a, b in zip(loop.blocks["controller"], loop.blocks["output_filter"], strict=True))
+    if anti_windup is None:
+        return Digital(digital(num, den, h), 0.0, 0.0, 0.0, False)
+    if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:
+        raise ValueError(
+            f"anti_windup={anti_windup!r} needs a controller with integral action (one pole at 0), found "
+            f"{loop.controller!r}"
+        )
+    ki = num[-1] / den[-2]
+    rest, den = np.polysub(num, ki * den[:-1]), den[:-1]
+    num = rest[:-1] if rest.size > 1 else np.zeros(1)
+    tracking = _tracking(ki, num[-1] / den[-1], h) if anti_windup == "conditioning" else 0.0
+    return Digital(digital(num, den, h), ki * h, 0.0, tracking, anti_windup == "clamping")
+
+
+def _tracking(ki: float, kp: float, h: float) -> float:
+    """Return how much of u - w the integral of a conditioned controller takes up in a sample."""
+    if kp == 0 or not 0 < ki * h / kp < 1:
+        raise ValueError(
+            "anti_windup='conditioning' is unstable unless kp/ki is above the sample time: found ki = "
+            f"{ki:.4g}, kp = {kp:.4g} (what C(s) - ki/s is at s = 0) and a sample time of {h:.4g}"
+        )
+    return ki * h / kp
+
+
+def require_fine_enough(h: float, filter_time: float) -> None:
+    """Raise for a sample time above the filter's time constant: derivatives would see single steps only."""
+    if h > filter_time * (1 + 1e-9):
+        raise ValueError(
+            f"the sample time must be at most the time constant of the controller's filter ({filter_time:.6g}), "
+            f"found {h:.6g}; sample faster or filter longer"
+        )
+
+
+def _with_reset(loop: Loop, own: SeriesPIDA, h: float) -> Digital:
+    if own.filter_order:
+        require_fine_enough(h, own.filter_time)
+    num, den = loop.blocks["output_filter"]
+    num = _check.polynomial("gains", np.convolve(num, [own.ka, own.kd, own.kp]))
+    block = digital(num, np.convolve(den, binomial(own.filter_time, own.filter_order)), h)
+    new = -math.expm1(-h / own.ti)
+    return Digital(block, 0.0, new, new, False)

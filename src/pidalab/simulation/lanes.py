@@ -1,0 +1,205 @@
+"""Many sampled loops side by side, measured as they run.
+
+The loops share plant, limits and inputs and differ in their controllers. Each number of a loop is a row of numbers, one
+for each of `LANES` loops, and every operation is done on whole rows, which is what a processor does fastest. A lane
+does the same operations in the same order whatever its neighbours are, so a result does not depend on them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pidalab._check import Array
+from pidalab.simulation.steps import Steps
+
+LANES = 64
+THIRD = 1.0 / 3.0
+NEGLIGIBLE = 1e-13  # share of the largest error below which a change of its sign inside a sample is not looked for
+
+MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
+IE, IAE, ISE, ITAE, TV_Y, TV_U, Y_MIN, Y_MAX, U_MIN, U_MAX, Y_END, U_END = range(len(MEASURES))
+
+
+class Controllers(NamedTuple):
+    """Digital controllers with automatic reset, and prefilters, one of each for a lane."""
+
+    stay: Array  # (LANES,), what a state of the filter keeps in a sample
+    move: Array  # (LANES,), what it hands on to the next state
+    gamma: Array  # (n, LANES)
+    c: Array  # (n, LANES)
+    d: Array  # (LANES,)
+    new: Array  # (LANES,), share of the control signal that the reset takes up in a sample
+    prefilter_phi: Array  # (q, q, LANES)
+    prefilter_gamma: Array  # (q, LANES)
+    prefilter_c: Array  # (q, LANES)
+    prefilter_d: Array  # (LANES,)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def run(
+    own: Controllers, plant: Steps, low: float, high: float, h: float, reference: Array, load: Array, noise: Array
+) -> Array:
+    """Run the loops of all lanes and return their measures, shape (measures, LANES)."""
+    order, degree, states = own.gamma.shape[0], own.prefilter_gamma.shape[0], plant.c.size
+    size = plant.ago[0] + 1
+    past = np.zeros((size, LANES))  # a ring of the inputs of the plant, as long as its dead time
+    slot = 0
+    x, x_new = np.zeros((states, LANES)), np.zeros((states, LANES))
+    z = np.zeros((order + 1, LANES))  # the last row is the nothing that is handed on to the first
+    f, f_new = np.zeros((degree, LANES)), np.zeros((degree, LANES))
+    error, wanted, integral = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    y, y_old, area_old, u_old = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    largest, mixed = np.zeros(LANES), np.zeros(LANES)
+    m = np.zeros((len(MEASURES), LANES))
+    for k in range(reference.size):
+        after = slot + 1 if slot + 1 < size else 0
+        y[:] = 0.0
+        _add_scaled(plant.c, x, y)
+        if plant.d != 0:
+            y += plant.d * past[after]
+        area = x[states - 1]
+        if k:
+            _integrate(m, mixed, largest, y_old, y, area_old, area, reference[k - 1], h, h * (k - 1))
+        _follow(m[TV_Y], m[Y_MIN], m[Y_MAX], y, y_old)
+        area_old[:] = area
+
+        _scale(own.prefilter_d, reference[k], error)
+        if degree:
+            _add_products(own.prefilter_c, f, error)
+            for row in range(degree):
+                _scale(own.prefilter_gamma[row], reference[k], f_new[row])
+                _add_products(own.prefilter_phi[row], f, f_new[row])
+            f, f_new = f_new, f
+        for i in range(LANES):
+            error[i] -= y[i] + noise[k]
+            wanted[i] = own.d[i] * error[i]
+        for row in range(order - 1, -1, -1):
+            state, previous, gamma, c = z[row], z[row - 1 if row else order], own.gamma[row], own.c[row]
+            for i in range(LANES):
+                wanted[i] += c[i] * state[i]
+                state[i] = own.stay[i] * state[i] + own.move[i] * previous[i] + gamma[i] * error[i]
+        u = past[slot]
+        for i in range(LANES):
+            u[i] = min(max(wanted[i] + integral[i], low), high)
+            integral[i] += own.new[i] * (u[i] - integral[i])
+        _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
+        for i in range(LANES):
+            u[i] += load[k]
+        for piece in range(plant.ago.size):
+            place = slot - plant.ago[piece]
+            v = past[place + size if place < 0 else place]
+            for row in range(states):
+                _scale(v, plant.gamma[piece, 0, row], x_new[row])
+                _add_scaled(plant.phi[piece, 0, row], x, x_new[row])
+            x, x_new = x_new, x
+        slot = after
+    m[Y_END], m[U_END] = y_old, u_old
+    for measure in (IE, IAE, ISE, ITAE):
+        m[measure] *= h
+    return m
+
+
+@njit(inline="always")
+def _scale(row: Array, factor: float, out: Array) -> None:
+    """Write a multiple of a row."""
+    for i in range(LANES):
+        out[i] = factor * row[i]
+
+
+@njit(inline="always")
+def _add_scaled(factors: Array, rows: Array, out: Array) -> None:
+    """Add rows, each times a number that all lanes share."""
+    for row in range(factors.size):
+        factor, source = factors[row], rows[row]
+        if factor != 0:
+            for i in range(LANES):
+                out[i] += factor * source[i]
+
+
+@njit(inline="always")
+def _add_products(factors: Array, rows: Array, out: Array) -> None:
+    """Add rows, each lane times its own number."""
+    for row in range(factors.shape[0]):
+        factor, source = factors[row], rows[row]
+        for i in range(LANES):
+            out[i] += factor[i] * source[i]
+
+
+@njit(inline="always")
+def _follow(variation: Array, least: Array, most: Array, value: Array, old: Array) -> None:
+    """Take a new value into total variation and extremes."""
+    for i in range(LANES):
+        variation[i] += abs(value[i] - old[i])
+        least[i] = min(least[i], value[i])
+        most[i] = max(most[i], value[i])
+        old[i] = value[i]
+
+
+@njit(inline="always")
+def _integrate(
+    m: Array,
+    mixed: Array,
+    largest: Array,
+    y_old: Array,
+    y: Array,
+    area_old: Array,
+    area: Array,
+    r: float,
+    h: float,
+    start: float,
+) -> None:
+    """Take a sample interval into the integrals of the error, by the parabolas of `Response`, over h."""
+    rate = 1.0 / h
+    for i in range(LANES):
+        first, last = r - y_old[i], r - y[i]
+        curve = 3.0 * (first + last) - 6.0 * (r - (area[i] - area_old[i]) * rate)
+        slope = last - first - curve
+        plain = first + 0.5 * slope + THIRD * curve
+        rising = 0.5 * first + THIRD * slope + 0.25 * curve
+        square = slope * (THIRD * slope + 0.5 * curve) + curve * (2.0 * THIRD * first + 0.2 * curve)
+        m[IE, i] += plain
+        m[IAE, i] += abs(plain)
+        m[ISE, i] += first * (first + slope) + square
+        m[ITAE, i] += abs(start * plain + h * rising)
+        top = max(abs(first), abs(last))
+        largest[i] = max(largest[i], top)
+        # The parabola is within |curve|/4 of its chord: no change of sign if both ends are farther from 0.
+        near = abs(first + last) - abs(first - last) <= 0.5 * abs(curve)
+        mixed[i] = 1.0 if near and top > NEGLIGIBLE * largest[i] else 0.0
+    count = 0.0
+    for i in range(LANES):
+        count += mixed[i]
+    if count > 0:
+        for i in range(LANES):
+            if mixed[i] > 0:
+                first, last = r - y_old[i], r - y[i]
+                curve = 3.0 * (first + last) - 6.0 * (r - (area[i] - area_old[i]) * rate)
+                plain, weighted = _beyond(first, last - first - curve, curve, h, start)
+                m[IAE, i] += plain
+                m[ITAE, i] += weighted
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
+    """By how much the integrals of |e| and (start + h s) |e| over 0..1 exceed those of a parabola of one sign."""
+    cuts = np.array([0.0, 0.0, 0.0, 1.0])
+    square = c1 * c1 - 4 * c2 * c0
+    if square >= 0:
+        q = -0.5 * (c1 + math.copysign(math.sqrt(square), c1))
+        cuts[1] = min(max(q / c2, 0.0), 1.0) if c2 != 0 else 0.0
+        cuts[2] = min(max(c0 / q, 0.0), 1.0) if q != 0 else 0.0
+        if cuts[1] > cuts[2]:
+            cuts[1], cuts[2] = cuts[2], cuts[1]
+    plain, weighted, plain_sum, weighted_sum, before, before_rising = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for s in cuts[1:]:
+        area = s * (c0 + s * (0.5 * c1 + s * THIRD * c2))
+        moment = s * s * (0.5 * c0 + s * (THIRD * c1 + 0.25 * s * c2))
+        part, part_weighted = area - before, start * (area - before) + h * (moment - before_rising)
+        plain, weighted = plain + abs(part), weighted + abs(part_weighted)
+        plain_sum, weighted_sum = plain_sum + part, weighted_sum + part_weighted
+        before, before_rising = area, moment
+    return plain - abs(plain_sum), weighted - abs(weighted_sum)

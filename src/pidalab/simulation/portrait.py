@@ -1,0 +1,271 @@
+"""Performance portraits: one loop for thousands of parameter sets, judged by its measures (huba2024, sec. 2.3).
+
+The sets go to workers in chunks. What a set yields depends neither on its chunk nor on who computes it: threads,
+processes and machines of one kind give the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from tqdm import tqdm
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.controllers import SeriesPIDA
+from pidalab.loop import Loop, open_loop
+from pidalab.process import Process
+from pidalab.simulation import lanes
+from pidalab.simulation.bank import Bank, controllers
+from pidalab.simulation.digital import require_fine_enough
+from pidalab.simulation.sampled import limits_at_rest
+from pidalab.simulation.steps import Actuator, plant_steps
+
+TASKS = 64  # by default the sets go to the workers in about so many chunks
+
+
+class Portrait(NamedTuple):
+    """Measures of a loop for many parameter sets, as arrays of the grid's shape; `Response` defines them.
+
+    Attributes
+    ----------
+    ie, iae, ise, itae : ndarray
+        Integrals of the control error r - y up to the last time.
+    tv_y, tv_u : ndarray
+        Total variation of output and control signal from their state of rest, 0, to the last sample.
+    tv1_y, tv1_u : ndarray
+        Excess over one pulse (huba2024, eq. (24)), from 0 to the value that output and control signal have to approach:
+        the set point, and the control signal that holds it against the load.
+    y_min, y_max, u_min, u_max : ndarray
+        Extremes over the samples and the state of rest.
+    y_end, u_end : ndarray
+        Last sample.
+    diverged : ndarray of bool
+        Whether the loop left the range of numbers; its measures are all infinite then. A limited loop on an integrator
+        diverges more slowly and has large numbers.
+    """
+
+    ie: Array
+    iae: Array
+    ise: Array
+    itae: Array
+    tv_y: Array
+    tv_u: Array
+    tv1_y: Array
+    tv1_u: Array
+    y_min: Array
+    y_max: Array
+    u_min: Array
+    u_max: Array
+    y_end: Array
+    u_end: Array
+    diverged: Any
+
+
+class Task(NamedTuple):
+    """All that a worker needs besides its sets."""
+
+    process: Process
+    limits: tuple[float, float]
+    samples: int
+    h: float
+    setpoint: float | Array
+    load: float | Array
+    noise: float | Array
+
+
+def portrait(
+    loop: Loop,
+    parameters: Mapping[str, ArrayLike],
+    t: ArrayLike,
+    setpoint: ArrayLike = 0.0,
+    load: ArrayLike = 0.0,
+    noise: ArrayLike = 0.0,
+    limits: tuple[float, float] = (-math.inf, math.inf),
+    prefilter: tuple[Sequence[ArrayLike], Sequence[ArrayLike]] | None = None,
+    executor: Executor | None = None,
+    chunk: int | None = None,
+    progress: bool = False,
+    memory: float = 2e9,
+) -> Portrait:
+    r"""Simulate a loop with automatic reset for many parameter sets at once, and return the measures of each.
+
+    Each set is a `simulate_sampled` of its own; the measures are taken as it runs, and no signal is stored.
+
+    Parameters
+    ----------
+    loop : Loop
+        A process and a `SeriesPIDA`, whose filter order, limits and other values hold for all sets; a prefilter, too.
+    parameters : mapping of str to array_like, or pandas.DataFrame
+        What differs: arrays for any of `kp`, `kd`, `ka`, `ti` and `filter_time`, which are broadcast against each other
+        to the shape of the grid.
+    t : array_like, shape (n,)
+        Uniform times that start at 0; their step is the sample time.
+    setpoint, load, noise : float or array_like, shape (n,), optional
+        The same for all sets. A number is a step at t = 0; an array is held from each sample to the next.
+    limits : tuple of float, optional
+        Smallest and largest control signal; those of the controller hold too.
+    prefilter : tuple of two sequences of array_like, optional
+        Prefilters that differ: numerator and denominator in descending powers of s, of which each coefficient is a
+        number or an array over the grid. Proper and stable.
+    executor : concurrent.futures.Executor, optional
+        Who computes: by default one thread for each processor that this process may use, which is compiled code and
+        runs on all of them. A ``ProcessPoolExecutor``, or ``Client.get_executor()`` of Dask's `distributed` for more
+        than one machine, gives the same bits on processors of the same kind. It is left open.
+    chunk : int, optional
+        Sets in a task, rounded up to a multiple of 64; by default there are about 64 tasks.
+    progress : bool, optional
+        Whether to show a progress bar.
+    memory : float, optional
+        Bytes that the results may take.
+
+    Returns
+    -------
+    Portrait
+        Measures as arrays of the shape of the grid.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a controller other than a `SeriesPIDA`, an output filter, parameters that are unknown, not finite, out of
+        range or do not fit together, a sample time above a filter's time constant, an unstable prefilter, what
+        `simulate_sampled` refuses, and a load or a set point that no control signal within the limits can hold.
+    MemoryError
+        For a grid whose results would take more than `memory`.
+    RuntimeError
+        If a worker is lost, or fails, with the sets that are missing.
+
+    See Also
+    --------
+    pidalab.simulate_sampled : One set, with its signals.
+
+    Examples
+    --------
+    Acceleration gains and reset times around huba2024, eq. (25), for a load that the actuator can just bear:
+
+    >>> import numpy as np, pidalab
+    >>> pda = pidalab.SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
+    >>> loop, t = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), pda), 0.01 * np.arange(6001)
+    >>> grid = {"ka": [[0.18], [0.21]], "ti": [[0.5, 0.65, 0.8]]}
+    >>> p = pidalab.portrait(loop, grid, t, load=1.0)
+    >>> p.iae.round(2).tolist()
+    [[14.74, 15.56, 16.49], [14.04, 14.79, 15.67]]
+
+    With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
+    """
+    open_loop(loop)  # complains about what is not a loop
+    if not isinstance(loop.controller, SeriesPIDA) or loop.output_filter is not None:
+        raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
+    t = _check.uniform_time("t", t)
+    signals = {
+        name: _compact(name, x, t.size) for name, x in (("setpoint", setpoint), ("load", load), ("noise", noise))
+    }
+    task = Task(loop.process, limits_at_rest(loop, limits), t.size, float(t[-1] / (t.size - 1)), **signals)
+    plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))  # complains about the plant
+    bank = Bank.of(loop, parameters, prefilter)
+    need = 8.0 * math.prod(bank.shape) * 2 * len(Portrait._fields)
+    if need > memory:
+        raise MemoryError(
+            f"a grid of shape {bank.shape} needs about {need:.3g} bytes for its measures, and memory = {memory:.3g} "
+            "are allowed; take fewer sets, one portrait after the other, or allow more"
+        )
+    bank.require_valid()
+    require_fine_enough(task.h, bank.shortest_filter())
+    ends = _ends(task, bank)
+
+    sets = math.prod(bank.shape)
+    size = _check.integer("chunk", -(-sets // TASKS) if chunk is None else chunk, at_least=1)
+    size = -(-size // lanes.LANES) * lanes.LANES
+    raw = np.full((len(lanes.MEASURES), sets), np.nan)
+    with tqdm(total=sets, unit="set", disable=not progress) as bar:
+        for part, measures in _computed(executor, task, bank, sets, size):
+            raw[:, part] = measures
+            bar.update(part.stop - part.start)
+    return _portrait(raw.reshape(-1, *bank.shape), ends)
+
+
+def _compact(name: str, value: ArrayLike, size: int) -> float | Array:
+    """Check a signal; a number stays one, since every task carries it."""
+    signal = _check.signal(name, value, size)
+    return float(signal[0]) if np.ndim(value) == 0 else signal
+
+
+def _computed(executor: Executor | None, task: Task, bank: Bank, sets: int, size: int) -> Iterator[tuple[slice, Array]]:
+    """Yield chunks as they are done; with all of them, or an error that names those that are missing."""
+    if executor is None:
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None) as threads:
+            yield from _computed(threads, task, bank, sets, size)
+        return
+    if not isinstance(executor, Executor):
+        raise TypeError(f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}")
+    futures: dict[Future, slice] = {}
+    lost: list[slice] = []
+    reason: Exception | None = None
+    try:
+        for start in range(0, sets, size):
+            part = slice(start, min(start + size, sets))
+            try:
+                futures[executor.submit(_work, task, bank.part(part))] = part
+            except RuntimeError as broken:  # a pool whose worker died takes no more
+                lost, reason = [*lost, part], reason or broken
+        for future in as_completed(futures):
+            try:
+                measures = future.result()
+            except Exception as failure:
+                lost, reason = [*lost, futures[future]], failure
+            else:
+                yield futures[future], measures
+    finally:
+        for future in futures:
+            future.cancel()
+    if lost:
+        lost.sort(key=lambda part: part.start)
+        missing = sum(part.stop - part.start for part in lost)
+        places = ", ".join(f"{part.start} to {part.stop - 1}" for part in lost[:5]) + (", …" if lost[5:] else "")
+        raise RuntimeError(
+            f"a worker failed or was lost: {missing} of {sets} sets are missing (in flat order {places}); "
+            f"{type(reason).__name__}: {reason}"
+        ) from reason
+
+
+def _work(task: Task, bank: Bank) -> Array:
+    """Compute the sets of a chunk: shape (measures, sets)."""
+    plant = plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))
+    inputs = [np.broadcast_to(x, task.samples).astype(float) for x in (task.setpoint, task.load, task.noise)]
+    groups = [lanes.run(own, plant, *task.limits, task.h, *inputs) for own in controllers(bank, task.h, lanes.LANES)]
+    return np.concatenate(groups, axis=1)[:, : math.prod(bank.shape)]
+
+
+def _ends(task: Task, bank: Bank) -> tuple[Array, Array]:
+    """Return what output and control signal have to approach, and check that the limits allow it."""
+    r, d = (float(np.ravel(x)[-1]) for x in (task.setpoint, task.load))
+    num, den = task.process.num[-1], task.process.den[-1]
+    if num == 0:
+        raise ValueError(f"the process must have a static gain other than 0, found {task.process!r}")
+    y = r * bank.static_gain()
+    u = y * den / num - d
+    low, high = task.limits
+    if np.any((u < low) | (u > high)):
+        raise ValueError(
+            f"no state of rest: a set point of {r:g} and a load of {d:g} need u from {np.min(u):.4g} to "
+            f"{np.max(u):.4g}, and the limits are ({low:g}, {high:g})"
+        )
+    return y, u
+
+
+def _portrait(raw: Array, ends: tuple[Array, Array]) -> Portrait:
+    """Add what the end values decide, and mark what diverged."""
+    diverged = ~np.isfinite(raw).all(axis=0)
+    values = dict(zip(lanes.MEASURES, raw, strict=True))
+    with np.errstate(all="ignore"):
+        for signal, end in zip("yu", ends, strict=True):
+            least, most = (np.minimum(values[f"{signal}_min"], end), np.maximum(values[f"{signal}_max"], end))
+            pulse = np.maximum(np.abs(2 * least - end), np.abs(2 * most - end))
+            values[f"tv1_{signal}"] = values[f"tv_{signal}"] + np.abs(end - values[f"{signal}_end"]) - pulse
+        return Portrait(**{name: np.where(diverged, np.inf, x) for name, x in values.items()}, diverged=diverged)

@@ -1,0 +1,80 @@
+"""A plant across a sample interval, behind an actuator that holds, or that switches within the sample."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.process import Process
+from pidalab.simulation.plants import AsymmetricPlant, PlantStates, held, plant_states
+
+ALIGNED = 1e-9  # share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
+
+
+class Steps(NamedTuple):
+    """The plant across a sample interval, piece by piece, each for both of its systems."""
+
+    phi: Array  # (pieces, 2, n, n)
+    gamma: Array  # (pieces, 2, n)
+    ago: Array  # (pieces,), how many samples ago the input of the piece was set
+    pulse: Array  # (pieces, widths, n), what a pulse from the lower to the upper limit adds to the state
+    c: Array  # (n,)
+    d: float
+
+
+class Actuator(NamedTuple):
+    """What becomes of the signal that the controller wants."""
+
+    low: float
+    high: float
+    quantum: float  # 0 for none
+    widths: int  # number of pulse widths above 0; 0 for an actuator that holds
+
+
+def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) -> Steps:
+    """Discretise the plant over the one or two pieces of a sample interval in which its delayed input is constant."""
+    if not isinstance(plant, (Process, AsymmetricPlant)):
+        raise TypeError(f"plant must be a Process or an AsymmetricPlant, found {type(plant).__name__}")
+    states = plant_states(plant)
+    if states.d and plant.delay < h * ALIGNED:
+        raise ValueError(
+            "the plant answers within the sample (direct feedthrough without dead time): the controller would read "
+            f"what it has not set yet; found {plant!r}"
+        )
+    if actuator.widths and (states.d or isinstance(plant, AsymmetricPlant)):
+        raise ValueError(f"pulse_widths needs a linear plant without direct feedthrough, found {plant!r}")
+    samples = plant.delay / h
+    whole = math.floor(samples + ALIGNED)
+    part = h * (samples - whole)
+    pieces = [(h, whole, 0.0)] if part < h * ALIGNED else [(part, whole + 1, h - part), (h - part, whole, 0.0)]
+    across = [[held(A, b, time) for A, b in zip(states.A, states.b, strict=True)] for time, _, _ in pieces]
+    return Steps(
+        phi=np.array([[phi for phi, _ in both] for both in across]),
+        gamma=np.array([[gamma for _, gamma in both] for both in across]),
+        ago=np.array([ago for _, ago, _ in pieces]),
+        pulse=np.array([_pulses(states, time, since, h, actuator) for time, _, since in pieces]),
+        c=states.c,
+        d=states.d,
+    )
+
+
+def _pulses(states: PlantStates, time: float, since: float, h: float, actuator: Actuator) -> Array:
+    """Return what pulses of each width add to the state over a piece that begins `since` after the pulse."""
+    A, b, widths = states.A[0], states.b[0], actuator.widths
+    added = np.zeros((widths + 1, b.size))
+    if not widths:
+        return added
+    on = np.clip(h * np.arange(widths + 1) / widths - since, 0.0, time)
+    whole = held(A, b, time)[1]
+    phi, gamma = held(A, b, h / widths)
+    after = None  # what an input of 1 makes in the rest of the piece after the pulse: from the widest pulse down
+    for width in range(widths, 0, -1):
+        if 0 < on[width] < time:
+            after = held(A, b, time - on[width])[1] if after is None else phi @ after + gamma
+            added[width] = whole - after
+        elif on[width] > 0:
+            added[width] = whole
+    return (actuator.high - actuator.low) * added

@@ -1,0 +1,276 @@
+"""Portraits: every measure is that of the loop alone, whoever computes it, and nothing is ever missing."""
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+
+import control
+import numpy as np
+import pandas as pd
+import pytest
+
+import pidalab
+from pidalab import Loop, Process, SeriesPIDA, portrait, simulate_sampled
+
+PDA = SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
+LOOP = Loop(pidalab.ipdt(1.0, delay=1.0), PDA)
+T = 0.02 * np.arange(1500)
+GRID = {"kp": np.array([0.05, 0.094, 0.3])[:, None, None], "ka": np.array([0.15, 0.25])[:, None], "ti": [0.4, 0.6, 1.0]}
+
+
+def expected(record, y_end, u_end):
+    """Measures of a record, by `Response`."""
+    return {
+        "ie": record.ie(),
+        "iae": record.iae(),
+        "ise": record.ise(),
+        "itae": record.itae(),
+        "tv_y": record.tv("y"),
+        "tv_u": record.tv("u"),
+        "tv1_y": record.tv1("y", end=y_end),
+        "tv1_u": record.tv1("u", end=u_end),
+        "y_min": min(0.0, record.y.min()),
+        "y_max": max(0.0, record.y.max()),
+        "u_min": min(0.0, record.u.min()),
+        "u_max": max(0.0, record.u.max()),
+        "y_end": record.y[-1],
+        "u_end": record.u[-1],
+    }
+
+
+LAMBDA = {"integrating": 1.0, "misaligned": 0.7371, "short": 0.011, "none": 0.0}
+SCENES = {
+    **{name: (pidalab.ipdt(1.3, delay), 4, {"load": 1.0}, (-1.1, 0.4)) for name, delay in LAMBDA.items()},
+    "set point": (pidalab.ipdt(0.8, 1.0), 4, {"setpoint": -1.3}, (-0.3, 0.2)),
+    "noise": (pidalab.ipdt(1.0, 0.5), 2, {"setpoint": 1.0, "noise": 0.05 * np.sin(T**2)}, (-9.0, 9.0)),
+    "steps": (pidalab.sopdt(2.0, 0.7, 0.4, 0.311), 6, {"setpoint": np.sign(np.sin(0.3 * T)), "load": 0.1}, (-0.7, 1.5)),
+    "feedthrough": (Process([0.2, 1.0], [1.5, 1.0], 0.43), 3, {"setpoint": 1.0, "load": -0.3}, (-0.5, 2.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_measures_are_those_of_the_response(scene):
+    process, order, inputs, limits = SCENES[scene]
+    rng, sets = np.random.default_rng(11), 70  # more than one group of lanes
+    parameters = {
+        "kp": rng.uniform(0.05, 0.6, sets),
+        "kd": rng.uniform(0.0, 0.4, sets),
+        "ka": rng.uniform(0.0, 0.1, sets),
+        "ti": rng.uniform(0.3, 2.0, sets),
+        "filter_time": rng.uniform(0.05, 0.3, sets),
+    }
+    own = SeriesPIDA(1.0, 0.0, 0.0, 1.0, 1.0, order, limits=limits)
+    p = portrait(Loop(process, own), parameters, T, **inputs)
+    assert not p.diverged.any()
+    for i in (0, 1, 13, 40, 63, 64, 69):
+        one = SeriesPIDA(*(float(x[i]) for x in parameters.values()), order, limits=limits)
+        record = simulate_sampled(Loop(process, one), T, **({"setpoint": 0.0} | inputs))
+        rest = record.r[-1] * process.den[-1] / process.num[-1] - record.d[-1]
+        for name, value in expected(record, record.r[-1], rest).items():
+            assert getattr(p, name)[i] == pytest.approx(value, rel=1e-9, abs=1e-10), (i, name)
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_low_filter_orders(order):
+    own = SeriesPIDA(0.3, 0.1 * order, 0.0, 2.0, 0.1, order, limits=(-0.2, 0.3))
+    p = portrait(Loop(LOOP.process, own), {"ti": [1.5, 2.0]}, T, setpoint=1.0)
+    record = simulate_sampled(Loop(LOOP.process, own), T)
+    for name, value in expected(record, 1.0, 0.0).items():
+        assert getattr(p, name)[1] == pytest.approx(value, rel=1e-9, abs=1e-10), name
+
+
+def cancelling(kp, kd, ka, ti):
+    """Denominator of huba2024, eq. (20), in descending powers; arrays or numbers."""
+    return (ka / kp * ti, ka / kp + kd / kp * ti, kd / kp + ti, 1.0)
+
+
+def test_prefilters_that_differ():
+    ti = np.array(GRID["ti"])
+    den = cancelling(GRID["kp"], 0.45, GRID["ka"], ti)
+    p = portrait(LOOP, GRID, T, setpoint=1.0, limits=(-0.1, 0.1), prefilter=([0.5 * ti, 1.0], den))
+    for i in [(0, 0, 0), (1, 1, 2), (2, 0, 1)]:
+        kp, ka, own_ti = (
+            float(x.flat[k] if x.ndim > 1 else x[k]) for x, k in zip((GRID["kp"], GRID["ka"], ti), i, strict=True)
+        )
+        own = SeriesPIDA(kp, 0.45, ka, own_ti, 0.2, 4, limits=(-0.1, 0.1))
+        filtered = control.tf([0.5 * own_ti, 1.0], cancelling(kp, 0.45, ka, own_ti))
+        record = simulate_sampled(Loop(LOOP.process, own, prefilter=filtered), T)
+        for name, value in expected(record, 1.0, 0.0).items():
+            assert getattr(p, name)[i] == pytest.approx(value, rel=1e-9, abs=1e-10), (i, name)
+    fixed = Loop(LOOP.process, PDA, prefilter=control.tf([0.3, 1.0], [0.8, 1.0]))
+    same = portrait(LOOP, GRID, T, setpoint=1.0, prefilter=([0.3, 1.0], [0.8, 1.0]))
+    np.testing.assert_array_equal(portrait(fixed, GRID, T, setpoint=1.0).iae, same.iae)
+
+
+def assert_same_bits(one, other):
+    for name, a, b in zip(one._fields, one, other, strict=True):
+        assert a.dtype == b.dtype
+        assert a.tobytes() == b.tobytes(), name
+
+
+@pytest.fixture(scope="module")
+def many():
+    """Sets of many chunks, some of which diverge, and their portrait by threads."""
+    rng = np.random.default_rng(2)
+    sets = {"kp": rng.uniform(0.05, 0.3, 500), "ti": rng.uniform(0.1, 1.0, 500), "kd": rng.uniform(0.2, 2.0, 500)}
+    own = SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4)
+    task = {"loop": Loop(LOOP.process, own), "parameters": sets, "t": T, "load": 1.0}
+    p = portrait(**task)
+    assert 50 < np.sum(p.iae > 1e3) < 450
+    return task, p
+
+
+def test_chunks_and_neighbours_do_not_matter(many):
+    task, p = many
+    for chunk in (1, 100, 10**6):
+        assert_same_bits(portrait(**task, chunk=chunk), p)
+    own_times = ([1.0], [np.linspace(0.01, 40.0, 500), 1.0, 1.0])
+    step = task | {"load": 0.0, "setpoint": 1.0, "prefilter": own_times}
+    assert_same_bits(portrait(**step, chunk=1), portrait(**step, chunk=10**6))
+    order = np.random.default_rng(0).permutation(500)
+    shuffled = portrait(**(task | {"parameters": {name: x[order] for name, x in task["parameters"].items()}}))
+    np.testing.assert_array_equal(shuffled.itae, p.itae[order])
+    table = pd.DataFrame(task["parameters"], index=order)
+    assert_same_bits(portrait(**(task | {"parameters": table})), p)
+    assert table.assign(**p._asdict()).shape == (500, 3 + len(p))
+
+
+def test_process_pool_gives_the_same_bits(many):
+    task, p = many
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        assert_same_bits(portrait(**task, executor=pool), p)
+        assert pool.submit(os.getpid).result() != os.getpid()  # it is left open
+
+
+@pytest.fixture(scope="module")
+def dask_client():
+    distributed = pytest.importorskip("distributed")
+    import dask
+
+    with (
+        dask.config.set({"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": "30s"}),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client
+
+
+def test_dask_gives_the_same_bits(many, dask_client):
+    task, p = many
+    assert_same_bits(portrait(**task, executor=dask_client.get_executor()), p)
+    workers = dask_client.run(os.getpid)
+    assert len(set(workers.values()) | {os.getpid()}) == 3  # two other processes
+
+
+class Deadly(ProcessPoolExecutor):
+    """A pool whose third task ends its worker."""
+
+    tasks = 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        self.tasks += 1
+        return super().submit(os._exit, 7) if self.tasks == 3 else super().submit(fn, *args, **kwargs)
+
+
+def test_a_worker_that_dies_is_an_error_that_names_the_sets(many):
+    task, _ = many
+    with (
+        Deadly(1, mp_context=get_context("spawn")) as pool,
+        pytest.raises(RuntimeError, match=r"lost: \d+ of 500 sets are missing \(in flat order .*\)") as caught,
+    ):
+        portrait(**task, executor=pool)
+    assert isinstance(caught.value.__cause__, BrokenProcessPool)
+    assert "128 to 191" in str(caught.value)
+
+
+def test_a_worker_that_fails_is_an_error_that_names_the_sets(many):
+    class Failing(ThreadPoolExecutor):
+        def submit(self, fn, /, *args, **kwargs):
+            self.tasks = getattr(self, "tasks", 0) + 1
+            return super().submit(int, "x") if self.tasks in (2, 8) else super().submit(fn, *args, **kwargs)
+
+    task, _ = many
+    with Failing(2) as pool, pytest.raises(RuntimeError, match=r"116 of 500 sets .* order 64 to 127, 448 to 499\)"):
+        portrait(**task, executor=pool)
+
+
+def test_dask_finishes_without_a_worker_that_dies(many, dask_client):
+    """The cluster hands the dead worker's sets to others."""
+    task, p = many
+    executor = dask_client.get_executor(retries=2)
+    victim = executor.submit(lambda: os.getpid()).result()
+    killer = ThreadPoolExecutor(1)
+    stop = killer.submit(lambda: (time.sleep(0.1), os.kill(victim, 9)))
+    assert_same_bits(portrait(**(task | {"t": T}), executor=executor), p)
+    stop.result()
+
+
+def test_what_diverges_is_infinite():
+    free = Loop(LOOP.process, SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4))
+    p = portrait(free, {"kd": [0.45, 50.0]}, 0.1 * np.arange(5000), load=1.0)
+    assert p.diverged.tolist() == [False, True]
+    for name, x in zip(p._fields[:-1], p, strict=False):
+        assert np.isfinite(x[0]), name
+        assert x[1] == np.inf, name
+
+
+def test_shape_of_the_grid():
+    p = portrait(LOOP, GRID, T[:50], load=1.0)
+    assert all(x.shape == (3, 2, 3) for x in p)
+    assert portrait(LOOP, {}, T[:50], load=1.0).iae.shape == ()
+
+
+def test_progress_bar(capsys):
+    portrait(LOOP, GRID, T[:50], load=1.0, progress=True)
+    assert "18/18" in capsys.readouterr().err
+    portrait(LOOP, GRID, T[:50], load=1.0)
+    assert capsys.readouterr().err == ""
+
+
+WIDE = np.ones(3000)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"loop": PDA}, TypeError, "loop must be a pidalab.Loop, found SeriesPIDA"),
+        ({"loop": Loop(LOOP.process, 0.5)}, TypeError, "loop must have a SeriesPIDA and no output filter"),
+        ({"loop": Loop(LOOP.process, PDA, control.tf(1, [1, 1]))}, TypeError, "and no output filter"),
+        ({"parameters": [1.0]}, TypeError, "parameters must be a mapping or a DataFrame .* found list"),
+        ({"parameters": {"Kp": [1.0]}}, ValueError, "parameters must be among kp, kd, .* found 'Kp'"),
+        ({"parameters": {"kp": ["a"]}}, TypeError, r"parameters\['kp'\] must be an array of real numbers"),
+        ({"parameters": {"kp": []}}, ValueError, r"at least one set, found a grid of shape \(0,\)"),
+        ({"parameters": {"kp": [1.0, 2.0], "kd": [1, 2, 3]}}, ValueError, r"broadcast together, found .*'kd': \(3,\)"),
+        ({"parameters": {"kp": [1.0, np.nan]}}, ValueError, "kp must be finite and not 0, found nan at index 1"),
+        ({"parameters": {"kp": [[1.0], [0.0]]}}, ValueError, r"kp must be finite and not 0, .* index \(1, 0\)"),
+        ({"parameters": {"ti": [1.0, -1.0]}}, ValueError, r"ti must be finite and above 0, found -1\.0 at index 1"),
+        ({"parameters": {"kd": [np.inf]}}, ValueError, "kd must be finite, found inf at index 0"),
+        ({"parameters": {"filter_time": [0.2, 0.01]}}, ValueError, r"sample time must be .* \(0\.01\), found 0\.02"),
+        ({"limits": (0.1, -0.1)}, ValueError, r"limits must be \(lower, upper\)"),
+        ({"load": 2.0}, ValueError, r"no state of rest: .* need u from -2 to -2, and the limits are \(-1\.1, 0\.1\)"),
+        ({"load": [1.0]}, ValueError, "load must be a number or an array as long as t"),
+        ({"t": [0.0, 1.0, 3.0]}, ValueError, "t must be uniform"),
+        ({"prefilter": ([1.0], [1.0, -1.0])}, ValueError, r"prefilter must be stable, found a pole at 1"),
+        ({"prefilter": ([1.0, 1.0], [1.0])}, ValueError, "prefilter must be proper, found 2 and 1"),
+        ({"prefilter": ([1.0], [0.0, 1.0])}, ValueError, "first and last coefficients are not 0"),
+        ({"prefilter": ([np.nan], [1.0, 1.0])}, ValueError, "prefilter must have finite coefficients"),
+        ({"prefilter": 1.0}, TypeError, "prefilter must be two sequences of coefficients, found 1.0"),
+        ({"executor": 4}, TypeError, "executor must be a concurrent.futures.Executor or None, found int"),
+        ({"chunk": 0}, ValueError, "chunk must be a whole number, at least 1, found 0"),
+        ({"parameters": {"kp": WIDE[:, None, None], "kd": WIDE[:, None], "ti": WIDE}}, MemoryError,
+         r"a grid of shape \(3000, 3000, 3000\) needs about 6.48e\+12 bytes .* memory = 2e\+09"),
+    ],
+)  # fmt: skip
+def test_portrait_complains(arguments, error, message):
+    with pytest.raises(error, match=message):
+        portrait(**({"loop": LOOP, "parameters": {"kp": [0.1, 0.2]}, "t": T, "load": 1.0} | arguments))
+
+
+def test_derivatives_need_a_filter():
+    own = SeriesPIDA(1.0, 0.0, 0.0, 1.0, 0.1, 1)
+    with pytest.raises(ValueError, match="ka needs a filter_order of at least 2, found 1"):
+        portrait(Loop(LOOP.process, own), {"ka": [0.1]}, T, load=1.0)

@@ -1,0 +1,236 @@
+"""Automatic reset, anti-windup, quantisation and pulses in the sampled engine: by hand, and in continuous time."""
+
+import json
+import math
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import pidalab
+from pidalab import PIDA, HighOrderPID, Loop, Process, SeriesPIDA, simulate, simulate_sampled
+
+RECORD = json.loads((Path(__file__).parent / "oracle" / "reset_loops.json").read_text())
+CASES = {f"{case['name']}-{'load' if case['load'] else 'setpoint'}": case for case in RECORD["cases"]}
+
+
+def errors_against_the_oracle(case, h):
+    """Largest errors of y and of u at the times of the oracle."""
+    own = SeriesPIDA(**case["controller"], limits=tuple(case["limits"]))
+    loop = Loop(pidalab.ipdt(1.0, case["delay"]), own, prefilter=control.tf([1.0], case["prefilter"]))
+    times = np.array(RECORD["times"])
+    each = round((times[1] - times[0]) / h)
+    t = np.arange(each * (times.size - 1) + 1) * h
+    r = simulate_sampled(loop, t, case["setpoint"], case["load"])
+    return np.array([np.max(np.abs(r.y[::each] - case["y"])), np.max(np.abs(r.u[::each] - case["u"]))])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_limited_reset_approaches_the_continuous_loop(name):
+    """First order in the sample time, against Runge-Kutta between the breaks of the method of steps."""
+    case = CASES[name]
+    assert min(case["u"]) == pytest.approx(case["limits"][0]) or max(case["u"]) == pytest.approx(case["limits"][1])
+    coarse, middle, fine = (errors_against_the_oracle(case, h) for h in (0.01, 0.005, 0.0025))
+    assert np.all(fine < 0.02)
+    for first, second in ((coarse, middle), (middle, fine)):
+        assert np.all((first / second > 1.8) & (first / second < 2.25)), (first, second)
+
+
+FREE = {
+    "aligned": Loop(pidalab.ipdt(1.0, 1.0), SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4)),
+    "misaligned": Loop(pidalab.fopdt(1.0, 2.0, math.sqrt(0.5)), SeriesPIDA(0.3, 0.1, 0.0, 1.0, 0.1, 1)),
+    "proportional": Loop(pidalab.ipdt(0.5, 0.3), SeriesPIDA(0.8, 0.0, 0.0, 3.0, 0.1, 0)),
+    "output filter": Loop(
+        pidalab.lags(2), SeriesPIDA(0.8, 0.2, 0.0, 1.5, 0.2, 2), control.tf([1.0], [0.1, 1.0]), control.tf(1, [0.5, 1])
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_reset_without_limits_approaches_the_linear_loop(name):
+    errors = []
+    for fineness in (20, 40, 80):
+        t = np.linspace(0.0, 12.0, 60 * fineness + 1)
+        inputs = {"setpoint": 1.0, "load": np.where(t < 5.0, 0.0, 0.3)}
+        sampled, exact = simulate_sampled(FREE[name], t, **inputs), simulate(FREE[name], t, **inputs)
+        errors.append([np.max(np.abs(getattr(sampled, key) - getattr(exact, key))[::fineness]) for key in ("y", "u")])
+    ratios = np.array(errors)[:-1] / np.array(errors)[1:]
+    assert np.all((ratios > 1.8) & (ratios < 2.3)), ratios
+    assert np.max(errors[-1]) < 0.05
+
+
+def test_reset_by_hand():
+    """Every part in a plain loop: filter of third order, fractional dead time, limits, quanta, load and noise."""
+    h, n, time, ti, quanta, limits, delay = 0.05, 160, 0.2, 0.9, (0.01, 0.004), (-0.31, 0.27), 0.123
+    kp, kd, ka = 0.5, 0.4, 0.05
+    rng = np.random.default_rng(3)
+    r, d, noise = rng.normal(size=n).cumsum() * 0.1, 0.1 * rng.normal(size=n), 0.02 * rng.normal(size=n)
+    A, b = np.array([[-1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, -1.0]]) / time, np.array([1.0 / time, 0.0, 0.0])
+    phi = expm(A * h)
+    gamma = np.linalg.solve(A, (phi - np.eye(3)) @ b)
+    x, reset, position, v, y, u = np.zeros(3), 0.0, 0.0, {}, [], []
+    for k in range(n):
+        y.append(position)
+        measured = round((position + noise[k]) / quanta[0]) * quanta[0]
+        error = r[k] - measured
+        first = (x[1] - x[2]) / time
+        second = ((x[0] - x[1]) / time - first) / time
+        limited = min(max(kp * x[2] + kd * first + ka * second + reset, limits[0]), limits[1])
+        u.append(min(max(round(limited / quanta[1]) * quanta[1], limits[0]), limits[1]))
+        reset = math.exp(-h / ti) * reset + (1 - math.exp(-h / ti)) * limited
+        x = phi @ x + gamma * error
+        v[k] = u[k] + d[k]
+        position += v.get(k - 3, 0.0) * (delay - 2 * h) + v.get(k - 2, 0.0) * (3 * h - delay)
+    loop = Loop(pidalab.ipdt(1.0, delay), SeriesPIDA(kp, kd, ka, ti, time, 3, limits=limits))
+    out = simulate_sampled(loop, h * np.arange(n), r, d, noise, quanta=quanta)
+    np.testing.assert_allclose(out.y, y, atol=1e-11)
+    np.testing.assert_allclose(out.u, u, atol=1e-11)
+    assert {limits[0], limits[1]} <= set(out.u)  # limits are no multiples of the quantum, and stay
+    assert np.sum(np.isin(out.u, limits)) < 0.9 * n
+
+
+def test_limits_of_controller_and_actuator_both_hold():
+    loop = Loop(pidalab.ipdt(1.0, 0.3), SeriesPIDA(0.8, 0.0, 0.0, 3.0, 0.1, 1, limits=(-1.0, 0.2)))
+    t = 0.02 * np.arange(1500)
+    both = simulate_sampled(loop, t, np.where(t < 15.0, 1.0, -1.0), limits=(-0.05, 0.5))
+    assert (both.u.min(), both.u.max()) == (-0.05, 0.2)
+    own = SeriesPIDA(0.8, 0.0, 0.0, 3.0, 0.1, 1, limits=(-0.05, 0.2))
+    np.testing.assert_array_equal(simulate_sampled(Loop(loop.process, own), t, both.r).u, both.u)
+
+
+# A PI controller that sees the set point alone: kp = 1, ki h = 1/4, limits -1.5 and 1.5, errors 1 six times, then -1.
+WINDUP = {
+    None: [1.0, 1.25, 1.5, 1.5, 1.5, 1.5, 0.5, 0.25],
+    "clamping": [1.0, 1.25, 1.5, 1.5, 1.5, 1.5, -0.25, -0.5],
+    "conditioning": [1.0, 1.25, 1.5, 1.5, 1.5, 1.5, 0.18359375, -0.06640625],
+}
+
+
+@pytest.mark.parametrize("way", WINDUP, ids=str)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_windup_by_hand(way, sign):
+    loop, r = Loop(Process([0.0], [1.0]), PIDA(kp=1.0, ti=4.0)), sign * np.array([1.0] * 6 + [-1.0] * 2)
+    out = simulate_sampled(loop, np.arange(8.0), r, limits=(-1.5, 1.5), anti_windup=way)
+    assert out.u.tolist() == pytest.approx([sign * u for u in WINDUP[way]], abs=1e-12)
+
+
+@pytest.mark.parametrize("way", ["clamping", "conditioning"])
+def test_anti_windup_does_nothing_within_the_limits(way):
+    """The integral taken out of the controller and put back changes nothing, whatever its filters."""
+    t = 0.02 * np.arange(1500)
+    for controller in (PIDA(1.31, 3.37, 0.938, 0.269), HighOrderPID([0.4, 1.2, 0.6, 0.1], 0.1, 4), PIDA(-0.5, 4.0)):
+        loop = Loop(pidalab.lags(3, gain=math.copysign(1.0, controller.gains().kp)), controller)
+        plain, other = (simulate_sampled(loop, t, anti_windup=way, load=0.2) for way in (None, way))
+        np.testing.assert_allclose(other.u, plain.u, atol=1e-9 * np.max(np.abs(plain.u)))
+
+
+def test_conditioned_pi_controller_is_automatic_reset():
+    """With equal shares of a sample the two are the same recurrence, whatever happens at the limits."""
+    h, kp, ti, limits = 0.05, 0.7, 1.5, (-0.2, 0.25)
+    process, t = pidalab.ipdt(1.0, 0.4), h * np.arange(800)
+    inputs = {"setpoint": 1.0, "load": np.where(t < 20.0, 0.0, 0.15)}
+    reset = simulate_sampled(Loop(process, SeriesPIDA(kp, 0.0, 0.0, ti, 0.1, 0, limits=limits)), t, **inputs)
+    equal = PIDA(kp, h / -math.expm1(-h / ti))
+    conditioned = simulate_sampled(Loop(process, equal), t, limits=limits, anti_windup="conditioning", **inputs)
+    assert (reset.u.min(), reset.u.max()) == limits
+    np.testing.assert_allclose(conditioned.u, reset.u, atol=1e-12)
+    wound = simulate_sampled(Loop(process, equal), t, limits=limits, **inputs)
+    assert wound.overshoot() > 1.5 * reset.overshoot()
+
+
+def test_quantisation_by_hand():
+    """P control of an integrator; 2.5 quanta go to 2, and the measurement has steps of its own."""
+    loop = Loop(pidalab.ipdt(1.0, 0.0), 0.5)
+    out = simulate_sampled(loop, np.arange(5.0), 1.25, quanta=(0.0, 0.25))
+    assert out.u.tolist() == [0.5, 0.5, 0.0, 0.0, 0.0]  # 2.5, 1.5 and 0.5 quanta
+    assert out.y.tolist() == [0.0, 0.5, 1.0, 1.0, 1.0]
+    out = simulate_sampled(loop, np.arange(4.0), 1.25, quanta=(0.4, 0.0))
+    assert out.u.tolist() == pytest.approx([0.625, 0.5 * 0.45, 0.5 * 0.45, 0.5 * 0.05])
+
+
+def pulses_by_hand(widths, limits, h, delay, load, wanted):
+    """Output of 1/((s + 1)(0.5 s + 1)) at the samples, and its integral: from switch to switch."""
+    A = np.array([[-1.0, 0.0, 0.0], [2.0, -2.0, 0.0], [0.0, 1.0, 0.0]])
+    b, edges = np.array([1.0, 0.0, 0.0]), [(-1.0, 0.0)]  # from when on, which input
+    for k, u in enumerate(wanted):
+        on = round((min(max(u, limits[0]), limits[1]) - limits[0]) / (limits[1] - limits[0]) * widths) / widths
+        edges += [(k * h + delay, limits[1] + load[k])] if on > 0 else []
+        edges += [(k * h + delay + on * h, limits[0] + load[k])] if on < 1 else []
+    x, now, out = np.zeros(3), 0.0, [np.zeros(3)]
+    for k in range(1, len(wanted)):
+        for until in [t for t, _ in edges if now < t < k * h - 1e-12] + [k * h]:
+            w = [value for t, value in edges if t <= (now + until) / 2][-1]
+            augmented = np.zeros((4, 4))
+            augmented[:3, :3], augmented[:3, 3] = A, b * w
+            x = (expm(augmented * (until - now)) @ [*x, 1.0])[:3]
+            now = until
+        out.append(x)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.07, 0.2, 0.47])
+def test_pulses_by_hand(delay):
+    """Proportional control with random set points and loads; widths, levels and every switching time are checked."""
+    h, n, widths, limits, rng = 0.2, 40, 5, (-0.4, 1.1), np.random.default_rng(5)
+    load, r = 0.3 * rng.normal(size=n), rng.uniform(-1.0, 2.0, size=n)
+    plant = Process([1.0], np.convolve([1.0, 1.0], [0.5, 1.0]), delay)
+    out = simulate_sampled(Loop(plant, 0.9), h * np.arange(n), r, load, limits=limits, pulse_widths=widths)
+    states = pulses_by_hand(widths, limits, h, delay, load, 0.9 * (r - out.y))
+    np.testing.assert_allclose(out.y, states[:, 1], atol=1e-9)
+    np.testing.assert_allclose(out.area, states[:, 2], atol=1e-9)
+    levels = np.linspace(*limits, widths + 1)
+    assert np.min(np.abs(out.u[:, None] - levels), axis=1).max() < 1e-12
+    assert {0, widths} < {int(np.argmin(np.abs(u - levels))) for u in out.u}
+
+
+def test_many_short_pulses_are_their_mean():
+    """The pulses of ever shorter samples come to what an actuator does that holds: first order in the ripple."""
+    own = SeriesPIDA(0.8, 0.1, 0.0, 2.0, 0.2, 2, limits=(-0.5, 1.0))
+    loop = Loop(pidalab.sopdt(1.0, 1.0, 1.0, 0.3), own)
+    differences = []
+    for h in (0.04, 0.02, 0.01):
+        t = h * np.arange(round(8.0 / h))
+        held, pulses = (simulate_sampled(loop, t, pulse_widths=widths) for widths in (0, 10000))
+        differences.append(np.max(np.abs(held.y - pulses.y)))
+    assert 1.6 < differences[0] / differences[1] < 2.6
+    assert 1.6 < differences[1] / differences[2] < 2.6
+
+
+PLAIN = Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.4, 8.0))
+RESET = Loop(pidalab.ipdt(1.0, 1.0), SeriesPIDA(0.3, 0.0, 0.0, 1.0, 2.0, 1, limits=(-1.0, 1.0)))
+FINITE = {"limits": (-1.0, 1.0)}
+
+
+@pytest.mark.parametrize(
+    ("loop", "arguments", "error", "message"),
+    [
+        (PLAIN, {"anti_windup": "reset"}, ValueError, "anti_windup must be None, 'clamping' or .* found 'reset'"),
+        (RESET, {"anti_windup": "clamping"}, ValueError, "anti_windup must be None for a SeriesPIDA"),
+        (Loop(PLAIN.process, 0.5), {"anti_windup": "clamping"}, ValueError, "needs a controller with integral action"),
+        (Loop(PLAIN.process, PIDA(0.4, 0.5)), {"anti_windup": "conditioning"}, ValueError, "unstable unless kp/ki"),
+        (Loop(PLAIN.process, control.tf([1], [1, 0])), {"anti_windup": "conditioning"}, ValueError, "found ki = 1, kp"),
+        (RESET, {"limits": (2.0, 3.0)}, ValueError, r"found \(2\.0, 3\.0\) and \(-1\.0, 1\.0\) of the controller"),
+        (PLAIN, {"quanta": 0.1}, TypeError, "quanta must be two numbers"),
+        (PLAIN, {"quanta": (0.1, -0.1)}, ValueError, r"quanta\[1\] must be at least 0, found -0\.1"),
+        (PLAIN, {"quanta": (math.nan, 0.0)}, ValueError, r"quanta\[0\] must be"),
+        (PLAIN, {"pulse_widths": 10}, ValueError, "pulse_widths needs finite limits"),
+        (PLAIN, {"pulse_widths": -1, **FINITE}, ValueError, "pulse_widths must be a whole number, at least 0"),
+        (PLAIN, {"pulse_widths": 2, "quanta": (0.0, 0.1), **FINITE}, ValueError, r"quanta\[1\] must be 0, found 0\.1"),
+        (PLAIN, {"pulse_widths": 2, "plant": Process([1, 2], [1, 1], 1.0), **FINITE}, ValueError, "linear plant"),
+    ],
+    ids=["name", "reset", "proportional", "fast", "integral", "limits", "one", "negative", "nan", "infinite", "minus",
+         "twice", "feedthrough"],
+)  # fmt: skip
+def test_simulate_sampled_complains(loop, arguments, error, message):
+    with pytest.raises(error, match=message):
+        simulate_sampled(**({"loop": loop, "t": [0.0, 1.0, 2.0]} | arguments))
+
+
+def test_noise_gain_is_of_linear_loops():
+    with pytest.raises(ValueError, match=r"loop must be linear, found a controller with limits \(-1\.0, 1\.0\)"):
+        pidalab.noise_gain(RESET, 0.1)
+    loop = FREE["misaligned"]
+    linear = Loop(loop.process, loop.controller.transfer_function())
+    assert pidalab.noise_gain(loop, 0.001) == pytest.approx(pidalab.noise_gain(linear, 0.001), rel=2e-3)
