@@ -271,9 +271,10 @@ WIDE = np.ones(3000)
         ({"prefilter": ([np.nan], [1.0, 1.0])}, ValueError, "prefilter must have finite coefficients"),
         ({"prefilter": 1.0}, TypeError, "prefilter must be two sequences of coefficients, found 1.0"),
         ({"executor": 4}, TypeError, "executor must be a concurrent.futures.Executor or None, found int"),
+        ({"memory": 1e4, "t": 1e-3 * np.arange(9.0)}, MemoryError, r"1e\+03 samples need about 5.12e\+05"),
         ({"chunk": 0}, ValueError, "chunk must be a whole number, at least 1, found 0"),
         ({"parameters": {"kp": WIDE[:, None, None], "kd": WIDE[:, None], "ti": WIDE}}, MemoryError,
-         r"a grid of shape \(3000, 3000, 3000\) needs about 6.48e\+12 bytes .* memory = 2e\+09"),
+         r"a grid of shape \(3000, 3000, 3000\) and .* need about 6.48e\+12 bytes, and memory = 2e\+09"),
     ],
 )  # fmt: skip
 def test_portrait_complains(arguments, error, message):
