@@ -1,8 +1,8 @@
 """Portraits: every measure is that of the loop alone, whoever computes it, and nothing is ever missing."""
 
 import os
-import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+import signal
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
@@ -198,15 +198,26 @@ def test_a_worker_that_fails_is_an_error_that_names_the_sets(many):
         portrait(**task, executor=pool)
 
 
+class Killing(Executor):
+    """An executor that ends a worker, which has some of the tasks then, once half of them are handed over."""
+
+    def __init__(self, inner, victim):
+        self.inner, self.victim, self.tasks = inner, victim, 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        self.tasks += 1
+        if self.tasks == 5:
+            os.kill(self.victim, signal.SIGKILL)
+        return self.inner.submit(fn, *args, **kwargs)
+
+
 def test_dask_finishes_without_a_worker_that_dies(many, dask_client):
     """The cluster hands the dead worker's sets to others."""
-    task, p = many
+    task = many[0] | {"t": 0.001 * np.arange(40_000)}
     executor = dask_client.get_executor(retries=2)
-    victim = executor.submit(lambda: os.getpid()).result()
-    killer = ThreadPoolExecutor(1)
-    stop = killer.submit(lambda: (time.sleep(0.1), os.kill(victim, 9)))
-    assert_same_bits(portrait(**(task | {"t": T}), executor=executor), p)
-    stop.result()
+    victim = executor.submit(os.getpid).result()
+    assert_same_bits(portrait(**task, executor=Killing(executor, victim)), portrait(**task))
+    assert victim not in dask_client.run(os.getpid).values()
 
 
 def test_what_diverges_is_infinite():
@@ -260,9 +271,10 @@ WIDE = np.ones(3000)
         ({"prefilter": ([np.nan], [1.0, 1.0])}, ValueError, "prefilter must have finite coefficients"),
         ({"prefilter": 1.0}, TypeError, "prefilter must be two sequences of coefficients, found 1.0"),
         ({"executor": 4}, TypeError, "executor must be a concurrent.futures.Executor or None, found int"),
+        ({"memory": 1e4, "t": 1e-3 * np.arange(9.0)}, MemoryError, r"1e\+03 samples need about 5.12e\+05"),
         ({"chunk": 0}, ValueError, "chunk must be a whole number, at least 1, found 0"),
         ({"parameters": {"kp": WIDE[:, None, None], "kd": WIDE[:, None], "ti": WIDE}}, MemoryError,
-         r"a grid of shape \(3000, 3000, 3000\) needs about 6.48e\+12 bytes .* memory = 2e\+09"),
+         r"a grid of shape \(3000, 3000, 3000\) and .* need about 6.48e\+12 bytes, and memory = 2e\+09"),
     ],
 )  # fmt: skip
 def test_portrait_complains(arguments, error, message):

@@ -8,7 +8,7 @@ does the same operations in the same order whatever its neighbours are, so a res
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,7 +17,7 @@ from pidalab._check import Array
 from pidalab.simulation.steps import Steps
 
 LANES = 64
-THIRD = 1.0 / 3.0
+SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
 NEGLIGIBLE = 1e-13  # share of the largest error below which a change of its sign inside a sample is not looked for
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
@@ -53,7 +53,7 @@ def run(
     f, f_new = np.zeros((degree, LANES)), np.zeros((degree, LANES))
     error, wanted, integral = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     y, y_old, area_old, u_old = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    largest, mixed = np.zeros(LANES), np.zeros(LANES)
+    curve, plain, largest, mixed = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES, np.int64)
     m = np.zeros((len(MEASURES), LANES))
     for k in range(reference.size):
         after = slot + 1 if slot + 1 < size else 0
@@ -63,7 +63,7 @@ def run(
             y += plant.d * past[after]
         area = x[states - 1]
         if k:
-            _integrate(m, mixed, largest, y_old, y, area_old, area, reference[k - 1], h, h * (k - 1))
+            _integrate(m, curve, plain, mixed, largest, y_old, y, area_old, area, reference[k - 1], h, h * (k - 1))
         _follow(m[TV_Y], m[Y_MIN], m[Y_MAX], y, y_old)
         area_old[:] = area
 
@@ -81,6 +81,7 @@ def run(
             state, previous, gamma, c = z[row], z[row - 1 if row else order], own.gamma[row], own.c[row]
             for i in range(LANES):
                 wanted[i] += c[i] * state[i]
+            for i in range(LANES):
                 state[i] = own.stay[i] * state[i] + own.move[i] * previous[i] + gamma[i] * error[i]
         u = past[slot]
         for i in range(LANES):
@@ -134,15 +135,20 @@ def _follow(variation: Array, least: Array, most: Array, value: Array, old: Arra
     """Take a new value into total variation and extremes."""
     for i in range(LANES):
         variation[i] += abs(value[i] - old[i])
+    for i in range(LANES):
         least[i] = min(least[i], value[i])
+    for i in range(LANES):
         most[i] = max(most[i], value[i])
+    for i in range(LANES):
         old[i] = value[i]
 
 
 @njit(inline="always")
 def _integrate(
     m: Array,
-    mixed: Array,
+    curve: Array,
+    plain: Array,
+    mixed: Any,
     largest: Array,
     y_old: Array,
     y: Array,
@@ -153,34 +159,37 @@ def _integrate(
     start: float,
 ) -> None:
     """Take a sample interval into the integrals of the error, by the parabolas of `Response`, over h."""
-    rate = 1.0 / h
+    for i in range(LANES):
+        curve[i] = 3.0 * (r - y_old[i] + r - y[i]) - 6.0 * (r - (area[i] - area_old[i]) / h)
+    for i in range(LANES):
+        plain[i] = 0.5 * (r - y_old[i] + r - y[i]) - SIXTH * curve[i]
+    for i in range(LANES):
+        m[IE, i] += plain[i]
+    for i in range(LANES):
+        m[IAE, i] += abs(plain[i])
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
-        curve = 3.0 * (first + last) - 6.0 * (r - (area[i] - area_old[i]) * rate)
-        slope = last - first - curve
-        plain = first + 0.5 * slope + THIRD * curve
-        rising = 0.5 * first + THIRD * slope + 0.25 * curve
-        square = slope * (THIRD * slope + 0.5 * curve) + curve * (2.0 * THIRD * first + 0.2 * curve)
-        m[IE, i] += plain
-        m[IAE, i] += abs(plain)
-        m[ISE, i] += first * (first + slope) + square
-        m[ITAE, i] += abs(start * plain + h * rising)
-        top = max(abs(first), abs(last))
-        largest[i] = max(largest[i], top)
-        # The parabola is within |curve|/4 of its chord: no change of sign if both ends are farther from 0.
-        near = abs(first + last) - abs(first - last) <= 0.5 * abs(curve)
-        mixed[i] = 1.0 if near and top > NEGLIGIBLE * largest[i] else 0.0
-    count = 0.0
+        m[ITAE, i] += abs(start * plain[i] + h * (SIXTH * (first + 2.0 * last) - 0.5 * SIXTH * curve[i]))
     for i in range(LANES):
-        count += mixed[i]
-    if count > 0:
-        for i in range(LANES):
-            if mixed[i] > 0:
-                first, last = r - y_old[i], r - y[i]
-                curve = 3.0 * (first + last) - 6.0 * (r - (area[i] - area_old[i]) * rate)
-                plain, weighted = _beyond(first, last - first - curve, curve, h, start)
-                m[IAE, i] += plain
-                m[ITAE, i] += weighted
+        first, last = r - y_old[i], r - y[i]
+        bent = curve[i] * (0.2 * curve[i] - first - last)
+        m[ISE, i] += SIXTH * (2.0 * (first * first + first * last + last * last) + bent)
+    for i in range(LANES):
+        largest[i] = max(largest[i], max(abs(r - y_old[i]), abs(r - y[i])))
+    for i in range(LANES):
+        # The parabola is within |curve|/4 of its chord: no change of sign if both ends are farther from 0.
+        first, last = r - y_old[i], r - y[i]
+        near = abs(first + last) - abs(first - last) <= 0.5 * abs(curve[i])
+        mixed[i] = near & (max(abs(first), abs(last)) > NEGLIGIBLE * largest[i])
+    some = 0
+    for i in range(LANES):
+        some += mixed[i]
+    for i in range(LANES if some else 0):
+        if mixed[i]:
+            first, last = r - y_old[i], r - y[i]
+            more, weighted = _beyond(first, last - first - curve[i], curve[i], h, start)
+            m[IAE, i] += more
+            m[ITAE, i] += weighted
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

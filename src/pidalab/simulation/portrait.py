@@ -123,7 +123,7 @@ def portrait(
     progress : bool, optional
         Whether to show a progress bar.
     memory : float, optional
-        Bytes that the results may take.
+        Bytes that the results, and the past of a group of loops over the dead time, may take; 2 GB by default.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def portrait(
         range or do not fit together, a sample time above a filter's time constant, an unstable prefilter, what
         `simulate_sampled` refuses, and a load or a set point that no control signal within the limits can hold.
     MemoryError
-        For a grid whose results would take more than `memory`.
+        For a grid, or a dead time in samples, that would take more than `memory`; before anything is computed.
     RuntimeError
         If a worker is lost, or fails, with the sets that are missing.
 
@@ -169,11 +169,12 @@ def portrait(
     task = Task(loop.process, limits_at_rest(loop, limits), t.size, float(t[-1] / (t.size - 1)), **signals)
     plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))  # complains about the plant
     bank = Bank.of(loop, parameters, prefilter)
-    need = 8.0 * math.prod(bank.shape) * 2 * len(Portrait._fields)
-    if need > memory:
+    numbers = 2 * math.prod(bank.shape) * len(Portrait._fields) + lanes.LANES * task.process.delay / task.h
+    if 8.0 * numbers > _check.real("memory", memory, above=0.0):
         raise MemoryError(
-            f"a grid of shape {bank.shape} needs about {need:.3g} bytes for its measures, and memory = {memory:.3g} "
-            "are allowed; take fewer sets, one portrait after the other, or allow more"
+            f"a grid of shape {bank.shape} and a dead time of {task.process.delay / task.h:.3g} samples need about "
+            f"{8.0 * numbers:.3g} bytes, and memory = {memory:.3g} are allowed; take fewer sets, one portrait after "
+            "the other, or allow more"
         )
     bank.require_valid()
     require_fine_enough(task.h, bank.shortest_filter())

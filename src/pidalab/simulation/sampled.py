@@ -54,8 +54,9 @@ def simulate_sampled(
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`, fed
     back positively from the limited signal (huba2024, Fig. 1, eqs. (3), (8)). Its filter :math:`Q_n` acts on the
-    difference of filtered set point and measurement, here as everywhere; the paper does not say whether it filters the
-    set point too.
+    difference of filtered set point and measurement, here as everywhere. The paper does not say whether it filters the
+    set point too; a prefilter with :math:`(T_f s + 1)^n` in its numerator, and a fast lag that keeps it proper, undoes
+    that.
 
     Parameters
     ----------
