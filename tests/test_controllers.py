@@ -237,3 +237,31 @@ def test_bad_parameters_name_the_argument(kind, good, name, value, message):
 def test_a_gain_that_is_no_number(value):
     with pytest.raises(TypeError, match="kp must be a real number, found"):
         pidalab.PIDA(value, 1.0, 0.0, 0.0).transfer_function()
+
+
+def test_reset_signal_is_a_lag_behind_the_limited_signal():
+    """Against the recursion by hand, and at the end of a limited loop it is the load with its sign changed."""
+    C = pidalab.SeriesPIDA(0.05, 0.24, 0.09, ti=0.42, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
+    t = 0.01 * np.arange(6001)
+    u = pidalab.simulate_sampled(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), C), t, setpoint=0.0, load=1.0).u
+    state, expected = 0.0, []
+    for value in u:
+        expected.append(state)
+        state += (1 - np.exp(-0.01 / 0.42)) * (value - state)
+    found = C.reset_signal(u, 0.01)
+    assert found == pytest.approx(expected, abs=1e-12)
+    assert found[-1] == pytest.approx(-1.0, abs=1e-4)
+    assert found.min() > -1.1
+
+
+@pytest.mark.parametrize(
+    ("u", "sample_time", "message"),
+    [
+        ([[1.0]], 0.1, "u must be one-dim"),
+        ([1.0, np.nan], 0.1, "u must be finite"),
+        ([1.0], 0.0, "sample_time must be"),
+    ],
+)
+def test_reset_signal_refuses(u, sample_time, message):
+    with pytest.raises(ValueError, match=message):
+        pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).reset_signal(u, sample_time)

@@ -14,8 +14,10 @@ from typing import Any
 import control
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 
 from pidalab import _check
+from pidalab._check import Array
 from pidalab.forms import IdealGains
 from pidalab.process import binomial
 
@@ -450,3 +452,36 @@ class SeriesPIDA(Controller):
         """
         den = np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0])
         return _without_common_s(np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]), den)
+
+    def reset_signal(self, u: ArrayLike, sample_time: float) -> Array:
+        """State of the automatic reset, a lag behind the limited control signal: eq. (3).
+
+        With an integrating process at rest it is the load with its sign changed, so its negative estimates the load.
+
+        Parameters
+        ----------
+        u : array_like, shape (n,)
+            Limited control signal, held from each sample to the next; it rests at 0 before the first.
+        sample_time : float
+            Time from sample to sample, above 0.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The state at the samples, without error for a held signal.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a signal that is not a vector of finite numbers, and a sample time that is not above 0.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1)
+        >>> C.reset_signal([1.0, 1.0, 1.0], sample_time=2.0)
+        array([0.   , 0.632, 0.865])
+        """
+        u = _check.vector("u", u)
+        a = math.exp(-_check.real("sample_time", sample_time, above=0.0) / self.ti)
+        return np.asarray(lfilter([0.0, 1.0 - a], [1.0, -a], u))
