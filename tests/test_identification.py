@@ -244,6 +244,19 @@ def test_ramp_is_the_nearest_one():
     assert found == pytest.approx(best.x, rel=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(30))
+def test_ramp_is_the_nearest_one_of_any_record(seed):
+    """Also where it begins at a sample, or at 0: beside a fine grid of beginnings."""
+    rng = np.random.default_rng(seed)
+    t = 0.3 * np.arange(rng.integers(5, 40))
+    y = np.cumsum(rng.normal(size=t.size)) + rng.normal(size=t.size)
+    ramps = np.maximum(t - np.linspace(0.0, t[-3], 3001)[:, None], 0.0)
+    slopes = ramps @ y / np.sum(ramps**2, axis=1)
+    least = np.min(np.sum((y - slopes[:, None] * ramps) ** 2, axis=1))
+    slope, delay = _hinge(t, y)
+    assert np.sum((y - slope * np.maximum(t - delay, 0.0)) ** 2) <= least * (1 + 1e-9)
+
+
 def test_least_squares_stays_right_in_noise():
     """Where the tangent finds five times the gain, one per cent of noise moves the fit by about one per cent."""
     clean = ipdt_least_squares(T, FOURTH)

@@ -346,7 +346,9 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     slope = (count[i] * sty[i] - st[i] * sy[i]) / spread
     with np.errstate(divide="ignore", invalid="ignore"):  # where the line through the samples meets the level of rest
         free = (st[i] - sy[i] / slope) / count[i]
-    delay = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
+    inside = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
+    # the gain may have its only minimum between that line and the samples: then the other end is better
+    delay, i = np.concatenate([inside, t[i - 1], t[i]]), np.tile(i, 3)
     slopes, gains = gain(delay, i)
     best = int(np.argmax(gains))
     return float(slopes[best]), float(delay[best])
