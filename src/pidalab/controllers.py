@@ -393,8 +393,8 @@ class SeriesPIDA(Controller):
 
     Raises
     ------
-    ValueError
-        For a value outside the range above, or limits in the wrong order.
+    TypeError, ValueError
+        For a value outside the range above, and limits that are not two numbers in order.
 
     Examples
     --------
@@ -416,8 +416,7 @@ class SeriesPIDA(Controller):
         _store(self, ("kp", "kd", "ka"))
         _store(self, ("ti", "filter_time"), above=0.0)
         _check.integer("filter_order", self.filter_order, at_least=2 if self.ka else 1 if self.kd else 0)
-        if not (isinstance(self.limits, tuple) and len(self.limits) == 2 and self.limits[0] < self.limits[1]):
-            raise ValueError(f"limits must be (lower, upper) with lower < upper, found {self.limits!r}")
+        object.__setattr__(self, "limits", _check.limits(self.limits))
 
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered, unlimited controller, eq. (5) multiplied out.
@@ -483,5 +482,5 @@ class SeriesPIDA(Controller):
         array([0.   , 0.632, 0.865])
         """
         u = _check.vector("u", u)
-        a = math.exp(-_check.real("sample_time", sample_time, above=0.0) / self.ti)
-        return np.asarray(lfilter([0.0, 1.0 - a], [1.0, -a], u))
+        new = -math.expm1(-_check.real("sample_time", sample_time, above=0.0) / self.ti)
+        return np.asarray(lfilter([0.0, new], [1.0, new - 1.0], u))
