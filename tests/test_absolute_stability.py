@@ -65,6 +65,15 @@ def test_lag_with_dead_time(ratio):
     assert math.pi / 2 < ratio * w + math.atan(w) < 1.5 * math.pi
 
 
+def test_integrator_alone():
+    """Re[1 + (1 + jωθ) k/jω] = 1 + θk, whatever ω is."""
+    loop = pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.25)
+    assert circle(loop).margin == 1.0
+    best = popov(loop)
+    assert best.holds
+    assert best.margin == pytest.approx(1 + 0.5 * best.multiplier)
+
+
 def test_lag_with_long_dead_time_tends_to_gain_one():
     margins = [circle(pidalab.Loop(pidalab.fopdt(1.0, 1.0, delay=x), 1.0)).margin for x in (1.0, 10.0, 100.0)]
     assert margins == sorted(margins, reverse=True)

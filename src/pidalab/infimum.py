@@ -132,7 +132,8 @@ class _Function:
     def scales(self) -> Array:
         """Frequencies at which something happens."""
         roots = np.abs(np.array([*self.zeros, *self.poles, 1 / self.part.reset_time]))
-        return np.append(roots[roots > 0], [1 / self.delay] if self.delay else [])
+        found = np.append(roots[roots > 0], [1 / self.delay] if self.delay else [])
+        return found if found.size else np.array([abs(self.part.gain)])  # nothing but an integrator
 
 
 def _majorant(
