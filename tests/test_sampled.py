@@ -242,6 +242,11 @@ def test_wide_limits_change_nothing():
 
 
 RESET = pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(-1.0, 1.0))
+RUNAWAY = {
+    "loop": Loop(Process([1.0], [1.0, -1.0], 0.2), PIDA(0.1, 1.0)),
+    "t": 0.5 * np.arange(4001),
+    "limits": (-1.0, 1.0),
+}
 
 
 @pytest.mark.parametrize(
@@ -262,9 +267,11 @@ RESET = pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(-1.0, 1.0))
         ({"plant": Process([1.0, 2.0], [1.0, 1.0])}, ValueError, "answers within the sample"),
         ({"loop": Loop(pidalab.ipdt(1.0, 1.0), RESET)}, ValueError, r"the sample time must be .* \(0\.1\), found 1;"),
         ({"loop": Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), "t": np.arange(3e3)}, ValueError, "leaves the range of"),
+        (RUNAWAY, ValueError, "leaves the range of"),
+        (RUNAWAY | {"pulse_widths": 10}, ValueError, "leaves the range of"),
     ],
     ids=["loop", "uneven", "late", "short", "nan", "text", "order", "zero", "nan-limit", "number", "three", "plant",
-         "feedthrough", "reset", "overflow"],
+         "feedthrough", "reset", "overflow", "overflow-limited", "overflow-pulses"],
 )  # fmt: skip
 def test_simulate_sampled_complains(arguments, error, message):
     with pytest.raises(error, match=message):

@@ -132,7 +132,7 @@ def simulate_sampled(
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
     filtered = _filtered(digital(*loop.blocks["prefilter"], h), r)
     y, u, area = _run(controller, steps, actuator, fineness, filtered, d, n)
-    lost = ~np.isfinite(y + u + area)
+    lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
         raise ValueError(f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}")
     return Response(t=t, r=r, d=d, n=n, y=y, u=u, area=area)
@@ -232,7 +232,8 @@ def _run(
             u[k] = min(max(rounded, actuator.low), actuator.high)
             v[k + before] = u[k] + load[k]
         elif actuator.widths > 0:
-            parts = int(np.rint((limited - actuator.low) / span * actuator.widths))
+            share = (limited - actuator.low) / span
+            parts = int(np.rint(share * actuator.widths)) if 0 <= share <= 1 else 0  # not so after an overflow: nan
             u[k] = actuator.low + span * parts / actuator.widths
             v[k + before], width[k + before] = actuator.low + load[k], parts
         _advance(block.A, block.b, z, error, z_new)
