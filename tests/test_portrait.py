@@ -235,6 +235,11 @@ def test_shape_of_the_grid():
     assert portrait(LOOP, {}, T[:50], load=1.0).iae.shape == ()
 
 
+def test_one_row_of_a_table_is_a_set():
+    row = pd.DataFrame({"ti": [0.5, 0.6], "kp": [0.1, 0.2]}).iloc[1]
+    assert portrait(LOOP, row, T[:100], load=1.0).iae == portrait(LOOP, {"ti": 0.6, "kp": 0.2}, T[:100], load=1.0).iae
+
+
 def test_progress_bar(capsys):
     portrait(LOOP, GRID, T[:50], load=1.0, progress=True)
     assert "18/18" in capsys.readouterr().err
@@ -254,6 +259,8 @@ WIDE = np.ones(3000)
         ({"parameters": [1.0]}, TypeError, "parameters must be a mapping or a DataFrame .* found list"),
         ({"parameters": {"Kp": [1.0]}}, ValueError, "parameters must be among kp, kd, .* found 'Kp'"),
         ({"parameters": {"kp": ["a"]}}, TypeError, r"parameters\['kp'\] must be an array of real numbers"),
+        ({"parameters": {"kp": [[1.0], [1.0, 2.0]]}}, TypeError, r"parameters\['kp'\] must be .* different lengths"),
+        ({"prefilter": control.tf(1, [1, 1])}, TypeError, "prefilter must be two sequences of coefficients"),
         ({"parameters": {"kp": []}}, ValueError, r"at least one set, found a grid of shape \(0,\)"),
         ({"parameters": {"kp": [1.0, 2.0], "kd": [1, 2, 3]}}, ValueError, r"broadcast together, found .*'kd': \(3,\)"),
         ({"parameters": {"kp": [1.0, np.nan]}}, ValueError, "kp must be finite and not 0, found nan at index 1"),

@@ -43,10 +43,10 @@ class Bank(NamedTuple):
         own = loop.controller
         assert isinstance(own, SeriesPIDA)
         values = {name: np.asarray(getattr(own, name)) for name in ALLOWED}
-        for name in parameters:
+        for name, given in dict(parameters).items():  # not what iterates: a Series of pandas has its values there
             if name not in ALLOWED:
                 raise ValueError(f"parameters must be among {', '.join(ALLOWED)}, found {name!r}")
-            values[name] = _real(f"parameters[{name!r}]", parameters[name])
+            values[name] = _real(f"parameters[{name!r}]", given)
         num, den = ([np.asarray(x) for x in part] for part in loop.blocks["prefilter"])
         if prefilter is not None:
             num, den = _coefficients(loop, prefilter)
@@ -106,10 +106,13 @@ class Bank(NamedTuple):
 
 
 def _real(name: str, value: ArrayLike) -> Array:
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise TypeError(f"{name} must be an array of real numbers, found rows of different lengths") from None
     if array.dtype.kind not in "iuf":
         raise TypeError(f"{name} must be an array of real numbers, found {array.dtype}")
-    return array.astype(float)
+    return array.astype(float, copy=False)
 
 
 def _coefficients(loop: Loop, prefilter: tuple) -> tuple[list[Array], list[Array]]:
@@ -117,6 +120,8 @@ def _coefficients(loop: Loop, prefilter: tuple) -> tuple[list[Array], list[Array
     if loop.prefilter is not None:
         raise ValueError(f"prefilter must be given once: the loop has one already, found {loop.prefilter!r}")
     try:
+        if not isinstance(prefilter, (tuple, list)):  # iterating over a transfer function is an error of its own kind
+            raise TypeError
         num, den = prefilter
         num, den = ([_real("prefilter", x) for x in part] for part in (num, den))
     except (TypeError, ValueError):
