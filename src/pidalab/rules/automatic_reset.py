@@ -206,7 +206,7 @@ class Design:
         return control.TransferFunction(binomial(self.lead, 1) if self.lead else [1.0], den)
 
     def loop(self, process: Process | None = None) -> Loop:
-        """Close the loop; it is that of the paper while the limits are not reached.
+        """Close the loop; `pidalab.simulate_sampled` runs it with its limits, all else sees it between them.
 
         The filter is a part of the controller here, so the set point passes it too; the paper does not say whether it
         does. The load and the noise do not see the difference.
