@@ -7,32 +7,31 @@ Data flow down one corridor, and every chapter of the book walks it::
 
 from importlib.metadata import version
 
-from pidalab import absolute_stability, areas, identification, ledger, moments, plots, reduction, rules, twins
+from pidalab import areas, identification, ledger, plots, reduction, robustness, rules, twins
 from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
 from pidalab.loop import Loop
-from pidalab.margins import (
+from pidalab.plants import AsymmetricPlant
+from pidalab.process import Process, fopdt, ipdt, lags, sopdt
+from pidalab.response import Response
+from pidalab.robustness.margins import (
     Margins,
     gain_crossovers,
     margins,
     max_sensitivity,
     phase_crossovers,
 )
-from pidalab.process import Process, fopdt, ipdt, lags, sopdt
-from pidalab.response import Response
+from pidalab.robustness.poles import is_stable, rightmost_poles, unstable_poles
 from pidalab.simulation import (
-    AsymmetricPlant,
-    Portrait,
     load_response,
     noise_gain,
     open_loop_step,
-    portrait,
     simulate,
     simulate_ensemble,
     simulate_sampled,
     step_response,
     uniform_noise,
 )
-from pidalab.stability import is_stable, rightmost_poles, unstable_poles
+from pidalab.simulation.portrait import Portrait, portrait
 
 __version__ = version("pidalab")
 
@@ -47,7 +46,6 @@ __all__ = [
     "Process",
     "Response",
     "SeriesPIDA",
-    "absolute_stability",
     "areas",
     "fopdt",
     "gain_crossovers",
@@ -59,7 +57,6 @@ __all__ = [
     "load_response",
     "margins",
     "max_sensitivity",
-    "moments",
     "noise_gain",
     "open_loop_step",
     "phase_crossovers",
@@ -67,6 +64,7 @@ __all__ = [
     "portrait",
     "reduction",
     "rightmost_poles",
+    "robustness",
     "rules",
     "simulate",
     "simulate_ensemble",

@@ -16,9 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pidalab._check import Array
-from pidalab.infimum import LinearPart
 from pidalab.loop import Loop
 from pidalab.response import Response
+from pidalab.robustness._infimum import LinearPart
 
 STYLE: dict[str, Any] = {
     "figure.dpi": 100,
@@ -294,7 +294,7 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
     ax : Axes
         Where to draw.
     parts : mapping of str to LinearPart
-        Curves by their labels, from `pidalab.absolute_stability.linear_part`.
+        Curves by their labels, from `pidalab.robustness.linear_part`.
     frequencies : ndarray, shape (n,)
         In rad per time unit.
 
@@ -303,7 +303,7 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
     >>> import numpy as np, pidalab
     >>> import matplotlib.pyplot as plt
     >>> figure, ax = plt.subplots()
-    >>> part = pidalab.absolute_stability.linear_part(pidalab.Loop(pidalab.lags(3), 3.0))
+    >>> part = pidalab.robustness.linear_part(pidalab.Loop(pidalab.lags(3), 3.0))
     >>> pidalab.plots.circle_locus(ax, {"lags": part}, np.logspace(-2, 2, 200))
     """
     for label, part in parts.items():
@@ -324,11 +324,11 @@ def popov_plot(
     ax : Axes
         Where to draw.
     parts : mapping of str to LinearPart
-        Curves by their labels, from `pidalab.absolute_stability.linear_part`.
+        Curves by their labels, from `pidalab.robustness.linear_part`.
     frequencies : ndarray, shape (n,)
         In rad per time unit.
     multipliers : mapping of str to float, optional
-        θ by label, as `pidalab.absolute_stability.popov` finds it: a thin line in the colour of the curve passes
+        θ by label, as `pidalab.robustness.popov` finds it: a thin line in the colour of the curve passes
         through -1 with the slope 1/θ.
 
     Examples
@@ -337,8 +337,8 @@ def popov_plot(
     >>> import matplotlib.pyplot as plt
     >>> figure, ax = plt.subplots()
     >>> loop = pidalab.Loop(pidalab.lags(3), 7.0)
-    >>> parts = {"lags": pidalab.absolute_stability.linear_part(loop)}
-    >>> theta = {"lags": pidalab.absolute_stability.popov(loop).multiplier}
+    >>> parts = {"lags": pidalab.robustness.linear_part(loop)}
+    >>> theta = {"lags": pidalab.robustness.popov(loop).multiplier}
     >>> pidalab.plots.popov_plot(ax, parts, np.logspace(-2, 2, 200), theta)
     >>> len(ax.lines)
     3

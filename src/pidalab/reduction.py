@@ -16,9 +16,9 @@ from scipy.optimize import brentq
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.frequency import grid
 from pidalab.loop import Loop
 from pidalab.process import Process, fopdt, sopdt
+from pidalab.robustness._grid import grid
 
 SMALLEST = 1e-9  # of tau wu in the first, of (tau wu)^4 in the second order: below, the lag is rounding
 

@@ -16,9 +16,10 @@ from scipy.optimize import brentq
 from pidalab import _check
 from pidalab.identification import ipdt_tangent
 from pidalab.loop import Loop
+from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, binomial
 from pidalab.response import Response
-from pidalab.simulation import AsymmetricPlant, open_loop_step, simulate_sampled
+from pidalab.simulation import open_loop_step, simulate_sampled
 
 RECORD = 15.0  # length of the step record in apparent dead times; the steepest point comes long before
 FINENESS = 400  # its samples in an apparent dead time; the tangent is then right to six digits

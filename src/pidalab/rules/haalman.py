@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 from pidalab import _check
 from pidalab.controllers import PIDA
 from pidalab.loop import Loop
-from pidalab.margins import gain_crossovers, max_sensitivity
 from pidalab.process import Process, binomial
-from pidalab.stability import is_stable
+from pidalab.robustness.margins import gain_crossovers, max_sensitivity
+from pidalab.robustness.poles import is_stable
 
 LOWEST, HIGHEST = -25.0, 25.0  # logarithms of the gains between which Ms is searched
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)

@@ -31,8 +31,8 @@ from pidalab import _check
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, ipdt
+from pidalab.robustness.poles import is_stable
 from pidalab.rules._models import integrator
-from pidalab.stability import is_stable
 
 
 class Constants(NamedTuple):

@@ -2,17 +2,12 @@
 
 from pidalab.simulation.exact import load_response, open_loop_step, simulate, simulate_ensemble, step_response
 from pidalab.simulation.noise import noise_gain, uniform_noise
-from pidalab.simulation.plants import AsymmetricPlant
-from pidalab.simulation.portrait import Portrait, portrait
 from pidalab.simulation.sampled import simulate_sampled
 
 __all__ = [
-    "AsymmetricPlant",
-    "Portrait",
     "load_response",
     "noise_gain",
     "open_loop_step",
-    "portrait",
     "simulate",
     "simulate_ensemble",
     "simulate_sampled",

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.robustness.poles import is_stable
 from pidalab.simulation.sampled import simulate_sampled
-from pidalab.stability import is_stable
 
 FIRST, MOST = 4096, 1 << 20  # samples of a response to noise, at first and at most
 FADED = 1e-12  # share of the squares that the second half of such a response may hold

@@ -23,8 +23,8 @@ from pidalab.loop import Loop, open_loop
 from pidalab.process import Process
 from pidalab.simulation import lanes
 from pidalab.simulation.bank import Bank, controllers
-from pidalab.simulation.digital import require_fine_enough
 from pidalab.simulation.sampled import limits_at_rest
+from pidalab.simulation.sampled_controller import require_fine_enough
 from pidalab.simulation.steps import Actuator, plant_steps
 
 TASKS = 64  # by default the sets go to the workers in about so many chunks

@@ -27,10 +27,11 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import SeriesPIDA
 from pidalab.loop import Loop, open_loop
+from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.simulation.digital import Digital, digital_controller
-from pidalab.simulation.plants import AsymmetricPlant, StateSpace, digital
+from pidalab.simulation.sampled_controller import SampledController, sampled_controller
+from pidalab.simulation.statespace import StateSpace, discretise
 from pidalab.simulation.steps import Actuator, Steps, plant_steps
 
 
@@ -127,10 +128,10 @@ def simulate_sampled(
     t = _check.uniform_time("t", t)
     r, d, n = (_check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise)))
     h = float(t[-1] / (t.size - 1))
-    controller = digital_controller(loop, h, anti_windup)
+    controller = sampled_controller(loop, h, anti_windup)
     fineness, actuator = _conversion(*limits_at_rest(loop, limits), quanta, pulse_widths)
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
-    filtered = _filtered(digital(*loop.blocks["prefilter"], h), r)
+    filtered = _filtered(discretise(*loop.blocks["prefilter"], h), r)
     y, u, area = _run(controller, steps, actuator, fineness, filtered, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
@@ -200,7 +201,13 @@ def _filtered(block: StateSpace, signal: Array) -> Array:
 
 @njit(cache=True)
 def _run(
-    controller: Digital, plant: Steps, actuator: Actuator, fineness: float, reference: Array, load: Array, noise: Array
+    controller: SampledController,
+    plant: Steps,
+    actuator: Actuator,
+    fineness: float,
+    reference: Array,
+    load: Array,
+    noise: Array,
 ) -> tuple[Array, Array, Array]:
     """Run the loop; `reference` is the filtered set point. Returns y, u and the integral of y."""
     n, before, block = reference.size, plant.ago[0], controller.block

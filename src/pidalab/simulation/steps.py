@@ -6,12 +6,27 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from pidalab._check import Array
-from pidalab.process import Process
-from pidalab.simulation.plants import AsymmetricPlant, PlantStates, held, plant_states
+from pidalab.plants import AsymmetricPlant
+from pidalab.process import Process, rational
+from pidalab.simulation.statespace import StateSpace, held, realise
 
 ALIGNED = 1e-9  # share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
+
+
+class PlantStates(NamedTuple):
+    """Two systems that share a state: number 1 holds while the first state rises towards w, number 0 otherwise.
+
+    A linear plant is the same twice.
+    """
+
+    A: Array  # (2, n, n)
+    b: Array  # (2, n)
+    c: Array  # (n,)
+    d: float
+    delay: float
 
 
 class Steps(NamedTuple):
@@ -32,6 +47,27 @@ class Actuator(NamedTuple):
     high: float
     quantum: float  # 0 for none
     widths: int  # number of pulse widths above 0; 0 for an actuator that holds
+
+
+def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
+    """Realise a plant; its last state is the running integral of its output."""
+    if isinstance(plant, Process):
+        one = realise(plant.num, plant.den)
+        systems, c, d = [(one.A, one.b)] * 2, one.c, one.d
+    else:
+        main, direct = (realise(*rational(name, getattr(plant, name))) for name in ("main", "direct"))
+        systems = [_with_store(main, direct, time) for time in (plant.fall, plant.rise)]
+        c, d = np.concatenate([[main.d], main.c, direct.c]), direct.d
+    A = np.stack([np.block([[A, np.zeros((b.size, 1))], [c[None, :], np.zeros((1, 1))]]) for A, b in systems])
+    b = np.stack([np.append(b, d) for _, b in systems])
+    return PlantStates(A, b, np.append(c, 0.0), d, plant.delay)
+
+
+def _with_store(main: StateSpace, direct: StateSpace, time: float) -> tuple[Array, Array]:
+    """Put the store in front of the main path, and the other path beside it."""
+    A = block_diag(-1 / time, main.A, direct.A)
+    A[1 : 1 + main.b.size, 0] = main.b
+    return A, np.concatenate([[1 / time], np.zeros(main.b.size), direct.b])
 
 
 def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) -> Steps:

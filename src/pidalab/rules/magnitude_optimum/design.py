@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_discrete_lyapunov
 
-from pidalab import _check, series
+from pidalab import _check
 from pidalab._check import Array
+from pidalab.areas import MeasuredAreas
+from pidalab.areas import _power_series as series
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
-from pidalab.moments import MeasuredAreas
 from pidalab.process import Process, binomial
+from pidalab.robustness.poles import is_stable
 from pidalab.rules.magnitude_optimum.system import (
     areas_of,
     measured_uncertainty,
@@ -23,8 +25,7 @@ from pidalab.rules.magnitude_optimum.system import (
     sensitivity,
     solved,
 )
-from pidalab.simulation.plants import digital
-from pidalab.stability import is_stable
+from pidalab.simulation.statespace import discretise
 
 UNSURE = 1.0  # relative uncertainty at which a gain from a record is refused
 
@@ -232,6 +233,6 @@ def filtered_noise_gain(
     """H2 norm of the sampled form of eq. (21), for noise that is held."""
     h = _check.real("sample_time", sample_time, above=0.0)
     top = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
-    block = digital(np.array(top[::-1]), binomial(filter_time, n), h)
+    block = discretise(np.array(top[::-1]), binomial(filter_time, n), h)
     spread = solve_discrete_lyapunov(block.A, np.outer(block.b, block.b)) if block.b.size else np.zeros((0, 0))
     return math.sqrt(block.c @ spread @ block.c + block.d**2)

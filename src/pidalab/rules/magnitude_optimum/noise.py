@@ -9,8 +9,9 @@ from collections.abc import Callable
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from pidalab import _check, series
-from pidalab.moments import MeasuredAreas
+from pidalab import _check
+from pidalab.areas import MeasuredAreas
+from pidalab.areas import _power_series as series
 from pidalab.process import Process
 from pidalab.rules.magnitude_optimum.design import Design, filtered_noise_gain, tune
 from pidalab.rules.magnitude_optimum.system import areas_of, solved, time_scale

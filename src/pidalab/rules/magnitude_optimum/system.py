@@ -8,10 +8,10 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pidalab import _check, series
+from pidalab import _check
 from pidalab._check import Array
-from pidalab.areas import exact
-from pidalab.moments import MeasuredAreas
+from pidalab.areas import MeasuredAreas, exact
+from pidalab.areas import _power_series as series
 from pidalab.process import Process
 
 LOST = 1e-3  # relative error that rounding the areas may make in a gain

@@ -7,8 +7,8 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import pidalab
-from pidalab import areas, moments
-from pidalab.moments import RecordWarning
+from pidalab import areas
+from pidalab.areas import RecordWarning, measured
 
 G1, G2 = pidalab.lags(4), pidalab.lags(2, delay=0.5)
 
@@ -27,7 +27,7 @@ def driven(process, t, u):
 @pytest.mark.parametrize("h", [0.002, 0.05])
 def test_step(process, h):
     """The output starts smoothly, and so a coarse record is as good. What is left is rounding of y."""
-    found = moments.areas(*step_record(process, h=h), 10, start=(0.0, 0.0))
+    found = areas.from_record(*step_record(process, h=h), 10, start=(0.0, 0.0))
     assert found.values == pytest.approx(areas.from_process(process, 10), rel=1e-5)
     assert found.settled
 
@@ -36,7 +36,7 @@ def test_step(process, h):
 def test_step_with_a_slope_at_the_beginning(h):
     """An output that starts with a slope, here -1/2: A_1 misses h^2/12 of it."""
     process = pidalab.Process([-0.5, 2.0], [1.0, 2.0, 1.0])
-    found = moments.areas(*step_record(process, h=h), 2, start=(0.0, 0.0)).values
+    found = areas.from_record(*step_record(process, h=h), 2, start=(0.0, 0.0)).values
     assert found == pytest.approx([2.0, 4.5 - h**2 / 24], rel=1e-6)
 
 
@@ -45,7 +45,7 @@ def test_units_and_levels():
     t, _, y = step_record(G2)
     u = np.where(t < 4.0, 30.0, 26.0)
     y = 70.0 - 4.0 * 2.5 * np.concatenate([np.zeros(400), y[:-400]])
-    found = moments.areas(60 * t, u, y, 6)
+    found = areas.from_record(60 * t, u, y, 6)
     assert found.values == pytest.approx(2.5 * areas.from_process(G2, 6) * 60.0 ** np.arange(6), rel=1e-8)
     assert (found.input_levels, found.output_levels) == (pytest.approx((30, 26)), pytest.approx((70, 60)))
     assert found.gain == pytest.approx(2.5)
@@ -55,7 +55,7 @@ def test_units_and_levels():
 def test_any_change_of_a_held_input():
     t = 0.01 * np.arange(6001)
     u = np.select([t < 1, t < 3, t < 3.5, t < 8], [2.0, 5.0, -1.0, 4.0], 3.0)
-    found = moments.areas(t, u, 7.0 + driven(G1, t, u - 2.0), 8)
+    found = areas.from_record(t, u, 7.0 + driven(G1, t, u - 2.0), 8)
     assert found.values == pytest.approx(areas.from_process(G1, 8), rel=1e-5)
 
 
@@ -66,15 +66,15 @@ def test_ramp(h):
     area = pidalab.open_loop_step(G1, t).area
     late = [np.concatenate([np.zeros(round(x / h)), area[: t.size - round(x / h)]]) for x in (1.0, 5.0)]
     u, y = np.clip((t - 1) / 4, 0, 1), (late[0] - late[1]) / 4
-    assert moments.areas(t, u, y, 8, between="linear").values == pytest.approx(areas.from_process(G1, 8), rel=3e-6)
-    assert moments.areas(t, u, y, 8).values[1] == pytest.approx(4.0 - h / 2, abs=1e-6)
+    assert areas.from_record(t, u, y, 8, between="linear").values == pytest.approx(areas.from_process(G1, 8), rel=3e-6)
+    assert areas.from_record(t, u, y, 8).values[1] == pytest.approx(4.0 - h / 2, abs=1e-6)
 
 
 def test_record_of_a_closed_loop():
     """A change of the set point under digital PID control: the areas are those of the process, not of the loop."""
     t = 0.02 * np.arange(6001)
     record = pidalab.simulate_sampled(pidalab.Loop(G1, pidalab.PIDA(kp=1.2, ti=3.0, td=0.9)), t, setpoint=2.0)
-    found = moments.areas(t, record.u, record.y, 6, start=(0.0, 0.0))
+    found = areas.from_record(t, record.u, record.y, 6, start=(0.0, 0.0))
     assert found.values == pytest.approx(areas.from_process(G1, 6), rel=1e-5)
 
 
@@ -83,16 +83,16 @@ def test_levels_at_rest_are_means():
     t = 0.01 * np.arange(4001)
     u = (t >= 10.0) * 1.0
     y = driven(G2, t, u) + 0.02 * np.cos(1e4 * t)
-    assert moments.areas(t, u, y, 2).gain == pytest.approx(1.0, abs=1e-3)
+    assert areas.from_record(t, u, y, 2).gain == pytest.approx(1.0, abs=1e-3)
 
 
 def test_settled_from():
     t, u, y = step_record(G1)
-    given = moments.areas(t, u, y, 6, start=(0.0, 0.0), settled_from=40.0)
+    given = areas.from_record(t, u, y, 6, start=(0.0, 0.0), settled_from=40.0)
     assert given.span == (0.0, 40.0)
     assert given.values == pytest.approx(areas.from_process(G1, 6), rel=1e-9)
     with pytest.warns(RecordWarning, match="still drifts at its end, after t = 8"):
-        early = moments.areas(t, u, y, 6, start=(0.0, 0.0), settled_from=8.0)
+        early = areas.from_record(t, u, y, 6, start=(0.0, 0.0), settled_from=8.0)
     assert not early.settled
 
 
@@ -103,13 +103,13 @@ def test_settled_from():
 @pytest.mark.parametrize(
     ("process", "horizon", "noise"), [(G1, 30, 1e-3), (G1, 30, 1e-2), (G2, 20, 1e-3), (G2, 50, 1e-3)]
 )
-@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+@pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_uncertainty_is_that_of_many_records(process, horizon, noise, hold):
     """White noise, and noise that is held for five samples: errors of 40 records against what each says of itself."""
     t, u, y = step_record(process, horizon, h=0.02)
     rng, expected = np.random.default_rng(5), areas.from_process(process, 6)
     records = [
-        moments.areas(t, u, y + noise * np.repeat(rng.normal(size=t.size), hold)[: t.size], 6, start=(0.0, 0.0))
+        areas.from_record(t, u, y + noise * np.repeat(rng.normal(size=t.size), hold)[: t.size], 6, start=(0.0, 0.0))
         for _ in range(40)
     ]
     error = np.sqrt(np.mean([(r.values - expected) ** 2 for r in records], axis=0))
@@ -133,7 +133,7 @@ def test_uncertainty_of_the_gain(noisy, step_at, start, low, high):
     for _ in range(60):
         noise = 1e-3 * rng.normal(size=t.size)
         signals = (u, y + noise) if noisy == "y" else (u + noise, y)
-        records.append(moments.areas(t, *signals, 2, start=start))
+        records.append(areas.from_record(t, *signals, 2, start=start))
     error = np.sqrt(np.mean([(r.values - areas.from_process(process, 2)) ** 2 for r in records], axis=0))
     claimed = np.sqrt(np.mean([r.covariance.diagonal() for r in records], axis=0))
     assert low < claimed[0] / error[0] < high
@@ -146,7 +146,7 @@ def test_moments_of_an_input_that_moves_to_the_end(kind):
     h, x = 0.3, np.random.default_rng(1).normal(size=8)
     tau = h * np.arange(x.size)
     weights = np.array([tau**k / math.factorial(k) for k in range(6)])
-    found = (moments._of_steps if kind == "held" else moments._of_lines)(x, weights, h)
+    found = (measured._of_steps if kind == "held" else measured._of_lines)(x, weights, h)
     for k in range(1, 5):
         total = 0.0
         for i in range(x.size - 1):
@@ -159,13 +159,13 @@ def test_moments_of_an_input_that_moves_to_the_end(kind):
 
 @pytest.mark.parametrize("process", [G1, G2, pidalab.lags(3, delay=0.5)])
 @pytest.mark.parametrize(("h", "noise"), [(0.2, 1e-3), (0.2, 1e-2), (0.02, 1e-3), (0.02, 1e-2)])
-@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+@pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
     """Of 20 records nearly all claim enough, bias included, and are cut where next to nothing is left of the step."""
     t, u, y = step_record(process, 30.0, h)
     expected = areas.from_process(process, 10)
     records = [
-        moments.areas(t, u, y + noise * np.random.default_rng(seed).normal(size=t.size), 10, start=(0.0, 0.0))
+        areas.from_record(t, u, y + noise * np.random.default_rng(seed).normal(size=t.size), 10, start=(0.0, 0.0))
         for seed in range(20)
     ]
     worst = [np.max(np.abs(r.values - expected) / r.uncertainty) for r in records]
@@ -178,37 +178,37 @@ def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
 def test_a_transient_in_the_first_samples_is_seen():
     """The pieces begin with the first sample, also where their number does not divide the record."""
     x = 1e-3 * np.random.default_rng(3).normal(size=159)
-    assert moments._steady(x)
-    assert not moments._steady(x + 0.05 * np.exp(-np.arange(159.0)))
+    assert measured._steady(x)
+    assert not measured._steady(x + 0.05 * np.exp(-np.arange(159.0)))
 
 
 @pytest.mark.parametrize("step", [0.001, 0.01])
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.6])
-@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+@pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_what_a_converter_rounds_away(step, noise):
     """A tail below half a step does not show, and the record then looks like one without any noise."""
     t, u, y = step_record(G1, 50.0, 0.02)
     y = step * np.round(y / step + noise * np.random.default_rng(0).normal(size=t.size))
-    found = moments.areas(t, u, y, 6, start=(0.0, 0.0))
+    found = areas.from_record(t, u, y, 6, start=(0.0, 0.0))
     assert np.all(np.abs(found.values - areas.from_process(G1, 6)) < 2.5 * found.uncertainty)
     assert found.uncertainty[1] < 30 * step
 
 
 def test_a_dead_time_alone_is_no_converter_of_two_values():
     t = 0.01 * np.arange(1001)
-    found = moments.areas(t, t >= 1.0, 2.0 * (t >= 3.0), 3)
+    found = areas.from_record(t, t >= 1.0, 2.0 * (t >= 3.0), 3)
     assert found.uncertainty == pytest.approx([0.0] * 3, abs=1e-9)
     assert found.values == pytest.approx([2.0, 4.0, 4.0], rel=0.01)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3, 2e-2])
-@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+@pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_an_oscillation_that_decays_is_no_noise(noise):
     """Its mean over half a period or more is next to nothing, its square is not; a whole record looked settled."""
     process = pidalab.sopdt(1.0, 1.0, 0.05, 0.0)
     t, u, y = step_record(process, 100.0, 0.05)
     y = y + noise * np.random.default_rng(0).normal(size=t.size)
-    found = moments.areas(t, u, y, 4, start=(0.0, 0.0))
+    found = areas.from_record(t, u, y, 4, start=(0.0, 0.0))
     assert 1.1 * found.span[1] > math.log(1 / (0.05 + noise)) / 0.05
     assert np.all(np.abs(found.values - areas.from_process(process, 4)) < 3 * found.uncertainty + 1e-3)
 
@@ -219,16 +219,16 @@ def test_noise_is_told_with_figures():
     with pytest.warns(
         RecordWarning, match=r"noise of standard deviation 0.0\d+\): it leaves A_. by .* and A_9 by .* %"
     ) as told:
-        found = moments.areas(t, u, y, 10, start=(0.0, 0.0))
+        found = areas.from_record(t, u, y, 10, start=(0.0, 0.0))
     first = int(np.flatnonzero(found.uncertainty / found.values > 0.05)[0])
     assert f"only those before A_{first} better" in str(told[0].message)
     assert 4 <= first <= 8
-    assert moments.areas(t, u, y, 4, start=(0.0, 0.0)).settled  # no warning: the first four are good
+    assert areas.from_record(t, u, y, 4, start=(0.0, 0.0)).settled  # no warning: the first four are good
 
 
 def test_a_short_record_is_told():
     with pytest.warns(RecordWarning, match="still drifts at its end"):
-        found = moments.areas(*step_record(G1, 8.0), 4, start=(0.0, 0.0))
+        found = areas.from_record(*step_record(G1, 8.0), 4, start=(0.0, 0.0))
     error = np.abs(found.values - areas.from_process(G1, 4))
     assert not found.settled
     assert np.all(error < 3 * found.uncertainty)
@@ -256,4 +256,4 @@ RECORD = step_record(G1, 30.0, 0.1)
 def test_refusals(change, text):
     t, u, y = RECORD
     with pytest.raises(ValueError, match=text):
-        moments.areas(**({"t": t, "u": u, "y": y, "count": 4} | change))
+        areas.from_record(**({"t": t, "u": u, "y": y, "count": 4} | change))

@@ -1,10 +1,10 @@
 r"""Characteristic areas from a record: the way to a tuning without a model (vrancic2021).
 
-The areas are those of `pidalab.areas`. The paper takes them from earlier work by integrating the record again and
-again: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here they come from the moments of the
-two signals about the time of the change, up to where the record has settled. On paper that is the same. A repeated
-integral runs to the end of the record, and gives the noise there the largest weights: with noise of 0.001 in 50 time
-constants of 1/(s + 1)^4 it misses A_5 by half, the moments by 3 %.
+The areas are those of `pidalab.areas.from_process`. The paper takes them from earlier work by integrating the record
+again and again: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here they come from the
+moments of the two signals about the time of the change, up to where the record has settled. On paper that is the same.
+A repeated integral runs to the end of the record, and gives the noise there the largest weights: with noise of 0.001 in
+50 time constants of 1/(s + 1)^4 it misses A_5 by half, the moments by 3 %.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class MeasuredAreas:
         return np.sqrt(np.diag(self.covariance))
 
 
-def areas(
+def from_record(
     t: ArrayLike,
     u: ArrayLike,
     y: ArrayLike,
@@ -158,7 +158,7 @@ def areas(
     >>> t = np.linspace(0.0, 50.0, 5001)
     >>> u = np.where(t < 2.0, 30.0, 35.0)
     >>> y = 100.0 + pidalab.simulate(pidalab.Loop(pidalab.lags(4), 0.0), t, load=u - 30.0).y
-    >>> pidalab.moments.areas(t, u, y, count=6).values.round(4).tolist()
+    >>> pidalab.areas.from_record(t, u, y, count=6).values.round(4).tolist()
     [1.0, 4.0, 10.0, 20.0, 35.0, 56.0]
     """
     t = _check.uniform_time("t", t)

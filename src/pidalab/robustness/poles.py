@@ -9,9 +9,9 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.frequency import ends, grid
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
+from pidalab.robustness._grid import ends, grid
 
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for

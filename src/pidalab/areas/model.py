@@ -7,7 +7,7 @@ response h(t), eqs. (4) and (5):
 
 So those of blocks in series are the convolution of theirs. Eq. (7), as read, has :math:`A_1` where the recursion needs
 :math:`A_i`; nothing here depends on it. The areas of a model are computed as exact fractions and rounded once: neither
-the recursion nor the powers of a dead time cost a digit. Those of a record come from `pidalab.moments`.
+the recursion nor the powers of a dead time cost a digit. Those of a record come from `pidalab.areas.from_record`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pidalab import _check, series
+from pidalab import _check
 from pidalab._check import Array
+from pidalab.areas import _power_series as series
 from pidalab.process import Process, rational
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import gammainc
 
 import pidalab
-from pidalab import areas, moments
+from pidalab import areas
 from pidalab.rules import magnitude_optimum as mo
 
 G1, G2, G4 = pidalab.lags(4), pidalab.lags(2, delay=0.5), pidalab.lags(3, delay=1.0)
@@ -181,7 +181,7 @@ def test_printed_gains_from_a_record(table, lags, delay, length):
     """
     t = TS * np.arange(round(length / TS) + 1)
     y = gammainc(lags, np.clip(t - delay, 0, None))  # step response of equal lags
-    measured = moments.areas(t, 1.0, y, 10, start=(0.0, 0.0))
+    measured = areas.from_record(t, 1.0, y, 10, start=(0.0, 0.0))
     for m in (1, 2, 3):
         design = mo.tune(measured, m, m, 0.1)
         assert off(design.gains, TABLE_2[table, m]) == [0] * (m + 2)
@@ -189,11 +189,11 @@ def test_printed_gains_from_a_record(table, lags, delay, length):
 
 
 @pytest.mark.parametrize("m", [1, 2])
-@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")  # one of the areas is nearly 0
+@pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")  # one of the areas is nearly 0
 def test_a_record_that_gives_the_wrong_sign_is_refused(m):
     process = pidalab.Process([1.5, 1.0], poles(1, 1, 1))
     t = 0.01 * np.arange(6001)
-    measured = moments.areas(t, 1.0, pidalab.open_loop_step(process, t).y, 2 * m + 4, start=(0.0, 0.0))
+    measured = areas.from_record(t, 1.0, pidalab.open_loop_step(process, t).y, 2 * m + 4, start=(0.0, 0.0))
     with pytest.raises(ValueError, match=rf"with m = {m} the record gives K_-1 = -\d"):
         mo.tune(measured, m, m + 2, 0.1)
 
@@ -203,19 +203,19 @@ def test_uncertainty_of_gains_is_that_of_areas_passed_on(seed):
     """One error of the areas that is fully known: its effect on the gains, by differences and as passed on."""
     values, m, n, time = areas.from_process(G2, 8), 2, 3, 0.2
     error = 1e-7 * np.random.default_rng(seed).normal(size=8)
-    measured = moments.MeasuredAreas(values, np.outer(error, error), (0, 1), (0, 1), (0, 1), True, 0.0)
+    measured = areas.MeasuredAreas(values, np.outer(error, error), (0, 1), (0, 1), (0, 1), True, 0.0)
     up, down = (np.array(mo.tune(values + sign * error, m, n, time).gains) for sign in (0.5, -0.5))
     assert mo.tune(measured, m, n, time).uncertainty == pytest.approx(np.abs(up - down), rel=1e-4)
 
 
-@pytest.mark.filterwarnings("ignore::pidalab.moments.RecordWarning")
+@pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_uncertain_gains_are_told_and_refused():
     """Noise of 0.001: PID good to a few per cent, as it says; PID_3^3 refused."""
     t, rng = 0.01 * np.arange(3001), np.random.default_rng(2)
     y = pidalab.open_loop_step(G1, t).y
     true, errors, claimed = np.array(mo.tune(G1, 1, 1, 0.1).gains), [], []
     for _ in range(20):
-        measured = moments.areas(t, np.ones_like(t), y + 1e-3 * rng.normal(size=t.size), 10, start=(0.0, 0.0))
+        measured = areas.from_record(t, np.ones_like(t), y + 1e-3 * rng.normal(size=t.size), 10, start=(0.0, 0.0))
         design = mo.tune(measured, 1, 1, 0.1)
         errors.append(design.gains - true)
         claimed.append(design.uncertainty)

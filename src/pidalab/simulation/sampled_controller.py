@@ -1,4 +1,4 @@
-r"""Digital controllers: a linear block and an integral that may hear of the limits.
+r"""SampledController controllers: a linear block and an integral that may hear of the limits.
 
 Every controller here computes, from its difference :math:`\varepsilon_k`,
 
@@ -30,12 +30,12 @@ from pidalab import _check
 from pidalab.controllers import SeriesPIDA
 from pidalab.loop import Loop
 from pidalab.process import binomial
-from pidalab.simulation.plants import StateSpace, digital
+from pidalab.simulation.statespace import StateSpace, discretise
 
 ANTI_WINDUP = ("clamping", "conditioning")
 
 
-class Digital(NamedTuple):
+class SampledController(NamedTuple):
     """A digital controller as in the table at the top of this module."""
 
     block: StateSpace
@@ -45,7 +45,7 @@ class Digital(NamedTuple):
     clamped: bool
 
 
-def digital_controller(loop: Loop, h: float, anti_windup: str | None) -> Digital:
+def sampled_controller(loop: Loop, h: float, anti_windup: str | None) -> SampledController:
     """Discretise the controller of a loop, its output filter included, for the sample time h."""
     if anti_windup is not None and anti_windup not in ANTI_WINDUP:
         raise ValueError(f"anti_windup must be None, 'clamping' or 'conditioning', found {anti_windup!r}")
@@ -55,7 +55,7 @@ def digital_controller(loop: Loop, h: float, anti_windup: str | None) -> Digital
         return _with_reset(loop, loop.controller, h)
     num, den = (np.convolve(a, b) for a, b in zip(loop.blocks["controller"], loop.blocks["output_filter"], strict=True))
     if anti_windup is None:
-        return Digital(digital(num, den, h), 0.0, 0.0, 0.0, False)
+        return SampledController(discretise(num, den, h), 0.0, 0.0, 0.0, False)
     if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:
         raise ValueError(
             f"anti_windup={anti_windup!r} needs a controller with integral action (one pole at 0), found "
@@ -65,7 +65,7 @@ def digital_controller(loop: Loop, h: float, anti_windup: str | None) -> Digital
     rest, den = np.polysub(num, ki * den[:-1]), den[:-1]
     num = rest[:-1] if rest.size > 1 else np.zeros(1)
     tracking = _tracking(ki, num[-1] / den[-1], h) if anti_windup == "conditioning" else 0.0
-    return Digital(digital(num, den, h), ki * h, 0.0, tracking, anti_windup == "clamping")
+    return SampledController(discretise(num, den, h), ki * h, 0.0, tracking, anti_windup == "clamping")
 
 
 def _tracking(ki: float, kp: float, h: float) -> float:
@@ -87,11 +87,11 @@ def require_fine_enough(h: float, filter_time: float) -> None:
         )
 
 
-def _with_reset(loop: Loop, own: SeriesPIDA, h: float) -> Digital:
+def _with_reset(loop: Loop, own: SeriesPIDA, h: float) -> SampledController:
     if own.filter_order:
         require_fine_enough(h, own.filter_time)
     num, den = loop.blocks["output_filter"]
     num = _check.polynomial("gains", np.convolve(num, [own.ka, own.kd, own.kp]))
-    block = digital(num, np.convolve(den, binomial(own.filter_time, own.filter_order)), h)
+    block = discretise(num, np.convolve(den, binomial(own.filter_time, own.filter_order)), h)
     new = -math.expm1(-h / own.ti)
-    return Digital(block, 0.0, new, new, False)
+    return SampledController(block, 0.0, new, new, False)

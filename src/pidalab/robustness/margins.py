@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize.elementwise import find_minimum, find_root
 
 from pidalab._check import Array
-from pidalab.frequency import ends, grid, log_gain
 from pidalab.loop import Loop, require_well_posed
-from pidalab.stability import is_stable
+from pidalab.robustness._grid import ends, grid, log_gain
+from pidalab.robustness.poles import is_stable
 
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
 

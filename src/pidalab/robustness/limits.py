@@ -30,7 +30,7 @@ With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \th
 the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`; without derivative the
 circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is not read off a grid: see `pidalab.infimum`.
+The infimum is not read off a grid: see `pidalab.robustness._infimum`.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from scipy.optimize import minimize_scalar
 
 from pidalab import _check
 from pidalab.controllers import SeriesPIDA
-from pidalab.infimum import TOLERANCE, LinearPart, infimum
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
+from pidalab.robustness._infimum import TOLERANCE, LinearPart, infimum
 
 SLOWEST = 1e3  # without a reset the multiplier is searched up to so many times the slowest time of the loop
 
@@ -101,7 +101,7 @@ def linear_part(loop: Loop) -> LinearPart:
     --------
     >>> import pidalab
     >>> C = pidalab.SeriesPIDA(kp=0.4, kd=0.0, ka=0.0, ti=6.0, filter_time=0.1, filter_order=1)
-    >>> G = pidalab.absolute_stability.linear_part(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), C))
+    >>> G = pidalab.robustness.linear_part(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), C))
     >>> print(f"{G(0.5j):.4f}")
     -0.5176-0.3812j
     """
@@ -163,7 +163,7 @@ def circle(loop: Loop) -> Criterion:
     A third-order lag meets the criterion up to the gain 4, and is stable up to the gain 8.
 
     >>> import pidalab
-    >>> result = pidalab.absolute_stability.circle(pidalab.Loop(pidalab.lags(3), 3.0))
+    >>> result = pidalab.robustness.circle(pidalab.Loop(pidalab.lags(3), 3.0))
     >>> print(f"{result.margin:.6f} at {result.frequency:.4f}, {result.holds}")
     0.250000 at 1.0000, True
     """
@@ -198,9 +198,9 @@ def popov(loop: Loop) -> Criterion:
     A third-order lag meets the criterion up to the gain 8, the limit of stability.
 
     >>> import pidalab
-    >>> pidalab.absolute_stability.popov(pidalab.Loop(pidalab.lags(3), 7.9)).holds
+    >>> pidalab.robustness.popov(pidalab.Loop(pidalab.lags(3), 7.9)).holds
     True
-    >>> pidalab.absolute_stability.popov(pidalab.Loop(pidalab.lags(3), 8.1)).holds
+    >>> pidalab.robustness.popov(pidalab.Loop(pidalab.lags(3), 8.1)).holds
     False
     """
     part = linear_part(loop)
@@ -256,15 +256,15 @@ def smallest_filter_time(
     The gains stay, tuned for T_e = 0.8. How far may the filter be made shorter?
 
     >>> import dataclasses, pidalab
-    >>> from pidalab import absolute_stability
+    >>> from pidalab import robustness
     >>> from pidalab.rules import automatic_reset
     >>> model = pidalab.ipdt(1.0, delay=1.0)
     >>> C = automatic_reset.tune(model, automatic_reset.PIDA_2, n=4, filter_time=0.2).controller
     >>> def family(filter_time):
     ...     return pidalab.Loop(model, dataclasses.replace(C, filter_time=filter_time))
     >>> def holds(loop):
-    ...     return absolute_stability.circle(loop).holds
-    >>> print(f"{absolute_stability.smallest_filter_time(family, holds, longest=0.2):.4f}")
+    ...     return robustness.circle(loop).holds
+    >>> print(f"{robustness.smallest_filter_time(family, holds, longest=0.2):.4f}")
     0.0695
     """
     longest = _check.real("longest", longest, above=0.0)

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.lines import AxLine
 
 import pidalab
-from pidalab.absolute_stability import Criterion, circle, linear_part, popov, smallest_filter_time
-from pidalab.infimum import TOLERANCE, _Function, _majorant, infimum
+from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
+from pidalab.robustness._infimum import TOLERANCE, _Function, _majorant, infimum
 from pidalab.rules import automatic_reset as reset
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)

@@ -1,0 +1,10 @@
+"""How far a loop is from instability, and whether limits of its control signal can keep it from coming to rest.
+
+Poles and margins have their names at the top of the library (`pidalab.is_stable`, `pidalab.margins`); the criteria of
+absolute stability have theirs here.
+"""
+
+from pidalab.robustness._infimum import LinearPart
+from pidalab.robustness.limits import Criterion, circle, linear_part, popov, smallest_filter_time
+
+__all__ = ["Criterion", "LinearPart", "circle", "linear_part", "popov", "smallest_filter_time"]
