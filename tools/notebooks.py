@@ -1,10 +1,14 @@
-"""Execute the book's notebooks and store their outputs in place.
+"""Execute the book's notebooks, several at once, and store their outputs in place.
 
 Nothing is stored that changes from run to run or from machine to machine (time stamps, the Python version),
 so a second run changes no file. With paths as arguments only these notebooks are run.
 """
 
+import os
 import sys
+import time
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 import nbformat
@@ -17,8 +21,9 @@ METADATA = {
 }
 
 
-def execute(path: Path) -> None:
-    """Run one notebook; on an error the traceback is raised and the file stays as it was."""
+def execute(path: Path) -> float:
+    """Run one notebook and return the seconds it took; on an error the traceback is raised and the file stays."""
+    start = time.perf_counter()
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(
         notebook,
@@ -35,9 +40,30 @@ def execute(path: Path) -> None:
                 raise RuntimeError("\n".join([f"{path.name}: {cell.source}", *output.traceback]))
     notebook.metadata = nbformat.from_dict(METADATA)
     nbformat.write(notebook, path)
+    return time.perf_counter() - start
+
+
+def notebooks(folder: Path) -> list[Path]:
+    """Every notebook below a folder, the largest first, so that no long one is left for the end."""
+    found = [path for path in folder.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
+    return sorted(found, key=lambda path: path.stat().st_size, reverse=True)
+
+
+def execute_all(paths: Iterable[Path]) -> None:
+    """Run notebooks on all cores, one line for each that is done; the first error is raised."""
+    paths = list(paths)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one thread for each notebook: their matrices are small
+    with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+        runs = {pool.submit(execute, path): path for path in paths}
+        for done, run in enumerate(as_completed(runs), start=1):
+            try:
+                seconds = run.result()
+            except Exception:
+                print(f"{runs[run].name} failed", flush=True)
+                pool.shutdown(cancel_futures=True)
+                raise
+            print(f"[{done:2}/{len(paths)}] {runs[run].name}  {seconds:.1f} s", flush=True)
 
 
 if __name__ == "__main__":
-    for path in [Path(name) for name in sys.argv[1:]] or sorted(BOOK.glob("*.ipynb")):
-        print(path.name, flush=True)
-        execute(path)
+    execute_all([Path(name).resolve() for name in sys.argv[1:]] or notebooks(BOOK))

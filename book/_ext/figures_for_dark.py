@@ -1,0 +1,93 @@
+"""Draw every figure for a dark page, too.
+
+A figure is an SVG in dark ink on nothing. For the dark theme a second file is written in which each ink has its
+counterpart for a dark page: black becomes nearly white, a hue keeps its hue and becomes lighter. Colour maps mean
+numbers, so they stay as they are, and so does every group whose id begins with ``as-drawn``.
+The page carries both images, and the theme shows the one that fits.
+"""
+
+import colorsys
+import re
+from pathlib import Path
+
+IMAGE = re.compile(r'<img\b[^>]*\bsrc="[^"]*_images/[^"]+\.svg"[^>]*>')
+SOURCE = re.compile(r'(\bsrc="[^"]*_images/[^"]+)\.svg"')
+CLASS = re.compile(r'\bclass="([^"]*)"')
+COLOUR = re.compile(r"\b(fill|stroke|stop-color)(: ?|=\")(#[0-9a-fA-F]{6})\b")
+GROUP = re.compile(r'<g\b[^>]*?(?:\bid="([^"]*)")?[^>]*?(/?)>|</g>')
+AS_DRAWN = ("as-drawn", "QuadMesh", "QuadContourSet", "ContourSet", "TriContourSet")
+
+GREY = 0.15  # saturation below which a colour counts as grey
+LIGHTEST, DARKEST = 0.92, 0.08  # of a grey: neither glare nor a hole
+INK = 0.68  # lightness of a coloured line on a dark page
+
+
+def for_dark(colour: str) -> str:
+    """Return the counterpart of a colour such as ``#1f5fa8`` on a dark page."""
+    red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    hue, lightness, saturation = colorsys.rgb_to_hls(red, green, blue)
+    if saturation < GREY:
+        lightness = DARKEST + (LIGHTEST - DARKEST) * (1 - lightness)
+    else:
+        lightness = max(lightness, INK)
+    return "#" + "".join(f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, lightness, saturation))
+
+
+def darkened(svg: str) -> str:
+    """Return the SVG of a figure for a dark page."""
+    pieces, start, kept = (
+        [],
+        0,
+        0,
+    )  # kept: how many groups are open inside one that stays as drawn
+    for group in GROUP.finditer(svg):
+        text = svg[start : group.start()]
+        pieces.append(text if kept else _inked(text))
+        start = group.start()
+        closing = group.group(0) == "</g>"
+        if kept:
+            kept += -1 if closing else (0 if group.group(2) else 1)
+        elif not closing and not group.group(2) and (group.group(1) or "").startswith(AS_DRAWN):
+            kept = 1
+    pieces.append(_inked(svg[start:]))
+    dark = "".join(pieces)
+    # Text and markers without a colour of their own are black: give the whole figure a light default.
+    return dark.replace("<svg ", f'<svg fill="{for_dark("#000000")}" ', 1)
+
+
+def _inked(text: str) -> str:
+    return COLOUR.sub(lambda found: found[1] + found[2] + for_dark(found[3]), text)
+
+
+def _pair(image: re.Match[str]) -> str:
+    def shown(tag: str, theme: str) -> str:
+        if CLASS.search(tag):
+            return CLASS.sub(rf'class="\1 {theme}"', tag, count=1)
+        return tag.replace("<img", f'<img class="{theme}"', 1)
+
+    tag = image.group(0)
+    if "only-light" in tag or "only-dark" in tag:
+        return tag
+    return shown(tag, "only-light") + shown(SOURCE.sub(r'\1-dark.svg"', tag), "only-dark")
+
+
+def show_both(app, pagename, templatename, context, doctree):
+    """Put the dark twin of each figure beside it."""
+    if "body" in context:
+        context["body"] = IMAGE.sub(_pair, context["body"])
+
+
+def write_dark(app, exception):
+    """Write the dark twins, once all figures are copied."""
+    if exception or app.builder.format != "html":
+        return
+    for path in Path(app.outdir, "_images").glob("*.svg"):
+        if not path.stem.endswith("-dark"):
+            dark = darkened(path.read_text(encoding="utf-8"))
+            path.with_name(f"{path.stem}-dark.svg").write_text(dark, encoding="utf-8")
+
+
+def setup(app):
+    app.connect("html-page-context", show_both)
+    app.connect("build-finished", write_dark)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,61 @@
+/* The search page: sections of the book, best first, from the index that the build wrote. */
+(function () {
+  "use strict";
+  const index = new MiniSearch({
+    fields: ["title", "page", "text"],
+    storeFields: ["title", "page", "text", "url", "weight"],
+    // "anti-windup" is found as one word and by its parts; case and accents do not matter.
+    tokenize: (text) => {
+      const words = text.split(/[\s.,;:!?()[\]{}"“”„'’/=<>|…–—]+/).filter(Boolean);
+      return words.concat(words.filter((word) => word.includes("-")).flatMap((word) => word.split("-"))).filter(Boolean);
+    },
+    processTerm: (term) => term.toLowerCase().normalize("NFD").replace(/[\u0300-\u036f]/g, ""),
+    searchOptions: {
+      boost: { title: 4, page: 1.5 },
+      prefix: (term) => term.length > 3,
+      fuzzy: (term) => (term.length > 5 ? 0.15 : false),
+      combineWith: "AND",
+      boostDocument: (id, term, stored) => stored.weight,
+    },
+  });
+  index.addAll(window.bookSections);
+
+  const element = (name, text, attributes) => {
+    const made = document.createElement(name);
+    made.textContent = text;
+    Object.assign(made, attributes);
+    return made;
+  };
+
+  /* The stretch of text around the first word found. */
+  const excerpt = (text, terms) => {
+    const lower = text.toLowerCase();
+    const places = terms.map((term) => lower.indexOf(term)).filter((place) => place >= 0);
+    const start = Math.max(0, Math.min(...places, text.length) - 80);
+    return (start ? "… " : "") + text.slice(start, start + 240).trim() + (start + 240 < text.length ? " …" : "");
+  };
+
+  const show = (query) => {
+    const results = document.getElementById("search-results");
+    results.replaceChildren();
+    let hits = index.search(query);
+    if (!hits.length) hits = index.search(query, { combineWith: "OR" });
+    const root = document.documentElement.dataset.content_root || "";
+    const summary = hits.length
+      ? `${hits.length} section${hits.length > 1 ? "s" : ""} found for “${query}”.`
+      : `No section mentions “${query}”.`;
+    results.append(element("p", summary, { className: "search-summary", role: "status" }));
+    const list = element("ul", "", { className: "search" });
+    for (const hit of hits.slice(0, 60)) {
+      const entry = document.createElement("li");
+      entry.append(element("a", hit.title, { href: root + hit.url }));
+      if (hit.page !== hit.title) entry.append(element("span", ` in ${hit.page}`, { className: "where" }));
+      entry.append(element("p", excerpt(hit.text, hit.terms), { className: "context" }));
+      list.append(entry);
+    }
+    results.append(list);
+  };
+
+  /* In place of the search for whole pages, with the same box and address; Sphinx's script comes later on the page. */
+  document.addEventListener("DOMContentLoaded", () => { Search.performSearch = show; });
+})();

@@ -1,0 +1,37 @@
+"""Build the site: copy the book, execute every notebook of the copy in parallel, let Jupyter Book make the pages.
+
+The copy keeps the work tree as it is: what a notebook computes here is shown on its page, and compared with the
+stored outputs by the tests, but never stored.
+"""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from notebooks import execute_all, notebooks
+
+ROOT = Path(__file__).resolve().parents[1]
+BUILD = ROOT / "_build"
+SOURCE = BUILD / "source"
+
+
+def copy() -> None:
+    """Start from nothing: Sphinx does not see that a change of the library changes a page."""
+    shutil.rmtree(BUILD, ignore_errors=True)
+    ignored = shutil.ignore_patterns(".*", "__pycache__")
+    shutil.copytree(ROOT / "book", SOURCE / "book", ignore=ignored)
+    for name in ("_config.yml", "_toc.yml"):
+        shutil.copy(ROOT / name, SOURCE)
+
+
+def main() -> int:
+    """Return the exit status of Jupyter Book; every warning is an error."""
+    copy()
+    execute_all(notebooks(SOURCE))
+    command = [Path(sys.executable).with_name("jupyter-book"), "build", "--all", "-q", "-W", "-n", "--keep-going"]
+    return subprocess.run([*command, "--path-output", ROOT, SOURCE], check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
