@@ -1,5 +1,8 @@
 """Loop: its transfer functions against block algebra at random complex frequencies, and every refusal."""
 
+import copy
+import pickle
+
 import control
 import numpy as np
 import pytest
@@ -110,3 +113,23 @@ def test_loop_complains(arguments, error, message):
 def test_unknown_names(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("name", ["process", "controller", "prefilter", "output_filter", "blocks", "open_loop", "new"])
+def test_a_loop_does_not_change(name):
+    """Half a change would be wrong in silence: the new dead time with the old gain."""
+    loop = pidalab.Loop(PROCESS, 0.5)
+    with pytest.raises(AttributeError, match="a Loop does not change; make a new one"):
+        setattr(loop, name, pidalab.ipdt(5.0, 2.0))
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        loop.blocks["process"] = loop.blocks["controller"]
+    for num, den in (*loop.blocks.values(), loop.open_loop):
+        for array in (num, den):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 2.0
+
+
+def test_a_loop_travels():
+    for other in (pickle.loads(pickle.dumps(LOOP)), copy.deepcopy(LOOP)):
+        np.testing.assert_array_equal(other.L(POINTS), LOOP.L(POINTS))
+        assert other.process == LOOP.process

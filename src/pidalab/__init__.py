@@ -21,6 +21,7 @@ from pidalab.robustness.margins import (
     phase_crossovers,
 )
 from pidalab.robustness.poles import is_stable, rightmost_poles, unstable_poles
+from pidalab.rules import Design
 from pidalab.simulation import (
     load_response,
     noise_gain,
@@ -38,6 +39,7 @@ __version__ = version("pidalab")
 __all__ = [
     "PIDA",
     "AsymmetricPlant",
+    "Design",
     "HighOrderPID",
     "Loop",
     "Margins",

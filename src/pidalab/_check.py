@@ -36,6 +36,14 @@ def integer(name: str, value: Any, *, at_least: int) -> int:
     return int(value)
 
 
+def carrier(value: Any, kind: type) -> str:
+    """Return a hint for an error message if an attribute of `value` is what was wanted, and nothing otherwise."""
+    for name in ("process", "model", "controller"):
+        if isinstance(getattr(value, name, None), kind):
+            return f"; pass its .{name}"
+    return ""
+
+
 def _real_array(name: str, value: ArrayLike) -> Array:
     """Return a copy as a float array of any shape; nothing imaginary is dropped."""
     try:

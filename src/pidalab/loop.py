@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
+from pidalab._check import Array
+from pidalab.controllers import Controller
+from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, rational
+
+Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
 
 
 class Loop:
-    r"""A process under feedback, with named blocks and signals.
+    r"""A process under feedback, with named blocks and signals; it does not change.
 
     ::
 
@@ -58,27 +65,51 @@ class Loop:
     1.3341
     """
 
+    process: Process
+    controller: Any
+    output_filter: Any
+    prefilter: Any
+    blocks: Mapping[str, Fraction]
+    open_loop: Fraction
+
     def __init__(self, process: Process, controller: Any, output_filter: Any = None, prefilter: Any = None) -> None:
         if isinstance(controller, Process):
             raise TypeError("controller must not be a Process; the order is Loop(process, controller)")
-        if hasattr(process, "rising"):
+        if isinstance(process, AsymmetricPlant):
             raise TypeError(
                 f"process must be linear, found {type(process).__name__}; close the loop with a model or with its "
                 "rising part, and give it to simulate_sampled as plant"
             )
-        self.process = process if isinstance(process, Process) else Process(*rational("process", process))
-        self.controller = controller
-        self.output_filter = output_filter
-        self.prefilter = prefilter
-        self.blocks = {
-            "process": (self.process.num, self.process.den),
-            "controller": rational("controller", controller),
+        process = process if isinstance(process, Process) else Process(*_rational("process", process, Process))
+        blocks = {
+            "process": (process.num, process.den),
+            "controller": _rational("controller", controller, Controller),
             "output_filter": rational("output_filter", 1.0 if output_filter is None else output_filter),
             "prefilter": rational("prefilter", 1.0 if prefilter is None else prefilter),
         }
-        poles = np.roots(self.blocks["prefilter"][1])
+        poles = np.roots(blocks["prefilter"][1])
         if np.any(poles.real >= 0):
             raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
+        # L without its dead time: the product of the blocks of the loop; nothing is cancelled
+        num, den = np.ones(1), np.ones(1)
+        for name in ("process", "controller", "output_filter"):
+            num, den = np.convolve(num, blocks[name][0]), np.convolve(den, blocks[name][1])
+        for array in (num, den, *(part for fraction in blocks.values() for part in fraction)):
+            array.setflags(write=False)
+        vars(self).update(
+            process=process,
+            controller=controller,
+            output_filter=output_filter,
+            prefilter=prefilter,
+            blocks=MappingProxyType(blocks),
+            open_loop=(num, den),
+        )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"a Loop does not change; make a new one with another {name}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Loop, (self.process, self.controller, self.output_filter, self.prefilter)
 
     def block(self, name: str, s: ArrayLike) -> Any:
         """Evaluate the rational part of one block at complex s.
@@ -115,7 +146,7 @@ class Loop:
     def _fraction(self, s: ArrayLike) -> tuple[Any, Any]:
         """Numerator (dead time included) and denominator of L at complex s."""
         s = np.asarray(s, dtype=complex)
-        num, den = open_loop(self)
+        num, den = self.open_loop
         return np.polyval(num, s) * np.exp(-s * self.process.delay), np.polyval(den, s)
 
     def L(self, s: ArrayLike) -> Any:
@@ -244,12 +275,30 @@ def require_well_posed(loop: Loop) -> None:
         raise ValueError("the loop is ill-posed: without dead time, its direct feedthrough is exactly -1")
 
 
-def open_loop(loop: Loop) -> tuple[_check.Array, _check.Array]:
-    """Return (num, den) of the loop transfer function without its dead time; nothing is cancelled."""
+def require_loop(loop: Loop) -> None:
+    """Raise for what is not a loop, and say what to do with it."""
     if not isinstance(loop, Loop):
-        hint = "take its loop()" if hasattr(loop, "loop") else "for a process alone use open_loop_step"
-        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}; {hint}")
-    num, den = np.ones(1), np.ones(1)
-    for name in ("process", "controller", "output_filter"):
-        num, den = np.convolve(num, loop.blocks[name][0]), np.convolve(den, loop.blocks[name][1])
-    return num, den
+        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}; {_instead_of_loop(loop)}")
+
+
+def open_loop(loop: Loop) -> Fraction:
+    """Return (num, den) of the loop transfer function without its dead time; nothing is cancelled."""
+    require_loop(loop)
+    return loop.open_loop
+
+
+def _instead_of_loop(value: Any) -> str:
+    """Return what to do with something that is no loop."""
+    if callable(getattr(value, "loop", None)):
+        return "pass its .loop()"
+    if isinstance(value, Process):
+        return "for a process alone use open_loop_step"
+    return "close one with pidalab.Loop(process, controller)"
+
+
+def _rational(name: str, block: Any, kind: type) -> Fraction:
+    """Return (num, den) of a block, or say which attribute of something else to pass."""
+    hint = "" if hasattr(block, "transfer_function") else _check.carrier(block, kind)
+    if hint:
+        raise TypeError(f"{name} must be a block of the loop, found {type(block).__name__}{hint}")
+    return rational(name, block)

@@ -203,7 +203,7 @@ def test_loops_are_stable_and_print_their_sources(setting):
     assert pidalab.is_stable(design.loop())
     assert design.controller.limits == (-0.1, 0.1)
     assert design.loop(pidalab.lags(2)).process == pidalab.lags(2)
-    for name in design.source:
+    for name in design.sources:
         assert f"  {name} " in str(design)
 
 

@@ -148,17 +148,27 @@ def test_ms_that_no_gain_reaches():
 @pytest.mark.parametrize(
     ("rule", "model", "error", "message"),
     [
-        (haalman.pida, SECOND, ValueError, "model must have a constant numerator and 3 poles, found Process"),
-        (haalman.pid, THIRD, ValueError, "model must have a constant numerator and 2 poles, found Process"),
-        (haalman.pid, Process([1.0, 1.0], SECOND.den), ValueError, "model must have a constant numerator and 2 poles"),
+        (
+            haalman.pida,
+            SECOND,
+            ValueError,
+            r"constant numerator \(not 0\) and 3 stable poles, found Process",
+        ),
+        (haalman.pid, THIRD, ValueError, r"model must have a constant numerator .* and two stable poles"),
+        (
+            haalman.pid,
+            Process([1.0, 1.0], SECOND.den),
+            ValueError,
+            "constant numerator .* two stable poles",
+        ),
         (
             haalman.pid,
             Process([1.0], [1.0, 1.0, -1.0]),
             ValueError,
-            "model must be stable, its poles are to be cancelled",
+            "two stable poles",
         ),
-        (haalman.pid, Process([1.0], [1.0, 1.0, 0.0]), ValueError, "model must be stable"),
-        (haalman.pida, Process([0.0], THIRD.den), ValueError, "model must have a gain other than 0, found 0"),
+        (haalman.pid, Process([1.0], [1.0, 1.0, 0.0]), ValueError, "two stable poles"),
+        (haalman.pida, Process([0.0], THIRD.den), ValueError, r"constant numerator \(not 0\)"),
         (
             haalman.pid,
             control.tf([1.0], [1.0, 2.0, 1.0]),

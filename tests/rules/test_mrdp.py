@@ -101,18 +101,18 @@ def test_loop_with_another_process():
 
 def test_prints_each_number_with_its_source():
     design = mrdp.tune(UNIT, 0, 0, 0.0)
-    for name in design.source:
+    for name in design.sources:
         assert hasattr(design, name)
         assert f"  {name}" in str(design)
-    assert "no filter" in str(design)
 
 
 @pytest.mark.parametrize("te", [1e-2, 1e-7])
 def test_prints_an_unstable_design_however_many_poles_it_has(te):
     """Below the limit |L| > 1 up to 1/te^2 rad per dead time: nothing is to be counted there."""
-    assert "unstable with the model itself, where te must be above 0.143" in str(
-        mrdp.tune(pidalab.ipdt(2.0, delay=3.0), 2, 2, te)
-    )
+    design = mrdp.tune(pidalab.ipdt(2.0, delay=3.0), 2, 2, te)
+    assert design.te < design.smallest_te
+    assert "  smallest_te    0.143" in str(design)
+    assert "unstable with the model, which needs a longer te" in str(design)
 
 
 @pytest.mark.parametrize(("m", "n"), [(0, 1), (2, 2), (4, 9), (10, 10)])
@@ -120,6 +120,7 @@ def test_model_without_dead_time_is_stable_with_any_filter(m, n):
     for te in (1e-6, 1.0, 1e6):
         design = mrdp.tune(pidalab.ipdt(-2.0, delay=0.0), m, n, te)
         assert pidalab.is_stable(design.loop())
+        assert design.smallest_te == 0.0
         assert "unstable" not in str(design)
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from pidalab import _check
 from pidalab.process import Process
 
 
@@ -21,19 +24,31 @@ class SecondOrder(NamedTuple):
         return round(self.delay / self.tau, 12)  # so that 0.3/3 is 0.1, and on its side of a break point
 
 
-def lags(model: Process, order: int) -> tuple[float, list[float]]:
-    """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), all positive, or raise."""
+def one_of(name: str, value: str, allowed: tuple[str, ...]) -> None:
+    """Raise for a choice that is not offered."""
+    if value not in allowed:
+        raise ValueError(f"{name} must be {' or '.join(map(repr, allowed))}, found {value!r}")
+
+
+def require_process(model: Process) -> None:
+    """Raise for a model that is no Process, and name what it may carry one in."""
     if not isinstance(model, Process):
-        hint = "; pass its .process" if isinstance(getattr(model, "process", None), Process) else ""
-        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}{hint}")
-    kind = "one stable pole (pidalab.fopdt)" if order == 1 else "two stable poles (pidalab.sopdt)"
-    fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0 and model.den[-1] != 0
-    coefficients = (model.den[:-1] / model.den[-1]).tolist() if fits else [0.0]
-    if min(coefficients) <= 0:
-        raise ValueError(
-            f"model must have a constant numerator (not 0) and {kind}, found {model!r}; see pidalab.reduction"
+        raise TypeError(
+            f"model must be a pidalab.Process, found {type(model).__name__}{_check.carrier(model, Process)}"
         )
-    return float(model.num[0] / model.den[-1]), coefficients
+
+
+def lags(model: Process, order: int) -> tuple[float, list[float]]:
+    """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), stable, or raise."""
+    require_process(model)
+    fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0
+    if not fits or np.any(np.roots(model.den).real >= 0):
+        poles = {1: "one stable pole (pidalab.fopdt)", 2: "two stable poles (pidalab.sopdt)"}
+        raise ValueError(
+            f"model must have a constant numerator (not 0) and {poles.get(order, f'{order} stable poles')}, "
+            f"found {model!r}; reduce or fit a model of that order first, see pidalab.reduction"
+        )
+    return float(model.num[0] / model.den[-1]), (model.den[:-1] / model.den[-1]).tolist()
 
 
 def second_order(model: Process) -> SecondOrder:
@@ -51,8 +66,7 @@ def second_order(model: Process) -> SecondOrder:
 
 def integrator(model: Process) -> tuple[float, float]:
     """Return velocity gain and dead time of an integrator, or raise."""
-    if not isinstance(model, Process):
-        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
+    require_process(model)
     if len(model.num) != 1 or len(model.den) != 2 or model.den[1] != 0 or model.num[0] == 0:
         raise ValueError(f"model must be an integrator with dead time (pidalab.ipdt), found {model!r}")
     return float(model.num[0] / model.den[0]), model.delay

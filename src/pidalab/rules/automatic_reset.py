@@ -20,7 +20,6 @@ A `Setting` holds these numbers without dimension, and `tune` makes a controller
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import control
@@ -28,9 +27,9 @@ import numpy as np
 
 from pidalab import _check
 from pidalab.controllers import SeriesPIDA
-from pidalab.loop import Loop
 from pidalab.process import Process, binomial
 from pidalab.rules import mrdp
+from pidalab.rules._design import Design
 from pidalab.rules._models import integrator
 
 
@@ -64,6 +63,9 @@ class Setting(NamedTuple):
     def times(self) -> tuple[float, float]:
         """Constants τ_D = T_D/T_d and τ_A = T_A²/T_d² of the stabilising controller, eq. (19)."""
         return self.kd / self.kp, self.ka / self.kp
+
+    def __str__(self) -> str:
+        return self.name
 
 
 def multiple_pole(m: int) -> Setting:
@@ -141,103 +143,6 @@ PPM_PIDA = Setting("PPM-PIDA", "eq. (25), printed", MRDP_PIDA.lag, kp=0.17, kd=0
 SETTINGS = {setting.name: setting for setting in (PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1, PIDA_2)}
 
 
-@dataclass(frozen=True)
-class Design:
-    """A series controller with its prefilter and the numbers they were made from; made by `tune`.
-
-    Attributes
-    ----------
-    model : Process
-        The integrator with dead time.
-    setting : Setting
-        The dimensionless parameters.
-    n : int
-        Order of the filter.
-    filter_time : float
-        Time constant T_f of the filter.
-    te : float
-        Dead time that stands for the filter; 0 where the dead time of the model contains it.
-    delay : float
-        Total dead time T_d for which the controller is tuned.
-    kp, kd, ka : float
-        Gains of the stabilising controller.
-    ti : float
-        Time constant of the automatic reset.
-    lead : float
-        b_1 of the prefilter, a time.
-    limits : tuple of float
-        Lower and upper limit of the control signal.
-    """
-
-    model: Process
-    setting: Setting
-    n: int
-    filter_time: float
-    te: float
-    delay: float
-    kp: float
-    kd: float
-    ka: float
-    ti: float
-    lead: float
-    limits: tuple[float, float]
-
-    @property
-    def source(self) -> dict[str, str]:
-        """Where each number comes from in huba2024, by attribute."""
-        gains = dict.fromkeys(("kp", "kd", "ka", "ti"), self.setting.source)
-        return {
-            "filter_time": "chosen",
-            "te": "eq. (11)" if self.te else "in the dead time of the model, sec. 3.1",
-            "delay": "eq. (10)",
-            **gains,
-            "lead": "eq. (22)" if self.lead else "eq. (21)",
-        }
-
-    @property
-    def controller(self) -> SeriesPIDA:
-        """The controller with its filter, reset and limits: Fig. 1, eqs. (3), (4), (7) and (9)."""
-        return SeriesPIDA(self.kp, self.kd, self.ka, self.ti, self.filter_time, self.n, self.limits)
-
-    @property
-    def prefilter(self) -> control.TransferFunction:
-        """The prefilter F_p of the set point, eq. (20): it takes the zeros of the controller away."""
-        den = np.convolve(_check.polynomial("gains", [self.ka / self.kp, self.kd / self.kp, 1.0]), [self.ti, 1.0])
-        return control.TransferFunction(binomial(self.lead, 1) if self.lead else [1.0], den)
-
-    def loop(self, process: Process | None = None) -> Loop:
-        """Close the loop; `pidalab.simulate_sampled` runs it with its limits, all else sees it between them.
-
-        The filter is a part of the controller here, so the set point passes it too; the paper does not say whether it
-        does. The load and the noise do not see the difference.
-
-        Parameters
-        ----------
-        process : Process, optional
-            The process to control; by default the model.
-
-        Returns
-        -------
-        Loop
-            With controller and prefilter.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> from pidalab.rules import automatic_reset
-        >>> model = pidalab.ipdt(1.0, delay=1.0)
-        >>> design = automatic_reset.tune(model, automatic_reset.PIDA_1, n=4, filter_time=0.2)
-        >>> pidalab.is_stable(design.loop())
-        True
-        """
-        return Loop(self.model if process is None else process, self.controller, prefilter=self.prefilter)
-
-    def __str__(self) -> str:
-        lines = [f"{self.setting.name} with n = {self.n} for {self.model!r}"]
-        lines += [f"  {name:12} = {getattr(self, name):<12.6g} {source}" for name, source in self.source.items()]
-        return "\n".join(lines)
-
-
 def tune(
     model: Process,
     setting: Setting,
@@ -285,7 +190,12 @@ def tune(
     Returns
     -------
     Design
-        Controller, prefilter, and each number with its source.
+        Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` runs its
+        loop with the limits; all else sees it between them. The filter is a part of the controller, so the set point
+        passes it too; the paper does not say whether it does. Load and noise do not see the difference. Its `info`:
+        the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that stands for it, 0
+        where the dead time of the model contains it; the total dead time ``delay``; ``kp``, ``kd``, ``ka`` and ``ti``
+        of controller and reset; ``lead``, b_1 of the prefilter.
 
     Raises
     ------
@@ -297,15 +207,21 @@ def tune(
     >>> import pidalab
     >>> from pidalab.rules import automatic_reset
     >>> print(automatic_reset.tune(pidalab.ipdt(1.0, delay=1.0), automatic_reset.PIDA_1, n=4, filter_time=0.2))
-    PIDA_1 with n = 4 for Process(num=[1], den=[1, 0], delay=1)
-      filter_time  = 0.2          chosen
-      te           = 0.8          eq. (11)
-      delay        = 1.8          eq. (10)
-      kp           = 0.0465574    eq. (29)
-      kd           = 0.235943     eq. (29)
-      ka           = 0.0904853    eq. (29)
-      ti           = 0.417978     eq. (29)
-      lead         = 0            eq. (21)
+    Design by huba2024, eqs. (10) to (22)
+      model          Process(num=[1], den=[1, 0], delay=1)
+      controller     SeriesPIDA(kp=0.0465574, kd=0.235943, ka=0.0904853, ti=0.417978, filter_time=0.2, filter_order=4,
+                     limits=(-inf, inf))
+      prefilter      [1] / [0.81235, 4.06175, 5.48577, 1]
+      setting        PIDA_1                   chosen
+      n              4                        chosen
+      filter_time    0.2                      chosen
+      te             0.8                      eq. (11)
+      delay          1.8                      eq. (10)
+      kp             0.0465574                eq. (29)
+      kd             0.235943                 eq. (29)
+      ka             0.0904853                eq. (29)
+      ti             0.417978                 eq. (29)
+      lead           0                        eq. (21)
     """
     velocity, dead_time = integrator(model)
     if not isinstance(setting, Setting):
@@ -323,17 +239,26 @@ def tune(
     delay = dead_time + te
     if not delay:
         raise ValueError("model must have a dead time where weight is 0: the total dead time is 0")
-    return Design(
-        model=model,
-        setting=setting,
-        n=n,
-        filter_time=filter_time,
-        te=te,
-        delay=delay,
-        kp=setting.kp / (velocity * delay),
-        kd=setting.kd / velocity,
-        ka=setting.ka * delay / velocity,
-        ti=setting.ti * delay,
-        lead=cancelled * setting.lag * delay,
-        limits=_check.limits(limits),
-    )
+    gains = (setting.kp / (velocity * delay), setting.kd / velocity, setting.ka * delay / velocity)
+    controller = SeriesPIDA(*gains, setting.ti * delay, filter_time, n, limits)
+    lead = cancelled * setting.lag * delay
+    info = {"setting": setting, "n": n, "filter_time": filter_time, "te": te, "delay": delay}
+    info |= {"kp": controller.kp, "kd": controller.kd, "ka": controller.ka, "ti": controller.ti, "lead": lead}
+    sources = {
+        "setting": "chosen",
+        "n": "chosen",
+        "filter_time": "chosen",
+        "te": "eq. (11)" if te else "in the dead time of the model, sec. 3.1",
+        "delay": "eq. (10)",
+        **dict.fromkeys(("kp", "kd", "ka", "ti"), setting.source),
+        "lead": "eq. (22)" if cancelled else "eq. (21)",
+    }
+    prefilter = _prefilter(controller, lead)
+    return Design(model, controller, prefilter, None, "huba2024, eqs. (10) to (22)", info, sources)
+
+
+def _prefilter(controller: SeriesPIDA, lead: float) -> control.TransferFunction:
+    """Return F_p, eq. (20): it takes the zeros of the controller away."""
+    stabiliser = [controller.ka / controller.kp, controller.kd / controller.kp, 1.0]
+    den = np.convolve(_check.polynomial("gains", stabiliser), [controller.ti, 1.0])
+    return control.TransferFunction(binomial(lead, 1) if lead else [1.0], den)

@@ -13,7 +13,8 @@ import math
 from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
-from pidalab.rules._models import second_order
+from pidalab.rules._design import Design
+from pidalab.rules._models import one_of, second_order
 
 
 def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
@@ -111,6 +112,41 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
     kd = (0.790 + 0.714 * x - 0.076 * r**2) / r**2 * theta
     ka = (0.335 + 0.058 * x - 0.023 * r**2) / r**2 * theta**2
     return _from_gains(ki / m.gain, kp / m.gain, kd / m.gain, ka / m.gain, alpha_d, alpha_a)
+
+
+def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a: float = 0.025) -> Design:
+    """PIDA controller for one of two tests: `setpoint` or `load`.
+
+    Parameters
+    ----------
+    model : Process
+        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+    test : {"setpoint", "load"}, optional
+        Whether steps of the set point or of the load count.
+    alpha_d, alpha_a : float, optional
+        Filter time constants as shares of the derivative and acceleration time, above 0.
+
+    Returns
+    -------
+    Design
+        The controller.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As the two functions, and for another test.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> model = pidalab.reduction.to_sopdt(pidalab.lags(3, delay=0.2))
+    >>> design = pidalab.rules.direct.tune(model.process, test="load")
+    >>> print(f"{pidalab.margins(design.loop()).ms:.2f}")
+    2.01
+    """
+    one_of("test", test, ("setpoint", "load"))
+    controller = (setpoint if test == "setpoint" else load)(model, alpha_d, alpha_a)
+    return Design(model, controller, source=f"pidalab.rules.direct.{test}: fitted to optima, not from a paper")
 
 
 def _from_gains(ki: float, kp: float, kd: float, ka: float, alpha_d: float, alpha_a: float) -> NonInteractivePIDA:

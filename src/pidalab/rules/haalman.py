@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import control
-import numpy as np
 from scipy.optimize import brentq
 
 from pidalab import _check
@@ -15,6 +14,8 @@ from pidalab.loop import Loop
 from pidalab.process import Process, binomial
 from pidalab.robustness.margins import gain_crossovers, max_sensitivity
 from pidalab.robustness.poles import is_stable
+from pidalab.rules._design import Design
+from pidalab.rules._models import lags
 
 LOWEST, HIGHEST = -25.0, 25.0  # logarithms of the gains between which Ms is searched
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
@@ -67,7 +68,7 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float = 10) -> PIDA:
     >>> print(f"kp = {C.kp:.3f}, ti = {C.ti:.3f}, td = {C.td:.3f}, ta = {C.ta:.3f}")
     kp = 1.298, ti = 3.370, td = 0.937, ta = 0.269
     """
-    gain, (a3, a2, a1) = _lag_coefficients(model, order=3)
+    gain, (a3, a2, a1) = lags(model, order=3)
     return _with_gain(model, PIDA(1 / gain, a1, a2 / a1, a3 / a1, n, m), ms)
 
 
@@ -100,8 +101,82 @@ def pid(model: Process, ms: float = 1.4, n: float = 10) -> PIDA:
     >>> print(f"kp = {C.kp:.3f}, ti = {C.ti:.3f}, td = {C.td:.3f}")
     kp = 0.906, ti = 2.875, td = 0.717
     """
-    gain, (a2, a1) = _lag_coefficients(model, order=2)
+    gain, (a2, a1) = lags(model, order=2)
     return _with_gain(model, PIDA(1 / gain, a1, a2 / a1, 0.0, n), ms)
+
+
+def pi(model: Process, ms: float = 1.4) -> PIDA:
+    """PI controller for a first-order model with dead time, by the same approach; not in the paper.
+
+    Parameters
+    ----------
+    model : Process
+        Constant numerator, one stable pole, dead time: `fopdt`.
+    ms : float, optional
+        Maximum sensitivity wanted, above 1.
+
+    Returns
+    -------
+    PIDA
+        With ``td = ta = 0``.
+
+    Raises
+    ------
+    ValueError
+        For a model of another structure, and for an `ms` that no gain reaches.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.rules.haalman.pi(pidalab.fopdt(gain=1.0, lag=2.0, delay=1.0), ms=1.59049)
+    >>> print(f"kp = {C.kp:.3f}, ti = {C.ti:.3f}")
+    kp = 1.000, ti = 2.000
+    """
+    gain, (a1,) = lags(model, order=1)
+    return _with_gain(model, PIDA(1 / gain, a1), ms)
+
+
+def tune(model: Process, ms: float = 1.4, kind: str = "PIDA", n: float = 10, m: float = 10) -> Design:
+    """Controller with its output filter: `pida`, `pid` or `pi`, then `output_filter`.
+
+    Parameters
+    ----------
+    model : Process
+        Constant numerator, dead time, and as many stable poles as the kind cancels: three, two or one.
+    ms : float, optional
+        Maximum sensitivity wanted, above 1, of the loop without the output filter, which raises it somewhat.
+    kind : {"PIDA", "PID", "PI"}, optional
+        Which controller.
+    n, m : float, optional
+        Filter ratios of the derivative and of the acceleration, where the controller has them.
+
+    Returns
+    -------
+    Design
+        Controller and output filter; `info` has ``ms`` and the gain crossover ``wgc``, both without the output filter.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `pida` and `output_filter`, and for another kind.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> design = pidalab.rules.haalman.tune(pidalab.sopdt(1.0, tau=1.5, damping=1.0, delay=1.0), ms=1.4, kind="PID")
+    >>> print(f"{design.controller.kp:.3f} {design.output_filter.time:.4f} {pidalab.margins(design.loop()).ms:.3f}")
+    1.039 0.1436 1.461
+    """
+    if kind == "PIDA":
+        controller, source = pida(model, ms, n, m), "haalman2024, eqs. (2), (8) and (9)"
+    elif kind == "PID":
+        controller, source = pid(model, ms, n), "haalman2024, eqs. (9) and (10)"
+    elif kind == "PI":
+        controller, source = pi(model, ms), "haalman2024, eqs. (8) and (9), for one lag"
+    else:
+        raise ValueError(f"kind must be 'PIDA', 'PID' or 'PI', found {kind!r}")
+    smooth = output_filter(model, controller)
+    return Design(model, controller, None, smooth, source, {"ms": float(ms), "wgc": smooth.wgc})
 
 
 class OutputFilter(NamedTuple):
@@ -162,24 +237,6 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
             f"the loop must have one gain crossover, found {crossovers.size}: {crossovers.round(4).tolist()}"
         )
     return OutputFilter(float(SLOWDOWN / crossovers[0]), 2 if controller.ta else 1, float(crossovers[0]))
-
-
-def _lag_coefficients(model: Process, order: int) -> tuple[float, list[float]]:
-    """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), or raise."""
-    if not isinstance(model, Process):
-        raise TypeError(f"model must be a pidalab.Process, found {type(model).__name__}")
-    if len(model.num) != 1 or len(model.den) != order + 1:
-        raise ValueError(
-            f"model must have a constant numerator and {order} poles, found {model!r}; "
-            "reduce or fit a model of that order first"
-        )
-    if np.any(np.roots(model.den).real >= 0):
-        raise ValueError(
-            f"model must be stable, its poles are to be cancelled; found poles {np.roots(model.den).round(4)}"
-        )
-    if model.num[0] == 0:
-        raise ValueError("model must have a gain other than 0, found 0")
-    return float(model.num[0] / model.den[-1]), (model.den[:-1] / model.den[-1]).tolist()
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:

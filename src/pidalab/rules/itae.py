@@ -32,7 +32,8 @@ import numpy as np
 from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
-from pidalab.rules._models import SecondOrder, lags, second_order
+from pidalab.rules._design import Design
+from pidalab.rules._models import SecondOrder, lags, one_of, second_order
 
 
 class Factors(NamedTuple):
@@ -225,6 +226,51 @@ def pida_load(
     NonInteractivePIDA(kc=10.87, tau_i=1.167, tau_d=0.593, tau_a=0.453, alpha_d=0.05, alpha_a=0.025)
     """
     return _pida(model, _load, alpha_d, alpha_a, factors)
+
+
+def tune(
+    model: Process, test: str = "setpoint", kind: str = "PIDA", alpha_d: float = 0.05, alpha_a: float = 0.025
+) -> Design:
+    """Controller of the paper for one of its two tests: `pida_setpoint`, `pida_load`, `pid_setpoint` or `pid_load`.
+
+    Parameters
+    ----------
+    model : Process
+        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+    test : {"setpoint", "load"}, optional
+        Whether steps of the set point or of the load count.
+    kind : {"PIDA", "PID"}, optional
+        Which controller.
+    alpha_d, alpha_a : float, optional
+        Filter time constants as shares of the derivative and acceleration time, above 0, where the controller has them.
+
+    Returns
+    -------
+    Design
+        The controller; for a PIDA `info` has the factors ``f_d`` and ``f_a``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As the four functions, and for another test or kind.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> model = pidalab.reduction.to_sopdt(pidalab.lags(3, delay=0.2))
+    >>> pidalab.rules.itae.tune(model.process, test="load").controller
+    NonInteractivePIDA(kc=10.87, tau_i=1.167, tau_d=0.593, tau_a=0.453, alpha_d=0.05, alpha_a=0.025)
+    """
+    one_of("test", test, ("setpoint", "load"))
+    one_of("kind", kind, ("PIDA", "PID"))
+    table = "Table 2" if test == "setpoint" else "Table 3"
+    if kind == "PID":
+        return Design(
+            model, (pid_setpoint if test == "setpoint" else pid_load)(model, alpha_d), source=f"heo2023, {table}"
+        )
+    controller = (pida_setpoint if test == "setpoint" else pida_load)(model, alpha_d, alpha_a)
+    info, source = factors(model)._asdict(), f"heo2023, eqs. (9) and (12), Table 1 and {table}"
+    return Design(model, controller, source=source, info=info, sources=dict.fromkeys(info, "Table 1"))
 
 
 def setpoint_factors(model: Process) -> Factors:

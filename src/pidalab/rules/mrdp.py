@@ -22,8 +22,9 @@ for every m, and in double precision right to 14 digits up to m = 24 and more. I
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
 
 import control
 
@@ -32,6 +33,7 @@ from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, ipdt
 from pidalab.robustness.poles import is_stable
+from pidalab.rules._design import Design
 from pidalab.rules._models import integrator
 
 
@@ -181,107 +183,19 @@ def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
     return tuple(math.comb(p, k + 1) * (-1 / unit.pole) ** (k + 1) / scale[k] for k in range(p))
 
 
-@dataclass(frozen=True)
-class Design:
-    """A controller with its prefilter and the numbers they were made from; made by `tune`.
-
-    Attributes
-    ----------
-    model : Process
-        The integrator with dead time.
-    m, n : int
-        Order of the highest derivative, and of the filter.
-    te : float
-        Dead time that stands for the filter.
-    delay : float
-        Total dead time T_d for which the controller is tuned.
-    pole : float
-        Dominant pole s_o, in 1/time.
-    kc, ti : float
-        Proportional gain and integral time.
-    td : tuple of float
-        T_D1 ... T_Dm, in time, time², ...
-    filter_time : float
-        Time constant T_f of the filter.
-    weights : tuple of float
-        b_0, b_1, ... of the prefilter.
-    ie : float
-        Integral of the error after a unit step of the set point; the integral of its absolute value as long as the
-        error does not change its sign.
-    """
-
-    model: Process
-    m: int
-    n: int
-    te: float
-    delay: float
-    pole: float
-    kc: float
-    ti: float
-    td: tuple[float, ...]
-    filter_time: float
-    weights: tuple[float, ...]
-    ie: float
-
-    @property
-    def source(self) -> dict[str, str]:
-        """Where each number comes from in huba2018, by attribute."""
-        return {
-            "te": "chosen, step 1 of the tuning procedure",
-            "delay": "eq. (12)",
-            "pole": "eq. (6)",
-            "kc": "eq. (6), Table I",
-            "ti": "eq. (6), Table I",
-            "td": "eq. (6), Table I",
-            "filter_time": "eq. (11), Table II" if self.n else "no filter",
-            "weights": "eq. (14), Table III",
-            "ie": "eq. (15), Table IV",
-        }
-
-    @property
-    def controller(self) -> HighOrderPID:
-        """The controller R_n^m, filter included: eqs. (2) and (7)."""
-        return HighOrderPID([self.kc * x for x in (1 / self.ti, 1.0, *self.td)], self.filter_time, self.n)
-
-    @property
-    def prefilter(self) -> control.TransferFunction:
-        """The prefilter F_p of the set point, eq. (13)."""
-        den = [1.0, *(self.ti * x for x in (1.0, *self.td))]
-        num = [1.0, *(b * x for b, x in zip(self.weights, den[1:], strict=False))]
-        return control.TransferFunction(num[::-1], den[::-1])
-
-    def loop(self, process: Process | None = None) -> Loop:
-        """Close the loop.
-
-        Parameters
-        ----------
-        process : Process, optional
-            The process to control; by default the model.
-
-        Returns
-        -------
-        Loop
-            With controller and prefilter.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> design = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=1, n=2, te=0.2)
-        >>> pidalab.is_stable(design.loop())
-        True
-        """
-        return Loop(self.model if process is None else process, self.controller, prefilter=self.prefilter)
-
-    def __str__(self) -> str:
-        lines = [f"PID with m = {self.m}, n = {self.n} for {self.model!r}"]
-        for name, source in self.source.items():
-            value = getattr(self, name)
-            text = ", ".join(f"{x:.6g}" for x in value) if isinstance(value, tuple) else f"{value:.6g}"
-            lines.append(f"  {name:12} = {text:42} {source}" if text else f"  {name:12}   {'none':42} {source}")
-        limit = smallest_te(self.m, self.n) * self.model.delay if self.n else 0.0
-        if self.te < limit:
-            lines.append(f"  unstable with the model itself, where te must be above {limit:.4g}")
-        return "\n".join(lines)
+SOURCES = {
+    "m": "chosen",
+    "n": "chosen",
+    "te": "chosen, step 1 of the tuning procedure",
+    "delay": "eq. (12)",
+    "pole": "eq. (6)",
+    "kc": "eq. (6), Table I",
+    "ti": "eq. (6), Table I",
+    "td": "eq. (6), Table I",
+    "filter_time": "eq. (11), Table II",
+    "weights": "eq. (14), Table III",
+    "ie": "eq. (15), Table IV",
+}
 
 
 def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None) -> Design:
@@ -306,7 +220,11 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     Returns
     -------
     Design
-        Controller, prefilter, and each number with its source.
+        Controller, eqs. (2) and (7), and prefilter, eq. (13). Its `info`: orders ``m`` and ``n``; ``te``; total dead
+        time ``delay``; dominant ``pole`` in 1/time; ``kc``, ``ti`` and the tuple ``td`` of T_D1 ... T_Dm in time,
+        time², ...; ``filter_time`` T_f; ``weights`` b_0, b_1, ... of the prefilter; ``ie``, the integral of the error
+        after a unit step of the set point, which is that of its absolute value as long as it does not change its sign;
+        and ``smallest_te``.
 
     Raises
     ------
@@ -317,16 +235,22 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     --------
     >>> import pidalab
     >>> print(pidalab.rules.mrdp.tune(pidalab.ipdt(0.01, delay=5.0), m=1, n=2, te=1.0))
-    PID with m = 1, n = 2 for Process(num=[0.01], den=[1, 0], delay=5)
-      te           = 1                                          chosen, step 1 of the tuning procedure
-      delay        = 6                                          eq. (12)
-      pole         = -0.211325                                  eq. (6)
-      kc           = 13.0602                                    eq. (6), Table I
-      ti           = 22.3923                                    eq. (6), Table I
-      td           = 1.57735                                    eq. (6), Table I
-      filter_time  = 0.394338                                   eq. (11), Table II
-      weights      = 0.42265, 0.633975                          eq. (14), Table III
-      ie           = 12.9282                                    eq. (15), Table IV
+    Design by huba2018, sec. II.B
+      model          Process(num=[0.01], den=[1, 0], delay=5)
+      controller     HighOrderPID(gains=[0.583245, 13.0602, 20.6005], filter_time=0.394338, filter_order=2)
+      prefilter      [22.3923, 9.4641, 1] / [35.3205, 22.3923, 1]
+      m              1                        chosen
+      n              2                        chosen
+      te             1                        chosen, step 1 of the tuning procedure
+      delay          6                        eq. (12)
+      pole           -0.211325                eq. (6)
+      kc             13.0602                  eq. (6), Table I
+      ti             22.3923                  eq. (6), Table I
+      td             1.57735                  eq. (6), Table I
+      filter_time    0.394338                 eq. (11), Table II
+      weights        0.42265, 0.633975        eq. (14), Table III
+      ie             12.9282                  eq. (15), Table IV
+      smallest_te    0                        not in the paper; stable
     """
     velocity, dead_time = integrator(model)
     m, n = _orders(m, n)
@@ -337,23 +261,44 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     if not delay:
         raise ValueError("model must have a dead time, or te must be above 0: both are 0")
     unit, weights = constants(m), prefilter_weights(m, m + 1 if cancelled is None else cancelled)
+    controller = _controller(velocity, delay, m, n, te)
     ti = unit.integral_time * delay
-    return Design(
-        model=model,
-        m=m,
-        n=n,
-        te=te,
-        delay=delay,
-        pole=unit.pole / delay,
-        kc=unit.gain / (velocity * delay),
-        ti=ti,
-        td=tuple(time * delay**j for j, time in enumerate(unit.derivative_times, start=1)),
-        filter_time=filter_ratio(m, n) * te if n else 0.0,
-        weights=weights,
-        ie=(1 - weights[0]) * ti,
-    )
+    td = tuple(time * delay**j for j, time in enumerate(unit.derivative_times, start=1))
+    info: dict[str, Any] = {
+        "m": m,
+        "n": n,
+        "te": te,
+        "delay": delay,
+        "pole": unit.pole / delay,
+        "kc": unit.gain / (velocity * delay),
+        "ti": ti,
+        "td": td,
+        "filter_time": controller.filter_time,
+        "weights": weights,
+        "ie": (1 - weights[0]) * ti,
+        "smallest_te": smallest_te(m, n) * dead_time if n else 0.0,
+    }
+    verdict = "stable" if te > info["smallest_te"] or m < 2 else "unstable with the model, which needs a longer te"
+    sources = SOURCES | {"smallest_te": f"not in the paper; {verdict}"}
+    prefilter = _prefilter(weights, [ti * x for x in (1.0, *td)])
+    return Design(model, controller, prefilter, None, "huba2018, sec. II.B", info, sources)
 
 
+def _controller(velocity: float, delay: float, m: int, n: int, te: float) -> HighOrderPID:
+    """Return R_n^m, filter included: eqs. (2) and (7)."""
+    unit = constants(m)
+    kc, ti = unit.gain / (velocity * delay), unit.integral_time * delay
+    td = [time * delay**j for j, time in enumerate(unit.derivative_times, start=1)]
+    return HighOrderPID([kc * x for x in (1 / ti, 1.0, *td)], filter_ratio(m, n) * te if n else 0.0, n)
+
+
+def _prefilter(weights: Sequence[float], zeros: list[float]) -> control.TransferFunction:
+    """Return F_p, eq. (13), whose denominator 1 + zeros[0] s + ... has the zeros of the controller as poles."""
+    num = [1.0, *(b * x for b, x in zip(weights, zeros, strict=False))]
+    return control.TransferFunction(num[::-1], [*zeros[::-1], 1.0])
+
+
+@cache
 def smallest_te(m: int, n: int) -> float:
     r"""Shortest T_e, in dead times of the model, for which the tuned loop is stable with the model itself.
 
@@ -400,7 +345,7 @@ def smallest_te(m: int, n: int) -> float:
     estimate = share / (1 - share)
 
     def stable(te: float) -> bool:
-        return is_stable(tune(ipdt(1.0, delay=1.0), m, n, te).loop())
+        return is_stable(Loop(ipdt(1.0, delay=1.0), _controller(1.0, 1.0 + te, m, n, te)))
 
     low = high = estimate
     while stable(low):

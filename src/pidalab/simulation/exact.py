@@ -29,7 +29,7 @@ from scipy.signal import fftconvolve
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.loop import Loop
+from pidalab.loop import Loop, require_loop
 from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.simulation.ladder import ladder_for
@@ -164,6 +164,7 @@ def simulate(
     >>> r.y.round(6).tolist()
     [0.0, 0.0, 0.5, 0.875, 1.020833]
     """
+    require_loop(loop)
     t = _check.uniform_time("t", t)
     return simulate_ensemble(loop, t, _check.signal("noise", noise, t.size)[None, :], setpoint, load)[0]
 

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import SeriesPIDA
-from pidalab.loop import Loop, open_loop
+from pidalab.loop import Loop, require_loop
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process
 from pidalab.response import Response
@@ -124,7 +124,7 @@ def simulate_sampled(
     clamping: overshoot 3.2 %
     conditioning: overshoot 12.4 %
     """
-    open_loop(loop)  # complains about what is not a loop
+    require_loop(loop)
     t = _check.uniform_time("t", t)
     r, d, n = (_check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise)))
     h = float(t[-1] / (t.size - 1))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +17,7 @@ from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, binomial
 from pidalab.robustness.poles import is_stable
+from pidalab.rules._design import Design
 from pidalab.rules.magnitude_optimum.system import (
     areas_of,
     measured_uncertainty,
@@ -27,72 +27,14 @@ from pidalab.rules.magnitude_optimum.system import (
 )
 from pidalab.simulation.statespace import discretise
 
+SOURCES = {
+    "gains": "eqs. (14) to (17)",
+    "filter_time": "chosen",
+    "static_gain": "eq. (6)",
+    "ie": "eq. (37)",
+    "uncertainty": "from that of the areas",
+}
 UNSURE = 1.0  # relative uncertainty at which a gain from a record is refused
-
-
-@dataclass(frozen=True)
-class Design:
-    """A tuned controller, and what is known of it.
-
-    Attributes
-    ----------
-    controller : HighOrderPID
-        The controller with its filter.
-    static_gain : float
-        Gain of the process, A_0.
-    uncertainty : tuple of float
-        Standard uncertainty of each gain in its own unit, from that of the areas; zeros for a model.
-    """
-
-    controller: HighOrderPID
-    static_gain: float
-    uncertainty: tuple[float, ...]
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        r""":math:`K_{-1}, K_0, \dots, K_m`."""
-        return self.controller.coefficients
-
-    @property
-    def filter_time(self) -> float:
-        """Time constant of the filter, T_F."""
-        return self.controller.filter_time
-
-    @property
-    def ie(self) -> float:
-        r"""Integral of the error after a unit step of the filtered set point, :math:`1/(A_0 K_{-1})`: eq. (37)."""
-        return 1 / (self.static_gain * self.gains[0])
-
-    def noise_gain(self, sample_time: float) -> float:
-        r"""Expected ratio of the standard deviations of control signal and measurement noise, eqs. (21) and (35).
-
-        The noise is white and held for a sample. Of the loop the high frequencies count, at which the process passes
-        nothing, so that the transfer function from the noise to the control signal is about
-
-        .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
-
-        (for m = 0 with :math:`K_0` on top). This is the H2 norm of its sampled form, exact, without the asymptotes of
-        eq. (26). For the loop itself see `pidalab.noise_gain`.
-
-        Parameters
-        ----------
-        sample_time : float
-            Sample time T_S, above 0.
-
-        Returns
-        -------
-        float
-            The ratio, in units of u per unit of y.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> design = pidalab.rules.magnitude_optimum.tune(pidalab.lags(3, delay=0.5), m=3, n=4, filter_time=0.124)
-        >>> design.noise_gain(sample_time=0.002)
-        9.40
-        """
-        n = self.controller.filter_order
-        return filtered_noise_gain(self.gains, self.filter_time, n, self.static_gain, sample_time)
 
 
 def gains(areas: ArrayLike, m: int) -> Array:
@@ -155,7 +97,10 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     Returns
     -------
     Design
-        The controller.
+        The controller. Its `info`: ``gains`` K_-1, K_0, ..., K_m; ``filter_time`` T_F; ``static_gain`` A_0 of the
+        process; ``ie``, the integral of the error after a unit step of the filtered set point, 1/(A_0 K_-1), eq. (37);
+        ``uncertainty``, the standard uncertainty of each gain in its own unit, from that of the areas; zeros for a
+        model.
 
     Raises
     ------
@@ -191,7 +136,14 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
         unsure = share * np.abs(controller.coefficients)
     if isinstance(model, Process):
         _require_stable(Loop(model, controller), m, n, filter_time)
-    return Design(controller, float(plain[0]), tuple(unsure.tolist()))
+    info = {
+        "gains": controller.coefficients,
+        "filter_time": controller.filter_time,
+        "static_gain": float(plain[0]),
+        "ie": 1 / float(plain[0] * exact_gains[0]),
+        "uncertainty": tuple(unsure.tolist()),
+    }
+    return Design(model, controller, source="vrancic2021, eqs. (8) and (14) to (17)", info=info, sources=SOURCES)
 
 
 def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
@@ -225,6 +177,48 @@ def _require_sign(controller: HighOrderPID, model: MeasuredAreas) -> None:
             f"model: with m = {len(controller.coefficients) - 2} the record gives K_-1 = {integral:.4g}, whose sign is "
             f"not that of the gain A_0 = {model.gain:.4g}: the loop would be unstable; take another m or another filter"
         )
+
+
+def noise_gain(design: Design, sample_time: float) -> float:
+    r"""Expected ratio of the standard deviations of control signal and measurement noise, eqs. (21) and (35).
+
+    The noise is white and held for a sample. Of the loop the high frequencies count, at which the process passes
+    nothing, so that the transfer function from the noise to the control signal is about
+
+    .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
+
+    (for m = 0 with :math:`K_0` on top). This is the H2 norm of its sampled form, exact, without the asymptotes of
+    eq. (26). For the loop itself see `pidalab.noise_gain`.
+
+    Parameters
+    ----------
+    design : Design
+        Made by this rule.
+    sample_time : float
+        Sample time T_S, above 0.
+
+    Returns
+    -------
+    float
+        The ratio, in units of u per unit of y.
+
+    Raises
+    ------
+    TypeError
+        For a design of another rule.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.rules import magnitude_optimum
+    >>> design = magnitude_optimum.tune(pidalab.lags(3, delay=0.5), m=3, n=4, filter_time=0.124)
+    >>> magnitude_optimum.noise_gain(design, sample_time=0.002)
+    9.40
+    """
+    if not isinstance(design.controller, HighOrderPID):
+        raise TypeError(f"design must be one of the magnitude optimum, found {design!r}")
+    n = design.controller.filter_order
+    return filtered_noise_gain(design.gains, design.filter_time, n, design.static_gain, sample_time)
 
 
 def filtered_noise_gain(

@@ -13,7 +13,8 @@ from pidalab import _check
 from pidalab.areas import MeasuredAreas
 from pidalab.areas import _power_series as series
 from pidalab.process import Process
-from pidalab.rules.magnitude_optimum.design import Design, filtered_noise_gain, tune
+from pidalab.rules._design import Design
+from pidalab.rules.magnitude_optimum.design import filtered_noise_gain, tune
 from pidalab.rules.magnitude_optimum.system import areas_of, solved, time_scale
 
 ROUNDS = 300  # updates of the filter time after which it is said not to settle
@@ -151,7 +152,7 @@ def tune_for_noise(
 def tune_for_exact_noise(
     model: Process | MeasuredAreas | ArrayLike, m: int, n: int, noise_gain: float, sample_time: float
 ) -> Design:
-    """Controller for a noise gain that it has, to all digits: `Design.noise_gain` in place of the estimate (32).
+    """Controller for a noise gain that it has, to all digits: that of `noise_gain` in place of the estimate (32).
 
     Where n is above m + 1 the estimate wastes up to two thirds of the noise gain; see the column σ_rel of Table 4.
 
@@ -182,9 +183,10 @@ def tune_for_exact_noise(
     Examples
     --------
     >>> import pidalab
+    >>> from pidalab.rules import magnitude_optimum
     >>> process = pidalab.lags(3, delay=0.5)
-    >>> design = pidalab.rules.magnitude_optimum.tune_for_exact_noise(process, 3, 6, noise_gain=10.0, sample_time=0.002)
-    >>> design.filter_time, design.noise_gain(0.002)
+    >>> design = magnitude_optimum.tune_for_exact_noise(process, 3, 6, noise_gain=10.0, sample_time=0.002)
+    >>> design.filter_time, magnitude_optimum.noise_gain(design, 0.002)
     (0.0745, 10.0)
     """
     plain = areas_of(model, m)

@@ -12,7 +12,7 @@ from pidalab.areas import exact
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.rules.magnitude_optimum.design import Design
+from pidalab.rules._design import Design
 from pidalab.rules.magnitude_optimum.noise import tune_for_exact_noise
 from pidalab.rules.magnitude_optimum.system import time_scale
 from pidalab.simulation import load_response

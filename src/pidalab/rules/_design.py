@@ -1,0 +1,129 @@
+"""What every rule returns from `tune`: one type for all of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from pidalab.controllers import Controller
+from pidalab.loop import Loop
+from pidalab.process import Process, rational
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design:
+    """A controller with its filters, the model it was made for, and where it comes from.
+
+    Every rule returns one from its ``tune``. What else a rule knows of its design, such as a predicted IAE or the
+    time constants behind the gains, is in `info`, and each entry can be read as an attribute: ``design.iae``.
+
+    Parameters
+    ----------
+    model : Process, MeasuredAreas or ndarray
+        What the rule was given. Areas take the place of a model with the magnitude optimum alone.
+    controller : controller
+        From control error to control signal, its own filters included.
+    prefilter : control.TransferFunction, optional
+        Filter of the set point; None for none.
+    output_filter : OutputFilter or control.TransferFunction, optional
+        Filter of the control signal, inside the loop; None for none.
+    source : str
+        Paper and equations of the rule.
+    info : mapping, optional
+        What else is known, by name.
+    sources : mapping, optional
+        Where single entries of `info` come from, by the same names.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> design = pidalab.rules.haalman.tune(pidalab.lags(3, delay=1.0), ms=1.6)
+    >>> print(f"{design.controller.kp:.3f} {design.ms} {pidalab.is_stable(design.loop())}")
+    1.299 1.6 True
+    """
+
+    model: Any
+    controller: Controller
+    prefilter: Any = None
+    output_filter: Any = None
+    source: str = ""
+    info: Mapping[str, Any] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("info", "sources"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def __getattr__(self, name: str) -> Any:
+        """Read an entry of `info`."""
+        if not name.startswith("_") and name != "info" and name in self.info:
+            return self.info[name]
+        known = "" if name.startswith("_") or name == "info" else f"; its info has {', '.join(self.info) or 'nothing'}"
+        raise AttributeError(f"this design has no {name!r}{known}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.info]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        blocks = (self.model, self.controller, self.prefilter, self.output_filter)
+        return Design, (*blocks, self.source, dict(self.info), dict(self.sources))
+
+    def loop(self, process: Process | None = None) -> Loop:
+        """Close the loop around a process, with all filters of the design.
+
+        Parameters
+        ----------
+        process : Process, optional
+            The process to control; by default the model.
+
+        Returns
+        -------
+        Loop
+            With controller, output filter and prefilter.
+
+        Raises
+        ------
+        TypeError
+            Without a process, for a design that was made from areas: they are no model.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> design = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=1, n=2, te=0.2)
+        >>> pidalab.is_stable(design.loop())
+        True
+        """
+        if process is None and not isinstance(self.model, Process):
+            raise TypeError("process must be given, as in design.loop(process): this design was made from areas")
+        return Loop(self.model if process is None else process, self.controller, self.output_filter, self.prefilter)
+
+    def __repr__(self) -> str:
+        return f"Design({self.model!r}, {self.controller!r}, source={self.source!r})"
+
+    def __str__(self) -> str:
+        blocks = {name: getattr(self, name) for name in ("model", "controller", "prefilter", "output_filter")}
+        lines = [f"Design by {self.source}"]
+        lines += [f"  {name:14} {_block(value)}" for name, value in blocks.items() if value is not None]
+        for name, value in self.info.items():
+            lines.append(f"  {name:14} {_value(value):24} {self.sources.get(name, '')}".rstrip())
+        return "\n".join(lines)
+
+
+def _block(block: Any) -> str:
+    """Write a block on one line, with six digits; a transfer function by its coefficients."""
+    if isinstance(block, Process) or not hasattr(block, "num"):
+        return re.sub(r"\d+\.\d{6,}(e[+-]\d+)?", lambda number: f"{float(number[0]):.6g}", repr(block))
+    num, den = (", ".join(f"{c:.6g}" for c in part) for part in rational("block", block))
+    return f"[{num}] / [{den}]"
+
+
+def _value(value: Any) -> str:
+    """Write a value of `info`: numbers with six digits."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, tuple) and all(isinstance(x, float) for x in value):
+        return ", ".join(f"{x:.6g}" for x in value) or "none"
+    return str(value)
