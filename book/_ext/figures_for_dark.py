@@ -26,10 +26,8 @@ def for_dark(colour: str) -> str:
     """Return the counterpart of a colour such as ``#1f5fa8`` on a dark page."""
     red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
     hue, lightness, saturation = colorsys.rgb_to_hls(red, green, blue)
-    if saturation < GREY:
-        lightness = DARKEST + (LIGHTEST - DARKEST) * (1 - lightness)
-    else:
-        lightness = max(lightness, INK)
+    turned = DARKEST + (LIGHTEST - DARKEST) * (1 - lightness)
+    lightness = turned if saturation < GREY else max(lightness, INK)
     return "#" + "".join(f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, lightness, saturation))
 
 
