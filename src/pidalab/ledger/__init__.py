@@ -1,46 +1,66 @@
 """Printed against computed: every number and statement of a paper, its value here, and the verdict.
 
-A file ``book/ledger/<paper>.csv`` has one row for each claim. A chapter opens it, hands over every value it computes,
-and closes it::
+A file ``book/ledger/<paper>.csv`` has one row for each claim. The checks of a paper, in ``book/checks``, hand over what
+they compute; the audit page runs them section by section and closes the ledger::
 
-    from pidalab.ledger import Ledger
+    from pidalab.ledger import Ledger, checks
 
     book = Ledger.open("haalman2024")
-    book.check("haalman2024.ex1.pida.kp", kp)        # or a dictionary; a statement takes a truth value
-    book.table("haalman2024.ex1.")
+    checks("haalman2024").three_points(book)   # calls book.check(id, kp), book.statement(id, a, "<", b), …
+    book.table("ex1.")
     book.close()
 
-``check`` and ``close`` fail when a value drifts from the stored one, when the verdict in the file no longer follows,
-when a declared disagreement starts to agree, and when an id is unknown or left over. A verdict is one of
+A value, the evidence of a statement or a note that drifts from the stored one fails, and so do a verdict that no longer
+follows, a declared disagreement that starts to agree, an id that is unknown or left over. A verdict is one of
 
 * ``reproduced``, ``last-digit``, ``approximate``: these follow from the two numbers, see `derive`;
-* ``holds``, ``fails``: a statement, with the numbers in the note;
-* ``misprint``, ``differs``, ``not-computable``: declared by a person, with the reason in the note.
+* ``holds``, ``fails``: these follow from the relation between two computed numbers that decides a statement;
+* ``misprint``, ``as-read``, ``differs``, ``not-computable``: declared by a person, with the reason in the note.
 
-``python -m pidalab.ledger update book/haalman2024.ipynb`` stores the values of a new or changed chapter and prints what
-changed; ``show``, ``check`` and ``readme`` print, validate and publish.
+The basis of a row says what it stands on: the paper's problem (``computed``), other printed results (``from-print``),
+or reading alone (``reading``).
+
+``python -m pidalab.ledger update haalman2024`` runs the checks of a paper, stores what is new and prints what changed;
+``show``, ``check`` and ``readme`` print, validate and publish.
 """
 
-from pidalab.ledger.book import Ledger, record
+from pidalab.ledger.book import Ledger
+from pidalab.ledger.conventions import CONVENTIONS, Convention
 from pidalab.ledger.display import Display
+from pidalab.ledger.entries import Entry
 from pidalab.ledger.errors import LedgerError
+from pidalab.ledger.files import papers, read_rows, write_rows
 from pidalab.ledger.pages import errata, load_all, score_markdown, scoreboard, write_score
-from pidalab.ledger.rows import Row, read_rows, write_rows
-from pidalab.ledger.verdicts import VERDICTS, derive
+from pidalab.ledger.relations import Evidence, Relation, every, some
+from pidalab.ledger.rows import Row
+from pidalab.ledger.running import checks, record, run, update
+from pidalab.ledger.verdicts import BASES, VERDICTS, derive
 
 __all__ = [
+    "BASES",
+    "CONVENTIONS",
     "VERDICTS",
+    "Convention",
     "Display",
+    "Entry",
+    "Evidence",
     "Ledger",
     "LedgerError",
+    "Relation",
     "Row",
+    "checks",
     "derive",
     "errata",
+    "every",
     "load_all",
+    "papers",
     "read_rows",
     "record",
+    "run",
     "score_markdown",
     "scoreboard",
+    "some",
+    "update",
     "write_rows",
     "write_score",
 ]

@@ -5,14 +5,14 @@ import sys
 from collections.abc import Sequence
 
 from pidalab.ledger import Ledger, LedgerError, load_all, write_score
-from pidalab.ledger.notebook import update
+from pidalab.ledger.running import update
 
 
-def _update(notebooks: list[str]) -> None:
+def _update(papers: list[str]) -> None:
     problems = []
-    for notebook in notebooks:
-        result = update(notebook)
-        print("\n".join([f"{notebook}: {len(result.changes)} entries changed", *result.changes]))
+    for paper in papers:
+        result = update(paper)
+        print("\n".join([f"{paper}: {len(result.changes)} entries changed", *result.changes]))
         problems += result.problems
     if problems:
         raise LedgerError("\n".join(["left to do:", *problems]))
@@ -49,9 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(prog="python -m pidalab.ledger", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    command = commands.add_parser("update", help="run chapters and store what they compute")
-    command.add_argument("notebooks", nargs="+")
-    command.set_defaults(run=lambda given: _update(given.notebooks))
+    command = commands.add_parser("update", help="run the checks of papers and store what they compute")
+    command.add_argument("papers", nargs="+")
+    command.set_defaults(run=lambda given: _update(given.papers))
     command = commands.add_parser("show", help="print ledgers, printed beside computed")
     command.add_argument("papers", nargs="+")
     command.set_defaults(run=lambda given: _show(given.papers))

@@ -1,27 +1,31 @@
-"""The ledger of one paper, as its chapter uses it, and the one function that writes to it."""
+"""The ledger of one paper, as its chapter uses it."""
 
-import math
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from decimal import Decimal
 from difflib import get_close_matches
 from pathlib import Path
-from typing import SupportsFloat, overload
-
-import numpy as np
+from typing import Self, SupportsFloat, overload
 
 from pidalab.ledger import display, verdicts
-from pidalab.ledger.digits import DIGITS, agrees, read_number, store
+from pidalab.ledger.conventions import IDENTITY
+from pidalab.ledger.digits import DIGITS, plain, read_number
 from pidalab.ledger.display import Display
+from pidalab.ledger.entries import Entry, drift, merged, unfit, updated
 from pidalab.ledger.errors import LedgerError, naming
-from pidalab.ledger.rows import Row, find_folder, read_rows, write_rows
+from pidalab.ledger.files import find_folder, papers, read_rows
+from pidalab.ledger.relations import Evidence, Number
+from pidalab.ledger.rows import Row
 
-Value = float | bool
+_REFERENCE = re.compile(r"\b(?:[Ss]ecs?|[Ff]igs?|[Ee]qs?|[Tt]ables?)\.? \d[\d.]*(?:(?:,| and| to) \d[\d.]*)*")
+_DECIMAL = re.compile(r"\d\.\d")
 
 
 class Ledger:
     """The printed numbers and statements of one paper, each waiting for the value its chapter computes.
+
+    An id may be given without the key of the paper: ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
 
     Parameters
     ----------
@@ -36,14 +40,14 @@ class Ledger:
         Key of the paper, the first part of every id.
     rows : dict of str to Row
         By id, in the order of the file.
-    values : dict of str to float or bool
+    entries : dict of str to Entry
         What has been handed over so far.
 
     Examples
     --------
     >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
-    >>> book.check("demo.kp", 1.309812345)
-    >>> book.check("demo.kq", 1.0)
+    >>> book.check("kp", 1.309812345)
+    >>> book.check("kq", 1.0)
     Traceback (most recent call last):
     pidalab.ledger.errors.LedgerError: demo.kq: unknown id; the closest are demo.kp
     >>> book.close()
@@ -54,10 +58,10 @@ class Ledger:
         self.path = path
         self.paper = path.stem
         self.rows = {row.id: row for row in rows}
-        self.values: dict[str, Value] = {}
+        self.entries: dict[str, Entry] = {}
 
     @classmethod
-    def open(cls, paper: str, folder: Path | str | None = None) -> "Ledger":
+    def open(cls, paper: str, folder: Path | str | None = None) -> Self:
         """Open the ledger of a paper.
 
         Parameters
@@ -80,6 +84,7 @@ class Ledger:
         --------
         >>> import tempfile
         >>> folder = Path(tempfile.mkdtemp())
+        >>> from pidalab.ledger import write_rows
         >>> write_rows(folder / "demo.csv", [Row("demo.kp", "Table 1", "gain", "1.31")])
         >>> list(Ledger.open("demo", folder).rows)
         ['demo.kp']
@@ -87,23 +92,34 @@ class Ledger:
         place = Path(folder) if folder is not None else find_folder()
         path = place / f"{paper}.csv"
         if not path.is_file():
-            known = ", ".join(sorted(file.stem for file in place.glob("*.csv"))) or "none"
+            known = ", ".join(papers(place)) or "none"
             raise LedgerError(f"no ledger {path.name} in {place}; there are: {known}")
         return cls(path, read_rows(path))
 
     @overload
-    def check(self, claims: str, value: Value) -> None: ...
+    def check(self, claims: str, value: SupportsFloat, *, note: str | None = None, digits: int = DIGITS) -> None: ...
     @overload
-    def check(self, claims: Mapping[str, Value]) -> None: ...
-    def check(self, claims: str | Mapping[str, Value], value: Value | None = None) -> None:
-        """Hand over what the chapter computed.
+    def check(self, claims: Mapping[str, SupportsFloat], *, note: str | None = None, digits: int = DIGITS) -> None: ...
+    def check(
+        self,
+        claims: str | Mapping[str, SupportsFloat],
+        value: SupportsFloat | None = None,
+        *,
+        note: str | None = None,
+        digits: int = DIGITS,
+    ) -> None:
+        """Hand over numbers that the chapter computed.
 
         Parameters
         ----------
-        claims : str or mapping of str to float or bool
+        claims : str or mapping of str to float
             An id, or values by id.
-        value : float or bool, optional
-            The value that belongs to one id: a number, or for a statement whether it holds.
+        value : float, optional
+            The value that belongs to one id.
+        note : str, optional
+            The note of each of these rows, with numbers of this run.
+        digits : int, optional
+            Significant digits to keep; fewer than ten need a note that says why, with the word *digits*.
 
         Raises
         ------
@@ -114,46 +130,181 @@ class Ledger:
         Examples
         --------
         >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
-        >>> book.check("demo.kp", 1.3098)
+        >>> book.check("kp", 1.3098)
         Traceback (most recent call last):
         pidalab.ledger.errors.LedgerError: demo.kp: drifted from 1.309812345 to 1.309800000
-        >>> book.check({"demo.kp": 1.309812345})
+        >>> book.check({"kp": 1.309812345})
         """
         handed = {claims: value} if isinstance(claims, str) else claims
-        failures = [failure for id, claim in handed.items() for failure in self._receive(id, claim)]
-        if failures:
-            raise LedgerError("\n".join(failures))
+        failures = []
+        for id, claim in handed.items():
+            try:
+                with naming(self.full(id)):
+                    number = float(plain(claim))
+            except LedgerError as error:
+                failures.append(str(error))
+            else:
+                failures += self._receive(id, Entry(number, note=note, digits=digits))
+        _report(failures)
 
-    def _receive(self, id: str, claim: object) -> list[str]:
-        if id not in self.rows:
-            closest = get_close_matches(id, self.rows, n=3)
-            return [f"{id}: unknown id" + (f"; the closest are {', '.join(closest)}" if closest else "")]
-        row = self.rows[id]
-        if row.verdict == "not-computable":
-            return [f"{id}: declared not-computable, but {claim!r} was handed over"]
-        try:
-            with naming(id):
-                value = _plain(claim)
-                before = self.values.get(id)
-                if before is not None and not _same(value, _entry(before, row.printed, _digits(row))):
-                    return [f"{id}: handed over twice, as {before!r} and as {value!r}"]
-                failures = self._judge(row, value)
-        except LedgerError as error:
-            return [str(error)]
-        if not failures:  # a refused value may be corrected and handed over again
-            self.values[id] = value
-        return failures
+    def statement(
+        self,
+        id: str,
+        left: Number,
+        relation: str,
+        right: Number,
+        *,
+        note: str | None = None,
+        left_name: str = "",
+        right_name: str = "",
+        convention: str | None = None,
+        digits: int = DIGITS,
+    ) -> None:
+        """Hand over the relation that decides a statement; it ``holds`` or ``fails`` by its numbers.
 
-    def _judge(self, row: Row, value: Value) -> list[str]:
-        """Compare a value with its row; the stored value decides the verdict, so that noise never flips one."""
-        if not row.computed:
-            return [f"{row.id}: nothing stored yet, `python -m pidalab.ledger update` on the notebook stores {value!r}"]
-        if _same(value, row.computed):
-            failures = [row.disagreement()]
-        else:
-            fresh = replace(row, computed=_entry(value, row.printed))
-            failures = [f"{row.id}: drifted from {row.computed} to {fresh.computed}", fresh.disagreement()]
-        return [failure for failure in failures if failure]
+        Parameters
+        ----------
+        id : str
+            Id of a statement.
+        left : int or float
+            Left side, computed; infinite is allowed where no convention is asked. Integers stay exact.
+        relation : str
+            One of ``< <= > >= == != within``. ``==`` and ``!=`` are for integers, ``within`` needs a convention. A
+            statement about many takes the three from `every` or `some`.
+        right : int or float
+            Right side, likewise.
+        note : str, optional
+            The note of the row, with numbers of this run.
+        left_name : str, optional
+            What the left side is.
+        right_name : str, optional
+            What the right side is.
+        convention : str, optional
+            A key of `CONVENTIONS` that says what *similar*, *clearly* or *much* mean.
+        digits : int, optional
+            As in `check`.
+
+        Raises
+        ------
+        LedgerError
+            If a side is no number, the relation is not for such numbers, and as in `check`.
+
+        Examples
+        --------
+        >>> row = Row("demo.s", "sec. 3", "statement", "A is faster", "holds", "holds", evidence="1 < 2")
+        >>> book = Ledger(Path("demo.csv"), [row])
+        >>> book.statement("s", 1, "<", 3)
+        Traceback (most recent call last):
+        pidalab.ledger.errors.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
+        """
+        with naming(self.full(id)):
+            evidence = Evidence.of(
+                left, relation, right, names=(left_name, right_name), convention=convention, digits=digits
+            )
+        _report(self._receive(id, Entry(evidence=evidence, note=note, digits=digits)))
+
+    def identity(self, id: str, residual: float, tolerance: float = IDENTITY, *, note: str | None = None) -> None:
+        """Hand over the largest residual of two formulas that a statement calls the same.
+
+        Only the decade of the residual is kept, and compared as still below the tolerance: rounding differs from
+        machine to machine.
+
+        Parameters
+        ----------
+        id : str
+            Id of a statement.
+        residual : float
+            Largest relative deviation.
+        tolerance : float, optional
+            What it has to stay below; more than 1e-9 needs a note that says why.
+        note : str, optional
+            The note of the row, with numbers of this run.
+
+        Raises
+        ------
+        LedgerError
+            If a number is negative or not finite, and as in `check`.
+
+        Examples
+        --------
+        >>> kept = "1e-15 <= 1e-09 | rounding"
+        >>> row = Row("demo.s", "eq. (7)", "statement", "(7) is (3)", "holds", "holds", evidence=kept)
+        >>> Ledger(Path("demo.csv"), [row]).identity("s", 3.1e-16)
+        """
+        with naming(self.full(id)):
+            evidence = Evidence.identity(residual, tolerance)
+            if tolerance > IDENTITY and not note:
+                raise LedgerError(f"a tolerance of {tolerance:g}, above {IDENTITY:g}, needs a note that says why")
+        _report(self._receive(id, Entry(evidence=evidence, note=note)))
+
+    def note(self, id: str, text: str) -> None:
+        """Hand over the note of a row, with numbers of this run; a row settled by reading hands over nothing else.
+
+        Parameters
+        ----------
+        id : str
+            Id of a row.
+        text : str
+            One line of plain text.
+
+        Raises
+        ------
+        LedgerError
+            If the note has drifted.
+
+        Examples
+        --------
+        >>> row = Row("demo.s", "sec. 1", "statement", "the oldest", "", "not-computable", "reading", note="A survey.")
+        >>> Ledger(Path("demo.csv"), [row]).note("s", "A survey.")
+        """
+        _report(self._receive(id, Entry(note=text)))
+
+    def full(self, id: str) -> str:
+        """Return an id with the key of the paper.
+
+        Parameters
+        ----------
+        id : str
+            With or without the key.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> Ledger(Path("demo.csv"), []).full("ex1.kp")
+        'demo.ex1.kp'
+        """
+        return id if id.startswith(f"{self.paper}.") else f"{self.paper}.{id}"
+
+    def row(self, id: str) -> Row:
+        """Return a row, to read what is printed and how precisely.
+
+        Parameters
+        ----------
+        id : str
+            Id of a row.
+
+        Returns
+        -------
+        Row
+
+        Raises
+        ------
+        LedgerError
+            For an unknown id.
+
+        Examples
+        --------
+        >>> Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")]).row("kp").half_unit
+        0.005
+        """
+        full = self.full(id)
+        if full not in self.rows:
+            closest = get_close_matches(full, self.rows, n=3)
+            raise LedgerError(f"{full}: unknown id" + (f"; the closest are {', '.join(closest)}" if closest else ""))
+        return self.rows[full]
 
     def printed(self, id: str) -> float:
         """Return a printed number, for computations that start from what the paper prints.
@@ -161,7 +312,7 @@ class Ledger:
         Parameters
         ----------
         id : str
-            Id of a row with a number; the key of the paper may be left out.
+            Id of a row with a number.
 
         Returns
         -------
@@ -177,29 +328,57 @@ class Ledger:
         >>> Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")]).printed("kp")
         1.31
         """
-        full = id if id in self.rows else f"{self.paper}.{id}"
-        if full not in self.rows:
-            raise LedgerError(f"{id}: unknown id; the closest are {', '.join(get_close_matches(full, self.rows, n=3))}")
-        with naming(full):
-            return float(read_number(self.rows[full].printed))
+        row = self.row(id)
+        with naming(row.id):
+            return float(read_number(row.printed))
+
+    def _receive(self, id: str, entry: Entry) -> list[str]:
+        try:
+            row = self.row(id)
+            if failure := unfit(row, entry):
+                return [failure]
+            joined = merged(row, self.entries[row.id], entry) if row.id in self.entries else entry
+            failures = self._judge(row, entry)
+        except LedgerError as error:
+            return [str(error)]
+        if not failures:  # what was refused may be corrected and handed over again
+            self.entries[row.id] = joined
+        return failures
+
+    def _judge(self, row: Row, entry: Entry) -> list[str]:
+        """Compare an entry with its row; what is stored decides the verdict, so that noise never flips one."""
+        if not entry.is_note and not row.computed:
+            return [f"{row.id}: nothing stored yet; `python -m pidalab.ledger update {self.paper}` stores it"]
+        failures = drift(row, entry)
+        fresh = updated(row, entry) if failures else row
+        disagreement = None if entry.is_note else replace(fresh, verdict=row.verdict).disagreement()
+        return [*failures, disagreement] if disagreement else failures
 
     def missing(self) -> list[str]:
-        """List the ids that were never handed over, not-computable ones excepted.
+        """List what was never handed over: values of all rows but those settled by reading, and notes beside values.
 
         Returns
         -------
         list of str
+            One line for each.
 
         Examples
         --------
         >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
         >>> book.missing()
-        ['demo.kp']
-        >>> book.check("demo.kp", 1.309812345)
+        ['demo.kp: never handed over']
+        >>> book.check("kp", 1.309812345)
         >>> book.missing()
         []
         """
-        return [id for id, row in self.rows.items() if row.verdict != "not-computable" and id not in self.values]
+        found = []
+        for id, row in self.rows.items():
+            entry = self.entries.get(id, Entry())
+            if row.basis != "reading" and entry.is_note:
+                found.append(f"{id}: never handed over")
+            elif entry.note is None and _needs_a_run(row):
+                found.append(f"{id}: its note has numbers of no run; hand it over with the value, or by book.note")
+        return found
 
     def close(self) -> None:
         """End the chapter: every row must have been handed over. Prints the score.
@@ -212,12 +391,12 @@ class Ledger:
         Examples
         --------
         >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
-        >>> book.check("demo.kp", 1.309812345)
+        >>> book.check("kp", 1.309812345)
         >>> book.close()
         demo: 1 claim, 1 reproduced
         """
         if missing := self.missing():
-            raise LedgerError("\n".join(f"{id}: never handed over" for id in missing))
+            raise LedgerError("\n".join(missing))
         print(display.score_line(self.paper, self.score()))
 
     def problems(self) -> list[str]:
@@ -274,7 +453,7 @@ class Ledger:
         Parameters
         ----------
         prefix : str, optional
-            What the ids start with; by default the table has all rows.
+            What the ids start with, the key of the paper apart; by default the table has all rows.
 
         Returns
         -------
@@ -292,97 +471,17 @@ class Ledger:
         claim                    printed  computed  difference  verdict
         demo.kp: gain (Table 1)  1.31     1.3098    -0.0        reproduced
         """
-        rows = [row for id, row in self.rows.items() if id.startswith(prefix)]
+        rows = [row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))]
         if not rows:
             raise LedgerError(f"{self.paper}: no id starts with {prefix}")
         return display.claims(rows)
 
 
-def record(paper: str, values: Mapping[str, Value], folder: Path | str | None = None) -> list[str]:
-    """Store computed values in a ledger file, and the verdicts that follow from them.
-
-    Stored values that still agree stay as they are, and so does everything that a person wrote: order, notes and
-    declared verdicts. A row whose numbers disagree without a declared reason is left without a verdict. A stored
-    value with fewer digits keeps their number.
-
-    Parameters
-    ----------
-    paper : str
-        Key of the paper.
-    values : mapping of str to float or bool
-        Computed values by id.
-    folder : path, optional
-        As in `Ledger.open`.
-
-    Returns
-    -------
-    list of str
-        One line for each entry that changed, old and new.
-
-    Raises
-    ------
-    LedgerError
-        If an id is unknown or a row cannot be read; nothing is written then.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = Path(tempfile.mkdtemp())
-    >>> write_rows(folder / "demo.csv", [Row("demo.kp", "Table 1", "gain", "1.31")])
-    >>> for change in record("demo", {"demo.kp": 1.3098}, folder):
-    ...     print(change)
-    demo.kp: computed '' -> '1.309800000'
-    demo.kp: verdict '' -> 'reproduced'
-    """
-    book = Ledger.open(paper, folder)
-    unknown = [id for id in values if id not in book.rows]
-    if unknown:
-        raise LedgerError("\n".join(f"{id}: unknown id" for id in unknown))
-    new = {id: _updated(row, values[id]) if id in values else row for id, row in book.rows.items()}
-    changes = [
-        f"{id}: {column} {getattr(row, column)!r} -> {getattr(new[id], column)!r}"
-        for id, row in book.rows.items()
-        for column in ("computed", "verdict")
-        if getattr(row, column) != getattr(new[id], column)
-    ]
-    if changes:
-        write_rows(book.path, list(new.values()))
-    return changes
+def _needs_a_run(row: Row) -> bool:
+    """Whether the note of a row has to be handed over: beside a value always, else if it has a decimal number."""
+    return bool(row.note if row.basis != "reading" else _DECIMAL.search(_REFERENCE.sub("", row.note)))
 
 
-def _updated(row: Row, claim: Value) -> Row:
-    with naming(row.id):
-        value = _plain(claim)
-        keep = row.computed and _same(value, row.computed)
-        fresh = row if keep else replace(row, computed=_entry(value, row.printed, _digits(row)))
-    return fresh if row.verdict in verdicts.DECLARED else replace(fresh, verdict=fresh.derived() or "")
-
-
-def _plain(claim: object) -> Value:
-    """Turn what a chapter hands over, often a NumPy scalar, into a bool or a finite float."""
-    scalar = claim.item() if isinstance(claim, (np.generic, np.ndarray)) and claim.ndim == 0 else claim
-    if isinstance(scalar, bool):
-        return scalar
-    if isinstance(scalar, SupportsFloat) and not isinstance(scalar, np.ndarray) and math.isfinite(float(scalar)):
-        return float(scalar)
-    raise LedgerError(f"expected a finite number or a truth value, found {claim!r}")
-
-
-def _entry(value: Value, printed: str, digits: int = DIGITS) -> str:
-    if isinstance(value, bool):
-        return "holds" if value else "fails"
-    return store(value, printed, digits)
-
-
-def _digits(row: Row) -> int:
-    """Significant digits to store in a row: a number stored with fewer was shortened on purpose; a zero has none."""
-    stored = read_number(row.computed) if row.is_number else Decimal(0)
-    return len(stored.as_tuple().digits) if stored else DIGITS
-
-
-def _same(value: Value, stored: str) -> bool:
-    statement = stored in verdicts.STATEMENT
-    if isinstance(value, bool) is not statement:
-        kind = "truth value" if statement else "number"
-        raise LedgerError(f"expected a {kind} as stored, {stored}, found {value!r}")
-    return value is (stored == "holds") if statement else agrees(value, stored)
+def _report(failures: Sequence[str]) -> None:
+    if failures:
+        raise LedgerError("\n".join(failures))

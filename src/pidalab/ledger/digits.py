@@ -6,6 +6,9 @@ binary.
 
 import re
 from decimal import Context, Decimal
+from math import isinf, isnan
+from numbers import Integral
+from typing import SupportsFloat
 
 from pidalab.ledger.errors import LedgerError
 
@@ -13,6 +16,7 @@ DIGITS = 10  # significant digits of a stored value
 SLACK = Decimal("1e-9")  # relative; absorbs the rounding of floating-point arithmetic, nothing more
 NUMBER = r"(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?"
 _SIGNED = re.compile(rf"[+-]?{NUMBER}", re.ASCII)
+_INNER = re.compile(NUMBER, re.ASCII)
 _WIDE = Context(prec=700)  # room for any double beside any printed place
 
 
@@ -41,9 +45,46 @@ def read_number(text: str) -> Decimal:
     Traceback (most recent call last):
     pidalab.ledger.errors.LedgerError: '12 %' is not a plain number such as 0.382, -8 or 1e-3
     """
-    if not _SIGNED.fullmatch(text):
+    if not is_number(text):
         raise LedgerError(f"{text!r} is not a plain number such as 0.382, -8 or 1e-3")
     return Decimal(text)
+
+
+def is_number(text: str) -> bool:
+    """Tell whether `read_number` can read a text."""
+    return bool(_SIGNED.fullmatch(text))
+
+
+def plain(value: object) -> int | float:
+    """Turn what a chapter hands over, often a NumPy scalar, into an int or a float.
+
+    Parameters
+    ----------
+    value : object
+        A real number of any kind; infinite is allowed.
+
+    Returns
+    -------
+    int or float
+
+    Raises
+    ------
+    LedgerError
+        For a truth value, not-a-number, and all that is no real number.
+
+    Examples
+    --------
+    >>> plain(2), plain(Decimal("0.5"))
+    (2, 0.5)
+    """
+    scalar = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
+    if isinstance(scalar, bool):
+        raise LedgerError(f"expected a number, found {scalar}; a statement hands over both sides of its relation")
+    if isinstance(scalar, Integral):
+        return int(scalar)
+    if isinstance(scalar, SupportsFloat) and not hasattr(scalar, "shape") and not isnan(float(scalar)):
+        return float(scalar)
+    raise LedgerError(f"expected a number, found {value!r}")
 
 
 def exponent(number: Decimal) -> int:
@@ -108,6 +149,58 @@ def store(value: float, printed: str, digits: int = DIGITS) -> str:
     number = to_decimal(value)
     place = max(number.adjusted() - digits + 1, exponent(read_number(printed)) - DIGITS)
     return _text(number, place)
+
+
+def significant(value: int | float, scale: float, digits: int = DIGITS) -> str:
+    """Write one side of a relation: an integer as it is, a real number with its trailing zeros.
+
+    Parameters
+    ----------
+    value : int or float
+        The number.
+    scale : float
+        The larger magnitude of both sides. Digits below 1e-12 of it are dropped as noise.
+    digits : int, optional
+        Significant digits.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> significant(3, 3.0), significant(0.5, 3.0), significant(1e-17, 1.0), significant(float("inf"), 1.0)
+    ('3', '0.5000000000', '0.000000000000', 'inf')
+    """
+    if isinstance(value, int) or isinf(value):
+        return str(value)
+    number = to_decimal(value)
+    place = number.adjusted() - digits + 1
+    noise = to_decimal(float(scale)).adjusted() - 12 if scale else place
+    return _text(number, max(place, noise))
+
+
+def same_text(old: str, new: str) -> bool:
+    """Tell whether two texts say the same: words and integers exactly, decimals to one unit in the last place.
+
+    Parameters
+    ----------
+    old, new : str
+        The stored text and the fresh one.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> same_text("2 of 10, by 0.31 %", "2 of 10, by 0.32 %"), same_text("2 of 10", "3 of 10")
+    (True, False)
+    """
+    if _INNER.sub("", old) != _INNER.sub("", new):
+        return False
+    pairs = zip(_INNER.findall(old), _INNER.findall(new), strict=True)
+    return all(a == b or ("." in a and "." in b and agrees(float(b), a)) for a, b in pairs)
 
 
 def show(printed: str, computed: str) -> str:

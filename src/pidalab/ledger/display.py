@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from html import escape
 
 from pidalab.ledger.rows import Row
-from pidalab.ledger.verdicts import STATEMENT
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,13 +126,9 @@ def _entry(cell: Cell) -> str:
     return f'<td class="{cell.kind}">{cell.html}</td>'
 
 
-def _is_statement(row: Row) -> bool:
-    return row.quantity == "statement" or row.computed in STATEMENT
-
-
 def claim(row: Row, where: str) -> Cell:
     """Make a cell of what is claimed, and where; a terminal also shows the id."""
-    text = row.printed if _is_statement(row) else row.quantity
+    text = row.printed if row.is_statement else row.quantity
     return Cell(f"{row.id}: {text} ({where})", f'{escape(text)} <span class="where">{escape(where)}</span>')
 
 
@@ -151,7 +146,7 @@ def claims(rows: Iterable[Row]) -> Display:
         The computed number has two digits more than the print; the difference is in units of the last printed place.
     """
     rows = list(rows)
-    if all(_is_statement(row) for row in rows):
+    if all(row.is_statement for row in rows):
         return grid("claims", ("claim", "verdict"), map(_statement, rows), [row.note for row in rows])
     header = ("claim", "printed", "computed", "difference", "verdict")
     return grid("claims", header, map(_claim, rows), [row.note for row in rows])
@@ -165,7 +160,7 @@ def _claim(row: Row) -> list[Cell]:
     difference = row.difference()
     return [
         claim(row, row.where),
-        number("" if _is_statement(row) else row.printed),
+        number("" if row.is_statement else row.printed),
         number(row.shown() if row.is_number else ""),
         number("" if difference is None else f"{difference:+z.1f}"),
         chip(row.verdict or "open"),

@@ -8,7 +8,9 @@ from pidalab.ledger import display
 from pidalab.ledger.book import Ledger
 from pidalab.ledger.display import Display, number, words
 from pidalab.ledger.errors import LedgerError
-from pidalab.ledger.rows import find_folder
+from pidalab.ledger.files import find_folder, papers
+from pidalab.ledger.rows import NO_EVIDENCE
+from pidalab.ledger.running import has_checks
 from pidalab.ledger.verdicts import VERDICTS
 
 NOTICE = (
@@ -44,8 +46,13 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     {}
     """
     place = Path(folder) if folder is not None else find_folder()
-    books = {path.stem: Ledger.open(path.stem, place) for path in sorted(place.glob("*.csv"))}
-    problems = [problem for book in books.values() for problem in book.problems()]
+    books = {paper: Ledger.open(paper, place) for paper in papers(place)}
+    problems = [
+        problem
+        for paper, book in books.items()
+        for problem in book.problems()
+        if has_checks(paper, place) or not problem.endswith(NO_EVIDENCE)  # its statements are still to be computed
+    ]
     if problems:
         raise LedgerError("\n".join(problems))
     return books

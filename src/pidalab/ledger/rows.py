@@ -1,18 +1,14 @@
-"""One row of a ledger, what can be wrong with it, and the file that holds the rows."""
+"""One row of a ledger, and what can be wrong with it."""
 
-import csv
-import io
 import re
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 from decimal import Decimal
-from pathlib import Path
 
 from pidalab.ledger import digits, verdicts
 from pidalab.ledger.errors import LedgerError, naming
+from pidalab.ledger.relations import Evidence
 
-FOLDER = Path("book", "ledger")
+NO_EVIDENCE = "no evidence: the chapter hands over a relation of two numbers"
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 
 
@@ -31,11 +27,15 @@ class Row:
     printed : str
         The printed number, digit for digit; for a statement, a short paraphrase.
     computed : str, optional
-        The computed number, or ``holds`` or ``fails``. Empty when not computable, or not yet computed.
+        The computed number, or ``holds`` or ``fails``. Empty when settled by reading, or not yet computed.
     verdict : str, optional
         A key of `VERDICTS`, or empty while nobody has judged.
+    basis : str, optional
+        A key of `BASES`.
+    evidence : str, optional
+        The relation that decides a statement, with both numbers; see `Evidence`.
     note : str, optional
-        Reasons, proofs, tolerances, the numbers behind a statement. Plain text.
+        Reasons, proofs, tolerances. Plain text, written by the run that has its numbers.
 
     Examples
     --------
@@ -52,19 +52,44 @@ class Row:
     printed: str
     computed: str = ""
     verdict: str = ""
+    basis: str = "computed"
+    evidence: str = ""
     note: str = ""
+
+    @property
+    def is_statement(self) -> bool:
+        """Whether the paper prints words, not a number; the quantity is then called ``statement``."""
+        return self.quantity == "statement"
 
     @property
     def is_number(self) -> bool:
         """Whether a number was computed, so that differences make sense."""
-        return self.computed not in ("", *verdicts.STATEMENT)
+        return not self.is_statement and self.computed not in ("", *verdicts.STATEMENT)
+
+    @property
+    def half_unit(self) -> float:
+        """Half a unit of the last printed place: how far the number may lie from its print.
+
+        Raises
+        ------
+        LedgerError
+            For a statement.
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", printed="1.30").half_unit
+        0.005
+        """
+        with naming(self.id):
+            return float(digits.unit(digits.read_number(self.printed)) / 2)
 
     def derived(self) -> str | None:
-        """Return the verdict that follows from the entries, None if they disagree; see `derive`.
+        """Return the verdict that follows from the entries, None if they disagree.
 
         Returns
         -------
         str or None
+            For a statement what its evidence gives, for a number see `derive`.
 
         Raises
         ------
@@ -75,8 +100,12 @@ class Row:
         --------
         >>> Row("demo.kp", "Table 1", "gain", printed="1.31", computed="1.3151").derived()
         'last-digit'
+        >>> Row("demo.s", "sec. 2", "statement", "at most 10", evidence="10.82 <= 10").derived()
+        'fails'
         """
         with naming(self.id):
+            if self.is_statement:
+                return Evidence.parse(self.evidence).verdict if self.evidence else self.computed
             return verdicts.derive(self.printed, self.computed, self.note)
 
     def difference(self) -> Decimal | None:
@@ -125,14 +154,15 @@ class Row:
             derived = self.derived()
         except LedgerError as error:
             return str(error)
-        against = f"{self.computed} against printed {self.printed} gives {derived or 'no agreement'}"
+        found = self.evidence if self.is_statement else f"{self.computed} against printed {self.printed}"
+        gives = f"{found} gives {derived or 'no agreement'}"
         if self.verdict in verdicts.DECLARED:
             agrees = derived in verdicts.AGREEING
-            return f"{self.id}: declared {self.verdict} starts to agree, {against}" if agrees else None
+            return f"{self.id}: declared {self.verdict} starts to agree, {gives}" if agrees else None
         if derived == self.verdict:
             return None
-        advice = "" if derived else "; declare misprint or differs, with a note"
-        return f"{self.id}: file says {self.verdict or 'nothing'}, {against}{advice}"
+        advice = "" if derived else "; declare misprint, as-read or differs, with a note"
+        return f"{self.id}: file says {self.verdict or 'nothing'}, {gives}{advice}"
 
     def problems(self) -> list[str]:
         """List what is wrong with the row taken alone, one line each.
@@ -146,117 +176,66 @@ class Row:
         >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.9", "misprint").problems()
         ['demo.kp: misprint needs a note']
         """
-        computable = self.verdict != "not-computable"
-        noted = self.verdict in (*verdicts.DECLARED, *verdicts.STATEMENT)
-        tests = (
-            (not _ID.fullmatch(self.id), "an id is lower case and dotted, such as haalman2024.ex1.pida.kp"),
-            (not self.where.strip(), "'where' is empty"),
-            (not self.quantity.strip(), "'quantity' is empty"),
-            (not self.printed.strip(), "'printed' is empty"),
-            (
-                self.verdict not in ("", *verdicts.VERDICTS),
-                f"unknown verdict {self.verdict!r}; one of {', '.join(verdicts.VERDICTS)}",
-            ),
-            (noted and not self.note.strip(), f"{self.verdict} needs a note"),
-            (
-                self.verdict == "approximate" and not verdicts.sets_tolerance(self.note),
-                "approximate needs a tolerance in its note, such as 'tolerance 1 %' or 'tolerance 0.02'",
-            ),
-            (not computable and bool(self.computed), "declared not-computable, but 'computed' is not empty"),
-            (computable and not self.computed, "'computed' is empty"),
-        )
+        tests = (*self._form(), *self._judged_by_reading(), *self._judged_by_computing())
         found = [f"{self.id}: {message}" for wrong, message in tests if wrong]
         disagreement = self.disagreement() if self.computed and not found else None
         return [*found, disagreement] if disagreement else found
 
+    def _form(self) -> tuple[tuple[bool, str], ...]:
+        """What any row has to have."""
+        return (
+            (not _ID.fullmatch(self.id), "an id is lower case and dotted, such as haalman2024.ex1.pida.kp"),
+            (not self.where.strip(), "'where' is empty"),
+            (not self.quantity.strip(), "'quantity' is empty"),
+            (not self.printed.strip(), "'printed' is empty"),
+            (self.is_statement and digits.is_number(self.printed), "a printed number is no statement"),
+            (
+                self.verdict not in ("", *verdicts.VERDICTS),
+                f"unknown verdict {self.verdict!r}; one of {', '.join(verdicts.VERDICTS)}",
+            ),
+            (
+                self.basis not in verdicts.BASES,
+                f"unknown basis {self.basis!r}; one of {', '.join(verdicts.BASES)}",
+            ),
+            (self.verdict in verdicts.DECLARED and not self.note.strip(), f"{self.verdict} needs a note"),
+            (
+                self.verdict == "approximate" and not verdicts.sets_tolerance(self.note),
+                "approximate needs a tolerance in its note, such as 'tolerance 1 %' or 'tolerance 0.02'",
+            ),
+        )
 
-COLUMNS = tuple(field.name for field in fields(Row))
+    def _judged_by_reading(self) -> tuple[tuple[bool, str], ...]:
+        """What a row that hands over nothing must and must not have."""
+        reading = self.basis == "reading"
+        return (
+            (self.verdict == "not-computable" and not reading, "not-computable, so its basis is reading"),
+            (reading and bool(self.computed), "settled by reading, but 'computed' is not empty"),
+            (reading and bool(self.evidence), "settled by reading, but 'evidence' is not empty"),
+            (reading and not self.note.strip(), "settled by reading needs a note"),
+            (
+                reading and self.verdict not in (*verdicts.STATEMENT, *verdicts.DECLARED),
+                f"settled by reading cannot be {self.verdict or 'left without a verdict'}",
+            ),
+        )
 
+    def _judged_by_computing(self) -> tuple[tuple[bool, str], ...]:
+        """What a row that is computed must and must not have."""
+        computing = self.basis != "reading"
+        statement = computing and self.is_statement
+        return (
+            (computing and not self.computed, "'computed' is empty"),
+            (statement and bool(self.computed) and not self.evidence, NO_EVIDENCE),
+            (
+                statement and bool(self.evidence) and self.computed not in ("", self._given()),
+                f"computed says {self.computed}, the evidence {self.evidence} does not",
+            ),
+            (not self.is_statement and bool(self.evidence), "a number has no evidence"),
+            (not self.is_statement and self.computed in verdicts.STATEMENT, "a number is not judged as a statement"),
+        )
 
-def find_folder() -> Path:
-    """Search for ``book/ledger`` in the current directory and above it.
-
-    Returns
-    -------
-    pathlib.Path
-
-    Raises
-    ------
-    LedgerError
-        If there is none.
-    """
-    here = Path.cwd()
-    for parent in (here, *here.parents):
-        if (parent / FOLDER).is_dir():
-            return parent / FOLDER
-    raise LedgerError(f"no folder {FOLDER.as_posix()} in {here} or above it")
-
-
-def read_rows(path: Path) -> list[Row]:
-    """Read a ledger file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The csv file.
-
-    Returns
-    -------
-    list of Row
-        In the order of the file.
-
-    Raises
-    ------
-    LedgerError
-        If the columns are others than those of `Row`, a line is incomplete or an id occurs twice.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> path = Path(tempfile.mkdtemp(), "demo.csv")
-    >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
-    >>> [row.printed for row in read_rows(path)]
-    ['1.31']
-    """
-    with path.open(encoding="utf-8", newline="") as file:
+    def _given(self) -> str:
+        """What the evidence gives; that it cannot be read is said by `disagreement`."""
         try:
-            header, *lines = [*csv.reader(file, strict=True)] or [[]]
-        except csv.Error as error:
-            raise LedgerError(f"{path.name}: {error}") from None
-    if tuple(header) != COLUMNS:
-        raise LedgerError(f"{path.name}: expected the columns {', '.join(COLUMNS)}, found {', '.join(header)}")
-    for line in lines:
-        if len(line) != len(COLUMNS):
-            raise LedgerError(f"{path.name}: expected {len(COLUMNS)} entries, found {len(line)} in {','.join(line)!r}")
-        if any("\n" in entry or "\r" in entry for entry in line):  # one row is one line, so that a diff reads well
-            raise LedgerError(f"{path.name}: line break inside an entry of {line[0]}")
-    twice = [id for id, count in Counter(line[0] for line in lines).items() if count > 1]
-    if twice:
-        raise LedgerError(f"{path.name}: more than one row for {', '.join(twice)}")
-    return [Row(*line) for line in lines]
-
-
-def write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Write a ledger file: UTF-8, quotes only where needed, one line feed after each row.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The csv file.
-    rows : sequence of Row
-        In the order to keep.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> path = Path(tempfile.mkdtemp(), "demo.csv")
-    >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
-    >>> print(path.read_text(encoding="utf-8"), end="")
-    id,where,quantity,printed,computed,verdict,note
-    demo.kp,Table 1,gain,1.31,,,
-    """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(astuple(row) for row in rows)
-    path.write_text(text.getvalue(), encoding="utf-8", newline="")
+            return Evidence.parse(self.evidence).verdict
+        except LedgerError:
+            return self.computed

@@ -11,13 +11,19 @@ VERDICTS = {
     "reproduced": "rounds to the printed digits",
     "last-digit": "one unit off in the last printed place",
     "approximate": "within the tolerance written in the note",
-    "holds": "the statement was checked and holds",
-    "misprint": "the print is wrong; the note names an independent proof",
+    "holds": "the relation of the evidence holds",
+    "fails": "the relation of the evidence fails",
+    "misprint": "the print contradicts itself or arithmetic, and no lost or misread character explains it",
+    "as-read": "does not hold as we read it; print or reading is at fault",
     "differs": "does not agree, and nobody knows why",
-    "fails": "the statement was checked and fails",
     "not-computable": "something needed was never published",
 }
-DECLARED = ("misprint", "differs", "not-computable")  # a person decides these; all others follow from the two entries
+BASES = {
+    "computed": "from the paper's problem, by the library",
+    "from-print": "from other printed results of the paper",
+    "reading": "settled by reading; nothing can compute it",
+}
+DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person decides these; all others follow
 STATEMENT = ("holds", "fails")
 AGREEING = ("reproduced", "approximate", "holds")  # a declared disagreement must give none of these
 

@@ -1,0 +1,80 @@
+"""Scoreboard, errata, the score of the README, and the commands."""
+
+from dataclasses import replace
+
+import pytest
+from demo_ledger import KP
+
+from pidalab.ledger import VERDICTS, LedgerError, Row, errata, score_markdown, scoreboard, write_rows, write_score
+from pidalab.ledger.__main__ import main
+
+
+def test_scoreboard(project):
+    write_rows(project / "book" / "ledger" / "another.csv", [replace(KP, id="another.kp")])
+    board = scoreboard()
+    lines = [line.split() for line in repr(board).splitlines()]
+    assert lines[0] == ["verdict", "another", "demo", "total"]
+    assert [line[0] for line in lines[1:]] == [*VERDICTS, "claims"]
+    assert lines[1][1:] == ["1", "1", "2"]
+    assert lines[-1][1:] == ["1", "10", "11"]
+    assert board._repr_html_().count('role="img"') == 3
+
+
+def test_errata(project):
+    page = errata()
+    assert "as read" in repr(page)
+    assert "(demo, " in repr(page).splitlines()[-1]
+    assert repr(page).endswith("12                0.120      Proof. eq. (3) gives 0.12")
+    assert "demo.t2" not in page.html
+    assert page.html.startswith('<p class="errata-notice">')
+
+
+def test_errata_of_a_statement(project):
+    row = Row("demo.s", "eq. (7)", "statement", "the sign is +", "fails", "misprint", evidence="-1 > 0", note="a pole")
+    write_rows(project / "book" / "ledger" / "demo.csv", [row])
+    assert "does not hold" in errata().html
+
+
+def test_markdown_score(project):
+    lines = score_markdown().splitlines()
+    assert lines[0] == "<!-- score -->"
+    assert lines[-1] == "<!-- /score -->"
+    assert lines[2] == "| verdict | demo | total |"
+    assert lines[4] == "| reproduced | 1 | 1 |"
+    assert lines[-3] == "| **claims** | **10** | **10** |"
+
+
+def test_write_score_rewrites_only_its_block(project):
+    page = project / "README.md"
+    page.write_text("# A \\1 title\n<!-- score -->\nold\n<!-- /score -->\nafter\n")
+    assert write_score(page)
+    assert page.read_text() == f"# A \\1 title\n{score_markdown()}\nafter\n"
+    assert not write_score(page)
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_write_score_needs_one_block(project, count):
+    page = project / "README.md"
+    page.write_text("<!-- score --><!-- /score -->\n" * count)
+    with pytest.raises(LedgerError, match=f"expected one block .* found {count}"):
+        write_score(page)
+
+
+def test_commands(project, capsys):
+    page = project / "README.md"
+    page.write_text("<!-- score --><!-- /score -->\n")
+    assert main(["check"]) == 0
+    assert main(["show", "demo"]) == 0
+    assert main(["update", "demo"]) == 0
+    assert main(["readme", str(page)]) == 0
+    out = capsys.readouterr().out
+    assert out.count("demo: 10 claims, 1 reproduced") == 2
+    assert "2 entries changed\ndemo.t1.kp: computed '1.309812345' -> '1.315100000'" in out
+    assert f"{page}: rewritten" in out
+
+
+def test_commands_fail_aloud(project, capsys):
+    write_rows(project / "book" / "ledger" / "demo.csv", [replace(KP, computed="7")])
+    for command in (["check"], ["show", "nobody"], ["update", "nobody"], ["readme", "none.md"]):
+        assert main(command) == 1
+        assert capsys.readouterr().err
