@@ -1,0 +1,662 @@
+/* The lab's engine: responses and margins of a PI, PID or PIDA loop with exact dead time, in the page.
+
+   A classic script, so that it also runs in a page opened from disk. It sets globalThis.pidalabEngine to
+
+     simulate({process: {num, den, delay}, controller: {gains: [ki, kp, kd, ka], filterTime, filterOrder, limits},
+               end, points, setpoint, load})  ->  {t, y, u}
+     margins({process, controller})           ->  {ms, mks, gm, pm, dm, stable}
+
+   The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control;
+   polynomials have descending powers of s. Nothing here is approximated by a rational function: see `march`. */
+(function () {
+  "use strict";
+
+  // --- what is asked ------------------------------------------------------------------------------------------------
+
+  const fail = (message) => { throw new RangeError(message); };
+
+  function real(name, value, least = -Infinity) {
+    if (typeof value !== "number" || !Number.isFinite(value) || value < least) {
+      fail(`${name} must be a finite number${least > -Infinity ? ` of at least ${least}` : ""}, found ${value}`);
+    }
+    return value;
+  }
+
+  function polynomial(name, values) {
+    if (!Array.isArray(values) || !values.length) fail(`${name} must be a list of coefficients, found ${values}`);
+    const first = values.findIndex((value) => real(name, value) !== 0);
+    return first < 0 ? [0] : values.slice(first);
+  }
+
+  /* Check a loop and complete it: polynomials without leading zeros, gains without missing ones. */
+  function readLoop({ process, controller }) {
+    const num = polynomial("process.num", process.num), den = polynomial("process.den", process.den);
+    if (den.length === 1 && den[0] === 0) fail("process.den must not be 0");
+    if (num.length > den.length) fail(`process must be proper, found degree ${num.length - 1} over ${den.length - 1}`);
+    const delay = real("process.delay", process.delay ?? 0, 0);
+    const [ki = 0, kp = 0, kd = 0, ka = 0] = controller.gains.map((gain) => real("controller.gains", gain));
+    let order = real("controller.filterOrder", controller.filterOrder ?? 0, 0);
+    const time = real("controller.filterTime", controller.filterTime ?? 0, 0);
+    if (!Number.isInteger(order)) fail(`controller.filterOrder must be an integer, found ${order}`);
+    if (time === 0) order = 0;
+    const least = ka ? 2 : kd ? 1 : 0;
+    if (order < least) fail(`controller needs a filter of order ${least} or more with a time above 0, found order ${order}`);
+    const limits = controller.limits ?? null;
+    if (limits && !(limits.length === 2 && limits[0] < limits[1])) fail(`controller.limits must be [low, high], found ${limits}`);
+    return { num, den, delay, ki, kp, kd, ka, time, order, limits };
+  }
+
+  // --- polynomials and complex numbers ------------------------------------------------------------------------------
+
+  const times = (a, b) => [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]];
+  const over = (a, b) => {
+    const size = b[0] * b[0] + b[1] * b[1];
+    return [(a[0] * b[0] + a[1] * b[1]) / size, (a[1] * b[0] - a[0] * b[1]) / size];
+  };
+  const modulus = (a) => Math.hypot(a[0], a[1]);
+  const angle = (a) => Math.atan2(a[1], a[0]);
+
+  const value = (coefficients, s) => coefficients.reduce((sum, c) => {
+    const product = times(sum, s);
+    return [product[0] + c, product[1]];
+  }, [0, 0]);
+
+  /* All roots of a polynomial, by Aberth's iteration in a scaled variable. */
+  function roots(coefficients) {
+    let c = polynomial("polynomial", coefficients);
+    const found = [];
+    while (c.length > 1 && c[c.length - 1] === 0) { found.push([0, 0]); c = c.slice(0, -1); }
+    const n = c.length - 1;
+    if (n < 1) return found;
+    const scale = Math.pow(Math.abs(c[n] / c[0]), 1 / n);
+    const p = c.map((x, i) => (x / c[0]) * Math.pow(scale, -i));
+    const dp = p.slice(0, -1).map((x, i) => x * (n - i));
+    const z = Array.from({ length: n }, (_, k) => {
+      const phase = (2 * Math.PI * k) / n + 0.4;
+      return [Math.cos(phase), Math.sin(phase)];
+    });
+    for (let turn = 0; turn < 200; turn++) {
+      let change = 0;
+      for (let k = 0; k < n; k++) {
+        const at = value(p, z[k]);
+        if (modulus(at) === 0) continue;
+        const newton = over(value(dp, z[k]), at);
+        const repelled = z.reduce((sum, other, j) => {
+          if (j === k) return sum;
+          const gap = [z[k][0] - other[0], z[k][1] - other[1]];
+          if (modulus(gap) === 0) return sum;
+          const share = over([1, 0], gap);
+          return [sum[0] + share[0], sum[1] + share[1]];
+        }, [0, 0]);
+        const step = over([1, 0], [newton[0] - repelled[0], newton[1] - repelled[1]]);
+        if (!Number.isFinite(step[0] + step[1])) continue;
+        z[k] = [z[k][0] - step[0], z[k][1] - step[1]];
+        change = Math.max(change, modulus(step) / (modulus(z[k]) + 1e-300));
+      }
+      if (change < 1e-15) break;
+    }
+    return found.concat(z.map((root) => [root[0] * scale, root[1] * scale]));
+  }
+
+  // --- the loop along the imaginary axis ----------------------------------------------------------------------------
+
+  /* Numerator N and denominator D of the loop without its dead time, kept in factors. */
+  function factors(loop) {
+    const gains = loop.ki ? [loop.ka, loop.kd, loop.kp, loop.ki] : [loop.ka, loop.kd, loop.kp];
+    const filter = (s) => {
+      let product = [1, 0];
+      for (let k = 0; k < loop.order; k++) product = times(product, [1 + loop.time * s[0], loop.time * s[1]]);
+      return loop.ki ? times(product, s) : product;
+    };
+    const poles = roots(loop.den).concat(Array.from({ length: loop.order }, () => [-1 / loop.time, 0]));
+    if (loop.ki) poles.push([0, 0]);
+    const zeros = loop.num.some(Boolean) && gains.some(Boolean) ? roots(loop.num).concat(roots(gains)) : [];
+    const lead = loop.den[0] * Math.pow(loop.time || 1, loop.order);
+    const top = loop.num[0] * (gains.find(Boolean) ?? 0);
+    const relative = poles.length - zeros.length;
+    return {
+      poles, zeros, lead,
+      top: (s) => times(value(loop.num, s), value(gains, s)),
+      bottom: (s) => times(value(loop.den, s), filter(s)),
+      control: (s) => over(value(gains, s), filter(s)),
+      atInfinity: top && relative === 0 ? top / lead : 0,
+      silent: top === 0,
+    };
+  }
+
+  const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
+
+  function openLoop(loop, parts, w) {
+    const s = [0, w];
+    const rational = over(parts.top(s), parts.bottom(s));
+    return times(rational, [Math.cos(w * loop.delay), -Math.sin(w * loop.delay)]);
+  }
+
+  /* Frequencies that follow the rational part of L everywhere; lightly damped roots get points of their own. */
+  function baseGrid(loop, parts) {
+    const all = parts.poles.concat(parts.zeros);
+    const sizes = all.map(modulus).filter((size) => size > 0);
+    if (loop.delay) sizes.push(1 / loop.delay);
+    if (!sizes.length) sizes.push(1);
+    const low = Math.log10(Math.min(...sizes)) - 4, high = Math.log10(Math.max(...sizes)) + 4;
+    const count = Math.ceil(PER_DECADE * (high - low));
+    const w = Array.from({ length: count + 1 }, (_, k) => Math.pow(10, low + ((high - low) * k) / count));
+    for (const [re, im] of all) {
+      if (im <= 0 || Math.abs(re) > 0.2 * Math.hypot(re, im)) continue;
+      const width = Math.max(Math.abs(re), 1e-9 * im);
+      for (let k = 0; k < 40; k++) {
+        const away = width * Math.pow(10, -2 + (5 * k) / 39);
+        w.push(im + away);
+        if (im > away) w.push(im - away);
+      }
+    }
+    return w.filter((x) => x > Math.pow(10, low) && x < Math.pow(10, high)).sort((a, b) => a - b);
+  }
+
+  /* Divide the intervals in which the dead time turns quickly and `matters(i)` says so. */
+  function divided(w, delay, matters) {
+    if (!delay) return w;
+    const fine = [];
+    for (let i = 0; i + 1 < w.length; i++) {
+      const pieces = matters(i) ? Math.max(1, Math.ceil(((w[i + 1] - w[i]) * delay) / TURN)) : 1;
+      if (fine.length + pieces > MOST) fail("the dead time turns the phase too often to follow while |L| is large");
+      for (let k = 0; k < pieces; k++) fine.push(w[i] + ((w[i + 1] - w[i]) * k) / pieces);
+    }
+    fine.push(w[w.length - 1]);
+    return fine;
+  }
+
+  /* Zero of a function between two points of different sign. */
+  function bisect(f, a, b) {
+    const below = f(a) < 0;
+    for (let k = 0; k < 60 && b - a > 1e-13 * b; k++) {
+      const middle = (a + b) / 2;
+      if ((f(middle) < 0) === below) a = middle; else b = middle;
+    }
+    return (a + b) / 2;
+  }
+
+  /* Largest value of a smooth function between two points around a local maximum, by the golden section. */
+  function summit(f, a, b) {
+    const share = (Math.sqrt(5) - 1) / 2;
+    let c = b - share * (b - a), d = a + share * (b - a), fc = f(c), fd = f(d);
+    for (let k = 0; k < 45; k++) {
+      if (fc > fd) { b = d; d = c; fd = fc; c = b - share * (b - a); fc = f(c); }
+      else { a = c; c = d; fc = fd; d = a + share * (b - a); fd = f(d); }
+    }
+    return Math.max(fc, fd);
+  }
+
+  const ENOUGH = 2e-5; // share by which a value may exceed the one found without being looked for
+
+  /* Supremum over all frequencies of f, whose limit is `end`, and which lies below bound(w) wherever the dead time is
+     not resolved. */
+  function supremum(w, delay, loud, f, bound, end) {
+    const highest = (heights) => heights.reduce((top, x) => (x > top ? x : top), end);
+    let fine = divided(w, delay, loud);
+    const found = highest(fine.map(f)) * (1 + ENOUGH), bounds = w.map(bound);
+    fine = divided(w, delay, (i) => loud(i) || Math.max(bounds[i], bounds[i + 1]) >= found);
+    const heights = fine.map(f);
+    let best = highest(heights);
+    for (let i = 1; i + 1 < fine.length; i++) {
+      if (heights[i] >= heights[i - 1] && heights[i] >= heights[i + 1] && heights[i] > 0.8 * best) {
+        best = Math.max(best, summit(f, fine[i - 1], fine[i + 1]));
+      }
+    }
+    return best;
+  }
+
+  // --- stability ----------------------------------------------------------------------------------------------------
+
+  /* Closed-loop poles right of the line s = jw - lean (w + w0), by the argument principle; null if one lies on it. */
+  function encirclements(loop, parts, w, lean) {
+    const nonzero = parts.poles.map(modulus).filter((size) => size > 0);
+    const least = nonzero.length ? Math.min(...nonzero) : 1;
+    const reference = parts.poles.map((pole) => modulus(pole) || least);
+    const characteristic = (x) => {
+      const s = [-lean * (x + w[1]), x];
+      let bottom = [1, 0], top = over(parts.top(s), [parts.lead, 0]);
+      parts.poles.forEach((pole, k) => {
+        const scale = [s[0] + reference[k], s[1]];
+        bottom = times(bottom, over([s[0] - pole[0], s[1] - pole[1]], scale));
+        top = over(top, scale);
+      });
+      const fading = Math.exp(-s[0] * loop.delay);
+      top = times(top, [fading * Math.cos(x * loop.delay), -fading * Math.sin(x * loop.delay)]);
+      const f = [bottom[0] + top[0], bottom[1] + top[1]];
+      return modulus(f) <= 1e-9 * (modulus(bottom) + modulus(top)) ? null : f;
+    };
+    /* Follow the argument; an interval in which it turns quickly is halved. */
+    let total = 0, from = characteristic(w[0]);
+    if (!from) return null;
+    for (let i = 1; i < w.length; i++) {
+      const ahead = [w[i]];
+      let left = w[i - 1];
+      while (ahead.length) {
+        const to = characteristic(ahead[ahead.length - 1]);
+        if (!to) return null;
+        const turn = angle(over(to, from));
+        if (Math.abs(turn) > 0.8) {
+          if (ahead.length > 60) return null;
+          ahead.push((left + ahead[ahead.length - 1]) / 2);
+        } else {
+          total += turn;
+          from = to;
+          left = ahead.pop();
+        }
+      }
+    }
+    const limit = loop.delay ? 1 : 1 + parts.atInfinity;
+    const count = -(total - angle([from[0] / limit, from[1] / limit])) / Math.PI;
+    return Math.abs(count - Math.round(count)) < 0.2 ? Math.round(count) : null;
+  }
+
+  function isStable(loop, parts, grid) {
+    if (!loop.delay && Math.abs(1 + parts.atInfinity) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
+    // A neutral loop whose gain does not fall below 1 has a chain of poles that is not stable.
+    if (loop.delay && Math.abs(parts.atInfinity) >= 1 - 1e-12) return false;
+    const size = grid.map((w) => modulus(openLoop(loop, parts, w)));
+    const w = [0, ...divided(grid, loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.5)];
+    for (const lean of [0, 1e-9, 1e-7]) {
+      const count = encirclements(loop, parts, w, lean);
+      if (count !== null) return count === 0;
+    }
+    return false; // a pole that cannot be told from the axis is not stable
+  }
+
+  // --- margins ------------------------------------------------------------------------------------------------------
+
+  function margins(asked) {
+    const loop = readLoop(asked), parts = factors(loop), grid = baseGrid(loop, parts);
+    const L = (w) => openLoop(loop, parts, w);
+    const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false };
+    if (!isStable(loop, parts, grid)) return none;
+    const size = grid.map((w) => modulus(L(w)));
+    const louder = (level) => (i) => Math.max(size[i], size[i + 1]) >= level;
+
+    const S = (w) => { const l = L(w); return 1 / Math.hypot(1 + l[0], l[1]); };
+    const C = (w) => modulus(parts.control([0, w]));
+    const apart = (w) => Math.max(1 - modulus(L(w)), 1e-3);
+    const farOut = loop.delay ? -Math.abs(parts.atInfinity) : parts.atInfinity; // with dead time every phase occurs
+    const ms = supremum(grid, loop.delay, louder(0.5), S, (w) => 1 / apart(w), 1 / Math.abs(1 + farOut));
+    const last = C(grid[grid.length - 1]) / Math.abs(1 + farOut);
+    const mks = supremum(grid, loop.delay, louder(0.5), (w) => C(w) * S(w), (w) => C(w) / apart(w), last);
+
+    /* Gain crossovers: the dead time has no part in them, but a gain that only touches 1 needs a closer look. */
+    let pm = Infinity, dm = Math.abs(parts.atInfinity) >= 1 ? 0 : Infinity;
+    const excess = (w) => Math.log(modulus(L(w)));
+    const marks = grid.slice();
+    for (let i = 1; i + 1 < grid.length; i++) {
+      for (const sign of [1, -1]) {
+        const [a, b, c] = [size[i - 1], size[i], size[i + 1]].map((x) => sign * Math.log(x));
+        if (b < 0 && b > -0.1 && b >= a && b > c && summit((w) => sign * excess(w), grid[i - 1], grid[i + 1]) > 0) {
+          for (let k = 1; k < 50; k++) marks.push(grid[i - 1] + ((grid[i + 1] - grid[i - 1]) * k) / 50);
+        }
+      }
+    }
+    marks.sort((a, b) => a - b);
+    for (let i = 0; i + 1 < marks.length; i++) {
+      if (excess(marks[i]) * excess(marks[i + 1]) >= 0) continue;
+      const w = bisect(excess, marks[i], marks[i + 1]);
+      const lag = (angle(L(w)) + Math.PI + 4 * Math.PI) % (2 * Math.PI); // what further dead time must add
+      pm = Math.min(pm, (Math.min(lag, 2 * Math.PI - lag) * 180) / Math.PI);
+      dm = Math.min(dm, lag / w);
+    }
+
+    /* Phase crossovers: the loudest below 1 decides. Quieter ones are asked only where there is none. */
+    let loudest = Math.max(farOut < 0 && farOut > -1 ? -farOut : 0, atZero(loop, parts));
+    const imaginary = (w) => { const l = L(w); return l[1] / modulus(l); };
+    for (let level = 0.1; level > 1e-9 && !loudest; level /= 100) {
+      const fine = divided(grid, loop.delay, louder(level));
+      let before = imaginary(fine[0]);
+      for (let i = 1; i < fine.length; i++) {
+        const after = imaginary(fine[i]);
+        if (before * after < 0 && Math.min(Math.abs(before), Math.abs(after)) > 1e-12) {
+          const l = L(bisect(imaginary, fine[i - 1], fine[i]));
+          if (l[0] < 0 && modulus(l) < 1) loudest = Math.max(loudest, modulus(l));
+        }
+        before = after;
+      }
+      if (!loop.delay) break;
+    }
+    return { ms, mks, gm: loudest ? 1 / loudest : Infinity, pm, dm, stable: true };
+  }
+
+  /* |L(0)| where L(0) is negative and above -1: a phase crossover at zero frequency. */
+  function atZero(loop, parts) {
+    const bottom = parts.bottom([0, 0])[0];
+    const limit = bottom ? parts.top([0, 0])[0] / bottom : 0;
+    return limit < 0 && limit > -1 ? -limit : 0;
+  }
+
+  // --- matrices, as arrays of rows ----------------------------------------------------------------------------------
+
+  const zeros = (rows, columns) => Array.from({ length: rows }, () => new Float64Array(columns));
+
+  function product(a, b) {
+    const result = zeros(a.length, b[0].length);
+    for (let i = 0; i < a.length; i++) {
+      for (let k = 0; k < b.length; k++) {
+        const x = a[i][k];
+        if (x) for (let j = 0; j < b[0].length; j++) result[i][j] += x * b[k][j];
+      }
+    }
+    return result;
+  }
+
+  /* Matrix exponential: Taylor series of the scaled matrix, then squaring. */
+  function exponential(matrix, time) {
+    const n = matrix.length;
+    const norm = Math.max(...matrix.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0))) * time;
+    const halvings = Math.max(0, Math.ceil(Math.log2(norm + 1e-300)) + 2);
+    const step = time / Math.pow(2, halvings);
+    let sum = zeros(n, n), term = zeros(n, n);
+    for (let i = 0; i < n; i++) sum[i][i] = term[i][i] = 1;
+    for (let k = 1; k <= 12; k++) {
+      term = product(term, matrix).map((row) => row.map((x) => (x * step) / k));
+      sum = sum.map((row, i) => row.map((x, j) => x + term[i][j]));
+    }
+    for (let k = 0; k < halvings; k++) sum = product(sum, sum);
+    return sum;
+  }
+
+  // --- the loop, cut at its dead time -------------------------------------------------------------------------------
+
+  /* States: process (in a time unit of its own), lags of the filter, integral of the last of them, the constant 1.
+     x' = A x + b w with w(t) = v(t - delay); y = cy x + dy w, u = cu x + du w, v = u + load. */
+  function stateSpace(loop, setpoint) {
+    const np = loop.den.length - 1, n = loop.order, size = np + n + 2, one = size - 1, integral = size - 2;
+    const speeds = roots(loop.den).map(modulus).filter((speed) => speed > 0);
+    const unit = speeds.length ? Math.exp(speeds.reduce((sum, speed) => sum + Math.log(speed), 0) / speeds.length) : 1 / (loop.delay || 1);
+    const A = zeros(size, size), b = new Float64Array(size), cy = new Float64Array(size), cu = new Float64Array(size);
+
+    // Process in controllable form, with powers of s measured in `unit`.
+    const scale = (coefficients) => coefficients.map((c, i) => c * Math.pow(unit, coefficients.length - 1 - i));
+    const den = scale(loop.den), lead = den[0];
+    const num = [...Array(np + 1 - loop.num.length).fill(0), ...scale(loop.num)];
+    const dy = num[0] / lead;
+    for (let k = 0; k < np; k++) {
+      if (k > 0) A[k][k - 1] = unit;
+      A[0][k] = (-unit * den[k + 1]) / lead;
+      cy[k] = num[k + 1] / lead - (dy * den[k + 1]) / lead;
+    }
+    if (np) b[0] = unit;
+
+    // The error r - y as a row, then the chain of lags that is the filter.
+    const error = cy.map((c) => -c);
+    error[one] = setpoint;
+    const rows = [{ row: error, direct: -dy }];
+    for (let k = 0; k < n; k++) {
+      const row = new Float64Array(size), before = rows[k];
+      row[np + k] = 1;
+      for (let j = 0; j < size; j++) A[np + k][j] = (before.row[j] - row[j]) / loop.time;
+      b[np + k] = before.direct / loop.time;
+      rows.push({ row, direct: 0 });
+    }
+    const last = rows[n];
+    for (let j = 0; j < size; j++) A[integral][j] = last.row[j];
+    b[integral] = last.direct;
+
+    // u from the last lags: a derivative of a lag's output is a difference of its neighbours.
+    let du = 0;
+    const add = (gain, { row, direct }) => { for (let j = 0; j < size; j++) cu[j] += gain * row[j]; du += gain * direct; };
+    add(loop.kp, last);
+    cu[integral] += loop.ki;
+    if (loop.kd) { add(loop.kd / loop.time, rows[n - 1]); add(-loop.kd / loop.time, last); }
+    if (loop.ka) {
+      const gain = loop.ka / (loop.time * loop.time);
+      add(gain, rows[n - 2]); add(-2 * gain, rows[n - 1]); add(gain, last);
+    }
+    return { A, b, cy, dy, cu, du, size, one, np };
+  }
+
+  const dot = (row, x) => { let sum = 0; for (let j = 0; j < row.length; j++) sum += row[j] * x[j]; return sum; };
+  const applied = (matrix, x) => Float64Array.from(matrix, (row) => dot(row, x));
+
+  // --- linear responses ---------------------------------------------------------------------------------------------
+
+  const NODES = 6; // of a piece, ends included, evenly spaced: w is a polynomial of degree 5 on each piece
+  const INVERSE = (() => { // of the Vandermonde matrix of the nodes 0, 1/5, …, 1: coefficients from values
+    const rows = Array.from({ length: NODES }, (_, i) => Array.from({ length: NODES }, (_, q) => Math.pow(i / (NODES - 1), q)));
+    const inverse = rows.map((_, i) => rows.map((_, j) => (i === j ? 1 : 0)));
+    for (let p = 0; p < NODES; p++) {
+      const pivot = rows[p][p];
+      for (let j = 0; j < NODES; j++) { rows[p][j] /= pivot; inverse[p][j] /= pivot; }
+      for (let i = 0; i < NODES; i++) {
+        const factor = i === p ? 0 : rows[i][p];
+        for (let j = 0; j < NODES; j++) { rows[i][j] -= factor * rows[p][j]; inverse[i][j] -= factor * inverse[p][j]; }
+      }
+    }
+    return inverse;
+  })();
+
+  /* Sizes of the pieces of one dead time. Everything that is not smooth happens at multiples of the dead time, so the
+     pieces are short at its beginning and double until they are as long as the slower motion of the loop allows. */
+  function pieces(delay, shortest, longest) {
+    const many = Math.max(4, Math.ceil(delay / longest));
+    const levels = Math.max(0, Math.min(30, Math.ceil(Math.log2(delay / (many * shortest)))));
+    const exponents = [];
+    for (let level = 0; level < levels; level++) exponents.push(level, level);
+    while (exponents.length < 2 * levels + many) exponents.push(levels);
+    const units = exponents.reduce((sum, level) => sum + Math.pow(2, level), 0);
+    return { exponents, levels, unit: delay / units };
+  }
+
+  /* For pieces of one size: states at the nodes from the state at the beginning and w at the nodes. Between the nodes
+     w is the polynomial through them, and for a polynomial the exponential of a larger matrix is exact. */
+  function transitions(space, matrix, length) {
+    const { size } = space, all = size + NODES;
+    const nodes = [];
+    let power = matrix;
+    for (let i = 1; i < NODES; i++) {
+      if (i > 1) power = product(power, matrix);
+      // derivatives of w at the beginning, q! a_q / length^q, from its values at the nodes
+      const nodal = zeros(size, size + NODES);
+      for (let row = 0; row < size; row++) {
+        for (let j = 0; j < size; j++) nodal[row][j] = power[row][j];
+        let factor = 1;
+        for (let q = 0; q < NODES; q++) {
+          const share = power[row][size + q] * factor;
+          for (let j = 0; j < NODES; j++) nodal[row][size + j] += share * INVERSE[q][j];
+          factor *= (q + 1) / length;
+        }
+      }
+      nodes.push(nodal);
+    }
+    return { nodes, all };
+  }
+
+  /* Interval by interval of the dead time, piece by piece: w on a piece is v on the same piece one interval before. */
+  function march(loop, parts, space, load, times) {
+    const { A, b, cy, dy, cu, du, size, one } = space;
+    const delay = loop.delay, end = times[times.length - 1];
+    const { shortest, longest } = speeds(loop, parts);
+    const { exponents, levels, unit } = pieces(delay, shortest, longest);
+    const intervals = Math.floor(end / delay + 1e-9) + 1;
+    if (intervals * exponents.length > 300000) fail(`${intervals} dead times are too many to follow; shorten end`);
+
+    // One exponential for the shortest piece (a fifth of it, from node to node), squared for each doubling.
+    const wide = zeros(size + NODES, size + NODES);
+    for (let i = 0; i < size; i++) { wide[i].set(A[i]); wide[i][size] = b[i]; }
+    for (let q = 0; q + 1 < NODES; q++) wide[size + q][size + q + 1] = 1;
+    const ready = [];
+    let matrix = exponential(wide, unit / (NODES - 1));
+    for (let level = 0; level <= levels; level++) {
+      if (level) matrix = product(matrix, matrix);
+      ready.push(transitions(space, matrix, unit * Math.pow(2, level)));
+    }
+
+    const y = new Float64Array(times.length), u = new Float64Array(times.length);
+    const delayed = exponents.map(() => new Float64Array(NODES)); // w on each piece of the interval at hand
+    const input = new Float64Array(size + NODES), yNodes = new Float64Array(NODES), uNodes = new Float64Array(NODES);
+    let x = new Float64Array(size), next = 0;
+    x[one] = 1;
+    for (let k = 0; k < intervals && next < times.length; k++) {
+      let from = k * delay;
+      for (let p = 0; p < exponents.length; p++) {
+        const length = unit * Math.pow(2, exponents[p]), w = delayed[p];
+        input.set(x); input.set(w, size);
+        yNodes[0] = dot(cy, x) + dy * w[0]; uNodes[0] = dot(cu, x) + du * w[0];
+        const { nodes } = ready[exponents[p]];
+        let state = x;
+        for (let i = 1; i < NODES; i++) {
+          state = applied(nodes[i - 1], input);
+          yNodes[i] = dot(cy, state) + dy * w[i];
+          uNodes[i] = dot(cu, state) + du * w[i];
+        }
+        const to = p + 1 < exponents.length ? from + length : (k + 1) * delay;
+        // A time within rounding of the next piece belongs to that: there a jump has happened.
+        for (; next < times.length && times[next] < to - 1e-12 * end - (next + 1 === times.length ? -2e-12 * end : 0); next++) {
+          const share = (times[next] - from) / (to - from);
+          y[next] = between(yNodes, share); u[next] = between(uNodes, share);
+        }
+        for (let i = 0; i < NODES; i++) w[i] = uNodes[i] + load;
+        x = state;
+        from = to;
+      }
+    }
+    return { y, u };
+  }
+
+  /* Value of the polynomial through the nodes. */
+  function between(values, share) {
+    let sum = 0, power = 1;
+    for (let q = 0; q < NODES; q++) {
+      let coefficient = 0;
+      for (let j = 0; j < NODES; j++) coefficient += INVERSE[q][j] * values[j];
+      sum += coefficient * power;
+      power *= share;
+    }
+    return sum;
+  }
+
+  /* Lengths of the shortest and the longest piece: the fastest pole, and the fastest motion that lasts. */
+  function speeds(loop, parts) {
+    const fastest = Math.max(1 / loop.delay, ...parts.poles.map(modulus));
+    let lasting = 1 / loop.delay;
+    for (const [re, im] of parts.poles) {
+      if (Math.abs(re) < 0.7 * Math.hypot(re, im) || re > 0) lasting = Math.max(lasting, Math.hypot(re, im));
+    }
+    // Frequencies at which the loop still answers; a loop that never falls silent is followed at its fastest pole.
+    const grid = baseGrid(loop, parts);
+    let loudest = 0;
+    for (const w of grid) if (modulus(openLoop(loop, parts, w)) > 0.03) loudest = w;
+    lasting = Math.max(lasting, Math.min(loudest, 2 * fastest));
+    return { shortest: 0.5 / fastest, longest: 1.0 / lasting };
+  }
+
+  /* Without dead time the loop closes at once, w = v, and one exponential carries it from time to time. */
+  function closed(space, load, times) {
+    const { A, b, cy, dy, cu, du, size, one } = space;
+    if (Math.abs(1 - du) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
+    const w = cu.map((c) => c / (1 - du));
+    w[one] += load / (1 - du);
+    const matrix = A.map((row, i) => row.map((x, j) => x + b[i] * w[j]));
+    const step = exponential(matrix, times[1] - times[0]);
+    const y = new Float64Array(times.length), u = new Float64Array(times.length);
+    let x = new Float64Array(size);
+    x[one] = 1;
+    for (let k = 0; k < times.length; k++) {
+      if (k) x = applied(step, x);
+      y[k] = dot(cy, x) + dy * dot(w, x);
+      u[k] = dot(cu, x) + du * dot(w, x);
+    }
+    return { y, u };
+  }
+
+  function simulate(asked) {
+    const loop = readLoop(asked), end = real("end", asked.end), points = real("points", asked.points, 2);
+    if (end <= 0) fail(`end must be above 0, found ${end}`);
+    if (!Number.isInteger(points)) fail(`points must be an integer, found ${points}`);
+    const setpoint = real("setpoint", asked.setpoint ?? 0), load = real("load", asked.load ?? 0);
+    const t = Float64Array.from({ length: points }, (_, k) => (end * k) / (points - 1));
+    const space = stateSpace(loop, setpoint);
+    const found = loop.delay ? march(loop, factors(loop), space, load, t) : closed(space, load, t);
+    if (loop.limits && found.u.some((u) => u < loop.limits[0] || u > loop.limits[1])) return limited(asked, loop, t);
+    return { t, ...found };
+  }
+
+  // --- a digital controller, its limits, noise ----------------------------------------------------------------------
+
+  /* What a held input makes of the states x' = A x + b w over a time. */
+  function held(A, b, time) {
+    const n = b.length, wide = zeros(n + 1, n + 1);
+    for (let i = 0; i < n; i++) { wide[i].set(A[i]); wide[i][n] = b[i]; }
+    const exact = exponential(wide, time);
+    return { phi: exact.slice(0, n).map((row) => row.slice(0, n)), gamma: Float64Array.from(exact.slice(0, n), (row) => row[n]) };
+  }
+
+  /* The chain of lags of the filter with the error as its input, and the control signal less its integral as a row:
+     (C(s) - ki/s) error, with ki/s (p^n - 1) = -ki T (p + ... + p^n) for the lag p = 1/(1 + T s). */
+  function controllerBlock(loop) {
+    const n = loop.order, A = zeros(n, n), b = new Float64Array(n), row = new Float64Array(n + 1); // row[0]: the error
+    for (let k = 0; k < n; k++) {
+      A[k][k] = -1 / loop.time;
+      if (k) A[k][k - 1] = 1 / loop.time; else b[0] = 1 / loop.time;
+      row[k + 1] = -loop.ki * loop.time;
+    }
+    row[n] += loop.kp;
+    if (loop.kd) { row[n - 1] += loop.kd / loop.time; row[n] -= loop.kd / loop.time; }
+    if (loop.ka) {
+      const gain = loop.ka / (loop.time * loop.time);
+      row[n - 2] += gain; row[n - 1] -= 2 * gain; row[n] += gain;
+    }
+    return { A, b, row };
+  }
+
+  /* The loop with a controller that reads and sets at multiples of the sample time and is held in between: exact for
+     the process. antiWindup is "none", "clamping" (the integral rests while it would drive u further beyond a limit)
+     or "conditioning" (it integrates the error that would have made the limited signal). */
+  function simulateSampled(asked) {
+    const loop = readLoop(asked), h = real("sampleTime", asked.sampleTime, 0), end = real("end", asked.end, 0);
+    const way = asked.antiWindup ?? "none", setpoint = asked.setpoint ?? 0, load = asked.load ?? 0;
+    if (!(h > 0 && h <= end)) fail(`sampleTime must be above 0 and at most end, found ${h}`);
+    if (!["none", "clamping", "conditioning"].includes(way)) fail(`antiWindup must be none, clamping or conditioning, found ${way}`);
+    if (loop.order && loop.time < h * (1 - 1e-9)) fail(`the filter (${loop.time}) is faster than the sample time ${h}: sample faster or filter longer`);
+    const count = Math.round(end / h) + 1;
+    if (count > 2e6) fail(`sampleTime ${h} makes ${count} samples; take a longer one`);
+    const [low, high] = loop.limits ?? [-Infinity, Infinity];
+    const { A, b, cy, dy, np } = stateSpace(loop, 0);
+    if (dy && loop.delay < h * 1e-9) fail("the process answers within the sample");
+
+    // Process over the one or two pieces of a sample in which its delayed input is constant.
+    const own = A.slice(0, np).map((row) => row.slice(0, np)), drive = b.slice(0, np), out = cy.slice(0, np);
+    const whole = Math.floor(loop.delay / h + 1e-9), part = loop.delay - whole * h;
+    const ways = part < h * 1e-9 ? [[h, whole]] : [[part, whole + 1], [h - part, whole]];
+    const steps = ways.map(([time, ago]) => ({ ...held(own, drive, time), ago }));
+    const block = controllerBlock(loop), inside = held(block.A, block.b, h);
+    const tracking = way === "conditioning" ? (loop.ki * h) / (loop.kp - loop.ki * loop.time * loop.order) : 0;
+    if (way === "conditioning" && !(tracking > 0 && tracking < 1)) fail("conditioning needs kp/ki above the sample time");
+
+    const t = new Float64Array(count), y = new Float64Array(count), u = new Float64Array(count);
+    const before = steps[0].ago, v = new Float64Array(count + before);
+    let x = new Float64Array(np), z = new Float64Array(loop.order), integral = 0;
+    const advance = ({ phi, gamma }, state, input) => Float64Array.from(gamma, (g, i) => g * input + dot(phi[i], state));
+    for (let k = 0; k < count; k++) {
+      t[k] = k * h;
+      y[k] = dot(out, x) + dy * v[k + before - steps[steps.length - 1].ago];
+      const error = setpoint - y[k] - (asked.noise ? asked.noise[k] : 0);
+      let wanted = block.row[0] * error + integral;
+      for (let j = 0; j < z.length; j++) wanted += block.row[j + 1] * z[j];
+      u[k] = Math.min(Math.max(wanted, low), high);
+      const growth = loop.ki * h * error, excess = u[k] - wanted;
+      if (!(way === "clamping" && excess * growth < 0)) integral += growth + tracking * excess;
+      v[k + before] = u[k] + load;
+      z = advance(inside, z, error);
+      for (const step of steps) x = advance(step, x, v[k + before - step.ago]);
+    }
+    return { t, y, u };
+  }
+
+  /* A limited controller, sampled so fast that it is continuous to the eye. */
+  function limited(asked, loop, times) {
+    const end = asked.end, finest = loop.order ? loop.time / 4 : Infinity;
+    const share = Math.ceil(Math.max(end / finest, 4000) / (times.length - 1));
+    const sampleTime = end / (share * (times.length - 1));
+    const run = simulateSampled({ antiWindup: "clamping", ...asked, sampleTime });
+    const pick = (signal) => Float64Array.from(times, (_, k) => signal[k * share]);
+    return { t: times, y: pick(run.y), u: pick(run.u) };
+  }
+
+  globalThis.pidalabEngine = { margins, simulate, simulateSampled };
+})();

@@ -1,0 +1,162 @@
+"""The lab's engine against the library: several hundred random loops, unstable ones included."""
+
+import math
+
+import numpy as np
+import pytest
+from engine import SCRIPT, Engine, asked
+
+import pidalab
+
+LOOPS = 300
+POINTS = 301
+
+
+@pytest.fixture(scope="module")
+def engine():
+    return Engine()
+
+
+def random_process(rng):
+    """Lag- and delay-dominated, oscillating, integrating, inverse-response and open-loop unstable processes."""
+    delay = 10 ** rng.uniform(-1.5, 1) if rng.random() < 0.85 else 0.0
+    gain = rng.uniform(0.3, 3)
+    kinds = (
+        lambda: pidalab.lags(int(rng.integers(1, 6)), 10 ** rng.uniform(-0.5, 0.5), gain, delay),
+        lambda: pidalab.sopdt(gain, 1.0, rng.uniform(0.1, 1.5), delay),
+        lambda: pidalab.ipdt(gain, delay),
+        lambda: pidalab.Process(
+            [-rng.uniform(0.1, 1.5) * gain, gain], np.poly(-(10 ** rng.uniform(-0.5, 1, 3))), delay
+        ),
+        lambda: pidalab.Process([gain], [1.0, -rng.uniform(0.05, 0.5)], min(delay, 1.0)),
+        lambda: pidalab.Process([gain], np.polymul([1, 0], np.poly(-(10 ** rng.uniform(-0.5, 1.5, 2)))), delay),
+        lambda: pidalab.fopdt(gain, 10 ** rng.uniform(-1, 1), delay),
+    )
+    return kinds[rng.integers(len(kinds))]()
+
+
+def random_controller(rng, scale):
+    """PI, PID or PIDA with filters from a thousandth to a third of the process's time, some just proper."""
+    kp, m = 10 ** rng.uniform(-1.5, 0.7), int(rng.integers(0, 3))
+    ki = kp / (scale * 10 ** rng.uniform(-0.3, 0.8)) if rng.random() < 0.9 else 0.0
+    kd, ka = kp * scale * 10 ** rng.uniform(-1.5, 0), kp * (scale * 10 ** rng.uniform(-1.5, -0.3)) ** 2
+    n = m + int(rng.integers(0, 3))
+    return pidalab.HighOrderPID([ki, kp, kd, ka][: m + 2], scale * 10 ** rng.uniform(-3, -0.5) if n else 0.0, n)
+
+
+def random_loops(count, seed=20):
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        process = random_process(rng)
+        scale = max(process.delay, 1.0)
+        step = [(1.0, 0.0), (0.0, 1.0), (1.0, -0.5)][rng.integers(3)]
+        yield pidalab.Loop(process, random_controller(rng, scale)), (scale + 2) * rng.uniform(5, 25), step
+
+
+def distance(found, true):
+    """Largest deviation, relative to the largest value."""
+    return np.abs(np.array(found) - true).max() / np.abs(true).max()
+
+
+def test_responses_and_margins_of_random_loops(engine):
+    stable = 0
+    for loop, end, (setpoint, load) in random_loops(LOOPS):
+        case = asked(loop.process, loop.controller)
+        said = repr(loop)
+        verdict = pidalab.is_stable(loop)
+        stable += verdict
+        found = engine.margins(**case)
+        assert found["stable"] is verdict, said
+        if verdict:
+            true = pidalab.margins(loop)
+            for name in ("ms", "gm", "pm", "dm"):
+                assert found[name] == pytest.approx(getattr(true, name), rel=1e-4), (name, said)
+        else:
+            end = min(end, 10 * loop.process.delay or 1.0)  # before it leaves the range of numbers
+        true = pidalab.simulate(loop, np.linspace(0.0, end, POINTS), setpoint=setpoint, load=load)
+        run = engine.simulate(**case, end=end, points=POINTS, setpoint=setpoint, load=load)
+        assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-4, said
+    assert 0.4 * LOOPS < stable < 0.95 * LOOPS
+
+
+def test_mks_is_the_largest_gain_from_noise_to_control(engine):
+    for loop, _, _ in random_loops(60, seed=21):
+        found = engine.margins(**asked(loop.process, loop.controller))
+        if not found["stable"]:
+            continue
+        # peaks that the dead time makes lie one turn of the phase apart: look at each turn closely
+        top = 1e3 / max(loop.controller.filter_time, 0.01)
+        w = np.union1d(np.geomspace(1e-4, top, 20_000), np.linspace(1e-4, min(top, 3e3), 60_000))
+        dense = np.abs(loop.transfer("u", "n", 1j * w)).max()
+        assert dense <= found["mks"] * (1 + 1e-4), repr(loop)
+        assert found["mks"] < 1.02 * dense, repr(loop)
+
+
+def test_closed_form_of_an_integrator_with_dead_time(engine):
+    """K/s e^{-s} under a gain of 1/2 is piecewise polynomial: t < 1: 0, then (t-1)/2, then less (t-2)^2/8, …"""
+    loop = asked(pidalab.ipdt(1.0, delay=1.0), pidalab.HighOrderPID([0.0, 0.5], 0.0, 0))
+    run = engine.simulate(**loop, end=3.0, points=301, setpoint=1.0)
+    t = np.linspace(0.0, 3.0, 301)
+    y = np.where(t < 1, 0.0, (t - 1) / 2) - np.where(t < 2, 0.0, (t - 2) ** 2 / 8)
+    assert np.abs(np.array(run["y"]) - y).max() < 1e-12
+    found = engine.margins(**loop)
+    assert found["gm"] == pytest.approx(math.pi, rel=1e-12)
+    assert found["dm"] == pytest.approx(math.pi - 1, rel=1e-12)
+
+
+@pytest.mark.parametrize("way", [None, "clamping", "conditioning"])
+def test_digital_controller_with_limits_and_noise(engine, way):
+    process, controller = pidalab.lags(3, delay=0.777), pidalab.HighOrderPID([0.5, 1.5, 1.0, 0.3], 0.1, 3)
+    t = 0.05 * np.arange(601)
+    noise, limits = pidalab.uniform_noise(t, 0.02, seed=1), (-0.2, 1.3)
+    true = pidalab.simulate_sampled(
+        pidalab.Loop(process, controller), t, 1.0, -0.3, noise, limits=limits, anti_windup=way
+    )
+    assert true.u.max() == limits[1]
+    case = asked(process, controller, end=t[-1], sampleTime=0.05, setpoint=1.0, load=-0.3, noise=noise.tolist())
+    case["controller"]["limits"] = limits
+    run = engine.simulateSampled(**case, antiWindup=way or "none")
+    assert distance(run["y"], true.y) < 1e-9
+    assert distance(run["u"], true.u) < 1e-9
+
+
+def test_limits_that_bite_hold_and_limits_that_do_not_change_nothing(engine):
+    case = asked(pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.8, 1.5, 0.6], 0.1, 1))
+    free = engine.simulate(**case, end=20.0, points=201, setpoint=1.0)
+    case["controller"]["limits"] = (-100.0, 100.0)
+    assert engine.simulate(**case, end=20.0, points=201, setpoint=1.0) == free
+    case["controller"]["limits"] = (0.0, 1.5)
+    tight = engine.simulate(**case, end=20.0, points=201, setpoint=1.0)
+    assert max(tight["u"]) == 1.5 < max(free["u"])
+    assert tight["y"][-1] == pytest.approx(1.0, abs=0.01)
+
+
+BAD = [
+    ({"process": {"num": [1.0], "den": [0.0], "delay": 0.0}}, "process.den must not be 0"),
+    ({"process": {"num": [1.0, 0.0, 0.0], "den": [1.0, 1.0], "delay": 0.0}}, "process must be proper"),
+    (
+        {"process": {"num": [1.0], "den": [1.0, 1.0], "delay": -1.0}},
+        "process.delay must be a finite number of at least 0",
+    ),
+    ({"controller": {"gains": [1.0, 1.0, 1.0, 0.0], "filterTime": 0.0, "filterOrder": 1}}, "needs a filter of order 1"),
+    ({"controller": {"gains": [1.0, 1.0], "limits": [1.0, 0.0]}}, "controller.limits must be"),
+    ({"points": 1}, "points must be a finite number of at least 2"),
+    ({"end": 0.0}, "end must be above 0"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), BAD)
+def test_bad_input_is_named(engine, change, message):
+    case = asked(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.HighOrderPID([0.5, 1.0], 0.0, 0), end=10.0, points=11)
+    with pytest.raises(ValueError, match=message):
+        engine.simulate(**{**case, **change})
+
+
+def test_a_broken_engine_is_noticed():
+    """The same tests fail for an engine whose dead time is 1 % off."""
+    source = SCRIPT.read_text(encoding="utf-8")
+    broken = Engine(source.replace('real("process.delay", process.delay ?? 0, 0)', "1.01 * process.delay"))
+    with pytest.raises(AssertionError):
+        test_responses_and_margins_of_random_loops(broken)
+    with pytest.raises(AssertionError):
+        test_closed_form_of_an_integrator_with_dead_time(broken)
