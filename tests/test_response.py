@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import pidalab
 from pidalab import Response
 from pidalab.response import SETTLED
 
@@ -275,3 +276,73 @@ def test_settling_time():
 def test_settling_time_when_the_error_changes_sign_on_its_way_in():
     """A straight line from +0.1 to -0.01 enters the band of 0.02 at 8/11 of the sample."""
     assert record(np.arange(3.0), [0.9, 1.01, 1.0]).settling_time(0.02) == pytest.approx(8 / 11)
+
+
+def half_seconds(y, u, r):
+    return Response(np.arange(len(y)) * 0.5, r=np.array(r, dtype=float), d=0.0, n=0.0, y=np.array(y), u=np.array(u))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_stretch_by_hand(sign):
+    r = half_seconds(
+        y=sign * np.array([1.0, 1.0, 0.8, 2.0, 3.4, 2.95, 3.0, 3.0]),
+        u=sign * np.array([1.0, 5.0, 5.0, 4.0, 0.0, 2.0, 2.0, 2.0]),
+        r=sign * np.array([1, 3, 3, 3, 3, 3, 3, 3]),
+    )
+    part = r.between(0.5, 3.5)
+    np.testing.assert_allclose(part.t, 0.5 * np.arange(7))
+    np.testing.assert_allclose(sign * part.y, [0.0, -0.2, 1.0, 2.4, 1.95, 2.0, 2.0], atol=1e-15)
+    np.testing.assert_allclose(sign * part.u, [4.0, 4.0, 3.0, -1.0, 1.0, 1.0, 1.0], atol=1e-15)
+    np.testing.assert_allclose(part.e, r.e[1:], atol=1e-15)
+    assert part.overshoot() == pytest.approx(20.0, abs=3.0)  # the parabola through 2.4 is a little higher
+    assert part.undershoot() == pytest.approx(10.0)
+    assert part.tv() == pytest.approx(4 + 1 + 4 + 2)
+    assert part.iae() == pytest.approx(r.iae(3.5) - r.iae(0.5), rel=1e-12)
+    limits = (0.0, 5.0) if sign > 0 else (-5.0, 0.0)
+    assert r.saturated(limits, 0.5, 3.5) == 1.5
+    assert r.saturated(limits) == 1.5
+
+
+def test_a_stretch_ends_before_the_next_step():
+    t = 0.03 * np.arange(6001)
+    setpoint = np.where(t < 59.99, 1.0, np.where(t < 119.99, 3.0, -1.0))
+    loop = pidalab.Loop(pidalab.lags(2, delay=0.5), pidalab.PIDA(1.0, 2.0))
+    whole = pidalab.simulate(loop, t, setpoint)
+    up, down = whole.between(60.0, 120.0), whole.between(120.0, 180.0)
+    alone = pidalab.step_response(loop, t[:2001])
+    for name, scale, part in (("iae", 2.0, up), ("iae", 4.0, down), ("tv", 2.0, up), ("tv", 4.0, down)):
+        assert getattr(part, name)() == pytest.approx(scale * getattr(alone, name)(), rel=1e-6)
+    assert up.r[-1] == 2.0
+    assert up.overshoot() == pytest.approx(alone.overshoot(), abs=1e-4)
+    assert down.settling_time() == pytest.approx(alone.settling_time(), abs=1e-4)
+
+
+def test_the_last_sample_is_held():
+    """A record of n samples lasts n sample times for what is held, such as the set point."""
+    r = half_seconds(y=[0.0, 0.5, 0.6, 0.6], u=[1.0, 1.0, 1.0, 2.0], r=[1, 1, 1, 1])
+    assert r.saturated((0.0, 2.0)) == 0.5
+    assert r.between(0.5, 2.0).t.size == r.between(0.5, 1.5).t.size == 3
+    with pytest.raises(ValueError, match="at least a sample apart"):
+        r.between(1.5, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "message"),
+    [
+        (0.5, 9.0, r"must lie in order in the record \(0 to 1\.5\), found 0\.5 and 9"),
+        (2.5, 3.0, "must lie in order in the record"),
+        (1.0, 0.5, "must lie in order"),
+        (-1.0, 0.5, "must lie in order"),
+        (math.nan, 0.5, "start must be finite"),
+    ],
+)
+def test_stretches_that_are_none(start, stop, message):
+    r = half_seconds(y=[0.0] * 4, u=[0.0] * 4, r=[1, 1, 2, 2])
+    for call in (r.between, lambda a, b: r.saturated((0.0, 1.0), a, b)):
+        with pytest.raises(ValueError, match=message):
+            call(start, stop)
+
+
+def test_undershoot_needs_a_set_point():
+    with pytest.raises(ValueError, match="undershoot needs a set point"):
+        half_seconds(y=[0.0] * 4, u=[0.0] * 4, r=[1, 1, 2, 0]).undershoot()

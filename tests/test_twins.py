@@ -1,13 +1,11 @@
 """The thermal twin gives the printed model; the measures of a step; every refusal."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import pidalab
-from pidalab import Response, twins
+from pidalab import twins
 from pidalab.identification import ipdt_tangent
 
 T = 0.02 * np.arange(4000)
@@ -75,33 +73,8 @@ def test_windup_is_larger_downwards_because_cooling_is_slower():
     loop = pidalab.rules.mrdp.tune(pidalab.ipdt(0.01, 5.0), 4, 6, 0.8).loop()
     for fall, larger in ((30.0, 1.0), (60.0, 1.5)):
         run = twins.thermal_experiment(loop, twins.thermal_plant(fall=fall), level=18.0)
-        up, down = (twins.step_measures(run, start, start + 200.0, twins.LAMP) for start in (200.0, 400.0))
-        assert (down.saturated > larger * up.saturated) == (fall == 60.0)
-
-
-def record(y, u, r):
-    return Response(np.arange(len(y)) * 0.5, r=np.array(r, dtype=float), d=0.0, n=0.0, y=np.array(y), u=np.array(u))
-
-
-def test_measures_by_hand():
-    r = record(
-        y=[1.0, 1.0, 0.8, 2.0, 3.4, 2.95, 3.0, 3.0],
-        u=[1.0, 5.0, 5.0, 4.0, 0.0, 2.0, 2.0, 2.0],
-        r=[1, 3, 3, 3, 3, 3, 3, 3],
-    )
-    up = twins.step_measures(r, 0.5, 3.5, limits=(0.0, 5.0))
-    assert up == pytest.approx((20.0, 10.0, 2.5 - 0.5, 0.5 * (1.0 + 2.2 + 1.0 + 0.4 + 0.05), 1.5, 4 + 1 + 4 + 2))
-    mirrored = record(y=-r.y, u=-r.u, r=-r.r)
-    assert twins.step_measures(mirrored, 0.5, 3.5, limits=(-5.0, 0.0)) == pytest.approx(up)
-
-
-def test_measures_from_the_first_sample_and_unsettled():
-    r = record(y=[0.0, 0.5, 0.6], u=[1.0, 1.0, 1.0], r=[1, 1, 1])
-    assert twins.step_measures(r, 0.0, 1.0, limits=(0.0, 2.0)) == pytest.approx(
-        (0, 0, math.inf, 0.5 * (0.5 + 0.5 + 0.2), 0, 1)
-    )
-    still = record(y=[1.0, 1.0, 1.0], u=[0.0, 0.0, 0.0], r=[1, 1, 1])
-    assert twins.step_measures(still, 0.0, 1.0, limits=(0.0, 2.0)).settling == 0.0
+        up, down = (run.saturated(twins.LAMP, start, start + 200.0) for start in (200.0, 400.0))
+        assert (down > larger * up) == (fall == 60.0)
 
 
 @pytest.mark.parametrize(
@@ -123,19 +96,3 @@ def test_measures_from_the_first_sample_and_unsettled():
 def test_thermal_plant_complains(changes, message):
     with pytest.raises(ValueError, match=message):
         twins.thermal_plant(**changes)
-
-
-@pytest.mark.parametrize(
-    ("start", "stop", "message"),
-    [
-        (0.5, 9.0, r"must lie in order in the record \(0 to 1\.5\), found 0\.5, 9\.0"),
-        (2.0, 2.5, "must lie in order in the record"),
-        (1.0, 0.5, "must lie in order"),
-        (0.5, 1.5, "must change at start = 0.5 and stay until stop = 1.5"),
-        (0.0, 1.5, "must change at start = 0 and stay"),
-    ],
-)
-def test_measures_complain(start, stop, message):
-    r = record(y=[0.0] * 4, u=[0.0] * 4, r=[1, 1, 2, 2])
-    with pytest.raises(ValueError, match=message):
-        twins.step_measures(r, start, stop, limits=(0.0, 1.0))

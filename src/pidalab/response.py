@@ -103,6 +103,69 @@ class Response:
             self, y=self.y + self.n, n=np.zeros_like(self.n), area=self.area + noise_area, held=self.held + self.n
         )
 
+    def between(self, start: float, stop: float) -> Response:
+        """Return a stretch of the record as an experiment of its own, such as one of several set-point steps.
+
+        Time counts from `start`. Set point, load and control signal are deviations from their values just before, and
+        so is y, from the set point before: the control error stays what it is, and every measure reads as after a step
+        from rest.
+
+        Parameters
+        ----------
+        start, stop : float
+            Beginning and end, to the nearest sample; the last sample is held until one sample time after the record.
+
+        Returns
+        -------
+        Response
+            The stretch. What changes at `stop` is no longer in it.
+
+        Raises
+        ------
+        ValueError
+            For a stretch that does not lie in order in the record.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = 0.1 * np.arange(401)
+        >>> r = pidalab.simulate(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5), t, np.where(t < 20, 1.0, 3.0))
+        >>> second = r.between(20.0, 40.0)
+        >>> print(f"{second.overshoot():.2f} % {second.settling_time(0.05):.2f} {second.tv():.3f}")
+        4.05 % 3.36 2.084
+        """
+        assert self.area is not None
+        assert self.held is not None
+        first, last = self._samples(start, stop)
+        last = min(last, self.t.size - 1)
+        if last == first:
+            raise ValueError(f"start and stop must be at least a sample apart, found {start!r} and {stop!r}")
+        span = slice(first, last + 1)
+        before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in ("r", "d", "u")}
+        # what is held jumps at stop: its value just before belongs to the stretch
+        held = {name: np.append(getattr(self, name)[first:last], getattr(self, name)[last - 1]) for name in "rdnu"}
+        t = self.t[span] - self.t[first]
+        return Response(
+            t=t,
+            r=held["r"] - before["r"],
+            d=held["d"] - before["d"],
+            n=held["n"],
+            y=self.y[span] - before["r"],
+            u=held["u"] - before["u"],
+            area=self.area[span] - self.area[first] - before["r"] * t,
+            held=self.held[span],
+        )
+
+    def _samples(self, start: float, stop: float) -> tuple[int, int]:
+        """Return the samples nearest to two times that lie in order in the record; the last one is held for a while."""
+        start, stop = _check.real("start", start), _check.real("stop", stop)
+        first, last = round(start / self.step), round(stop / self.step)
+        if not 0 <= first < last <= self.t.size:
+            raise ValueError(
+                f"start and stop must lie in order in the record (0 to {self.t[-1]:g}), found {start:g} and {stop:g}"
+            )
+        return first, last
+
     def _pieces(self, horizon: float | None) -> tuple[Array, Array, Array]:
         """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
         if horizon is None:
@@ -352,6 +415,60 @@ class Response:
             top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
         y = self.r[:-1] - np.stack([c0, c0 + top * (c1 + top * c2), c0 + c1 + c2])
         return float(max(0.0, 100 * np.max(y / target - 1)))
+
+    def undershoot(self) -> float:
+        """How far y moves to the wrong side from where it starts, in per cent of the final set point.
+
+        Returns
+        -------
+        float
+            Per cent, over the samples; 0 if y never moves away from the set point.
+
+        Raises
+        ------
+        ValueError
+            If the set point ends at 0.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0, 1, 2, 3], r=2.0, d=0.0, n=0.0, y=[0.0, -0.5, 2.0, 2.0], u=0.0).undershoot()
+        25.0
+        """
+        if self.r[-1] == 0:
+            raise ValueError("undershoot needs a set point that does not end at 0; use peak() for a disturbance")
+        return float(max(0.0, 100 * np.max((self.y[0] - self.y) / self.r[-1])))
+
+    def saturated(self, limits: tuple[float, float], start: float = 0.0, stop: float | None = None) -> float:
+        """Time that the control signal spends at a limit.
+
+        Parameters
+        ----------
+        limits : tuple of float
+            Smallest and largest control signal.
+        start, stop : float, optional
+            Only between these times; by default the whole record.
+
+        Returns
+        -------
+        float
+            A number of samples times their distance.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For limits that are not two numbers in order, and times that do not lie in order in the record.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0.0, 1.0, 2.0, 3.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[2.0, 2.0, 1.0, 0.5]).saturated((0.0, 2.0))
+        2.0
+        """
+        low, high = _check.limits(limits)
+        first, last = self._samples(start, self.t.size * self.step if stop is None else stop)
+        u = self.u[first:last]
+        return float(self.step * np.count_nonzero((u <= low) | (u >= high)))
 
     def peak(self, signal: str = "y") -> float:
         """Value of a signal where it is farthest from 0, over the samples.

@@ -1,4 +1,4 @@
-"""Simulated stand-ins for plants of the papers whose records are not published, and measures of their experiments.
+"""Simulated stand-ins for plants of the papers whose records are not published.
 
 A twin has an assumed structure. It gives the printed model when it is identified as the paper identifies its plant, and
 proves nothing about the plant beyond that: what it shows is what a plausible plant of that kind would do.
@@ -6,11 +6,8 @@ proves nothing about the plant beyond that: what it shows is what a plausible pl
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import control
 import numpy as np
-from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
 from pidalab import _check
@@ -25,33 +22,6 @@ RECORD = 15.0  # length of the step record in apparent dead times; the steepest 
 FINENESS = 400  # its samples in an apparent dead time; the tangent is then right to six digits
 MOST_LAGS = 20  # more are a dead time, and their coefficients lose accuracy
 LAMP = (0.0, 80.0)  # limits of the lamp power of the thermal plant in per cent (huba2018, sec. V.B)
-
-
-class StepMeasures(NamedTuple):
-    """What a plant did between two changes of the set point.
-
-    Attributes
-    ----------
-    overshoot, undershoot : float
-        How far the output goes beyond the new set point, and from where it was to the wrong side, in per cent of the
-        change of the set point; 0 where it does not.
-    settling : float
-        Time until the output stays within 5 % of the change around the new set point; infinite where the stretch ends
-        before.
-    iae : float
-        Integral of the absolute control error, [y] times time.
-    saturated : float
-        Time that the control signal spends at a limit.
-    tv : float
-        Total variation of the control signal, [u].
-    """
-
-    overshoot: float
-    undershoot: float
-    settling: float
-    iae: float
-    saturated: float
-    tv: float
 
 
 def thermal_plant(
@@ -196,7 +166,7 @@ def thermal_experiment(
     Returns
     -------
     Response
-        With set-point changes at 0, `hold` and 2 `hold`; it ends at 3 `hold`.
+        With set-point changes at 0, `hold` and 2 `hold`; it ends at 3 `hold`. `Response.between` takes one of them out.
 
     Raises
     ------
@@ -218,62 +188,3 @@ def thermal_experiment(
         raise ValueError(f"hold must be a multiple of sample_time = {sample_time:g}, found {hold:g}")
     r = np.repeat([level, level + step, level], samples)
     return simulate_sampled(loop, sample_time * np.arange(r.size), r, limits=LAMP, plant=plant)
-
-
-def step_measures(record: Response, start: float, stop: float, limits: tuple[float, float]) -> StepMeasures:
-    """Measure the stretch of a record between two changes of the set point.
-
-    Parameters
-    ----------
-    record : Response
-        The experiment; its set point changes at `start` and then stays until `stop`.
-    start, stop : float
-        Beginning and end of the stretch.
-    limits : tuple of float
-        Smallest and largest control signal of the actuator.
-
-    Returns
-    -------
-    StepMeasures
-        Numbers relative to the change of the set point.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For a stretch outside the record, limits out of order, and a set point that does not change at its beginning,
-        or changes later.
-
-    Examples
-    --------
-    >>> import numpy as np, pidalab
-    >>> t = 0.1 * np.arange(401)
-    >>> r = pidalab.simulate_sampled(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5), t, np.where(t < 20, 1.0, 3.0))
-    >>> [round(x, 2) for x in pidalab.twins.step_measures(r, 20.0, 40.0, limits=(0.0, 0.8))]
-    [5.74, 0.0, 5.2, 4.39, 9.8, 2.12]
-    """
-    if not isinstance(record, Response):
-        raise TypeError(f"record must be a pidalab.Response, found {type(record).__name__}")
-    low, high = _check.limits(limits)
-    start, stop = _check.real("start", start), _check.real("stop", stop)
-    first, last = round(start / record.step), round(stop / record.step)
-    if not 0 <= first < last <= record.t.size:
-        raise ValueError(
-            f"start and stop must lie in order in the record (0 to {record.t[-1]:g}), found {start}, {stop}"
-        )
-    before = record.r[first - 1] if first else 0.0
-    change, level = record.r[first] - before, record.r[first]
-    if change == 0 or np.any(record.r[first:last] != level):
-        raise ValueError(f"the set point must change at start = {start:g} and stay until stop = {stop:g}")
-    y, u = record.y[first : last + 1], record.u[first:last]
-    progress = (y - before) / change
-    wrong_way = (y[0] - y) / change
-    outside = np.flatnonzero(np.abs(progress - 1) > 0.05)
-    settled = outside.size == 0 or outside[-1] < progress.size - 1
-    return StepMeasures(
-        overshoot=float(max(0.0, 100 * (progress.max() - 1))),
-        undershoot=float(max(0.0, 100 * wrong_way.max())),
-        settling=float(record.step * (outside[-1] + 1 if outside.size else 0)) if settled else float("inf"),
-        iae=float(trapezoid(np.abs(level - y), dx=record.step)),
-        saturated=float(record.step * np.count_nonzero((u <= low) | (u >= high))),
-        tv=float(np.sum(np.abs(np.diff(u, prepend=record.u[first - 1] if first else 0.0)))),
-    )

@@ -76,7 +76,7 @@ def test_measures_are_those_of_the_response(scene):
 def test_low_filter_orders(order):
     own = SeriesPIDA(0.3, 0.1 * order, 0.0, 2.0, 0.1, order, limits=(-0.2, 0.3))
     p = portrait(Loop(LOOP.process, own), {"ti": [1.5, 2.0]}, T, setpoint=1.0)
-    record = simulate_sampled(Loop(LOOP.process, own), T)
+    record = simulate_sampled(Loop(LOOP.process, own), T, setpoint=1.0)
     for name, value in expected(record, 1.0, 0.0).items():
         assert getattr(p, name)[1] == pytest.approx(value, rel=1e-9, abs=1e-10), name
 
@@ -96,7 +96,7 @@ def test_prefilters_that_differ():
         )
         own = SeriesPIDA(kp, 0.45, ka, own_ti, 0.2, 4, limits=(-0.1, 0.1))
         filtered = control.tf([0.5 * own_ti, 1.0], cancelling(kp, 0.45, ka, own_ti))
-        record = simulate_sampled(Loop(LOOP.process, own, prefilter=filtered), T)
+        record = simulate_sampled(Loop(LOOP.process, own, prefilter=filtered), T, setpoint=1.0)
         for name, value in expected(record, 1.0, 0.0).items():
             assert getattr(p, name)[i] == pytest.approx(value, rel=1e-9, abs=1e-10), (i, name)
     fixed = Loop(LOOP.process, PDA, prefilter=control.tf([0.3, 1.0], [0.8, 1.0]))

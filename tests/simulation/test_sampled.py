@@ -65,7 +65,7 @@ def test_proportional_control_of_an_integrator_by_hand(delay):
 
 
 def test_static_plant_with_dead_time_repeats_the_controller():
-    r = simulate_sampled(Loop(Process([2.0], [1.0], 0.25), 0.3), 0.1 * np.arange(8))
+    r = simulate_sampled(Loop(Process([2.0], [1.0], 0.25), 0.3), 0.1 * np.arange(8), setpoint=1.0)
     assert r.y.round(12).tolist() == [0.0, 0.0, 0.0, 0.6, 0.6, 0.6, 0.24, 0.24]  # u of 0.05 samples before t
     assert r.area[3:5] == pytest.approx([0.6 * 0.05, 0.6 * 0.15])
 
@@ -236,8 +236,8 @@ def test_inputs_are_superposed_without_limits():
 
 def test_wide_limits_change_nothing():
     t = 0.05 * np.arange(300)
-    free = simulate_sampled(LOOPS["integrating"], t)
-    wide = simulate_sampled(LOOPS["integrating"], t, limits=(free.u.min(), free.u.max()))
+    free = simulate_sampled(LOOPS["integrating"], t, setpoint=1.0)
+    wide = simulate_sampled(LOOPS["integrating"], t, setpoint=1.0, limits=(free.u.min(), free.u.max()))
     np.testing.assert_array_equal(free.y, wide.y)
 
 
@@ -275,7 +275,7 @@ RUNAWAY = {
 )  # fmt: skip
 def test_simulate_sampled_complains(arguments, error, message):
     with pytest.raises(error, match=message):
-        simulate_sampled(**({"loop": LOOPS["integrating"], "t": [0.0, 1.0, 2.0]} | arguments))
+        simulate_sampled(**({"loop": LOOPS["integrating"], "t": [0.0, 1.0, 2.0], "setpoint": 1.0} | arguments))
 
 
 @pytest.mark.parametrize(

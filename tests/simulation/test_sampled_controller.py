@@ -122,7 +122,7 @@ def test_anti_windup_does_nothing_within_the_limits(way):
     t = 0.02 * np.arange(1500)
     for controller in (PIDA(1.31, 3.37, 0.938, 0.269), HighOrderPID([0.4, 1.2, 0.6, 0.1], 0.1, 4), PIDA(-0.5, 4.0)):
         loop = Loop(pidalab.lags(3, gain=math.copysign(1.0, controller.gains().kp)), controller)
-        plain, other = (simulate_sampled(loop, t, anti_windup=way, load=0.2) for way in (None, way))
+        plain, other = (simulate_sampled(loop, t, 1.0, load=0.2, anti_windup=way) for way in (None, way))
         np.testing.assert_allclose(other.u, plain.u, atol=1e-9 * np.max(np.abs(plain.u)))
 
 
@@ -192,7 +192,7 @@ def test_many_short_pulses_are_their_mean():
     differences = []
     for h in (0.04, 0.02, 0.01):
         t = h * np.arange(round(8.0 / h))
-        held, pulses = (simulate_sampled(loop, t, pulse_widths=widths) for widths in (0, 10000))
+        held, pulses = (simulate_sampled(loop, t, 1.0, pulse_widths=widths) for widths in (0, 10000))
         differences.append(np.max(np.abs(held.y - pulses.y)))
     assert 1.6 < differences[0] / differences[1] < 2.6
     assert 1.6 < differences[1] / differences[2] < 2.6
@@ -225,7 +225,7 @@ FINITE = {"limits": (-1.0, 1.0)}
 )  # fmt: skip
 def test_simulate_sampled_complains(loop, arguments, error, message):
     with pytest.raises(error, match=message):
-        simulate_sampled(**({"loop": loop, "t": [0.0, 1.0, 2.0]} | arguments))
+        simulate_sampled(**({"loop": loop, "t": [0.0, 1.0, 2.0], "setpoint": 1.0} | arguments))
 
 
 def test_noise_gain_is_of_linear_loops():

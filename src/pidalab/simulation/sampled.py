@@ -38,7 +38,7 @@ from pidalab.simulation.steps import Actuator, Steps, plant_steps
 def simulate_sampled(
     loop: Loop,
     t: ArrayLike,
-    setpoint: ArrayLike = 1.0,
+    setpoint: ArrayLike = 0.0,
     load: ArrayLike = 0.0,
     noise: ArrayLike = 0.0,
     limits: tuple[float, float] = (-math.inf, math.inf),
@@ -118,7 +118,7 @@ def simulate_sampled(
 
     >>> loop, t = pidalab.Loop(pidalab.ipdt(1.0, delay=0.5), pidalab.PIDA(kp=0.6, ti=4.0)), 0.01 * np.arange(3001)
     >>> for way in (None, "clamping", "conditioning"):
-    ...     r = pidalab.simulate_sampled(loop, t, limits=(-0.1, 0.1), anti_windup=way)
+    ...     r = pidalab.simulate_sampled(loop, t, setpoint=1.0, limits=(-0.1, 0.1), anti_windup=way)
     ...     print(f"{way}: overshoot {r.overshoot():.1f} %")
     None: overshoot 74.4 %
     clamping: overshoot 3.2 %
