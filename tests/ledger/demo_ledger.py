@@ -10,10 +10,10 @@ ROWS = [
     Row("demo.t1.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced"),
     Row("demo.t1.ti", "Table 1", "integral time (s)", "2.88", "2.868000000", "last-digit"),
     Row("demo.t1.td", "Table 1", "time (s)", "0.50", "0.5100000000", "approximate", note="noise: tolerance 5 %"),
-    Row("demo.t1.ta", "Table 1", "time (s)", "12", "0.1200000000", "misprint", note="eq. (3) gives 0.12"),
+    Row("demo.t1.ta", "Table 1", "time (s)", "12", "0.1200000000", "misprint", note="eq. (3) gives 0.12 s instead"),
     Row("demo.t1.tf", "Table 1", "filter", "0.3", "0.8000000000", "as-read", "from-print", note="a 3 may be an 8"),
-    Row("demo.t2.ms", "Table 2", "M_s", "1.40", "1.900000000", "differs", note='they say "about", and no more'),
-    Row("demo.t2.iae", "Table 2", "IAE", "n/a", "", "not-computable", "reading", note="the seed was not published"),
+    Row("demo.t2.ms", "Table 2", "M_s", "1.40", "1.900000000", "differs", note='they say "about", and say no more'),
+    Row("demo.t2.iae", "Table 2", "IAE", "n/a", "", "not-computable", "reading", note="the seed was never published"),
     Row(
         "demo.s1",
         "sec. 3",
@@ -24,7 +24,16 @@ ROWS = [
         evidence="3.100000000 < 4.200000000",
     ),
     Row("demo.s2", "sec. 3", "statement", "the loop is stable", "fails", "fails", evidence="2 == 0 | poles"),
-    Row("demo.s3", "sec. 3", "statement", "the oldest rule", "", "holds", "reading", note="the references say so"),
+    Row(
+        "demo.s3",
+        "sec. 3",
+        "statement",
+        "the oldest rule",
+        "",
+        "holds",
+        "reading",
+        note="the list of references says so",
+    ),
 ]
 NUMBERS = {
     "demo.t1.kp": 1.309812345,
@@ -72,9 +81,9 @@ def numbers(book):
 def statements(book):
     import matplotlib.pyplot as plt
     plt.figure()
-    book.check("t1.ta", 0.12, note=f"eq. (3) gives {0.12}")
+    book.check("t1.ta", 0.12, note=f"eq. (3) gives {0.12} s instead")
     book.check("t1.tf", 0.8, note="a 3 may be an 8")
-    book.note("t2.ms", 'they say "about", and no more')
+    book.note("t2.ms", 'they say "about", and say no more')
     book.statement("s1", 3.1, "<", 4.2)
     book.statement("s2", 2, "==", 0, left_name="poles")
 

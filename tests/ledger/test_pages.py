@@ -8,6 +8,8 @@ from demo_ledger import KP
 from pidalab.ledger import VERDICTS, LedgerError, Row, errata, score_markdown, scoreboard, write_rows, write_score
 from pidalab.ledger.__main__ import main
 
+REASON = "a pole in the right half"
+
 
 def test_scoreboard(project):
     write_rows(project / "book" / "ledger" / "another.csv", [replace(KP, id="another.kp")])
@@ -24,13 +26,22 @@ def test_errata(project):
     page = errata()
     assert "as read" in repr(page)
     assert "(demo, " in repr(page).splitlines()[-1]
-    assert repr(page).endswith("12                0.120      Proof. eq. (3) gives 0.12")
+    assert repr(page).endswith("12                0.120      Proof. eq. (3) gives 0.12 s instead")
     assert "demo.t2" not in page.html
     assert page.html.startswith('<p class="errata-notice">')
 
 
 def test_errata_of_a_statement(project):
-    row = Row("demo.s", "eq. (7)", "statement", "the sign is +", "fails", "misprint", evidence="-1 > 0", note="a pole")
+    row = Row(
+        "demo.s",
+        "eq. (7)",
+        "statement",
+        "the sign is +",
+        "fails",
+        "misprint",
+        evidence="-1 > 0",
+        note="a pole in the right half",
+    )
     write_rows(project / "book" / "ledger" / "demo.csv", [row])
     assert "does not hold" in errata().html
 

@@ -7,6 +7,8 @@ from demo_ledger import KP, ROWS, S1
 
 from pidalab.ledger import LedgerError, load_all, read_rows, write_rows
 
+REASON = "a reason of five words"
+
 
 @pytest.mark.parametrize(
     ("change", "message"),
@@ -24,19 +26,22 @@ from pidalab.ledger import LedgerError, load_all, read_rows, write_rows
         ({"verdict": ""}, "file says nothing, .* gives reproduced"),
         ({"verdict": "approximate"}, "approximate needs a tolerance"),
         ({"verdict": "approximate", "note": "tolerance 1 %, tolerance 2 %"}, "more than one tolerance"),
-        ({"verdict": "approximate", "computed": "1.4", "note": "tolerance 1 %"}, "gives no agreement"),
+        ({"verdict": "approximate", "computed": "1.400000000", "note": "tolerance 1 %"}, "gives no agreement"),
         ({"note": "tolerance 1 %"}, "file says reproduced, .* gives approximate"),
-        ({"verdict": "misprint", "computed": "1.9"}, "misprint needs a note"),
-        ({"verdict": "as-read", "computed": "1.9"}, "as-read needs a note"),
-        ({"verdict": "differs", "computed": "1.9", "note": " "}, "differs needs a note"),
+        ({"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
+        ({"verdict": "as-read", "computed": "1.900000000"}, "as-read needs a note"),
+        ({"verdict": "differs", "computed": "1.900000000", "note": " "}, "differs needs a note"),
         ({"verdict": "holds", "computed": "holds"}, "a number is not judged as a statement"),
         ({"evidence": "1 < 2"}, "a number has no evidence"),
         ({"quantity": "statement"}, "a printed number is no statement"),
+        ({"computed": "1.3098"}, "fewer digits than ten, and no note says why"),
+        ({"computed": "1.3", "note": "digits lost"}, "stored no finer than printed, so that drift stays hidden"),
+        ({"computed": "1e9", "verdict": "differs", "note": REASON}, "stored no finer than printed"),
         ({"basis": "guess"}, "unknown basis 'guess'; one of computed, from-print, reading"),
         ({"basis": "reading"}, "settled by reading, but 'computed' is not empty"),
-        ({"basis": "reading", "computed": "", "note": "n"}, "settled by reading cannot be reproduced"),
+        ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading cannot be reproduced"),
         ({"basis": "reading", "computed": "", "verdict": "misprint"}, "settled by reading needs a note"),
-        ({"verdict": "not-computable", "computed": "", "note": "n"}, "so its basis is reading"),
+        ({"verdict": "not-computable", "computed": "", "note": REASON}, "so its basis is reading"),
     ],
 )
 def test_validation(project, change, message):
@@ -50,9 +55,10 @@ def test_validation(project, change, message):
         ({"computed": ""}, "'computed' is empty"),
         ({"computed": "fails", "verdict": "fails"}, "computed says fails, the evidence 3.1.* does not"),
         ({"verdict": "fails"}, "file says fails, 3.1.* gives holds"),
-        ({"verdict": "misprint", "note": "n"}, "declared misprint starts to agree"),
+        ({"verdict": "misprint", "note": REASON}, "declared misprint starts to agree"),
+        ({"evidence": "3.1 < 4.2"}, "fewer digits than ten, and no note says why"),
         ({"evidence": "so it is"}, "is no relation such as"),
-        ({"basis": "reading", "computed": "", "note": "n"}, "settled by reading, but 'evidence' is not empty"),
+        ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading, but 'evidence' is not empty"),
     ],
 )
 def test_validation_of_a_statement(project, change, message):

@@ -40,7 +40,7 @@ def test_record_fills_an_empty_ledger(project):
 def test_record_leaves_agreeing_values_alone(project):
     before = PATH.read_bytes()
     near = {"demo.t1.kp": Entry(1.3098123451), "demo.s1": Entry(evidence=Evidence.of(3.1000000004, "<", 4.2))}
-    assert record("demo", ENTRIES | near | {"demo.s3": Entry(note="the references say so")}) == []
+    assert record("demo", ENTRIES | near | {"demo.s3": Entry(note="the list of references says so")}) == []
     assert PATH.read_bytes() == before
 
 
@@ -48,14 +48,14 @@ def test_record_says_what_changed_and_changes_nothing_else(project):
     before = PATH.read_text().splitlines()
     entries = {
         "demo.t1.kp": Entry(1.3151),
-        "demo.t2.ms": Entry(1.41, note="now 1.41"),
+        "demo.t2.ms": Entry(1.41, note="now it is 1.41 at least"),
         "demo.s1": Entry(evidence=Evidence.of(5, "<", 4)),
     }
     assert record("demo", entries) == [
         "demo.t1.kp: computed '1.309812345' -> '1.315100000'",
         "demo.t1.kp: verdict 'reproduced' -> 'last-digit'",
         "demo.t2.ms: computed '1.900000000' -> '1.410000000'",
-        "demo.t2.ms: note 'they say \"about\", and no more' -> 'now 1.41'",
+        "demo.t2.ms: note 'they say \"about\", and say no more' -> 'now it is 1.41 at least'",
         "demo.s1: computed 'holds' -> 'fails'",
         "demo.s1: evidence '3.100000000 < 4.200000000' -> '5 < 4'",
         "demo.s1: verdict 'holds' -> 'fails'",
@@ -63,7 +63,7 @@ def test_record_says_what_changed_and_changes_nothing_else(project):
     after = PATH.read_text().splitlines()
     assert [new for old, new in zip(before, after, strict=True) if new != old] == [
         "demo.t1.kp,Table 1,gain,1.31,1.315100000,last-digit,computed,,",
-        "demo.t2.ms,Table 2,M_s,1.40,1.410000000,differs,computed,,now 1.41",
+        "demo.t2.ms,Table 2,M_s,1.40,1.410000000,differs,computed,,now it is 1.41 at least",
         "demo.s1,sec. 3,statement,A < B & PIDA is faster,fails,fails,computed,5 < 4,",
     ]
 
@@ -94,7 +94,7 @@ def test_run_collects_and_compares_nothing(project):
     outcome = run("demo")
     assert outcome["demo.t1.kp"].value == 1.3151
     assert str(outcome["demo.s1"].evidence) == "3.100000000 < 4.200000000"
-    assert outcome["demo.t2.ms"] == Entry(1.9, note='they say "about", and no more')
+    assert outcome["demo.t2.ms"] == Entry(1.9, note='they say "about", and say no more')
     assert PATH.read_bytes() == before
 
 

@@ -5,6 +5,8 @@ import sys
 from collections.abc import Sequence
 
 from pidalab.ledger import Ledger, LedgerError, load_all, write_score
+from pidalab.ledger.files import MANIFEST
+from pidalab.ledger.manifest import freeze
 from pidalab.ledger.running import update
 
 
@@ -34,6 +36,10 @@ def _readme(files: list[str]) -> None:
         print(f"{file}: {'rewritten' if write_score(file) else 'up to date'}")
 
 
+def _manifest() -> None:
+    print(f"{MANIFEST}: {'rewritten' if freeze() else 'up to date'}")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
@@ -60,6 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = commands.add_parser("readme", help="bring the score in Markdown files up to date")
     command.add_argument("files", nargs="+")
     command.set_defaults(run=lambda given: _readme(given.files))
+    command = commands.add_parser("manifest", help="freeze what is printed, its kind and its basis; review the change")
+    command.set_defaults(run=lambda given: _manifest())
     given = parser.parse_args(arguments)
     try:
         given.run(given)

@@ -147,8 +147,12 @@ def store(value: float, printed: str, digits: int = DIGITS) -> str:
     ('0.5000000000', '0.00000000000', '2.50e-7')
     """
     number = to_decimal(value)
-    place = max(number.adjusted() - digits + 1, exponent(read_number(printed)) - DIGITS)
-    return _text(number, place)
+    return _text(number, last_place(number, printed, digits))
+
+
+def last_place(number: Decimal, printed: str, digits: int = DIGITS) -> int:
+    """Return the power of ten of the last place that `store` keeps."""
+    return max(number.adjusted() - digits + 1, exponent(read_number(printed)) - DIGITS)
 
 
 def significant(value: int | float, scale: float, digits: int = DIGITS) -> str:
@@ -174,10 +178,13 @@ def significant(value: int | float, scale: float, digits: int = DIGITS) -> str:
     """
     if isinstance(value, int) or isinf(value):
         return str(value)
-    number = to_decimal(value)
+    return _text(to_decimal(value), significant_place(to_decimal(value), to_decimal(float(scale)), digits))
+
+
+def significant_place(number: Decimal, scale: Decimal, digits: int = DIGITS) -> int:
+    """Return the power of ten of the last place that `significant` keeps."""
     place = number.adjusted() - digits + 1
-    noise = to_decimal(float(scale)).adjusted() - 12 if scale else place
-    return _text(number, max(place, noise))
+    return max(place, scale.adjusted() - 12) if scale else place
 
 
 def same_text(old: str, new: str) -> bool:

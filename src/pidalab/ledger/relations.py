@@ -4,12 +4,22 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from math import isfinite, isinf
 from typing import Any
 
 from pidalab.ledger.conventions import CONVENTIONS, IDENTITY, find_convention, gap
-from pidalab.ledger.digits import DIGITS, agrees, plain, read_number, same_text, significant
+from pidalab.ledger.digits import (
+    DIGITS,
+    agrees,
+    exponent,
+    plain,
+    read_number,
+    same_text,
+    significant,
+    significant_place,
+)
 from pidalab.ledger.errors import LedgerError
 
 Number = int | float
@@ -293,6 +303,15 @@ class Evidence:
     def is_rounding(self) -> bool:
         """Whether this is the residual of an identity, of which only the decade is kept."""
         return _ROUNDING in self.remarks
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether a real side is kept with fewer digits than `significant` writes; the threshold of a residual may."""
+        sides = [Decimal(side) for side in (self.left, self.right) if "inf" not in side]
+        scale = max((abs(side) for side in sides), default=Decimal(0))
+        return not self.is_rounding and any(
+            exponent(side) < 0 and exponent(side) > significant_place(side, scale) for side in sides
+        )
 
     @property
     def numbers(self) -> tuple[Number | Fraction, Number | Fraction]:

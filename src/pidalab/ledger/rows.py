@@ -8,6 +8,7 @@ from pidalab.ledger import digits, verdicts
 from pidalab.ledger.errors import LedgerError, naming
 from pidalab.ledger.relations import Evidence
 
+WORDS = 5  # of a note that carries a verdict; a reason is a sentence
 NO_EVIDENCE = "no evidence: the chapter hands over a relation of two numbers"
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 
@@ -173,8 +174,8 @@ class Row:
 
         Examples
         --------
-        >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.9", "misprint").problems()
-        ['demo.kp: misprint needs a note']
+        >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.900000000", "misprint").problems()
+        ['demo.kp: misprint needs a note of at least 5 words']
         """
         tests = (*self._form(), *self._judged_by_reading(), *self._judged_by_computing())
         found = [f"{self.id}: {message}" for wrong, message in tests if wrong]
@@ -197,7 +198,10 @@ class Row:
                 self.basis not in verdicts.BASES,
                 f"unknown basis {self.basis!r}; one of {', '.join(verdicts.BASES)}",
             ),
-            (self.verdict in verdicts.DECLARED and not self.note.strip(), f"{self.verdict} needs a note"),
+            (
+                self.verdict in verdicts.DECLARED and len(self.note.split()) < WORDS,
+                f"{self.verdict} needs a note of at least {WORDS} words",
+            ),
             (
                 self.verdict == "approximate" and not verdicts.sets_tolerance(self.note),
                 "approximate needs a tolerance in its note, such as 'tolerance 1 %' or 'tolerance 0.02'",
@@ -211,7 +215,10 @@ class Row:
             (self.verdict == "not-computable" and not reading, "not-computable, so its basis is reading"),
             (reading and bool(self.computed), "settled by reading, but 'computed' is not empty"),
             (reading and bool(self.evidence), "settled by reading, but 'evidence' is not empty"),
-            (reading and not self.note.strip(), "settled by reading needs a note"),
+            (
+                reading and len(self.note.split()) < WORDS,
+                f"settled by reading needs a note of at least {WORDS} words",
+            ),
             (
                 reading and self.verdict not in (*verdicts.STATEMENT, *verdicts.DECLARED),
                 f"settled by reading cannot be {self.verdict or 'left without a verdict'}",
@@ -231,7 +238,35 @@ class Row:
             ),
             (not self.is_statement and bool(self.evidence), "a number has no evidence"),
             (not self.is_statement and self.computed in verdicts.STATEMENT, "a number is not judged as a statement"),
+            (self._is_coarse() and not self._says_digits(), "fewer digits than ten, and no note says why: 'digits'"),
+            (self._hides_drift(), "stored no finer than printed, so that drift stays hidden"),
         )
+
+    def _places(self) -> tuple[Decimal, Decimal] | None:
+        """Printed and computed number, None where one is missing or cannot be read, which is said elsewhere."""
+        readable = self.is_number and digits.is_number(self.printed) and digits.is_number(self.computed)
+        return (Decimal(self.printed), Decimal(self.computed)) if readable else None
+
+    def _is_coarse(self) -> bool:
+        """Whether a stored number has fewer digits than `store` writes."""
+        if self.is_statement:
+            return bool(self.evidence) and self._is_coarse_evidence()
+        places = self._places()
+        return places is not None and digits.exponent(places[1]) > digits.last_place(places[1], self.printed)
+
+    def _is_coarse_evidence(self) -> bool:
+        try:
+            return Evidence.parse(self.evidence).is_coarse
+        except LedgerError:
+            return False
+
+    def _hides_drift(self) -> bool:
+        """Whether a stored number is not two places finer than the print, nor has ten digits."""
+        places = self._places()
+        return places is not None and self._is_coarse() and digits.exponent(places[1]) > digits.exponent(places[0]) - 2
+
+    def _says_digits(self) -> bool:
+        return "digits" in self.note
 
     def _given(self) -> str:
         """What the evidence gives; that it cannot be read is said by `disagreement`."""
