@@ -47,7 +47,9 @@ def walk(module, path, seen):
 
 
 def methods(kind, path, seen):
-    for name, raw in vars(kind).items():
+    ours = [base for base in kind.__mro__ if base.__module__.startswith("pidalab")]
+    inherited = {name: raw for base in reversed(ours) for name, raw in vars(base).items()}
+    for name, raw in inherited.items():
         value = raw.__func__ if isinstance(raw, (classmethod, staticmethod)) else raw
         function = (
             value.fget if isinstance(value, property) else value.func if isinstance(value, cached_property) else value

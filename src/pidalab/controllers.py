@@ -9,25 +9,47 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.forms import IdealGains
 from pidalab.process import binomial
 
+if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
+    import control
+
+Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
+
 
 class Controller:
     """What all controllers share: evaluation, and printing themselves in every form."""
 
     def transfer_function(self) -> control.TransferFunction:
-        """Return the realisable transfer function from error to control, filters included."""
-        raise TypeError(f"{type(self).__name__} must define transfer_function")
+        """Return the filtered controller as an object of python-control.
+
+        Returns
+        -------
+        control.TransferFunction
+            From error to control; the factors of absent actions are left out.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.0).transfer_function()
+        >>> C.den[0][0].round(6).tolist()
+        [0.4, 4.0, 0.0]
+        """
+        import control
+
+        return control.TransferFunction(*self.fraction())
+
+    def fraction(self) -> Fraction:
+        """Return numerator and denominator of the filtered controller, descending powers of s."""
+        raise TypeError(f"{type(self).__name__} must define fraction")
 
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller."""
@@ -35,7 +57,9 @@ class Controller:
 
     def __call__(self, s: ArrayLike) -> Any:
         """Evaluate the filtered controller at complex s."""
-        return self.transfer_function()(np.asarray(s, dtype=complex))
+        num, den = self.fraction()
+        s = np.asarray(s, dtype=complex)
+        return np.polyval(num, s) / np.polyval(den, s)
 
     def __str__(self) -> str:
         lines = [repr(self)]
@@ -60,24 +84,20 @@ def _store(controller: Controller, names: Sequence[str], **bounds: float) -> Non
         object.__setattr__(controller, name, _check.real(name, getattr(controller, name), **bounds))
 
 
-def _without_common_s(num: ArrayLike, den: ArrayLike) -> control.TransferFunction:
+def _without_common_s(num: ArrayLike, den: ArrayLike) -> Fraction:
     """Return num/den; without integral action both end in a zero, and the common s is dropped."""
     num, den = _check.polynomial("gains", num), np.asarray(den, dtype=float)
-    return (
-        control.TransferFunction(num[:-1], den[:-1])
-        if num.size > 1 and num[-1] == 0
-        else control.TransferFunction(num, den)
-    )
+    return (num[:-1], den[:-1]) if num.size > 1 and num[-1] == 0 else (num, den)
 
 
-def _sum(terms: Sequence[tuple[list[float], list[float] | _check.Array]]) -> control.TransferFunction:
+def _sum(terms: Sequence[tuple[list[float], list[float] | _check.Array]]) -> Fraction:
     """Add fractions num/den that share no factor worth cancelling."""
     num: Any = np.zeros(1)
     den: Any = np.ones(1)
     for n, d in terms:
         num = np.polyadd(np.convolve(num, np.array(d)), np.convolve(np.array(n), den))
         den = np.convolve(den, np.array(d))
-    return control.TransferFunction(_check.polynomial("num", num), den)
+    return _check.polynomial("num", num), den
 
 
 @dataclass(frozen=True)
@@ -162,19 +182,19 @@ class PIDA(Controller):
         """
         return IdealGains(self.kp / self.ti, self.kp, self.kp * self.td, self.kp * self.ta)
 
-    def transfer_function(self) -> control.TransferFunction:
+    def fraction(self) -> Fraction:
         """Return the filtered controller, eq. (2).
 
         Returns
         -------
-        control.TransferFunction
-            From error to control; the factors of absent actions are left out.
+        num, den : ndarray
+            Descending powers of s; the factors of absent actions are left out.
 
         Examples
         --------
         >>> import pidalab
-        >>> C = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.0).transfer_function()
-        >>> C.den[0][0].round(6).tolist()
+        >>> num, den = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.0).fraction()
+        >>> den.round(6).tolist()
         [0.4, 4.0, 0.0]
         """
         ki, kp, kd, ka = self.gains()
@@ -251,19 +271,19 @@ class NonInteractivePIDA(Controller):
         """
         return IdealGains(self.kc / self.tau_i, self.kc, self.kc * self.tau_d, self.kc * self.tau_a**2 / 2)
 
-    def transfer_function(self) -> control.TransferFunction:
+    def fraction(self) -> Fraction:
         """Return the filtered controller, eq. (16).
 
         Returns
         -------
-        control.TransferFunction
-            From error to control; the factors of absent actions are left out.
+        num, den : ndarray
+            Descending powers of s; the factors of absent actions are left out.
 
         Examples
         --------
         >>> import pidalab
-        >>> C = pidalab.NonInteractivePIDA(kc=1.0, tau_i=2.0, tau_d=0.0, tau_a=0.0)
-        >>> C.transfer_function().num[0][0].tolist(), C.transfer_function().den[0][0].tolist()
+        >>> num, den = pidalab.NonInteractivePIDA(kc=1.0, tau_i=2.0, tau_d=0.0, tau_a=0.0).fraction()
+        >>> num.tolist(), den.tolist()
         ([2.0, 1.0], [2.0, 0.0])
         """
         _, kc, kd, ka = self.gains()
@@ -340,19 +360,19 @@ class HighOrderPID(Controller):
             raise ValueError(f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}")
         return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
 
-    def transfer_function(self) -> control.TransferFunction:
+    def fraction(self) -> Fraction:
         """Return the filtered controller, eq. (1).
 
         Returns
         -------
-        control.TransferFunction
-            From error to control.
+        num, den : ndarray
+            Descending powers of s.
 
         Examples
         --------
         >>> import pidalab
-        >>> C = pidalab.HighOrderPID([0.5, 2.0, 1.0], filter_time=0.5, filter_order=1).transfer_function()
-        >>> C.num[0][0].tolist(), C.den[0][0].tolist()
+        >>> num, den = pidalab.HighOrderPID([0.5, 2.0, 1.0], filter_time=0.5, filter_order=1).fraction()
+        >>> num.tolist(), den.tolist()
         ([1.0, 2.0, 0.5], [0.5, 1.0, 0.0])
         """
         den = np.convolve(binomial(self.filter_time, self.filter_order), [1.0, 0.0])
@@ -434,19 +454,19 @@ class SeriesPIDA(Controller):
         """
         return IdealGains(self.kp / self.ti, self.kp + self.kd / self.ti, self.kd + self.ka / self.ti, self.ka)
 
-    def transfer_function(self) -> control.TransferFunction:
+    def fraction(self) -> Fraction:
         """Return the filtered controller between its limits.
 
         Returns
         -------
-        control.TransferFunction
-            From error to control.
+        num, den : ndarray
+            Descending powers of s.
 
         Examples
         --------
         >>> import pidalab
-        >>> C = pidalab.SeriesPIDA(2.0, 0.0, 0.0, ti=4.0, filter_time=0.5, filter_order=1).transfer_function()
-        >>> C.num[0][0].tolist(), C.den[0][0].tolist()
+        >>> num, den = pidalab.SeriesPIDA(2.0, 0.0, 0.0, ti=4.0, filter_time=0.5, filter_order=1).fraction()
+        >>> num.tolist(), den.tolist()
         ([8.0, 2.0], [2.0, 4.0, 0.0])
         """
         den = np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0])
@@ -483,4 +503,6 @@ class SeriesPIDA(Controller):
         """
         u = _check.vector("u", u)
         new = -math.expm1(-_check.real("sample_time", sample_time, above=0.0) / self.ti)
+        from scipy.signal import lfilter
+
         return np.asarray(lfilter([0.0, new], [1.0, new - 1.0], u))

@@ -10,12 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
-from pidalab._check import Array
-from pidalab.controllers import Controller
+from pidalab.controllers import Controller, Fraction
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, rational
-
-Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
 
 
 class Loop:
@@ -298,7 +295,7 @@ def _instead_of_loop(value: Any) -> str:
 
 def _rational(name: str, block: Any, kind: type) -> Fraction:
     """Return (num, den) of a block, or say which attribute of something else to pass."""
-    hint = "" if hasattr(block, "transfer_function") else _check.carrier(block, kind)
+    hint = "" if hasattr(block, "fraction") else _check.carrier(block, kind)
     if hint:
         raise TypeError(f"{name} must be a block of the loop, found {type(block).__name__}{hint}")
     return rational(name, block)

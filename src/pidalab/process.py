@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
+
+if TYPE_CHECKING:  # python-control takes longer to import than most sessions take: only who uses it waits
+    import control
 
 
 class Process:
@@ -41,7 +43,7 @@ class Process:
     """
 
     def __init__(self, num: ArrayLike, den: ArrayLike, delay: float = 0.0) -> None:
-        if isinstance(num, (control.TransferFunction, control.StateSpace)):
+        if _from_control(num):
             raise TypeError(
                 "num must be coefficients, found a python-control system; use Process.from_control(sys, delay)"
             )
@@ -115,6 +117,8 @@ class Process:
         >>> pidalab.fopdt(gain=2.0, lag=3.0, delay=0.5).rational_part().den[0][0].tolist()
         [3.0, 1.0]
         """
+        import control
+
         return control.TransferFunction(self.num, self.den)
 
     def gain(self) -> float:
@@ -175,13 +179,20 @@ def binomial(lag: float, order: int) -> _check.Array:
     return polynomial
 
 
+def _from_control(system: Any) -> bool:
+    """Whether something is a system of python-control, which need not be imported to tell."""
+    return type(system).__name__ in ("TransferFunction", "StateSpace") and type(system).__module__.startswith("control")
+
+
 def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
     """Return (num, den) of a number, a controller or a proper continuous SISO python-control system."""
-    if hasattr(system, "transfer_function"):
-        system = system.transfer_function()
-    if isinstance(system, control.StateSpace):
-        system = control.ss2tf(system)
-    if isinstance(system, control.TransferFunction):
+    if hasattr(system, "fraction"):
+        num, den = system.fraction()
+    elif _from_control(system):
+        import control
+
+        if isinstance(system, control.StateSpace):
+            system = control.ss2tf(system)
         if system.ninputs != 1 or system.noutputs != 1:
             raise ValueError(f"{name} must have one input and one output, found {system.ninputs} and {system.noutputs}")
         if system.isdtime(strict=True):

@@ -6,7 +6,6 @@ proves nothing about the plant beyond that: what it shows is what a plausible pl
 
 from __future__ import annotations
 
-import control
 import numpy as np
 from scipy.optimize import brentq
 
@@ -16,7 +15,8 @@ from pidalab.loop import Loop
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, binomial
 from pidalab.response import Response
-from pidalab.simulation import open_loop_step, simulate_sampled
+from pidalab.simulation.exact import open_loop_step
+from pidalab.simulation.sampled import simulate_sampled
 
 RECORD = 15.0  # length of the step record in apparent dead times; the steepest point comes long before
 FINENESS = 400  # its samples in an apparent dead time; the tangent is then right to six digits
@@ -108,10 +108,12 @@ def thermal_plant(
         if not 0 <= _check.real(name, value) <= top:
             raise ValueError(f"{name} must be from 0 to {'1' if top == 1 else 'below 1'}, found {value!r}")
 
+    from control import TransferFunction
+
     def plant(gain: float, lag: float) -> AsymmetricPlant:
         under = binomial(lag, lags)
-        main = control.TransferFunction([gain * (1 - share) * conduction, gain], np.convolve([conduction, 1.0], under))
-        return AsymmetricPlant(main, rise, fall, control.TransferFunction([-gain * dip], under), delay)
+        main = TransferFunction([gain * (1 - share) * conduction, gain], np.convolve([conduction, 1.0], under))
+        return AsymmetricPlant(main, rise, fall, TransferFunction([-gain * dip], under), delay)
 
     t = np.linspace(0.0, RECORD * apparent_delay, round(RECORD * FINENESS) + 1)
 

@@ -114,7 +114,7 @@ class Design:
 
 def _block(block: Any) -> str:
     """Write a block on one line, with six digits; a transfer function by its coefficients."""
-    if isinstance(block, Process) or not hasattr(block, "num"):
+    if isinstance(block, Process) or hasattr(block, "fraction") or not hasattr(block, "num"):
         return re.sub(r"\d+\.\d{6,}(e[+-]\d+)?", lambda number: f"{float(number[0]):.6g}", repr(block))
     num, den = (", ".join(f"{c:.6g}" for c in part) for part in rational("block", block))
     return f"[{num}] / [{den}]"

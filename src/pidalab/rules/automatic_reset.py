@@ -20,9 +20,8 @@ A `Setting` holds these numbers without dimension, and `tune` makes a controller
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import control
 import numpy as np
 
 from pidalab import _check
@@ -31,6 +30,9 @@ from pidalab.process import Process, binomial
 from pidalab.rules import mrdp
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator
+
+if TYPE_CHECKING:
+    import control
 
 
 class Setting(NamedTuple):
@@ -261,4 +263,6 @@ def _prefilter(controller: SeriesPIDA, lead: float) -> control.TransferFunction:
     """Return F_p, eq. (20): it takes the zeros of the controller away."""
     stabiliser = [controller.ka / controller.kp, controller.kd / controller.kp, 1.0]
     den = np.convolve(_check.polynomial("gains", stabiliser), [controller.ti, 1.0])
+    import control
+
     return control.TransferFunction(binomial(lead, 1) if lead else [1.0], den)

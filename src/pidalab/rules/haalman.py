@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import control
+import numpy as np
 from scipy.optimize import brentq
 
 from pidalab import _check
-from pidalab.controllers import PIDA
+from pidalab.controllers import PIDA, Fraction
 from pidalab.loop import Loop
 from pidalab.process import Process, binomial
 from pidalab.robustness.margins import gain_crossovers, max_sensitivity
 from pidalab.robustness.poles import is_stable
 from pidalab.rules._design import Design
 from pidalab.rules._models import lags
+
+if TYPE_CHECKING:
+    import control
 
 LOWEST, HIGHEST = -25.0, 25.0  # logarithms of the gains between which Ms is searched
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
@@ -200,7 +203,25 @@ class OutputFilter(NamedTuple):
         >>> OutputFilter(time=0.5, order=2, wgc=0.1).transfer_function().den[0][0].tolist()
         [0.25, 1.0, 1.0]
         """
-        return control.TransferFunction([1.0], binomial(self.time, self.order))
+        import control
+
+        return control.TransferFunction(*self.fraction())
+
+    def fraction(self) -> Fraction:
+        """Return numerator and denominator of the filter.
+
+        Returns
+        -------
+        num, den : ndarray
+            Descending powers of s.
+
+        Examples
+        --------
+        >>> from pidalab.rules.haalman import OutputFilter
+        >>> OutputFilter(time=0.5, order=2, wgc=0.1).fraction()[1].tolist()
+        [0.25, 1.0, 1.0]
+        """
+        return np.ones(1), binomial(self.time, self.order)
 
 
 def output_filter(model: Process, controller: PIDA) -> OutputFilter:

@@ -24,9 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple
-
-import control
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pidalab import _check
 from pidalab.controllers import HighOrderPID
@@ -35,6 +33,9 @@ from pidalab.process import Process, ipdt
 from pidalab.robustness.poles import is_stable
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator
+
+if TYPE_CHECKING:
+    import control
 
 
 class Constants(NamedTuple):
@@ -295,6 +296,8 @@ def _controller(velocity: float, delay: float, m: int, n: int, te: float) -> Hig
 def _prefilter(weights: Sequence[float], zeros: list[float]) -> control.TransferFunction:
     """Return F_p, eq. (13), whose denominator 1 + zeros[0] s + ... has the zeros of the controller as poles."""
     num = [1.0, *(b * x for b, x in zip(weights, zeros, strict=False))]
+    import control
+
     return control.TransferFunction(num[::-1], [*zeros[::-1], 1.0])
 
 

@@ -15,7 +15,7 @@ from pidalab.response import Response
 from pidalab.rules._design import Design
 from pidalab.rules.magnitude_optimum.noise import tune_for_exact_noise
 from pidalab.rules.magnitude_optimum.system import time_scale
-from pidalab.simulation import load_response
+from pidalab.simulation.exact import load_response
 
 SAMPLES = 4000  # of a load response
 LONGEST = 2000.0  # of a load response, in residence times
