@@ -1,0 +1,214 @@
+"""The design in CONTRIBUTING, kept: one way for imports, short files, tests that mirror the library, a quick import."""
+
+import ast
+import json
+import subprocess
+import sys
+from functools import cache
+from graphlib import TopologicalSorter
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
+CORRIDOR = [  # a room imports only from those on earlier lines, and from its own line; CONTRIBUTING has the same order
+    ["_check"],
+    ["process", "plants", "forms", "controllers", "digital"],
+    ["loop"],
+    ["areas"],
+    ["response"],
+    ["robustness"],
+    ["simulation"],
+    ["record", "identification", "reduction"],
+    ["rules", "twins"],
+    ["optimal"],
+    ["tuning", "comparison", "report"],
+    ["plots"],
+    ["cli", "__main__"],
+]
+APART = "ledger"
+LONGEST = 300  # lines of a file, docstrings aside
+TOO_LONG: dict[str, str] = {}  # path: reason
+WHOLE = {"house", "public_names", "readme", "benchmarks", "honesty"}  # test files about the project as a whole
+ELSEWHERE = {"site", "lab", "oracle"}  # folders of tests about what is not in src: the pages, their engine
+TESTED_WITH = {  # modules whose tests are those of another: path without suffix: test file, and why
+    "_check": ("test_process.py", "every module's refusals go through it"),
+    "forms": ("test_controllers.py", "controllers convert"),
+    "plants": ("simulation/test_sampled.py", "only a simulation tells what they do"),
+    "plots": ("robustness/test_limits.py", "figures are looked at in the book"),
+    "areas/_power_series": ("areas/test_model.py", "areas are power series"),
+    "robustness/_grid": ("robustness/test_margins.py", "a peak between two points would be missed"),
+    "robustness/_infimum": ("robustness/test_limits.py", "the criteria are infima"),
+    "simulation/bank": ("simulation/test_portrait.py", "a part of the portrait"),
+    "simulation/lanes": ("simulation/test_portrait.py", "a part of the portrait"),
+    "simulation/noise": ("rules/test_magnitude_optimum.py", "the rule whose noise gain it proves"),
+    "simulation/statespace": ("simulation/test_sampled.py", "a part of the sampled engine"),
+    "simulation/steps": ("simulation/test_sampled.py", "a part of the sampled engine"),
+    "simulation/ladder": ("simulation/test_exact.py", "a part of the exact engine"),
+    "simulation/realisation": ("simulation/test_exact.py", "a part of the exact engine"),
+    "rules/_models": ("rules/test_itae.py", "the models that rules refuse"),
+    "rules/magnitude_optimum/design": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
+    "rules/magnitude_optimum/noise": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
+    "rules/magnitude_optimum/orders": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
+    "rules/magnitude_optimum/system": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
+}
+
+
+def name_of(path):
+    """Dotted name of a module, without the package's own."""
+    parts = path.relative_to(SRC).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {name_of(path): path for path in sorted(SRC.rglob("*.py"))}
+
+
+def for_types_only(node):
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def imports(tree):
+    """Every import of a module, in functions too, but for those that only type checkers see."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            yield node
+        elif not for_types_only(node):
+            yield from imports(node)
+
+
+@cache
+def arrows(module):
+    """Modules of the library that a module imports."""
+    found = set()
+    for node in imports(ast.parse(MODULES[module].read_text())):
+        assert getattr(node, "level", 0) == 0, f"{module}: a relative import hides where the arrow goes"
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        else:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for name in names:
+            if name.split(".")[0] == "pidalab":
+                inner = name.partition(".")[2]
+                found.add(inner if inner in MODULES else inner.rpartition(".")[0])
+    return found
+
+
+def room(module):
+    return module.split(".")[0]
+
+
+def test_every_room_has_its_place():
+    places = [one for line in CORRIDOR for one in line]
+    assert len(set(places)) == len(places)
+    assert {room(module) for module in MODULES} - {*places, APART, ""} == set()
+
+
+@pytest.mark.parametrize("module", [m for m in MODULES if m and room(m) != APART])
+def test_imports_run_one_way(module):
+    place = {one: i for i, line in enumerate(CORRIDOR) for one in line}
+    for target in arrows(module):
+        if target == "" or room(target) == APART:
+            assert room(module) in ("cli", "__main__"), f"{module} imports {target or 'the whole library'}"
+        else:
+            assert place[room(target)] <= place[room(module)], f"{module} imports {target}, which comes later"
+
+
+def test_no_circles():
+    order = list(TopologicalSorter({module: arrows(module) - {module} for module in MODULES}).static_order())
+    assert set(order) >= set(MODULES)
+
+
+def test_the_ledger_stands_apart():
+    for module in MODULES:
+        if room(module) == APART:
+            assert {room(target) for target in arrows(module)} <= {APART, ""}
+
+
+def without_docstrings(path):
+    """Lines of a file that are no docstring."""
+    tree = ast.parse(path.read_text())
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    texts = [node.body[0] for node in ast.walk(tree) if isinstance(node, kinds) and ast.get_docstring(node)]
+    return len(path.read_text().splitlines()) - sum(text.end_lineno - text.lineno + 1 for text in texts)
+
+
+@pytest.mark.parametrize("path", [*SRC.rglob("*.py"), *(ROOT / "book" / "checks").rglob("*.py")], ids=lambda p: p.stem)
+def test_files_can_be_read_in_one_sitting(path):
+    name = str(path.relative_to(ROOT))
+    assert (without_docstrings(path) > LONGEST) == (name in TOO_LONG)
+
+
+def test_tests_mirror_the_library():
+    """tests/simulation/test_exact_oracle.py is about simulation/exact.py: its name begins with that of the module."""
+    for path in TESTS.rglob("test_*.py"):
+        folder, stem = path.parent.relative_to(TESTS), path.stem.removeprefix("test_")
+        if stem in WHOLE or (folder.parts and folder.parts[0] in ELSEWHERE):
+            continue
+        mirrored = [p.stem.removeprefix("_") for p in (SRC / folder).iterdir() if p.suffix == ".py" or p.is_dir()]
+        assert any(stem == name or stem.startswith(f"{name}_") for name in mirrored), (
+            f"{path.relative_to(ROOT)} is about no module of src: rename it, or name it in WHOLE or ELSEWHERE"
+        )
+
+
+def test_every_module_has_its_tests():
+    for module, path in MODULES.items():
+        if path.name == "__init__.py" or room(module) == APART:
+            continue
+        inner = path.relative_to(SRC).with_suffix("")
+        own = list((TESTS / inner.parent).glob(f"test_{inner.name.removeprefix('_')}*.py"))
+        other = TESTED_WITH.get(str(inner))
+        assert own or other, (
+            f"no tests of {module}: add tests/{inner.parent}/test_{inner.name}.py or a line in TESTED_WITH"
+        )
+        assert not (own and other), f"{module} has tests of its own"
+        assert other is None or (TESTS / other[0]).exists()
+    assert {str(name).replace("/", ".") for name in TESTED_WITH} <= set(MODULES)
+
+
+def test_a_quick_import():
+    """Who only wants the ledger, or a process, does not wait for what takes long to import."""
+    heavy = ["control", "matplotlib", "numba", "pandas", "scipy"]
+    for code in (
+        "import pidalab",
+        "import pidalab.ledger",
+        "import pidalab; pidalab.Loop(pidalab.lags(3), pidalab.PIDA(1, 2))",
+    ):
+        show = f"import json, sys; {code}; print(json.dumps([name for name in {heavy} if name in sys.modules]))"
+        run = subprocess.run([sys.executable, "-c", show], capture_output=True, text=True, check=True)
+        assert json.loads(run.stdout) == [], code
+
+
+def test_names_at_the_top_have_one_home():
+    """Editors and type checkers see the names that HOMES has; none hides a module, or the other way round."""
+    import pidalab
+
+    tree = ast.parse(MODULES[""].read_text())
+    block = next(node for node in tree.body if for_types_only(node))
+    seen = {}
+    for node in block.body:
+        inner = node.module.partition(".")[2]
+        seen |= {alias.name: inner for alias in node.names}
+    rooms = {name for name, home in seen.items() if home == ""}
+    assert rooms == set(pidalab.ROOMS)
+    assert {name: home for name, home in seen.items() if home} == pidalab.HOME
+    assert set(pidalab.HOME).isdisjoint({room(module) for module in MODULES})
+
+
+@pytest.mark.parametrize("package", [name_of(path) for path in SRC.rglob("*/__init__.py")])
+def test_no_function_hides_a_module(package):
+    """`import pidalab.x.y as y` gives the module y, whatever x takes out of it."""
+    inner = [module for module in MODULES if module.rpartition(".")[0] == package and module != f"{APART}.__main__"]
+    for module in inner:
+        found = import_module(f"pidalab.{module}")
+        assert getattr(import_module(f"pidalab.{package}"), module.rpartition(".")[2]) is found
+
+
+def test_unknown_names_are_refused():
+    import pidalab
+
+    with pytest.raises(AttributeError, match="module 'pidalab' has no attribute 'nonsense'"):
+        _ = pidalab.nonsense
+    assert set(dir(pidalab)) >= set(pidalab.__all__)
+    assert pidalab.__version__
