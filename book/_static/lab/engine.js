@@ -56,10 +56,17 @@
   const modulus = (a) => Math.hypot(a[0], a[1]);
   const angle = (a) => Math.atan2(a[1], a[0]);
 
-  const value = (coefficients, s) => coefficients.reduce((sum, c) => {
-    const product = times(sum, s);
-    return [product[0] + c, product[1]];
-  }, [0, 0]);
+  /* Horner's scheme in plain numbers: this runs millions of times. */
+  function value(coefficients, s) {
+    const x = s[0], y = s[1];
+    let re = 0, im = 0;
+    for (let k = 0; k < coefficients.length; k++) {
+      const next = re * x - im * y + coefficients[k];
+      im = re * y + im * x;
+      re = next;
+    }
+    return [re, im];
+  }
 
   /* All roots of a polynomial, by Aberth's iteration in a scaled variable. */
   function roots(coefficients) {
@@ -104,9 +111,10 @@
   function factors(loop) {
     const gains = loop.ki ? [loop.ka, loop.kd, loop.kp, loop.ki] : [loop.ka, loop.kd, loop.kp];
     const filter = (s) => {
-      let product = [1, 0];
-      for (let k = 0; k < loop.order; k++) product = times(product, [1 + loop.time * s[0], loop.time * s[1]]);
-      return loop.ki ? times(product, s) : product;
+      const x = 1 + loop.time * s[0], y = loop.time * s[1];
+      let re = loop.ki ? s[0] : 1, im = loop.ki ? s[1] : 0;
+      for (let k = 0; k < loop.order; k++) [re, im] = [re * x - im * y, re * y + im * x];
+      return [re, im];
     };
     const poles = roots(loop.den).concat(Array.from({ length: loop.order }, () => [-1 / loop.time, 0]));
     if (loop.ki) poles.push([0, 0]);
@@ -327,6 +335,19 @@
     const bottom = parts.bottom([0, 0])[0];
     const limit = bottom ? parts.top([0, 0])[0] / bottom : 0;
     return limit < 0 && limit > -1 ? -limit : 0;
+  }
+
+  /* L(jw) = re + j im, |C(jw)| and the phase of C in degrees at frequencies that follow every turn while |L| is above 0.02, or at those asked for. */
+  function frequencyResponse(asked) {
+    const loop = readLoop(asked), parts = factors(loop);
+    let w = asked.w;
+    if (!w) {
+      const grid = baseGrid(loop, parts), size = grid.map((x) => modulus(openLoop(loop, parts, x)));
+      w = divided(grid, loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.02);
+    }
+    const values = w.map((x) => openLoop(loop, parts, x));
+    const control = w.map((x) => parts.control([0, x]));
+    return { w, re: values.map((l) => l[0]), im: values.map((l) => l[1]), control: control.map(modulus), lead: control.map((c) => (angle(c) * 180) / Math.PI) };
   }
 
   // --- matrices, as arrays of rows ----------------------------------------------------------------------------------
@@ -658,5 +679,5 @@
     return { t: times, y: pick(run.y), u: pick(run.u) };
   }
 
-  globalThis.pidalabEngine = { margins, simulate, simulateSampled };
+  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, roots };
 })();

@@ -1,0 +1,386 @@
+/* The lab: every <div class="pidalab-lab"> of a page becomes a place to design in. State lives in one object, which is
+   also what the page's address and the exported file hold; whatever changes it draws everything anew. */
+(function () {
+  "use strict";
+  const { PLANTS, RULES, ORDER, ownPlant, controller, study, write, read } = globalThis.pidalabModel;
+  const { frequencyResponse } = globalThis.pidalabEngine;
+  const plot = globalThis.pidalabPlot;
+
+  const START = {
+    plant: "lags3", own: { gain: 1, t1: 1, t2: 1, t3: 1, damping: 1, zero: 0, delay: 1, integrating: false },
+    record: null,
+    design: { kind: "PIDA", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3 },
+    rule: "cancellation", ms: 1.4, tc: 1,
+    limited: false, low: -1, high: 3, antiWindup: "clamping", sampled: false, sampleTime: 0.1, noisy: false, noise: 0.02,
+    kept: [],
+  };
+  const MOST_KEPT = 4;
+
+  // --- small parts of the page --------------------------------------------------------------------------------------
+
+  function element(name, attributes = {}, ...children) {
+    const made = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) {
+      if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+      else if (value === true) made.setAttribute(key, "");
+      else if (value !== false && value != null) made.setAttribute(key, value);
+    }
+    made.append(...children);
+    return made;
+  }
+
+  const digits = (value, count = 3) =>
+    Number.isFinite(value) ? String(Number(value.toPrecision(count))) : value === Infinity ? "∞" : "–";
+
+  let names = 0;
+
+  /* A slider and a number for one value: the number takes any value, the slider the usual ones. */
+  function slider({ label, help, low, high, log, get, set }) {
+    const id = `lab-input-${++names}`;
+    const to = log ? (x) => Math.log10(Math.max(x, low)) : (x) => x, from = log ? (x) => Math.pow(10, x) : (x) => x;
+    const bar = element("input", {
+      type: "range", id, min: to(low), max: to(high), step: (to(high) - to(low)) / 200,
+      oninput: () => set(Number(from(Number(bar.value)).toPrecision(3))),
+    });
+    const box = element("input", {
+      type: "number", step: "any", "aria-label": `${label}, number`,
+      onchange: () => { if (Number.isFinite(box.valueAsNumber)) set(box.valueAsNumber); },
+    });
+    const row = element("div", { class: "lab-row", title: help }, element("label", { for: id }, label), bar, box);
+    row.refresh = () => {
+      const value = get();
+      bar.value = to(value);
+      bar.setAttribute("aria-valuetext", `${label} ${digits(value)}`);
+      if (document.activeElement !== box) box.value = digits(value, 4);
+    };
+    return row;
+  }
+
+  function choice({ label, options, get, set }) {
+    const id = `lab-input-${++names}`;
+    const box = element("select", { id, onchange: () => set(box.value) },
+      ...options.map(([value, text]) => element("option", { value }, text)));
+    const row = element("div", { class: "lab-row" }, element("label", { for: id }, label), box);
+    row.refresh = () => { box.value = get(); };
+    return row;
+  }
+
+  function tick({ label, get, set }) {
+    const id = `lab-input-${++names}`, box = element("input", { type: "checkbox", id, onchange: () => set(box.checked) });
+    const row = element("div", { class: "lab-tick-row" }, box, element("label", { for: id }, label));
+    row.refresh = () => { box.checked = get(); };
+    return row;
+  }
+
+  const button = (text, onclick) => element("button", { type: "button", class: "lab-button", onclick }, text);
+
+  // --- a step record ------------------------------------------------------------------------------------------------
+
+  /* Times and outputs of a step: the last two columns of numbers (or of three: t, u, y) of a file with commas,
+     semicolons or tabs. */
+  function readRecord(text) {
+    const rows = text.split(/\r?\n/).map((line) => line.split(/[,;\t]/).map((entry) => parseFloat(entry))).filter(
+      (row) => row.length >= 2 && row.every(Number.isFinite));
+    if (rows.length < 10) throw new RangeError(`the file needs ten rows of numbers or more (time, output; or time, input, output), found ${rows.length}`);
+    const three = rows[0].length > 2;
+    let start = 0, size = 1;
+    if (three) {
+      start = rows.findIndex((row, k) => k && row[1] !== rows[k - 1][1]);
+      if (start < 0) throw new RangeError("the input, the second of three columns, does not step");
+      size = rows[rows.length - 1][1] - rows[Math.max(start - 1, 0)][1];
+      if (!size) throw new RangeError("the input, the second of three columns, ends where it began");
+    }
+    const rest = rows.slice(0, Math.max(start, 1)), column = three ? 2 : 1;
+    const level = rest.reduce((sum, row) => sum + row[column], 0) / rest.length;
+    const t = [], y = [];
+    for (const row of rows.slice(Math.max(start, 0))) { t.push(row[0] - rows[start][0]); y.push((row[column] - level) / size); }
+    return { t, y };
+  }
+
+  /* Three points of the record give three lags and a dead time (haalman2024, eq. (5), levels 5, 35.3 and 85.3 %). */
+  function threePoint({ t, y }) {
+    const tail = y.slice(-Math.max(3, Math.floor(y.length / 20)));
+    const gain = tail.reduce((sum, value) => sum + value, 0) / tail.length;
+    const at = (level) => {
+      const k = y.findIndex((value) => value / gain >= level);
+      if (k < 1) throw new RangeError(`the record does not rise through ${100 * level} % of its change`);
+      return t[k - 1] + ((level * gain - y[k - 1]) / (y[k] - y[k - 1])) * (t[k] - t[k - 1]);
+    };
+    const t5 = at(0.05), t35 = at(0.353), t85 = at(0.853);
+    const apparent = 1.3 * t35 - 0.29 * t85, tau = 0.67 * (t85 - t35);
+    const alpha = Math.min(1, Math.max(0, 0.598 + 0.4799 * (t5 / apparent) - 0.41 * Math.pow(tau / t5, 0.6)));
+    const own = { t1: tau, t2: ((1 - alpha) * apparent) / 2, t3: ((1 - alpha) * apparent) / 2 };
+    return { gain, ...own, damping: 1, zero: 0, delay: alpha * apparent, integrating: false };
+  }
+
+  // --- the plots ----------------------------------------------------------------------------------------------------
+
+  /* Range of a signal of all runs, from 0, in which an unstable loop does not squeeze the others. */
+  function rangeOf(shown, key, which) {
+    const calm = shown.filter((s) => s.stable);
+    let low = 0, high = 0;
+    for (const s of calm.length ? calm : shown) {
+      for (const v of s[which][key]) { low = Math.min(low, Math.max(v, -50)); high = Math.max(high, Math.min(v, 50)); }
+    }
+    return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
+  }
+
+  /* Draw what there is a place for: places is an object of elements by the name of the plot. */
+  function drawPlots(places, process, shown, { ms, record }) {
+    const end = process.end, line = (run, key, kind) => ({ x: run.t, y: run[key], kind });
+    const run = (key, which, share = 1) => ({
+      x: { label: "time", range: [0, end * share] }, y: { range: rangeOf(shown, key, which) }, lines: shown.map((s) => line(s[which], key, s.kind)),
+    });
+    const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
+    const curves = shown.map((s) => ({ ...frequencyResponse({ process, controller: controller(s.design) }), kind: s.kind }));
+    const over = (f) => curves.map((c) => {
+      const inside = c.w.map((w, k) => [w, f(c, k)]).filter(([w]) => w > bode.range[0] && w < bode.range[1]);
+      return { x: inside.map(([w]) => w), y: inside.map(([, v]) => v), kind: c.kind };
+    });
+    const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90), radius = 1 / (ms || 1.4);
+    const PLOTS = {
+      setpoint: () => ({ title: "Output y, step of the set point", ...run("y", "setpoint") }),
+      load: () => ({ title: "Output y, step of the load", ...run("y", "load") }),
+      control: () => ({ title: "Control signal u, step of the set point", ...run("u", "setpoint", 1 / 3) }),
+      effort: () => ({ title: "Control signal u, step of the load", ...run("u", "load") }),
+      nyquist: () => ({
+        title: "Nyquist curve of L, and the circle 1/Ms around −1", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
+        lines: [{ x: turn.map((a) => -1 + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" },
+          { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...curves.map((c) => ({ x: c.re, y: c.im, kind: c.kind }))],
+      }),
+      bode: () => ({
+        title: "Loop gain |L|", x: bode, y: { log: true, range: [1e-3, 1e2] },
+        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over((c, k) => Math.hypot(c.re[k], c.im[k]))],
+      }),
+      lead: () => ({ title: "Phase of the controller, degrees", x: bode, y: { range: [-95, 185] }, lines: [{ x: bode.range, y: [0, 0], kind: "mark" }, ...over((c, k) => c.lead[k])] }),
+      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: over((c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k])) }),
+    };
+    for (const [key, place] of Object.entries(places)) {
+      const picture = PLOTS[key]();
+      if (record && key === "setpoint") picture.lines.unshift({ x: record.t, y: record.y, kind: "dots" });
+      plot(place, picture);
+    }
+  }
+
+  /* What a table may show of a design. */
+  const NUMBERS = {
+    iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["mks", (s) => s.mks],
+    gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm], peak: ["peak of u", (s) => s.peak],
+    sigma: ["σ(u) per σ(n)", (s) => s.sigma],
+  };
+
+  // --- one lab ------------------------------------------------------------------------------------------------------
+
+  class Lab {
+    constructor(host) {
+      this.host = host;
+      this.state = structuredClone(START);
+      this.takeOver(host.dataset.state ? JSON.parse(host.dataset.state) : null);
+      this.takeOver(read(location.hash));
+      this.cache = new Map();
+      this.build();
+      this.change({});
+      addEventListener("hashchange", () => { this.takeOver(read(location.hash)); this.change({}, false); });
+    }
+
+    /* Take over what is given of a state; a design without a rule is one by hand. */
+    takeOver(given) {
+      if (!given) return;
+      Object.assign(this.state, given, { own: { ...this.state.own, ...given.own }, design: { ...this.state.design, ...given.design } });
+      if (!given.rule && given.design) this.state.rule = "hand";
+    }
+
+    get process() {
+      return this.state.plant === "own" ? ownPlant(this.state.own) : PLANTS[this.state.plant] ?? PLANTS.lags3;
+    }
+
+    get conditions() {
+      const { limited, low, high, antiWindup, sampled, sampleTime, noisy, noise } = this.state;
+      return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
+    }
+
+    /* Change the state, apply the rule, draw. */
+    change(update, store = true) {
+      Object.assign(this.state, update);
+      const rule = RULES[this.state.rule] ?? RULES.hand;
+      this.problem = "";
+      try {
+        this.state.design = rule.apply(this.process, this.state.design, this.state[rule.knob]);
+      } catch (error) { this.problem = `${rule.name}: ${error.message}.`; }
+      if (store) history.replaceState(null, "", `#${write(this.state)}`);
+      if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
+    }
+
+    byHand(update) { this.change({ rule: this.state.rule === "gain" && !("kp" in update) ? "gain" : "hand", design: { ...this.state.design, ...update } }); }
+
+    build() {
+      const { state } = this, own = (update) => this.change({ own: { ...this.state.own, ...update } });
+      const ownValue = (label, key, low, high, log, help) =>
+        slider({ label, help, low, high, log, get: () => this.state.own[key], set: (value) => own({ [key]: value }) });
+      const value = (label, key, low, high, help) =>
+        slider({ label, help, low, high, log: true, get: () => this.state.design[key], set: (x) => this.byHand({ [key]: x }) });
+
+      this.ownRows = element("div", {},
+        ownValue("gain", "gain", 0.1, 10, true), ownValue("lag T1", "t1", 0.01, 100, true),
+        ownValue("lag T2", "t2", 0, 10, false), ownValue("lag T3", "t3", 0, 10, false),
+        ownValue("damping", "damping", 0.05, 1, false, "below 1 the lags T1 and T2 become an oscillating pair with time T1"),
+        ownValue("zero", "zero", -3, 3, false, "time constant of a zero, 1 + zero·s; negative: the wrong way first"),
+        ownValue("dead time", "delay", 0, 10, false),
+        tick({ label: "integrating", get: () => this.state.own.integrating, set: (x) => own({ integrating: x }) }));
+
+      const file = element("input", { type: "file", accept: ".csv,.txt,text/csv,text/plain", id: "lab-file", onchange: () => this.take(file.files[0]) });
+      const drop = element("div", { class: "lab-drop" },
+        element("label", { for: "lab-file" }, "A step record of your own (drop a CSV file: time, output, or time, input, output): "), file);
+      drop.addEventListener("dragover", (event) => event.preventDefault());
+      drop.addEventListener("drop", (event) => { event.preventDefault(); this.take(event.dataTransfer.files[0]); });
+
+      this.rows = [
+        choice({
+          label: "plant", options: [...Object.entries(PLANTS).map(([key, plant]) => [key, plant.name]), ["own", "my own"]],
+          get: () => this.state.plant, set: (plant) => this.change({ plant, record: plant === "own" ? this.state.record : null }),
+        }),
+        ...this.ownRows.children,
+        choice({
+          label: "controller", options: Object.keys(ORDER).map((kind) => [kind, kind]), get: () => this.state.design.kind,
+          set: (kind) => this.change({ design: { ...this.state.design, kind, filterOrder: ORDER[kind] + 1 } }),
+        }),
+        choice({ label: "rule", options: Object.entries(RULES).map(([key, rule]) => [key, rule.name]), get: () => this.state.rule, set: (rule) => this.change({ rule }) }),
+        this.msRow = slider({ label: "Ms", help: "largest sensitivity allowed", low: 1.1, high: 2.5, get: () => this.state.ms, set: (ms) => this.change({ ms }) }),
+        this.tcRow = slider({ label: "closed-loop time", low: 0.05, high: 20, log: true, get: () => this.state.tc, set: (tc) => this.change({ tc }) }),
+        value("kp", "kp", 0.01, 100), value("ti", "ti", 0.05, 100),
+        this.tdRow = value("td", "td", 0.005, 20), this.taRow = value("ta", "ta", 0.0005, 50, "acceleration: a squared time"),
+        slider({ label: "filter time", low: 0.001, high: 10, log: true, get: () => this.state.design.filterTime, set: (x) => this.change({ design: { ...this.state.design, filterTime: x } }) }),
+        slider({ label: "filter order", low: 1, high: 6, get: () => this.state.design.filterOrder, set: (x) => this.change({ design: { ...this.state.design, filterOrder: Math.round(x) } }) }),
+        tick({ label: "limits of the actuator", get: () => this.state.limited, set: (limited) => this.change({ limited }) }),
+        this.lowRow = slider({ label: "lowest u", low: -10, high: 0, get: () => this.state.low, set: (low) => this.change({ low: Math.min(low, 0) }) }),
+        this.highRow = slider({ label: "highest u", low: 0.1, high: 20, get: () => this.state.high, set: (high) => this.change({ high: Math.max(high, 0.01) }) }),
+        this.windupRow = choice({ label: "anti-windup", options: [["none", "none"], ["clamping", "clamping"], ["conditioning", "conditioning"]], get: () => this.state.antiWindup, set: (antiWindup) => this.change({ antiWindup }) }),
+        tick({ label: "digital controller", get: () => this.state.sampled, set: (sampled) => this.change({ sampled }) }),
+        this.sampleRow = slider({ label: "sample time", low: 0.005, high: 2, log: true, get: () => this.state.sampleTime, set: (sampleTime) => this.change({ sampleTime }) }),
+        tick({ label: "measurement noise", get: () => this.state.noisy, set: (noisy) => this.change({ noisy }) }),
+        this.noiseRow = slider({ label: "noise, ±", low: 0.001, high: 0.5, log: true, get: () => this.state.noise, set: (noise) => this.change({ noise }) }),
+      ];
+      const at = (label) => this.rows.findIndex((row) => row.querySelector("label").textContent === label);
+      const part = (title, from, to, ...more) => element("fieldset", {}, element("legend", {}, title), ...this.rows.slice(from, to), ...more);
+      const controllerAt = at("controller"), limitsAt = at("limits of the actuator");
+      const plantPart = element("fieldset", {}, element("legend", {}, "Plant"), this.rows[0], this.ownRows, drop);
+      const controls = element("div", { class: "lab-controls" }, plantPart, part("Controller", controllerAt, limitsAt), part("Actuator, sampling, noise", limitsAt));
+
+      this.plots = {};
+      const plots = element("div", { class: "lab-plots" }, ...["setpoint", "load", "control", "nyquist", "bode", "noise"].map((key) => (this.plots[key] = element("div", {}))));
+      this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Numbers of the designs" });
+      this.live = element("p", { class: "lab-live", role: "status" });
+      this.out = element("pre", { class: "lab-out", hidden: true });
+      const actions = element("div", { class: "lab-actions" },
+        button("Keep this design", () => this.keep([this.state.design])),
+        button("PI, PID and PIDA by this rule", () => this.threeKinds()),
+        button("Forget the kept ones", () => this.change({ kept: [] })),
+        button("Copy a link", () => this.copy(location.href, "The link")),
+        button("As a library call", () => this.show(this.call())),
+        button("As JSON", () => this.show(JSON.stringify({ process: this.pick(this.process), controller: controller(this.state.design) }, null, 1))),
+        button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
+      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, this.table, plots, actions, this.out)));
+      this.host.classList.add("lab-ready");
+    }
+
+    pick({ num, den, delay }) { return { num, den, delay }; }
+
+    keep(designs) { this.change({ kept: [...this.state.kept, ...designs.map((design) => ({ ...design }))].slice(-MOST_KEPT) }); }
+
+    threeKinds() {
+      const rule = RULES[this.state.rule], made = [];
+      for (const kind of Object.keys(ORDER)) {
+        const design = { ...this.state.design, kind, filterOrder: ORDER[kind] + 1 };
+        try { made.push(rule.apply(this.process, design, this.state[rule.knob])); } catch (error) { this.say(`${kind}: ${error.message}.`); }
+      }
+      this.change({ kept: made });
+    }
+
+    async take(file) {
+      if (!file) return;
+      try {
+        const record = readRecord(await file.text());
+        this.change({ plant: "own", own: threePoint(record), record });
+        this.say(`Record of ${record.t.length} samples read; three points give the model shown.`);
+      } catch (error) { this.say(`${file.name}: ${error.message}.`); }
+    }
+
+    call() {
+      const { num, den, delay } = this.process, own = controller(this.state.design), list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`;
+      const gains = own.gains.slice(0, ORDER[this.state.design.kind] + 2);
+      return `import numpy as np\nimport pidalab\n\nprocess = pidalab.Process(${list(num)}, ${list(den)}, delay=${delay})\n` +
+        `controller = pidalab.HighOrderPID(${list(gains)}, filter_time=${own.filterTime}, filter_order=${own.filterOrder})\n` +
+        `loop = pidalab.Loop(process, controller)\nprint(pidalab.margins(loop))\n` +
+        `print(pidalab.load_response(loop, np.linspace(0, ${digits(this.process.end)}, 2001)).iae())\n`;
+    }
+
+    show(text) { this.out.hidden = false; this.out.textContent = text; this.copy(text, "The text below"); }
+
+    copy(text, what) {
+      const done = navigator.clipboard?.writeText(text);
+      if (done) done.then(() => this.say(`${what} is copied.`), () => this.say(`${what} could not be copied; take it from the page.`));
+    }
+
+    say(text) { this.message = text; if (this.live) this.announce(); }
+
+    studied(design) {
+      const key = JSON.stringify([this.pick(this.process), design, this.conditions]);
+      if (!this.cache.has(key)) {
+        if (this.cache.size > 20) this.cache.clear();
+        this.cache.set(key, study(this.process, design, this.conditions));
+      }
+      return this.cache.get(key);
+    }
+
+    draw() {
+      const { state } = this, rule = RULES[state.rule] ?? RULES.hand, order = ORDER[state.design.kind];
+      const visible = (row, yes) => { row.hidden = !yes; };
+      visible(this.ownRows, state.plant === "own");
+      visible(this.msRow, rule.knob === "ms"); visible(this.tcRow, rule.knob === "tc");
+      visible(this.tdRow, order > 0); visible(this.taRow, order > 1);
+      for (const row of [this.lowRow, this.highRow, this.windupRow]) visible(row, state.limited);
+      visible(this.sampleRow, state.sampled); visible(this.noiseRow, state.noisy);
+      for (const row of this.rows) if (!row.hidden) row.refresh?.();
+
+      const all = [state.design, ...state.kept], shown = [];
+      all.forEach((design, k) => {
+        try { shown.push({ ...this.studied(design), kind: k }); } catch (error) { if (!k) this.problem = `${error.message}.`; }
+      });
+      this.drawPlots(shown);
+      this.drawTable(shown);
+      this.current = shown.find(({ kind }) => kind === 0);
+      this.announce();
+    }
+
+    drawPlots(shown) {
+      const ms = RULES[this.state.rule]?.knob === "ms" ? this.state.ms : this.current?.ms;
+      drawPlots(this.plots, this.process, shown, { ms, record: this.state.record });
+    }
+
+    drawTable(shown) {
+      const columns = Object.values(NUMBERS);
+      const row = (s) => element("tr", {},
+        element("th", { scope: "row" }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.kind ? "kept: " : ""}${s.design.kind}`),
+        ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s), 4))) : [element("td", { colspan: columns.length }, "unstable: it has no margins")]),
+        element("td", {}, ["kp", "ti", "td", "ta"].slice(0, ORDER[s.design.kind] + 2).map((key) => `${key} ${digits(s.design[key])}`).join(", ")));
+      this.table.replaceChildren(element("table", {},
+        element("caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}`),
+        element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "design"), ...columns.map(([name]) => element("th", { scope: "col" }, name)), element("th", { scope: "col" }, "gains"))),
+        element("tbody", {}, ...shown.map(row))));
+    }
+
+    /* Say the result in words, once the hand rests. */
+    announce() {
+      clearTimeout(this.speaking);
+      const s = this.current;
+      const numbers = !s ? "" : s.stable
+        ? `${s.design.kind}: IAE ${digits(s.iae)} for a load step, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
+        : `${s.design.kind}: the loop is unstable.`;
+      this.speaking = setTimeout(() => { this.live.textContent = [this.problem, this.message, numbers].filter(Boolean).join(" "); this.message = ""; }, 250);
+    }
+  }
+
+  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS };
+  const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
+  if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
+})();

@@ -1,0 +1,93 @@
+/* Live figures: a <div class="pidalab-live" data-live='{…}'> of a page becomes a figure with knobs, made of the lab's
+   parts. What stands inside it, a static figure, stays for readers without JavaScript and on paper. data-live holds
+
+     plant     key of a plant, or {num, den, delay, end}
+     designs   list of designs: {kind, kp, ti, td, ta, filterTime, filterOrder}
+     names     words for the designs, in their order; by default their kinds
+     rule, ms, tc   a rule of the lab that makes each design anew, and its knob
+     conditions     {limits, antiWindup, sampleTime, noise, end}
+     knobs     list of {key, label, low, high, log}; key is one of a design ("kp", "filterTime", …: it is set in all of
+               them, or in the one that `design` numbers), "ms", "tc", "plant.delay", or "limits.high", "sampleTime", "noise"
+     plots     names out of setpoint, load, control, effort, nyquist, bode, lead, noise
+     numbers   names out of iae, iaeSetpoint, ms, mks, gm, pm, dm, peak, sigma
+     caption   a sentence under it; `lab: true` adds a link to the lab with the first design loaded */
+(function () {
+  "use strict";
+  const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
+  const { element, slider, digits, drawPlots, NUMBERS } = globalThis.pidalabLab;
+
+  class Live {
+    constructor(host) {
+      this.host = host;
+      this.state = JSON.parse(host.dataset.live);
+      const { plant } = this.state;
+      this.process = { ...(typeof plant === "string" ? PLANTS[plant] : plant) };
+      this.state.conditions ??= {};
+      this.build();
+      this.draw();
+    }
+
+    /* The object and the name in it that a knob turns. */
+    places({ key, design }) {
+      const { state } = this, [first, second] = key.split(".");
+      if (first === "plant") return [[this.process, second]];
+      if (first === "limits") return [[(state.conditions.limits ??= [-1e9, 1e9]), second === "low" ? 0 : 1]];
+      if (key === "ms" || key === "tc") return [[state, key]];
+      if (key === "sampleTime" || key === "noise" || key === "end") return [[state.conditions, key]];
+      const designs = design === undefined ? state.designs : [state.designs[design]];
+      return designs.map((each) => [each, key]);
+    }
+
+    build() {
+      const { state } = this;
+      this.knobs = (state.knobs ?? []).map((knob) => {
+        const places = this.places(knob);
+        return slider({
+          ...knob, get: () => places[0][0][places[0][1]],
+          set: (value) => { for (const [object, key] of places) object[key] = value; this.later(); },
+        });
+      });
+      this.plots = Object.fromEntries(state.plots.map((key) => [key, element("div")]));
+      this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Numbers of the figure" });
+      this.live = element("p", { class: "lab-live", role: "status" });
+      const caption = element("p", { class: "lab-caption" }, state.caption ?? "");
+      if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
+      this.host.replaceChildren(
+        element("div", { class: "lab-knobs" }, ...this.knobs), this.live, element("div", { class: "lab-plots" }, ...Object.values(this.plots)), this.table, caption);
+    }
+
+    later() { if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); }); }
+
+    draw() {
+      const { state } = this, rule = RULES[state.rule ?? "hand"];
+      const end = state.conditions.end ?? this.process.end, shown = [], trouble = [];
+      this.process.end = end;
+      state.designs.forEach((design, kind) => {
+        try {
+          const made = rule.apply(this.process, design, state[rule.knob]);
+          shown.push({ ...study(this.process, made, { ...state.conditions, end }), kind, name: state.names?.[kind] ?? design.kind });
+        } catch (error) { trouble.push(`${state.names?.[kind] ?? design.kind}: ${error.message}.`); }
+      });
+      for (const knob of this.knobs) knob.refresh();
+      drawPlots(this.plots, this.process, shown, { ms: rule.knob === "ms" ? state.ms : shown[0]?.ms });
+      const columns = (state.numbers ?? ["iae", "ms", "sigma"]).map((key) => NUMBERS[key]);
+      this.table.replaceChildren(element("table", {},
+        element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "loop"), ...columns.map(([name]) => element("th", { scope: "col" }, name)))),
+        element("tbody", {}, ...shown.map((s) => element("tr", {},
+          element("th", { scope: "row" }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.name}`),
+          ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s)))) : [element("td", { colspan: columns.length }, "unstable")]))))));
+      if (this.link && shown[0]) {
+        const plant = typeof state.plant === "string" ? { plant: state.plant } : {};
+        this.link.href = `${this.root()}book/lab.html#${write({ ...plant, design: shown[0].design, rule: "hand" })}`;
+      }
+      clearTimeout(this.speaking);
+      const words = shown.map((s) => `${s.name}: ${s.stable ? columns.map(([name, get]) => `${name} ${digits(get(s))}`).join(", ") : "unstable"}.`);
+      this.speaking = setTimeout(() => { this.live.textContent = trouble.join(" "); this.live.setAttribute("aria-label", [...trouble, ...words].join(" ")); }, 250);
+    }
+
+    root() { return document.documentElement.dataset.content_root || "./"; }
+  }
+
+  const begin = () => { for (const host of document.querySelectorAll(".pidalab-live")) host.figure = new Live(host); };
+  if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
+})();

@@ -1,0 +1,214 @@
+/* What the lab and the live figures share: plants, controllers in standard form, rules, and all numbers of a design.
+
+   A design is {kind, kp, ti, td, ta, filterTime, filterOrder}: kp (1 + 1/(ti s) + td s + ta s^2) / (1 + filterTime s)^filterOrder.
+   It stands on engine.js alone and knows nothing of a page. */
+(function () {
+  "use strict";
+  const { simulate, simulateSampled, margins, frequencyResponse } = globalThis.pidalabEngine;
+
+  const multiply = (a, b) => {
+    const product = Array(a.length + b.length - 1).fill(0);
+    a.forEach((x, i) => b.forEach((y, j) => { product[i + j] += x * y; }));
+    return product;
+  };
+  const lags = (order, lag = 1) => Array.from({ length: order }).reduce((den) => multiply(den, [lag, 1]), [1]);
+
+  /* Plants of the papers; `end` is a time by which a good loop is at rest. */
+  const PLANTS = {
+    "lags3": { name: "1/(s+1)³, dead time 1", num: [1], den: lags(3), delay: 1, end: 40 },
+    "haalman-1": { name: "haalman2024, example 1: 1/(s+1)⁴", num: [1], den: lags(4), delay: 0, end: 30 },
+    "haalman-2": { name: "haalman2024, example 2: 1/(s+1)⁸", num: [1], den: lags(8), delay: 0, end: 70 },
+    "vrancic-3": { name: "vrancic2021, G_P3 as computed: e^(−0.5s)/(s+1)³", num: [1], den: lags(3), delay: 0.5, end: 30 },
+    "vrancic-6": { name: "vrancic2021, G_P6: 1/((s+1)(s+3)(s+6))", num: [1], den: multiply([1, 1], multiply([1, 3], [1, 6])), delay: 0, end: 12 },
+    "huba-ipdt": { name: "huba2018, huba2024: e^(−s)/s", num: [1], den: [1, 0], delay: 1, end: 30 },
+    "oscillating": { name: "oscillating: damping 0.3, dead time 0.3", num: [1], den: [1, 0.6, 1], delay: 0.3, end: 30 },
+    "inverse": { name: "the wrong way first: (1−s)/(s+1)³", num: [-1, 1], den: lags(3), delay: 0, end: 40 },
+  };
+
+  /* A plant of one's own: gain, up to three lags or an oscillating pair and a lag, a zero, an integrator, a dead time. */
+  function ownPlant({ gain, t1, t2, t3, damping, zero, integrating, delay }) {
+    const pair = damping < 1 ? [t1 * t1, 2 * damping * t1, 1] : multiply([t1, 1], [t2, 1]);
+    let den = multiply(pair, [t3, 1]);
+    while (den.length > 1 && den[0] === 0) den = den.slice(1);
+    if (integrating) den = [...den, 0];
+    const num = zero && den.length > 1 ? [gain * zero, gain] : [gain];
+    return { name: "own", num, den, delay, end: 8 * (t1 + t2 + t3 + delay) + 10 * delay + 1 };
+  }
+
+  const ORDER = { PI: 0, PID: 1, PIDA: 2 };
+
+  /* The design as the engine takes it. */
+  function controller({ kind, kp, ti, td, ta, filterTime, filterOrder }, limits) {
+    const order = ORDER[kind];
+    return {
+      gains: [kp / ti, kp, order > 0 ? kp * td : 0, order > 1 ? kp * ta : 0],
+      filterTime, filterOrder: Math.max(filterOrder, order), limits,
+    };
+  }
+
+  /* Absolute area between the set point and y, a trapezoid cut where the error changes its sign. */
+  function iae(t, y, setpoint) {
+    let sum = 0;
+    for (let k = 1; k < t.length; k++) {
+      const a = setpoint - y[k - 1], b = setpoint - y[k], h = t[k] - t[k - 1];
+      sum += a * b < 0 ? (0.5 * h * (a * a + b * b)) / (Math.abs(a) + Math.abs(b)) : 0.5 * h * Math.abs(a + b);
+    }
+    return sum;
+  }
+
+  const largest = (values) => values.reduce((top, value) => Math.max(top, Math.abs(value)), 0);
+
+  /* Standard deviation of u for white measurement noise of standard deviation 1, held for the sample time: the root of
+     the sum of squares of what one noisy sample does. */
+  function noiseGain(process, own, sampleTime, end) {
+    const noise = new Float64Array(Math.round(end / sampleTime) + 1);
+    noise[0] = 1;
+    const { u } = simulateSampled({ process, controller: { ...own, limits: null }, sampleTime, end, noise });
+    return Math.sqrt(u.reduce((sum, value) => sum + value * value, 0));
+  }
+
+  /* Everything the lab shows of one design on one plant. */
+  function study(process, design, { end, points = 401, limits = null, antiWindup = "clamping", sampleTime = 0, noise = 0 }) {
+    const own = controller(design, limits);
+    const steps = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
+    const record = noise ? uniform(noise, Math.round(end / (sampleTime || end / 4000)) + 1) : null;
+    const runs = steps.map((step) =>
+      sampleTime || noise
+        ? simulateSampled({ process, controller: own, end, sampleTime: sampleTime || end / 4000, antiWindup, noise: record, ...step })
+        : simulate({ process, controller: own, end, points, antiWindup, ...step }));
+    const found = margins({ process, controller: own });
+    const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
+    return {
+      design, setpoint: runs[0], load: runs[1], ...found, sampleTime: h,
+      iae: iae(runs[1].t, runs[1].y, 0), iaeSetpoint: iae(runs[0].t, runs[0].y, 1), peak: largest(runs[0].u),
+      sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h)) : NaN,
+    };
+  }
+
+  /* Noise that is the same at every call: an even spread between −size and size. */
+  function uniform(size, count) {
+    let state = 12345;
+    return Float64Array.from({ length: count }, () => {
+      state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+      return size * (state / 2147483648 - 1);
+    });
+  }
+
+  // --- rules --------------------------------------------------------------------------------------------------------
+
+  /* Largest gain with which a loop of given shape keeps the maximum sensitivity: at each frequency the gains k with
+     |1 + k L| < 1/ms lie between the roots of a quadratic equation. All frequencies together leave gaps, and the upper
+     end of a gap in which the loop is stable is what is looked for. */
+  function gainForMs(process, design, ms) {
+    const sign = Math.sign(process.num[process.num.length - 1] / lastNonzero(process.den));
+    const own = controller({ ...design, kp: sign });
+    const between = (w) => {
+      const { re, im } = frequencyResponse({ process, controller: own, w });
+      return w.map((x, i) => {
+        const square = re[i] * re[i] + im[i] * im[i], root = re[i] * re[i] - square * (1 - 1 / (ms * ms));
+        return root >= 0 && re[i] < 0 ? [(-re[i] - Math.sqrt(root)) / square, (-re[i] + Math.sqrt(root)) / square, i] : null;
+      });
+    };
+    const { w } = frequencyResponse({ process, controller: own });
+    const forbidden = between(w).filter(Boolean).sort((a, b) => a[0] - b[0]);
+    const starts = [];
+    let top = 0;
+    for (const [low, high, i] of forbidden) {
+      if (low > top) starts.push([low, i]);
+      top = Math.max(top, high);
+    }
+    let largest = null;
+    for (const [gain, i] of starts) {
+      let best = gain, from = w[Math.max(i - 1, 0)], to = w[Math.min(i + 1, w.length - 1)];
+      for (let round = 0; round < 3; round++) { // the same between its neighbours, closer each time
+        const fine = Array.from({ length: 41 }, (_, k) => from + ((to - from) * k) / 40), lows = between(fine).map((x) => (x ? x[0] : Infinity));
+        const at = lows.indexOf(Math.min(...lows));
+        best = Math.min(best, lows[at]);
+        from = fine[Math.max(at - 1, 0)];
+        to = fine[Math.min(at + 1, 40)];
+      }
+      const found = margins({ process, controller: controller({ ...design, kp: sign * best * (1 - 1e-9) }) });
+      if (found.stable && found.ms < ms * 1.001) largest = sign * best;
+      else if (largest !== null) break;
+    }
+    if (largest !== null) return largest;
+    throw new RangeError(`no gain gives a stable loop with a maximum sensitivity of ${ms}: change the times or the filter`);
+  }
+
+  const lastNonzero = (coefficients) => coefficients[coefficients.findLastIndex((c) => c !== 0)];
+
+  /* Lags of a plant, the slowest first, and whether it integrates; the rules below need them real and stable. */
+  function realLags({ den }) {
+    let rest = den.slice(), integrating = false;
+    if (rest.length > 1 && rest[rest.length - 1] === 0) { integrating = true; rest = rest.slice(0, -1); }
+    if (rest[rest.length - 1] === 0) throw new RangeError("this rule needs at most one integrator");
+    // den = c ∏ (1 + T s): the lags are minus the roots of the reversed polynomial
+    const found = rest.length > 1 ? globalThis.pidalabEngine.roots(rest.slice().reverse()) : [];
+    const size = Math.max(0, ...found.map(([re, im]) => Math.hypot(re, im)));
+    // Rounding spreads a lag of order n over a small circle; a truly oscillating pair is far from the axis.
+    if (found.some(([re, im]) => -re <= 0 || Math.abs(im) > 0.05 * size)) throw new RangeError("this rule needs real, stable lags");
+    return { lags: found.map(([re]) => -re).sort((a, b) => b - a), integrating };
+  }
+
+  /* Skogestad's half rule: a model with `keep` lags; half of the next lag goes to the last kept one, half to the dead
+     time, and so do all smaller lags and a zero in the right half plane. */
+  function halfRule(process, keep) {
+    const { lags: found, integrating } = realLags(process);
+    const own = found.slice(0, keep), rest = found.slice(keep);
+    let delay = process.delay;
+    if (rest.length) {
+      if (own.length) own[own.length - 1] += rest[0] / 2;
+      delay += (own.length ? rest[0] / 2 : rest[0]) + rest.slice(1).reduce((sum, lag) => sum + lag, 0);
+    }
+    const end = process.num.length - 1;
+    if (end > 0) delay += Math.max(0, -process.num[end - 1] / process.num[end]);
+    return { lags: own, delay, integrating };
+  }
+
+  /* SIMC (Skogestad 2003): PI from one lag, PID (in series form, given as standard form) from two; tc is the wanted
+     closed-loop time constant. */
+  function simc(process, design, tc) {
+    const order = ORDER[design.kind];
+    if (order > 1) throw new RangeError("SIMC has no PIDA");
+    const { lags: found, delay, integrating } = halfRule(process, integratingOf(process) ? order : order + 1);
+    const gain = process.num[process.num.length - 1] / process.den[process.den.length - (integrating ? 2 : 1)];
+    const first = integrating ? Infinity : found[0] ?? 0, second = order ? found[integrating ? 0 : 1] ?? 0 : 0;
+    const kc = (integrating ? 1 : first) / (gain * (tc + delay)), ti = Math.min(first, 4 * (tc + delay));
+    const factor = 1 + second / ti;
+    return { ...design, kp: kc * factor, ti: ti * factor, td: second / factor, ta: 0 };
+  }
+
+  const integratingOf = ({ den }) => den.length > 1 && den[den.length - 1] === 0;
+
+  /* Cancellation (haalman2024): the controller's zeros are the model's poles, the gain follows from Ms. The model has as
+     many lags as the controller has zeros, by the half rule. */
+  function cancellation(process, design, ms) {
+    if (integratingOf(process)) throw new RangeError("cancellation needs a plant that does not integrate");
+    const keep = ORDER[design.kind] + 1, model = halfRule(process, keep).lags;
+    if (model.length < keep) throw new RangeError(`a ${design.kind} controller needs a plant with ${keep} lags to cancel`);
+    const [, a1 = 0, a2 = 0, a3 = 0] = model.reduce((den, lag) => multiply(den, [1, lag]), [1]); // ascending powers
+    const shape = { ...design, ti: a1, td: a2 / a1, ta: a3 / a1 };
+    return { ...shape, kp: gainForMs(process, shape, ms) };
+  }
+
+  const RULES = {
+    hand: { name: "by hand", knob: null, apply: (process, design) => design },
+    gain: { name: "this shape, gain by Ms", knob: "ms", apply: (process, design, ms) => ({ ...design, kp: gainForMs(process, design, ms) }) },
+    cancellation: { name: "cancel the lags, gain by Ms (haalman2024)", knob: "ms", apply: cancellation },
+    simc: { name: "SIMC (PI, PID)", knob: "tc", apply: simc },
+  };
+
+  // --- a state as the end of an address: letters that are also a valid name of an anchor -----------------------------
+
+  const PREFIX = "lab-";
+  const write = (state) => PREFIX + btoa(encodeURIComponent(JSON.stringify(state))).replace(/\+/g, "_").replace(/\//g, "-").replace(/=+$/, "");
+
+  /* The state in an address, or null where it holds none: it may also name a heading. */
+  function read(hash) {
+    const text = hash.replace(/^#/, "");
+    if (!text.startsWith(PREFIX)) return null;
+    try { return JSON.parse(decodeURIComponent(atob(text.slice(PREFIX.length).replace(/_/g, "+").replace(/-/g, "/")))); } catch { return null; }
+  }
+
+  globalThis.pidalabModel = { write, read, PLANTS, RULES, ORDER, ownPlant, controller, study, iae, gainForMs, halfRule, uniform };
+})();

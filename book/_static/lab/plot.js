@@ -1,0 +1,105 @@
+/* Line plots as plain SVG: axes, lines that differ in dash as well as in colour, nothing else.
+
+   pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element
+   `host`; a second call draws anew. `kind` 0, 1, 2 … takes the colour and dash of that design, "mark" a thin grey line,
+   "dots" a record. All colours come from the style sheet, so that both themes fit. */
+(function () {
+  "use strict";
+  const WIDTH = 440, HEIGHT = 270, LEFT = 56, RIGHT = 10, TOP = 26, BOTTOM = 40;
+
+  const make = (name, attributes, parent, text) => {
+    const element = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+    if (text !== undefined) element.textContent = text;
+    parent?.append(element);
+    return element;
+  };
+
+  /* Smallest and largest finite value of all lines, with a little air. */
+  function extent(lines, key, log) {
+    let low = Infinity, high = -Infinity;
+    for (const line of lines) {
+      for (const value of line[key]) {
+        if (!Number.isFinite(value) || (log && value <= 0)) continue;
+        if (value < low) low = value;
+        if (value > high) high = value;
+      }
+    }
+    if (low > high) return log ? [0.1, 10] : [0, 1];
+    if (log) return low === high ? [low / 2, high * 2] : [low, high];
+    const air = 0.05 * (high - low || Math.abs(high) || 1);
+    return [low - air, high + air];
+  }
+
+  function ticks([low, high], log) {
+    if (log) {
+      const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
+      const each = Math.max(1, Math.ceil((last - first + 1) / 6)), found = [];
+      for (let power = first; power <= last; power += each) found.push(Math.pow(10, power));
+      return found;
+    }
+    const rough = (high - low) / 5, size = Math.pow(10, Math.floor(Math.log10(rough)));
+    const step = size * [1, 2, 5, 10].find((m) => m * size >= rough);
+    const found = [];
+    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+    return found;
+  }
+
+  const named = (value, log) => {
+    if (log) {
+      const power = Math.round(Math.log10(value));
+      return power >= -2 && power <= 3 ? String(Number(value.toPrecision(1))) : `1e${power}`;
+    }
+    const text = Number(value.toPrecision(6));
+    return (Math.abs(text) >= 1e5 ? text.toExponential(0) : String(text)).replace("-", "−");
+  };
+
+  let count = 0;
+
+  function draw(host, { title, x, y, lines, equal }) {
+    let xRange = x.range ?? extent(lines, "x", x.log), yRange = y.range ?? extent(lines, "y", y.log);
+    if (equal) { // the same scale on both axes, as a Nyquist plot needs
+      const perX = (xRange[1] - xRange[0]) / (WIDTH - LEFT - RIGHT), perY = (yRange[1] - yRange[0]) / (HEIGHT - TOP - BOTTOM);
+      const grow = (range, factor) => {
+        const middle = (range[0] + range[1]) / 2, half = ((range[1] - range[0]) / 2) * factor;
+        return [middle - half, middle + half];
+      };
+      if (perX > perY) yRange = grow(yRange, perX / perY); else xRange = grow(xRange, perY / perX);
+    }
+    const along = (range, log, from, to) => {
+      const f = log ? Math.log10 : (v) => v, a = f(range[0]), b = f(range[1]);
+      return (value) => from + ((f(value) - a) / (b - a)) * (to - from);
+    };
+    const px = along(xRange, x.log, LEFT, WIDTH - RIGHT), py = along(yRange, y.log, HEIGHT - BOTTOM, TOP);
+
+    const clip = `pidalab-clip-${++count}`;
+    const svg = make("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title, class: "lab-plot" });
+    const frame = make("clipPath", { id: clip }, make("defs", {}, svg));
+    make("rect", { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM }, frame);
+    make("text", { x: LEFT, y: 16, class: "lab-title" }, svg, title);
+    for (const value of ticks(xRange, x.log)) {
+      make("line", { x1: px(value), x2: px(value), y1: TOP, y2: HEIGHT - BOTTOM, class: "lab-grid" }, svg);
+      make("text", { x: px(value), y: HEIGHT - BOTTOM + 16, class: "lab-tick", "text-anchor": "middle" }, svg, named(value, x.log));
+    }
+    for (const value of ticks(yRange, y.log)) {
+      make("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: py(value), y2: py(value), class: "lab-grid" }, svg);
+      make("text", { x: LEFT - 6, y: py(value) + 4, class: "lab-tick", "text-anchor": "end" }, svg, named(value, y.log));
+    }
+    make("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, class: "lab-label", "text-anchor": "middle" }, svg, x.label);
+
+    const inside = make("g", { "clip-path": `url(#${clip})` }, svg);
+    const limit = (value) => Math.max(-9999, Math.min(9999, value));
+    for (const line of lines) {
+      let path = "", pen = "M";
+      for (let k = 0; k < line.x.length; k++) {
+        if (!Number.isFinite(line.x[k] + line.y[k]) || (x.log && line.x[k] <= 0) || (y.log && line.y[k] <= 0)) { pen = "M"; continue; }
+        path += `${pen}${limit(px(line.x[k])).toFixed(1)} ${limit(py(line.y[k])).toFixed(1)}`;
+        pen = "L";
+      }
+      make("path", { d: path, class: `lab-line lab-${line.kind}` }, inside);
+    }
+    host.replaceChildren(svg);
+  }
+
+  globalThis.pidalabPlot = draw;
+})();
