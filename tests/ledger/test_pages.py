@@ -5,7 +5,17 @@ from dataclasses import replace
 import pytest
 from demo_ledger import KP
 
-from pidalab.ledger import VERDICTS, LedgerError, Row, errata, score_markdown, scoreboard, write_rows, write_score
+from pidalab.ledger import (
+    CONVENTIONS,
+    LedgerError,
+    Row,
+    convention_table,
+    errata,
+    score_markdown,
+    scoreboard,
+    write_rows,
+    write_score,
+)
 from pidalab.ledger.__main__ import main
 
 REASON = "a pole in the right half"
@@ -15,20 +25,30 @@ def test_scoreboard(project):
     write_rows(project / "book" / "ledger" / "another.csv", [replace(KP, id="another.kp")])
     board = scoreboard()
     lines = [line.split() for line in repr(board).splitlines()]
-    assert lines[0] == ["verdict", "another", "demo", "total"]
-    assert [line[0] for line in lines[1:]] == [*VERDICTS, "claims"]
-    assert lines[1][1:] == ["1", "1", "2"]
-    assert lines[-1][1:] == ["1", "10", "11"]
+    assert lines[0] == ["basis", "verdict", "another", "demo", "total"]
+    assert lines[1] == ["computed", "reproduced", "1", "1", "2"]
+    assert ["from-print", "as-read", "0", "1", "1"] in lines
+    assert ["reading", "not-computable", "0", "1", "1"] in lines
+    assert lines[-1] == ["claims", "1", "10", "11"]
+    assert sum(int(line[-1]) for line in lines[1:-1]) == 11
     assert board._repr_html_().count('role="img"') == 3
 
 
-def test_errata(project):
+def test_errata_keeps_misprints_and_readings_apart(project):
+    (project / "book" / "references.bib").write_text("@article{demo,\n  title = {On {PIDA}},\n}\n")
     page = errata()
-    assert "as read" in repr(page)
-    assert "(demo, " in repr(page).splitlines()[-1]
-    assert repr(page).endswith("12                0.120      Proof. eq. (3) gives 0.12 s instead")
-    assert "demo.t2" not in page.html
-    assert page.html.startswith('<p class="errata-notice">')
+    misprints, readings = page.html.split("<h2>")[1:]
+    assert "eq. (3) gives" in misprints
+    assert "a 3 may be an 8" in readings
+    assert "demo.t2" not in page.text
+    assert page.html.count("<h3>On PIDA (demo)</h3>") == 2
+    lines = repr(page).splitlines()
+    assert lines[4].split()[-10:-6] == ["(Table", "1)", "12", "0.120"]
+
+
+def test_conventions_are_shown():
+    assert "within 10 % of the larger" in convention_table().text
+    assert convention_table().html.count("<tr>") == 2 + len(CONVENTIONS)
 
 
 def test_errata_of_a_statement(project):
@@ -43,16 +63,18 @@ def test_errata_of_a_statement(project):
         note="a pole in the right half",
     )
     write_rows(project / "book" / "ledger" / "demo.csv", [row])
-    assert "does not hold" in errata().html
+    assert "−1 &gt; 0" in errata().html or "-1 &gt; 0" in errata().html
 
 
 def test_markdown_score(project):
     lines = score_markdown().splitlines()
     assert lines[0] == "<!-- score -->"
     assert lines[-1] == "<!-- /score -->"
-    assert lines[2] == "| verdict | demo | total |"
-    assert lines[4] == "| reproduced | 1 | 1 |"
-    assert lines[-3] == "| **claims** | **10** | **10** |"
+    assert lines[2] == "| claims | demo | total |"
+    assert lines[4] == "| **computed from the paper's problem** | **7** | **7** |"
+    assert lines[5] == "| reproduced | 1 | 1 |"
+    assert "| **by reading** | **2** | **2** |" in lines
+    assert lines[-3] == "| **all** | **10** | **10** |"
 
 
 def test_write_score_rewrites_only_its_block(project):

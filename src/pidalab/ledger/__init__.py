@@ -30,7 +30,8 @@ from pidalab.ledger.display import Display
 from pidalab.ledger.entries import Entry
 from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import papers, read_rows, write_rows
-from pidalab.ledger.pages import errata, load_all, score_markdown, scoreboard, write_score
+from pidalab.ledger.front import score_markdown, write_score
+from pidalab.ledger.pages import convention_table, errata, load_all, scoreboard
 from pidalab.ledger.relations import Evidence, Relation, every, some
 from pidalab.ledger.rows import Row
 from pidalab.ledger.running import checks, record, run, update
@@ -49,6 +50,7 @@ __all__ = [
     "Relation",
     "Row",
     "checks",
+    "convention_table",
     "derive",
     "errata",
     "every",

@@ -1,14 +1,13 @@
 """The ledger of one paper, as its chapter uses it."""
 
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Self, SupportsFloat, overload
 
-from pidalab.ledger import display, verdicts
+from pidalab.ledger import scores
 from pidalab.ledger.conventions import IDENTITY
 from pidalab.ledger.digits import DIGITS, plain, read_number
 from pidalab.ledger.display import Display
@@ -17,6 +16,7 @@ from pidalab.ledger.errors import LedgerError, naming
 from pidalab.ledger.files import find_folder, papers, read_rows
 from pidalab.ledger.relations import Evidence, Number
 from pidalab.ledger.rows import Row
+from pidalab.ledger.tables import claims
 
 _REFERENCE = re.compile(r"\b(?:[Ss]ecs?|[Ff]igs?|[Ee]qs?|[Tt]ables?)\.? \d[\d.]*(?:(?:,| and| to) \d[\d.]*)*")
 _DECIMAL = re.compile(r"\d\.\d")
@@ -397,7 +397,7 @@ class Ledger:
         """
         if missing := self.missing():
             raise LedgerError("\n".join(missing))
-        print(display.score_line(self.paper, self.score()))
+        print(scores.score_line(self.paper, self.score()))
 
     def problems(self) -> list[str]:
         """List what is wrong with the file taken alone, one line each.
@@ -416,21 +416,20 @@ class Ledger:
         return found + [problem for row in self.rows.values() for problem in row.problems()]
 
     def score(self) -> dict[str, int]:
-        """Count the rows by verdict.
+        """Count the rows, by verdict where the paper's problem decides, apart where print or reading does.
 
         Returns
         -------
         dict of str to int
-            Every verdict in the order of `VERDICTS`; ``open`` last, if some rows have none yet.
+            Every key of `scores.KINDS` in its order; ``open`` last, if some rows have no verdict yet.
 
         Examples
         --------
         >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")])
-        >>> {verdict: count for verdict, count in book.score().items() if count}
+        >>> {kind: count for kind, count in book.score().items() if count}
         {'open': 1}
         """
-        counts = Counter(row.verdict or "open" for row in self.rows.values())
-        return {**dict.fromkeys(verdicts.VERDICTS, 0), **counts}
+        return scores.score(self.rows.values())
 
     def scorebar(self) -> Display:
         """Return the score as a bar with a legend.
@@ -445,7 +444,7 @@ class Ledger:
         >>> book.scorebar()
         demo: 1 claim, 1 reproduced
         """
-        return display.scorebar(self.paper, self.score())
+        return scores.scorebar(self.paper, self.score())
 
     def table(self, prefix: str = "") -> Display:
         """Return rows as a table, printed beside computed.
@@ -468,13 +467,13 @@ class Ledger:
         --------
         >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
         >>> book.table()
-        claim                    printed  computed  difference  verdict
-        demo.kp: gain (Table 1)  1.31     1.3098    -0.0        reproduced
+        verdict     claim                    printed  computed  difference
+        reproduced  demo.kp: gain (Table 1)  1.31     1.3098    -0.0
         """
         rows = [row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))]
         if not rows:
             raise LedgerError(f"{self.paper}: no id starts with {prefix}")
-        return display.claims(rows)
+        return claims(rows)
 
 
 def _needs_a_run(row: Row) -> bool:

@@ -187,6 +187,34 @@ def significant_place(number: Decimal, scale: Decimal, digits: int = DIGITS) -> 
     return max(place, scale.adjusted() - 12) if scale else place
 
 
+def shorten(text: str, digits: int) -> str:
+    """Round a real side of a relation to fewer digits; an integer stays.
+
+    Parameters
+    ----------
+    text : str
+        As `significant` wrote it.
+    digits : int
+        Significant digits to show.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> shorten("1.234567000", 4), shorten("12", 1), shorten("inf", 4), shorten("0.000000000000", 4)
+    ('1.235', '12', 'inf', '0')
+    """
+    if "." not in text:
+        return text
+    number = read_number(text)
+    rounded = number.quantize(Decimal(1).scaleb(max(number.adjusted() - digits + 1, exponent(number))), context=_WIDE)
+    if not number:
+        return "0"
+    return f"{rounded:f}" if -4 <= number.adjusted() < DIGITS and exponent(rounded) <= 0 else f"{rounded:e}"
+
+
 def same_text(old: str, new: str) -> bool:
     """Tell whether two texts say the same: words and integers exactly, decimals to one unit in the last place.
 

@@ -1,13 +1,16 @@
-"""Tables and bars: the same content as HTML for a page and as text for a terminal.
+"""What a reader sees: the same content as HTML for a page and as text for a terminal.
 
-The HTML carries classes and no styles except the widths of the bar; the colours of ``verdict-…`` are the site's.
+The HTML carries classes and no styles except the widths of a bar; the colours of ``verdict-…`` are the site's.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from pidalab.ledger.rows import Row
+# K_-1, PID_2^2, A_(2m+3), (1 + T s)^n: a letter, capitals or a bracket with an index, an exponent, or both
+_PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
+_MATHS = re.compile(rf"((?<![A-Za-z])[a-z]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?")
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,32 +52,73 @@ class Cell:
         For a page, escaped.
     kind : str, optional
         Class of the HTML cell.
+    span : int, optional
+        How many columns it takes.
     """
 
     text: str
     html: str
     kind: str = "text"
+    span: int = 1
+
+
+def markup(text: str) -> str:
+    """Escape plain text and typeset its names: an index is lowered, an exponent raised, a single letter slanted.
+
+    Parameters
+    ----------
+    text : str
+        Plain text such as ``K_-1`` or ``PID_2^2``.
+
+    Returns
+    -------
+    str
+        HTML.
+
+    Examples
+    --------
+    >>> markup("K_-1 of PID_2^2 < 3")
+    '<i>K</i><sub>−1</sub> of PID<sub>2</sub><sup>2</sup> &lt; 3'
+    """
+    return _MATHS.sub(_typeset, escape(text, quote=False))
+
+
+def _typeset(found: re.Match[str]) -> str:
+    base, index, power = found.groups()
+    if index is None and power is None:
+        return found.group()
+    slanted = f"<i>{base}</i>" if base.isalpha() and len(base) == 1 else base
+    return slanted + _part("sub", index) + _part("sup", power)
+
+
+def _part(tag: str, part: str | None) -> str:
+    return f"<{tag}>{part.strip('{}()').replace('-', '−')}</{tag}>" if part else ""
 
 
 def words(text: str) -> Cell:
     """Make a cell of plain text."""
-    return Cell(text, escape(text))
+    return Cell(text, markup(text))
 
 
 def number(text: str) -> Cell:
     """Make a cell of a number, to be aligned as one."""
-    return Cell(text, escape(text), "number")
+    return Cell(text, escape(text).replace("-", "−"), "number")
 
 
-def chip(verdict: str) -> Cell:
-    """Make a cell of a verdict, in its colour."""
-    return Cell(verdict, f'<span class="verdict-{escape(verdict)}">{escape(verdict)}</span>')
+def chip(verdict: str, label: str = "") -> str:
+    """Return a verdict in its colour, as HTML."""
+    return f'<span class="verdict-{escape(verdict)}">{escape(label or verdict)}</span>'
 
 
 def grid(
-    kind: str, header: Sequence[str], rows: Iterable[Sequence[Cell]], notes: Iterable[str] | None = None
+    kind: str,
+    header: Sequence[str],
+    rows: Iterable[Sequence[Cell]],
+    *,
+    heading: int = 0,
+    remarks: Iterable[str] = (),
 ) -> Display:
-    """Lay cells out as a table; the first cell of a row is its heading.
+    """Lay cells out as a table.
 
     Parameters
     ----------
@@ -83,9 +127,11 @@ def grid(
     header : sequence of str
         Headings of the columns.
     rows : iterable of sequences of Cell
-        One cell for each column.
-    notes : iterable of str, optional
-        A remark for each row: under it on a page, in a last column in a terminal.
+        The cells of a row span as many columns as there are headings.
+    heading : int, optional
+        Which cell of a row is its heading.
+    remarks : iterable of str, optional
+        What a terminal shows after each row.
 
     Returns
     -------
@@ -98,139 +144,36 @@ def grid(
     SIMC  1.5
     """
     body = [list(row) for row in rows]
-    remarks = [""] * len(body) if notes is None else list(notes)
-    lines = [list(header), *([cell.text for cell in row] for row in body)]
+    lines = [[*header], *([part.text for cell in row for part in (cell, *_fill(cell))] for row in body)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
+    beside = ["", *(remarks or [""] * len(body))]
     text = [
         "  ".join([*(entry.ljust(width) for entry, width in zip(line, widths, strict=True)), remark]).rstrip()
-        for line, remark in zip(lines, ["", *remarks], strict=True)
+        for line, remark in zip(lines, beside, strict=True)
     ]
     html = [
         f'<table class="dataframe ledger-{kind}">',
         "<thead><tr>" + "".join(f'<th scope="col">{escape(name)}</th>' for name in header) + "</tr></thead>",
         "<tbody>",
+        *("<tr>" + _entries(row, header, heading) + "</tr>" for row in body),
+        "</tbody>",
+        "</table>",
     ]
-    for row, remark in zip(body, remarks, strict=True):
-        html.append("<tr>" + _heading(row[0]) + "".join(map(_entry, row[1:])) + "</tr>")
-        if remark:
-            html.append(f'<tr class="note"><td colspan="{len(header)}" class="text">{escape(remark)}</td></tr>')
-    html += ["</tbody>", "</table>"]
     return Display("\n".join(html), "\n".join(text))
 
 
-def _heading(cell: Cell) -> str:
-    return f'<th scope="row" class="{cell.kind}">{cell.html}</th>'
+def _fill(cell: Cell) -> list[Cell]:
+    """Empty cells after one that takes several columns, for a terminal."""
+    return [Cell("", "")] * (cell.span - 1)
 
 
-def _entry(cell: Cell) -> str:
-    return f'<td class="{cell.kind}">{cell.html}</td>'
-
-
-def claim(row: Row, where: str) -> Cell:
-    """Make a cell of what is claimed, and where; a terminal also shows the id."""
-    text = row.printed if row.is_statement else row.quantity
-    return Cell(f"{row.id}: {text} ({where})", f'{escape(text)} <span class="where">{escape(where)}</span>')
-
-
-def claims(rows: Iterable[Row]) -> Display:
-    """Show rows of a ledger, printed beside computed.
-
-    Parameters
-    ----------
-    rows : iterable of Row
-        In the order to show.
-
-    Returns
-    -------
-    Display
-        The computed number has two digits more than the print; the difference is in units of the last printed place.
-    """
-    rows = list(rows)
-    if all(row.is_statement for row in rows):
-        return grid("claims", ("claim", "verdict"), map(_statement, rows), [row.note for row in rows])
-    header = ("claim", "printed", "computed", "difference", "verdict")
-    return grid("claims", header, map(_claim, rows), [row.note for row in rows])
-
-
-def _statement(row: Row) -> list[Cell]:
-    return [claim(row, row.where), chip(row.verdict or "open")]
-
-
-def _claim(row: Row) -> list[Cell]:
-    difference = row.difference()
-    return [
-        claim(row, row.where),
-        number("" if row.is_statement else row.printed),
-        number(row.shown() if row.is_number else ""),
-        number("" if difference is None else f"{difference:+z.1f}"),
-        chip(row.verdict or "open"),
-    ]
-
-
-def score_line(name: str, score: Mapping[str, int]) -> str:
-    """Say a score in one line.
-
-    Parameters
-    ----------
-    name : str
-        What was counted, the key of a paper.
-    score : mapping of str to int
-        Counts by verdict.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> score_line("demo", {"reproduced": 3, "last-digit": 1, "differs": 0})
-    'demo: 4 claims, 3 reproduced, 1 last-digit'
-    """
-    total = sum(score.values())
-    counts = [f"{count} {verdict}" for verdict, count in score.items() if count]
-    return f"{name}: " + ", ".join([f"{total} claim{'' if total == 1 else 's'}", *counts])
-
-
-def bar(name: str, score: Mapping[str, int]) -> str:
-    """Draw a score as an HTML bar without legend; a screen reader reads `score_line`.
-
-    Parameters
-    ----------
-    name : str
-        What was counted.
-    score : mapping of str to int
-        Counts by verdict.
-
-    Returns
-    -------
-    str
-    """
-    total = sum(score.values())
-    parts = "".join(
-        f'<span class="verdict-{escape(verdict)}" style="width:{100 * count / total:.2f}%"></span>'
-        for verdict, count in score.items()
-        if count
-    )
-    return f'<div class="scorebar" role="img" aria-label="{escape(score_line(name, score))}">{parts}</div>'
-
-
-def scorebar(name: str, score: Mapping[str, int]) -> Display:
-    """Show a score as a bar with a legend.
-
-    Parameters
-    ----------
-    name : str
-        What was counted.
-    score : mapping of str to int
-        Counts by verdict.
-
-    Returns
-    -------
-    Display
-    """
-    legend = "".join(
-        f'<li class="verdict-{escape(verdict)}">{escape(verdict)} {count}</li>'
-        for verdict, count in score.items()
-        if count
-    )
-    return Display(f'{bar(name, score)}\n<ul class="scorelegend">{legend}</ul>', score_line(name, score))
+def _entries(row: Sequence[Cell], header: Sequence[str], heading: int) -> str:
+    """Cells as HTML; on a phone, where a row becomes a block, a number is labelled by the heading of its column."""
+    html, column = "", 0
+    for place, cell in enumerate(row):
+        span = f' colspan="{cell.span}"' if cell.span > 1 else ""
+        label = f' data-label="{escape(header[column])}"' if cell.kind == "number" else ""
+        tag, scope = ("th", ' scope="row"') if place == heading else ("td", "")
+        html += f'<{tag}{scope} class="{cell.kind}"{span}{label}>{cell.html}</{tag}>'
+        column += cell.span
+    return html

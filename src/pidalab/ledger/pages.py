@@ -1,24 +1,32 @@
-"""All ledgers together: the pages *Scoreboard* and *Errata*, and the score of the README."""
+"""All ledgers together: the pages *Scoreboard* and *Errata*, and the table of conventions."""
 
 import re
-from collections import Counter
 from pathlib import Path
 
-from pidalab.ledger import display
 from pidalab.ledger.book import Ledger
-from pidalab.ledger.display import Display, number, words
+from pidalab.ledger.conventions import CONVENTIONS
+from pidalab.ledger.display import Cell, Display, chip, grid, markup, number, words
 from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import find_folder, papers
-from pidalab.ledger.rows import NO_EVIDENCE
+from pidalab.ledger.rows import NO_EVIDENCE, Row
 from pidalab.ledger.running import has_checks
-from pidalab.ledger.verdicts import VERDICTS
+from pidalab.ledger.scores import bar, score
+from pidalab.ledger.tables import claim, evidence
+from pidalab.ledger.verdicts import BASES, VERDICTS
 
-NOTICE = (
-    "Each entry compares a paper, as read, with a computation that can be repeated here. "
-    "Some of the texts were read by machine, so what looks like a misprint may be a reading error of ours. "
-    "Corrections are welcome."
-)
-BEGIN, END = "<!-- score -->", "<!-- /score -->"
+ERRATA = {
+    "misprint": (
+        "Misprints",
+        "What is printed contradicts another line of the same paper, or arithmetic, in a way that no lost or misread "
+        "character explains. Such slips are in every good paper, and in this book; none of these changes what a paper "
+        "is about. The note says what speaks against the print.",
+    ),
+    "as-read": (
+        "As we read it",
+        "Here what we read does not hold, and we cannot tell whether the print or our reading of it is at fault: some "
+        "texts were read by machine, and a lost dot, sign or index is enough. The note says what would hold.",
+    ),
+}
 
 
 def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
@@ -58,17 +66,36 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     return books
 
 
-def _scores(folder: Path | str | None) -> dict[str, dict[str, int]]:
-    """Count by paper and verdict, the total last."""
-    scores = {paper: book.score() for paper, book in load_all(folder).items()}
-    total: Counter[str] = Counter()
-    for score in scores.values():
-        total.update(score)
-    return {**scores, "total": {verdict: total[verdict] for verdict in VERDICTS}}
+def titles(folder: Path) -> dict[str, str]:
+    """Read the titles of the papers from the references beside the ledgers.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Folder of the csv files; ``references.bib`` lies above it.
+
+    Returns
+    -------
+    dict of str to str
+        By key; empty without references.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> book = Path(tempfile.mkdtemp())
+    >>> _ = (book / "references.bib").write_text("@article{demo2020,\\n  title = {On {PIDA}},\\n}")
+    >>> titles(book / "ledger")
+    {'demo2020': 'On PIDA'}
+    """
+    path = folder.parent / "references.bib"
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    entries = re.findall(r"@\w+\{(\w+),(.*?)\n\}", text, re.DOTALL)
+    found = {key: re.search(r"\btitle\s*=\s*\{(.*)\},?", body) for key, body in entries}
+    return {key: re.sub(r"[{}]", "", title.group(1)).replace("--", "–") for key, title in found.items() if title}
 
 
 def scoreboard(folder: Path | str | None = None) -> Display:
-    """Show the claims of all papers by verdict, with a bar for each paper.
+    """Show the claims of all papers by verdict and basis, with a bar for each paper.
 
     Parameters
     ----------
@@ -88,20 +115,26 @@ def scoreboard(folder: Path | str | None = None) -> Display:
     --------
     >>> import tempfile
     >>> print(scoreboard(tempfile.mkdtemp()).text.splitlines()[-1])
-    claims          0
+    claims           0
     """
-    scores = _scores(folder)
-    rows = [
-        [display.chip(verdict), *(number(str(score[verdict])) for score in scores.values())] for verdict in VERDICTS
-    ]
-    rows.append([words("claims"), *(number(str(sum(score.values()))) for score in scores.values())])
-    table = display.grid("scoreboard", ("verdict", *scores), rows)
-    bars = "".join(f"<p>{words(paper).html}</p>{display.bar(paper, score)}" for paper, score in scores.items())
+    books = load_all(folder)
+    rows = {paper: [*book.rows.values()] for paper, book in books.items()}
+    rows["total"] = [row for book in books.values() for row in book.rows.values()]
+    body = [_count(rows, basis, verdict) for basis in BASES for verdict in VERDICTS]
+    body = [line for line in body if line[-1].text != "0"]
+    body.append([words(""), words("claims"), *(number(str(len(part))) for part in rows.values())])
+    table = grid("scoreboard", ("basis", "verdict", *rows), body, heading=1)
+    bars = "".join(f"<p>{markup(paper)}</p>{bar(paper, score(part))}" for paper, part in rows.items() if part)
     return Display(f"{bars}\n{table.html}", table.text)
 
 
+def _count(rows: dict[str, list[Row]], basis: str, verdict: str) -> list[Cell]:
+    counts = (sum(row.verdict == verdict and row.basis == basis for row in part) for part in rows.values())
+    return [words(basis), Cell(verdict, chip(verdict)), *(number(str(count)) for count in counts)]
+
+
 def errata(folder: Path | str | None = None) -> Display:
-    """Show the misprints of all papers, each with its proof.
+    """Show where a print, or our reading of it, does not hold: by verdict and paper, each with what speaks against it.
 
     Parameters
     ----------
@@ -120,94 +153,51 @@ def errata(folder: Path | str | None = None) -> Display:
     Examples
     --------
     >>> import tempfile
-    >>> print(errata(tempfile.mkdtemp()).text.splitlines()[-1])
-    claim  printed, as read  should be
+    >>> print(errata(tempfile.mkdtemp()).text.splitlines()[0])
+    Misprints
     """
-    misprints = [
-        (paper, row)
-        for paper, book in load_all(folder).items()
-        for row in book.rows.values()
-        if row.verdict == "misprint"
-    ]
-    rows = [
+    books = load_all(folder)
+    place = Path(folder) if folder is not None else find_folder()
+    named = titles(place)
+    html, text = [], []
+    for verdict, (heading, said) in ERRATA.items():
+        html += [f"<h2>{heading}</h2>", f'<p class="errata-notice">{said}</p>']
+        text += [heading, said]
+        for paper, book in books.items():
+            rows = [row for row in book.rows.values() if row.verdict == verdict]
+            if rows:
+                table = _corrections(rows)
+                html += [f"<h3>{markup(named.get(paper, paper))} ({paper})</h3>", table.html]
+                text += [f"{named.get(paper, paper)} ({paper})", table.text]
+    return Display("\n".join(html), "\n".join(text))
+
+
+def _corrections(rows: list[Row]) -> Display:
+    """One table of rows that are printed, or read, otherwise than they follow."""
+    header = ("claim", "printed, as read", "follows", "why")
+    cells = [
         [
-            display.claim(row, f"{paper}, {row.where}"),
-            number(row.printed) if row.is_number else words(""),
-            number(row.shown()) if row.is_number else words("does not hold"),
+            claim(row, row.where, unfold=False),
+            *((number(row.printed), number(row.shown())) if row.is_number else (evidence(row, span=2),)),
+            words(row.note),
         ]
-        for paper, row in misprints
+        for row in rows
     ]
-    header = ("claim", "printed, as read", "should be")
-    table = display.grid("errata", header, rows, [f"Proof. {row.note}" for _, row in misprints])
-    return Display(f'<p class="errata-notice">{NOTICE}</p>\n{table.html}', f"{NOTICE}\n\n{table.text}")
+    return grid("errata", header, cells)
 
 
-def score_markdown(folder: Path | str | None = None) -> str:
-    """Return the scoreboard as a Markdown table between two comments, which `write_score` finds again.
-
-    Parameters
-    ----------
-    folder : path, optional
-        As in `load_all`.
+def convention_table() -> Display:
+    """Show what words such as *similar* and *clearly* mean in all ledgers.
 
     Returns
     -------
-    str
-
-    Raises
-    ------
-    LedgerError
-        As in `load_all`.
+    Display
 
     Examples
     --------
-    >>> import tempfile
-    >>> print(score_markdown(tempfile.mkdtemp()).splitlines()[0])
-    <!-- score -->
+    >>> print(convention_table().text.splitlines()[1])
+    similar, about, comparable                             within 10 % of the larger
     """
-    scores = _scores(folder)
-    header = ["verdict", *scores]
-    rows = [[verdict, *(str(score[verdict]) for score in scores.values())] for verdict in VERDICTS]
-    rows.append(["**claims**", *(f"**{sum(score.values())}**" for score in scores.values())])
-    lines = [header, ["---", *("--:" for _ in header[1:])], *rows]
-    return "\n".join([BEGIN, "", *("| " + " | ".join(line) + " |" for line in lines), "", END])
-
-
-def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
-    r"""Bring the score in a Markdown file up to date.
-
-    Parameters
-    ----------
-    path : path
-        A file with one block from ``<!-- score -->`` to ``<!-- /score -->``.
-    folder : path, optional
-        As in `load_all`.
-
-    Returns
-    -------
-    bool
-        Whether the file changed.
-
-    Raises
-    ------
-    LedgerError
-        If the file has no such block or more than one, and as in `load_all`.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = Path(tempfile.mkdtemp())
-    >>> _ = (folder / "README.md").write_text("# Title\n\n<!-- score -->\n<!-- /score -->\n")
-    >>> write_score(folder / "README.md", folder), write_score(folder / "README.md", folder)
-    (True, False)
-    """
-    file = Path(path)
-    old = file.read_text(encoding="utf-8")
-    block = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
-    if len(block.findall(old)) != 1:
-        raise LedgerError(f"{path}: expected one block from {BEGIN} to {END}, found {len(block.findall(old))}")
-    score = score_markdown(folder)
-    new = block.sub(lambda _: score, old)
-    if new != old:
-        file.write_text(new, encoding="utf-8", newline="\n")
-    return new != old
+    cells = [[words(entry.words), words(entry.meaning)] for entry in CONVENTIONS.values()]
+    cells.append([words("the same formula, an identity"), words("a relative residual of at most 1e-9")])
+    return grid("conventions", ("a paper says", "the ledger asks"), cells)

@@ -17,6 +17,7 @@ from pidalab.ledger.digits import (
     plain,
     read_number,
     same_text,
+    shorten,
     significant,
     significant_place,
 )
@@ -33,6 +34,7 @@ COMPARE: dict[str, Callable[[Any, Any], bool]] = {
 }
 RELATIONS = (*COMPARE, "within")
 _TEXT = re.compile(r"(\S+) (<=?|>=?|==|!=|within) (\S+)((?: \| [^|]+)*)")
+_SIGNS = {**{relation: relation for relation in COMPARE}, "<=": "≤", ">=": "≥", "==": "=", "!=": "≠", "within": "≈"}
 _ROUNDING = "rounding"
 
 
@@ -209,7 +211,7 @@ class Evidence:
         Examples
         --------
         >>> print(Evidence.of(1.0, "<", 2.5, names=("PIDA", "PID"), convention="clearly"))
-        1.000000000 < 2.500000000 | PIDA, PID | clearly: at least 20 %, here 60 %
+        1.000000000 < 2.500000000 | PIDA against PID | clearly: at least 20 %, here 60 %
         """
         left, right = plain(left), plain(right)
         convention = convention or getattr(relation, "convention", None)
@@ -217,7 +219,7 @@ class Evidence:
         if relation in ("==", "!=") and not (isinstance(left, int) and isinstance(right, int)):
             raise LedgerError(f"{relation!r} is for integers, found {left!r} and {right!r}; use identity for reals")
         remarks = [
-            ", ".join(name for name in names if name),
+            " against ".join(name for name in names if name),
             getattr(relation, "remark", ""),
             find_convention(convention).remark(left, relation, right) if convention else "",
         ]
@@ -363,13 +365,35 @@ class Evidence:
             and same_text(" | ".join(self.remarks), " | ".join(fresh.remarks))
         )
 
+    def shown(self) -> str:
+        """Return the relation for a reader: four digits, or as many as tell both sides apart.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> Evidence.parse("1.234567000 <= 1.234891000").shown()
+        '1.2346 ≤ 1.2349'
+        """
+        if self.is_rounding:
+            return f"largest residual {self.left} {_SIGNS[self.relation]} {self.right}"
+        sides = (self.left, self.right)
+        short = next(
+            pair
+            for digits in range(4, 2 * DIGITS)
+            if len({*(pair := tuple(shorten(side, digits) for side in sides))}) == len({*sides}) or digits > DIGITS
+        )
+        return f"{short[0]} {_SIGNS[self.relation]} {short[1]}"
+
     def nearness(self) -> str:
         """Say how near the decision was.
 
         Returns
         -------
         str
-            Empty for integers that are equal or not, and for rounding.
+            Empty for what is equal or not, for rounding, and beside an infinite number.
 
         Examples
         --------

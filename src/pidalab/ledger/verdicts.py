@@ -25,6 +25,7 @@ BASES = {
 }
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person decides these; all others follow
 STATEMENT = ("holds", "fails")
+CONFIRMING = ("reproduced", "last-digit", "approximate", "holds")
 AGREEING = ("reproduced", "approximate", "holds")  # a declared disagreement must give none of these
 
 _HALF = (1 + SLACK) / 2
