@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +25,47 @@ if TYPE_CHECKING:  # only who asks for a transfer function waits for python-cont
 Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
 
 
+class AutomaticReset(NamedTuple):
+    """Integral action as a lag behind the limited control signal, fed back positively around a stabilising controller.
+
+    Attributes
+    ----------
+    time : float
+        Time constant of the lag.
+    stabiliser : ndarray
+        Polynomial of the stabilising controller, descending powers of s.
+    filter_time, filter_order : float, int
+        Its binomial filter.
+    """
+
+    time: float
+    stabiliser: Array
+    filter_time: float
+    filter_order: int
+
+
 class Controller:
     """What all controllers share: evaluation, and printing themselves in every form."""
+
+    limits: tuple[float, float] = (-math.inf, math.inf)  # of the control signal
+
+    def automatic_reset(self) -> AutomaticReset | None:
+        """Return the reset that makes the integral action, None where an integrator does.
+
+        Returns
+        -------
+        AutomaticReset or None
+            What a simulation with limits has to run.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.SeriesPIDA(1.0, 0.5, 0.0, ti=2.0, filter_time=0.1, filter_order=1).automatic_reset().time
+        2.0
+        >>> pidalab.PIDA(kp=1.0, ti=2.0).automatic_reset() is None
+        True
+        """
+        return None
 
     def transfer_function(self) -> control.TransferFunction:
         """Return the filtered controller as an object of python-control.
@@ -471,6 +510,24 @@ class SeriesPIDA(Controller):
         """
         den = np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0])
         return _without_common_s(np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]), den)
+
+    def automatic_reset(self) -> AutomaticReset:
+        """Return the reset: eqs. (3) and (4).
+
+        Returns
+        -------
+        AutomaticReset
+            Of time constant ti around the PDA controller.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.SeriesPIDA(kp=1.0, kd=0.5, ka=0.0, ti=2.0, filter_time=0.1, filter_order=1)
+        >>> C.automatic_reset().stabiliser.tolist()
+        [0.5, 1.0]
+        """
+        stabiliser = _check.polynomial("gains", [self.ka, self.kd, self.kp])
+        return AutomaticReset(self.ti, stabiliser, self.filter_time, self.filter_order)
 
     def reset_signal(self, u: ArrayLike, sample_time: float) -> Array:
         """State of the automatic reset, a lag behind the limited control signal: eq. (3).

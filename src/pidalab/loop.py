@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
-from pidalab.controllers import Controller, Fraction
+from pidalab.controllers import AutomaticReset, Controller, Fraction
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, rational
 
@@ -107,6 +107,16 @@ class Loop:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Loop, (self.process, self.controller, self.output_filter, self.prefilter)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Limits of the control signal that the controller brings along; infinite without any."""
+        return self.controller.limits if isinstance(self.controller, Controller) else Controller.limits
+
+    @property
+    def automatic_reset(self) -> AutomaticReset | None:
+        """Automatic reset of the controller, None where its integral action is an integrator."""
+        return self.controller.automatic_reset() if isinstance(self.controller, Controller) else None
 
     def block(self, name: str, s: ArrayLike) -> Any:
         """Evaluate the rational part of one block at complex s.

@@ -43,7 +43,6 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from pidalab import _check
-from pidalab.controllers import SeriesPIDA
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
 from pidalab.robustness._infimum import TOLERANCE, LinearPart, infimum
@@ -107,15 +106,17 @@ def linear_part(loop: Loop) -> LinearPart:
     """
     num, den = open_loop(loop)
     zeros, poles, ti = np.roots(num), np.roots(den), math.inf
-    if isinstance(loop.controller, SeriesPIDA):
-        C, ti = loop.controller, loop.controller.ti
+    reset = loop.automatic_reset
+    if reset is not None:
+        # F: process, output filter and stabilising controller, without the reset
+        ti = reset.time
         rest = [loop.blocks[name] for name in ("process", "output_filter")]
-        stabiliser = _check.polynomial("gains", [C.ka, C.kd, C.kp])
-        num = np.convolve(stabiliser, np.convolve(rest[0][0], rest[1][0]))
-        zeros = np.concatenate([np.roots(p) for p in (stabiliser, rest[0][0], rest[1][0])])
+        num = np.convolve(reset.stabiliser, np.convolve(rest[0][0], rest[1][0]))
+        zeros = np.concatenate([np.roots(p) for p in (reset.stabiliser, rest[0][0], rest[1][0])])
         # the filter's pole is known: as a root of a polynomial, being multiple, it would be found to a few digits
-        poles = np.concatenate([np.full(C.filter_order, -1 / C.filter_time), *(np.roots(den) for _, den in rest)])
-        den = np.convolve(binomial(C.filter_time, C.filter_order), np.convolve(rest[0][1], rest[1][1]))
+        own = np.full(reset.filter_order, -1 / reset.filter_time)
+        poles = np.concatenate([own, *(np.roots(den) for _, den in rest)])
+        den = np.convolve(binomial(reset.filter_time, reset.filter_order), np.convolve(rest[0][1], rest[1][1]))
     part = LinearPart(Process(num, den, loop.process.delay), zeros, poles[poles != 0], ti)
     _check_assumptions(part, int(np.sum(poles == 0)))
     return part

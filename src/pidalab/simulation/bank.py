@@ -12,7 +12,7 @@ from scipy.special import gammainc
 
 from pidalab._check import Array
 from pidalab.controllers import SeriesPIDA
-from pidalab.loop import Loop
+from pidalab.loop import Loop, require_loop
 from pidalab.simulation.lanes import Controllers
 
 ALLOWED = {
@@ -40,8 +40,7 @@ class Bank(NamedTuple):
             raise TypeError(
                 f"parameters must be a mapping or a DataFrame of arrays by name, found {type(parameters).__name__}"
             )
-        own = loop.controller
-        assert isinstance(own, SeriesPIDA)
+        own = series_controller(loop)
         values = {name: np.asarray(getattr(own, name)) for name in ALLOWED}
         for name, given in dict(parameters).items():  # not what iterates: a Series of pandas has its values there
             if name not in ALLOWED:
@@ -105,6 +104,14 @@ class Bank(NamedTuple):
         return Bank(size, values, self.order, [cut(x) for x in self.num], [cut(x) for x in self.den])
 
 
+def series_controller(loop: Loop) -> SeriesPIDA:
+    """Return the controller whose parameters differ from set to set, or raise."""
+    require_loop(loop)
+    if not isinstance(loop.controller, SeriesPIDA) or loop.output_filter is not None:
+        raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
+    return loop.controller
+
+
 def _real(name: str, value: ArrayLike) -> Array:
     try:
         array = np.asarray(value)
@@ -152,45 +159,66 @@ def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
     (sets,) = bank.shape
     size = -(-sets // lanes) * lanes
     kp, kd, ka, ti, time = (_padded(bank.values[name], sets, size) for name in ALLOWED)
-    n = bank.order
-    tau = h / time
-    # Derivatives of the filter's output are differences of its last states, and of its input where there are too few.
-    rows = np.zeros((n + 3, size))
-    rows[n + 2] = kp - kd / time + ka / time**2
-    rows[n + 1] = kd / time - 2 * ka / time**2
-    rows[n] = ka / time**2
-    if n == 0:
-        rows[2] = kp
-    elif n == 1:
-        rows[3], rows[2] = kp - kd / time, kd / time
+    n, tau = bank.order, h / time
+    direct, reading = _readings(kp, kd, ka, time, n)
+    # what a held input of 1 makes of the states in a sample: state j of a chain of lags is an incomplete gamma function
+    filling = gammainc(np.arange(n)[:, None] + 1, tau)
+    # the same input and output in the basis in which the transition takes the fewest operations
     into, back = _change_of_basis(tau, n)
-    filling, reading = gammainc(np.arange(n)[:, None] + 1, tau), rows[3:]
-    gamma, c = np.zeros_like(reading), np.zeros_like(reading)
+    gamma, c = np.zeros_like(filling), np.zeros_like(filling)
     for j in range(n):
         gamma += back[:, j] * filling[j]
         c += into[j] * reading[j]
-    prefilter = _prefilter(bank, sets, size, h)
-    whole = (np.exp(-tau), tau * np.exp(-tau), gamma, c, rows[2], -np.expm1(-h / ti), *prefilter)
+    # transition of a state, and what it hands on to the next; share of the control signal that the reset takes up
+    stay, move = np.exp(-tau), tau * np.exp(-tau)
+    new = -np.expm1(-h / ti)
+    whole = (stay, move, gamma, c, direct, new, *_prefilter(bank, sets, size, h))
+    # cut into groups that lie together in memory
     for start in range(0, size, lanes):
         yield Controllers(*(np.ascontiguousarray(x[..., start : start + lanes]) for x in whole))
 
 
+def _readings(kp: Array, kd: Array, ka: Array, time: Array, n: int) -> tuple[Array, Array]:
+    """Return what kp + kd s + ka s^2 behind the chain of lags takes from its input, (sets,), and states, (n, sets).
+
+    Each lag has s x_n = (x_{n-1} - x_n)/T_f: derivatives of the output are differences of the last states, and of the
+    input where there are too few.
+    """
+    # kd s: x_n from x_{n-1}; ka s^2: from x_{n-2}, too
+    of_last = kp - kd / time + ka / time**2
+    of_next = kd / time - 2 * ka / time**2
+    of_third = ka / time**2
+    if n == 0:
+        return kp, np.zeros((0, time.size))
+    if n == 1:
+        return kd / time, (kp - kd / time)[None, :]
+    rows = np.zeros((n + 1, time.size))  # the input first, then the states
+    rows[n] = of_last
+    rows[n - 1] = of_next
+    rows[n - 2] = of_third
+    return rows[0], rows[1:]
+
+
 def _change_of_basis(tau: Array, n: int) -> tuple[Array, Array]:
     """Return the matrix of the vectors M^k e_1 and its inverse, (n, n, sets): powers of (e^tx - 1)/t, log(1 + tx)/t."""
-    into, back = np.zeros((n, n, tau.size)), np.zeros((n, n, tau.size))
-    second, first = np.eye(n), np.eye(n)  # Stirling numbers
+    # Stirling numbers of the second kind (powers of e^x - 1) and, with signs, of the first (of log(1 + x))
+    second, first = np.eye(n), np.eye(n)
     for j in range(1, n):
         for k in range(1, n):
             second[j, k] = second[j - 1, k - 1] + k * second[j - 1, k]
             first[j, k] = first[j - 1, k - 1] - (j - 1) * first[j - 1, k]
+    # coefficient of x^j in the k-th power, with x in units of 1/tau
+    into, back = np.zeros((n, n, tau.size)), np.zeros((n, n, tau.size))
     for j in range(n):
         for k in range(j + 1):
             scaled = tau ** (j - k) * math.factorial(k) / math.factorial(j)
-            into[j, k], back[j, k] = second[j, k] * scaled, first[j, k] * scaled
+            into[j, k] = second[j, k] * scaled
+            back[j, k] = first[j, k] * scaled
     return into, back
 
 
 def _padded(x: Array, sets: int, size: int) -> Array:
+    """Repeat a number for all sets, and the last set up to a full group."""
     full = np.broadcast_to(x, (sets,))
     return np.concatenate([full, np.repeat(full[-1:], size - sets)])
 
@@ -198,20 +226,25 @@ def _padded(x: Array, sets: int, size: int) -> Array:
 def _prefilter(bank: Bank, sets: int, size: int, h: float) -> tuple[Array, Array, Array, Array]:
     """Discretise the prefilters in controllable form, in a time unit of their own; the sets are the last axis."""
     q = len(bank.den) - 1
+    # monic denominators, one row for each set
     num = np.stack([_padded(x, sets, size) for x in bank.num], axis=-1)
     den = np.stack([_padded(x, sets, size) for x in bank.den], axis=-1)
     num, den = num / den[:, :1], den / den[:, :1]
-    d = num[:, 0]
-    unit = np.abs(den[:, -1:]) ** (-1 / max(q, 1))  # a time; s times it is about 1 at the poles
+    # a unit of time in which s is about 1 at the poles, so that the companion matrix is well scaled
+    unit = np.abs(den[:, -1:]) ** (-1 / max(q, 1))
     scale = unit ** np.arange(q + 1)
     num, den = num * scale, den * scale
+    # the held input as a further state: one exponential gives both its transition and its influence
     augmented = np.zeros((size, q + 1, q + 1))
     if q:
         augmented[:, :q, :q] = _companion(den)
         augmented[:, 0, q] = 1.0
     transition = _exponentials(augmented * (h / unit)[:, :, None])
+    phi, gamma = transition[:, :q, :q], transition[:, :q, q]
+    # output: what is left of the numerator when the direct share is taken out
+    d = num[:, 0]
     c = num[:, 1:] - d[:, None] * den[:, 1:]
-    return tuple(np.moveaxis(x, 0, -1) for x in (transition[:, :q, :q], transition[:, :q, q], c, d))  # type: ignore
+    return tuple(np.moveaxis(x, 0, -1) for x in (phi, gamma, c, d))  # type: ignore[return-value]
 
 
 def _exponentials(M: Array) -> Array:
@@ -219,13 +252,17 @@ def _exponentials(M: Array) -> Array:
 
     The k is each matrix's own, so that its bits do not depend on the others.
     """
+    # halve each matrix until its norm is at most 1/4
     largest = np.max(np.sum(np.abs(M), axis=-1), axis=-1, initial=1e-300)[:, None, None]
     k = np.maximum(0, np.ceil(np.log2(4 * largest))).astype(int)
-    part, total = M / 2.0**k, np.zeros_like(M) + np.eye(M.shape[-1])
+    part = M / 2.0**k
+    # Taylor's series; what is left out is 0.25^16/16! = 1e-23
+    total = np.zeros_like(M) + np.eye(M.shape[-1])
     term = total
-    for i in range(1, 16):  # 0.25^16/16! is 1e-23
+    for i in range(1, 16):
         term = term @ part / i
         total = total + term
+    # square as often as each was halved
     for done in range(int(k.max())):
         total = np.where(k > done, total @ total, total)
     return total

@@ -45,28 +45,36 @@ def run(
 ) -> Array:
     """Run the loops of all lanes and return their measures, shape (measures, LANES)."""
     order, degree, states = own.gamma.shape[0], own.prefilter_gamma.shape[0], plant.c.size
+    # a ring of the inputs of the plant, as long as its dead time
     size = plant.ago[0] + 1
-    past = np.zeros((size, LANES))  # a ring of the inputs of the plant, as long as its dead time
+    past = np.zeros((size, LANES))
     slot = 0
+    # states of plant, controller and prefilter; the last row of z is the nothing that is handed on to the first
     x, x_new = np.zeros((states, LANES)), np.zeros((states, LANES))
-    z = np.zeros((order + 1, LANES))  # the last row is the nothing that is handed on to the first
+    z = np.zeros((order + 1, LANES))
     f, f_new = np.zeros((degree, LANES)), np.zeros((degree, LANES))
+    # signals, their values one sample ago, and what the measures need
     error, wanted, integral = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    y, y_old, area_old, u_old = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    curve, plain, largest, mixed = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES, np.int64)
+    y, y_old = np.zeros(LANES), np.zeros(LANES)
+    area_old, u_old = np.zeros(LANES), np.zeros(LANES)
+    curve, plain = np.zeros(LANES), np.zeros(LANES)
+    largest, mixed = np.zeros(LANES), np.zeros(LANES, np.int64)
     m = np.zeros((len(MEASURES), LANES))
     for k in range(reference.size):
+        # output at the sample; a direct path sees the input that entered the dead time first
         after = slot + 1 if slot + 1 < size else 0
         y[:] = 0.0
         _add_scaled(plant.c, x, y)
         if plant.d != 0:
             y += plant.d * past[after]
+        # measures of the interval that ends here; the last state is the running integral of y
         area = x[states - 1]
         if k:
             _integrate(m, curve, plain, mixed, largest, y_old, y, area_old, area, reference[k - 1], h, h * (k - 1))
         _follow(m[TV_Y], m[Y_MIN], m[Y_MAX], y, y_old)
         area_old[:] = area
 
+        # filtered set point, and the prefilter one sample on
         _scale(own.prefilter_d, reference[k], error)
         if degree:
             _add_products(own.prefilter_c, f, error)
@@ -74,20 +82,25 @@ def run(
                 _scale(own.prefilter_gamma[row], reference[k], f_new[row])
                 _add_products(own.prefilter_phi[row], f, f_new[row])
             f, f_new = f_new, f
+        # control error, less the measurement
         for i in range(LANES):
             error[i] -= y[i] + noise[k]
             wanted[i] = own.d[i] * error[i]
+        # stabilising controller: read each state, then move it on; from the last, as each hands on to the next
         for row in range(order - 1, -1, -1):
-            state, previous, gamma, c = z[row], z[row - 1 if row else order], own.gamma[row], own.c[row]
+            state, previous = z[row], z[row - 1 if row else order]
+            gamma, c = own.gamma[row], own.c[row]
             for i in range(LANES):
                 wanted[i] += c[i] * state[i]
             for i in range(LANES):
                 state[i] = own.stay[i] * state[i] + own.move[i] * previous[i] + gamma[i] * error[i]
+        # limited control signal, and the reset that follows it
         u = past[slot]
         for i in range(LANES):
             u[i] = min(max(wanted[i] + integral[i], low), high)
             integral[i] += own.new[i] * (u[i] - integral[i])
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
+        # the load joins it; then the plant crosses the interval, piece by piece
         for i in range(LANES):
             u[i] += load[k]
         for piece in range(plant.ago.size):
@@ -159,10 +172,12 @@ def _integrate(
     start: float,
 ) -> None:
     """Take a sample interval into the integrals of the error, by the parabolas of `Response`, over h."""
+    # curvature of the parabola through both ends with the exact area, and its mean
     for i in range(LANES):
         curve[i] = 3.0 * (r - y_old[i] + r - y[i]) - 6.0 * (r - (area[i] - area_old[i]) / h)
     for i in range(LANES):
         plain[i] = 0.5 * (r - y_old[i] + r - y[i]) - SIXTH * curve[i]
+    # integrals of e, |e| and t |e| as if e had one sign
     for i in range(LANES):
         m[IE, i] += plain[i]
     for i in range(LANES):
@@ -170,17 +185,19 @@ def _integrate(
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         m[ITAE, i] += abs(start * plain[i] + h * (SIXTH * (first + 2.0 * last) - 0.5 * SIXTH * curve[i]))
+    # integral of e^2, exact
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         bent = curve[i] * (0.2 * curve[i] - first - last)
         m[ISE, i] += SIXTH * (2.0 * (first * first + first * last + last * last) + bent)
+    # where e may change its sign: the parabola is within |curve|/4 of its chord, so not if both ends are farther from 0
     for i in range(LANES):
         largest[i] = max(largest[i], max(abs(r - y_old[i]), abs(r - y[i])))
     for i in range(LANES):
-        # The parabola is within |curve|/4 of its chord: no change of sign if both ends are farther from 0.
         first, last = r - y_old[i], r - y[i]
         near = abs(first + last) - abs(first - last) <= 0.5 * abs(curve[i])
         mixed[i] = near & (max(abs(first), abs(last)) > NEGLIGIBLE * largest[i])
+    # there, what the parts of the other sign add
     some = 0
     for i in range(LANES):
         some += mixed[i]
@@ -195,6 +212,7 @@ def _integrate(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
     """By how much the integrals of |e| and (start + h s) |e| over 0..1 exceed those of a parabola of one sign."""
+    # roots between 0 and 1, in order, without cancellation
     cuts = np.array([0.0, 0.0, 0.0, 1.0])
     square = c1 * c1 - 4 * c2 * c0
     if square >= 0:
@@ -203,12 +221,18 @@ def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[fl
         cuts[2] = min(max(c0 / q, 0.0), 1.0) if q != 0 else 0.0
         if cuts[1] > cuts[2]:
             cuts[1], cuts[2] = cuts[2], cuts[1]
-    plain, weighted, plain_sum, weighted_sum, before, before_rising = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    # antiderivatives at the cuts: absolute values of their differences, and the differences
+    plain, weighted = 0.0, 0.0
+    plain_sum, weighted_sum = 0.0, 0.0
+    before, before_rising = 0.0, 0.0
     for s in cuts[1:]:
         area = s * (c0 + s * (0.5 * c1 + s * THIRD * c2))
         moment = s * s * (0.5 * c0 + s * (THIRD * c1 + 0.25 * s * c2))
-        part, part_weighted = area - before, start * (area - before) + h * (moment - before_rising)
-        plain, weighted = plain + abs(part), weighted + abs(part_weighted)
-        plain_sum, weighted_sum = plain_sum + part, weighted_sum + part_weighted
+        part = area - before
+        part_weighted = start * part + h * (moment - before_rising)
+        plain += abs(part)
+        weighted += abs(part_weighted)
+        plain_sum += part
+        weighted_sum += part_weighted
         before, before_rising = area, moment
     return plain - abs(plain_sum), weighted - abs(weighted_sum)

@@ -18,11 +18,10 @@ from tqdm import tqdm
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.controllers import SeriesPIDA
-from pidalab.loop import Loop, open_loop
+from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.simulation import lanes
-from pidalab.simulation.bank import Bank, controllers
+from pidalab.simulation.bank import Bank, controllers, series_controller
 from pidalab.simulation.sampled import limits_at_rest
 from pidalab.simulation.sampled_controller import require_fine_enough
 from pidalab.simulation.steps import Actuator, plant_steps
@@ -159,9 +158,7 @@ def portrait(
 
     With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
-    open_loop(loop)  # complains about what is not a loop
-    if not isinstance(loop.controller, SeriesPIDA) or loop.output_filter is not None:
-        raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
+    series_controller(loop)
     t = _check.uniform_time("t", t)
     signals = {
         name: _compact(name, x, t.size) for name, x in (("setpoint", setpoint), ("load", load), ("noise", noise))

@@ -25,7 +25,6 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.controllers import SeriesPIDA
 from pidalab.loop import Loop, require_loop
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process
@@ -142,13 +141,12 @@ def simulate_sampled(
 def limits_at_rest(loop: Loop, limits: tuple[float, float]) -> tuple[float, float]:
     """Check limits, which may be infinite, against the state of rest; limits of the controller hold too."""
     low, high = _check.limits(limits)
-    if isinstance(loop.controller, SeriesPIDA):
-        low, high = max(low, loop.controller.limits[0]), min(high, loop.controller.limits[1])
+    low, high = max(low, loop.limits[0]), min(high, loop.limits[1])
     if not low <= 0 <= high or low == high:
         raise ValueError(
             "limits must be (lower, upper) with lower < upper, and hold 0, the control signal at rest "
             f"(give them as distances from the state of rest); found {limits!r}"
-            + (f" and {loop.controller.limits!r} of the controller" if isinstance(loop.controller, SeriesPIDA) else "")
+            + (f" and {loop.limits!r} of the controller" if np.isfinite(loop.limits).any() else "")
         )
     return low, high
 

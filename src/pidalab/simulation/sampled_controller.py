@@ -26,8 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pidalab import _check
-from pidalab.controllers import SeriesPIDA
+from pidalab.controllers import AutomaticReset
 from pidalab.loop import Loop
 from pidalab.process import binomial
 from pidalab.simulation.statespace import StateSpace, discretise
@@ -49,10 +48,11 @@ def sampled_controller(loop: Loop, h: float, anti_windup: str | None) -> Sampled
     """Discretise the controller of a loop, its output filter included, for the sample time h."""
     if anti_windup is not None and anti_windup not in ANTI_WINDUP:
         raise ValueError(f"anti_windup must be None, 'clamping' or 'conditioning', found {anti_windup!r}")
-    if isinstance(loop.controller, SeriesPIDA):
+    if loop.automatic_reset is not None:
         if anti_windup is not None:
-            raise ValueError(f"anti_windup must be None for a SeriesPIDA, whose reset is one; found {anti_windup!r}")
-        return _with_reset(loop, loop.controller, h)
+            kind = type(loop.controller).__name__
+            raise ValueError(f"anti_windup must be None for a {kind}, whose reset is one; found {anti_windup!r}")
+        return _with_reset(loop, loop.automatic_reset, h)
     num, den = (np.convolve(a, b) for a, b in zip(loop.blocks["controller"], loop.blocks["output_filter"], strict=True))
     if anti_windup is None:
         return SampledController(discretise(num, den, h), 0.0, 0.0, 0.0, False)
@@ -87,11 +87,13 @@ def require_fine_enough(h: float, filter_time: float) -> None:
         )
 
 
-def _with_reset(loop: Loop, own: SeriesPIDA, h: float) -> SampledController:
-    if own.filter_order:
-        require_fine_enough(h, own.filter_time)
+def _with_reset(loop: Loop, reset: AutomaticReset, h: float) -> SampledController:
+    """Discretise the stabilising controller with its filters; the reset is the integral."""
+    if reset.filter_order:
+        require_fine_enough(h, reset.filter_time)
     num, den = loop.blocks["output_filter"]
-    num = _check.polynomial("gains", np.convolve(num, [own.ka, own.kd, own.kp]))
-    block = discretise(num, np.convolve(den, binomial(own.filter_time, own.filter_order)), h)
-    new = -math.expm1(-h / own.ti)
+    filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
+    block = discretise(np.convolve(num, reset.stabiliser), filters, h)
+    # share of the control signal that the lag of the reset takes up in a sample
+    new = -math.expm1(-h / reset.time)
     return SampledController(block, 0.0, new, new, False)

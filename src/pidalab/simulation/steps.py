@@ -58,9 +58,10 @@ def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
         main, direct = (realise(*rational(name, getattr(plant, name))) for name in ("main", "direct"))
         systems = [_with_store(main, direct, time) for time in (plant.fall, plant.rise)]
         c, d = np.concatenate([[main.d], main.c, direct.c]), direct.d
-    A = np.stack([np.block([[A, np.zeros((b.size, 1))], [c[None, :], np.zeros((1, 1))]]) for A, b in systems])
-    b = np.stack([np.append(b, d) for _, b in systems])
-    return PlantStates(A, b, np.append(c, 0.0), d, plant.delay)
+    # one more state: the running integral of c x + d w
+    with_integral = [np.block([[A, np.zeros((b.size, 1))], [c[None, :], np.zeros((1, 1))]]) for A, b in systems]
+    inputs = [np.append(b, d) for _, b in systems]
+    return PlantStates(np.stack(with_integral), np.stack(inputs), np.append(c, 0.0), d, plant.delay)
 
 
 def _with_store(main: StateSpace, direct: StateSpace, time: float) -> tuple[Array, Array]:
@@ -82,10 +83,14 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
         )
     if actuator.widths and (states.d or isinstance(plant, AsymmetricPlant)):
         raise ValueError(f"pulse_widths needs a linear plant without direct feedthrough, found {plant!r}")
+    # the dead time in whole samples and a part of one: until the part has passed, an input one sample older is at work
     samples = plant.delay / h
     whole = math.floor(samples + ALIGNED)
     part = h * (samples - whole)
-    pieces = [(h, whole, 0.0)] if part < h * ALIGNED else [(part, whole + 1, h - part), (h - part, whole, 0.0)]
+    # pieces of the sample: how long, how many samples ago their input was set, and how long after a pulse they begin
+    aligned, misaligned = [(h, whole, 0.0)], [(part, whole + 1, h - part), (h - part, whole, 0.0)]
+    pieces = aligned if part < h * ALIGNED else misaligned
+    # across each piece, for both systems of the plant
     across = [[held(A, b, time) for A, b in zip(states.A, states.b, strict=True)] for time, _, _ in pieces]
     return Steps(
         phi=np.array([[phi for phi, _ in both] for both in across]),
@@ -103,10 +108,12 @@ def _pulses(states: PlantStates, time: float, since: float, h: float, actuator: 
     added = np.zeros((widths + 1, b.size))
     if not widths:
         return added
+    # how long each pulse is on within the piece; what an input of 1 makes of all of it, and of one part of a sample
     on = np.clip(h * np.arange(widths + 1) / widths - since, 0.0, time)
     whole = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
-    after = None  # what an input of 1 makes in the rest of the piece after the pulse: from the widest pulse down
+    # a pulse adds the whole piece less the rest after it; the rest grows by one part from each pulse to the shorter one
+    after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:
             after = held(A, b, time - on[width])[1] if after is None else phi @ after + gamma
