@@ -97,10 +97,10 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     Returns
     -------
     Design
-        The controller. Its `info`: ``gains`` K_-1, K_0, ..., K_m; ``filter_time`` T_F; ``static_gain`` A_0 of the
-        process; ``ie``, the integral of the error after a unit step of the filtered set point, 1/(A_0 K_-1), eq. (37);
-        ``uncertainty``, the standard uncertainty of each gain in its own unit, from that of the areas; zeros for a
-        model.
+        The controller. Its `info`: ``gains`` :math:`K_{-1}` to :math:`K_m`; ``filter_time`` T_F; ``static_gain`` A_0
+        of the process; ``ie``, the integral of the error after a unit step of the filtered set point,
+        :math:`1/(A_0 K_{-1})`, eq. (37); ``uncertainty``, the standard uncertainty of each gain in its own unit, from
+        that of the areas; zeros for a model.
 
     Raises
     ------
