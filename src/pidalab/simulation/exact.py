@@ -24,18 +24,12 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import matrix_balance
-from scipy.signal import fftconvolve
 
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, require_loop
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.simulation.ladder import ladder_for
-from pidalab.simulation.realisation import cut_at_delay
-
-RUN = 6  # requested times served from one stack, as a power of two
 
 
 def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
@@ -69,63 +63,14 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     >>> unit_step_responses(square, np.arange(6) * 0.5, "r")[0, 0].tolist()
     [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        unit = _unit_step_responses(loop, t, inputs)
-    lost = ~np.isfinite(unit).all(axis=(0, 1))
-    if lost.any():
+    from pidalab.simulation.ladder import responses  # compiled code: loaded when it is needed
+    from pidalab.simulation.realisation import cut_at_delay
+
+    unit = responses(cut_at_delay(loop, inputs), t.size, t[-1] / (t.size - 1), loop.process.delay)
+    if not np.isfinite(unit).all():
+        lost = ~np.isfinite(unit).all(axis=(0, 1))
         raise ValueError(f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}")
     return unit
-
-
-def _unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
-    cut = cut_at_delay(loop, inputs)
-    n, step, delay = t.size, t[-1] / (t.size - 1), loop.process.delay
-    _, (scale, _) = matrix_balance(np.abs(cut.A) + np.abs(np.outer(cut.b, cut.c_v)), permute=False, separate=True)
-    cut = cut._replace(
-        A=cut.A * scale / scale[:, None],
-        b=cut.b / scale,
-        c_v=cut.c_v * scale,
-        C=cut.C * scale,
-        x0=cut.x0 / scale[:, None],
-    )
-    order, channels = cut.x0.shape
-    times = step * np.arange(n)
-    slack = 8 * np.finfo(float).eps * times  # a time this close to a multiple of the delay is that multiple
-    interval = np.floor((times + slack) / delay).astype(int) if delay else np.zeros(n, dtype=int)
-    intervals = int(interval[-1])
-    ladder, transition = ladder_for(cut, delay, intervals, step, times[-1])
-    depth = ladder.depth
-
-    anchors = np.zeros((intervals + 1 + depth, order, channels))  # newest first; before t = 0 all is zero
-    anchors[intervals] = cut.x0
-    for k in range(intervals - 1, -1, -1):
-        anchors[k] = transition @ anchors[k + 1 : k + 2 + depth].reshape(-1, channels)
-
-    present, first, count = np.unique(interval, return_index=True, return_counts=True)
-    windows = (intervals - present)[:, None] + np.arange(depth + 1)
-    stacks = anchors[windows].transpose(2, 1, 0, 3).reshape(order, depth + 1, -1)
-    distance = np.maximum(times[first] - present * delay, 0.0)
-    distance[distance <= slack[first]] = 0.0
-    stacks = ladder.carry(stacks, np.repeat(distance, channels))
-
-    past = cut.d[:, None, None] * (cut.d_v ** np.arange(depth, dtype=float))[:, None] * cut.c_v
-    rows = np.concatenate([cut.C[:, None], past], axis=1)
-    base = ladder.steps.index(step)
-    run = 1 << min(int(count.max() - 1).bit_length(), RUN)
-    for rung in ladder.rungs[base : base + run.bit_length() - 1]:
-        rows = np.concatenate([rows, ladder.continued(rows, rung)])
-
-    result = np.empty((channels, 3, n))
-    stop = first + count
-    for start in range(0, int(count.max()), run):  # all intervals at once, one run after the other
-        if start:
-            stacks = ladder.advanced(stacks, ladder.rungs[base + RUN])
-        states = stacks.transpose(1, 0, 2).reshape((depth + 1) * order, -1)
-        values = (rows.reshape(3 * run, -1) @ states).reshape(run, 3, present.size, channels)
-        index = np.arange(start, start + run)[:, None] + first
-        asked = index < stop
-        result[:, :, index[asked]] = values.transpose(3, 1, 0, 2)[:, :, asked]
-    return result
 
 
 def simulate(
@@ -166,7 +111,8 @@ def simulate(
     """
     require_loop(loop)
     t = _check.uniform_time("t", t)
-    return simulate_ensemble(loop, t, _check.signal("noise", noise, t.size)[None, :], setpoint, load)[0]
+    r, d, n = (_check.signal(*pair, t.size) for pair in (("setpoint", setpoint), ("load", load), ("noise", noise)))
+    return respond(loop, t, r, d, [n])[0]
 
 
 def simulate_ensemble(
@@ -208,27 +154,36 @@ def simulate_ensemble(
     rows = list(noise) if np.iterable(noise) else []
     if not rows or not all(np.iterable(row) for row in rows):
         raise ValueError("noise must have one record in each row (shape (k, n)), found no rows")
-    records = np.stack([_check.signal("noise", row, t.size) for row in rows])
-    signals = {"r": _check.signal("setpoint", setpoint, t.size), "d": _check.signal("load", load, t.size)}
-    driven = [key for key, signal in signals.items() if np.any(signal)] + (["n"] if np.any(records) else [])
-    unit = unit_step_responses(loop, t, "".join(driven)) if driven else np.zeros((0, 3, t.size))
+    records = [_check.signal("noise", row, t.size) for row in rows]
+    r, d = _check.signal("setpoint", setpoint, t.size), _check.signal("load", load, t.size)
+    return respond(loop, t, r, d, records)
+
+
+def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> list[Response]:
+    """Responses to set point and load under each record of noise; the arrays have been checked."""
+    require_loop(loop)
+    noisy = any(record.any() for record in records)
+    driven = "r" * bool(r.any()) + "d" * bool(d.any()) + "n" * noisy
+    unit = unit_step_responses(loop, t, driven) if driven else np.zeros((0, 3, t.size))
     common = np.zeros((3, t.size))
-    for i, key in enumerate(driven):
+    for key, response in zip(driven, unit, strict=True):
         if key != "n":
-            common = common + _superpose(unit[i], signals[key], t)
+            common = common + _superpose(response, r if key == "r" else d, t)
     responses = []
-    for record in records:
-        y, area, u = common + (_superpose(unit[-1], record, t) if np.any(record) else 0.0)
-        responses.append(Response(t=t, r=signals["r"], d=signals["d"], n=record, y=y, u=u, area=area))
+    for n in records:
+        y, area, u = common + _superpose(unit[-1], n, t) if n.any() else common.copy()
+        responses.append(Response.of_checked(t=t, r=r, d=d, n=n, y=y, u=u, area=area))
         _require_within_limits(loop, responses[-1])
     return responses
 
 
 def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     """Add up unit step responses, one for each change of a held signal."""
+    if (signal[1:] == signal[:-1]).all():
+        return unit * signal[0]
     changes = np.diff(signal, prepend=0.0)
-    if not np.any(changes[1:]):
-        return unit * changes[0]
+    from scipy.signal import fftconvolve
+
     # FFT convolution rounds relative to its largest value; damping a growing response first (and undoing it after)
     # makes that the largest value up to each time, so that an unstable loop keeps its digits from the start.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
@@ -241,6 +196,8 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
 
 def _require_within_limits(loop: Loop, response: Response) -> None:
     low, high = getattr(loop.controller, "limits", (-np.inf, np.inf))
+    if low == -np.inf and high == np.inf:
+        return
     outside = np.flatnonzero((response.u < low) | (response.u > high))
     if outside.size:
         i = int(outside[0])

@@ -1,134 +1,390 @@
-"""Exponentials of the block Toeplitz matrix of a loop with dead time: see `pidalab.simulation.exact`."""
+r"""Exponentials of the block Toeplitz matrix of a loop with dead time, and its step responses: see
+`pidalab.simulation.exact`.
+
+An element of the ring is an array (order, powers of z times order): the transposed coefficients :math:`\Phi_k^T`
+side by side, as far as they matter. States are rows, and elements act on them from the right; all are power series of one
+matrix, so they commute.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pidalab._check import Array
+from pidalab._compiled import compiled
 from pidalab.simulation.realisation import Cut
 
 LARGEST = 4000  # states in a stack: beyond, the simulation takes too long
-FADED = 1e-24  # size, relative to the largest, below which a coefficient of a short exponential is dropped
+WORK = 1e9  # multiplications from dead time to dead time beyond which it takes too long
+FADED = 1e-22  # size, relative to the largest, below which a coefficient of a short exponential is dropped
 FORGOTTEN = 1e-20  # size, relative to the largest, below which the influence of a distant past is nothing in double
+RUN = 64  # requested times served from one stack
+TERMS = 17  # of the Taylor series, for a norm of at most 1/2
+DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
 
-class Ladder:
-    """Exponentials of the ring matrix A(z) over step * 2^p, cut off after `depth` powers of z.
-
-    A rung is the array of its coefficients, (powers of z, order, order), without the 1 of the exponential and as long
-    as the coefficients matter. Stacks are arrays (order, depth + 1, columns), the newest state first.
-    """
-
-    def __init__(self, cut: Cut, depth: int, step: float, longest: float) -> None:
-        self.cut, self.depth, self.order = cut, depth, cut.b.size
-        delayed = np.abs(cut.b).sum() * np.abs(cut.c_v).max() * np.float64(max(1.0, abs(cut.d_v))) ** depth
-        norm = float(np.abs(cut.A).sum(axis=0).max()) + delayed
-        if not norm * step < 1e300:
-            raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
-        low = -max(0, int(np.ceil(np.log2(2.0 * norm * step)))) if norm else 0
-        high = max(low, int(np.floor(np.log2(longest / step))))
-        self.steps = [step * 2.0**p for p in range(low, high + 1)]
-        self.rungs = [self._series(self.steps[0])]
-        for _ in self.steps[1:]:
-            self.rungs.append(self._doubled(self.rungs[-1]))
-
-    def _oldest(self) -> Array:
-        """Return the stacks with a unit state in the oldest place: what becomes of them are the coefficients."""
-        stacks = np.zeros((self.order, self.depth + 1, self.order))
-        stacks[:, -1] = np.eye(self.order)
-        return stacks
-
-    def _series(self, tau: float) -> Array:
-        """Taylor series of exp(A(z) tau) - 1, for small tau."""
-        oldest = self._oldest()
-        change = self._taylor(oldest, np.full(self.order, tau)) - oldest
-        return _shortened(change.transpose(1, 0, 2)[::-1])
-
-    def _taylor(self, stacks: Array, tau: Array) -> Array:
-        """Carry stacks over durations no longer than the lowest rung (norm * tau <= 1/2)."""
-        total, term = stacks.copy(), stacks
-        for k in range(1, 18):
-            term = self._derivative(term) * (tau / k)
-            total += term
-        return total
-
-    def _derivative(self, stacks: Array) -> Array:
-        """Apply A(z): every state of the stack is driven by the delayed process input of the next older one."""
-        flat = stacks.reshape(self.order, -1)
-        v = (self.cut.c_v @ flat).reshape(self.depth + 1, -1)
-        if self.cut.d_v:
-            for age in range(self.depth - 1, -1, -1):
-                v[age] += self.cut.d_v * v[age + 1]
-        change = (self.cut.A @ flat).reshape(stacks.shape)
-        change[:, :-1] += self.cut.b[:, None, None] * v[1:]
-        return change
-
-    def _doubled(self, rung: Array) -> Array:
-        """exp(2a) - 1 = 2 (exp(a) - 1) + (exp(a) - 1)^2."""
-        count = min(2 * len(rung) - 1, self.depth + 1)
-        square = np.zeros((self.order, count * self.order))
-        strip = rung.transpose(1, 0, 2).reshape(self.order, -1)
-        for j, coefficient in enumerate(rung):
-            width = min(strip.shape[1], (count - j) * self.order)
-            square[:, j * self.order : j * self.order + width] += coefficient @ strip[:, :width]
-        element = square.reshape(self.order, count, self.order).transpose(1, 0, 2)
-        element[: len(rung)] += 2 * rung
-        return _shortened(element)
-
-    def advanced(self, stacks: Array, rung: Array) -> Array:
-        """Carry stacks over the duration of one rung."""
-        columns = stacks.shape[2]
-        before = stacks.reshape(self.order, -1)
-        after = before.copy()
-        for j, coefficient in enumerate(rung):
-            after[:, : before.shape[1] - j * columns] += coefficient @ before[:, j * columns :]
-        return after.reshape(stacks.shape)
-
-    def continued(self, rows: Array, rung: Array) -> Array:
-        """Let rows (rows, depth + 1, order) read the stack one rung later."""
-        after = rows.copy()
-        for j, coefficient in enumerate(rung):
-            after[:, j:] += (rows.reshape(-1, self.order) @ coefficient).reshape(rows.shape)[:, : self.depth + 1 - j]
-        return after
-
-    def carry(self, stacks: Array, tau: Array) -> Array:
-        """Carry stacks over durations tau, one for each column."""
-        stacks, tau = stacks.copy(), tau.copy()
-        for step, rung in zip(reversed(self.steps), reversed(self.rungs), strict=True):
-            while np.any(due := tau >= step):
-                stacks[:, :, due] = self.advanced(stacks[:, :, due], rung)
-                tau[due] -= step
-        rest = tau > 0
-        if np.any(rest):
-            stacks[:, :, rest] = self._taylor(stacks[:, :, rest], tau[rest])
-        return stacks
-
-    def transition(self, tau: float) -> Array:
-        """Return the Phi_j(tau) side by side, shape (order, (depth + 1) order)."""
-        return self.carry(self._oldest(), np.full(self.order, tau))[:, ::-1].reshape(self.order, -1)
+def responses(cut: Cut, n: int, step: float, delay: float) -> Array:
+    """Values of y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n)."""
+    step, delay = step / cut.unit, delay / cut.unit
+    intervals = (n - 1) * step / delay if delay else 0.0
+    if not intervals < 1e9:
+        raise ValueError(_too_many(intervals))
+    result, depth, status = _responses(*cut[:-1], step, delay, n)
+    if status == TOO_LARGE:
+        raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
+    if status == TOO_MANY:
+        raise ValueError(_too_many(intervals))
+    if status == TOO_DEEP:
+        raise ValueError(
+            f"the loop still remembers what happened {depth} dead times ago (|L| is near 1 or above at "
+            f"infinite frequency), which can be followed over {LARGEST // cut.b.size} dead times and not "
+            f"over {intervals:.0f}; shorten t"
+        )
+    result[:, 1] *= cut.unit
+    return result
 
 
-def _shortened(element: Array) -> Array:
+def _too_many(intervals: float) -> str:
+    return (
+        f"t spans {intervals:.3g} dead times, too many to follow one after the other; shorten t, or leave out a dead "
+        "time as short as that"
+    )
+
+
+@compiled
+def _balanced(A, b, c):
+    """Powers of 2 that make rows and columns of |A| + |b c| alike, as a change of units of the states."""
+    n = b.size
+    scale = np.ones(n)
+    for _ in range(30):
+        settled = True
+        for i in range(n):
+            row, column = 0.0, 0.0
+            for j in range(n):
+                if j != i:
+                    row += (abs(A[i, j]) + abs(b[i] * c[j])) * scale[j] / scale[i]
+                    column += (abs(A[j, i]) + abs(b[j] * c[i])) * scale[i] / scale[j]
+            if row > 0.0 and column > 0.0 and row < 1e300 and column < 1e300:
+                factor = 2.0 ** np.round(0.5 * np.log2(row / column))
+                if factor != 1.0:
+                    scale[i] *= factor
+                    settled = False
+        if settled:
+            break
+    return scale
+
+
+@compiled
+def _shortened(element, share):
     """Drop the last coefficients of a ring element once they no longer matter."""
-    size = np.abs(element).max(axis=(1, 2))
-    return element[: np.flatnonzero(size > FADED * size.max()).max(initial=0) + 1]
+    order = element.shape[0]
+    length = element.shape[1] // order
+    size = np.zeros(length)
+    for i in range(order):
+        for k in range(length):
+            for j in range(k * order, k * order + order):
+                size[k] = max(size[k], abs(element[i, j]))
+    least = share * size.max()
+    while length > 1 and size[length - 1] <= least:
+        length -= 1
+    return element if length * order == element.shape[1] else element[:, : length * order].copy()
 
 
-def ladder_for(cut: Cut, delay: float, intervals: int, step: float, end: float) -> tuple[Ladder, Array]:
-    """Return a ladder deep enough for the loop's memory, and its transition over one dead time."""
-    if delay == 0.0:
-        return Ladder(cut, 0, step, end), np.zeros((cut.b.size, cut.b.size))
-    depth = min(intervals, 24)
-    while True:
-        if depth * cut.b.size > LARGEST:
-            raise ValueError(
-                f"the loop still remembers what happened {depth // 2} dead times ago (|L| is near 1 or above at "
-                f"infinite frequency), which can be followed over {LARGEST // cut.b.size} dead times and not "
-                f"over {intervals}; shorten t"
-            )
-        ladder = Ladder(cut, depth, step, max(delay, step))
-        transition = ladder.transition(delay)
-        sizes = np.abs(transition).reshape(cut.b.size, depth + 1, cut.b.size).max(axis=(0, 2))
-        if depth == intervals or sizes[-3:].max() < FORGOTTEN * sizes.max():
-            return ladder, transition
-        depth = min(2 * depth, intervals)
+@compiled
+def _taylor(tau, most, A, b, c, d):
+    """Power series of the exponential less 1, over a time that is no longer than the lowest rung."""
+    order = b.size
+    term = np.zeros((order, order))  # transposed here: columns are states, since A has many zeros
+    for i in range(order):
+        term[i, i] = 1.0
+    total = np.zeros((order, order))
+    v = np.zeros(order)
+    for n in range(1, TERMS + 1):
+        length = term.shape[1] // order
+        after = np.zeros((order, order * (min(most, length + 1) if d == 0.0 else most)))
+        for i in range(order):
+            for k in range(order):
+                factor = A[i, k] * tau / n
+                if factor != 0.0:
+                    for j in range(term.shape[1]):
+                        after[i, j] += factor * term[k, j]
+        # the delayed process input of the next older states
+        v[:] = 0.0
+        for age in range(after.shape[1] // order):
+            at = age * order
+            for i in range(order):
+                factor = b[i] * tau / n
+                for j in range(order):
+                    after[i, at + j] += factor * v[j]
+            v *= d
+            if age < length:
+                for k in range(order):
+                    for j in range(order):
+                        v[j] += c[k] * term[k, at + j]
+        term = _shortened(after, FADED)
+        if term.shape[1] > total.shape[1]:
+            longer = np.zeros(term.shape)
+            longer[:, : total.shape[1]] = total
+            total = longer
+        for i in range(order):
+            for j in range(term.shape[1]):
+                total[i, j] += term[i, j]
+    out = np.zeros(total.shape)
+    for at in range(0, total.shape[1], order):
+        for i in range(order):
+            for j in range(order):
+                out[i, at + j] = total[j, at + i]
+    return out
+
+
+@compiled
+def _product(first, second, most):
+    """(1 + first) (1 + second) - 1, for ring elements."""
+    order = first.shape[0]
+    width = min(most * order, first.shape[1] + second.shape[1] - order)
+    out = np.zeros((order, width))
+    for i in range(order):
+        for j in range(min(width, first.shape[1])):
+            out[i, j] += first[i, j]
+        for j in range(min(width, second.shape[1])):
+            out[i, j] += second[i, j]
+        for at in range(0, min(width, first.shape[1]), order):
+            wide = min(width - at, second.shape[1])
+            row = out[i, at : at + wide]
+            for k in range(order):
+                factor = first[i, at + k]
+                if factor != 0.0:
+                    for j in range(wide):
+                        row[j] += factor * second[k, j]
+    return _shortened(out, FADED)
+
+
+@compiled
+def _ladder(A, b, c, d, step, top, growth, most):
+    """Exponentials less 1 over step 2^p, from a short one by doubling up to p = top, and the lowest p."""
+    norm = 0.0
+    for j in range(b.size):
+        norm = max(norm, np.abs(A[:, j]).sum())
+    norm += np.abs(b).sum() * np.abs(c).max() * growth
+    rungs = [np.zeros((1, 1)) for _ in range(0)]
+    if not norm * step < 1e300:
+        return rungs, 0
+    low = min(top, 0)
+    while norm * step * 2.0**low > 0.5:
+        low -= 1
+    rungs.append(_taylor(step * 2.0**low, most, A, b, c, d))
+    for _ in range(low, top):
+        rungs.append(_product(rungs[-1], rungs[-1], most))
+    return rungs, low
+
+
+@compiled
+def _read(out, stack, element, depth):
+    """Add to a state what the coefficients of an element make of the stack (ages, states), newest first."""
+    order = out.size
+    for age in range(depth):
+        for i in range(order):
+            value = stack[age, i]
+            if value != 0.0:
+                for j in range(order):
+                    out[j] += value * element[i, age * order + j]
+
+
+@compiled
+def _carry(stack, tau, rungs, step, low, A, b, c, d):
+    """Carry a stack over a duration: by the rungs that are its binary digits, and a Taylor series at the end."""
+    ages, order = stack.shape
+    for p in range(len(rungs) - 1, -1, -1):
+        duration = step * 2.0 ** (low + p)
+        while tau >= duration:
+            _advance(stack, rungs[p])
+            tau -= duration
+    if tau > 0.0:
+        term = stack.copy()
+        for n in range(1, TERMS + 1):
+            after = np.zeros(stack.shape)
+            v = 0.0  # the delayed process input, from the oldest on
+            for age in range(ages - 1, -1, -1):
+                for i in range(order):
+                    change = b[i] * v
+                    for k in range(order):
+                        change += A[i, k] * term[age, k]
+                    after[age, i] = change * tau / n
+                v *= d
+                for i in range(order):
+                    v += c[i] * term[age, i]
+            term = after
+            stack += term
+
+
+@compiled
+def _advance(stack, rung):
+    """Carry a stack over the duration of a rung."""
+    ages, order = stack.shape
+    for age in range(ages):  # each level reads itself and older ones, which have not moved yet
+        change = stack[age].copy()
+        _read(change, stack[age:], rung, min(rung.shape[1] // order, ages - age))
+        stack[age] = change
+
+
+@compiled
+def _transition(rungs, step, low, tau, most, A, b, c, d):
+    """The exponential over tau, less 1."""
+    out = np.zeros((b.size, b.size))
+    for p in range(len(rungs) - 1, -1, -1):
+        duration = step * 2.0 ** (low + p)
+        while tau >= duration:
+            out = _product(out, rungs[p], most)
+            tau -= duration
+    if tau > 0.0:
+        out = _product(out, _taylor(tau, most, A, b, c, d), most)
+    return out
+
+
+@compiled
+def _rows(C, direct, c, d, levels, run, rungs, base):
+    """What the outputs at `run` times in succession read of a stack: (states, ages, times and outputs)."""
+    order, wide = C.shape[1], 3 * run
+    ages = 1
+    for q in range(3):
+        if direct[q] != 0.0:
+            ages = 2 if d == 0.0 else levels
+    ages = min(ages, levels)
+    rows = np.zeros((order, ages, wide))
+    for i in range(order):
+        for q in range(3):
+            rows[i, 0, q] = C[q, i]
+            for age in range(1, ages):  # the direct part of an output reads all older process inputs
+                rows[i, age, q] = direct[q] * d ** (age - 1) * c[i]
+    have, p = 3, base
+    while have < wide:  # as many again, one rung later
+        rung = rungs[p]
+        reach = rung.shape[1] // order
+        longer = np.zeros((order, min(levels, ages + reach - 1), wide))
+        for i in range(order):
+            for age in range(ages):
+                for m in range(have):
+                    longer[i, age, m] = rows[i, age, m]
+                    longer[i, age, have + m] += rows[i, age, m]
+            for k in range(min(reach, longer.shape[1])):
+                for j in range(order):
+                    factor = rung[i, k * order + j]
+                    if factor != 0.0:
+                        for age in range(min(ages, longer.shape[1] - k)):
+                            for m in range(have):
+                                longer[i, k + age, have + m] += factor * rows[j, age, m]
+        # drop ages that do not matter
+        size = np.zeros(longer.shape[1])
+        for i in range(order):
+            for age in range(size.size):
+                for m in range(2 * have):
+                    size[age] = max(size[age], abs(longer[i, age, m]))
+        ages = size.size
+        while ages > 1 and size[ages - 1] <= FADED * size.max():
+            ages -= 1
+        rows, have, p = longer[:, :ages].copy(), 2 * have, p + 1
+    return rows
+
+
+@compiled
+def _combined(out, stack, rows):
+    """out = the stack's states times the rows, four at a time to spare the memory."""
+    order, ages, wide = rows.shape
+    out[:] = 0.0
+    flat = rows.reshape(order * ages, wide)
+    i = 0
+    while i + 4 <= flat.shape[0]:
+        a, b = stack[i % ages, i // ages], stack[(i + 1) % ages, (i + 1) // ages]
+        c, d = stack[(i + 2) % ages, (i + 2) // ages], stack[(i + 3) % ages, (i + 3) // ages]
+        for q in range(wide):
+            out[q] += a * flat[i, q] + b * flat[i + 1, q] + c * flat[i + 2, q] + d * flat[i + 3, q]
+        i += 4
+    while i < flat.shape[0]:
+        a = stack[i % ages, i // ages]
+        for q in range(wide):
+            out[q] += a * flat[i, q]
+        i += 1
+
+
+@compiled
+def _responses(A, b, c, d, C, direct, x0, step, delay, n):
+    """Step responses at n times, the number of dead times that matter, and whether all went well."""
+    size, channels = x0.shape
+    result = np.zeros((channels, 3, n))
+    scale = _balanced(A, b, c)
+    A, C, x0 = A.copy(), C.copy(), x0.copy()
+    b, c = b / scale, c * scale
+    for i in range(size):
+        for j in range(size):
+            A[i, j] *= scale[j] / scale[i]
+        C[:, i] *= scale[i]
+        x0[i] /= scale[i]
+
+    # a time as close to a multiple of the dead time as rounding is that multiple
+    eps = 8.0 * np.finfo(np.float64).eps
+    interval, first = np.zeros(n, dtype=np.int64), 0
+    if delay > 0.0:
+        for i in range(n):
+            interval[i] = int(np.floor(step * i * (1.0 + eps) / delay))
+    intervals = interval[n - 1]
+    # rungs up to a run of times, or to the dead time if that is shorter
+    top = 6
+    if delay > 0.0:
+        top = int(np.floor(np.log2(delay / step) + 1e-12))
+    growth = max(1.0, abs(d)) ** intervals if intervals > 0 else 0.0
+    rungs, low = _ladder(A, b, c, d, step, top, growth, min(intervals + 1, LARGEST // size + 1))
+    if len(rungs) == 0:
+        return result, 0, TOO_LARGE
+
+    # the stack must reach as far back as the loop remembers
+    levels = 1
+    anchors = np.zeros((channels, intervals + 1, size))  # newest first
+    for i in range(channels):
+        anchors[i, intervals] = x0[:, i]
+    if intervals > 0:
+        most = min(intervals + 1, LARGEST // size + 1)
+        transition = _transition(rungs, step, low, delay, most, A, b, c, d)
+        short = _shortened(transition, FORGOTTEN)
+        reach = short.shape[1] // size
+        levels = min(intervals + 1, max(reach, 2))
+        if reach == most and most < intervals + 1:
+            return result, levels, TOO_DEEP
+        if 1.0 * intervals * reach * size * size * channels > WORK:
+            return result, levels, TOO_MANY
+        for i in range(channels):
+            for k in range(intervals - 1, -1, -1):
+                anchors[i, k] = anchors[i, k + 1]
+                _read(anchors[i, k], anchors[i, k + 1 :], short, min(reach, intervals - k))
+
+    count, most_in_one = 0, 0
+    for i in range(n):
+        count = count + 1 if i > 0 and interval[i] == interval[i - 1] else 1
+        most_in_one = max(most_in_one, count)
+    run = 1
+    while run < min(most_in_one, RUN):
+        run *= 2
+    rows = _rows(C, direct, c, d, levels, run, rungs, -low)
+
+    out = np.zeros(3 * run)
+    while first < n:
+        k, last = interval[first], first
+        while last < n and interval[last] == k:
+            last += 1
+        # from the multiple of the dead time to the first time asked for
+        distance = step * first - k * delay
+        if distance <= eps * step * first:
+            distance = 0.0
+        for i in range(channels):
+            stack = np.zeros((levels, size))
+            for age in range(min(levels, k + 1)):
+                stack[age] = anchors[i, intervals - k + age]
+            _carry(stack, distance, rungs, step, low, A, b, c, d)
+            for start in range(first, last, run):
+                if start > first:
+                    _advance(stack, rungs[6 - low])
+                _combined(out, stack, rows)
+                for m in range(min(run, last - start)):
+                    for q in range(3):
+                        result[i, q, start + m] = out[3 * m + q]
+        first = last
+    return result, levels, DONE

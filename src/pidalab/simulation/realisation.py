@@ -4,26 +4,33 @@ A derivative filter a hundred thousand times faster than the plant computes s^2 
 states, divided by 1e-10: in double precision nothing is left. So the states are sorted by speed into groups, and groups
 of different speed are decoupled exactly: what a fast block makes of a slow signal is then a row over the slow states
 (the block's transfer function, evaluated at their matrix), and only its own fast transient stays a state.
+
+Within a group the states are a chain, pole by pole: numerators are written over 1, s - p_1, (s - p_1)(s - p_2), ...,
+so that poles may coincide. A complex pair is one link with two real states.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag, solve_sylvester
 
 from pidalab._check import Array
+from pidalab._compiled import compiled
 from pidalab.loop import Loop, require_well_posed
+from pidalab.roots import roots
 
 GAP = 10.0  # poles whose speeds differ by more than this factor go to different groups
+
+
+Ratio = tuple[Array, float, Any]  # numerator, leading coefficient of the denominator, poles by modulus
 
 
 class Cut(NamedTuple):
     """The loop opened at the dead time, driven by w(t) = v(t - delay), the delayed process input.
 
-    x' = A x + b w,  v = c_v x + d_v w,  outputs = C x + d w, from x(0) = x0; the step inputs are states too.
+    x' = A x + b w,  v = c_v x + d_v w,  outputs = C x + d w, from x(0) = x0; the step inputs are states too. Time is
+    counted in `unit`.
     """
 
     A: Array  # (d, d)
@@ -33,169 +40,403 @@ class Cut(NamedTuple):
     C: Array  # (3, d), rows: y, running integral of y, u
     d: Array  # (3,)
     x0: Array  # (d, inputs), the state just after a unit step on each input
-
-
-class Signal(NamedTuple):
-    """A signal as a row over the states of each group, plus its direct share of w."""
-
-    rows: list[Array]
-    direct: float
-
-
-def _monic(roots: Array) -> Array:
-    """Return the real monic polynomial with these roots; 1 where there are none."""
-    return np.atleast_1d(np.poly(roots)).real
-
-
-class Block:
-    """A proper rational function num/den, split into partial fractions by the speed of its poles."""
-
-    def __init__(self, num: Array, den: Array, edges: Array) -> None:
-        self.num, self.lead = num, den[0]
-        self.poles = np.roots(den)
-        self.group = np.searchsorted(edges, np.abs(self.poles))
-        self.direct = num[0] / den[0] if len(num) == len(den) else 0.0
-        self.fractions = [self._fraction(g) for g in range(edges.size + 1)]
-
-    def _fraction(self, g: int) -> tuple[Array, Array, Array]:
-        """Realise the partial fraction of group g as (A, b, c), worked out in the group's own time unit."""
-        own, others = self.poles[self.group == g], self.poles[self.group != g]
-        n = own.size
-        unit = np.max(np.abs(own), initial=0.0) or 1.0
-        M = np.eye(n, k=-1)  # multiplication by x = s/unit, modulo the group's own denominator
-        M[:, -1:] = -_monic(own / unit)[:0:-1, None]
-        numerator = np.zeros(n, dtype=complex)  # ascending powers of x
-        for coefficient in self.num * unit ** np.arange(len(self.num) - 1.0, -1.0, -1.0):
-            numerator = M @ numerator
-            numerator[:1] += coefficient
-        for p in others:
-            numerator = np.linalg.solve(unit * M - p * np.eye(n), numerator)
-        return unit * M, numerator.real * unit ** (1.0 - n) / self.lead, np.eye(1, n, n - 1)[0]
-
-    def faster_numerator(self, g: int) -> Array:
-        """Numerator of what is left when the groups up to g are taken out as partial fractions.
-
-        The division runs from the highest power down, where the fast terms are: no small difference is formed.
-        """
-        slow_num, slow_den = np.zeros(1), np.ones(1)
-        for k in range(g + 1):
-            A, b, _ = self.fractions[k]
-            den = _monic(self.poles[self.group == k])
-            unit = A[1, 0] if b.size > 1 else 1.0
-            num = (b * unit ** (b.size - 1.0 - np.arange(b.size)))[::-1]
-            slow_num = np.polyadd(np.convolve(slow_num, den), np.convolve(num, slow_den) if b.size else [0.0])
-            slow_den = np.convolve(slow_den, den)
-        fast_den = self.lead * _monic(self.poles[self.group > g])
-        return np.polydiv(np.polysub(self.num, np.convolve(slow_num, fast_den)), slow_den)[0]
-
-    def without_group(self, g: int, row: Array, A: Array) -> Array:
-        """Return row @ H(A) for the partial fractions of all groups but g: what they make of a signal of group g."""
-        if not np.any(row):
-            return np.zeros(row.size)
-        value = np.zeros(row.size, dtype=complex)
-        for coefficient in self.faster_numerator(g):
-            value = value @ A + coefficient * row
-        for p in self.poles[self.group > g]:
-            value = np.linalg.solve((A - p * np.eye(row.size)).T, value)
-        value /= self.lead
-        for k in range(g):
-            a, b, c = self.fractions[k]
-            value += c @ solve_sylvester(a, -A, -np.outer(b, row)) if b.size else 0.0
-        return value.real
-
-
-class _Assembly:
-    """States collected group by group while signals pass from block to block."""
-
-    def __init__(self, groups: int, inputs: int) -> None:
-        self.A = [np.zeros((0, 0)) for _ in range(groups)]
-        self.b = [np.zeros(0) for _ in range(groups)]
-        self.x0 = [np.zeros((0, inputs)) for _ in range(groups)]
-
-    def pad(self, signal: Signal) -> Signal:
-        """Lengthen the rows of an earlier signal to the states there are now."""
-        rows = [np.append(row, np.zeros(b.size - row.size)) for row, b in zip(signal.rows, self.b, strict=True)]
-        return Signal(rows, signal.direct)
-
-    def add(self, first: Signal, second: Signal, sign: float = 1.0) -> Signal:
-        """Return first + sign * second."""
-        first, second = self.pad(first), self.pad(second)
-        rows = [a + sign * b for a, b in zip(first.rows, second.rows, strict=True)]
-        return Signal(rows, first.direct + sign * second.direct)
-
-    def constant(self, index: int) -> Signal:
-        """Append the constant behind step input number `index` (a state of the slowest group)."""
-        self.A[0] = block_diag(self.A[0], 0.0)
-        self.b[0] = np.append(self.b[0], 0.0)
-        self.x0[0] = np.vstack([self.x0[0], np.eye(self.x0[0].shape[1])[index]])
-        rows = [np.zeros(b.size) for b in self.b]
-        rows[0][-1] = 1.0
-        return Signal(rows, 0.0)
-
-    def through(self, block: Block, source: Signal) -> Signal:
-        """Append `block` driven by `source`; returns its output."""
-        source = self.pad(source)
-        groups = range(len(self.A))
-        rows = [block.without_group(g, source.rows[g], self.A[g]) if self.b[g].size else np.zeros(0) for g in groups]
-        fresh = []
-        for g in groups:
-            a, b, c = block.fractions[g]
-            drive, start = b * source.direct, np.zeros((b.size, self.x0[g].shape[1]))
-            for k in groups:
-                if k != g and b.size and self.b[k].size:  # decoupled: the new state is x - X z
-                    X = solve_sylvester(a, -self.A[k], -np.outer(b, source.rows[k]))
-                    drive, start = drive - X @ self.b[k], start - X @ self.x0[k]
-            fresh.append((a, np.outer(b, source.rows[g]), drive, start, c))
-        for g, (a, coupling, drive, start, c) in enumerate(fresh):
-            old = self.b[g].size
-            self.A[g] = np.block([[self.A[g], np.zeros((old, c.size))], [coupling, a]])
-            self.b[g] = np.append(self.b[g], drive)
-            self.x0[g] = np.vstack([self.x0[g], start])
-            rows[g] = np.append(rows[g], c)
-        return Signal(rows, block.direct * source.direct)
+    unit: float
 
 
 def cut_at_delay(loop: Loop, inputs: str) -> Cut:
     """Open the loop at its dead time; `inputs` names the step inputs to keep, out of "r", "d", "n"."""
     require_well_posed(loop)
-    (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
-    ratios = {
-        "process": loop.blocks["process"],
-        "control": (np.convolve(c_num, f_num), np.convolve(c_den, f_den)),
-        "prefilter": loop.blocks["prefilter"],
-        "integral": (np.ones(1), np.array([1.0, 0.0])),
-    }
-    speeds = np.sort(np.abs(np.concatenate([np.roots(den) for _, den in ratios.values()])))
-    edges = np.array([np.sqrt(a * b) for a, b in pairwise(speeds) if b > GAP * a])
-    blocks = {name: Block(num, den, edges) for name, (num, den) in ratios.items()}
+    process, prefilter = _factored(*loop.blocks["process"]), _factored(*loop.blocks["prefilter"])
+    control = _product(_factored(*loop.blocks["controller"]), _factored(*loop.blocks["output_filter"]))
+    codes = np.array(["rdn".index(name) for name in inputs])
+    *system, unit = _assembled(*process, *control, *prefilter, codes, loop.process.delay)
+    if not np.isfinite(unit):
+        raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
+    return Cut(*system, unit)
 
-    states = _Assembly(edges.size + 1, len(inputs))
-    unit = {name: states.constant(i) for i, name in enumerate(inputs)}
-    nothing = Signal([np.zeros(b.size) for b in states.b], 0.0)
-    y = states.through(blocks["process"], nothing._replace(direct=1.0))
-    area = states.through(blocks["integral"], y)
-    setpoint = states.through(blocks["prefilter"], unit["r"]) if "r" in inputs else nothing
-    measured = states.add(y, unit.get("n", nothing))
-    u = states.through(blocks["control"], states.add(setpoint, measured, -1.0))
-    v = states.add(u, unit.get("d", nothing))
 
-    outputs = [states.pad(signal) for signal in (y, area, u)]
-    cut = Cut(
-        A=block_diag(*states.A),
-        b=np.concatenate(states.b),
-        c_v=np.concatenate(v.rows),
-        d_v=v.direct,
-        C=np.stack([np.concatenate(signal.rows) for signal in outputs]),
-        d=np.array([signal.direct for signal in outputs]),
-        x0=np.vstack(states.x0),
+def partial_fractions(num: Array, den: Array) -> tuple[list[tuple[Array, Array, Array]], float]:
+    """Split a proper rational function by the speed of its poles: all (A, b, c), and the direct part."""
+    num, lead, poles = _factored(num, den)
+    group = _groups(np.abs(poles), np.abs(poles))
+    A, b = _fractions(num, lead, poles, group)
+    parts = [] if poles.size else [(A, b, b)]
+    for g in np.unique(group):
+        own = np.flatnonzero(group == g)
+        parts.append((A[np.ix_(own, own)], b[own], np.eye(1, own.size, own.size - 1)[0]))
+    return parts, float(num[0] / lead) if len(num) == len(den) else 0.0
+
+
+def _factored(num: Array, den: Array) -> Ratio:
+    """Return numerator, leading coefficient of the denominator and poles."""
+    return (
+        np.array(num, order="C"),
+        float(den[0]),
+        np.array(roots(den)),
+    )  # copies: code is compiled for one kind of array
+
+
+def _product(first: Ratio, second: Ratio) -> Ratio:
+    """Return two blocks in series as one; nothing is cancelled."""
+    if second[2].size == 0 and second[0].size == 1:
+        return first[0] * second[0][0], first[1] * second[1], first[2]
+    poles = np.concatenate([first[2], second[2]])
+    return np.convolve(first[0], second[0]), first[1] * second[1], poles[np.argsort(np.abs(poles), kind="stable")]
+
+
+@compiled
+def _groups(poles, all_speeds):
+    """Group of each pole: the number of gaps between sorted speeds that lie below it."""
+    speeds = np.sort(all_speeds)
+    group = np.zeros(poles.size, dtype=np.int64)
+    for i in range(speeds.size - 1):
+        if speeds[i + 1] > GAP * speeds[i]:
+            edge = np.sqrt(speeds[i] * speeds[i + 1])
+            for j in range(poles.size):
+                if poles[j] > edge:
+                    group[j] += 1
+    return group
+
+
+@compiled
+def _in_unit(num, poles, unit):
+    """Numerator and poles in another unit of time; the leading coefficient of the denominator stays."""
+    scaled = np.zeros(num.size)
+    for k in range(num.size):
+        scaled[k] = num[k] * unit ** (poles.size - num.size + 1.0 + k)
+    return scaled, poles * unit
+
+
+@compiled
+def _monic(poles):
+    """Coefficients of the real monic polynomial with these roots, descending."""
+    out = np.zeros(poles.size + 1)
+    out[0] = 1.0
+    i = 0
+    while i < poles.size:
+        re, im = poles[i].real, poles[i].imag
+        if im == 0.0:
+            for k in range(i + 1, 0, -1):
+                out[k] -= re * out[k - 1]
+            i += 1
+        else:
+            size = re * re + im * im
+            for k in range(i + 2, 1, -1):
+                out[k] += size * out[k - 2] - 2.0 * re * out[k - 1]
+            out[1] -= 2.0 * re
+            i += 2
+    return out
+
+
+@compiled
+def _convolve(a, b):
+    out = np.zeros(a.size + b.size - 1)
+    for i in range(a.size):
+        for j in range(b.size):
+            out[i + j] += a[i] * b[j]
+    return out
+
+
+@compiled
+def _solve(matrix, right):
+    """Solve matrix @ x = right in place, by elimination with row exchange; returns right."""
+    n = right.size
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[best, k]):
+                best = i
+        if best != k:
+            for j in range(k, n):
+                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+            right[k], right[best] = right[best], right[k]
+        for i in range(k + 1, n):
+            factor = matrix[i, k] / matrix[k, k]
+            if factor != 0:
+                for j in range(k + 1, n):
+                    matrix[i, j] -= factor * matrix[k, j]
+                right[i] -= factor * right[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            right[k] -= matrix[k, j] * right[j]
+        right[k] /= matrix[k, k]
+    return right
+
+
+@compiled
+def _times(poles, value):
+    """Multiply by s, modulo the polynomial of the poles: value are coefficients over the chain's polynomials."""
+    i = value.size - 1
+    while i >= 0:
+        re, im = poles[i].real, poles[i].imag
+        if im == 0.0:
+            value[i] = re * value[i] + (value[i - 1] if i > 0 else 0.0)
+            i -= 1
+        else:  # the pair i - 1, i
+            first, second = value[i - 1], value[i]
+            value[i] = first + re * second
+            value[i - 1] = re * first - im * im * second + (value[i - 2] if i > 1 else 0.0)
+            i -= 2
+
+
+@compiled
+def _divided(poles, value, p):
+    """Divide by s - p, modulo the polynomial of the poles."""
+    i, before = 0, 0.0j
+    while i < value.size:
+        re, im = poles[i].real, poles[i].imag
+        if im == 0.0:
+            value[i] = before = (value[i] - before) / (re - p)
+            i += 1
+        else:
+            top, bottom, gap = value[i] - before, value[i + 1], re - p
+            size = gap * gap + im * im
+            value[i] = (gap * top + im * im * bottom) / size
+            value[i + 1] = before = (gap * bottom - top) / size
+            i += 2
+
+
+@compiled
+def _fractions(num, lead, poles, group):
+    """Realise the partial fractions over all groups, one chain each: A and b; c is 1 at the end of each chain."""
+    n = poles.size
+    A, b = np.zeros((n, n)), np.zeros(n)
+    lo = 0
+    while lo < n:
+        hi = lo
+        while hi < n and group[hi] == group[lo]:
+            hi += 1
+        # the chain counts in the speed of its fastest pole, so that its numbers are near 1
+        unit = abs(poles[hi - 1])
+        if unit == 0.0:
+            unit = 1.0
+        own = poles[lo:hi] / unit
+        # numerator modulo the own denominator, by Horner's rule, then divided by all other factors
+        value = np.zeros(hi - lo, dtype=np.complex128)
+        for k in range(num.size):
+            _times(own, value)
+            value[0] += num[k] * unit ** (num.size - 1.0 - k)
+        for k in range(n):
+            if k < lo or k >= hi:
+                _divided(own, value, poles[k] / unit)
+                value /= unit
+        for i in range(hi - lo):
+            b[lo + i] = value[i].real * unit ** (1.0 - (hi - lo)) / lead
+        # multiplication by s as a matrix
+        i = lo
+        while i < hi:
+            width = 1 if poles[i].imag == 0.0 else 2
+            A[i, i] = poles[i].real
+            if i > lo:
+                A[i, i - 1] = unit
+            if width == 2:
+                A[i + 1, i + 1] = poles[i].real
+                A[i, i + 1] = -(poles[i].imag ** 2) / unit
+                A[i + 1, i] = unit
+            i += width
+        lo = hi
+    return A, b
+
+
+@compiled
+def _without_slow(num, lead, poles, slow, A, b):
+    """Numerator of what is left when the first `slow` poles are taken out as partial fractions.
+
+    The division runs from the highest power down, where the fast terms are: no small difference is formed.
+    """
+    slow_num, slow_den = np.zeros(1), np.ones(1)
+    lo = 0
+    while lo < slow:
+        hi = lo + 1  # a chain ends where no link leads on
+        while hi < slow and A[hi, hi - 1] != 0.0:
+            hi += 1
+        unit = A[lo + 1, lo] if hi > lo + 1 else 1.0
+        own = np.zeros(hi - lo)
+        for i in range(hi - lo):
+            link = _monic(poles[lo : lo + i]) if i == 0 or poles[lo + i - 1].imag <= 0.0 else _half(poles[lo : lo + i])
+            for k in range(link.size):
+                own[hi - lo - link.size + k] += b[lo + i] * unit ** (hi - lo - 1.0 - i) * link[k]
+        den = _monic(poles[lo:hi])
+        left, right = _convolve(slow_num, den), _convolve(own, slow_den)
+        both = np.zeros(max(left.size, right.size))
+        both[both.size - left.size :] += left
+        both[both.size - right.size :] += right
+        slow_num, slow_den = both, _convolve(slow_den, den)
+        lo = hi
+    rest = np.zeros(poles.size + 1)
+    rest[rest.size - num.size :] += num
+    taken = lead * _convolve(slow_num, _monic(poles[slow:]))
+    excess = max(0, taken.size - rest.size)
+    rest[rest.size - taken.size + excess :] -= taken[excess:]
+    quotient = np.zeros(rest.size - slow)
+    for k in range(quotient.size):
+        quotient[k] = rest[k]
+        for j in range(slow_den.size):
+            rest[k + j] -= quotient[k] * slow_den[j]
+    return quotient
+
+
+@compiled
+def _half(poles):
+    """Polynomial of a chain that ends between the two states of a pair: the last factor is s - re."""
+    front, re = _monic(poles[:-1]), poles[-1].real
+    out = np.zeros(front.size + 1)
+    out[:-1] += front
+    out[1:] -= re * front
+    return out
+
+
+@compiled
+def _past(num, lead, poles, slow, A, b, row, old):
+    """What the direct part and the fast partial fractions make of a slow signal: row @ H(old)."""
+    m = row.size
+    if slow == poles.size:
+        return row * (num[0] / lead if num.size == poles.size + 1 else 0.0)
+    value = np.zeros(m, dtype=np.complex128)
+    after = np.zeros(m, dtype=np.complex128)
+    for coefficient in _without_slow(num, lead, poles, slow, A, b):
+        for j in range(m):
+            after[j] = coefficient * row[j]
+            for i in range(m):
+                after[j] += value[i] * old[i, j]
+        value[:] = after
+    matrix = np.zeros((m, m), dtype=np.complex128)
+    for k in range(slow, poles.size):
+        for i in range(m):
+            for j in range(m):
+                matrix[j, i] = old[i, j]
+            matrix[i, i] -= poles[k]
+        _solve(matrix, value)
+    out = np.zeros(m)
+    for i in range(m):
+        out[i] = value[i].real / lead
+    return out
+
+
+@compiled
+def _decoupling(poles, A, b, row, old):
+    """X of A X - X old = -b row, for one chain: its states less X times the old ones run on their own."""
+    n, m = b.size, row.size
+    X = np.zeros((n, m))
+    i = 0
+    while i < n:
+        width = 1 if poles[i].imag == 0.0 else 2
+        # link after link, since each is driven by the one before
+        matrix, right = np.zeros((width * m, width * m)), np.zeros(width * m)
+        for r in range(width):
+            for j in range(m):
+                right[r * m + j] = -b[i + r] * row[j]
+                if r == 0 and i > 0:
+                    right[j] -= A[i, i - 1] * X[i - 1, j]
+                for q in range(width):
+                    matrix[r * m + j, q * m + j] += A[i + r, i + q]
+                for k in range(m):
+                    matrix[r * m + j, r * m + k] -= old[k, j]
+        _solve(matrix, right)
+        for r in range(width):
+            for j in range(m):
+                X[i + r, j] = right[r * m + j]
+        i += width
+    return X
+
+
+@compiled
+def _through(A, b, x0, group, count, num, lead, poles, of_pole, source, direct):
+    """Append a block that is driven by a signal (a row over the states, and a share of w); return its output."""
+    n = poles.size
+    own_A, own_b = _fractions(num, lead, poles, of_pole)
+    out = np.zeros(b.size)
+    new = slice(count, count + n)
+    A[new, new] = own_A
+    b[new] = own_b * direct
+    group[new] = of_pole
+    for g in range(b.size + 1):
+        old = np.flatnonzero(group[:count] == g)
+        row = source[old]
+        if not np.any(row != 0.0):
+            continue
+        own_old = np.zeros((old.size, old.size))
+        for i in range(old.size):
+            for j in range(old.size):
+                own_old[i, j] = A[old[i], old[j]]
+        slow = int(np.sum(of_pole <= g))
+        out[old] = _past(num, lead, poles, slow, own_A, own_b, row, own_old)
+        lo = 0
+        while lo < n:
+            hi = lo
+            while hi < n and of_pole[hi] == of_pole[lo]:
+                hi += 1
+            if of_pole[lo] == g:  # of one speed: the old states drive the new ones
+                for i in range(lo, hi):
+                    for j in range(old.size):
+                        A[count + i, old[j]] = own_b[i] * row[j]
+            else:
+                X = _decoupling(poles[lo:hi], own_A[lo:hi, lo:hi], own_b[lo:hi], row, own_old)
+                for j in range(old.size):
+                    if of_pole[lo] < g:
+                        out[old[j]] += X[hi - lo - 1, j]
+                    for i in range(lo, hi):
+                        b[count + i] -= X[i - lo, j] * b[old[j]]
+                        for k in range(x0.shape[1]):
+                            x0[count + i, k] -= X[i - lo, j] * x0[old[j], k]
+            lo = hi
+    for i in range(n):
+        if i == n - 1 or of_pole[i + 1] != of_pole[i]:
+            out[count + i] = 1.0
+    return out, direct * num[0] / lead if num.size == n + 1 else 0.0
+
+
+@compiled
+def _assembled(p_num, p_lead, p_poles, c_num, c_lead, c_poles, f_num, f_lead, f_poles, inputs, delay):
+    """Put process, integral of its output, prefilter and controller one behind the other."""
+    zero = np.zeros(1, dtype=np.complex128)
+    speeds = np.concatenate((np.abs(p_poles), np.abs(c_poles), np.abs(f_poles), np.zeros(1)))
+    # count time in the mean speed of the poles
+    logs, moving = 0.0, 0
+    for speed in speeds:
+        if speed > 0.0:
+            logs, moving = logs - np.log(speed), moving + 1
+    unit = np.exp(logs / moving) if moving > 0 else delay if delay > 0.0 else 1.0
+    p_num, p_poles = _in_unit(p_num, p_poles, unit)
+    c_num, c_poles = _in_unit(c_num, c_poles, unit)
+    f_num, f_poles = _in_unit(f_num, f_poles, unit)
+    if not (np.all(np.isfinite(p_num)) and np.all(np.isfinite(c_num)) and np.all(np.isfinite(f_num))):
+        unit = np.inf
+    speeds *= unit
+    size = speeds.size + inputs.size
+    A, b, x0 = np.zeros((size, size)), np.zeros(size), np.zeros((size, inputs.size))
+    group = np.zeros(size, dtype=np.int64)
+    # the constants behind the step inputs are states of the slowest group
+    r, d, n = np.zeros(size), np.zeros(size), np.zeros(size)
+    for i in range(inputs.size):
+        x0[i, i] = 1.0
+        row = r if inputs[i] == 0 else d if inputs[i] == 1 else n
+        row[i] = 1.0
+    count = inputs.size
+    none, one = np.zeros(size), np.ones(1)
+
+    y, y_direct = _through(A, b, x0, group, count, p_num, p_lead, p_poles, _groups(np.abs(p_poles), speeds), none, 1.0)
+    count += p_poles.size
+    area, area_direct = _through(A, b, x0, group, count, one, 1.0, zero, _groups(np.abs(zero), speeds), y, y_direct)
+    count += 1
+    setpoint, nothing = _through(
+        A, b, x0, group, count, f_num, f_lead, f_poles, _groups(np.abs(f_poles), speeds), r, 0.0
     )
-    return cut if loop.process.delay else _closed_at_once(cut)
+    count += f_poles.size
+    u, u_direct = _through(
+        A, b, x0, group, count, c_num, c_lead, c_poles, _groups(np.abs(c_poles), speeds),
+        setpoint - y - n, nothing - y_direct,
+    )  # fmt: skip
+    v = u + d
 
-
-def _closed_at_once(cut: Cut) -> Cut:
-    """Close a loop without dead time: w = v."""
-    w = cut.c_v / (1 - cut.d_v)
-    nothing = np.zeros_like(cut.b)
-    return cut._replace(
-        A=cut.A + np.outer(cut.b, w), b=nothing, c_v=nothing, d_v=0.0, C=cut.C + np.outer(cut.d, w), d=np.zeros(3)
-    )
+    C, direct = np.zeros((3, size)), np.zeros(3)
+    C[0], C[1], C[2] = y, area, u
+    direct[0], direct[1], direct[2] = y_direct, area_direct, u_direct
+    if delay == 0.0:  # close the loop at once: w = v
+        w = v / (1.0 - u_direct)
+        for i in range(size):
+            A[i] += b[i] * w
+        for i in range(3):
+            C[i] += direct[i] * w
+        return A, none, none, 0.0, C, np.zeros(3), x0, unit
+    return A, b, v, u_direct, C, direct, x0, unit

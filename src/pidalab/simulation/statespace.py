@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag, expm, matrix_balance
 
 from pidalab._check import Array
-from pidalab.simulation.realisation import GAP, Block
+from pidalab.simulation.realisation import partial_fractions
 
 
 class StateSpace(NamedTuple):
@@ -23,10 +22,9 @@ class StateSpace(NamedTuple):
 
 def _parallel(num: Array, den: Array) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...], float]:
     """Split a proper rational function into parallel blocks (all A, b, c) by speed of the poles, and a direct part."""
-    speeds = np.sort(np.abs(np.roots(den)))
-    block = Block(num, den, np.array([np.sqrt(a * b) for a, b in pairwise(speeds) if b > GAP * a]))
-    A, b, c = zip(*block.fractions, strict=True)
-    return A, b, c, float(block.direct)
+    parts, direct = partial_fractions(num, den)
+    A, b, c = zip(*parts, strict=True)
+    return A, b, c, direct
 
 
 def realise(num: Array, den: Array) -> StateSpace:

@@ -1,0 +1,44 @@
+"""Compiled functions: machine code that is kept between runs, and a line on stderr when it has to be made anew."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba.core import event
+
+LOG = logging.getLogger("pidalab")
+
+
+def compiled(function: Callable) -> Any:
+    """Compile a function when it is first called, without the interpreter's lock.
+
+    The machine code is kept beside the source, or in the user's cache where that cannot be written to (or in
+    ``NUMBA_CACHE_DIR``). Where nothing can be written, each process compiles for itself.
+    """
+    options = {"nogil": True, "error_model": "numpy"}
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # numba found no place for its cache
+        return numba.njit(**options)(function)
+
+
+class _Announcer(event.Listener):
+    """Says once in a process that code of this library is being compiled."""
+
+    said = False
+
+    def on_start(self, event: event.Event) -> None:
+        """Speak before the first compilation."""
+        function = event.data["dispatcher"].py_func
+        if not self.said and function.__module__.startswith("pidalab."):
+            self.said = True
+            LOG.warning("pidalab: compiling for this machine; later runs find it done (some seconds)")
+
+    def on_end(self, event: event.Event) -> None:
+        """Say nothing."""
+
+
+event.register("numba:compile", _Announcer())

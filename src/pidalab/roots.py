@@ -1,0 +1,150 @@
+r"""Roots of a polynomial from its coefficients, multiple ones as such.
+
+The eigenvalues of a companion matrix scatter an n-fold root over a circle: 30 equal lags come out with time constants
+that differ by a factor of two. So roots that lie near each other are tried as one root of that multiplicity, brought to
+full precision by Gauss-Newton steps on the coefficients, and taken if their product agrees with the coefficients as
+well as the scattered ones do.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from pidalab._check import Array
+
+RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)  # distances, relative to the modulus, of roots tried as one
+EXACT = 1e-13  # difference of the coefficients, relative to each, that is as good as none
+ALLOWED = 1e-9  # difference beyond which roots do not stand for their polynomial
+SMALL = 8  # degree up to which eigenvalues of a companion matrix are trusted
+MOST = 400  # degree beyond which none are looked for
+ON_AXIS = 1e-13  # real part, relative to the modulus, that is rounding
+
+
+def roots(polynomial: Array) -> Any:
+    """Roots of a real polynomial in descending powers, by modulus; complex pairs side by side, the upper one first.
+
+    Raises
+    ------
+    ValueError
+        Where no roots are found whose product is the polynomial to nine digits.
+    """
+    return _roots(np.ascontiguousarray(polynomial, dtype=float).tobytes())
+
+
+@lru_cache(maxsize=4096)
+def _roots(raw: bytes) -> Any:
+    coefficients = np.frombuffer(raw)
+    kept = np.trim_zeros(coefficients, "b")
+    at_zero = np.zeros(coefficients.size - kept.size, dtype=complex)
+    found = np.concatenate([at_zero, _of_nonzero(kept)])
+    found.setflags(write=False)
+    return found
+
+
+def _of_nonzero(coefficients: Array) -> Any:
+    """Roots of a polynomial whose last coefficient is not 0."""
+    degree = coefficients.size - 1
+    if degree < 1:
+        return np.zeros(0, dtype=complex)
+    if degree > MOST:
+        raise ValueError(f"a polynomial of degree {degree} is too long: at most {MOST} are allowed")
+    # unit of s in which first and last coefficient are equal; by logarithms, since they may be 1e300 apart
+    size = np.log(np.abs(coefficients[[0, -1]]))
+    unit = (size[1] - size[0]) / degree
+    with np.errstate(over="ignore", under="ignore"):
+        scaled = coefficients / coefficients[0] * np.exp(-unit * np.arange(degree + 1.0))
+    if not np.all(np.isfinite(scaled)) or np.any((scaled == 0) != (coefficients == 0)):
+        raise ValueError(
+            f"the coefficients {coefficients[:4]}... lie too far apart: their roots leave double precision"
+        )
+    if degree == 1:
+        return np.array([-np.exp(unit) * scaled[1]], dtype=complex)
+    single = np.full(1, -scaled[1] / degree, dtype=complex)
+    if degree > 2 and _difference(scaled, single, np.full(1, degree)) <= EXACT:
+        return np.repeat(single, degree) * np.exp(unit)
+    scattered = _of_quadratic(scaled) if degree == 2 else np.roots(scaled)
+    if degree == 2:
+        return _in_pairs(scattered * np.exp(unit))
+    # the eigenvalues of an n-fold root lie about eps^(1/n) from it: no need to look farther for its other copies
+    scatter = 8 * np.finfo(float).eps ** (1 / degree)
+    apart = np.abs(scattered[:, None] - scattered[None, :]) + 9.0 * np.eye(degree) * np.abs(scattered)
+    if degree <= SMALL and np.min(apart / np.abs(scattered)) > scatter:
+        return _in_pairs(scattered * np.exp(unit))
+    best, least = scattered, _difference(scaled, scattered, np.ones(degree))
+    for radius in RADII:
+        if radius > scatter and radius != RADII[0]:
+            break
+        merged, times = _merged(scattered, radius)
+        if merged.size < degree:
+            merged, off = _polished(scaled, merged, times)
+            if off <= max(least, EXACT):
+                best, least = np.repeat(merged, times.astype(int)), off
+    if not least <= ALLOWED:
+        raise ValueError(
+            f"the roots of a polynomial of degree {degree} cannot be found from its coefficients: their product is "
+            f"another polynomial by {least:.1g}; take fewer lags, or another model"
+        )
+    return _in_pairs(best * np.exp(unit))
+
+
+def _of_quadratic(scaled: Array) -> Any:
+    """Roots of s^2 + b s + c, without taking a difference of nearly equal numbers."""
+    half, inside = -0.5 * scaled[1], 0.25 * scaled[1] ** 2 - scaled[2]
+    if inside < 0:
+        return np.array([complex(half, np.sqrt(-inside)), complex(half, -np.sqrt(-inside))])
+    large = half + np.copysign(np.sqrt(inside), half)
+    return np.array([large, scaled[2] / large], dtype=complex)
+
+
+def _difference(scaled: Array, found: Any, times: Array) -> float:
+    """Largest difference of the product's coefficients, each relative to what it is a sum of."""
+    product, size = np.ones(1, dtype=complex), np.ones(1)
+    for root, multiplicity in zip(found, times, strict=True):
+        for _ in range(int(multiplicity)):
+            product, size = np.convolve(product, [1.0, -root]), np.convolve(size, [1.0, abs(root)])
+    return float(np.max(np.abs(product - scaled) / size))
+
+
+def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
+    """Join roots that are linked by distances below radius, keeping pairs conjugate: means and multiplicities."""
+    near = np.abs(scattered[:, None] - scattered[None, :]) <= radius * np.abs(scattered)[:, None]
+    reach = near | near.T
+    for _ in range(int(np.ceil(np.log2(scattered.size))) + 1):
+        reach = reach @ reach
+    groups = np.unique(reach, axis=0)
+    means = np.array([scattered[group].mean() for group in groups])
+    conjugate = np.array([np.array_equal(reach[np.argmin(np.abs(scattered - scattered[group][0].conj()))], group)
+                          for group in groups])  # fmt: skip
+    return np.where(conjugate, means.real, means), groups.sum(axis=1).astype(float)
+
+
+def _polished(scaled: Array, found: Any, times: Array) -> tuple[Any, float]:
+    """Gauss-Newton steps that bring multiple roots to the coefficients, and how far off these are then."""
+    real, best, least = found.imag == 0, found, _difference(scaled, found, times)
+    weight = 1 / np.maximum(np.abs(scaled[1:]), 1e-300)
+    for _ in range(8):
+        if least <= EXACT:
+            break
+        product = np.poly(np.repeat(found, times.astype(int)))
+        slopes = np.stack([-m * np.polydiv(product, [1.0, -z])[0] for z, m in zip(found, times, strict=True)], axis=1)
+        step = np.linalg.lstsq(slopes * weight[:, None], (scaled - product)[1:] * weight, rcond=None)[0]
+        found = found + step
+        found = np.where(real, found.real, found)
+        off = _difference(scaled, found, times)
+        if not off < least:
+            break
+        best, least = found, off
+    return best, least
+
+
+def _in_pairs(found: Any) -> Any:
+    """Sort by modulus, complex roots as exact pairs."""
+    found = np.where(np.abs(found.real) <= ON_AXIS * np.abs(found), 1j * found.imag, found)
+    upper = found[found.imag > 0]
+    single = found[found.imag == 0].real
+    order = np.argsort(np.concatenate([np.abs(single), np.abs(upper)]), kind="stable")
+    parts = [[complex(z)] for z in single] + [[z, z.conjugate()] for z in upper]
+    return np.array([z for i in order for z in parts[i]], dtype=complex)
