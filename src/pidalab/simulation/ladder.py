@@ -2,8 +2,8 @@ r"""Exponentials of the block Toeplitz matrix of a loop with dead time, and its 
 `pidalab.simulation.exact`.
 
 An element of the ring is an array (order, powers of z times order): the transposed coefficients :math:`\Phi_k^T`
-side by side, as far as they matter. States are rows, and elements act on them from the right; all are power series of one
-matrix, so they commute.
+side by side, as far as they matter. States are rows, and elements act on them from the right; all are power series of
+one matrix, so they commute.
 """
 
 from __future__ import annotations

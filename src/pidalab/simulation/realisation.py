@@ -55,18 +55,6 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
     return Cut(*system, unit)
 
 
-def partial_fractions(num: Array, den: Array) -> tuple[list[tuple[Array, Array, Array]], float]:
-    """Split a proper rational function by the speed of its poles: all (A, b, c), and the direct part."""
-    num, lead, poles = _factored(num, den)
-    group = _groups(np.abs(poles), np.abs(poles))
-    A, b = _fractions(num, lead, poles, group)
-    parts = [] if poles.size else [(A, b, b)]
-    for g in np.unique(group):
-        own = np.flatnonzero(group == g)
-        parts.append((A[np.ix_(own, own)], b[own], np.eye(1, own.size, own.size - 1)[0]))
-    return parts, float(num[0] / lead) if len(num) == len(den) else 0.0
-
-
 def _factored(num: Array, den: Array) -> Ratio:
     """Return numerator, leading coefficient of the denominator and poles."""
     return (

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag, expm, matrix_balance
 
 from pidalab._check import Array
-from pidalab.simulation.realisation import partial_fractions
+from pidalab.roots import roots
+
+GAP = 10.0  # poles whose speeds differ by more than this factor go to different blocks
 
 
 class StateSpace(NamedTuple):
@@ -22,9 +25,30 @@ class StateSpace(NamedTuple):
 
 def _parallel(num: Array, den: Array) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...], float]:
     """Split a proper rational function into parallel blocks (all A, b, c) by speed of the poles, and a direct part."""
-    parts, direct = partial_fractions(num, den)
+    poles = roots(den)
+    speeds = np.abs(poles)
+    group = np.searchsorted([np.sqrt(a * b) for a, b in pairwise(speeds) if b > GAP * a], speeds)
+    parts = [_fraction(num, den[0], poles[group == g], poles[group != g]) for g in range(max(group, default=0) + 1)]
     A, b, c = zip(*parts, strict=True)
-    return A, b, c, direct
+    return A, b, c, float(num[0] / den[0]) if len(num) == len(den) else 0.0
+
+
+def _fraction(num: Array, lead: float, own: Array, others: Array) -> tuple[Array, Array, Array]:
+    """Realise the partial fraction over some poles as (A, b, c), in companion form in their own unit of time.
+
+    Over powers of s the static gain keeps its digits, also behind a filter much faster than a sample.
+    """
+    n = own.size
+    unit = np.max(np.abs(own), initial=0.0) or 1.0
+    M = np.eye(n, k=-1)  # multiplication by x = s/unit, modulo the denominator
+    M[:, -1:] = -np.atleast_1d(np.poly(own / unit)).real[:0:-1, None]
+    numerator = np.zeros(n, dtype=complex)  # ascending powers of x
+    for coefficient in num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0):
+        numerator = M @ numerator
+        numerator[:1] += coefficient
+    for p in others:
+        numerator = np.linalg.solve(unit * M - p * np.eye(n), numerator)
+    return unit * M, numerator.real * unit ** (1.0 - n) / lead, np.eye(1, n, n - 1)[0]
 
 
 def realise(num: Array, den: Array) -> StateSpace:
