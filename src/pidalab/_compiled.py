@@ -18,7 +18,7 @@ def compiled(function: Callable) -> Any:
     The machine code is kept beside the source, or in the user's cache where that cannot be written to (or in
     ``NUMBA_CACHE_DIR``). Where nothing can be written, each process compiles for itself.
     """
-    options = {"nogil": True, "error_model": "numpy"}
+    options: Any = {"nogil": True, "error_model": "numpy"}
     try:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no place for its cache

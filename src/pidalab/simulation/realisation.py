@@ -49,10 +49,10 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
     process, prefilter = _factored(*loop.blocks["process"]), _factored(*loop.blocks["prefilter"])
     control = _product(_factored(*loop.blocks["controller"]), _factored(*loop.blocks["output_filter"]))
     codes = np.array(["rdn".index(name) for name in inputs])
-    *system, unit = _assembled(*process, *control, *prefilter, codes, loop.process.delay)
-    if not np.isfinite(unit):
+    cut = Cut(*_assembled(*process, *control, *prefilter, codes, loop.process.delay))
+    if not np.isfinite(cut.unit):
         raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
-    return Cut(*system, unit)
+    return cut
 
 
 def _factored(num: Array, den: Array) -> Ratio:
