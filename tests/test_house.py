@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
 CORRIDOR = [  # a room imports only from those on earlier lines, and from its own line; CONTRIBUTING has the same order
-    ["_check"],
+    ["_check", "_compiled", "roots"],
     ["process", "plants", "forms", "controllers", "digital"],
     ["loop"],
     ["areas"],
@@ -46,7 +46,9 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "simulation/noise": ("rules/test_magnitude_optimum.py", "the rule whose noise gain it proves"),
     "simulation/statespace": ("simulation/test_sampled.py", "a part of the sampled engine"),
     "simulation/steps": ("simulation/test_sampled.py", "a part of the sampled engine"),
+    "simulation/chains": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/ladder": ("simulation/test_exact.py", "a part of the exact engine"),
+    "simulation/ring": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/realisation": ("simulation/test_exact.py", "a part of the exact engine"),
     "rules/_models": ("rules/test_itae.py", "the models that rules refuse"),
     "rules/magnitude_optimum/design": ("rules/test_magnitude_optimum.py", "one rule, one test file"),

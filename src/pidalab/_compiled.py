@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -16,13 +18,24 @@ def compiled(function: Callable) -> Any:
     """Compile a function when it is first called, without the interpreter's lock.
 
     The machine code is kept beside the source, or in the user's cache where that cannot be written to (or in
-    ``NUMBA_CACHE_DIR``). Where nothing can be written, each process compiles for itself.
+    ``NUMBA_CACHE_DIR``). Where nothing can be written, each process compiles for itself. A compiled function calls only
+    those of its own folder, and is compiled anew when one of that folder's files has changed.
     """
     options: Any = {"nogil": True, "error_model": "numpy"}
     try:
-        return numba.njit(cache=True, **options)(function)
+        dispatcher = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no place for its cache
         return numba.njit(**options)(function)
+    kept = dispatcher._cache._cache_file
+    kept._source_stamp = (kept._source_stamp, _changed(Path(function.__code__.co_filename).parent))
+    return dispatcher
+
+
+@cache
+def _changed(folder: Path) -> tuple[tuple[str, float, int], ...]:
+    """Names, times and sizes of a folder's source files; numba itself looks at one file alone."""
+    stats = ((path.name, path.stat()) for path in sorted(folder.glob("*.py")))
+    return tuple((name, stat.st_mtime, stat.st_size) for name, stat in stats)
 
 
 class _Announcer(event.Listener):

@@ -69,7 +69,7 @@ class Response:
             object.__setattr__(self, "area", _check.signal("area", self.area, self.t.size))
 
     @classmethod
-    def of_checked(cls, **signals: Array) -> Response:
+    def _of_checked(cls, **signals: Array) -> Response:
         """Make a record of arrays that have been checked: all fields but `held`, which is 0."""
         response = cls.__new__(cls)
         response.__dict__.update(signals, held=np.zeros(signals["t"].size))

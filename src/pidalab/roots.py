@@ -16,8 +16,8 @@ import numpy as np
 from pidalab._check import Array
 
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)  # distances, relative to the modulus, of roots tried as one
-EXACT = 1e-13  # difference of the coefficients, relative to each, that is as good as none
-ALLOWED = 1e-9  # difference beyond which roots do not stand for their polynomial
+EXACT = 1e-13  # difference of the coefficients, relative to their size, that is as good as none
+ALLOWED = 1e-10  # difference beyond which roots do not stand for their polynomial
 SMALL = 8  # degree up to which eigenvalues of a companion matrix are trusted
 MOST = 400  # degree beyond which none are looked for
 ON_AXIS = 1e-13  # real part, relative to the modulus, that is rounding
@@ -29,7 +29,7 @@ def roots(polynomial: Array) -> Any:
     Raises
     ------
     ValueError
-        Where no roots are found whose product is the polynomial to nine digits.
+        Where no roots are found whose product is the polynomial to ten digits.
     """
     return _roots(np.ascontiguousarray(polynomial, dtype=float).tobytes())
 
@@ -52,34 +52,38 @@ def _of_nonzero(coefficients: Array) -> Any:
     if degree > MOST:
         raise ValueError(f"a polynomial of degree {degree} is too long: at most {MOST} are allowed")
     # unit of s in which first and last coefficient are equal; by logarithms, since they may be 1e300 apart
-    size = np.log(np.abs(coefficients[[0, -1]]))
-    unit = (size[1] - size[0]) / degree
-    with np.errstate(over="ignore", under="ignore"):
-        scaled = coefficients / coefficients[0] * np.exp(-unit * np.arange(degree + 1.0))
-    if not np.all(np.isfinite(scaled)) or np.any((scaled == 0) != (coefficients == 0)):
+    with np.errstate(divide="ignore", under="ignore", over="ignore"):
+        logs = np.log(np.abs(coefficients))
+        unit = (logs[-1] - logs[0]) / degree
+        scaled = (
+            np.sign(coefficients) * np.exp(logs - logs[0] - unit * np.arange(degree + 1.0)) * np.sign(coefficients[0])
+        )
+        scale = np.exp(unit)
+    if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0) and 0 < scale < np.inf):
         raise ValueError(
             f"the coefficients {coefficients[:4]}... lie too far apart: their roots leave double precision"
         )
     if degree == 1:
-        return np.array([-np.exp(unit) * scaled[1]], dtype=complex)
+        return np.array([-scale * scaled[1]], dtype=complex)
+    size = _sizes(scaled)
     single = np.full(1, -scaled[1] / degree, dtype=complex)
-    if degree > 2 and _difference(scaled, single, np.full(1, degree)) <= EXACT:
-        return np.repeat(single, degree) * np.exp(unit)
+    if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= EXACT:
+        return np.repeat(single, degree) * scale
     scattered = _of_quadratic(scaled) if degree == 2 else np.roots(scaled)
     if degree == 2:
-        return _in_pairs(scattered * np.exp(unit))
+        return _in_pairs(scattered * scale)
     # the eigenvalues of an n-fold root lie about eps^(1/n) from it: no need to look farther for its other copies
     scatter = 8 * np.finfo(float).eps ** (1 / degree)
     apart = np.abs(scattered[:, None] - scattered[None, :]) + 9.0 * np.eye(degree) * np.abs(scattered)
     if degree <= SMALL and np.min(apart / np.abs(scattered)) > scatter:
-        return _in_pairs(scattered * np.exp(unit))
-    best, least = scattered, _difference(scaled, scattered, np.ones(degree))
+        return _in_pairs(scattered * scale)
+    best, least = scattered, _difference(scaled, scattered, np.ones(degree), size)
     for radius in RADII:
         if radius > scatter and radius != RADII[0]:
             break
         merged, times = _merged(scattered, radius)
         if merged.size < degree:
-            merged, off = _polished(scaled, merged, times)
+            merged, off = _polished(scaled, merged, times, size)
             if off <= max(least, EXACT):
                 best, least = np.repeat(merged, times.astype(int)), off
     if not least <= ALLOWED:
@@ -87,7 +91,7 @@ def _of_nonzero(coefficients: Array) -> Any:
             f"the roots of a polynomial of degree {degree} cannot be found from its coefficients: their product is "
             f"another polynomial by {least:.1g}; take fewer lags, or another model"
         )
-    return _in_pairs(best * np.exp(unit))
+    return _in_pairs(best * scale)
 
 
 def _of_quadratic(scaled: Array) -> Any:
@@ -99,13 +103,29 @@ def _of_quadratic(scaled: Array) -> Any:
     return np.array([large, scaled[2] / large], dtype=complex)
 
 
-def _difference(scaled: Array, found: Any, times: Array) -> float:
-    """Largest difference of the product's coefficients, each relative to what it is a sum of."""
-    product, size = np.ones(1, dtype=complex), np.ones(1)
+def _difference(scaled: Array, found: Any, times: Array, size: Array) -> float:
+    """Largest difference of the product's coefficients, relative to their size."""
+    product = np.ones(1, dtype=complex)
     for root, multiplicity in zip(found, times, strict=True):
         for _ in range(int(multiplicity)):
-            product, size = np.convolve(product, [1.0, -root]), np.convolve(size, [1.0, abs(root)])
+            product = np.convolve(product, [1.0, -root])
     return float(np.max(np.abs(product - scaled) / size))
+
+
+def _sizes(scaled: Array) -> Array:
+    """Sizes of the coefficients where none vanishes by chance: the lowest concave curve above their logarithms."""
+    k = np.flatnonzero(scaled)
+    corners: list[tuple[int, float]] = []
+    for point in zip(k.tolist(), np.log(np.abs(scaled[k])).tolist(), strict=True):
+        while len(corners) > 1 and _below(corners[-2], corners[-1], point):
+            corners.pop()
+        corners.append(point)
+    x, y = zip(*corners, strict=True)
+    return np.exp(np.interp(np.arange(scaled.size), x, y))
+
+
+def _below(first: tuple[int, float], middle: tuple[int, float], last: tuple[int, float]) -> bool:
+    return (middle[1] - first[1]) * (last[0] - first[0]) <= (last[1] - first[1]) * (middle[0] - first[0])
 
 
 def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
@@ -121,10 +141,10 @@ def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
     return np.where(conjugate, means.real, means), groups.sum(axis=1).astype(float)
 
 
-def _polished(scaled: Array, found: Any, times: Array) -> tuple[Any, float]:
+def _polished(scaled: Array, found: Any, times: Array, size: Array) -> tuple[Any, float]:
     """Gauss-Newton steps that bring multiple roots to the coefficients, and how far off these are then."""
-    real, best, least = found.imag == 0, found, _difference(scaled, found, times)
-    weight = 1 / np.maximum(np.abs(scaled[1:]), 1e-300)
+    real, best, least = found.imag == 0, found, _difference(scaled, found, times, size)
+    weight = 1 / size[1:]
     for _ in range(8):
         if least <= EXACT:
             break
@@ -133,7 +153,7 @@ def _polished(scaled: Array, found: Any, times: Array) -> tuple[Any, float]:
         step = np.linalg.lstsq(slopes * weight[:, None], (scaled - product)[1:] * weight, rcond=None)[0]
         found = found + step
         found = np.where(real, found.real, found)
-        off = _difference(scaled, found, times)
+        off = _difference(scaled, found, times, size)
         if not off < least:
             break
         best, least = found, off

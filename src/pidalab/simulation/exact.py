@@ -172,7 +172,7 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
     responses = []
     for n in records:
         y, area, u = common + _superpose(unit[-1], n, t) if n.any() else common.copy()
-        responses.append(Response.of_checked(t=t, r=r, d=d, n=n, y=y, u=u, area=area))
+        responses.append(Response._of_checked(t=t, r=r, d=d, n=n, y=y, u=u, area=area))
         _require_within_limits(loop, responses[-1])
     return responses
 

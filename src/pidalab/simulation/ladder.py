@@ -1,9 +1,6 @@
-r"""Exponentials of the block Toeplitz matrix of a loop with dead time, and its step responses: see
-`pidalab.simulation.exact`.
+"""Step responses of a loop with dead time, from dead time to dead time: see `pidalab.simulation.exact`.
 
-An element of the ring is an array (order, powers of z times order): the transposed coefficients :math:`\Phi_k^T`
-side by side, as far as they matter. States are rows, and elements act on them from the right; all are power series of
-one matrix, so they commute.
+A stack is an array (ages, states): the states now, one dead time ago, and so on.
 """
 
 from __future__ import annotations
@@ -13,13 +10,12 @@ import numpy as np
 from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.simulation.realisation import Cut
+from pidalab.simulation.ring import FADED, TERMS, ladder, shortened, transition
 
 LARGEST = 4000  # states in a stack: beyond, the simulation takes too long
 WORK = 1e9  # multiplications from dead time to dead time beyond which it takes too long
-FADED = 1e-22  # size, relative to the largest, below which a coefficient of a short exponential is dropped
 FORGOTTEN = 1e-20  # size, relative to the largest, below which the influence of a distant past is nothing in double
 RUN = 64  # requested times served from one stack
-TERMS = 17  # of the Taylor series, for a norm of at most 1/2
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
 
@@ -75,110 +71,6 @@ def _balanced(A, b, c):
 
 
 @compiled
-def _shortened(element, share):
-    """Drop the last coefficients of a ring element once they no longer matter."""
-    order = element.shape[0]
-    length = element.shape[1] // order
-    size = np.zeros(length)
-    for i in range(order):
-        for k in range(length):
-            for j in range(k * order, k * order + order):
-                size[k] = max(size[k], abs(element[i, j]))
-    least = share * size.max()
-    while length > 1 and size[length - 1] <= least:
-        length -= 1
-    return element if length * order == element.shape[1] else element[:, : length * order].copy()
-
-
-@compiled
-def _taylor(tau, most, A, b, c, d):
-    """Power series of the exponential less 1, over a time that is no longer than the lowest rung."""
-    order = b.size
-    term = np.zeros((order, order))  # transposed here: columns are states, since A has many zeros
-    for i in range(order):
-        term[i, i] = 1.0
-    total = np.zeros((order, order))
-    v = np.zeros(order)
-    for n in range(1, TERMS + 1):
-        length = term.shape[1] // order
-        after = np.zeros((order, order * (min(most, length + 1) if d == 0.0 else most)))
-        for i in range(order):
-            for k in range(order):
-                factor = A[i, k] * tau / n
-                if factor != 0.0:
-                    for j in range(term.shape[1]):
-                        after[i, j] += factor * term[k, j]
-        # the delayed process input of the next older states
-        v[:] = 0.0
-        for age in range(after.shape[1] // order):
-            at = age * order
-            for i in range(order):
-                factor = b[i] * tau / n
-                for j in range(order):
-                    after[i, at + j] += factor * v[j]
-            v *= d
-            if age < length:
-                for k in range(order):
-                    for j in range(order):
-                        v[j] += c[k] * term[k, at + j]
-        term = _shortened(after, FADED)
-        if term.shape[1] > total.shape[1]:
-            longer = np.zeros(term.shape)
-            longer[:, : total.shape[1]] = total
-            total = longer
-        for i in range(order):
-            for j in range(term.shape[1]):
-                total[i, j] += term[i, j]
-    out = np.zeros(total.shape)
-    for at in range(0, total.shape[1], order):
-        for i in range(order):
-            for j in range(order):
-                out[i, at + j] = total[j, at + i]
-    return out
-
-
-@compiled
-def _product(first, second, most):
-    """(1 + first) (1 + second) - 1, for ring elements."""
-    order = first.shape[0]
-    width = min(most * order, first.shape[1] + second.shape[1] - order)
-    out = np.zeros((order, width))
-    for i in range(order):
-        for j in range(min(width, first.shape[1])):
-            out[i, j] += first[i, j]
-        for j in range(min(width, second.shape[1])):
-            out[i, j] += second[i, j]
-        for at in range(0, min(width, first.shape[1]), order):
-            wide = min(width - at, second.shape[1])
-            row = out[i, at : at + wide]
-            for k in range(order):
-                factor = first[i, at + k]
-                if factor != 0.0:
-                    for j in range(wide):
-                        row[j] += factor * second[k, j]
-    return _shortened(out, FADED)
-
-
-@compiled
-def _ladder(A, b, c, d, step, top, growth, most):
-    """Exponentials less 1 over step 2^p, from a short one by doubling up to p = top, and the lowest p."""
-    norm = 0.0
-    for j in range(b.size):
-        norm = max(norm, np.abs(A[:, j]).sum())
-    norm += np.abs(b).sum() * np.abs(c).max() * growth
-    rungs = [np.zeros((1, 1)) for _ in range(0)]
-    if not norm * step < 1e300:
-        return rungs, 0
-    low = min(top, 0)
-    while norm * step * 2.0**low > 0.5:
-        low -= 1
-    rungs.append(_taylor(step * 2.0**low, most, A, b, c, d))
-    for _ in range(low, top):
-        rungs.append(_product(rungs[-1], rungs[-1], most))
-    return rungs, low
-
-
-@compiled
 def _read(out, stack, element, depth):
     """Add to a state what the coefficients of an element make of the stack (ages, states), newest first."""
     order = out.size
@@ -225,20 +117,6 @@ def _advance(stack, rung):
         change = stack[age].copy()
         _read(change, stack[age:], rung, min(rung.shape[1] // order, ages - age))
         stack[age] = change
-
-
-@compiled
-def _transition(rungs, step, low, tau, most, A, b, c, d):
-    """The exponential over tau, less 1."""
-    out = np.zeros((b.size, b.size))
-    for p in range(len(rungs) - 1, -1, -1):
-        duration = step * 2.0 ** (low + p)
-        while tau >= duration:
-            out = _product(out, rungs[p], most)
-            tau -= duration
-    if tau > 0.0:
-        out = _product(out, _taylor(tau, most, A, b, c, d), most)
-    return out
 
 
 @compiled
@@ -332,7 +210,7 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
     if delay > 0.0:
         top = int(np.floor(np.log2(delay / step) + 1e-12))
     growth = max(1.0, abs(d)) ** intervals if intervals > 0 else 0.0
-    rungs, low = _ladder(A, b, c, d, step, top, growth, min(intervals + 1, LARGEST // size + 1))
+    rungs, low = ladder(A, b, c, d, step, top, growth, min(intervals + 1, LARGEST // size + 1))
     if len(rungs) == 0:
         return result, 0, TOO_LARGE
 
@@ -343,8 +221,8 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
         anchors[i, intervals] = x0[:, i]
     if intervals > 0:
         most = min(intervals + 1, LARGEST // size + 1)
-        transition = _transition(rungs, step, low, delay, most, A, b, c, d)
-        short = _shortened(transition, FORGOTTEN)
+        whole = transition(rungs, step, low, delay, most, A, b, c, d)
+        short = shortened(whole, FORGOTTEN)
         reach = short.shape[1] // size
         levels = min(intervals + 1, max(reach, 2))
         if reach == most and most < intervals + 1:

@@ -1,0 +1,47 @@
+"""Compiled code: kept between processes, announced when it is made, and made in silence where it cannot be kept."""
+
+import os
+import subprocess
+import sys
+
+SCRIPT = """
+from pidalab import _compiled
+from pidalab._compiled import compiled
+{before}
+import pidalab.simulation.chains as chains
+import numpy as np
+print(chains._monic(np.array([-1.0 + 0.0j])))
+"""
+
+
+def run(folder, before=""):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": os.pathsep.join(sys.path)}
+    script = SCRIPT.format(before=before)
+    return subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+
+
+def test_the_first_call_is_announced_and_later_processes_are_silent(tmp_path):
+    first, second = run(tmp_path), run(tmp_path)
+    assert first.stdout == second.stdout == "[1. 1.]\n"
+    assert first.stderr.startswith("pidalab: compiling for this machine")
+    assert first.stderr.count("\n") == 1
+    assert second.stderr == ""
+
+
+def test_a_change_of_a_neighbouring_file_compiles_anew(tmp_path):
+    run(tmp_path)
+    changed = "_compiled._changed = lambda folder: (('ring.py', 1.0, 1),)"
+    assert "compiling" in run(tmp_path, changed).stderr
+
+
+def test_where_nothing_can_be_written_each_process_compiles_for_itself(tmp_path):
+    nowhere = """
+import numba
+njit = numba.njit
+def refusing(*args, cache=False, **options):
+    if cache:
+        raise RuntimeError("cannot cache function: no locator available")
+    return njit(*args, **options)
+numba.njit = refusing
+"""
+    assert run(tmp_path, nowhere).stdout == "[1. 1.]\n"

@@ -1,0 +1,56 @@
+"""Roots of polynomials: multiple ones as such, pairs exact, and a refusal where double precision does not hold them."""
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.roots import roots
+
+
+@pytest.mark.parametrize(("order", "lag"), [(2, 1.0), (5, 1e-3), (12, 7.0), (30, 60.0), (40, 1.0), (60, 1e-2)])
+def test_equal_lags_are_one_root(order, lag):
+    assert roots(pidalab.lags(order, lag=lag).den) == pytest.approx([-1 / lag] * order, rel=1e-13)
+
+
+def test_two_chains_and_an_integrator():
+    den = np.convolve(np.convolve(pidalab.lags(9, lag=0.01).den, pidalab.lags(4, lag=3.0).den), [1.0, 0.0])
+    found = roots(den)
+    assert found[0] == 0
+    assert found[1:] == pytest.approx([-1 / 3] * 4 + [-100.0] * 9, rel=1e-9)
+
+
+def test_a_double_pair():
+    pair = [-0.1 + 1j, -0.1 - 1j]
+    assert roots(np.poly(pair * 2).real) == pytest.approx(pair * 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_simple_roots_are_those_of_numpy(seed):
+    rng = np.random.default_rng(seed)
+    coefficients = rng.normal(size=2 + seed % 5)
+    found = roots(coefficients)
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(np.roots(coefficients)), rel=1e-10)
+    assert np.all(np.diff(np.abs(found)) > -1e-12)
+    assert np.array_equal(found[found.imag > 0].conj(), found[found.imag < 0])
+
+
+def test_roots_on_the_axis_lie_on_it():
+    assert roots(np.array([8.0, 4.0, 2.0, 1.0])).real.tolist() == pytest.approx([0.0, 0.0, -0.5], rel=1e-14)
+
+
+def test_nearly_equal_roots_stay_apart():
+    assert roots(np.poly([-1.0, -1.001])) == pytest.approx([-1.0, -1.001], rel=1e-10)
+    assert roots(np.poly([-1.0, -1.1, -1.2, -5.0])) == pytest.approx([-1.0, -1.1, -1.2, -5.0], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "message"),
+    [
+        (np.ones(500), "degree 499 is too long: at most 400"),
+        (np.random.default_rng(0).normal(size=120), "cannot be found from its coefficients"),
+    ],
+    ids=["long", "ill"],
+)
+def test_what_cannot_be_found_is_refused(coefficients, message):
+    with pytest.raises(ValueError, match=message):
+        roots(coefficients)
