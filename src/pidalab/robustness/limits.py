@@ -43,6 +43,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from pidalab import _check
+from pidalab._search import border
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
 from pidalab.robustness._infimum import TOLERANCE, LinearPart, infimum
@@ -272,14 +273,11 @@ def smallest_filter_time(
     shortest = 1e-3 * longest if shortest is None else _check.real("shortest", shortest, above=0.0)
     if shortest >= longest:
         raise ValueError(f"shortest must be below longest = {longest:g}, found {shortest:g}")
-    high, low = longest, longest
+    high = low = longest
     if not holds(family(longest)):
         raise ValueError(f"the property must hold at longest = {longest:g}, found that it does not")
     while holds(family(low)):
         if low == shortest:
             return 0.0
         high, low = low, max(0.9 * low, shortest)
-    while high - low > 1e-7 * high:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if holds(family(middle)) else (middle, high)
-    return high
+    return border(lambda filter_time: holds(family(filter_time)), inside=high, outside=low)

@@ -27,6 +27,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pidalab import _check
+from pidalab._search import border
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, ipdt
@@ -341,10 +342,9 @@ def smallest_te(m: int, n: int) -> float:
     ratio, unit = filter_ratio(m, n), constants(m)
     if m < 2:
         return 0.0
+    # the share of T_e in T_d for which the hump is 1
     shape = math.sqrt((m - 1) ** (m - 1) * (n - m + 1) ** (n - m + 1) / n**n)
-    share = (unit.gain * unit.derivative_times[-1] * shape) ** (
-        1 / (m - 1)
-    ) / ratio  # of T_e in T_d, where the hump is 1
+    share = (unit.gain * unit.derivative_times[-1] * shape) ** (1 / (m - 1)) / ratio
     estimate = share / (1 - share)
 
     def stable(te: float) -> bool:
@@ -355,7 +355,4 @@ def smallest_te(m: int, n: int) -> float:
         low *= 0.9
     while not stable(high):
         high *= 1.1
-    while high - low > 1e-7 * high:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if stable(middle) else (middle, high)
-    return high
+    return border(stable, inside=high, outside=low)
