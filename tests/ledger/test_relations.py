@@ -1,9 +1,14 @@
 """Relations, conventions, and the text that keeps them."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pidalab.ledger import CONVENTIONS, Evidence, LedgerError, every, some
+from pidalab.ledger.conventions import IDENTITY
 
 INF = float("inf")
 
@@ -152,3 +157,19 @@ def test_every_convention_is_described():
         assert convention.name == name
         assert convention.words
         assert convention.meaning
+
+
+def test_the_notation_page_has_the_conventions():
+    page = (Path(__file__).parents[2] / "book" / "notation.md").read_text(encoding="utf-8")
+    for convention in CONVENTIONS.values():
+        assert f"| {convention.words} | {convention.meaning} |" in page
+    assert "at most 1e-9 |" in page
+    assert IDENTITY == 1e-9
+
+
+def test_the_ledger_knows_nothing_of_control():
+    script = (
+        "import sys, pidalab.ledger; print(*(name for name in ('numpy', 'control', 'scipy') if name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
