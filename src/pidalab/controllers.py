@@ -1,4 +1,4 @@
-"""Controllers in the forms of the five papers, with filters.
+"""Controllers in the forms of the papers, with filters.
 
 Every controller gives its unfiltered gains (`pidalab.forms.IdealGains`), which convert from form to form or say why
 they cannot, and prints itself in all forms. Filters carry over only between forms that share their structure.

@@ -43,7 +43,8 @@ def _calls(tree: ast.AST, names: tuple[str, ...]) -> list[ast.Call]:
 def _of_the_book(call: ast.Call) -> bool:
     """Whether a call is one of the ledger: its id is text, a name or a mapping; NumPy's functions are none."""
     owner = call.func.value if isinstance(call.func, ast.Attribute) else None
-    return isinstance(owner, ast.Name) and owner.id in ("book", "ledger", "Ledger")
+    name = owner.attr if isinstance(owner, ast.Attribute) else owner.id if isinstance(owner, ast.Name) else ""
+    return name in ("book", "ledger", "Ledger")
 
 
 def common(tree: ast.AST) -> list[str]:
