@@ -1,0 +1,125 @@
+"""What makes the book readable: short cells that show something, folds that say what they hide, words large enough.
+
+As in `test_pages`, each check returns what it finds wrong, and each meets a bad sample below.
+"""
+
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbformat.v4 import new_code_cell, new_notebook, new_output
+
+MOST_LINES = 15  # of one cell
+SHORT = 6  # lines; at least half of the cells have no more
+FIRST_EDITION = 4950  # lines of code in the cells of the first edition
+SMALLEST = 8.25  # points, 11 px: the smallest words of a figure, which a phone shows in its own size
+FOLDS = {"hide-input", "hide-cell"}
+DEFINITION = re.compile(r"^(?:def|class) ", re.MULTILINE)
+# The size of a text in an SVG of matplotlib: its outlines are drawn for 100 points and scaled.
+TEXT_SCALE = re.compile(r"scale\((0?\.\d+) -0?\.\d+\)")
+
+
+def code_cells(path: Path) -> list:
+    return [
+        cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code" and cell.source.strip()
+    ]
+
+
+def lines(cell) -> int:
+    return sum(bool(line.strip()) for line in cell.source.splitlines())
+
+
+def shows(cell) -> bool:
+    """Whether a reader sees a result: text, a table or a figure. What is only kept for another page is none."""
+    return any(
+        output.output_type in ("stream", "execute_result")
+        or (output.output_type == "display_data" and "scrapbook" not in output.metadata)
+        for output in cell.outputs
+    )
+
+
+def reading_problems(path: Path) -> list[str]:
+    cells = code_cells(path)
+    wrong = []
+    for number, cell in enumerate(cells, 1):
+        tags = set(cell.metadata.get("tags", []))
+        if lines(cell) > MOST_LINES:
+            wrong.append(f"cell {number}: {lines(cell)} lines of code, more than {MOST_LINES}")
+        if tags & FOLDS and not shows(cell):
+            wrong.append(f"cell {number}: folded, and nothing to see")
+    definitions = sum(len(DEFINITION.findall(cell.source)) for cell in cells)
+    if definitions > 2:
+        wrong.append(f"{definitions} definitions: they belong in a module")
+    short = sum(lines(cell) <= SHORT for cell in cells)
+    if 2 * short < len(cells):
+        wrong.append(f"only {short} of {len(cells)} cells have at most {SHORT} lines")
+    return [f"{path.name}: {problem}" for problem in wrong]
+
+
+def small_words(site: Path) -> list[str]:
+    """Figures with words below 11 px; superscripts and subscripts are parts of a word."""
+    wrong = []
+    for path in sorted(site.glob("_images/*.svg")):
+        sizes = [100 * float(scale) for scale in TEXT_SCALE.findall(path.read_text(encoding="utf-8"))]
+        if sizes and min(sizes) < SMALLEST:
+            wrong.append(f"{path.name}: words of {min(sizes):.3g} points")
+    return wrong
+
+
+def notebooks(root: Path) -> list[Path]:
+    return sorted(path for path in root.glob("book/**/*.ipynb") if ".ipynb_checkpoints" not in path.parts)
+
+
+def test_cells_are_short_and_show_something(root):
+    assert [problem for path in notebooks(root) for problem in reading_problems(path)] == []
+
+
+def test_the_papers_need_half_the_code_of_the_first_edition(root):
+    ledgers = {path.stem for path in root.glob("book/ledger/*.csv")}
+    total = sum(lines(cell) for path in notebooks(root) if path.stem in ledgers for cell in code_cells(path))
+    assert total <= FIRST_EDITION / 2
+
+
+def test_words_of_figures_can_be_read_on_a_phone(site):
+    assert small_words(site) == []
+
+
+# --- and a bad one is caught -------------------------------------------------
+
+SHOWN = new_output("execute_result", data={"text/plain": "2"}, execution_count=1)
+KEPT = new_output("display_data", data={"text/plain": "2"}, metadata={"scrapbook": {"name": "two"}})
+
+
+def cell(source="1 + 1", *outputs, tags=()):
+    return new_code_cell(source, outputs=list(outputs), metadata={"tags": list(tags)})
+
+
+BAD = {
+    "16 lines of code": [cell("\n".join(["x = 1"] * 16), SHOWN), cell(), cell()],
+    "folded, and nothing to see": [cell("x = 1", tags=["hide-input"])],
+    "cell 1: folded, and nothing to see": [cell("x = 1", KEPT, tags=["hide-cell"])],
+    "3 definitions": [cell("def f(): ...\ndef g(): ...\nclass H: ...", SHOWN)],
+    "only 1 of 3 cells": [cell(), cell("x = 1\n" * 7, SHOWN), cell("x = 1\n" * 8, SHOWN)],
+}
+
+
+@pytest.mark.parametrize(("problem", "cells"), BAD.items(), ids=BAD)
+def test_bad_notebook_is_caught(problem, cells, tmp_path):
+    path = tmp_path / "bad.ipynb"
+    nbformat.write(new_notebook(cells=cells), path)
+    (found,) = reading_problems(path)
+    assert problem in found
+
+
+def test_good_notebook_passes(tmp_path):
+    path = tmp_path / "good.ipynb"
+    nbformat.write(new_notebook(cells=[cell("x = 1"), cell("x + 1", SHOWN, tags=["hide-input"])]), path)
+    assert reading_problems(path) == []
+
+
+def test_small_words_are_caught(tmp_path):
+    (tmp_path / "_images").mkdir()
+    (tmp_path / "_images" / "good.svg").write_text('<g transform="translate(1 2) scale(0.1 -0.1)"><use/></g>')
+    (tmp_path / "_images" / "bad.svg").write_text('<g transform="translate(1 2) scale(0.07 -0.07)"><use/></g>')
+    assert small_words(tmp_path) == ["bad.svg: words of 7 points"]
