@@ -1,0 +1,290 @@
+"""The 18 printed ITAE values: what was integrated, how it was simulated, and what does not come out."""
+
+import math
+from functools import cache
+from itertools import product
+
+import control
+import numpy as np
+import pandas as pd
+import pidalab
+from pidalab._check import Array
+from pidalab.controllers import NonInteractivePIDA
+from pidalab.ledger import Ledger, every, some
+from pidalab.process import Process
+
+from . import schemes
+from .examples import (
+    KINDS,
+    METHODS,
+    SPOKEN,
+    Key,
+    experiment,
+    first_order,
+    listed,
+    processes,
+    runs,
+    second_order,
+    tuned,
+)
+from .schemes import Experiment, Scheme
+
+START = 1.0  # of the steps, found by `windows`
+ENDS = {(1, "setpoint"): 8, (1, "load"): 12, (2, "setpoint"): 20, (2, "load"): 25, (3, "setpoint"): 15, (3, "load"): 15}
+FOUND = Scheme()  # the one of `scheme`
+PID_VALUES = [key for key in product(processes(), ("imc", "itae2"), KINDS) if key[::2] != (3, "load")]
+PIDA_VALUES = [(k, "proposed", kind) for k, kind in ENDS if (k, kind) != (3, "load")]
+
+
+def row(key: Key) -> str:
+    """Id of a printed value."""
+    return f"itae.ex{key[0]}.{key[1]}.{key[2]}"
+
+
+def plant(k: int, kind: str) -> Process:
+    """The process as it seems to have been simulated: for one experiment the dead time of Example 1 is left in it."""
+    return pidalab.lags(5, delay=processes()[1].delay) if (k, kind) == (2, "setpoint") else processes()[k]
+
+
+def sampled(key: Key, controller: NonInteractivePIDA | None = None, scheme: Scheme = FOUND) -> float:
+    """ITAE with the settings found, sampled."""
+    k, _, kind = key
+    step = Experiment(plant(k, kind), kind == "load", ENDS[k, kind], START)
+    return schemes.itae(step, controller or tuned()[key], scheme)
+
+
+def exact(key: Key, controller: NonInteractivePIDA | None = None, process: Process | None = None) -> float:
+    """ITAE with the settings found, exact loop."""
+    k, _, kind = key
+    loop = pidalab.Loop(process or plant(k, kind), controller or tuned()[key])
+    t = np.linspace(0, ENDS[k, kind] - START, 4001)
+    return KINDS[kind](loop, t).itae(origin=-START)
+
+
+def definition(book: Ledger) -> pd.DataFrame:
+    """Integrals to infinity, from the step: not the printed values, but the same order."""
+    infinite = {key: run.itae(math.inf) for key, run in runs().items()}
+    printed = {key: book.printed(row(key)) for key in infinite}
+    misses = {
+        f"{experiment(k, kind)}, {METHODS[method]}": (
+            abs(infinite[k, method, kind] - printed[k, method, kind]),
+            book.row(row((k, method, kind))).half_unit,
+        )
+        for k, method, kind in infinite
+    }
+    nearest = min(abs(infinite[key] / printed[key] - 1) for key in infinite)
+    text = f"None does; the nearest of the 18 is {100 * nearest:.2f} % off."
+    book.statement("itae.definition", *some(misses, "<="), note=text)
+    pairs = {
+        f"{experiment(k, kind)}, {METHODS[better]} against {METHODS[worse]}": (
+            infinite[k, better, kind],
+            infinite[k, worse, kind],
+        )
+        for k, kind in ENDS
+        for better, worse in (("proposed", "itae2"), ("itae2", "imc"))
+    }
+    values = "; ".join(listed(infinite[k, method, kind] for method in METHODS) for k, kind in ENDS)
+    text = f"To infinity from the step, with the processes as printed; IMC, ITAE-2, proposed: {values}."
+    book.statement("itae.order", *every(pairs, "<"), note=text)
+    rows = {
+        experiment(k, kind): {METHODS[m]: f"{infinite[k, m, kind]:.2f} ({printed[k, m, kind]:.2f})" for m in METHODS}
+        for k, kind in ENDS
+    }
+    return pd.DataFrame(rows).T
+
+
+@cache
+def misfits(book: Ledger) -> tuple[Array, Array, dict[str, Array]]:
+    """Step times, ends after the step, and how far the values of IMC and ITAE-2 are missed with both; exact loops."""
+    starts, t = np.linspace(0, 3, 61), np.linspace(0, 40, 4001)
+    experiments = {experiment(k, kind): (processes()[k], k, kind) for k, kind in ENDS}
+    experiments["Example 2 with dead time 0.2, set point"] = (plant(2, "setpoint"), 2, "setpoint")
+    missed = {}
+    for name, (process, k, kind) in experiments.items():
+        both = []
+        for method in ("imc", "itae2"):
+            run = KINDS[kind](pidalab.Loop(process, tuned()[k, method, kind]), t)
+            value = starts[:, None] * _integral(np.abs(run.e), 0.01) + _integral(run.t * np.abs(run.e), 0.01)
+            both.append(np.abs(value / book.printed(row((k, method, kind))) - 1))
+        missed[name] = np.max(both, axis=0)[:, ::20]
+    return starts, t[::20], missed
+
+
+def _integral(f: Array, h: float) -> Array:
+    """Integral up to each sample, by trapezoids."""
+    return h * np.concatenate([[0.0], np.cumsum((f[1:] + f[:-1]) / 2)])
+
+
+def _ends(name: str) -> tuple[int, float]:
+    """Row of the maps that has the step time found, and the end found, for an experiment of `misfits`."""
+    kind = "load" if name.endswith("load") else "setpoint"
+    return round(START / 0.05), ENDS[int(name[8]), kind]
+
+
+def windows(book: Ledger) -> pd.DataFrame:
+    """For each experiment the pair of step time and end that fits IMC and ITAE-2 best."""
+    starts, after, missed = misfits(book)
+    rows = {}
+    for name, wrong in missed.items():
+        i, j = np.unravel_index(np.argmin(wrong), wrong.shape)
+        at, end = _ends(name)
+        rows[name] = {
+            "best step at": f"{starts[i]:.2f}",
+            "best end": f"{starts[i] + after[j]:.1f}",
+            "misfit there": f"{wrong[i, j]:.2%}",
+            "settings used": f"{START:g} and {end:g}",
+            "misfit": f"{wrong[at, np.argmin(np.abs(after + START - end))]:.2%}",
+        }
+    return pd.DataFrame(rows).T
+
+
+def scheme(book: Ledger) -> pd.DataFrame:
+    """Ten of the values, to the printed digits, by one scheme of sampling."""
+    for key in PID_VALUES:
+        note = f"Step at t = {START:g}, time from 0, end at t = {ENDS[key[0], key[2]]}: found, not printed. "
+        if key[::2] == (2, "setpoint"):
+            note += "Dead time 0.2 added to eq. (18), see itae.ex2.plant. "
+        note += f"Sampled every {FOUND.step} (Euler plant, Tustin filter); the exact loop gives {exact(key):.4f}."
+        book.check(row(key), sampled(key), note=note)
+    rows = []
+    for tried in schemes.pid_variants():
+        off = [abs(sampled(key, scheme=tried) - book.printed(row(key))) for key in PID_VALUES]
+        rows.append(
+            {
+                "plant": tried.plant,
+                "derivative filter": tried.derivative,
+                "present error in the integral": "yes" if tried.integral_first else "no",
+                "weight at": "start" if tried.weight_first else "end",
+                "of 10": sum(x <= book.row(row(key)).half_unit for x, key in zip(off, PID_VALUES, strict=True)),
+                "largest miss": f"{max(off):.3f}",
+            }
+        )
+    table = pd.DataFrame(rows).sort_values("of 10", ascending=False, kind="stable")
+    return table.head(8).reset_index(drop=True)
+
+
+def dead_time(book: Ledger) -> pd.DataFrame:
+    """Example 2 with the set point: the process as printed does not give the values."""
+    plain, left, rows = processes()[2], plant(2, "setpoint"), {}
+    cases = {}
+    for method in METHODS:
+        key = (2, method, "setpoint")
+        printed = book.printed(row(key))
+        as_printed = schemes.itae(Experiment(plain, False, ENDS[2, "setpoint"]), tuned()[key], FOUND)
+        rows[METHODS[method]] = {"printed": printed, "with (18)": as_printed, "with dead time 0.2": sampled(key)}
+        if method != "proposed":
+            cases[METHODS[method]] = abs(as_printed - printed), book.row(row(key)).half_unit
+    table = pd.DataFrame(rows).T
+    text = (
+        f"IMC, ITAE-2, proposed: with (18) as printed {listed(table['with (18)'], '.2f')}; with the dead time "
+        f"{left.delay} of Example 1 {listed(table['with dead time 0.2'], '.2f')}. Perhaps it was left in there."
+    )
+    book.statement("itae.ex2.plant", *every(cases, "<="), note=text)
+    return table.map("{:.2f}".format)
+
+
+@cache
+def proposed_misses(book: Ledger) -> dict[Scheme, tuple[float, ...]]:
+    """Relative deviation of the five proposed values by each scheme that was tried."""
+    printed = [book.printed(row(key)) for key in PIDA_VALUES]
+    return {
+        tried: tuple(sampled(key, scheme=tried) / print_ - 1 for key, print_ in zip(PIDA_VALUES, printed, strict=True))
+        for tried in schemes.pida_variants()
+    }
+
+
+def nearer_by_eq7(book: Ledger) -> int:
+    """How many of the five values the first-order filter of (7) meets better than the squared one, sampled alike."""
+    first, squared = (proposed_misses(book)[x] for x in (Scheme(acceleration=("tustin",)), FOUND))
+    return sum(abs(a) < abs(b) for a, b in zip(first, squared, strict=True))
+
+
+def proposed_values(book: Ledger) -> pd.DataFrame:
+    """The five values of the proposed rule, which no scheme gives to the printed digits."""
+    misses = proposed_misses(book)
+    ranked = sorted(misses, key=lambda tried: max(map(abs, misses[tried])))
+    hits = {
+        tried: sum(
+            abs(miss) * book.printed(row(key)) <= book.row(row(key)).half_unit
+            for miss, key in zip(misses[tried], PIDA_VALUES, strict=True)
+        )
+        for tried in misses
+    }
+    nearest = ranked[0]
+    for i, key in enumerate(PIDA_VALUES):
+        book.check(
+            row(key),
+            sampled(key),
+            note=f"Settings and scheme that give the ten values of IMC and ITAE-2. The exact loop gives "
+            f"{exact(key):.4f}. Of {len(misses)} schemes tried on the five proposed values none gives more than "
+            f"{max(hits.values())} of them to the printed digits; the nearest ({nearest}) misses this one by "
+            f"{100 * misses[nearest][i]:+.2f} %.",
+        )
+    shown = [*ranked[:6], FOUND, Scheme(acceleration=("tustin",))]
+    names = [experiment(k, kind) for k, _, kind in PIDA_VALUES]
+    rows = {str(tried): dict(zip(names, misses[tried], strict=True)) for tried in shown}
+    return (100 * pd.DataFrame(rows).T).map("{:+.2f} %".format)
+
+
+@cache
+def load_candidates() -> dict[str, list[Array]]:
+    """Errors of the three loops of Example 3 with load, in other readings of the experiment, step at t = 0."""
+    third = second_order()[3]
+    dens = {f"process of Example {k}": process.den for k, process in processes().items()}
+    dens |= {
+        "(19) without its lag": np.array([9.0, 2.4, 1.0]),
+        "(19) with 6s": np.polymul([9.0, 6.0, 1.0], [1.0, 1.0]),
+        "(19) with s²": np.polymul([1.0, 2.4, 1.0], [1.0, 1.0]),
+        "second-order model": np.array([third.tau**2, 2 * third.tau * third.damping, 1.0]),
+        "first-order model": np.array([first_order()[3].tau, 1.0]),
+    }
+    found = {}
+    scheme = Scheme(step=0.002)
+    for (name, den), delay, k, kind, load in product(dens.items(), (0.0, 0.2, 0.5), ENDS_OF, SPOKEN, (True, False)):
+        step = Experiment(Process([1.0], den, delay=delay), load, 60.0, 0.0)
+        errors = [schemes.errors(step, tuned()[k, method, kind], scheme)[::25] for method in METHODS]
+        where = "at the input" if load else "at the output"
+        tuning = f"tunings of Example {k}, {SPOKEN[kind]}"
+        found[f"load {where}, {name}, dead time {delay}, {tuning}"] = errors
+    for name, den in (("the lag", [1.0, 1.0]), ("the oscillator", [9.0, 2.4, 1.0])):
+        found[f"load before {name} of (19)"] = [
+            _load_before(control.tf([1.0], den), tuned()[3, method, "load"]) for method in METHODS
+        ]
+    return {name: errors for name, errors in found.items() if np.isfinite(errors).all()}
+
+
+ENDS_OF = (1, 2, 3)
+
+
+def _load_before(rest: control.TransferFunction, controller: NonInteractivePIDA) -> Array:
+    """Error after a load step that reaches the output of (19) through the `rest` of it: that part less its share."""
+    t = np.linspace(0, 60, 1201)[:-1]
+    loop = pidalab.Loop(processes()[3], controller, prefilter=rest)
+    free = pidalab.Process(rest.num[0][0], rest.den[0][0])
+    return pidalab.step_response(loop, t).y - pidalab.open_loop_step(free, t).y
+
+
+def load_values(book: Ledger) -> pd.DataFrame:
+    """Example 3 with load: nothing that was tried gives the three values."""
+    keys = [(3, method, "load") for method in METHODS]
+    printed = np.array([book.printed(row(key)) for key in keys])
+    rows, starts = [], np.linspace(0, 20, 41)[:, None]
+    for name, errors in load_candidates().items():
+        t, size = 0.05 * np.arange(errors[0].size), np.abs(errors)
+        values = np.array([starts * _integral(e, 0.05) + _integral(t * e, 0.05) for e in size])[:, :, 20:]
+        off = np.log(values / printed[:, None, None])
+        rows.append((np.abs(off).max(axis=0).min(), np.ptp(off, axis=0).min(), name))
+    size, ratio = (min(r[i] for r in rows) for i in (0, 1))
+    for key in keys:
+        book.check(
+            row(key),
+            sampled(key),
+            note=f"With the settings of the set point; {runs()[key].itae(math.inf):.3g} to infinity from the step. Of "
+            f"{len(rows)} other readings (place of the load, process, dead time, tunings), with every step time from 0 "
+            f"to 20 and end up to 60, the nearest misses one of the three by {100 * (math.exp(size) - 1):.0f} %; with "
+            f"any size of the step their ratios are missed by {100 * (math.exp(ratio) - 1):.0f} %.",
+        )
+    best = sorted(rows)[:5]
+    columns = {"size 1, misses by": 0, "any size": 1}
+    misses = {name: [f"{math.exp(r[i]) - 1:.0%}" for r in best] for name, i in columns.items()}
+    return pd.DataFrame(misses, index=[r[2] for r in best])
