@@ -18,7 +18,7 @@ MARKERS = re.compile(r"#\s*(NBVAL_\w+|PYTEST_VALIDATE\w*)")
 TAGS = re.compile(r"raises-exception|nbval-.*|skip-execution")
 PURE = ("float", "int", "abs", "round", "min", "max", "len", "sum", "dict", "list", "tuple", "zip", "enumerate")
 PURE += ("Fraction", "Decimal", "np.float64", "np.array", "np.asarray", "np.abs", "np.round", "np.int64")
-PAGES = ("scoreboard", "errata", "load_all", "convention_table", "CONVENTIONS")
+PAGES = ("scoreboard", "errata", "every_row", "load_all", "convention_table", "CONVENTIONS")
 
 EXCEPTIONS: dict[tuple[str, str], str] = {
     # (file, finding): why it is allowed nevertheless

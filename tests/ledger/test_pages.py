@@ -11,6 +11,7 @@ from pidalab.ledger import (
     Row,
     convention_table,
     errata,
+    every_row,
     score_markdown,
     scoreboard,
     write_rows,
@@ -44,6 +45,14 @@ def test_errata_keeps_misprints_and_readings_apart(project):
     assert page.html.count("<h3>On PIDA (demo)</h3>") == 2
     lines = repr(page).splitlines()
     assert lines[4].split()[-10:-6] == ["(Table", "1)", "12", "0.120"]
+
+
+def test_every_row_leads_to_the_chapter_and_its_evidence(project):
+    (project / "book" / "demo.ipynb").write_text("{}")
+    page = every_row()
+    assert '<p>demo, <a href="demo.html">the chapter</a></p>' in page.html
+    assert "<summary>All 10 rows</summary>" in page.html
+    assert page.html.count("<tr>") == 11
 
 
 def test_conventions_are_shown():

@@ -31,7 +31,7 @@ from pidalab.ledger.entries import Entry
 from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import papers, read_rows, write_rows
 from pidalab.ledger.front import score_markdown, write_score
-from pidalab.ledger.pages import convention_table, errata, load_all, scoreboard
+from pidalab.ledger.pages import convention_table, errata, every_row, load_all, scoreboard
 from pidalab.ledger.relations import Evidence, Relation, every, some
 from pidalab.ledger.rows import Row
 from pidalab.ledger.running import checks, record, run, update
@@ -54,6 +54,7 @@ __all__ = [
     "derive",
     "errata",
     "every",
+    "every_row",
     "load_all",
     "papers",
     "read_rows",

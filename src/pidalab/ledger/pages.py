@@ -10,7 +10,7 @@ from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import find_folder, papers
 from pidalab.ledger.rows import NO_EVIDENCE, Row
 from pidalab.ledger.running import has_checks
-from pidalab.ledger.scores import bar, score
+from pidalab.ledger.scores import bar, score, score_line
 from pidalab.ledger.tables import claim, evidence
 from pidalab.ledger.verdicts import BASES, VERDICTS
 
@@ -18,13 +18,13 @@ ERRATA = {
     "misprint": (
         "Misprints",
         "What is printed contradicts another line of the same paper, or arithmetic, in a way that no lost or misread "
-        "character explains. Such slips are in every good paper, and in this book; none of these changes what a paper "
-        "is about. The note says what speaks against the print.",
+        "character explains. Good papers have such slips, and so has this book. The last column says what speaks "
+        "against the print.",
     ),
     "as-read": (
         "As we read it",
         "Here what we read does not hold, and we cannot tell whether the print or our reading of it is at fault: some "
-        "texts were read by machine, and a lost dot, sign or index is enough. The note says what would hold.",
+        "texts were read by machine, and a lost dot, sign or index is enough. The last column says what would hold.",
     ),
 }
 
@@ -131,6 +131,53 @@ def scoreboard(folder: Path | str | None = None) -> Display:
 def _count(rows: dict[str, list[Row]], basis: str, verdict: str) -> list[Cell]:
     counts = (sum(row.verdict == verdict and row.basis == basis for row in part) for part in rows.values())
     return [words(basis), Cell(verdict, chip(verdict)), *(number(str(count)) for count in counts)]
+
+
+def every_row(folder: Path | str | None = None) -> Display:
+    """Show every row of every ledger, folded by paper, with the way to the chapter and to its evidence.
+
+    Parameters
+    ----------
+    folder : path, optional
+        As in `load_all`.
+
+    Returns
+    -------
+    Display
+        A terminal gets the scores; `Ledger.table` has the rows.
+
+    Raises
+    ------
+    LedgerError
+        As in `load_all`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> every_row(tempfile.mkdtemp()).html
+    ''
+    """
+    books = load_all(folder)
+    place = Path(folder) if folder is not None else find_folder()
+    named = titles(place)
+    html, text = [], []
+    for paper, book in books.items():
+        pages = {"the chapter": f"{paper}", "its evidence": f"audit/{paper}"}
+        ways = [
+            f'<a href="{page}.html">{name}</a>'
+            for name, page in pages.items()
+            if (place.parent / f"{page}.ipynb").is_file()
+        ]
+        html += [
+            f"<h3>{markup(named.get(paper, paper))}</h3>",
+            f"<p>{', '.join([paper, *ways])}</p>",
+            bar(paper, book.score()),
+            f"<details><summary>All {len(book.rows)} rows</summary>",
+            book.table().html,
+            "</details>",
+        ]
+        text.append(score_line(paper, book.score()))
+    return Display("\n".join(html), "\n".join(text))
 
 
 def errata(folder: Path | str | None = None) -> Display:

@@ -1,0 +1,247 @@
+"""Plant gross errors in the library, and show that every chapter that stands on the part notices.
+
+Each fault changes a line of a copy of the library. A chapter stands on it if its checks call the function around that
+line. The table ``tests/claims/faults.csv`` keeps, for each fault and chapter, how many rows turned red and one of them.
+A chapter that notices nothing fails the run.
+
+    python tools/faults.py                       # all faults, all papers that have checks
+    python tools/faults.py "dead time" heo2023   # faults whose name has these words, some papers
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from claims import LEDGERS, ROOT, TABLES, TIMEOUT
+from tqdm import tqdm
+
+TABLE = TABLES / "faults.csv"
+COLUMNS = ("fault", "paper", "red rows", "one of them")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A gross error: in `file` of the library, inside `function`, each `old` text becomes `new`."""
+
+    name: str
+    file: str
+    function: str
+    changes: tuple[tuple[str, str], ...]
+
+    def plant(self, library: Path) -> None:
+        """Change a copy of the library; each text has to be there exactly once."""
+        path = library / self.file
+        text = path.read_text(encoding="utf-8")
+        for old, new in self.changes:
+            if text.count(old) != 1:
+                raise ValueError(f"{self.name}: {old!r} occurs {text.count(old)} times in {self.file}")
+            text = text.replace(old, new)
+        path.write_text(text, encoding="utf-8")
+
+
+FAULTS = (
+    Fault(
+        "dead time of the exact engine 1 % too long",
+        "simulation/ladder.py",
+        "responses",
+        (
+            (
+                "step, delay = step / cut.unit, delay / cut.unit",
+                "step, delay = step / cut.unit, 1.01 * delay / cut.unit",
+            ),
+        ),
+    ),
+    Fault(
+        "Ms and Mt on a grid of 40 points a decade",
+        "robustness/margins.py",
+        "_peak",
+        (
+            (
+                "        loop_value, height = loop.L(1j * w), value(w)\n",
+                "        w = np.geomspace(w[0], w[-1], 2 + int(40 * np.log10(w[-1] / w[0])))\n"
+                "        loop_value, height = loop.L(1j * w), value(w)\n",
+            ),
+            ("    if inner.size:\n", "    if inner.size < 0:\n"),
+        ),
+    ),
+    Fault(
+        "IAE and ITAE by rectangles",
+        "response.py",
+        "Response._absolute",
+        (
+            (
+                "        (c0, c1, c2), end, start = self._pieces(horizon)\n",
+                "        (c0, c1, c2), end, start = self._pieces(horizon)\n"
+                "        return float(self.step * np.sum(np.abs(c0) * end * (base + slope * start)))\n",
+            ),
+        ),
+    ),
+    Fault(
+        "total variation without the first jump",
+        "response.py",
+        "Response.tv",
+        (
+            (
+                "return float(np.sum(np.abs(np.diff(self._path(signal, start, end)))))",
+                "return float(np.sum(np.abs(np.diff(self._path(signal, start, end)[1:]))))",
+            ),
+        ),
+    ),
+    Fault(
+        "ITAE from the step, whatever its origin",
+        "response.py",
+        "Response.itae",
+        (("return self._absolute(horizon, -origin, 1.0)", "return self._absolute(horizon, 0.0, 1.0)"),),
+    ),
+    Fault(
+        "a sign of an MRDP constant",
+        "rules/mrdp.py",
+        "_coefficient",
+        (("(head - j * (j - 1) * tail)", "(head + j * (j - 1) * tail)"),),
+    ),
+    Fault(
+        "filter of order n - 1 in the areas",
+        "areas/model.py",
+        "with_binomial_filter",
+        (("series.lagged(values, lag, order)", "series.lagged(values, lag, max(order - 1, 0))"),),
+    ),
+    Fault(
+        "filter of order n - 1 in the controller",
+        "controllers.py",
+        "HighOrderPID.fraction",
+        (
+            (
+                "binomial(self.filter_time, self.filter_order), [1.0, 0.0]",
+                "binomial(self.filter_time, max(self.filter_order - 1, len(self.coefficients) - 2)), [1.0, 0.0]",
+            ),
+        ),
+    ),
+    Fault(
+        "noise gain 3 % too small",
+        "simulation/noise.py",
+        "noise_gain",
+        (("return largest * math.sqrt(total)", "return 0.97 * largest * math.sqrt(total)"),),
+    ),
+    Fault(
+        "a pair of unstable poles counts as stable",
+        "robustness/poles.py",
+        "is_stable",
+        (("return unstable_poles(loop) == 0", "return unstable_poles(loop) <= 2"),),
+    ),
+    Fault(
+        "the sampled loop holds its input a sample too long",
+        "simulation/sampled.py",
+        "simulate_sampled",
+        (
+            (
+                "            w = v[k + before - plant.ago[piece]]\n",
+                "            w = v[max(k + before - plant.ago[piece] - 1, 0)]\n",
+            ),
+        ),
+    ),
+    Fault(
+        "levels of the three points as printed, not as used",
+        "identification.py",
+        "three_point",
+        (("LEVELS = (0.05, 0.353, 0.853)", "LEVELS = (0.05, 0.35, 0.85)"),),
+    ),
+)
+
+
+def stands_on(paper: str) -> set[tuple[str, str]]:
+    """File and name of every function of the library that the checks of a paper call."""
+    done = _run(["--calls", paper], ROOT / "src")
+    if isinstance(done, str):
+        raise SystemExit(f"{paper}: {done}")
+    return {(file, function) for file, function in done}
+
+
+def calls(paper: str) -> list[list[str]]:
+    """Run the checks of a paper in this process and list the functions of the library that they call."""
+    from claims import look
+
+    import pidalab
+
+    library = f"{Path(pidalab.__file__).parent}{os.sep}"
+    seen = set()
+
+    def profile(frame: object, event: str, _: object) -> None:
+        if event == "call" and frame.f_code.co_filename.startswith(library):  # type: ignore[attr-defined]
+            code = frame.f_code  # type: ignore[attr-defined]
+            seen.add((code.co_filename.removeprefix(library).replace(os.sep, "/"), code.co_qualname))
+
+    sys.setprofile(profile)
+    look(paper, "", [])
+    sys.setprofile(None)
+    return sorted(map(list, seen))
+
+
+def _run(arguments: list[str], source: Path) -> dict | list | str:
+    """Run this script, or `claims.py --look`, on a library, and return what it prints; a text says what went wrong."""
+    script = __file__ if "--calls" in arguments else str(Path(__file__).with_name("claims.py"))
+    fixed = {"PYTHONPATH": str(source), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
+    command = [sys.executable, script, *arguments]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env={**os.environ, **fixed})
+    except subprocess.TimeoutExpired:
+        return f"longer than {TIMEOUT:g} s"
+    if done.returncode:
+        return done.stderr.strip().splitlines()[-1][:300]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def noticed(fault: Fault, paper: str) -> tuple[str, str]:
+    """Number of rows that a fault turns red in a paper, and one of them; or why the run stops."""
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder, "src")
+        shutil.copytree(ROOT / "src", source, ignore=shutil.ignore_patterns("*.egg-info"))
+        fault.plant(source / "pidalab")
+        outcome = _run(["--look", "", paper], source)
+    if isinstance(outcome, str):
+        return "0", f"stops: {outcome}"
+    red = outcome["red"]
+    stopped = [f"stops: {section}: {why}" for section, why in outcome["stopped"].items()]
+    return str(len(red)), (red or stopped or [""])[0]
+
+
+def main() -> int:
+    """Plant faults; 0 if every chapter that stands on one notices."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("words", nargs="?", default="", help="part of the names of the faults; by default all")
+    parser.add_argument("papers", nargs="*", help="keys of papers; by default all that have checks")
+    parser.add_argument("--calls", metavar="PAPER", help="list the functions of the library that a paper calls")
+    given = parser.parse_args()
+    if given.calls:
+        print(json.dumps(calls(given.calls)))
+        return 0
+    from pidalab.ledger import papers
+    from pidalab.ledger.running import has_checks
+
+    chosen = given.papers or [paper for paper in papers(LEDGERS) if has_checks(paper, LEDGERS)]
+    grounds = {paper: stands_on(paper) for paper in chosen}
+    faults = [fault for fault in FAULTS if given.words in fault.name]
+    pairs = [(fault, paper) for fault in faults for paper in chosen if (fault.file, fault.function) in grounds[paper]]
+    lines = [(fault.name, paper, *noticed(fault, paper)) for fault, paper in tqdm(pairs, disable=None)]
+    for line in lines:
+        print(" | ".join(line))
+    if not given.words and not given.papers:
+        with TABLE.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(COLUMNS)
+            writer.writerows(lines)
+    silent = [f"{name}: {paper} notices nothing" for name, paper, _, what in lines if not what]
+    print("\n".join(silent) or "every fault is noticed")
+    return int(bool(silent))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
