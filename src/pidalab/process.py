@@ -210,6 +210,13 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
     return num, den
 
 
+def require_process(name: str, value: Any) -> None:
+    """Raise for what is no Process, and say which attribute of it to pass where that is one."""
+    if not isinstance(value, Process):
+        hint = _check.carrier(value, Process)
+        raise TypeError(f"{name} must be a pidalab.Process, found {type(value).__name__}{hint}")
+
+
 def fopdt(gain: float, lag: float, delay: float) -> Process:
     r"""First order plus dead time, :math:`\frac{gain}{lag\,s + 1} e^{-s\,delay}`.
 

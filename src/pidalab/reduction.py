@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.process import Process, fopdt, sopdt
+from pidalab.process import Process, fopdt, require_process, sopdt
 from pidalab.robustness._grid import grid
 
 SMALLEST = 1e-9  # of tau wu in the first, of (tau wu)^4 in the second order: below, the lag is rounding
@@ -226,8 +226,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
 
 def _unit(process: Process) -> Process:
     """Return the process divided by its static gain, or raise if it is not stable or has none."""
-    if not isinstance(process, Process):
-        raise TypeError(f"process must be a pidalab.Process, found {type(process).__name__}")
+    require_process("process", process)
     poles = np.roots(process.den)
     if np.any(poles.real >= 0):
         kind = "integrating" if np.any(poles == 0) else "unstable"

@@ -10,6 +10,7 @@ import pidalab
 from pidalab.rules import automatic_reset, direct, haalman, itae, magnitude_optimum, mrdp
 
 SECOND = pidalab.sopdt(1.0, tau=1.5, damping=1.0, delay=1.0)
+REDUCED = pidalab.reduction.to_sopdt(pidalab.lags(3))
 INTEGRATOR = pidalab.ipdt(1.0, delay=1.0)
 TUNES = {
     "haalman": lambda: haalman.tune(pidalab.lags(3, delay=1.0)),
@@ -111,10 +112,14 @@ def test_choices(call, message):
         (lambda d: pidalab.Loop(INTEGRATOR, d), r"controller must .* found Design; pass its \.controller"),
         (lambda d: pidalab.margins(INTEGRATOR), "for a process alone use open_loop_step"),
         (
-            lambda d: haalman.pid(pidalab.reduction.to_sopdt(pidalab.lags(3))),
+            lambda d: haalman.pid(REDUCED),
             r"found SecondOrderModel; pass its \.process",
         ),
-        (lambda d: pidalab.Loop(pidalab.reduction.to_sopdt(pidalab.lags(3)), 1.0), r"pass its \.process"),
+        (lambda d: pidalab.Loop(REDUCED, 1.0), r"pass its \.process"),
+        (lambda d: magnitude_optimum.tune(REDUCED, 0, 1, 0.1), r"found SecondOrderModel; pass its \.process"),
+        (lambda d: pidalab.areas.from_process(REDUCED, 4), r"found SecondOrderModel; pass its \.process"),
+        (lambda d: pidalab.reduction.to_fopdt(REDUCED), r"found SecondOrderModel; pass its \.process"),
+        (lambda d: pidalab.simulate_sampled(d.loop(), np.arange(9.0), plant=REDUCED), r"pass its \.process"),
         (lambda d: magnitude_optimum.noise_gain(d, 0.1), "design must be one of the magnitude optimum"),
     ],
 )

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.areas import _power_series as series
-from pidalab.process import Process, rational
+from pidalab.process import Process, rational, require_process
 
 
 def from_process(process: Process, count: int) -> Array:
@@ -81,8 +81,7 @@ def exact(process: Process, count: int) -> list[Fraction]:
     >>> pidalab.areas.exact(pidalab.fopdt(gain=2.0, lag=0.5, delay=0.25), 3)
     [Fraction(2, 1), Fraction(3, 2), Fraction(13, 16)]
     """
-    if not isinstance(process, Process):
-        raise TypeError(f"process must be a pidalab.Process, found {type(process).__name__}")
+    require_process("process", process)
     count = _check.integer("count", count, at_least=1)
     rest = _stable_series("process", process.num, process.den, count)
     return series.product(rest, series.dead_time(process.delay, count))

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pidalab import _check
-from pidalab.process import Process
+from pidalab.process import Process, require_process
 
 
 class SecondOrder(NamedTuple):
@@ -30,17 +29,9 @@ def one_of(name: str, value: str, allowed: tuple[str, ...]) -> None:
         raise ValueError(f"{name} must be {' or '.join(map(repr, allowed))}, found {value!r}")
 
 
-def require_process(model: Process) -> None:
-    """Raise for a model that is no Process, and name what it may carry one in."""
-    if not isinstance(model, Process):
-        raise TypeError(
-            f"model must be a pidalab.Process, found {type(model).__name__}{_check.carrier(model, Process)}"
-        )
-
-
 def lags(model: Process, order: int) -> tuple[float, list[float]]:
     """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), stable, or raise."""
-    require_process(model)
+    require_process("model", model)
     fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0
     if not fits or np.any(np.roots(model.den).real >= 0):
         poles = {1: "one stable pole (pidalab.fopdt)", 2: "two stable poles (pidalab.sopdt)"}
@@ -66,7 +57,7 @@ def second_order(model: Process) -> SecondOrder:
 
 def integrator(model: Process) -> tuple[float, float]:
     """Return velocity gain and dead time of an integrator, or raise."""
-    require_process(model)
+    require_process("model", model)
     if len(model.num) != 1 or len(model.den) != 2 or model.den[1] != 0 or model.num[0] == 0:
         raise ValueError(f"model must be an integrator with dead time (pidalab.ipdt), found {model!r}")
     return float(model.num[0] / model.den[0]), model.delay

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
+from pidalab import _check
 from pidalab._check import Array
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, rational
@@ -74,7 +75,8 @@ def _with_store(main: StateSpace, direct: StateSpace, time: float) -> tuple[Arra
 def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) -> Steps:
     """Discretise the plant over the one or two pieces of a sample interval in which its delayed input is constant."""
     if not isinstance(plant, (Process, AsymmetricPlant)):
-        raise TypeError(f"plant must be a Process or an AsymmetricPlant, found {type(plant).__name__}")
+        hint = _check.carrier(plant, Process)
+        raise TypeError(f"plant must be a Process or an AsymmetricPlant, found {type(plant).__name__}{hint}")
     states = plant_states(plant)
     if states.d and plant.delay < h * ALIGNED:
         raise ValueError(

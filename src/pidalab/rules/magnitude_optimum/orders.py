@@ -10,7 +10,7 @@ import numpy as np
 from pidalab import _check
 from pidalab.areas import exact
 from pidalab.loop import Loop
-from pidalab.process import Process
+from pidalab.process import Process, require_process
 from pidalab.response import Response
 from pidalab.rules._design import Design
 from pidalab.rules.magnitude_optimum.noise import tune_for_exact_noise
@@ -68,8 +68,7 @@ def rank_orders(
     >>> [(c.m, c.n) for c in best[:2]], best[0].iae
     ([(2, 3), (2, 2)], 1.31)
     """
-    if not isinstance(process, Process):
-        raise TypeError(f"process must be a pidalab.Process, found {type(process).__name__}")
+    require_process("process", process)
     largest_m = _check.integer("largest_m", largest_m, at_least=0)
     largest_n = _check.integer("largest_n", largest_n, at_least=1)
     _check.real("noise_gain", noise_gain, above=0.0)

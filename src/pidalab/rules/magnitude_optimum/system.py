@@ -22,6 +22,8 @@ def areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fractio
     need = 2 * _check.integer("m", m, at_least=0) + 4
     if isinstance(model, Process):
         found = exact(model, need)
+    elif isinstance(getattr(model, "process", None), Process):  # its numbers would pass for areas
+        raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model
         found = series.fractions(_check.vector("model", values))
