@@ -320,3 +320,9 @@ def test_filter_complains():
         binomial_filtered(T, FOURTH, 0.0, 4)
     with pytest.raises(ValueError, match="filter_order must be a whole number, at least 1"):
         binomial_filtered(T, FOURTH, 1.0, 0)
+
+
+def test_a_record_that_oscillates_is_refused():
+    wave = 1 - np.exp(-0.3 * T) * np.cos(T)
+    with pytest.raises(ValueError, match=r"overshoots its final value by .* a model with real poles cannot"):
+        three_point(T, wave)

@@ -346,3 +346,7 @@ def test_stretches_that_are_none(start, stop, message):
 def test_undershoot_needs_a_set_point():
     with pytest.raises(ValueError, match="undershoot needs a set point"):
         half_seconds(y=[0.0] * 4, u=[0.0] * 4, r=[1, 1, 2, 0]).undershoot()
+
+
+def test_settling_time_of_a_record_that_ends_on_the_band():
+    assert record(np.arange(3.0), [0.0, 0.5, 0.75]).settling_time(0.25) == 2.0

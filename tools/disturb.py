@@ -78,7 +78,7 @@ def decided(value: Any) -> Any:
 
 def replaced(functions: Iterable[Callable[..., Any]], change: Callable[[Any], Any], prefix: str) -> None:
     """Put functions whose results are changed in place of others, in every module that knows them by name."""
-    wrapped = {id(function): _after(function, change) for function in functions}
+    wrapped = {id(function): after(function, change) for function in functions}
     for name, module in [*sys.modules.items()]:
         if module is not None and name.partition(".")[0] == prefix:
             for key, value in [*vars(module).items()]:
@@ -86,7 +86,9 @@ def replaced(functions: Iterable[Callable[..., Any]], change: Callable[[Any], An
                     setattr(module, key, wrapped[id(value)])
 
 
-def _after(function: Callable[..., Any], change: Callable[[Any], Any]) -> Callable[..., Any]:
+def after(function: Callable[..., Any], change: Callable[[Any], Any]) -> Callable[..., Any]:
+    """Return a function that changes the result of another."""
+
     @functools.wraps(function)
     def disturbed(*arguments: Any, **options: Any) -> Any:
         return change(function(*arguments, **options))
@@ -216,7 +218,7 @@ def tables(strength: float = 1.0) -> None:
 
     pd.read_csv = disturbed
     for name in ("loadtxt", "genfromtxt", "load"):
-        setattr(np, name, _after(getattr(np, name), lambda value: changed(value, strength)))
+        setattr(np, name, after(getattr(np, name), lambda value: changed(value, strength)))
 
     def field(text: Any, place: int) -> Any:
         try:
@@ -239,18 +241,18 @@ def elementary(strength: float = 1.0) -> None:
     for module in ("scipy.constants", "scipy.signal", "control", "matplotlib.pyplot", "pandas"):
         import_module(module)  # they compute while they are imported
     for name in ("roots", "polyval", "polymul", "polyfit", "convolve", "exp", "sqrt", "interp", "trapezoid"):
-        setattr(np, name, _after(getattr(np, name), lambda value: changed(value, strength)))
+        setattr(np, name, after(getattr(np, name), lambda value: changed(value, strength)))
     for name in ("exp", "sqrt", "log", "log10", "atan", "atan2", "comb", "factorial", "prod"):
-        setattr(math, name, _after(getattr(math, name), lambda value: changed(float(value), strength)))
+        setattr(math, name, after(getattr(math, name), lambda value: changed(float(value), strength)))
     import mpmath
     from scipy import integrate, optimize
 
     for name in ("exp", "sqrt", "quad", "findroot", "polyroots", "mpf", "e"):
         value = getattr(mpmath, name)
         if callable(value) and name != "mpf":
-            setattr(mpmath, name, _after(value, lambda value: changed(value, strength)))
+            setattr(mpmath, name, after(value, lambda value: changed(value, strength)))
     for module, name in ((optimize, "brentq"), (optimize, "root_scalar"), (integrate, "quad")):
-        setattr(module, name, _after(getattr(module, name), lambda value: changed(value, strength)))
+        setattr(module, name, after(getattr(module, name), lambda value: changed(value, strength)))
 
 
 # ------------------------------------------------------------------------------------------------ after the import

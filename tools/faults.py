@@ -19,8 +19,11 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 
+import disturb
 from claims import LEDGERS, ROOT, TABLES, TIMEOUT
 from tqdm import tqdm
 
@@ -132,10 +135,10 @@ FAULTS = (
         (("return largest * math.sqrt(total)", "return 0.97 * largest * math.sqrt(total)"),),
     ),
     Fault(
-        "a pair of unstable poles counts as stable",
+        "stable and unstable exchanged",
         "robustness/poles.py",
         "is_stable",
-        (("return unstable_poles(loop) == 0", "return unstable_poles(loop) <= 2"),),
+        (("return unstable_poles(loop) == 0", "return unstable_poles(loop) != 0"),),
     ),
     Fault(
         "the sampled loop holds its input a sample too long",
@@ -157,35 +160,46 @@ FAULTS = (
 )
 
 
-def stands_on(paper: str) -> set[tuple[str, str]]:
-    """File and name of every function of the library that the checks of a paper call."""
+def stands_on(paper: str) -> dict[str, list[str]]:
+    """Sections of a paper that call the function around a fault, by the name of the fault."""
     done = _run(["--calls", paper], ROOT / "src")
     if isinstance(done, str):
         raise SystemExit(f"{paper}: {done}")
-    return {(file, function) for file, function in done}
+    return done
 
 
-def calls(paper: str) -> list[list[str]]:
-    """Run the checks of a paper in this process and list the functions of the library that they call."""
-    from claims import look
+def calls(paper: str) -> dict[str, list[str]]:
+    """Run the checks of a paper in this process and list the sections in which each fault would be met."""
+    called: set[str] = set()
+    for fault in FAULTS:
+        module = import_module(f"pidalab.{fault.file.removesuffix('.py').replace('/', '.')}")
+        owner, _, name = fault.function.rpartition(".")
+        if owner:
+            kind = getattr(module, owner)
+            setattr(kind, name, disturb.after(getattr(kind, name), partial(_note, called, fault.name)))
+        else:
+            disturb.replaced([getattr(module, name)], partial(_note, called, fault.name), "pidalab")
+    from pidalab.ledger import checks
+    from pidalab.ledger.running import Collector
 
-    import pidalab
-
-    library = f"{Path(pidalab.__file__).parent}{os.sep}"
-    seen = set()
-
-    def profile(frame: object, event: str, _: object) -> None:
-        if event == "call" and frame.f_code.co_filename.startswith(library):  # type: ignore[attr-defined]
-            code = frame.f_code  # type: ignore[attr-defined]
-            seen.add((code.co_filename.removeprefix(library).replace(os.sep, "/"), code.co_qualname))
-
-    sys.setprofile(profile)
-    look(paper, "", [])
-    sys.setprofile(None)
-    return sorted(map(list, seen))
+    found: dict[str, list[str]] = {fault.name: [] for fault in FAULTS}
+    sections = checks(paper, LEDGERS).SECTIONS
+    os.chdir(ROOT / "book")
+    book = Collector.open(paper, LEDGERS)
+    for section in sections:
+        called.clear()
+        section(book)
+        for name in called:
+            found[name].append(section.__name__)
+    return found
 
 
-def _run(arguments: list[str], source: Path) -> dict | list | str:
+def _note(called: set[str], name: str, value: object) -> object:
+    called.add(name)
+    return value
+
+
+def _run(arguments: list[str], source: Path) -> dict | str:
     """Run this script, or `claims.py --look`, on a library, and return what it prints; a text says what went wrong."""
     script = __file__ if "--calls" in arguments else str(Path(__file__).with_name("claims.py"))
     fixed = {"PYTHONPATH": str(source), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
@@ -199,13 +213,13 @@ def _run(arguments: list[str], source: Path) -> dict | list | str:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def noticed(fault: Fault, paper: str) -> tuple[str, str]:
-    """Number of rows that a fault turns red in a paper, and one of them; or why the run stops."""
+def noticed(fault: Fault, paper: str, sections: list[str]) -> tuple[str, str]:
+    """Number of rows that a fault turns red in sections that meet it, and one of them; or why the run stops."""
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "src")
         shutil.copytree(ROOT / "src", source, ignore=shutil.ignore_patterns("*.egg-info"))
         fault.plant(source / "pidalab")
-        outcome = _run(["--look", "", paper], source)
+        outcome = _run(["--look", "", paper, *sections], source)
     if isinstance(outcome, str):
         return "0", f"stops: {outcome}"
     red = outcome["red"]
@@ -229,10 +243,11 @@ def main() -> int:
     chosen = given.papers or [paper for paper in papers(LEDGERS) if has_checks(paper, LEDGERS)]
     grounds = {paper: stands_on(paper) for paper in chosen}
     faults = [fault for fault in FAULTS if given.words in fault.name]
-    pairs = [(fault, paper) for fault in faults for paper in chosen if (fault.file, fault.function) in grounds[paper]]
-    lines = [(fault.name, paper, *noticed(fault, paper)) for fault, paper in tqdm(pairs, disable=None)]
-    for line in lines:
-        print(" | ".join(line))
+    pairs = [(fault, paper) for fault in faults for paper in chosen if grounds[paper][fault.name]]
+    lines = [
+        (fault.name, paper, *noticed(fault, paper, grounds[paper][fault.name]))
+        for fault, paper in tqdm(pairs, disable=None)
+    ]
     if not given.words and not given.papers:
         with TABLE.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")

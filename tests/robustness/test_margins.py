@@ -241,3 +241,10 @@ def test_long_delay_and_loud_high_frequencies_stay_affordable():
     """A neutral loop with a fast filter turns around a million times before its last corner."""
     loop = Loop(Process([1.0, 2.0], [1.0, 1.0], delay=1.0), control.tf([0.3e-2, 0.3], [0.9e-2, 1.0]))
     assert margins(loop).ms == pytest.approx(brute_force(loop, 400_000, 0.1, 100.0)[0], rel=1e-4)
+
+
+def test_a_loop_that_is_real_along_the_whole_axis_has_no_phase_crossover():
+    """The imaginary part of 1/(s^2 + 1) is rounding alone: a change of its sign is no crossing."""
+    real = Loop(Process([1.0], np.convolve([1.0, 0.0, 1.0], [1.0, 0.0, 2.0])), 0.3)
+    assert pidalab.phase_crossovers(real).size == 0
+    assert pidalab.phase_crossovers(Loop(Process([1.0], [1.0, 0.0, 1.0]), 0.3)).size == 0

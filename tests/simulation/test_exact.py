@@ -275,3 +275,23 @@ def test_simulate_complains(arguments, error, message):
 def test_noise_complains(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("noise", [0.1, np.zeros(241), [], [0.1, 0.2]])
+def test_an_ensemble_needs_records_in_rows(noise):
+    """A single record is not one record for each of its samples."""
+    with pytest.raises(ValueError, match=r"noise must have one record in each row \(shape \(k, n\)\), found no rows"):
+        pidalab.simulate_ensemble(LOOPS["integrating"], TIME, noise)
+
+
+def test_a_control_signal_on_its_limit_is_within():
+    free = simulate(limited(-math.inf, math.inf), TIME, setpoint=1.0)
+    touching = simulate(limited(-1.0, free.u.max()), TIME, setpoint=1.0)
+    assert touching.u.max() == free.u.max()
+
+
+def test_a_dead_time_far_too_short_to_follow_says_so():
+    """Too short for a count of intervals, and for an integer: infinitely many of them."""
+    for delay in (1e-12, 1e-300):
+        with pytest.raises(ValueError, match="dead times, too many to follow one after the other"):
+            simulate(Loop(Process([1.0], [1.0, 1.0], delay), 1.0), TIME, setpoint=1.0)

@@ -10,7 +10,7 @@ from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import find_folder, papers
 from pidalab.ledger.rows import NO_EVIDENCE, Row
 from pidalab.ledger.running import has_checks
-from pidalab.ledger.scores import bar, score, score_line
+from pidalab.ledger.scores import bar, score, score_line, scorebar
 from pidalab.ledger.tables import claim, evidence
 from pidalab.ledger.verdicts import BASES, VERDICTS
 
@@ -124,7 +124,8 @@ def scoreboard(folder: Path | str | None = None) -> Display:
     body = [line for line in body if line[-1].text != "0"]
     body.append([words(""), words("claims"), *(number(str(len(part))) for part in rows.values())])
     table = grid("scoreboard", ("basis", "verdict", *rows), body, heading=1)
-    bars = "".join(f"<p>{markup(paper)}</p>{bar(paper, score(part))}" for paper, part in rows.items() if part)
+    bars = scorebar("all papers", score(rows["total"])).html if rows["total"] else ""
+    bars += "".join(f"<p>{markup(paper)}</p>{bar(paper, book.score())}" for paper, book in books.items())
     return Display(f"{bars}\n{table.html}", table.text)
 
 
