@@ -189,7 +189,7 @@ def kicks(book: Ledger) -> Figure:
 def kick_figure(book: Ledger) -> Figure:
     """Control signals of Example 1 in the first moments after a set-point step."""
     shared = work(book)
-    figure, ax = plt.subplots(figsize=(6.4, 2.8))
+    figure, ax = plt.subplots(figsize=(6.4, 2.6))
     fine = np.linspace(0, 0.6, 3001)
     order = [Case("ex1", kind, ms) for ms in (2.0, 1.4) for kind in KINDS]
     early = {
