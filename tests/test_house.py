@@ -31,6 +31,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "plots": ("robustness/test_limits.py", "figures are looked at in the book"),
     "areas/_power_series": ("areas/test_model.py", "areas are power series"),
     "robustness/_grid": ("robustness/test_margins.py", "a peak between two points would be missed"),
+    "robustness/_scan": ("robustness/test_margins.py", "margins are read off it"),
     "robustness/_infimum": ("robustness/test_limits.py", "the criteria are infima"),
     "simulation/bank": ("simulation/test_portrait.py", "a part of the portrait"),
     "simulation/lanes": ("simulation/test_portrait.py", "a part of the portrait"),

@@ -1,61 +1,89 @@
-r"""Frequencies at which a loop has to be looked at.
-
-The magnitude of L(jw) is that of its rational part: smooth on a logarithmic grid. Its phase also turns by the dead
-time, without end. So the grid is logarithmic, and is divided further where the dead time turns the phase quickly *and*
-L is large enough for it to matter.
-"""
+"""A loop as its factors, its limits, and the frequencies at which it has to be looked at."""
 
 from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop
 from pidalab.process import static_gain
-
-PER_DECADE = 120  # points of the logarithmic grid
-MOST_POINTS = 20_000_000  # of a grid: more would fill the memory
-TURN = 0.25  # largest turn of the phase by the dead time between two points, in rad
+from pidalab.roots import roots
 
 
-def _roots(loop: Loop) -> Array:
-    return np.concatenate([np.roots(p) for p in open_loop(loop)])
+class Factors(NamedTuple):
+    """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^{-s delay}, as the compiled scans take it."""
+
+    gain: float
+    zeros: Any
+    poles: Any
+    reference: Array  # speeds that the factors of the poles are compared with
+    delay: float
 
 
-def log_gain(loop: Loop, w: Array) -> Array:
-    """Return log |L(jw)|, on which the dead time has no influence; -inf and inf at zeros and poles on the axis."""
-    num, den = open_loop(loop)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.log(np.abs(np.polyval(num, 1j * w))) - np.log(np.abs(np.polyval(den, 1j * w)))
+def factors(loop: Loop) -> Factors:
+    """Factor a loop block by block; nothing is cancelled.
+
+    Raises
+    ------
+    ValueError
+        For a gain beyond the range of numbers, and for roots that cannot be found.
+    """
+    open_loop(loop)  # complains about what is not a loop
+    gain, zeros, poles = 1.0, [], []
+    with np.errstate(over="ignore"):
+        for name in ("process", "controller", "output_filter"):
+            num, den = loop.blocks[name]
+            gain *= float(num[0]) / float(den[0])
+            zeros.append(roots(num))
+            poles.append(roots(den))
+    if not math.isfinite(gain):
+        raise ValueError("the gain of the loop leaves the range of numbers (about 1e308)")
+    z, p = np.concatenate(zeros), np.concatenate(poles)
+    reference = np.abs(p)
+    reference[reference == 0] = np.min(reference[reference > 0], initial=1.0)
+    return Factors(gain, z, p, reference, float(loop.process.delay))
+
+
+class Scan(NamedTuple):
+    """A loop and its magnitude on the grid."""
+
+    factors: Factors
+    w: Array
+    size: Array
+
+    def parts(self, loud: float) -> Any:
+        """Into how many pieces the steps of the grid are divided, so that they follow L wherever it is this large."""
+        from pidalab.robustness import _scan
+
+        parts, total = _scan.pieces(self.w, self.size, loud, self.factors.delay)
+        if not total <= _scan.MOST_POINTS:
+            raise ArithmeticError(
+                f"the dead time turns the phase more than {total * _scan.TURN / (2 * np.pi):.2g} times while |L| is "
+                "large: too often to follow; is the loop far from stable?"
+            )
+        return parts
+
+
+def scan(loop: Loop) -> Scan:
+    """Look at a loop all along the axis."""
+    from pidalab.robustness import _scan  # compiled code: loaded when it is needed
+
+    found = factors(loop)
+    w = _scan.frequencies(found.zeros, found.poles, found.delay)
+    return Scan(found, w, _scan.gains(w, *found[:4]))
 
 
 def grid(loop: Loop, loud: float) -> Array:
     """Frequencies that follow L everywhere, and the turns of its dead time wherever |L| >= loud."""
-    roots = _roots(loop)
-    delay = loop.process.delay
-    corners = np.abs(roots[roots != 0])
-    scale = np.concatenate([corners, [1 / delay] if delay else [], [1.0] if not corners.size and not delay else []])
-    low, high = np.log10(scale.min()) - 4, np.log10(scale.max()) + 4
-    w = np.logspace(low, high, int(PER_DECADE * (high - low)) + 1)
-    # lightly damped roots are narrower than the grid: add points around each at the scale of its damping
-    near = np.concatenate([-np.logspace(3, -2, 40), np.logspace(-2, 3, 40)])
-    sharp = roots[(roots.imag > 0) & (np.abs(roots.real) < 0.2 * np.abs(roots))]
-    local = [abs(root.imag) + np.maximum(abs(root.real), 1e-9 * abs(root)) * near for root in sharp]
-    w = np.unique(np.concatenate([w, *local]))
-    w = w[(w > 10**low) & (w < 10**high)]
-    if delay:
-        size = log_gain(loop, w)
-        heard = np.maximum(size[:-1], size[1:]) >= np.log(loud)
-        pieces = np.where(heard, np.ceil(np.diff(w) * delay / TURN), 1).astype(int)
-        if pieces.sum() > MOST_POINTS:
-            raise ArithmeticError(
-                f"the dead time turns the phase {pieces.sum() * TURN / (2 * np.pi):.2g} times while |L| is large: "
-                "too often to follow; is the loop far from stable?"
-            )
-        first = np.repeat(np.cumsum(pieces) - pieces, pieces)
-        share = (np.arange(pieces.sum()) - first) / np.repeat(pieces, pieces)
-        w = np.append(np.repeat(w[:-1], pieces) + share * np.repeat(np.diff(w), pieces), w[-1])
-    return w
+    looked = scan(loop)
+    parts = looked.parts(loud)
+    first = np.repeat(np.cumsum(parts) - parts, parts)
+    share = (np.arange(parts.sum()) - first) / np.repeat(parts, parts)
+    start = np.repeat(looked.w[:-1], parts)
+    return np.append(start + share * np.repeat(np.diff(looked.w), parts), looked.w[-1])
 
 
 def ends(loop: Loop) -> tuple[float, float]:

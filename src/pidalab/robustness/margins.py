@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize.elementwise import find_minimum, find_root
 
+from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, require_well_posed
-from pidalab.robustness._grid import ends, grid, log_gain
+from pidalab.robustness._grid import Scan, ends, scan
 from pidalab.robustness.poles import is_stable
 
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
@@ -69,40 +68,28 @@ class Margins:
         )
 
 
-def _peak(loop: Loop, complementary: bool) -> tuple[float, float]:
-    """Supremum of |S|, or of |T|, and where it lies."""
+def _peaks(loop: Loop, looked: Scan, kinds: int) -> list[tuple[float, float]]:
+    """Suprema of |S|, and of |T| if two kinds are asked for, and where they lie."""
+    from pidalab.robustness import _scan
+
     require_well_posed(loop)
+    first, _ = _scan.peaks(looked.w, looked.parts(0.5), False, *looked.factors)
+    # where |L| is smaller than this, |S| or |T| cannot be larger than what was found
+    ms, mt = np.minimum(first, 1e300).tolist()
+    loud = 0.99 * (1 - 1 / max(ms, 1 + 1e-6)), 0.99 * mt / (1 + mt)
+    best, where = _scan.peaks(looked.w, looked.parts(min(loud[:kinds])), True, *looked.factors)
+    return [_with_ends(loop, k == 1, float(best[k]), float(where[k])) for k in range(kinds)]
 
-    def value(w: Array) -> Array:
-        with np.errstate(divide="ignore", invalid="ignore"):  # poles and zeros on the axis
-            return np.abs(loop.T(1j * w) if complementary else loop.S(1j * w))
 
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first = np.nanmax(value(grid(loop, 0.5)))
-        # where |L| is smaller than this, |S| or |T| cannot be larger than what was found
-        w = grid(loop, 0.99 * first / (1 + first) if complementary else 0.99 * (1 - 1 / max(first, 1 + 1e-6)))
-        loop_value, height = loop.L(1j * w), value(w)
-        best = int(np.nanargmax(height))
-        where, heights = [w[best]], [height[best]]
-        # a maximum between points is out of reach if L cannot come close enough to -1 from there
-        step = np.abs(np.diff(loop_value))
-        closest = np.abs(1 + loop_value[1:-1]) - np.maximum(step[1:], step[:-1])
-        top = np.abs(loop_value[1:-1]) if complementary else 1.0
-        local = (height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])
-        inner = np.flatnonzero(local & (closest * height[best] <= 1.5 * top)) + 1
-    if inner.size:
-        bracket = (np.log(w[inner - 1]), np.log(w[inner]), np.log(w[inner + 1]))
-        found = find_minimum(lambda x: -value(np.exp(x)), bracket, tolerances={"xatol": 0, "xrtol": 1e-10})
-        where.extend(np.exp(found.x))
-        heights.extend(-found.f_x)
-    best = int(np.nanargmax(heights))
-    for end, at in zip(_worst_ends(loop), (0.0, math.inf), strict=True):
+def _with_ends(loop: Loop, complementary: bool, height: float, at: float) -> tuple[float, float]:
+    """Take zero or infinite frequency for the peak where it is approached there; the grid only comes close."""
+    for end, there in zip(_worst_ends(loop), (0.0, math.inf), strict=True):
         if end == -1:
-            return math.inf, at
+            return math.inf, there
         share = 1 / (1 + end) if not complementary else 1.0 if math.isinf(end) else end / (1 + end)
-        if abs(share) >= heights[best] * (1 - 1e-7):  # the grid only comes close to the ends
-            return abs(share), at
-    return float(heights[best]), float(where[best])
+        if abs(share) >= height * (1 - 1e-7):
+            return abs(share), there
+    return height, at
 
 
 def _worst_ends(loop: Loop) -> tuple[float, float]:
@@ -136,7 +123,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     >>> print(f"{ms:.6f} {w:.4f}")
     1.590490 1.1442
     """
-    return _peak(loop, complementary=False)
+    return _peaks(loop, scan(loop), 1)[0]
 
 
 def gain_crossovers(loop: Loop) -> Array:
@@ -159,32 +146,13 @@ def gain_crossovers(loop: Loop) -> Array:
     [0.5]
     """
 
-    def excess(x: Array) -> Array:
-        return log_gain(loop, np.exp(x))
-
-    x = np.log(grid(loop, np.inf))
-    value = excess(x)
-    # a gain that just touches 1 crosses it twice between two points: look at every extreme that comes close
-    for sign in (1.0, -1.0):
-        with np.errstate(invalid="ignore"):
-            bump = sign * value
-            close = (bump[1:-1] < 0) & (bump[1:-1] > -0.1) & (bump[1:-1] >= bump[:-2]) & (bump[1:-1] > bump[2:])
-        i = np.flatnonzero(close) + 1
-        if i.size:
-            top = find_minimum(lambda x, sign=sign: -sign * excess(x), (x[i - 1], x[i], x[i + 1])).x
-            x, value = np.append(x, top), np.append(value, excess(top))
-            order = np.argsort(x, kind="stable")
-            x, value = x[order], value[order]
-    return np.exp(_sign_changes(excess, x, value))
+    return _gain_crossovers(scan(loop))
 
 
-def _sign_changes(function: Callable[[Array], Array], x: Array, value: Array) -> Array:
-    with np.errstate(invalid="ignore"):
-        i = np.flatnonzero((np.sign(value[:-1]) * np.sign(value[1:]) < 0) & np.isfinite(value[:-1] + value[1:]))
-    zeros = x[value == 0]
-    if not i.size:
-        return zeros
-    return np.sort(np.concatenate([find_root(function, (x[i], x[i + 1])).x, zeros]))
+def _gain_crossovers(looked: Scan) -> Array:
+    from pidalab.robustness import _scan
+
+    return _scan.gain_crossings(looked.w, looked.size, *looked.factors[:4])
 
 
 def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
@@ -209,20 +177,14 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     >>> (w / np.pi).round(9).tolist()
     [0.5, 2.5]
     """
-    floor = quietest if loop.process.delay else 0.0
+    return _phase_crossovers(scan(loop), _check.real("quietest", quietest, above=0.0))
 
-    def imaginary(x: Array) -> Array:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            loop_value = loop.L(1j * np.exp(x))
-            return loop_value.imag / np.abs(loop_value)
 
-    x = np.log(grid(loop, quietest))
-    value = imaginary(x)
-    value[np.abs(value) < 1e-12] = np.nan  # rounding of a real L, not a crossing
-    w = np.exp(_sign_changes(imaginary, x, value))
-    with np.errstate(divide="ignore", invalid="ignore"):  # the phase also jumps at poles and zeros on the axis
-        crossing = loop.L(1j * w)
-        return w[(crossing.real < 0) & (np.abs(crossing) >= floor) & (np.abs(crossing) < 1e9)]
+def _phase_crossovers(looked: Scan, quietest: float) -> Array:
+    from pidalab.robustness import _scan
+
+    floor = quietest if looked.factors.delay else 0.0
+    return _scan.phase_crossings(looked.w, looked.parts(quietest), floor, *looked.factors)
 
 
 def margins(loop: Loop) -> Margins:
@@ -251,14 +213,16 @@ def margins(loop: Loop) -> Margins:
     Ms = 1.59 at 1.144 rad/time, Mt = 1 at 0
     gain margin 3.142 at 1.571, phase margin 61.35 deg at 0.5, delay margin 2.142
     """
-    wgc, quietest = gain_crossovers(loop), QUIETEST
+    require_well_posed(loop)
+    looked, quietest = scan(loop), QUIETEST
+    wgc = _gain_crossovers(looked)
     if not is_stable(loop):
         none = math.nan
         return Margins(False, none, none, none, none, none, none, none, none, none, none, wgc, np.zeros(0))
-    wpc = phase_crossovers(loop, quietest)
+    wpc = _phase_crossovers(looked, quietest)
     while loop.process.delay and quietest > 1e-12 and not np.any(np.abs(loop.L(1j * wpc)) < 1):
         quietest /= 10
-        wpc = phase_crossovers(loop, quietest)
+        wpc = _phase_crossovers(looked, quietest)
     lag = np.mod(np.angle(loop.L(1j * wgc)) + np.pi, 2 * np.pi)  # what further dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
     # at zero and infinite frequency L is real: these are phase crossovers too where it is negative
@@ -266,8 +230,7 @@ def margins(loop: Loop) -> Margins:
     at_zero, at_infinity = _worst_ends(loop)
     size = np.concatenate([[max(-at_zero, 0.0)], np.abs(loop.L(1j * wpc)), [max(-at_infinity, 0.0)]])
     small, large = np.where(size < 1, size, 0.0), size[size > 1]
-    ms, wms = max_sensitivity(loop)
-    mt, wmt = _peak(loop, complementary=True)
+    (ms, wms), (mt, wmt) = _peaks(loop, looked, 2)
     return Margins(
         stable=True,
         gm=float(1 / small.max()) if small.any() else math.inf,

@@ -11,13 +11,12 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
-from pidalab.robustness._grid import ends, grid
+from pidalab.robustness._grid import Scan, ends, scan
 
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
 CLUSTER = 8  # more poles than asked for that are returned at most, not to split a cluster of them
 SLOW = 1e-6  # modulus, in 1/dead time, below which a pole is found without dead time first: rounding drowns it with
-ON_AXIS = 1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
 
 
 def unstable_poles(loop: Loop) -> float:
@@ -54,46 +53,26 @@ def unstable_poles(loop: Loop) -> float:
     require_well_posed(loop)
     if loop.process.delay and abs(ends(loop)[1]) >= 1 - 1e-12:
         return math.inf
-    w = np.concatenate([[0.0], grid(loop, 0.5)])
-    for lean in (0.0, 1e-9, 1e-7):  # a contour that leans to the left takes in the roots on the axis
-        count = _encirclements(loop, w, lean)
+    looked = scan(loop)
+    parts = looked.parts(0.5)
+    slowest = looked.w[0]
+    # a contour that leans to the left takes in the roots on the axis; the last one passes 0 farther off, too
+    for lean, aside in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
+        count = _encirclements(loop, looked, parts, lean, aside)
         if count is not None:
             return count
     raise ArithmeticError("the closed loop has a pole so close to the imaginary axis that it cannot be counted")
 
 
-def _encirclements(loop: Loop, w: Array, lean: float) -> int | None:
-    """Count the zeros of the characteristic function right of s = jw - lean (w + w_min); None if one is on it."""
-    num, den = open_loop(loop)
-    roots, slowest = np.roots(den), w[1]
-    reference = np.where(roots == 0, np.min(np.abs(roots[roots != 0]), initial=1.0), np.abs(roots))
+def _encirclements(loop: Loop, looked: Scan, parts: Array, lean: float, aside: float) -> int | None:
+    """Count the zeros of the characteristic function right of s = jw - lean w - aside; None if one is on it."""
+    from pidalab.robustness import _scan
 
-    def characteristic(w: Array) -> tuple[Array, Array]:
-        s = 1j * w - lean * (w + slowest)
-        scaled_den, scaled_num = np.ones_like(s), np.full_like(s, 1 / den[0])
-        for root, ref in zip(roots, reference, strict=True):
-            scaled_den = scaled_den * (s - root) / (s + ref)
-        scaled_num = np.polyval(num, s) / den[0] * np.exp(-s * loop.process.delay)
-        for ref in reference:
-            scaled_num = scaled_num / (s + ref)
-        return scaled_den + scaled_num, np.abs(scaled_den) + np.abs(scaled_num)
-
-    f, size = characteristic(w)
-    for _ in range(60):
-        if np.any(np.abs(f) <= ON_AXIS * size):
-            return None
-        turn = np.angle(f[1:] / f[:-1])
-        wide = np.flatnonzero(np.abs(turn) > 0.8)
-        if not wide.size:
-            break
-        middle = 0.5 * (w[wide] + w[wide + 1])
-        f_mid, size_mid = characteristic(middle)
-        w, f, size = np.insert(w, wide + 1, middle), np.insert(f, wide + 1, f_mid), np.insert(size, wide + 1, size_mid)
-    else:
+    total, last = _scan.turns(looked.w, parts, lean, aside, *looked.factors)
+    if math.isnan(total):
         return None
     limit = 1.0 if loop.process.delay else 1 + ends(loop)[1]  # with dead time f circles around 1, |L| < 1
-    total = float(np.sum(turn)) - float(np.angle(f[-1] / limit))
-    count = -total / np.pi
+    count = -(total - float(np.angle(last / limit))) / np.pi
     return round(count) if abs(count - round(count)) < 0.2 else None
 
 
