@@ -176,3 +176,31 @@ def test_latex(coefficients, text):
 def test_latex_of_a_process_names_the_dead_time_only_if_there_is_one():
     assert pidalab.fopdt(2.0, 3.0, 0.5)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}\,e^{-0.5s}$"
     assert pidalab.fopdt(2.0, 3.0, 0.0)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}$"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: pidalab.sopdt(1.0, 1e-200, 1.0, 1.0), "tau must lie between"),
+        (lambda: pidalab.sopdt(1.0, 1e200, 1.0, 1.0), "tau must lie between"),
+        (lambda: pidalab.lags(3, lag=1e-200), "leaves the range of numbers"),
+        (lambda: pidalab.lags(3, lag=1e200), "leaves the range of numbers"),
+    ],
+)
+def test_time_constants_whose_powers_are_no_numbers(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_text_is_not_a_frequency():
+    loop = pidalab.Loop(pidalab.lags(2), 1.0)
+    for call in (loop.process, loop.S, loop.L, lambda s: loop.block("process", s), pidalab.PIDA(1.0, 1.0)):
+        with pytest.raises(TypeError, match="s must be complex numbers, found '1j'"):
+            call("1j")
+
+
+def test_a_pole_is_infinite_without_a_warning():
+    integrator = pidalab.ipdt(1.0, 1.0)
+    assert integrator(0) == pidalab.Loop(integrator, 1.0).L(0) == np.inf
+    assert np.isnan(pidalab.Process([1.0, 0.0], [1.0, 0.0])(0))
+    assert np.abs(integrator([0.0, 1j])).tolist() == [np.inf, 1.0]

@@ -57,6 +57,17 @@ def _real_array(name: str, value: ArrayLike) -> Array:
         raise TypeError(f"{name} must be a one-dimensional array of real numbers, found {found}") from None
 
 
+def complex_array(name: str, value: ArrayLike) -> Any:
+    """Return `value` as complex numbers of any shape; text is not taken for numbers."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "USO":
+            raise TypeError
+        return array.astype(complex)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be complex numbers, found {value!r}") from None
+
+
 def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
     """Return `value` as a finite one-dimensional float array, or raise naming the argument."""
     array = _real_array(name, value)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.forms import IdealGains
-from pidalab.process import binomial
+from pidalab.process import binomial, quotient
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
@@ -97,8 +97,8 @@ class Controller:
     def __call__(self, s: ArrayLike) -> Any:
         """Evaluate the filtered controller at complex s."""
         num, den = self.fraction()
-        s = np.asarray(s, dtype=complex)
-        return np.polyval(num, s) / np.polyval(den, s)
+        at = _check.complex_array("s", s)
+        return quotient(np.polyval(num, at), np.polyval(den, at))
 
     def __str__(self) -> str:
         lines = [repr(self)]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab.controllers import AutomaticReset, Controller, Fraction
 from pidalab.plants import AsymmetricPlant
-from pidalab.process import Process, rational
+from pidalab.process import Process, quotient, rational
 
 
 class Loop:
@@ -89,8 +89,11 @@ class Loop:
             raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
         # L without its dead time: the product of the blocks of the loop; nothing is cancelled
         num, den = np.ones(1), np.ones(1)
-        for name in ("process", "controller", "output_filter"):
-            num, den = np.convolve(num, blocks[name][0]), np.convolve(den, blocks[name][1])
+        with np.errstate(over="ignore", invalid="ignore"):
+            for name in ("process", "controller", "output_filter"):
+                num, den = np.convolve(num, blocks[name][0]), np.convolve(den, blocks[name][1])
+        if not (np.all(np.isfinite(num)) and np.all(np.isfinite(den))):
+            raise ValueError("process times controller leaves the range of numbers (about 1e308)")
         for array in (num, den, *(part for fraction in blocks.values() for part in fraction)):
             array.setflags(write=False)
         vars(self).update(
@@ -147,14 +150,14 @@ class Loop:
         if name not in self.blocks:
             raise ValueError(f"name must be one of {', '.join(self.blocks)}, found {name!r}")
         num, den = self.blocks[name]
-        s = np.asarray(s, dtype=complex)
-        return np.polyval(num, s) / np.polyval(den, s)
+        at = _check.complex_array("s", s)
+        return quotient(np.polyval(num, at), np.polyval(den, at))
 
     def _fraction(self, s: ArrayLike) -> tuple[Any, Any]:
         """Numerator (dead time included) and denominator of L at complex s."""
-        s = np.asarray(s, dtype=complex)
+        at = _check.complex_array("s", s)
         num, den = self.open_loop
-        return np.polyval(num, s) * np.exp(-s * self.process.delay), np.polyval(den, s)
+        return np.polyval(num, at) * np.exp(-at * self.process.delay), np.polyval(den, at)
 
     def L(self, s: ArrayLike) -> Any:
         """Loop transfer function: process (dead time exact), controller and output filter.
@@ -176,7 +179,7 @@ class Loop:
         np.complex128(0.25+0j)
         """
         forward, back = self._fraction(s)
-        return forward / back
+        return quotient(forward, back)
 
     def S(self, s: ArrayLike) -> Any:
         """Sensitivity 1 / (1 + L): what feedback leaves of a disturbance at the output.
@@ -198,7 +201,7 @@ class Loop:
         np.complex128(0.5+0j)
         """
         forward, back = self._fraction(s)  # not 1/(1 + L): with integral action S(0) is 0, not 1/(1 + inf)
-        return back / (back + forward)
+        return quotient(back, back + forward)
 
     def T(self, s: ArrayLike) -> Any:
         """Complementary sensitivity L / (1 + L) = 1 - S.
@@ -220,7 +223,7 @@ class Loop:
         np.complex128(0.5+0j)
         """
         forward, back = self._fraction(s)
-        return forward / (back + forward)
+        return quotient(forward, back + forward)
 
     def transfer(self, output: str, source: str, s: ArrayLike) -> Any:
         """Closed-loop transfer function between two named signals.

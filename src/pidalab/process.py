@@ -14,6 +14,9 @@ if TYPE_CHECKING:  # python-control takes longer to import than most sessions ta
     import control
 
 
+SMALLEST = 1e-150  # time constant whose square is still a number
+
+
 class Process:
     r"""A single-input, single-output process :math:`P(s) = \frac{b(s)}{a(s)} e^{-s\,\mathrm{delay}}`.
 
@@ -100,8 +103,8 @@ class Process:
 
     def __call__(self, s: ArrayLike) -> Any:
         """Evaluate P at complex frequencies s (an array of any shape), dead time exact."""
-        s = np.asarray(s, dtype=complex)
-        return np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-s * self.delay)
+        at = _check.complex_array("s", s)
+        return quotient(np.polyval(self.num, at) * np.exp(-at * self.delay), np.polyval(self.den, at))
 
     def rational_part(self) -> control.TransferFunction:
         """Return the process without its dead time.
@@ -160,6 +163,12 @@ def latex_polynomial(coefficients: ArrayLike) -> str:
         sign = "-" if c < 0 else "+" if terms else ""
         terms.append(f"{sign}{size}" + ("" if power == 0 else "s" if power == 1 else f"s^{power}"))
     return "".join(terms)
+
+
+def quotient(num: Any, den: Any) -> Any:
+    """Return num/den; infinite at a pole, and not a number where both are 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(den == 0, np.where(num == 0, np.nan, np.inf), num / den)[()]
 
 
 def static_gain(num: _check.Array, den: _check.Array) -> float:
@@ -279,6 +288,10 @@ def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
     Process(num=[1], den=[4, 2, 1], delay=1)
     """
     tau = _check.real("tau", tau, above=0.0)
+    if not SMALLEST < tau < 1 / SMALLEST:
+        raise ValueError(
+            f"tau must lie between {SMALLEST:g} and {1 / SMALLEST:g}, its square being needed, found {tau:g}"
+        )
     damping = _check.real("damping", damping, at_least=0.0)
     return Process([_check.real("gain", gain)], [tau**2, 2 * damping * tau, 1.0], delay)
 
@@ -343,4 +356,8 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
     Process(num=[1], den=[1, 4, 6, 4, 1], delay=0)
     """
     order, lag = _check.integer("order", order, at_least=1), _check.real("lag", lag, above=0.0)
-    return Process([_check.real("gain", gain)], binomial(lag, order), delay)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        den = binomial(lag, order)
+    if not (np.all(np.isfinite(den)) and np.all(den)):
+        raise ValueError(f"(lag s + 1)^order leaves the range of numbers for lag = {lag:g} and order = {order}")
+    return Process([_check.real("gain", gain)], den, delay)

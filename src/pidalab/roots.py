@@ -8,6 +8,7 @@ well as the scattered ones do.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Any
 
@@ -16,9 +17,10 @@ import numpy as np
 from pidalab._check import Array
 
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)  # distances, relative to the modulus, of roots tried as one
-EXACT = 1e-13  # difference of the coefficients, relative to their size, that is as good as none
+EXACT = 1e-14  # difference of the coefficients, relative to their size and by degree, that is as good as none
 ALLOWED = 1e-10  # difference beyond which roots do not stand for their polynomial
 SMALL = 8  # degree up to which eigenvalues of a companion matrix are trusted
+MANY = 40  # degree beyond which most roots have to be multiple ones
 MOST = 400  # degree beyond which none are looked for
 ON_AXIS = 1e-13  # real part, relative to the modulus, that is rounding
 
@@ -51,15 +53,12 @@ def _of_nonzero(coefficients: Array) -> Any:
         return np.zeros(0, dtype=complex)
     if degree > MOST:
         raise ValueError(f"a polynomial of degree {degree} is too long: at most {MOST} are allowed")
-    # unit of s in which first and last coefficient are equal; by logarithms, since they may be 1e300 apart
-    with np.errstate(divide="ignore", under="ignore", over="ignore"):
-        logs = np.log(np.abs(coefficients))
-        unit = (logs[-1] - logs[0]) / degree
-        scaled = (
-            np.sign(coefficients) * np.exp(logs - logs[0] - unit * np.arange(degree + 1.0)) * np.sign(coefficients[0])
-        )
-        scale = np.exp(unit)
-    if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0) and 0 < scale < np.inf):
+    # unit of s, a power of 2, in which first and last coefficient are about equal; they may be 1e300 apart
+    mantissa, power = np.frexp(coefficients)
+    unit = int(np.round((power[-1] - power[0]) / degree))
+    scaled = np.ldexp(mantissa / mantissa[0], np.clip(power - power[0] - unit * np.arange(degree + 1), -1500, 1500))
+    scale = math.ldexp(1.0, unit) if abs(unit) < 1000 else 0.0
+    if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0) and scale):
         raise ValueError(
             f"the coefficients {coefficients[:4]}... lie too far apart: their roots leave double precision"
         )
@@ -67,7 +66,7 @@ def _of_nonzero(coefficients: Array) -> Any:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
     single = np.full(1, -scaled[1] / degree, dtype=complex)
-    if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= EXACT:
+    if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= EXACT * degree:
         return np.repeat(single, degree) * scale
     scattered = _of_quadratic(scaled) if degree == 2 else np.roots(scaled)
     if degree == 2:
@@ -84,8 +83,10 @@ def _of_nonzero(coefficients: Array) -> Any:
         merged, times = _merged(scattered, radius)
         if merged.size < degree:
             merged, off = _polished(scaled, merged, times, size)
-            if off <= max(least, EXACT):
+            if off <= max(least, EXACT * degree):
                 best, least = np.repeat(merged, times.astype(int)), off
+    if degree > MANY and np.unique(best).size > degree // 2:
+        least = 1.0  # the product may be near, and yet a response made of them is lost in rounding
     if not least <= ALLOWED:
         raise ValueError(
             f"the roots of a polynomial of degree {degree} cannot be found from its coefficients: their product is "
@@ -146,7 +147,7 @@ def _polished(scaled: Array, found: Any, times: Array, size: Array) -> tuple[Any
     real, best, least = found.imag == 0, found, _difference(scaled, found, times, size)
     weight = 1 / size[1:]
     for _ in range(8):
-        if least <= EXACT:
+        if least <= EXACT * scaled.size:
             break
         product = np.poly(np.repeat(found, times.astype(int)))
         slopes = np.stack([-m * np.polydiv(product, [1.0, -z])[0] for z, m in zip(found, times, strict=True)], axis=1)

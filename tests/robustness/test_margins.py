@@ -248,3 +248,34 @@ def test_a_loop_that_is_real_along_the_whole_axis_has_no_phase_crossover():
     real = Loop(Process([1.0], np.convolve([1.0, 0.0, 1.0], [1.0, 0.0, 2.0])), 0.3)
     assert pidalab.phase_crossovers(real).size == 0
     assert pidalab.phase_crossovers(Loop(Process([1.0], [1.0, 0.0, 1.0]), 0.3)).size == 0
+
+
+def test_equal_lags_of_high_order():
+    """|L| is (1 + w^2)^(-n/2)/2 and its phase -n atan w, whatever the unit of time."""
+    for order, lag in ((30, 60.0), (200, 1.0)):
+        result = margins(Loop(pidalab.lags(order, lag=lag), 0.5))
+        w = math.tan(math.pi / order)
+        assert result.wpc == pytest.approx(w / lag, rel=1e-12)
+        assert result.gm == pytest.approx(2 * (1 + w * w) ** (order / 2), rel=1e-11)
+
+
+def test_a_gain_of_one_along_the_axis_is_no_crossover():
+    assert pidalab.gain_crossovers(Loop(Process([1.0], [1.0], 1.0), 1.0)).size == 0
+    assert pidalab.gain_crossovers(Loop(Process([-1.0, 1.0], [1.0, 1.0], 1.0), 1.0)).size == 0
+
+
+def test_a_dead_time_of_a_hundred_thousand_lags():
+    result = margins(Loop(pidalab.fopdt(1.0, 1.0, 1e5), 0.5))
+    assert (result.gm, result.ms) == pytest.approx((2.0, 2.0), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: margins(Loop(pidalab.fopdt(1e300, 1.0, 1.0), 1e300)), "range of numbers"),
+        (lambda: pidalab.phase_crossovers(Loop(pidalab.lags(4), 1.0), quietest=-1), "quietest must be above 0"),
+    ],
+)
+def test_margins_complain(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -261,3 +261,15 @@ def test_phase_that_turns_too_often_is_refused():
     loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), 2, 2, te=1e-6).loop()
     with pytest.raises(ArithmeticError, match="too often to follow"):
         unstable_poles(loop)
+
+
+@pytest.mark.parametrize("process", [pidalab.lags(4), pidalab.lags(4, delay=1.0)])
+def test_a_closed_loop_pole_at_the_origin_is_unstable(process):
+    """L(0) = -1."""
+    assert unstable_poles(Loop(process, -1.0)) == 1
+    assert not pidalab.is_stable(Loop(process, -1.0))
+    assert not margins(Loop(process, -1.0)).stable
+
+
+def test_poles_on_the_axis_are_found_as_such():
+    assert unstable_poles(Loop(Process([1.0], [8.0, 4.0, 2.0, 1.0], 0.5), 0.0)) == 2

@@ -262,6 +262,7 @@ def test_simulate_complains(arguments, error, message):
             r"noise must be .* \(241\), found shape \(3,\)",
         ),
         (lambda: pidalab.simulate_ensemble(LOOPS["delay"], [0.0, 1.0], [[1.0, 2.0], [1.0]]), "noise must be"),
+        (lambda: pidalab.uniform_noise(TIME, 1e308, seed=0), r"amplitude must be at most 1e\+307"),
         (lambda: pidalab.uniform_noise(TIME, -1.0, seed=0), r"amplitude must be at least 0, found -1\.0"),
         (
             lambda: pidalab.uniform_noise(TIME, 1.0, seed=0, hold=0.07),
@@ -270,7 +271,7 @@ def test_simulate_complains(arguments, error, message):
         (lambda: pidalab.uniform_noise(TIME, 1.0, seed=0, hold=0.01), r"hold must be a multiple of the step of t"),
         (lambda: pidalab.uniform_noise([1.0, 2.0], 1.0, seed=0), "t must start at 0"),
     ],
-    ids=["length", "ragged", "amplitude", "hold", "short-hold", "time"],
+    ids=["length", "ragged", "loud", "amplitude", "hold", "short-hold", "time"],
 )
 def test_noise_complains(call, message):
     with pytest.raises(ValueError, match=message):
@@ -295,3 +296,29 @@ def test_a_dead_time_far_too_short_to_follow_says_so():
     for delay in (1e-12, 1e-300):
         with pytest.raises(ValueError, match="dead times, too many to follow one after the other"):
             simulate(Loop(Process([1.0], [1.0, 1.0], delay), 1.0), TIME, setpoint=1.0)
+
+
+@pytest.mark.parametrize(("order", "lag"), [(24, 60.0), (30, 60.0), (40, 1.0), (60, 1.0), (200, 0.1)])
+def test_long_chains_of_equal_lags(order, lag):
+    t = np.linspace(0.0, 2.0 * order * lag, 301)
+    y = pidalab.open_loop_step(pidalab.lags(order, lag=lag), t).y
+    np.testing.assert_allclose(y, gammainc(order, t / lag), atol=1e-11)
+
+
+@pytest.mark.parametrize("delay", [1e-5, 1e-6, 1e-7, 1e-12])
+def test_too_many_dead_times_are_refused(delay):
+    with pytest.raises(ValueError, match=r"t spans 6e.* dead times, too many to follow"):
+        simulate(Loop(pidalab.fopdt(1.0, 1.0, delay), 0.5), np.linspace(0.0, 60.0, 11), setpoint=1.0)
+
+
+def test_a_short_dead_time_is_followed():
+    """600,000 dead times to the steady state; in between the loop without dead time is as near as that time."""
+    t = np.linspace(0.0, 60.0, 61)
+    y, bare = (simulate(Loop(pidalab.fopdt(1.0, 1.0, delay), 0.5), t, setpoint=1.0).y for delay in (1e-4, 0.0))
+    assert y[-1] == pytest.approx(1 / 3, rel=1e-10)
+    np.testing.assert_allclose(y, bare, atol=1e-4)
+
+
+def test_an_output_that_leaves_the_range_of_numbers():
+    with pytest.raises(ValueError, match="range of numbers"):
+        simulate(Loop(pidalab.fopdt(1e300, 1.0, 1.0), 1e300), TIME, setpoint=1.0)

@@ -54,14 +54,17 @@ class Scan(NamedTuple):
     w: Array
     size: Array
 
-    def parts(self, loud: float) -> Any:
-        """Into how many pieces the steps of the grid are divided, so that they follow L wherever it is this large."""
+    def parts(self, loud: float, turn: float = 0.25) -> Any:
+        """Into how many pieces the steps of the grid are divided, so that they follow L wherever it is this large.
+
+        The dead time turns the phase in each by `turn`, in rad, at most.
+        """
         from pidalab.robustness import _scan
 
-        parts, total = _scan.pieces(self.w, self.size, loud, self.factors.delay)
+        parts, total = _scan.pieces(self.w, self.size, loud, self.factors.delay, turn)
         if not total <= _scan.MOST_POINTS:
             raise ArithmeticError(
-                f"the dead time turns the phase more than {total * _scan.TURN / (2 * np.pi):.2g} times while |L| is "
+                f"the dead time turns the phase more than {total * turn / (2 * np.pi):.2g} times while |L| is "
                 "large: too often to follow; is the loop far from stable?"
             )
         return parts

@@ -14,7 +14,7 @@ from pidalab._compiled import compiled
 
 PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 10_000_000  # along the axis: more would take too long
-TURN = 0.25  # largest turn of the phase by the dead time between two points, in rad
+COARSE = 1.0  # the same where only crossings of the real axis are looked for
 TURNED = 0.8  # largest turn of the characteristic function between two points, in rad
 ON_AXIS = 1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
 REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding
@@ -84,13 +84,13 @@ def gains(w, gain, zeros, poles, reference):
 
 
 @compiled
-def pieces(w, size, loud, delay):
-    """Into how many pieces each step of the grid is divided, and whether these are too many."""
+def pieces(w, size, loud, delay, turn):
+    """Into how many pieces each step of the grid is divided, and how many these are, if not too many."""
     out = np.ones(w.size - 1, dtype=np.int64)
     total = 0.0
     for i in range(out.size):
         if delay > 0.0 and max(size[i], size[i + 1]) >= loud:
-            turns = np.ceil((w[i + 1] - w[i]) * delay / TURN)
+            turns = np.ceil((w[i + 1] - w[i]) * delay / turn)
             total += turns
             if total > MOST_POINTS:
                 break
@@ -189,6 +189,8 @@ def gain_crossings(w, size, gain, zeros, poles, reference):
     before, at = np.log(size[0]), np.log(w[0])
     for i in range(1, w.size):
         value, x = np.log(size[i]), np.log(w[i])
+        if abs(value) < REAL:  # rounding: a crossing shows farther on, and a gain of 1 all along has none
+            continue
         # an extreme close to 1: the gain may cross it twice between two points
         if i + 1 < w.size and 0.0 < abs(value) < 0.1:
             sign = 1.0 if value > 0.0 else -1.0
@@ -198,9 +200,7 @@ def gain_crossings(w, size, gain, zeros, poles, reference):
                 top, least = _least(kind, at, x, np.log(w[i + 1]), gain, zeros, poles, reference, 0.0)
                 if least < 0.0:
                     value, x = sign * least, top
-        if value == 0.0:
-            found.append(np.exp(x))
-        elif before * value < 0.0 and np.isfinite(before) and np.isfinite(value):
+        if before * value < 0.0 and np.isfinite(before) and np.isfinite(value):
             found.append(np.exp(_zero(GAIN, at, x, before, value, gain, zeros, poles, reference, 0.0)))
         before, at = value, x
     return np.sort(np.array(found))

@@ -137,7 +137,8 @@ def gain_crossovers(loop: Loop) -> Array:
     Returns
     -------
     ndarray
-        Frequencies in rad per time unit; the dead time has no influence on them.
+        Frequencies in rad per time unit; the dead time has no influence on them. Where \\|L\\| is 1 along the whole
+        axis, there are none.
 
     Examples
     --------
@@ -184,7 +185,7 @@ def _phase_crossovers(looked: Scan, quietest: float) -> Array:
     from pidalab.robustness import _scan
 
     floor = quietest if looked.factors.delay else 0.0
-    return _scan.phase_crossings(looked.w, looked.parts(quietest), floor, *looked.factors)
+    return _scan.phase_crossings(looked.w, looked.parts(quietest, _scan.COARSE), floor, *looked.factors)
 
 
 def margins(loop: Loop) -> Margins:

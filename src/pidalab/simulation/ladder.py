@@ -13,7 +13,8 @@ from pidalab.simulation.realisation import Cut
 from pidalab.simulation.ring import FADED, TERMS, ladder, shortened, transition
 
 LARGEST = 4000  # states in a stack: beyond, the simulation takes too long
-WORK = 1e9  # multiplications from dead time to dead time beyond which it takes too long
+WORK = 5e8  # multiplications from dead time to dead time beyond which it takes too long
+STORED = 1e7  # states at the multiples of the dead time that are kept at most
 FORGOTTEN = 1e-20  # size, relative to the largest, below which the influence of a distant past is nothing in double
 RUN = 64  # requested times served from one stack
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
@@ -23,7 +24,7 @@ def responses(cut: Cut, n: int, step: float, delay: float) -> Array:
     """Values of y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n)."""
     step, delay = step / cut.unit, delay / cut.unit
     intervals = (n - 1) * step / delay if delay else 0.0
-    if not intervals < 1e9:
+    if not intervals * cut.x0.size < STORED:
         raise ValueError(_too_many(intervals))
     result, depth, status = _responses(*cut[:-1], step, delay, n)
     if status == TOO_LARGE:

@@ -13,6 +13,7 @@ from pidalab.loop import Loop
 from pidalab.robustness.poles import is_stable
 from pidalab.simulation.sampled import simulate_sampled
 
+LOUDEST = 1e307  # amplitude of noise: twice as much must be a number
 FIRST, MOST = 4096, 1 << 20  # samples of a response to noise, at first and at most
 FADED = 1e-12  # share of the squares that the second half of such a response may hold
 ECHOES = 4  # dead times that such a response covers at least: what comes back of the noise comes after the first
@@ -50,6 +51,8 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     """
     t = _check.uniform_time("t", t)
     amplitude = _check.real("amplitude", amplitude, at_least=0.0)
+    if amplitude > LOUDEST:
+        raise ValueError(f"amplitude must be at most {LOUDEST:g}, found {amplitude:g}")
     step = t[-1] / (t.size - 1)
     each = 1.0 if hold is None else _check.real("hold", hold, above=0.0) / step
     repeats = round(each)
@@ -58,7 +61,7 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     values = np.random.default_rng(_check.integer("seed", seed, at_least=0)).uniform(
         -amplitude, amplitude, -(-t.size // repeats)
     )
-    return np.repeat(values, repeats)[: t.size]
+    return np.repeat(values, min(repeats, t.size))[: t.size]
 
 
 def noise_gain(loop: Loop, sample_time: float) -> float:
