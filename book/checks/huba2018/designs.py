@@ -15,7 +15,7 @@ CANCELLED = [(m, p) for m in ORDERS for p in range(1, m + 2)]  # (m, p) of Table
 LIMITED = [(m, n) for m, n in GRID if m >= 2]  # (m, n) whose filter can be too short
 GROWTH = {1.5: "q15", 2.0: "q2"}  # q of eq. (16), with the name of its rows
 SHORTEST = 0.25  # T_e0 of eq. (16)
-EXPERIMENTS = {"PID_4^2": (2, 4, 0.2), "PID_6^4": (4, 6, 0.8)}  # m, n, T_e in s of Figs 5 to 7
+EXPERIMENTS = {"PID₄²": (2, 4, 0.2), "PID₆⁴": (4, 6, 0.8)}  # m, n, T_e in s of Figs 5 to 7
 USED_DELAY = 5.0  # s, T_dm in the captions of Figs 5, 7 and 8
 SAMPLE = 0.02  # s, T_s of the experiments
 BANDWIDTH = 250 * math.pi  # rad per dead time: noise with 250 samples in a dead time

@@ -259,7 +259,7 @@ def other_zero() -> pd.DataFrame:
     for m in ORDERS:
         mu, a = -math.sqrt(m + 2), m + 2 + math.sqrt(m + 2)
         rows[f"m = {m}"] = {
-            "K_o": constants(m).gain,
+            "gain Kₒ": constants(m).gain,
             "at the other zero": mu * a ** (m + 1) * math.exp(-a) / math.factorial(m),
         }
     return pd.DataFrame(rows).T.round(4)

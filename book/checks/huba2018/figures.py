@@ -24,7 +24,7 @@ SHOWN = (0, 1, 2, 4)  # derivative orders in a figure of steps
 def steps_by_order(te: float, orders: Sequence[int] = SHOWN, until: float = 14.0) -> Figure:
     """Draw set-point and load steps over the derivative order: y above u."""
     t = np.linspace(0, until, 3501)
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.8), sharex=True)
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.7), sharex=True)
     for m in orders:
         loop = mrdp.tune(unit(), m, m + 2, te).loop()
         runs = pidalab.step_response(loop, t), pidalab.load_response(loop, t)
@@ -42,7 +42,7 @@ def steps_by_order(te: float, orders: Sequence[int] = SHOWN, until: float = 14.0
 
 def ruled_steps() -> Figure:
     """Draw the settings of Paper Figs 2 and 3: for each m a line for n = m + 1, and a band for every n up to 6."""
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.4), sharex=True, sharey="row")
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.0), sharex=True, sharey="row")
     for column, q in enumerate(GROWTH):
         for m in ORDERS:
             runs = [ruled_step(q, m, n) for n in BY_M[m]]
@@ -64,7 +64,7 @@ def ruled_steps() -> Figure:
 def reason() -> Figure:
     """Draw loop gain and output of PIDA with a filter that is long enough and with one that is not."""
     w, t = np.logspace(-1, 2.7, 800), np.linspace(0, 6, 6001)
-    figure, axes = plt.subplots(2, 1, figsize=(6.4, 5.6))
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.0))
     for te in (0.2, 0.04):
         loop = mrdp.tune(unit(), 2, 4, te).loop()
         axes[0].loglog(w, np.abs(loop.L(1j * w)), label=f"$T_e = {te:g}$")
@@ -90,12 +90,12 @@ def tails() -> Figure:
 
 def stability_map() -> Figure:
     """Draw where the tuned loops are stable over T_e, with the settings of the paper."""
-    pairs = [(m, n) for m in range(1, 5) for n in BY_M[m]]
+    pairs = [(m, n) for m in (2, 3, 4) for n in BY_M[m]]
     row = {key: k + 0.6 * key[0] for k, key in enumerate(pairs)}
-    left, right = 0.004, 8.0
-    figure, ax = plt.subplots(figsize=(6.4, 6.0))
+    left, right = 0.01, 8.0
+    figure, ax = plt.subplots(figsize=(6.4, 3.9))
     for m, n in pairs:
-        border = max(shortest_filter(m, n) if m > 1 else 0.0, left)
+        border = shortest_filter(m, n)
         ax.barh(row[m, n], border - left, left=left, color="#c8591a", hatch="////", edgecolor="white", linewidth=0)
         ax.barh(row[m, n], right - border, left=border, color="#2a8f5b", alpha=0.35)
     marks = {"o": (f"$T_e$ = {SHORTEST}", 1.0), "D": ("(16), q = 1.5", 1.5), "s": ("(16), q = 2", 2.0)}
@@ -105,7 +105,7 @@ def stability_map() -> Figure:
     stars = [(te / USED_DELAY, row[m, n]) for m, n, te in EXPERIMENTS.values()]
     ax.plot(*zip(*stars, strict=True), "*", color="black", ms=10, label="Paper Figs 5 to 7")
     ax.set(xscale="log", xlim=(left, right), xlabel="$T_e / T_{dm}$")
-    ax.set_yticks(list(row.values()), [f"m = {m}, n = {n}" for m, n in pairs])
+    ax.set_yticks(list(row.values()), [f"m = {m}, n = {n}" for m, n in pairs], fontsize=9)
     ax.grid(axis="y", visible=False)
     ax.invert_yaxis()
     figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=2)
@@ -144,12 +144,12 @@ def around_the_limit() -> Figure:
 
 def price(columns: Mapping[str, str], families: Mapping[str, pd.DataFrame]) -> Figure:
     """Draw measures over the derivative order, a line for each family."""
-    figure, axes = plt.subplots(math.ceil(len(columns) / 2), 2, figsize=(6.4, 5.2), sharex=True)
+    figure, axes = plt.subplots(math.ceil(len(columns) / 2), 2, figsize=(6.4, 3.9), sharex=True)
     for ax, (column, label) in zip(axes.flat, columns.items(), strict=True):
         for (name, one), mark in zip(families.items(), "osD", strict=False):
             ax.plot(one.index, one[column], marker=mark, markersize=5, label=name)
         ax.set(title=label, xticks=list(ORDERS))
-        ax.set_ylim(bottom=0)
+        ax.set_ylim(0, 1.1 * max(one[column].max() for one in families.values()))
     for ax in axes[-1]:
         ax.set_xlabel("derivative order m")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
@@ -197,5 +197,5 @@ def engines_table(path: str) -> pd.DataFrame:
     cells: dict[str, dict[str, str]] = {}
     for one in top.itertuples():
         reached = f"{one.error:.0e} in {one.ratio:.2g}" if one.error < 1 else "no digit"
-        cells.setdefault(f"m = {one.m}, T_e = {one.te:g}", {})[str(one.method)] = reached
+        cells.setdefault(f"m = {one.m}, Tₑ = {one.te:g}", {})[str(one.method)] = reached
     return pd.DataFrame(cells)

@@ -50,7 +50,7 @@ def family(way: str, value: float, extra: int) -> pd.DataFrame:
         loop = d.loop()
         found = pidalab.margins(loop)
         rows.append((d.te, found.ms, found.gm, found.pm, found.dm, noise_in_u(loop), d.ie, d.ti / d.kc))
-    names = ["T_e", "Ms", "gain margin", "phase margin, deg", "delay margin", "noise in u", "IE set point", "IE load"]
+    names = ["Tₑ", "Ms", "gain margin", "phase margin, deg", "delay margin", "noise in u", "IE set point", "IE load"]
     return pd.DataFrame(rows, columns=names)
 
 
@@ -118,7 +118,8 @@ def margins(book: Ledger) -> pd.DataFrame:
         "gain margin "
         f"{listed(load['gain margin'])}.",
     )
-    return pd.concat({"T_e = 0.5": same, "IAE_s = 4.5": servo, "load IE = 15": load}, names=["equal", "m"]).round(3)
+    families = {"Tₑ = 0.5": same, "set-point IE = 4.5": servo, "load IE = 15": load}
+    return pd.concat(families, names=["equal", "m"]).round(3)
 
 
 def effort(book: Ledger) -> pd.DataFrame:
@@ -173,20 +174,9 @@ def effort(book: Ledger) -> pd.DataFrame:
         f"{listed(tv, '.3f')} in "
         "units of 1/(K_s T_dm), for m from 0 to 4.",
     )
-    return (
-        pd.DataFrame(
-            {
-                f"equal IAE_s = {ie:g}": family("IAE_s", ie, 1)["noise in u"] / family("IAE_s", ie, 1)["noise in u"][0]
-                for ie in SERVO
-            }
-            | {
-                f"equal load IE = {ie:g}": family("load", ie, 1)["noise in u"] / family("load", ie, 1)["noise in u"][0]
-                for ie in LOAD
-            }
-        )
-        .rename_axis("m")
-        .round(3)
-    )
+    noise = {f"equal set-point IE = {ie:g}": family("IAE_s", ie, 1)["noise in u"] for ie in SERVO}
+    noise |= {f"equal load IE = {ie:g}": family("load", ie, 1)["noise in u"] for ie in LOAD}
+    return pd.DataFrame({name: one / one[0] for name, one in noise.items()}).rename_axis("m").round(3)
 
 
 def uncertain(book: Ledger) -> pd.DataFrame:
@@ -238,14 +228,14 @@ def traditional(book: Ledger) -> pd.DataFrame:
         noise = {n: noise_in_u(loop) for n, loop in loops.items()}
         best = min(noise, key=lambda n: noise[n])
         before = noise_in_u(pidalab.Loop(unit(), old))
-        rows[f"T_D1 / filter time = {ratio:g}"] = {
-            "T_e": total - 1,
+        rows[f"derivative time / filter time = {ratio:g}"] = {
+            "Tₑ": total - 1,
             "best n": best,
             "noise, traditional": before,
             "noise, integrated": noise[best],
             "share": noise[best] / before,
         }
-    usual = rows[f"T_D1 / filter time = {USUAL:g}"]
+    usual = rows[f"derivative time / filter time = {USUAL:g}"]
     share = [row["share"] for row in rows.values()]
     note = (
         "PID tuned for T_dm and its filter as dead time, so that both have the same integral of the error after "

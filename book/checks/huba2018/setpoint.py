@@ -128,7 +128,7 @@ def filter_orders(book: Ledger) -> pd.DataFrame:
     )
     rows = {
         label(q, m, n): {
-            "T_e": ruled(q, m, n).te,
+            "Tₑ": ruled(q, m, n).te,
             "IE, eq. (15)": ie[q, m, n],
             "IE, simulated": ruled_step(q, m, n).ie(),
             "IAE": iae[q, m, n],
@@ -149,8 +149,8 @@ def sign_of_error(book: Ledger) -> pd.DataFrame:
     """Eq. (15): where the error keeps its sign, so that IAE and IE are the same."""
     ideal = {
         "m = 0, no filter": mrdp.tune(unit(), 0, 0, 0.0),
-        "m = 1, n = 1, T_e = 0.001": mrdp.tune(unit(), 1, 1, 1e-3),
-        "m = 1, n = 1, T_e = 0.001, p = 1": mrdp.tune(unit(), 1, 1, 1e-3, cancelled=1),
+        "m = 1, n = 1, Tₑ = 0.001": mrdp.tune(unit(), 1, 1, 1e-3),
+        "m = 1, n = 1, Tₑ = 0.001, p = 1": mrdp.tune(unit(), 1, 1, 1e-3, cancelled=1),
     }
     t = np.linspace(0, 40, 20_001)
     steps = {name: pidalab.step_response(d.loop(), t) for name, d in ideal.items()}
@@ -200,7 +200,7 @@ def accelerated(book: Ledger) -> pd.DataFrame:
         + "; ".join(f"{listed(list(fastest[q].values()))} for q = {q:g}" for q in GROWTH)
         + ": the growing T_e spends more than the last derivatives bring.",
     )
-    table = {"T_e = 0.5": iae} | {f"eq. (15), q = {q:g}": fastest[q] for q in GROWTH}
+    table = {"Tₑ = 0.5": iae} | {f"eq. (15), q = {q:g}": fastest[q] for q in GROWTH}
     return pd.DataFrame(table).rename_axis("m").round(4)
 
 
@@ -236,7 +236,7 @@ def proper(book: Ledger) -> pd.DataFrame:
         jump = pidalab.step_response(pidalab.Loop(d.model, d.controller), np.linspace(0, 1e-3, 3)).u[0]
         highest = d.kc * (d.td[-1] if m else 1.0) / d.filter_time**m  # the limit of C(s) for n = m
         first[m, n] = jump / highest
-        rows[m, n] = {"growth without filter": slopes[m, n], "u(0+) / (K_Dm / T_f^m)": first[m, n]}
+        rows[m, n] = {"growth without filter": slopes[m, n], "u(0+), of its limit for n = m": first[m, n]}
     book.statement(
         "eq2.improper",
         *every({f"m = {m}": (slopes[m, n], 0) for m, n in GRID if m == n}, ">"),

@@ -3,6 +3,7 @@
 import math
 from itertools import product
 
+import control
 import numpy as np
 import pandas as pd
 import pidalab
@@ -24,7 +25,7 @@ from .designs import (
 )
 
 SHORT = {"m = 4, n = 4": (4, 4, 0.25), "m = 4, n = 5": (4, 5, 0.25), "m = 4, n = 6": (4, 6, 0.25)} | {
-    f"{name} of Figs 5 to 7": (m, n, te / USED_DELAY) for name, (m, n, te) in EXPERIMENTS.items()
+    f"{name} of Paper Figs 5 to 7": (m, n, te / USED_DELAY) for name, (m, n, te) in EXPERIMENTS.items()
 }
 SHORT_PID = [(n, te) for n in range(1, 7) for te in (0.1, 0.03, 0.01, 0.003)]
 
@@ -77,7 +78,7 @@ def imperfections(book: Ledger) -> pd.DataFrame:
         f"{kappa:.2f} at high frequency, and a filter only lowers it.",
     )
     rows = {
-        name: {"T_e / T_dm": te, "shortest": shortest_filter(m, n), "unstable poles": unstable[name]}
+        name: {"Tₑ, dead times": te, "shortest": shortest_filter(m, n), "unstable poles": unstable[name]}
         for name, (m, n, te) in SHORT.items()
     }
     return pd.DataFrame(rows).T.astype({"unstable poles": int}).round(4)
@@ -131,14 +132,14 @@ def sampled(book: Ledger) -> pd.DataFrame:
         }
     book.statement(
         "st.fig7.numerical",
-        math.exp(rates["PID_6^4"]),
+        math.exp(rates["PID₆⁴"]),
         "<",
         1.0,
         left_name="growth in a second",
         right_name="none",
-        note=f"On the model with {USED_DELAY:g} s: T_e = {EXPERIMENTS['PID_6^4'][2] / USED_DELAY:.2f} T_dm, and the "
+        note=f"On the model with {USED_DELAY:g} s: T_e = {EXPERIMENTS['PID₆⁴'][2] / USED_DELAY:.2f} T_dm, and the "
         f"controller sampled with {SAMPLE} s makes the loop double what it is fed in "
-        f"{math.log(2) / rates['PID_6^4']:.1f} s, with held inputs and with Tustin's rule alike. The measured plant "
+        f"{math.log(2) / rates['PID₆⁴']:.1f} s, with held inputs and with Tustin's rule alike. The measured plant "
         "behaved otherwise, so it was not this model at high frequency.",
     )
     book.statement(
@@ -196,11 +197,11 @@ def taming_lags(book: Ledger) -> pd.DataFrame:
         d = mrdp.tune(nominal(), m, n, te)
         ways = {"beside it": lambda lag: USED_DELAY, "in its place": lambda lag: USED_DELAY - lag}
         rows[name] = {
-            "T_e / T_dm": f"{te / USED_DELAY:.2f}",
+            "Tₑ, dead times": f"{te / USED_DELAY:.2f}",
             "shortest": f"{shortest_filter(m, n):.4f}",
             "unstable poles": f"{pidalab.unstable_poles(d.loop())}",
             "grows at, rad/s": f"{pidalab.rightmost_poles(d.loop())[0].imag:.1f}",
-            "T_f / T_s": f"{d.filter_time / SAMPLE:.1f}",
+            "filter time / sample time": f"{d.filter_time / SAMPLE:.1f}",
         }
         for way, rest in ways.items():
             kept = [x for x in lags if pidalab.is_stable(d.loop(pidalab.Process([0.01], [x, 1.0, 0.0], delay=rest(x))))]
@@ -212,7 +213,7 @@ def taming_lags(book: Ledger) -> pd.DataFrame:
             )
             rows[name][f"stable with a lag {way}, s"] = f"{kept[0]:.2f} to {end}"
     ratio = {name: mrdp.filter_ratio(m, n) * te for name, (m, n, te) in EXPERIMENTS.items()}
-    for name, key in (("PID_4^2", "fig5"), ("PID_6^4", "fig7")):
+    for name, key in (("PID₄²", "fig5"), ("PID₆⁴", "fig7")):
         book.statement(
             f"st.step4.{key}",
             ratio[name],
@@ -257,7 +258,7 @@ def short_pid() -> pd.DataFrame:
     for te in (0.5, 0.1, 0.01, 0.001):
         d = mrdp.tune(unit(), 1, 2, te)
         run, found = pidalab.step_response(d.loop(), t), pidalab.margins(d.loop())
-        rows[f"T_e = {te:g}"] = {
+        rows[f"Tₑ = {te:g}"] = {
             "IE": f"{d.ie:.5f}",
             "IAE": f"{run.iae():.5f}",
             "overshoot, %": f"{run.overshoot():.4f}",
@@ -265,4 +266,18 @@ def short_pid() -> pd.DataFrame:
             "Ms": f"{found.ms:.3f}",
             "delay margin": f"{found.dm:.3f}",
         }
+    return pd.DataFrame(rows).T
+
+
+def pade() -> pd.DataFrame:
+    """Unstable poles of PIDA with the dead time replaced by a Padé approximation, beside the true ones."""
+    rows = {}
+    for te in (0.04, 0.2):
+        d = mrdp.tune(unit(), 2, 4, te)
+        chain = control.ss(control.tf([1.0], [1.0, 0.0])) * control.ss(d.controller.transfer_function())
+        counts = {}
+        for order in (1, 2, 3, 5, 10, 20):
+            closed = control.feedback(chain * control.ss(control.tf(*control.pade(1.0, order))), 1)
+            counts[f"order {order}"] = int(np.sum(closed.poles().real > 0))
+        rows[f"Tₑ = {te:g}"] = counts | {"exact": int(pidalab.unstable_poles(d.loop()))}
     return pd.DataFrame(rows).T

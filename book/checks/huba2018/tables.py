@@ -19,6 +19,7 @@ from .designs import (
     unit,
 )
 
+TAU = ("τ₁", "τ₂", "τ₃", "τ₄")  # names of the derivative times in Table I
 DOUBLY_ROUNDED = ("table2.m0.n4", "table3.m1.p1.b0", "table3.m1.p2.b1", "table3.m4.p3.b1", "table3.m4.p5.b4")
 
 
@@ -213,9 +214,9 @@ def reached(book: Ledger) -> pd.DataFrame:
         "it tends "
         f"to 0 with T_e; for m = 2 the least is at a finite one, {found[2][2]:.2f} T_dm.",
     )
-    names = ["IAE / IE", "n", "T_e / T_dm", "tried"]
+    names = ["IAE / IE", "n", "Tₑ, dead times", "tried"]
     table = pd.DataFrame({f"m = {m}": dict(zip(names, one, strict=True)) for m, one in found.items()}).T
-    return table.astype({"n": int, "tried": int}).round({"IAE / IE": 4, "T_e / T_dm": 3})
+    return table.astype({"n": int, "tried": int}).round({"IAE / IE": 4, "Tₑ, dead times": 3})
 
 
 def _least_ratio(m: int) -> tuple[float, int, float, int]:
@@ -232,20 +233,15 @@ def _least_ratio(m: int) -> tuple[float, int, float, int]:
 
 
 def glance(book: Ledger) -> pd.DataFrame:
-    """Tables I, II and IV: the printed digits where they come out, both numbers where they do not."""
+    """Tables I and IV: the printed digits where they come out, both numbers where they do not."""
     rows: dict[str, dict[str, str]] = {}
     for m in ORDERS:
         one = constants(m)
-        cells = {"K_o": ("table1.m{}.ko", one.gain), "τ_i": ("table1.m{}.tau_i", one.integral_time)}
-        cells |= {f"τ_{j}": (f"table1.m{{}}.tau{j}", x) for j, x in enumerate(one.derivative_times, start=1)}
-        cells |= {
-            f"T_f/T_e, n = {n}": (f"table2.m{{}}.n{n}", mrdp.filter_ratio(m, n)) for order, n in GRID if order == m
-        }
-        cells["IAE_s/T_d"] = ("table4.m{}", servo_integral(m))
-        rows[f"m = {m}"] = {name: _cell(book, id.format(m), value) for name, (id, value) in cells.items()}
-    table = pd.DataFrame(rows).fillna("–")
-    order = ["K_o", "τ_i", *(f"τ_{j}" for j in range(1, 5)), *(f"T_f/T_e, n = {n}" for n in range(1, 7)), "IAE_s/T_d"]
-    return table.loc[order]
+        cells = {"Kₒ": (f"table1.m{m}.ko", one.gain), "τᵢ": (f"table1.m{m}.tau_i", one.integral_time)}
+        cells |= {TAU[j - 1]: (f"table1.m{m}.tau{j}", x) for j, x in enumerate(one.derivative_times, start=1)}
+        cells["IAEₛ"] = (f"table4.m{m}", servo_integral(m))
+        rows[f"m = {m}"] = {name: _cell(book, *cell) for name, cell in cells.items()}
+    return pd.DataFrame(rows).fillna("–").loc[["Kₒ", "τᵢ", *TAU, "IAEₛ"]]
 
 
 def _cell(book: Ledger, id: str, value: float) -> str:
