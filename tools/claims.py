@@ -27,6 +27,7 @@ from tqdm import tqdm
 ROOT = Path(__file__).parents[1]
 LEDGERS = ROOT / "book" / "ledger"
 TABLES = ROOT / "tests" / "claims"
+COLUMNS = ("id", "section", "turned red by")
 SLIGHT, STRONG = 0.02, 12.0  # times the disturbance: where a check would stop, and where a count has to change
 BEFORE: dict[str, Callable[[], None]] = {  # in the order in which they are tried
     "processes": disturb.processes,
@@ -35,7 +36,6 @@ BEFORE: dict[str, Callable[[], None]] = {  # in the order in which they are trie
     "responses": disturb.responses,
     "controllers": disturb.controllers,
     "stored tables": disturb.tables,
-    "elementary functions": disturb.elementary,
     "processes, slightly": partial(disturb.processes, SLIGHT),
     "responses, slightly": partial(disturb.responses, SLIGHT),
     "processes, strongly": partial(disturb.processes, STRONG),
@@ -45,6 +45,7 @@ BEFORE: dict[str, Callable[[], None]] = {  # in the order in which they are trie
     "decisions of the library": disturb.decisions,
 }
 AFTER: dict[str, Callable[[], None]] = {
+    "elementary functions": disturb.elementary,
     "formulas of the page": disturb.formulas,
     "formulas of the page, strongly": partial(disturb.formulas, STRONG),
     "decisions of the page": disturb.verdicts,
@@ -107,7 +108,7 @@ def examine(paper: str, show: bool) -> list[str]:
         return problems
     rows = Ledger.open(paper, LEDGERS).rows
     left = {id: section for section, ids in clean["owners"].items() for id in ids if rows[id].basis != "reading"}
-    turned: dict[str, str] = {}
+    turned: dict[str, tuple[str, str]] = {}
     for disturbance in tqdm([*BEFORE, *AFTER], desc=paper, disable=None):
         if not left:
             break
@@ -117,19 +118,19 @@ def examine(paper: str, show: bool) -> list[str]:
                 print(f"{paper}, {disturbance}: {section} stops: {why}")
             print(f"{paper}, {disturbance}: {len({*outcome['red']} & {*left})} rows turn red")
         for id in outcome["red"]:
-            if left.pop(id, None):
-                turned[id] = disturbance
+            if section := left.pop(id, None):
+                turned[id] = (section, disturbance)
     write(paper, {id: turned[id] for id in rows if id in turned})
     return [f"{id}: nothing turns it red (section {section})" for id, section in left.items()]
 
 
-def write(paper: str, turned: dict[str, str]) -> None:
+def write(paper: str, turned: dict[str, tuple[str, str]]) -> None:
     """Write the table of a paper."""
     TABLES.mkdir(exist_ok=True)
     with (TABLES / f"{paper}.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("id", "turned red by"))
-        writer.writerows(turned.items())
+        writer.writerow(COLUMNS)
+        writer.writerows((id, *how) for id, how in turned.items())
 
 
 def main() -> int:

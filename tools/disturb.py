@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-import math
 import sys
 from collections.abc import Callable, Iterable
 from importlib import import_module
@@ -236,26 +235,42 @@ def tables(strength: float = 1.0) -> None:
     csv.DictReader = Reader  # type: ignore[misc]
 
 
-def elementary(strength: float = 1.0) -> None:
-    """Roots, values and products of polynomials, exponentials and square roots are others."""
-    for module in ("scipy.constants", "scipy.signal", "control", "matplotlib.pyplot", "pandas"):
-        import_module(module)  # they compute while they are imported
-    for name in ("roots", "polyval", "polymul", "polyfit", "convolve", "exp", "sqrt", "interp", "trapezoid"):
-        setattr(np, name, after(getattr(np, name), lambda value: changed(value, strength)))
-    for name in ("exp", "sqrt", "log", "log10", "atan", "atan2", "comb", "factorial", "prod"):
-        setattr(math, name, after(getattr(math, name), lambda value: changed(float(value), strength)))
+# ------------------------------------------------------------------------------------------------ after the import
+
+
+class Elsewhere:
+    """A module in which some functions return something else."""
+
+    def __init__(self, module: Any, names: Iterable[str], change: Callable[[Any], Any]) -> None:
+        self._module = module
+        for name in names:
+            if hasattr(module, name):
+                setattr(self, name, after(getattr(module, name), change))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._module, name)
+
+
+def elementary(strength: float = 1.0, prefixes: tuple[str, ...] = ("pidalab_checks", "pidalab")) -> None:
+    """Roots, polynomials, exponentials, roots and quadratures that library and page call are others."""
+    import math
+
     import mpmath
     from scipy import integrate, optimize
 
-    for name in ("exp", "sqrt", "quad", "findroot", "polyroots", "mpf", "e"):
-        value = getattr(mpmath, name)
-        if callable(value) and name != "mpf":
-            setattr(mpmath, name, after(value, lambda value: changed(value, strength)))
-    for module, name in ((optimize, "brentq"), (optimize, "root_scalar"), (integrate, "quad")):
-        setattr(module, name, after(getattr(module, name), lambda value: changed(value, strength)))
-
-
-# ------------------------------------------------------------------------------------------------ after the import
+    names = (
+        "roots polyval polymul polyfit convolve exp sqrt log log10 interp trapezoid atan atan2 tan cos comb "
+        "factorial prod quad findroot polyroots brentq root_scalar minimize_scalar solve_ivp expm1"
+    )
+    owners = (np, math, mpmath, integrate, optimize)
+    others = {id(owner): Elsewhere(owner, names.split(), lambda value: changed(value, strength)) for owner in owners}
+    functions = [getattr(owner, name) for owner in owners[1:] for name in names.split() if hasattr(owner, name)]
+    single = {id(f): after(f, lambda value: changed(value, strength)) for f in functions if callable(f)}
+    for name, module in [*sys.modules.items()]:
+        if name.partition(".")[0] in prefixes and module is not None and ".ledger" not in name:
+            for key, value in [*vars(module).items()]:
+                if id(value) in others or id(value) in single:
+                    setattr(module, key, others.get(id(value)) or single[id(value)])
 
 
 def formulas(strength: float = 1.0, prefix: str = "pidalab_checks") -> None:

@@ -48,6 +48,7 @@ def gains(book: Ledger) -> pd.DataFrame:
     found = {case: stepped(C.kp) for case, C in shared.designs.items()}
     printed = {case: shared.used[case].kp for case in CASES}
     agree = sum(math.isclose(found[case], printed[case]) for case in CASES)
+    book.check({f"{case.row}.kp": found[case] for case in CASES})
     for case in CASES:
         exact, reached = shared.designs[case].kp, ms_of(shared.loop(case, on="model", filtered=False))
         rows[case.label] = [f"{printed[case]:.2f}", f"{exact:.4f}", f"{found[case]:.2f}", f"{reached:.3f}"]
@@ -56,7 +57,7 @@ def gains(book: Ledger) -> pd.DataFrame:
             note += f" The printed gain was used: the printed ω_gc belongs to it. {_about_grids(book)}"
         if case == Case("ex1", "pid", 1.4):
             note += f" {_about_filter(book)}"
-        book.check(f"{case.row}.kp", found[case], note=f"{note} Steps of {STEP:g} give {agree} of the 8 gains.")
+        book.note(f"{case.row}.kp", f"{note} Steps of {STEP:g} give {agree} of the 8 gains.")
     columns = ["printed", "exact", f"in steps of {STEP:g}", "Ms of the printed gain"]
     return pd.DataFrame(rows, index=columns).T
 
