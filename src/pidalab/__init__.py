@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
     from pidalab.loop import Loop
     from pidalab.plants import AsymmetricPlant
     from pidalab.process import Process, fopdt, ipdt, lags, sopdt
+    from pidalab.record import Record
     from pidalab.response import Response
     from pidalab.robustness.margins import Margins, gain_crossovers, margins, max_sensitivity, phase_crossovers
     from pidalab.robustness.poles import is_stable, rightmost_poles, unstable_poles
@@ -31,6 +32,7 @@ HOMES = {
     "loop": ("Loop",),
     "plants": ("AsymmetricPlant",),
     "process": ("Process", "fopdt", "ipdt", "lags", "sopdt"),
+    "record": ("Record",),
     "response": ("Response",),
     "robustness.margins": ("Margins", "gain_crossovers", "margins", "max_sensitivity", "phase_crossovers"),
     "robustness.poles": ("is_stable", "rightmost_poles", "unstable_poles"),

@@ -8,7 +8,8 @@ from scipy.optimize import brentq, minimize
 from scipy.special import gammainc
 
 import pidalab
-from pidalab.identification import _hinge, binomial_filtered, ipdt_least_squares, ipdt_tangent, three_point
+from pidalab.identification import binomial_filtered, ipdt_least_squares, ipdt_tangent, three_point
+from pidalab.identification.experiments import _hinge
 
 T = np.linspace(0.0, 40.0, 4001)
 FOURTH = gammainc(4, T)  # step response of 1/(s + 1)^4

@@ -1,0 +1,22 @@
+"""From a plant record to a process model."""
+
+from pidalab.identification.experiments import (
+    LEVELS,
+    ThreePointModel,
+    binomial_filtered,
+    ipdt_least_squares,
+    ipdt_tangent,
+    three_point,
+)
+from pidalab.identification.fitting import Fit, fit
+
+__all__ = [
+    "LEVELS",
+    "Fit",
+    "ThreePointModel",
+    "binomial_filtered",
+    "fit",
+    "ipdt_least_squares",
+    "ipdt_tangent",
+    "three_point",
+]

@@ -1,0 +1,77 @@
+"""Step responses of simple models in closed form, with a static gain of 1 and without dead time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammainc
+
+from pidalab._check import Array
+from pidalab.process import Process, fopdt, ipdt, lags, sopdt
+
+MOST_LAGS = 8
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A model whose shape depends on times, and possibly on a damping; its gain and dead time are apart.
+
+    Attributes
+    ----------
+    name : str
+        As `fit` calls it.
+    parameters : tuple of str
+        Names of the shape's parameters; all are positive.
+    step : callable
+        Unit step response at times (0 before 0), from times and shape parameters.
+    process : callable
+        The Process, from gain, shape parameters and dead time.
+    settles : bool
+        Whether the response comes to rest.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    step: Callable[[Array, Sequence[float]], Array]
+    process: Callable[[float, Sequence[float], float], Process]
+    settles: bool = True
+
+
+def _first_order(t: Array, p: Sequence[float]) -> Array:
+    return -np.expm1(-np.maximum(t, 0.0) / p[0])
+
+
+def _second_order(t: Array, p: Sequence[float]) -> Array:
+    """Response of 1/(tau² s² + 2 damping tau s + 1): the roots' cosines, hyperbolic above damping 1."""
+    tau, damping = p
+    x = np.maximum(t, 0.0) / tau
+    beat = 1.0 - damping**2
+    if abs(beat) < 1e-6:  # both roots in one place, to first order in their distance
+        return 1.0 - np.exp(-x) * (1.0 + x)
+    if beat > 0:
+        w = np.sqrt(beat)
+        return 1.0 - np.exp(-damping * x) * (np.cos(w * x) + damping / w * np.sin(w * x))
+    w = np.sqrt(-beat)
+    slow, fast = damping - w, damping + w
+    return 1.0 - (fast * np.exp(-slow * x) - slow * np.exp(-fast * x)) / (2 * w)
+
+
+def _ramp(t: Array, p: Sequence[float]) -> Array:
+    return np.maximum(t, 0.0)
+
+
+def equal_lags(order: int) -> Shape:
+    """Return the shape of `order` equal lags: its step response is a regularised incomplete gamma function."""
+    return Shape(
+        "lags",
+        ("lag",),
+        lambda t, p: np.asarray(gammainc(order, np.maximum(t, 0.0) / p[0]), dtype=float),
+        lambda gain, p, delay: lags(order, p[0], gain, delay),
+    )
+
+
+FIRST = Shape("fopdt", ("lag",), _first_order, lambda gain, p, delay: fopdt(gain, p[0], delay))
+SECOND = Shape("sopdt", ("tau", "damping"), _second_order, lambda gain, p, delay: sopdt(gain, p[0], p[1], delay))
+INTEGRATOR = Shape("ipdt", (), _ramp, lambda gain, p, delay: ipdt(gain, delay), settles=False)

@@ -1,0 +1,357 @@
+"""What a record says before a model is fitted: its steps, its state of rest, its noise, and what to doubt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.record.reading import read_columns
+
+FEWEST = 20  # samples from which something can be said
+GAP = 5.0  # times the usual sampling interval: a longer one is a gap
+COARSE = 20  # levels of y: fewer are worth a word
+
+
+class Step(NamedTuple):
+    """A change of the input from one level to another.
+
+    Attributes
+    ----------
+    time : float
+        When, in the record's own time.
+    before, after : float
+        The levels, in the unit of u.
+    """
+
+    time: float
+    before: float
+    after: float
+
+
+class Noise(NamedTuple):
+    """What the measurement adds to the output.
+
+    Attributes
+    ----------
+    deviation : float
+        Standard deviation, in the unit of y.
+    correlation : float
+        Correlation of neighbouring samples: 0 for white noise, near 1 for a slow disturbance.
+    samples : int
+        From how many samples at rest; 0 if there was no rest, and it was taken from second differences.
+    """
+
+    deviation: float
+    correlation: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A record of a plant: times, input and output, cleaned, with a report of what was done and what is doubtful.
+
+    Samples with a missing time, input or output are left out, times are sorted, and samples of the same time are
+    averaged. Nothing is smoothed and nothing is resampled: a fit takes the samples where they are.
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Times, in any order, not necessarily uniform; the unit of time of everything that follows.
+    u : array_like, shape (n,)
+        Input of the plant (valve, heater), held from each sample to the next.
+    y : array_like, shape (n,)
+        Measured output.
+    step : float, optional
+        Time of the step that matters, where the record has several or the search finds another one.
+
+    Attributes
+    ----------
+    steps : tuple of Step
+        Changes of the input between lasting levels, in the order of time; empty for a closed loop's record.
+    rest : float
+        Output at rest, before the first change of the input.
+    noise : Noise
+    doubts : tuple of str
+        What a reader of a result should know.
+
+    Raises
+    ------
+    ValueError
+        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> t = np.arange(0.0, 60.0, 0.5)
+    >>> y = 20.0 + 10.0 * (1 - np.exp(-np.maximum(t - 13.0, 0.0) / 5.0))
+    >>> record = pidalab.Record(t, np.where(t < 10.0, 40.0, 45.0), y)
+    >>> record.steps
+    (Step(time=10.0, before=40.0, after=45.0),)
+    >>> print(record)
+    120 samples over 59.5, every 0.5
+    input: step from 40 to 45 at 10
+    output: at rest 20 before the step, standard deviation of the noise 0
+    """
+
+    t: Array
+    u: Array
+    y: Array
+    step_time: float | None = None
+    steps: tuple[Step, ...] = field(init=False)
+    rest: float = field(init=False)
+    noise: Noise = field(init=False)
+    doubts: tuple[str, ...] = field(init=False)
+
+    def __init__(self, t: ArrayLike, u: ArrayLike, y: ArrayLike, step: float | None = None) -> None:
+        given = _column("t", t), _column("u", u), _column("y", y)
+        if len({column.size for column in given}) > 1:
+            raise ValueError(f"t, u and y must have one length, found {', '.join(str(c.size) for c in given)}")
+        doubts: list[str] = []
+        times, inputs, outputs = _cleaned(*given, doubts)
+        object.__setattr__(self, "t", times)
+        object.__setattr__(self, "u", inputs)
+        object.__setattr__(self, "y", outputs)
+        object.__setattr__(self, "step_time", None if step is None else _check.real("step", step))
+        object.__setattr__(self, "steps", _steps(times, inputs))
+        if self.step_time is not None and not any(s.time >= self.step_time for s in self.steps):
+            raise ValueError(f"step: no change of the input at or after {step:g}; found {_said(self.steps)}")
+        start = self.steps[0].time if self.steps else times[min(1, times.size - 1)]
+        before = times < start
+        rest, noise = _at_rest(times[before], outputs[before], outputs, doubts)
+        object.__setattr__(self, "rest", rest)
+        object.__setattr__(self, "noise", noise)
+        object.__setattr__(self, "doubts", (*doubts, *self._more_doubts()))
+
+    @classmethod
+    def read_csv(
+        cls,
+        path: str | Path,
+        time: str | int = 0,
+        u: str | int = 1,
+        y: str | int = 2,
+        delimiter: str | None = None,
+        decimal: str | None = None,
+        step: float | None = None,
+    ) -> Record:
+        """Read a record from a delimited text file, as historians write them.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            The file.
+        time, u, y : str or int, optional
+            Names in the header, or numbers of the columns from 0. Times are numbers, or dates, which become seconds.
+        delimiter, decimal : str, optional
+            Between the columns, and in the numbers; found out if not given.
+        step : float, optional
+            As for `Record`.
+
+        Returns
+        -------
+        Record
+            Its time counts from the first sample where the file has dates.
+
+        Raises
+        ------
+        ValueError
+            For a missing column, or an entry that is no number; it names the row.
+
+        Examples
+        --------
+        >>> import pidalab, tempfile, pathlib
+        >>> rows = [f"{k},{40 if k < 10 else 47},{20 + max(0, k - 12)}" for k in range(40)]
+        >>> path = pathlib.Path(tempfile.mkdtemp(), "step.csv")
+        >>> _ = path.write_text("\\n".join(["time,valve,level", *rows]))
+        >>> pidalab.Record.read_csv(path, u="valve", y="level").steps
+        (Step(time=10.0, before=40.0, after=47.0),)
+        """
+        times, inputs, outputs = read_columns(Path(path), (time, u, y), delimiter, decimal)
+        known = times[np.isfinite(times)]
+        if known.size and known[0] > 1e8:  # a date: seconds since long ago
+            times = times - known[0]
+        return cls(times, inputs, outputs, step)
+
+    @property
+    def sampling(self) -> float:
+        """Usual interval between samples: the median."""
+        return float(np.median(np.diff(self.t)))
+
+    def after_step(self) -> tuple[Array, Array]:
+        """Return times and output from the step on, as the response to a unit step from rest.
+
+        Returns
+        -------
+        t, y : ndarray
+            Uniform times from 0, at the usual interval, and the deviation from rest by the size of the step,
+            interpolated between the samples.
+
+        Raises
+        ------
+        ValueError
+            For a record without a step, and for one with a further change of the input after it.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = np.arange(0.0, 30.0)
+        >>> record = pidalab.Record(t, np.where(t < 5, 0.0, 2.0), np.where(t < 5, 1.0, 5.0))
+        >>> record.after_step()[1][:3].tolist()
+        [2.0, 2.0, 2.0]
+        """
+        if not self.steps:
+            raise ValueError("the record has no step of the input from one level to another; fit takes any input")
+        chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
+        if len(chosen) > 1:
+            raise ValueError(f"the input changes again after the step: {_said(tuple(chosen))}; cut the record before")
+        first = chosen[0]
+        span = self.t[-1] - first.time
+        t = np.linspace(0.0, span, max(2, round(span / self.sampling) + 1))
+        return t, (np.interp(first.time + t, self.t, self.y) - self.rest) / (first.after - first.before)
+
+    def spectrum(self) -> tuple[Array, Array]:
+        """Power spectral density of the output at rest.
+
+        Returns
+        -------
+        frequencies, density : ndarray
+            In rad per time unit, and in squared units of y per rad per time unit.
+
+        Raises
+        ------
+        ValueError
+            If fewer than 16 samples were at rest.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t, rng = np.arange(200.0), np.random.default_rng(0)
+        >>> y = np.where(t < 150, 0.0, 1.0) + rng.normal(0.0, 0.1, t.size)
+        >>> frequencies, density = pidalab.Record(t, np.where(t < 150, 0.0, 1.0), y).spectrum()
+        >>> bool(0.005 < np.trapezoid(density, frequencies) < 0.02)
+        True
+        """
+        from scipy.signal import welch
+
+        start = self.steps[0].time if self.steps else self.t[0]
+        t, y = self.t[self.t < start], self.y[self.t < start]
+        if t.size < 16:
+            raise ValueError(f"a spectrum needs 16 samples at rest or more, found {t.size}")
+        grid = np.arange(t[0], t[-1], self.sampling)
+        frequencies, density = welch(np.interp(grid, t, y), fs=1 / self.sampling, nperseg=min(256, grid.size))
+        return 2 * np.pi * frequencies, density / (2 * np.pi)
+
+    def _more_doubts(self) -> list[str]:
+        found = []
+        levels, intervals = np.unique(self.y), np.diff(self.t)
+        if levels.size <= COARSE:
+            found.append(f"the output has only {levels.size} levels, {np.min(np.diff(levels)):.3g} apart")
+        gaps = np.flatnonzero(intervals > GAP * np.median(intervals))
+        if gaps.size:
+            k = gaps[np.argmax(intervals[gaps])]
+            found.append(f"{gaps.size} gap(s); the longest, {intervals[k]:.3g}, from {self.t[k]:.4g}")
+        if not self.steps:
+            found.append("the input does not step between lasting levels: a closed loop, or a test signal")
+        elif len(self.steps) > 1:
+            found.append(f"{len(self.steps)} changes of the input: {_said(self.steps)}")
+        if self.steps:
+            tail = self.y[-max(3, self.y.size // 10) :]
+            first, last = np.array_split(tail, 2)
+            moved, whole = abs(last.mean() - first.mean()), np.ptp(self.y)
+            if moved > max(0.02 * whole, 3 * self.noise.deviation / np.sqrt(first.size)):
+                found.append("the output still moves at the end: an integrator, or a record that is too short")
+        return found
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.t.size} samples over {np.ptp(self.t):.6g}, every {self.sampling:.4g}",
+            f"input: {_said(self.steps) if self.steps else f'moves between {self.u.min():.6g} and {self.u.max():.6g}'}",
+            f"output: at rest {self.rest:.6g} before the step, "
+            f"standard deviation of the noise {self.noise.deviation:.3g}"
+            + (f", correlation {self.noise.correlation:.2f}" if self.noise.deviation else ""),
+        ]
+        return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
+
+    def __repr__(self) -> str:
+        return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
+
+
+def _column(name: str, value: Any) -> Array:
+    """Return an array of floats in which nan is a missing value."""
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be an array of real numbers, found {type(value).__name__}") from None
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be one-dimensional, found shape {array.shape}")
+    return array
+
+
+def _cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array]:
+    """Leave out missing values, sort by time, average what has the same time."""
+    usable = np.isfinite(t) & np.isfinite(u) & np.isfinite(y)
+    if usable.sum() < FEWEST:
+        raise ValueError(f"a record needs {FEWEST} usable samples or more, found {usable.sum()} of {t.size}")
+    if not usable.all():
+        doubts.append(f"{(~usable).sum()} of {t.size} samples had a missing value and were left out")
+    t, u, y = t[usable], u[usable], y[usable]
+    if np.any(np.diff(t) < 0):
+        doubts.append("the times were not in order and were sorted")
+    order = np.argsort(t, kind="stable")
+    times, first, count = np.unique(t[order], return_index=True, return_counts=True)
+    if times.size < FEWEST:
+        raise ValueError(f"a record needs {FEWEST} different times or more, found {times.size}")
+    if times.size < t.size:
+        doubts.append(f"{t.size - times.size} sample(s) had the time of another one and were averaged")
+    # the mean of each run of equal times; of the input the last value, which is then held
+    mean = np.add.reduceat(y[order], first) / count
+    held = u[order][first + count - 1]
+    for name, signal in (("u", held), ("y", mean)):
+        if np.ptp(signal) == 0:
+            raise ValueError(f"{name} never changes: it is {signal[0]:g} in every sample, and tells nothing")
+    return times, held, mean
+
+
+def _steps(t: Array, u: Array) -> tuple[Step, ...]:
+    """Changes of the input between levels that last; a ramp over a few samples is one change, at its middle."""
+    span = np.ptp(u)
+    quiet = np.abs(np.diff(u)) <= 0.02 * span
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
+    runs = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 3]  # samples a to b are one level
+    if not runs or sum(b - a for a, b in runs) < 0.7 * (t.size - 1):
+        return ()
+    levels = [float(np.median(u[a : b + 1])) for a, b in runs]
+    found = []
+    for (_, left), (right, _), before, after in zip(runs, runs[1:], levels, levels[1:], strict=False):
+        if abs(after - before) > 0.05 * span:
+            # a jump between two samples happens at the later one, from which the new value is held
+            middle = 0.5 * (before + after)
+            crossed = left + int(np.argmax(np.abs(u[left : right + 1] - before) >= np.abs(middle - before)))
+            found.append(Step(float(t[crossed]), before, after))
+    return tuple(found)
+
+
+def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise]:
+    """Level and noise before the first change of the input."""
+    if y.size < 8:
+        # second differences see noise and hardly see a smooth response
+        deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
+        doubts.append(f"only {y.size} sample(s) before the input changes: the state of rest is uncertain")
+        return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0)
+    slope, _ = np.polyfit(t - t.mean(), y, 1)
+    residual = y - y.mean()
+    deviation = float(residual.std(ddof=1))
+    neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
+    drift = abs(slope) * np.ptp(t)
+    if deviation and drift > 2 * deviation and drift > 0.02 * np.ptp(whole):
+        doubts.append(f"the output drifts by {drift:.3g} before the step: it was not at rest")
+    return float(y.mean()), Noise(deviation, neighbours, y.size)
+
+
+def _said(steps: tuple[Step, ...]) -> str:
+    return ", ".join(f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps) or "none"

@@ -1,0 +1,151 @@
+"""Columns of a text file as numbers, whatever a historian makes of them; an error names the row."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from pidalab._check import Array
+
+# What stands in place of a value that was not recorded.
+MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "bad", "bad input", "no data", "#n/a", "i/o timeout", "?"}
+STAMPS = ("%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d/%m/%Y %H:%M:%S", "%H:%M:%S.%f", "%H:%M:%S")
+DELIMITERS = ";\t,|"
+
+
+def read_columns(
+    path: Path, wanted: Sequence[str | int], delimiter: str | None, decimal: str | None
+) -> tuple[Array, ...]:
+    """Read columns of a delimited text file; the first of them holds times.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file; UTF-8, with or without a byte order mark, or Latin-1.
+    wanted : sequence of str or int
+        Names in the header, or numbers of columns from 0; the first is the time.
+    delimiter : str or None
+        Between the columns; None finds out.
+    decimal : str or None
+        "." or ","; None finds out.
+
+    Returns
+    -------
+    tuple of ndarray
+        One array for each column, nan where a value is missing.
+
+    Raises
+    ------
+    ValueError
+        For a file without such columns, or with an entry that is neither a number nor a word for a missing one.
+    """
+    lines = _lines(path)
+    mark = delimiter or _delimiter(lines)
+    table = list(csv.reader(lines, delimiter=mark))
+    header, first = _header(table, mark)
+    places = [_place(name, header, path) for name in wanted]
+    comma = decimal == "," if decimal is not None else _has_decimal_commas(table[first:], places, mark)
+    columns: list[list[float]] = [[] for _ in places]
+    for number, row in enumerate(table[first:], start=first + 1):
+        if not any(entry.strip() for entry in row):
+            continue
+        for k, place in enumerate(places):
+            if place >= len(row):
+                raise ValueError(f"{path.name}, row {number}: expected {place + 1} columns or more, found {len(row)}")
+            columns[k].append(_value(row[place], k == 0, comma, f"{path.name}, row {number}, column {wanted[k]!r}"))
+    if not columns[0]:
+        raise ValueError(f"{path.name}: no row of data below the header")
+    return tuple(np.array(column) for column in columns)
+
+
+def _lines(path: Path) -> list[str]:
+    raw = path.read_bytes()
+    try:
+        return raw.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        return raw.decode("latin-1").splitlines()
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    """Return the delimiter that stands equally often in the most of the first lines."""
+    sample = [line for line in lines[:50] if line.strip()]
+    if not sample:
+        raise ValueError("the file is empty")
+
+    def steady(mark: str) -> tuple[int, int]:
+        counts = [line.count(mark) for line in sample]
+        usual = max(set(counts), key=counts.count)
+        return (counts.count(usual) if usual else 0, usual)
+
+    return max(DELIMITERS, key=steady)
+
+
+def _header(table: Sequence[Sequence[str]], mark: str) -> tuple[list[str], int]:
+    """Return the names of the columns, and the index of the first row of data."""
+    for index, row in enumerate(table[:50]):
+        entries = [entry.strip() for entry in row]
+        if len(entries) > 1 and all(_is_value(entry) for entry in entries):
+            names = [entry.strip().strip('"') for entry in table[index - 1]] if index else []
+            return names, index
+    raise ValueError(f"no row of numbers in the first 50 lines (columns divided by {mark!r})")
+
+
+def _is_value(entry: str) -> bool:
+    return entry.lower() in MISSING or _stamp(entry) is not None or not math.isnan(_number(entry.replace(",", ".")))
+
+
+def _place(name: str | int, header: Sequence[str], path: Path) -> int:
+    if isinstance(name, int):
+        return name
+    if name in header:
+        return header.index(name)
+    close = [k for k, known in enumerate(header) if known.lower().split("[")[0].split("(")[0].strip() == name.lower()]
+    if len(close) == 1:
+        return close[0]
+    known = ", ".join(map(repr, header)) or "none: give numbers of columns, from 0"
+    raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
+
+
+def _has_decimal_commas(rows: Sequence[Sequence[str]], places: Sequence[int], mark: str) -> bool:
+    entries = [row[place] for row in rows[:200] for place in places if place < len(row)]
+    return mark != "," and any("," in entry for entry in entries) and not any("." in entry for entry in entries[1::2])
+
+
+def _value(entry: str, is_time: bool, comma: bool, where: str) -> float:
+    text = entry.strip()
+    if text.lower() in MISSING:
+        return math.nan
+    number = _number(text.replace(",", ".") if comma else text)
+    if not math.isnan(number):
+        return number
+    stamp = _stamp(text) if is_time else None
+    if stamp is None:
+        raise ValueError(f"{where}: expected a number{' or a date' if is_time else ''}, found {entry!r}")
+    return stamp
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan
+
+
+def _stamp(text: str) -> float | None:
+    """Return a date and time in seconds; only differences are used, so its zero means nothing."""
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except ValueError:
+        pass
+    for pattern in STAMPS:
+        try:
+            return datetime.strptime(text, pattern).timestamp()
+        except (ValueError, OverflowError, OSError):
+            continue
+    return None

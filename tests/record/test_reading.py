@@ -1,0 +1,44 @@
+"""Files as historians write them; an error names the row."""
+
+import pytest
+
+from pidalab import Record
+
+
+def write(tmp_path, text, encoding="utf-8"):
+    path = tmp_path / "step.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def rows(mark=",", number=str, stamp=str, count=40):
+    return "\n".join(
+        mark.join([stamp(k), number(40.0 if k < 10 else 47.0), number(20.0 + max(0, k - 12))]) for k in range(count)
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("time,u,y\n" + rows(), {}),
+        ("\ufefftime;valve;level\n" + rows(";", lambda x: str(x).replace(".", ",")), {"u": "valve", "y": "level"}),
+        ("exported by a historian\n\ntime\tVALVE [%]\tLevel [mm]\n" + rows("\t"), {"u": "valve", "y": "level"}),
+        (rows(stamp=lambda k: f"2026-03-01T12:00:{k:02d}"), {}),
+        ("t,u,y\n" + rows(stamp=lambda k: f"01.03.2026 12:00:{k:02d}"), {"time": "t"}),
+    ],
+)
+def test_files_as_historians_write_them(text, columns, tmp_path):
+    record = Record.read_csv(write(tmp_path, text), **columns)
+    assert record.t.tolist() == list(range(40))
+    assert record.steps == ((10.0, 40.0, 47.0),)
+
+
+def test_an_error_names_the_row_and_words_for_missing_values_are_known(tmp_path):
+    lines = ("time,u,y\n" + rows()).splitlines()
+    lines[5] = "4,40,bad"
+    assert Record.read_csv(write(tmp_path, "\n".join(lines))).t.size == 39
+    lines[7] = "6,fourty,20"
+    with pytest.raises(ValueError, match=r"row 8, column 1: expected a number, found 'fourty'"):
+        Record.read_csv(write(tmp_path, "\n".join(lines)))
+    with pytest.raises(ValueError, match="no column 'valve'; its columns are 'time', 'u', 'y'"):
+        Record.read_csv(write(tmp_path, "\n".join(lines)), u="valve")
