@@ -4,9 +4,11 @@ from . import beyond, figures
 from .equations import example3, filters, form
 from .errata import formulas, gains, readings, rounding, switches, text
 from .examples import responses, table4, table5, table6
+from .facts import facts
 from .printed_itae import (
     dead_time,
     definition,
+    glance,
     load_values,
     proposed_values,
     scheme,
@@ -47,4 +49,13 @@ SECTIONS = (
     readings,
 )
 
-__all__ = ["SECTIONS", "beyond", "figures", "rounding", "windows", *(section.__name__ for section in SECTIONS)]
+__all__ = [
+    "SECTIONS",
+    "beyond",
+    "facts",
+    "figures",
+    "glance",
+    "rounding",
+    "windows",
+    *(section.__name__ for section in SECTIONS),
+]

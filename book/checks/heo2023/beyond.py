@@ -17,7 +17,6 @@ from pidalab.response import Response
 from pidalab.rules import direct, itae
 
 from .examples import KINDS, METHODS, processes, second_order, tuned
-from .statements import CHOSEN, filter_costs
 from .table1 import data, optima, unit
 
 BOUNDS = {"setpoint": math.inf, "load": 2.0}  # on Ms, of the optima that the rules are compared with
@@ -119,7 +118,9 @@ def recomputed() -> pd.DataFrame:
 def unseen() -> pd.DataFrame:
     """All rules on the models that no fit has seen."""
     rows = {}
-    for (kind, rule), one in contest().query("role == 'validation'").groupby(["kind", "rule"], sort=False):
+    for (kind, rule), one in (
+        contest().query("role == 'validation' and rule != 'least'").groupby(["kind", "rule"], sort=False)
+    ):
         stable = np.isfinite(one.itae)
         spoken = kind.replace("setpoint", "set point")
         rows[f"{spoken}, {rule}"] = {
@@ -132,45 +133,6 @@ def unseen() -> pd.DataFrame:
             "u(0+)": f"{one.kick.median():.0f}",
         }
     return pd.DataFrame(rows).T
-
-
-def _mean(role: str, rule: str) -> float:
-    """Geometric mean of ITAE over the least for the set point."""
-    chosen = contest().query("kind == 'setpoint' and role == @role and rule == @rule")
-    return math.exp(np.log(chosen.itae).mean())
-
-
-def _worst(role: str, rule: str) -> str:
-    """Largest excess over the least ITAE for the set point."""
-    chosen = contest().query("kind == 'setpoint' and role == @role and rule == @rule")
-    return f"{100 * (chosen.itae.max() - 1):.0f} %"
-
-
-def facts() -> dict[str, str]:
-    """Numbers that the pages speak of, as text."""
-    unseen = contest().query("role == 'validation'")
-    by_rule = unseen.pivot(index=["kind", "damping", "ratio"], columns="rule", values="itae")
-    load = contest().query("role == 'grid' and kind == 'load' and rule == 'Table 1'").ms
-    rows = data("itae_optima.csv").query("kind == 'load' and role == 'fit' and ms_bound == 2")
-    wins = {
-        f"{rule}_{kind}": f"{(by_rule.loc[kind, rule] < by_rule.loc[kind, 'Table 1']).sum()}"
-        for rule, kind in product(("refit", "direct"), CONTEST)
-    }
-    return wins | {
-        "n_unseen": f"{len(by_rule.loc['load'])}",
-        "n_fit": f"{len(rows)}",
-        "with_best": f"{_mean('fit', 'best factors'):.2f}",
-        "with_table1": f"{_mean('fit', 'Table 1'):.2f}",
-        "direct_fit": _worst("fit", "direct"),
-        "direct_unseen": _worst("validation", "direct"),
-        "unstable": f"{100 * np.isinf(load).mean():.0f} %",
-        "fragile": f"{100 * (load > 6).mean():.0f} %",
-        "median_rest": f"{load[load <= 6].median():.1f}",
-        "fd_median": f"{rows.f_d.median():.3f}",
-        "cancelled": f"{sum(off < 0.02 for _, _, off in zeros().values())}",
-        "free_ms": f"{np.median(free_peaks()):.1f}",
-        "noise_move": f"{0.001 * filter_costs()[1].loc['Example 1, load', CHOSEN]:.0f}",
-    }
 
 
 @cache
@@ -245,7 +207,8 @@ def sample_times() -> pd.DataFrame:
     return pd.DataFrame(rows).T.rename_axis("sample time")
 
 
-def on_processes(kind: str) -> pd.DataFrame:
+@cache
+def on_full(kind: str) -> dict[str, dict[str, tuple[float, float]]]:
     """ITAE and Ms of all rules on seven processes that are no models, each reduced first."""
     full = {f"Example {k}": process for k, process in processes().items()}
     full |= {
@@ -254,11 +217,17 @@ def on_processes(kind: str) -> pd.DataFrame:
         "lags 1 to 1/8": Process([1.0], np.poly([-1.0, -2.0, -4.0, -8.0]) / 64),
         "3 lags, zero at +2": Process([-0.5, 1.0], [1.0, 3.0, 3.0, 1.0], delay=0.1),
     }
-    rows, t = {}, np.linspace(0, 200, 10001)
+    rows: dict[str, dict[str, tuple[float, float]]] = {}
+    t = np.linspace(0, 200, 10001)
     for name, process in full.items():
-        model, row = pidalab.reduction.to_sopdt(process).process, {}
-        for label, rule in CONTEST[kind].items():
-            loop = pidalab.Loop(process, rule(model))
-            row[label] = f"{KINDS[kind](loop, t).itae():.3g} ({pidalab.max_sensitivity(loop)[0]:.2f})"
-        rows[name] = row
-    return pd.DataFrame(rows).T
+        model = pidalab.reduction.to_sopdt(process).process
+        loops = {label: pidalab.Loop(process, rule(model)) for label, rule in CONTEST[kind].items()}
+        rows[name] = {
+            label: (KINDS[kind](loop, t).itae(), pidalab.max_sensitivity(loop)[0]) for label, loop in loops.items()
+        }
+    return rows
+
+
+def on_processes(kind: str) -> pd.DataFrame:
+    """ITAE on these processes, with Ms in parentheses."""
+    return pd.DataFrame(on_full(kind)).T.map(lambda pair: "{:.3g} ({:.2f})".format(*pair))

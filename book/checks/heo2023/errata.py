@@ -24,10 +24,10 @@ def gains(book: Ledger) -> pd.DataFrame:
             C = tuned()[key]
             ours, theirs = sampled(key), sampled(key, replace(C, kc=book.printed(id)))
             rows[f"Example {k}, {METHODS[method]}"] = {
-                "k_c, printed": f"{book.row(id).printed}",
-                "k_c, Table 2": f"{C.kc:.3f}",
+                "gain, printed": f"{book.row(id).printed}",
+                "gain, Table 2": f"{C.kc:.3f}",
                 "ITAE, printed": f"{book.row(row(key)).printed}",
-                "with the printed k_c": f"{theirs:.3f}",
+                "with the printed gain": f"{theirs:.3f}",
                 "with Table 2": f"{ours:.3f}",
             }
             if method == "itae2" and k < 3:

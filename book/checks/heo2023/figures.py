@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-import pidalab
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pidalab import plots
@@ -14,7 +13,7 @@ from pidalab.ledger import Ledger
 from pidalab.rules import itae
 
 from . import beyond
-from .examples import KINDS, METHODS, runs
+from .examples import KINDS, METHODS, SPOKEN, runs
 from .printed_itae import ENDS, START, misfits
 from .statements import predicted
 from .table1 import data, figure1, unit
@@ -45,7 +44,7 @@ def _ratio_axis(ax: Axes) -> None:
 
 def responses(k: int, until: float, first: float) -> Figure:
     """Paper Figs 2 to 4: output above control signal, set point on the left, load on the right."""
-    figure, axes = _panels(2, 4.8)
+    figure, axes = _panels(2, 4.4)
     for column, (kind, end) in enumerate(zip(KINDS, (first, until), strict=True)):
         shown = {name: runs()[k, method, kind] for method, name in METHODS.items()}
         plots.signal(axes[0, column], shown, "y", until=until)
@@ -83,7 +82,7 @@ def prediction() -> Figure:
     """What the controller looks at: an error, the same error later, and its predictions."""
     p = predicted(1, "proposed", "load")
     shown = p.t < 6
-    figure, ax = plt.subplots(figsize=(6.4, 3.4))
+    figure, ax = plt.subplots(figsize=(6.4, 2.9))
     ax.plot(*plots.thin(p.t[shown], p.now[shown]), "-", color=GREY, lw=1.0, label="$e(t)$")
     labels = r"$e(t + \tau_a)$", r"predicted with $\dot e$", r"with $\dot e$ and $\ddot e$"
     for label, line in zip(labels, (p.later, p.one, p.two), strict=True):
@@ -141,7 +140,7 @@ def paper_figure1() -> Figure:
 
 def limits() -> Figure:
     """Set-point steps with a limited actuator, without and with a filter of the set point."""
-    figure, axes = _panels(1, 3.8, sharey=True)
+    figure, axes = _panels(1, 3.2, sharey=True)
     for limit in (math.inf, 100.0, 10.0, 5.0):
         label = "no limit" if limit == math.inf else f"±{limit:g}"
         for ax, lag in zip(axes, (0.0, beyond.best_lag("proposed", limit)[1]), strict=True):
@@ -157,24 +156,25 @@ def limits() -> Figure:
 
 
 def _maps(axes: Iterable[Axes], chosen: Sequence[tuple[str, pd.DataFrame]], column: str, levels: list[float]) -> object:
-    """Draw one quantity over ratio and damping, hatched where the loop is unstable."""
+    """Draw one quantity over ratio and damping; where the loop is unstable the hatched ground is left bare."""
     for ax, (title, rows) in zip(axes, chosen, strict=True):
         grid = rows.pivot(index="damping", columns="ratio", values=column)
-        at = grid.columns, grid.index, grid.replace(math.inf, 999.0).clip(lower=levels[0])
+        at = grid.columns, grid.index, grid.replace(math.inf, math.nan).clip(lower=levels[0])
+        ax.patch.set(hatch="////", edgecolor=GREY)
         shade = ax.contourf(*at, levels, cmap="viridis_r", extend="max")
-        ax.contourf(*at, [900, 1000], colors="none", hatches=["////"])
+        ax.grid(False)
         _ratio_axis(ax)
         ax.set_title(title, fontsize=11)
     return shade
 
 
-def sensitivity() -> Figure:
+def sensitivity(*kinds: str) -> Figure:
     """Ms over the range of the rule."""
-    figure, axes = _panels(2, 5.6, sharex=True, sharey=True)
+    figure, axes = _panels(len(kinds), 0.4 + 2.6 * len(kinds), sharex=True, sharey=True, squeeze=False)
     rows = beyond.contest().query("role == 'grid'")
     chosen = [
-        (f"{title}, {spoken}", rows.query("rule == @rule and kind == @kind"))
-        for kind, spoken in (("setpoint", "set point"), ("load", "load"))
+        (f"{title}, {SPOKEN[kind]}", rows.query("rule == @rule and kind == @kind"))
+        for kind in kinds
         for rule, title in (("ITAE-2", "ITAE-2"), ("Table 1", "proposed"))
     ]
     shade = _maps(axes.flat, chosen, "ms", [1, 1.4, 1.7, 2, 2.5, 3, 4, 6])
@@ -233,18 +233,4 @@ def zeros() -> Figure:
     for ax in axes[:, 0]:
         ax.set_ylabel(r"imaginary part times $\tau$")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    return figure
-
-
-def bode(controllers: dict[str, pidalab.NonInteractivePIDA]) -> Figure:
-    """Magnitude and phase of controllers."""
-    w = np.logspace(-2, 4, 400)
-    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True)
-    for name, C in controllers.items():
-        values = np.array([C(1j * x) for x in w])
-        axes[0].loglog(w, np.abs(values), label=name)
-        axes[1].semilogx(w, np.degrees(np.angle(values)))
-    axes[0].set_ylabel("magnitude of C")
-    axes[1].set(ylabel="phase, degrees", xlabel="frequency, rad per time unit")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure

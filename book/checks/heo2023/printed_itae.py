@@ -61,20 +61,24 @@ def exact(key: Key, controller: NonInteractivePIDA | None = None, process: Proce
     return KINDS[kind](loop, t).itae(origin=-START)
 
 
+def _apart(book: Ledger, key: Key, value: float) -> tuple[float, float]:
+    """Larger over smaller of a value and its print, and what half a unit of the last place allows."""
+    printed = book.printed(row(key))
+    return max(value / printed, printed / value), 1 + book.row(row(key)).half_unit / printed
+
+
 def definition(book: Ledger) -> pd.DataFrame:
     """Integrals to infinity, from the step: not the printed values, but the same order."""
     infinite = {key: run.itae(math.inf) for key, run in runs().items()}
     printed = {key: book.printed(row(key)) for key in infinite}
     misses = {
-        f"{experiment(k, kind)}, {METHODS[method]}": (
-            abs(infinite[k, method, kind] - printed[k, method, kind]),
-            book.row(row((k, method, kind))).half_unit,
-        )
+        f"{experiment(k, kind)}, {METHODS[method]}": _apart(book, (k, method, kind), infinite[k, method, kind])
         for k, method, kind in infinite
     }
     nearest = min(abs(infinite[key] / printed[key] - 1) for key in infinite)
     text = f"None does; the nearest of the 18 is {100 * nearest:.2f} % off."
-    book.statement("itae.definition", *some(misses, "<="), note=text)
+    names = {"left_name": "larger over smaller of value and print", "right_name": "what rounding allows"}
+    book.statement("itae.definition", *some(misses, "<="), note=text, **names)
     pairs = {
         f"{experiment(k, kind)}, {METHODS[better]} against {METHODS[worse]}": (
             infinite[k, better, kind],
@@ -173,13 +177,14 @@ def dead_time(book: Ledger) -> pd.DataFrame:
         as_printed = schemes.itae(Experiment(plain, False, ENDS[2, "setpoint"]), tuned()[key], FOUND)
         rows[METHODS[method]] = {"printed": printed, "with (18)": as_printed, "with dead time 0.2": sampled(key)}
         if method != "proposed":
-            cases[METHODS[method]] = abs(as_printed - printed), book.row(row(key)).half_unit
+            cases[METHODS[method]] = _apart(book, key, as_printed)
     table = pd.DataFrame(rows).T
     text = (
         f"IMC, ITAE-2, proposed: with (18) as printed {listed(table['with (18)'], '.2f')}; with the dead time "
         f"{left.delay} of Example 1 {listed(table['with dead time 0.2'], '.2f')}. Perhaps it was left in there."
     )
-    book.statement("itae.ex2.plant", *every(cases, "<="), note=text)
+    names = {"left_name": "larger over smaller of value and print", "right_name": "what rounding allows"}
+    book.statement("itae.ex2.plant", *every(cases, "<="), note=text, **names)
     return table.map("{:.2f}".format)
 
 
@@ -224,6 +229,28 @@ def proposed_values(book: Ledger) -> pd.DataFrame:
     names = [experiment(k, kind) for k, _, kind in PIDA_VALUES]
     rows = {str(tried): dict(zip(names, misses[tried], strict=True)) for tried in shown}
     return (100 * pd.DataFrame(rows).T).map("{:+.2f} %".format)
+
+
+MARKS = {"reproduced": "✓", "last-digit": "≈", "differs": "≠"}
+NAMES = {"gain": "kc", "integral": "taui", "derivative": "taud", "acceleration": "taua"}
+
+
+def glance(book: Ledger) -> pd.DataFrame:
+    """The proposed rule in Tables 4 to 6 and in sec. 3: what is printed, its verdict as a mark, what is computed."""
+    rows = {}
+    for k, kind in ENDS:
+        C, key = tuned()[k, "proposed", kind], (k, "proposed", kind)
+        ids = [f"table{k + 3}.proposed.{kind}.{letter}" for letter in NAMES.values()] + [row(key)]
+        values = [C.kc, C.tau_i, C.tau_d, C.tau_a, sampled(key)]
+        shown = [_beside(book, id, value) for id, value in zip(ids, values, strict=True)]
+        rows[experiment(k, kind)] = dict(zip([*NAMES, "ITAE"], shown, strict=True))
+    return pd.DataFrame(rows).T
+
+
+def _beside(book: Ledger, id: str, value: float) -> str:
+    """A printed number, the mark of its verdict and, with one digit more, the computed one."""
+    printed = book.row(id).printed
+    return f"{printed} {MARKS[book.row(id).verdict]} {value:.{len(printed.partition('.')[2]) + 1}f}"
 
 
 @cache
