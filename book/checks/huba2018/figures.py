@@ -43,16 +43,16 @@ def steps_by_order(te: float, orders: Sequence[int] = SHOWN, until: float = 14.0
 def ruled_steps() -> Figure:
     """Draw the settings of Paper Figs 2 and 3: for each m a line for n = m + 1, and a band for every n up to 6."""
     figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.0), sharex=True, sharey="row")
+    shown = np.r_[0:150:2, 150:751:10]  # samples: dense where the control signal has its pulse
     for column, q in enumerate(GROWTH):
         for m in ORDERS:
             runs = [ruled_step(q, m, n) for n in BY_M[m]]
-            middle, early = ruled_step(q, m, m + 1), runs[0].t <= 15
+            middle = ruled_step(q, m, m + 1)
             for ax, name in zip(axes[:, column], "yu", strict=True):
-                values = np.array([getattr(run, name)[early] for run in runs])
-                (line,) = ax.plot(middle.t[early], getattr(middle, name)[early], label=f"m = {m}")
-                ax.fill_between(
-                    middle.t[early], values.min(axis=0), values.max(axis=0), color=line.get_color(), alpha=0.25, lw=0
-                )
+                values = np.array([getattr(run, name)[shown] for run in runs])
+                (line,) = ax.plot(middle.t[shown], getattr(middle, name)[shown], label=f"m = {m}")
+                colour = line.get_color()
+                ax.fill_between(middle.t[shown], values.min(axis=0), values.max(axis=0), color=colour, alpha=0.25, lw=0)
         axes[0, column].set(title=f"$T_e = {SHORTEST} \\cdot {q:g}^m$", xlim=(0, 15))
         axes[1, column].set_xlabel("time, dead times")
     axes[0, 0].set_ylabel("output y")
