@@ -52,7 +52,7 @@ def gains(book: Ledger) -> pd.DataFrame:
     for case in CASES:
         exact, reached = shared.designs[case].kp, ms_of(shared.loop(case, on="model", filtered=False))
         rows[case.label] = [f"{printed[case]:.2f}", f"{exact:.4f}", f"{found[case]:.2f}", f"{reached:.3f}"]
-        note = f"The exact gain is {exact:.4f}; the printed one gives Ms = {reached:.3f} on the model."
+        note = f"The exact gain is {exact:.6f}; the printed one gives Ms = {reached:.3f} on the model."
         if case == Case("ex1", "pida", 2.0):
             note += f" The printed gain was used: the printed ω_gc belongs to it. {_about_grids(book)}"
         if case == Case("ex1", "pid", 1.4):
@@ -70,7 +70,7 @@ def _about_filter(book: Ledger) -> str:
         for sign in (1, -1)
     )
     return (
-        f"Eq. (15) needs a gain between {least:.4f} and {most:.4f}, which the exact one is and the printed one is not: "
+        f"Eq. (15) needs a gain between {least:.5f} and {most:.5f}; the exact one is, the printed one is not: "
         "this filter came from a gain that was not rounded."
     )
 
@@ -122,11 +122,12 @@ def _about_grids(book: Ledger) -> str:
     lowest, highest, points = GRID
     mine = [stepped(_on_grid(book, case, np.logspace(*GRID))) for case in CASES]
     agree = int(np.sum(np.isclose(mine, printed)))
+    range_of_hits = f", all between {min(hits):.1f} and {max(hits):.1f}" if hits else ""
     return (
         f"It is not the exact peak of S, but a coarse grid that misses the peak can give it: {points} points over "
         f"{highest - lowest:g} decades from 1e{lowest:g} give {agree} of the 8 gains, and so do {len(hits)} of "
         f"{DENSITIES.size * PHASES.size} logarithmic grids of {DENSITIES[0]:.0f} to {DENSITIES[-1]:.0f} points per "
-        f"decade, all between {min(hits):.1f} and {max(hits):.1f}. That it can be so is no proof that it was."
+        f"decade{range_of_hits}. That it can be so is no proof that it was."
     )
 
 
