@@ -17,6 +17,7 @@ from pidalab.ledger import Ledger
 from pidalab.rules import magnitude_optimum as mo
 
 from . import problem
+from .names import typeset
 
 TS = problem.SAMPLE_TIME
 WISHES = 1.0, 3.0, 10.0, 30.0, 100.0  # noise gains
@@ -30,6 +31,7 @@ def cost(wanted: float, m: int, n: int) -> float:
     return 1 / problem.exact_noise(3, m, n, wanted).coefficients[0]
 
 
+@typeset
 def orders(book: Ledger) -> pd.DataFrame:
     """Best filter order, IE and M_S by noise gain and order, on G_P3."""
     rows: dict[str, dict[str, str]] = {}
@@ -45,7 +47,7 @@ def orders(book: Ledger) -> pd.DataFrame:
 
 def draw_orders() -> Figure:
     """IE after a load step on G_P3 at equal noise: over the noise gain, and over n - m."""
-    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.4), sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.0), sharey=True)
     for m, mark in zip(ORDERS, "os^D", strict=True):
         best = [min(cost(x, m, m + e) for e in EXTRA) for x in WISHES]
         axes[0].semilogx(WISHES, best, marker=mark, markersize=5, label=f"m = {m}")
@@ -63,6 +65,7 @@ ODD = {
 }
 
 
+@typeset
 def failures(book: Ledger) -> pd.DataFrame:
     """M_S with a noise gain of 10 and n = m + 2 on three simple processes, or why there is none."""
     rows: dict[str, dict[str, str]] = {}
@@ -82,13 +85,13 @@ def draw_zeros() -> Figure:
     """Poles of G_P5 and zeros of the controller, magnitude optimum and Lurang."""
     shown = {"PID$_2^2$": problem.contest(5)["PID_2^2"].coefficients, "Lurang": problem.RIVAL_GAINS[5]}
     poles = np.roots(problem.process(5).den)
-    figure, axes = plt.subplots(2, 1, figsize=(6.4, 3.4), sharex=True)
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 2.5), sharey=True)
     for ax, (title, K) in zip(axes, shown.items(), strict=True):
         zeros = np.roots(K[::-1])
         ax.plot(poles.real, poles.imag, "x", markersize=10, markeredgewidth=2, label="poles of the process")
         ax.plot(zeros.real, zeros.imag, "o", fillstyle="none", markersize=11, label="zeros of the controller")
-        ax.set(title=title, xlim=(-3.6, 0.2), ylim=(-0.7, 0.7), ylabel="imaginary")
-    axes[-1].set_xlabel("real part, 1/s")
+        ax.set(title=title, xlabel="real part, 1/s", xlim=(-3.6, 0.2), ylim=(-1.2, 1.2))
+    axes[0].set_ylabel("imaginary part")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
@@ -164,6 +167,7 @@ def study() -> pd.DataFrame:
     return pd.read_csv(Path(__file__).parents[2] / "data" / "record_orders.csv", comment="#")
 
 
+@typeset
 def supported_orders(book: Ledger) -> pd.DataFrame:
     """Show the table of the study, a record to a line, a noise level to a column."""
     rows: dict[str, dict[str, str]] = {}
@@ -174,6 +178,7 @@ def supported_orders(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@typeset
 def recomputed(book: Ledger) -> pd.DataFrame:
     """A tenth of the study once more: which lines is drawn with a fixed seed."""
     table, rows = study(), {}

@@ -16,6 +16,7 @@ from pidalab.ledger import Ledger
 from pidalab.rules import magnitude_optimum as mo
 
 from . import problem
+from .names import typeset
 from .rounding import entry
 
 PREFILTER = 0.01  # T_FR that the ISE needs, see `hidden.prefilter`, s
@@ -168,6 +169,7 @@ def _table_7_note(book: Ledger, name: str) -> str:
     )
 
 
+@typeset
 def table_7_bound(book: Ledger) -> pd.DataFrame:
     """Why the two values cannot be the ISE of G_P5."""
     rows = {}

@@ -14,11 +14,13 @@ from scipy.integrate import quad
 from scipy.special import beta
 
 from . import problem
+from .names import typeset
 from .residuals import EXACT, relative, residuals
 
 TS = problem.SAMPLE_TIME
 
 
+@typeset
 def noise_equations(book: Ledger) -> pd.DataFrame:
     """Equations (20), (25), (27) and (32): from the noise to the filter time."""
     rows = {}
@@ -157,6 +159,7 @@ def powers(key: str) -> dict[str, float]:
     }
 
 
+@typeset
 def estimate(book: Ledger) -> pd.DataFrame:
     """How (32) estimates the noise: each of its steps, for the designs of Tables 3 to 5."""
     found = {str(problem.CASES[key]): powers(key) for key in problem.NOISY}
@@ -226,6 +229,7 @@ def by_beta(n: int) -> pidalab.HighOrderPID:
     return C
 
 
+@typeset
 def equal_noise(book: Ledger) -> pd.DataFrame:
     """Table 4 once more, with T_F from the exact noise gain."""
     made = {n: problem.exact_noise(3, 3, n, 10.0) for n in (3, 4, 5, 6)}

@@ -19,6 +19,7 @@ from pidalab.rules import magnitude_optimum as mo
 from scipy.special import gammainc
 
 from . import problem
+from .names import typeset
 
 PREFILTER = 0.5  # T_FR of (19), s
 STEPS = {1: (4, 0.0), 2: (2, 0.5)}  # lags and dead time of G_P1 and G_P2
@@ -54,6 +55,7 @@ def from_record(length: int, g: int) -> tuple[np.ndarray, list[float]]:
     return found.values, [gain for controller in made for gain in controller.coefficients]
 
 
+@typeset
 def records(book: Ledger) -> pd.DataFrame:
     """How many gains of Table 2 a record without noise gives as printed, over its length."""
     ids = {g: [f"table2.gp{g}.m{m}.{k}" for m in (1, 2, 3) for k in problem.GAINS[: m + 2]] for g in (1, 2)}
@@ -86,6 +88,7 @@ def _units(book: Ledger, id: str, value: float) -> int:
     return abs(round(value / unit) - round(book.printed(id) / unit))
 
 
+@typeset
 def fragile(book: Ledger) -> pd.DataFrame:
     """What the 16th digit does: K_0 of PID_3^3 for G_P2 from two records of 50 s that differ by rounding."""
     t = np.linspace(0, 50, 25001)
@@ -99,6 +102,7 @@ def fragile(book: Ledger) -> pd.DataFrame:
     return table.map("{:.4f}".format)
 
 
+@typeset
 def figures_3_4(book: Ledger) -> pd.DataFrame:
     """The statements about Figs 3 and 4, and the measures of their curves."""
     runs = {key: responses(*key) for key in problem.EXAMPLE_1}
@@ -203,7 +207,7 @@ def draw_3_4() -> Figure:
 def draw_flatness() -> Figure:
     """|T| with the controllers of Table 2."""
     w = np.geomspace(0.05, 20, 400)
-    figure, axes = plt.subplots(1, 2, figsize=(6.4, 2.9), sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 2.6), sharey=True)
     for ax, g in zip(axes, (1, 2), strict=True):
         for m in (1, 2, 3):
             ax.semilogx(w, abs(problem.loop(g, problem.example(g, m)).T(1j * w)), label=f"PID$_{m}^{m}$")

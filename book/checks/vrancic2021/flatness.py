@@ -13,6 +13,7 @@ from pidalab import areas
 from pidalab.ledger import Ledger, every
 
 from . import problem
+from .names import typeset
 
 LOW = 1e-3  # frequency, times the residence time, at which the power is measured
 
@@ -68,6 +69,7 @@ def _power(known: list[Fraction], m: int, plant: pidalab.Process, lag: float, or
         return int(mpmath.nint(mpmath.log(excess(2 * low) / excess(low), 2)))
 
 
+@typeset
 def magnitude(book: Ledger) -> pd.DataFrame:
     """How flat |T| is at low frequencies, in every magnitude optimum of the paper."""
     found = flatness()

@@ -15,6 +15,7 @@ from pidalab.rules import magnitude_optimum as mo
 from scipy.optimize import least_squares
 
 from . import noise, problem
+from .names import typeset
 from .rounding import decimals, twice
 
 LAGS = 2, 3, 4, 5, 6  # numbers of equal lags that are tried for G_P3
@@ -34,6 +35,7 @@ def first_area(book: Ledger) -> dict[str, tuple[float, float]]:
     return found
 
 
+@typeset
 def process_3(book: Ledger) -> pd.DataFrame:
     """Equal lags and a dead time fitted to the printed gains of Tables 3 to 5."""
     found = first_area(book)
@@ -104,6 +106,7 @@ def lags_with_delay(q: int, lag: float, delay: float, count: int) -> np.ndarray:
     return plain
 
 
+@typeset
 def peaks_of_t(book: Ledger) -> pd.DataFrame:
     """A sign, not a proof: the peak of |T| with the printed gains on either process."""
     rows = {}
@@ -146,6 +149,7 @@ def misses(book: Ledger) -> dict[str, np.ndarray]:
     return out
 
 
+@typeset
 def start(book: Ledger) -> pd.DataFrame:
     """Which start and how many corrections of T_F give Tables 3 to 6."""
     missed = misses(book)
@@ -234,6 +238,7 @@ def draw_first_area(book: Ledger) -> Figure:
     return figure
 
 
+@typeset
 def gain_of_6(book: Ledger) -> pd.DataFrame:
     """Gains of (44) with 1/18 and with 0.0556."""
     rows: dict[str, dict[str, str]] = {}
@@ -245,6 +250,7 @@ def gain_of_6(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@typeset
 def noise_reference(book: Ledger) -> pd.DataFrame:
     """By which output sigma_rel divides."""
     t = problem.SAMPLE_TIME * np.arange(20000)
@@ -268,6 +274,7 @@ def noise_reference(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame({"σ_rel of PID_4^3": gains}).map("{:.4g}".format)
 
 
+@typeset
 def count_orders(book: Ledger) -> pd.DataFrame:
     """Order and dead time of the processes that the paper uses."""
     orders = {g: problem.process(g).den.size - 1 for g in range(1, 8)}

@@ -14,6 +14,7 @@ from pidalab.ledger import Ledger
 from scipy.integrate import cumulative_trapezoid
 
 from . import contest, problem
+from .names import typeset
 
 FILTERS = np.linspace(0.008, 0.02, 7)  # T_FR that are tried, s
 
@@ -48,6 +49,7 @@ def _ise_over_filter(name: str) -> tuple[float, ...]:
     return tuple(contest.servo_ise(g, C, time, end, samples=16001) for time in FILTERS)
 
 
+@typeset
 def prefilter(book: Ledger) -> pd.DataFrame:
     """Which error the ISE of Section 5 integrates, and with which T_FR."""
     found = confined(book)
@@ -97,6 +99,7 @@ def _with_tex(name: str) -> str:
     return f"{table}, {problem.tex(controller)}"
 
 
+@typeset
 def load_ends(book: Ledger) -> pd.DataFrame:
     """Ends of the integral, after the load step, with which the ISE rounds to the print."""
     t, rows = np.linspace(0, 40, 200001), {}
@@ -115,6 +118,7 @@ def load_ends(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@typeset
 def sign_of_46(book: Ledger) -> pd.DataFrame:
     """ISE in tracking of the Puangdownreong controller with either sign of K_2."""
     rows = {}

@@ -15,6 +15,7 @@ from pidalab.ledger import CONVENTIONS, Ledger, every
 from scipy.signal import fftconvolve
 
 from . import problem
+from .names import typeset
 from .rounding import entry
 
 RECORDS, SPAN, SETTLE = 200, 10_000, 10_000  # simulated noise records, and samples of each
@@ -64,6 +65,7 @@ def _scatter(key: str) -> float:
     return float(ratios()[same].std() / problem.noise(same))
 
 
+@typeset
 def printed_noise(book: Ledger) -> pd.DataFrame:
     """The printed sigma_rel beside what chance gives, and the statements about the noise."""
     rows = {}
@@ -126,6 +128,7 @@ def _similar(book: Ledger, id: str, keys: Sequence[str]) -> None:
     )
 
 
+@typeset
 def one_record(book: Ledger) -> pd.DataFrame:
     """How the simulated records of the six designs with n = m + 1 > 2 rise and fall together."""
     keys = [k for k in problem.NOISY if 1 < problem.CASES[k].m == problem.CASES[k].n - 1]

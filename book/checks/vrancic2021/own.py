@@ -15,6 +15,8 @@ from pidalab import areas
 from pidalab.ledger import Ledger
 from pidalab.rules import magnitude_optimum as mo
 
+from .names import typeset
+
 NOISE_GAIN, SAMPLE_TIME = 5.0, 0.2  # % per degree, s
 RECORD = Path(__file__).parents[2] / "data" / "step_record.csv"
 CUT = 60.0  # s, where a record is cut off too early
@@ -30,7 +32,8 @@ def measured(until: float = np.inf) -> areas.MeasuredAreas:
     """Areas of the record up to a time."""
     record = pd.read_csv(RECORD, comment="#").to_numpy()
     with warnings.catch_warnings(action="ignore", category=areas.RecordWarning):
-        return areas.from_record(*record[record[:, 0] <= until].T, count=10)
+        t, u, y = record[record[:, 0] <= until].T
+        return areas.from_record(t, u, y, count=10)
 
 
 @cache
@@ -44,6 +47,7 @@ def three_points() -> pidalab.Process:
     return pidalab.identification.three_point(t[after] - found.span[0], rise, step=step).process
 
 
+@typeset
 def record(book: Ledger) -> pd.DataFrame:
     """What the record says of itself, cut off too early and whole."""
     rows = {}
@@ -59,6 +63,7 @@ def record(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@typeset
 def controllers(book: Ledger) -> pd.DataFrame:
     """Controllers from the true process, the record and three points of it, on the true process."""
     sources: dict[str, Any] = {"true process": heater(), "record": measured(), "three points": three_points()}

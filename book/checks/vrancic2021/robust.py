@@ -18,6 +18,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import find_peaks
 
 from . import problem
+from .names import typeset
 
 PREFILTER = 0.2  # T_FR of Figs 10 to 12: assumed, the text has none
 ORDERS = 2, 3, 4
@@ -108,6 +109,7 @@ def _off(kind: str, m: int, change: str) -> float:
     return float(np.max(abs(responses(m, change)[kind].y - responses(m, "nominal")[kind].y)))
 
 
+@typeset
 def changed_parameters(book: Ledger) -> pd.DataFrame:
     """The loops of Table 6 on processes that are 10 % off."""
     corners = {
@@ -195,6 +197,7 @@ def _deviations(book: Ledger) -> None:
         )
 
 
+@typeset
 def overshoots(book: Ledger) -> pd.DataFrame:
     """Measures of the curves of Figs 10 to 12."""
     rows = {}

@@ -16,6 +16,7 @@ from pidalab import plots
 from pidalab.ledger import Ledger, every
 
 from . import problem
+from .names import typeset
 
 PREFILTER = 0.2  # T_FR of (34), s
 GROUPS = {
@@ -51,6 +52,7 @@ def measures(key: str) -> dict[str, float]:
     }
 
 
+@typeset
 def speed(book: Ledger) -> pd.DataFrame:
     """The statements about Figs 7, 8 and 9, and the measures of their curves."""
     rise, track = ({key: measures(key)[name] for key in problem.CASES} for name in ("rise time", "IAE"))
@@ -178,7 +180,7 @@ def draw_7_to_9(number: int) -> Figure:
         loop = problem.loop(3, problem.tuned(key), PREFILTER)
         both = pidalab.simulate_ensemble(loop, t, np.stack([0 * n, n]), setpoint=1.0, load=np.where(t < 15, 0.0, 1.0))
         clean[label], noisy[label] = both
-    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.2), sharex=True)
+    figure, axes = plt.subplots(2, 1, figsize=(6.4, 3.8), sharex=True)
     plots.signal(axes[0], clean, "y", until=25)
     plots.signal(axes[1], clean, "u", until=25, faint=noisy)
     axes[0].set(ylabel="output y", xlabel="")

@@ -10,9 +10,11 @@ from pidalab.ledger import CONVENTIONS, Ledger, every
 from scipy.signal import find_peaks
 
 from . import examples, problem
+from .names import typeset
 from .speed import PREFILTER, measures, responses
 
 
+@typeset
 def more_derivatives(book: Ledger) -> pd.DataFrame:
     """What the abstract and the conclusion say about the order m, at a noise gain of 10."""
     low, high = measures("table5.m1"), measures("table5.m4")
@@ -53,6 +55,7 @@ def more_derivatives(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame({str(problem.CASES[key]): measures(key) for key in problem.TABLE_5}).T.map("{:.3f}".format)
 
 
+@typeset
 def steps(book: Ledger) -> pd.DataFrame:
     """Oscillation, pulses and slow tails after steps of set point and load."""
     runs = {str(problem.CASES[key]) + f", G_P{problem.CASES[key].g}": responses(key) for key in problem.ONCE}

@@ -15,6 +15,7 @@ from pidalab.rules import magnitude_optimum as mo
 from scipy.optimize import brentq
 
 from . import problem
+from .names import typeset
 from .residuals import EXACT, decade, relative, residuals
 
 SEED = 2021
@@ -38,6 +39,7 @@ def table_2(book: Ledger) -> None:
         book.check({f"table2.gp{g}.m{m}.{k}": value for k, value in named})
 
 
+@typeset
 def areas_equations(book: Ledger) -> pd.DataFrame:
     """Equations (3) to (8): what the areas are, and how they follow from a transfer function."""
     rows = {}
@@ -128,6 +130,7 @@ def _equation_7() -> tuple[float, float, float]:
     return max(low), max(general), max(as_read)
 
 
+@typeset
 def series_equations(book: Ledger) -> pd.DataFrame:
     """Equations (11) to (17): the open loop as a power series, and the system for the gains."""
     rows: dict[str, float] = {}
@@ -261,6 +264,7 @@ def _accepted(m: int, n: int) -> bool:
     return True
 
 
+@typeset
 def orders(book: Ledger) -> pd.DataFrame:
     """What the introduction says about orders of process and controller."""
     coarse, fine = (_cancellation(time) for time in (0.01, 0.001))

@@ -14,10 +14,12 @@ from pidalab.rules import magnitude_optimum as mo
 
 from . import problem
 from .contest import ENDS, PREFILTER, SAMPLES, facts, ises, noise_gain, responses, servo_ise
+from .names import typeset
 
 MEASURES = "rise time", "ISE", "peak, load", "ISE, load"
 
 
+@typeset
 def verdicts(book: Ledger) -> pd.DataFrame:
     """Who wins, in Figs 13 to 15 and Tables 7 to 9."""
     for g, ours in ((5, ("PID_2^2",)), (6, ("PID_2^2", "PID_3^3")), (7, ("PID_2^2",))):
@@ -105,6 +107,7 @@ def _slowest(name: str) -> float:
     return float(np.max(np.roots(np.polyadd(np.polymul(den, P.den), np.polymul(num, P.num))).real))
 
 
+@typeset
 def short_filters(book: Ledger) -> pd.DataFrame:
     """What the short filters do to the responses of the Lurang and Jung controllers."""
     t, rows = np.linspace(0, 12, 24001), {}
@@ -169,6 +172,7 @@ def fair(g: int) -> dict[str, list[float]]:
     return rows
 
 
+@typeset
 def at_equal_noise(book: Ledger) -> pd.DataFrame:
     """The contest again, with filters as long as the noise of the other method asks."""
     columns = ["noise gain", "ISE, set point", "ISE, load", "peak, load"]
