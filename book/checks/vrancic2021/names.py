@@ -23,7 +23,7 @@ def raised(text: Any) -> Any:
     return re.sub(r"\bG_P(\d)", lambda hit: "Gₚ" + hit[1].translate(LOW), text)
 
 
-def typeset(section: Callable[[Ledger], pd.DataFrame]) -> Callable[[Ledger], pd.DataFrame]:
+def typeset(section: Callable[..., pd.DataFrame]) -> Callable[..., pd.DataFrame]:
     """Let a section return its table with such names."""
 
     @wraps(section)
