@@ -33,6 +33,7 @@ BEFORE: dict[str, Callable[[], None]] = {  # in the order in which they are trie
     "processes": disturb.processes,
     "printed inputs": disturb.printed,
     "results of the library": disturb.results,
+    "methods of the library": disturb.methods,
     "responses": disturb.responses,
     "controllers": disturb.controllers,
     "stored tables": disturb.tables,
@@ -97,7 +98,16 @@ def looked(paper: str, disturbance: str, wanted: list[str]) -> dict[str, Any]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def examine(paper: str, show: bool) -> list[str]:
+def stored(paper: str) -> dict[str, tuple[str, str]]:
+    """Read the table of a paper."""
+    path = TABLES / f"{paper}.csv"
+    if not path.is_file():
+        return {}
+    with path.open(encoding="utf-8", newline="") as file:
+        return {line["id"]: (line["section"], line["turned red by"]) for line in csv.DictReader(file)}
+
+
+def examine(paper: str, show: bool, more: bool) -> list[str]:
     """Write the table of a paper; return what is wrong, one line each."""
     from pidalab.ledger import Ledger
 
@@ -108,7 +118,8 @@ def examine(paper: str, show: bool) -> list[str]:
         return problems
     rows = Ledger.open(paper, LEDGERS).rows
     left = {id: section for section, ids in clean["owners"].items() for id in ids if rows[id].basis != "reading"}
-    turned: dict[str, tuple[str, str]] = {}
+    turned = {id: how for id, how in stored(paper).items() if more and left.get(id) == how[0]}
+    left = {id: section for id, section in left.items() if id not in turned}
     for disturbance in tqdm([*BEFORE, *AFTER], desc=paper, disable=None):
         if not left:
             break
@@ -138,6 +149,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("papers", nargs="*", help="keys of papers; by default all that have checks")
     parser.add_argument("--show", action="store_true", help="say what stops")
+    parser.add_argument("--more", action="store_true", help="only rows that the stored table does not have")
     parser.add_argument("--look", metavar="DISTURBANCE", help="one run of a paper: its key, then sections")
     given = parser.parse_args()
     if given.look is not None:
@@ -148,7 +160,7 @@ def main() -> int:
     from pidalab.ledger.running import has_checks
 
     chosen = given.papers or [paper for paper in papers(LEDGERS) if has_checks(paper, LEDGERS)]
-    problems = [problem for paper in chosen for problem in examine(paper, given.show)]
+    problems = [problem for paper in chosen for problem in examine(paper, given.show, given.more)]
     print("\n".join(problems) or "every claim can fail")
     return int(bool(problems))
 

@@ -130,7 +130,8 @@ def processes(strength: float = 1.0) -> None:
 
     def disturbed(self: Process, num: Any, den: Any, delay: float = 0.0) -> None:
         make(self, num, den, delay)
-        lags = (1 + 0.023 * strength) ** np.arange(self.den.size)[::-1]
+        powers = np.arange(self.den.size)[::-1]
+        lags = 1 + strength * (0.023 * powers + 0.007 * powers**2)  # uneven, so that no damping stays
         self.__dict__["num"] = self.num * (1 + 0.031 * strength)
         self.__dict__["den"] = self.den * lags
         self.__dict__["delay"] = self.delay * (1 + 0.017 * strength)
@@ -183,6 +184,20 @@ def responses(strength: float = 1.0) -> None:
 def results(strength: float = 1.0) -> None:
     """Every function of the library that computes, the simulation apart, returns something else."""
     replaced(library_functions(), lambda value: changed(value, strength), "pidalab")
+
+
+def methods(strength: float = 1.0) -> None:
+    """Every method of processes, controllers, loops and responses that computes returns something else."""
+    from pidalab import controllers as module
+    from pidalab.loop import Loop
+    from pidalab.process import Process
+    from pidalab.response import Response
+
+    kinds = (Process, Loop, Response, module.Controller, *module.Controller.__subclasses__())
+    for kind in kinds:
+        for name, method in [*vars(kind).items()]:
+            if isinstance(method, FunctionType) and (name == "__call__" or not name.startswith("_")):
+                setattr(kind, name, after(method, lambda value: changed(value, strength)))
 
 
 def decisions() -> None:

@@ -72,11 +72,6 @@ def check_validation(project, row, message):
     assert row.id in str(caught.value)
 
 
-def test_a_paper_without_checks_still_lacks_its_evidence(project):
-    write_rows(project / "book" / "ledger" / "old.csv", [replace(S1, id="old.s1", evidence="", note="3.1 < 4.2")])
-    assert load_all()["old"].problems()
-
-
 def test_half_a_unit_of_the_print():
     assert [replace(KP, printed=text).half_unit for text in ("1.30", "8", "1.2e2")] == [0.005, 0.5, 5.0]
     with pytest.raises(LedgerError, match=r"demo\.s1: 'A < B"):

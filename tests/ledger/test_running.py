@@ -112,7 +112,7 @@ def test_update_reports_what_is_left(project):
     write_rows(PATH, [*ROWS, replace(KP, id="demo.new", computed=""), replace(S1, id="demo.s9", evidence="")])
     assert update("demo").problems == [
         "demo.new: 'computed' is empty",
-        "demo.s9: no evidence: the chapter hands over a relation of two numbers",
+        "demo.s9: no evidence: a statement is a relation of two numbers",
         "demo.new: never handed over",
         "demo.s9: never handed over",
     ]

@@ -111,7 +111,9 @@ def _hand_over(book: Ledger, id: str, value: float, from_rounded: float | None =
         book.check(id, value)
     else:
         note = f"Beyond the limit of rounding by {beyond:.3f} units of the last place."
-        book.check(id, value, note=f"{note} From the printed, rounded model it would be {from_rounded:.5f}.")
+        if from_rounded is not None:
+            note += f" From the printed, rounded model it would be {from_rounded:.5f}."
+        book.check(id, value, note=note)
 
 
 def _table(book: Ledger, k: int) -> Display:

@@ -8,8 +8,7 @@ from pidalab.ledger.conventions import CONVENTIONS
 from pidalab.ledger.display import Cell, Display, chip, grid, markup, number, words
 from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import find_folder, papers
-from pidalab.ledger.rows import NO_EVIDENCE, Row
-from pidalab.ledger.running import has_checks
+from pidalab.ledger.rows import Row
 from pidalab.ledger.scores import bar, score, score_line, scorebar
 from pidalab.ledger.tables import claim, evidence
 from pidalab.ledger.verdicts import BASES, VERDICTS
@@ -55,12 +54,7 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     """
     place = Path(folder) if folder is not None else find_folder()
     books = {paper: Ledger.open(paper, place) for paper in papers(place)}
-    problems = [
-        problem
-        for paper, book in books.items()
-        for problem in book.problems()
-        if has_checks(paper, place) or not problem.endswith(NO_EVIDENCE)  # its statements are still to be computed
-    ]
+    problems = [problem for book in books.values() for problem in book.problems()]
     if problems:
         raise LedgerError("\n".join(problems))
     return books

@@ -9,7 +9,6 @@ from pidalab.ledger.errors import LedgerError, naming
 from pidalab.ledger.relations import Evidence
 
 WORDS = 5  # of a note that carries a verdict; a reason is a sentence
-NO_EVIDENCE = "no evidence: the chapter hands over a relation of two numbers"
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 
 
@@ -231,7 +230,10 @@ class Row:
         statement = computing and self.is_statement
         return (
             (computing and not self.computed, "'computed' is empty"),
-            (statement and bool(self.computed) and not self.evidence, NO_EVIDENCE),
+            (
+                statement and bool(self.computed) and not self.evidence,
+                "no evidence: a statement is a relation of two numbers",
+            ),
             (
                 statement and bool(self.evidence) and self.computed not in ("", self._given()),
                 f"computed says {self.computed}, the evidence {self.evidence} does not",
