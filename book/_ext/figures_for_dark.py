@@ -14,7 +14,7 @@ IMAGE = re.compile(r'<img\b[^>]*\bsrc="[^"]*_images/[^"]+\.svg"[^>]*>')
 SOURCE = re.compile(r'(\bsrc="[^"]*_images/[^"]+)\.svg"')
 CLASS = re.compile(r'\bclass="([^"]*)"')
 COLOUR = re.compile(r"\b(fill|stroke|stop-color)(: ?|=\")(#[0-9a-fA-F]{6})\b")
-GROUP = re.compile(r'<g\b[^>]*?(?:\bid="([^"]*)")?[^>]*?(/?)>|</g>')
+GROUP = re.compile(r'<g\b(?:[^>]*?\bid="([^"]*)")?[^>]*?(/?)>|</g>')
 AS_DRAWN = ("as-drawn", "QuadMesh", "QuadContourSet", "ContourSet", "TriContourSet")
 
 GREY = 0.15  # saturation below which a colour counts as grey
