@@ -7,7 +7,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
 from pidalab import plots
 from pidalab.ledger import Ledger
 from pidalab.rules import itae
@@ -49,7 +51,7 @@ def responses(k: int, until: float, first: float) -> Figure:
         shown = {name: runs()[k, method, kind] for method, name in METHODS.items()}
         plots.signal(axes[0, column], shown, "y", until=until)
         plots.signal(axes[1, column], shown, "u", until=end)
-        axes[0, column].set(title=("set-point step", "load step")[column], xlabel="")
+        axes[0, column].set(title=("set-point step", "load step")[column])
     axes[1, 0].set_yscale("symlog", linthresh=10, linscale=2)
     axes[1, 0].set_yticks([x * s for x in (10, 100, 1000) for s in (-1, 1)] + [0])
     axes[1, 0].yaxis.set_major_formatter("{x:g}")
@@ -74,8 +76,14 @@ def misfit(book: Ledger) -> Figure:
     for ax in axes[:, 0]:
         ax.set_ylabel("step at $t_0$")
     axes[3, 1].axis("off")
-    figure.colorbar(shade, ax=axes[3, 1], label="misfit, %", location="left")
+    _as_drawn(figure.colorbar(shade, ax=axes[3, 1], label="misfit, %", location="left"))
     return figure
+
+
+def _as_drawn(bar: Colorbar) -> None:
+    """Keep the colour of what lies beyond the scale in the dark, as that of the scale itself."""
+    for i, patch in enumerate(bar.ax.findobj(PathPatch)):
+        patch.set_gid(f"as-drawn-{i}")
 
 
 def prediction() -> Figure:
@@ -187,7 +195,7 @@ def _label(figure: Figure, axes: np.ndarray, shade: object, name: str) -> None:
         ax.set_xlabel(r"$\theta/\tau$")
     for ax in axes[:, 0]:
         ax.set_ylabel("ξ")
-    figure.colorbar(shade, ax=axes, label=name, format="{x:g}")  # type: ignore[arg-type]
+    _as_drawn(figure.colorbar(shade, ax=axes, label=name, format="{x:g}"))  # type: ignore[arg-type]
 
 
 def ratio(kind: str) -> Figure:
