@@ -38,7 +38,7 @@ def popov(name: str) -> criteria.Criterion:
 
 def draw_circle() -> Figure:
     """Loci of the linear part, of those that do not pass and those that do."""
-    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.8))
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.1))
     w = np.geomspace(0.02, 60, 3000)
     for ax, names in zip(axes, (("PI", "MRDP-PIDA"), loops.SHORT_RESET), strict=True):
         parts = {loops.LABELS.get(n, n): criteria.linear_part(loops.designs()[n].loop()) for n in names}
@@ -51,7 +51,7 @@ def draw_circle() -> Figure:
 
 def draw_popov() -> Figure:
     """Popov plots of the two that do not pass the circle criterion."""
-    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.4))
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 2.9))
     for ax, name in zip(axes, ("PI", "MRDP-PIDA"), strict=True):
         part = criteria.linear_part(loops.designs()[name].loop())
         plots.popov_plot(ax, {name: part}, np.geomspace(0.02, 60, 3000), {name: popov(name).multiplier})

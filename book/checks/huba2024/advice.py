@@ -116,7 +116,7 @@ def draw_exchange() -> Figure:
     """IAE after a load over the sensitivity, for all settings that pass."""
     _, _, price, sensitivity = survivors()
     order = np.argsort(sensitivity)
-    figure, ax = plt.subplots(figsize=(6.4, 4.2))
+    figure, ax = plt.subplots(figsize=(6.4, 3.5))
     ax.plot(sensitivity, price, ".", color="#7a6a1c", markersize=4, label="passes all six")
     ax.step(sensitivity[order], np.minimum.accumulate(price[order]), "-", where="post", label="the best of them")
     for (name, own), mark in zip(rivals().items(), "sDo^*", strict=True):

@@ -61,17 +61,18 @@ def tracking() -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
-def draw_protections() -> Figure:
-    """The load step under four protections, MRDP-PIDA and PIDA_1."""
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.0), sharex=True, sharey="row")
-    for (row, signal), (column, name) in product(enumerate("yu"), enumerate(("MRDP-PIDA", "PIDA_1"))):
-        for way in WAYS:
+def draw_protections(*names: str) -> Figure:
+    """The load step under four protections, a row for each controller: output and control signal."""
+    names = names or ("MRDP-PIDA", "PIDA_1")
+    figure, axes = plt.subplots(len(names), 2, figsize=(6.4, 0.5 + 2.2 * len(names)), sharex=True, squeeze=False)
+    for row, name in zip(axes, names, strict=True):
+        for (ax, signal), way in product(zip(row, "yu", strict=True), WAYS):
             r = protected(name, way, "load")
-            axes[row, column].plot(*plots.thin(r.t, getattr(r, signal), 480), label=way)
-    axes[0, 0].set(title="MRDP-PIDA", ylabel="output y")
-    axes[0, 1].set(title="PIDA$_1$")
-    axes[1, 0].set(ylabel="control u", xlabel="time units", xlim=(0, 50))
-    axes[1, 1].set(xlabel="time units")
+            ax.plot(*plots.thin(r.t, getattr(r, signal), 480), label=way)
+        row[0].set(ylabel="output y", xlim=(0, 50), title=loops.LABELS.get(name, name))
+        row[1].set(ylabel="control u")
+    for ax in axes[-1]:
+        ax.set_xlabel("time units")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
@@ -152,14 +153,15 @@ def machines() -> pd.DataFrame:
 
 
 def draw_reset() -> Figure:
-    """What the reset does: PIDA_1 and MRDP-PIDA after the load, output, control signal and state of the reset."""
-    figure, axes = plt.subplots(3, 1, figsize=(6.4, 6.0), sharex=True)
+    """What the reset does: PIDA_1 and MRDP-PIDA after the load, output and state of the reset, with u in pale."""
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 2.9))
     for name in ("MRDP-PIDA", "PIDA_1"):
         r, label = loops.run(name, "load"), loops.LABELS.get(name, name)
-        for ax, x in zip(axes, (r.y, r.u, -loops.estimate(name)), strict=True):
-            ax.plot(*plots.thin(r.t, x, 800), label=label)
-    axes[0].set(ylabel="output y")
-    axes[1].set(ylabel="control u")
-    axes[2].set(ylabel="reset x", xlabel="time units", xlim=(0, 40))
+        axes[0].plot(*plots.thin(r.t, r.y, 800), label=label)
+        (line,) = axes[1].plot(*plots.thin(r.t, -loops.estimate(name), 800))
+        style = {"color": line.get_color(), "linestyle": line.get_linestyle()}
+        axes[1].plot(*plots.thin(r.t, r.u, 800), alpha=0.4, **style)
+    axes[0].set(ylabel="output y", xlabel="time units", xlim=(0, 40))
+    axes[1].set(ylabel="reset x, and u in pale", xlabel="time units", xlim=(0, 40))
     axes[0].legend()
     return figure

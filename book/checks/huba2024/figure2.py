@@ -41,7 +41,7 @@ def at(tau: float, step: str, measure: str, n: int = 4) -> float:
 
 def draw() -> Figure:
     """IAE and the excess of u over one pulse, over τ_2, for four orders of the filter."""
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.2), sharex=True)
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.7), sharex=True)
     for column, step in zip(axes.T, loops.STEPS, strict=True):
         for n in (2, 3, 4, 6):
             column[0].plot(taus(), portrait(n, step).iae, label=f"n = {n}")

@@ -22,7 +22,7 @@ STANDARD = "Loop of Paper Fig. 3, T_s = 0.001, 60 time units"
 
 def draw() -> Figure:
     """Set-point and load step of the paper's four controllers, y above u, with the state of the reset."""
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.0), sharex="col")
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.7), sharex="col")
     for column, step in zip(axes.T, loops.STEPS, strict=True):
         runs = {loops.LABELS.get(name, name): loops.run(name, step) for name in SHOWN}
         for ax, signal in zip(column, "yu", strict=True):

@@ -152,23 +152,28 @@ def _slice(which: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def draw() -> Figure:
-    """Two slices of the portrait: IAE_d, and the region that fulfils (23)."""
-    figure, axes = plt.subplots(1, 2, figsize=(6.4, 4.4), sharey=True)
+    """Two slices of the portrait: lines of equal IAE_d, and the region that fulfils (23)."""
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.6), sharey=True)
     marks = {"(25), as printed": "o", "with a reserve": "*", "PIDA_1": "s", "PIDA_2": "D"}
     for ax, which in zip(axes, ("(25), as printed", "with a reserve"), strict=True):
         reset, gain, iae, excess = _slice(which)
-        shade = ax.contourf(reset, gain, iae, np.arange(11, 27, 2), cmap="cividis_r", extend="both")
+        lines = ax.contour(reset, gain, iae, (12, 13, 14, 16, 18, 20, 25), colors="#1f5fa8", linewidths=1.2)
+        lines.set_gid(f"ink-iae-{which}")  # lines, not a colour map: drawn for a dark page like any other
+        ax.clabel(lines, fontsize=9)
         level = np.log10(np.clip(excess, 1e-6, 1))
-        ax.contourf(reset, gain, level, [-3, 9], colors="none", hatches=["///"])
-        ax.contour(reset, gain, level, [-3], colors="k")
+        ax.contourf(reset, gain, level, [-9, np.log10(search.BOUND)], colors=["#2a8f5b"], alpha=0.3)
+        border = ax.contour(reset, gain, level, [np.log10(search.BOUND)], colors="#2a8f5b", linestyles="--")
+        border.set_gid(f"ink-border-{which}")
         for other, mark in marks.items():
             at = candidates()[other]
+            style = {
+                "fillstyle": "full" if other == which else "none",
+                "mew": 2,
+                "markersize": 14 if mark == "*" else 9,
+            }
             label = other.replace("PIDA_", "PIDA$_") + "$" * ("_" in other)
-            face = "full" if other == which else "none"
-            size = 14 if mark == "*" else 9
-            ax.plot(at[3], at[0], mark, color="#c8591a", label=label, markersize=size, fillstyle=face, mew=2)
+            ax.plot(at[3], at[0], mark, color="#c8591a", label=label, zorder=4, **style)
         ax.set(xlabel=r"$\tau_i = T_i/T_d$", title=which)
     axes[0].set_ylabel(r"$\kappa = K_pK_sT_d$")
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    figure.colorbar(shade, ax=axes, label="$IAE_d$")
     return figure

@@ -170,7 +170,7 @@ def reasons(book: Ledger) -> pd.DataFrame:
 
 def draw_spare() -> Figure:
     """The excess of (25) over the reserve of the limits."""
-    figure, ax = plt.subplots(figsize=(6.4, 3.2))
+    figure, ax = plt.subplots(figsize=(6.4, 2.3))
     spare = np.array(sorted(SPARES))
     excess = [float(_tight(x).tv1_y) for x in spare]
     ax.plot(spare, excess, "o-", label="(25)")
