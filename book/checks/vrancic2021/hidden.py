@@ -167,7 +167,7 @@ def start(book: Ledger) -> pd.DataFrame:
         note=f"Of {total} different entries three and four corrections from 0.1 miss {ties[3]} and {ties[4]}, ties of "
         f"a fourth place accepted, and by more than a unit {far[3]} and {far[4]}. Of {STARTS.size} starts from "
         f"{STARTS[0]:g} to {STARTS[-1]:g} with 0 to {PASSES - 1} corrections all come out with "
-        f"{_corrections(perfect)} corrections from {min(s for s, _ in perfect):g} to {max(s for s, _ in perfect):g}.",
+        f"{_recipes(perfect)}.",
     )
     settled = {key: _settled(book, key) for key in problem.ONCE}
     late = [f"{problem.CASES[key]} in Table {key[5]}" for key, ok in settled.items() if not ok]
@@ -188,8 +188,12 @@ def start(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame(rows).T.rename_axis("T_F to begin with")
 
 
-def _corrections(perfect: list[tuple[float, int]]) -> str:
-    return " or ".join(str(c) for c in sorted({c for _, c in perfect}))
+def _recipes(perfect: list[tuple[float, int]]) -> str:
+    """Say which numbers of corrections, and which starts, miss nothing."""
+    if not perfect:
+        return "none"
+    starts, corrections = zip(*perfect, strict=True)
+    return f"{' or '.join(map(str, sorted({*corrections})))} corrections from {min(starts):g} to {max(starts):g}"
 
 
 @cache
