@@ -158,7 +158,7 @@
     let delay = process.delay;
     if (rest.length) {
       if (own.length) own[own.length - 1] += rest[0] / 2;
-      delay += (own.length ? rest[0] / 2 : rest[0]) + rest.slice(1).reduce((sum, lag) => sum + lag, 0);
+      delay += (own.length || integrating ? rest[0] / 2 : rest[0]) + rest.slice(1).reduce((sum, lag) => sum + lag, 0);
     }
     const end = process.num.length - 1;
     if (end > 0) delay += Math.max(0, -process.num[end - 1] / process.num[end]);

@@ -1,0 +1,314 @@
+r"""The rules that everybody knows: SIMC, AMIGO, lambda tuning and both rules of Ziegler and Nichols.
+
+Each starts from the model that its authors start from: a lag with dead time, an integrator with dead time, for SIMC's
+PID a second lag, or the ultimate gain and period. All of them give PI or PID controllers in standard form with a filter
+on the derivative, whose ratio is `n`; none knows the second derivative.
+
+=========================  ==============================================================================  ============
+function                   source                                                                          models
+=========================  ==============================================================================  ============
+`simc`                     Skogestad, Simple analytic rules for model reduction and PID controller         lags, also
+                           tuning, J. Process Control 13 (2003) 291-309, eqs. (10), (11), (23) to (25)     integrating
+`amigo`                    Åström and Hägglund, Revisiting the Ziegler-Nichols step response method for    `fopdt`,
+                           PID control, J. Process Control 14 (2004) 635-650, eqs. (6), (7), (8), (9)      `ipdt`
+`lambda_tuning`            Åström and Hägglund, Advanced PID Control, ISA 2006, section 6.5                `fopdt`
+`ziegler_nichols_step`     Ziegler and Nichols, Optimum settings for automatic controllers, Trans. ASME    `fopdt`,
+                           64 (1942) 759-768, process reaction curve                                       `ipdt`
+`ziegler_nichols_ultimate` the same, ultimate sensitivity                                                  any
+=========================  ==============================================================================  ============
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pidalab import _check
+from pidalab.controllers import PIDA
+from pidalab.process import Process, require_process
+from pidalab.rules._design import Design
+from pidalab.rules._models import integrator, lags, one_of
+
+KINDS = ("PI", "PID")
+OSCILLATING = 0.05  # share of imaginary part up to which poles count as real: a multiple lag splits by rounding
+
+
+def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = None, n: float = 10) -> Design:
+    r"""SIMC: a PI or PID controller from lags, brought to one or two by the half rule.
+
+    .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
+              \tau_D = \tau_2
+
+    in series form; an integrator counts as a lag without end. Half of the largest lag that is left out goes to the last
+    lag that is kept, the other half, all smaller lags and a zero in the right half-plane go to the dead time.
+
+    ==================  ==================
+    Skogestad (2003)    here
+    ==================  ==================
+    θ                   `delay` of the model after the half rule
+    τ_c                 `closed_loop_time`
+    ==================  ==================
+
+    Parameters
+    ----------
+    model : Process
+        Real stable lags, at most one integrator, at most one zero, which lies in the right half-plane; dead time.
+    kind : {"PI", "PID"}, optional
+        Which controller.
+    closed_loop_time : float, optional
+        Time constant that the closed loop should have, above 0; by default the effective dead time, as recommended.
+    n : float, optional
+        Ratio of derivative time and its filter.
+
+    Returns
+    -------
+    Design
+        Its `info`: ``lags`` and ``delay`` of the model after the half rule, and ``closed_loop_time``.
+
+    Raises
+    ------
+    ValueError
+        For a model without dead time in any sense (a single lag and no `closed_loop_time`), and outside what is
+        allowed above.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.rules.classical.simc(pidalab.fopdt(1.0, lag=4.0, delay=1.0), kind="PI").controller
+    >>> C.kp, C.ti
+    (2.0, 4.0)
+    """
+    one_of("kind", kind, KINDS)
+    gain, slow, delay, integrating = _half_rule(model, 2 if kind == "PID" else 1)
+    if closed_loop_time is None and delay == 0:
+        raise ValueError("closed_loop_time must be given: the model has no effective dead time to take it from")
+    wanted = delay if closed_loop_time is None else _check.real("closed_loop_time", closed_loop_time, above=0.0)
+    # k' = K/tau_1 for a lag and the velocity gain for an integrator, eq. (25)
+    first, velocity = (math.inf, gain) if integrating else (slow[0], gain / slow[0])
+    second = (slow[0] if integrating else slow[1]) if kind == "PID" and len(slow) > (not integrating) else 0.0
+    kc = 1 / (velocity * (wanted + delay))
+    ti = min(first, 4 * (wanted + delay))
+    # from series to standard form
+    factor = 1 + second / ti
+    controller = PIDA(kc * factor, ti * factor, second / factor, 0.0, n)
+    info = {"lags": tuple(slow), "delay": delay, "closed_loop_time": wanted}
+    return Design(model, controller, source="Skogestad (2003), eqs. (10), (11), (23) to (25)", info=info)
+
+
+def amigo(model: Process, kind: str = "PID", n: float = 10) -> Design:
+    r"""AMIGO: PI or PID controller with a maximum sensitivity near 1.4, fitted by its authors to 134 processes.
+
+    Parameters
+    ----------
+    model : Process
+        `fopdt` or `ipdt`, with dead time above 0.
+    kind : {"PI", "PID"}, optional
+        Which controller.
+    n : float, optional
+        Ratio of derivative time and its filter.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    ValueError
+        For another model, or one without dead time.
+
+    Notes
+    -----
+    The PI rule keeps Ms near 1.4 on lag-dominated and balanced processes; its authors warn that the PID rule is
+    conservative where the dead time dominates.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.rules.classical.amigo(pidalab.fopdt(1.0, lag=1.0, delay=1.0)).controller
+    >>> print(f"{C.kp:.2f} {C.ti:.4f} {C.td:.4f}")
+    0.65 1.0909 0.3846
+    """
+    one_of("kind", kind, KINDS)
+    integrating, gain, lag, delay = _lag_or_integrator(model)
+    if kind == "PI" and integrating:
+        controller = PIDA(0.35 / (gain * delay), 13.4 * delay)
+    elif kind == "PI":
+        kp = (0.15 + (0.35 - delay * lag / (delay + lag) ** 2) * lag / delay) / gain
+        ti = 0.35 * delay + 13 * delay * lag**2 / (lag**2 + 12 * delay * lag + 7 * delay**2)
+        controller = PIDA(kp, ti)
+    elif integrating:
+        controller = PIDA(0.45 / (gain * delay), 8 * delay, 0.5 * delay, 0.0, n)
+    else:
+        kp = (0.2 + 0.45 * lag / delay) / gain
+        ti = (0.4 * delay + 0.8 * lag) / (delay + 0.1 * lag) * delay
+        td = 0.5 * delay * lag / (0.3 * delay + lag)
+        controller = PIDA(kp, ti, td, 0.0, n)
+    return Design(model, controller, source="Åström and Hägglund (2004), AMIGO")
+
+
+def lambda_tuning(model: Process, kind: str = "PI", closed_loop_time: float | None = None, n: float = 10) -> Design:
+    r"""Lambda tuning: the lag is cancelled, and the closed loop gets a time constant of one's choice.
+
+    .. math:: \text{PI: } k_p = \frac{T}{K(\lambda + L)},\; t_i = T; \qquad
+              \text{PID: } k_p = \frac{T + L/2}{K(\lambda + L/2)},\; t_i = T + \frac L2,\; t_d = \frac{TL}{2T + L}
+
+    Parameters
+    ----------
+    model : Process
+        `fopdt`.
+    kind : {"PI", "PID"}, optional
+        Which controller.
+    closed_loop_time : float, optional
+        λ, above 0; by default the lag, the "aggressive" choice of the book.
+    n : float, optional
+        Ratio of derivative time and its filter.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    ValueError
+        For another model.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.rules.classical.lambda_tuning(pidalab.fopdt(2.0, lag=3.0, delay=1.0)).controller
+    >>> C.kp, C.ti
+    (0.375, 3.0)
+    """
+    one_of("kind", kind, KINDS)
+    gain, (lag,) = lags(model, 1)
+    wanted = lag if closed_loop_time is None else _check.real("closed_loop_time", closed_loop_time, above=0.0)
+    half = model.delay / 2
+    if kind == "PI":
+        controller = PIDA(lag / (gain * (wanted + model.delay)), lag)
+    else:
+        controller = PIDA((lag + half) / (gain * (wanted + half)), lag + half, lag * half / (lag + half), 0.0, n)
+    info = {"closed_loop_time": wanted}
+    return Design(model, controller, source="Åström and Hägglund (2006), section 6.5, lambda tuning", info=info)
+
+
+def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> Design:
+    r"""Ziegler and Nichols' first rule, from the steepest tangent of a step response: fast, and little damped.
+
+    Parameters
+    ----------
+    model : Process
+        `fopdt` or `ipdt` with dead time above 0; its tangent has the slope R = K/T, or the velocity gain.
+    kind : {"PI", "PID"}, optional
+        Which controller.
+    n : float, optional
+        Ratio of derivative time and its filter.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    ValueError
+        For another model, or one without dead time.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.rules.classical.ziegler_nichols_step(pidalab.fopdt(1.0, lag=4.0, delay=1.0)).controller
+    >>> print(f"{C.kp:.1f} {C.ti:.1f} {C.td:.1f}")
+    4.8 2.0 0.5
+    """
+    one_of("kind", kind, KINDS)
+    integrating, gain, lag, delay = _lag_or_integrator(model)
+    slope = gain if integrating else gain / lag
+    share = 1 / (slope * delay)
+    controller = PIDA(0.9 * share, delay / 0.3) if kind == "PI" else PIDA(1.2 * share, 2 * delay, delay / 2, 0.0, n)
+    return Design(model, controller, source="Ziegler and Nichols (1942), process reaction curve")
+
+
+def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10) -> Design:
+    r"""Ziegler and Nichols' second rule, from the gain and the period at the border of stability.
+
+    Parameters
+    ----------
+    process : Process
+        Stable or integrating, with a phase that reaches -180 degrees.
+    kind : {"PI", "PID"}, optional
+        Which controller.
+    n : float, optional
+        Ratio of derivative time and its filter.
+
+    Returns
+    -------
+    Design
+        Its `info`: ``ultimate_gain`` and ``ultimate_period``.
+
+    Raises
+    ------
+    ValueError
+        For a process whose phase never reaches -180 degrees: no gain makes it oscillate.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> design = pidalab.rules.classical.ziegler_nichols_ultimate(pidalab.lags(3))
+    >>> print(f"{design.ultimate_gain:.3f} {design.ultimate_period:.4f} {design.controller.kp:.2f}")
+    8.000 3.6276 4.80
+    """
+    from pidalab.reduction import ultimate_frequency
+
+    one_of("kind", kind, KINDS)
+    require_process("process", process)
+    w = ultimate_frequency(process)
+    ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, _sign(process)), 2 * math.pi / w
+    if kind == "PI":
+        controller = PIDA(0.45 * ultimate, period / 1.2)
+    else:
+        controller = PIDA(0.6 * ultimate, period / 2, period / 8, 0.0, n)
+    info = {"ultimate_gain": ultimate, "ultimate_period": period}
+    return Design(process, controller, source="Ziegler and Nichols (1942), ultimate sensitivity", info=info)
+
+
+def _sign(process: Process) -> float:
+    """Sign of the gain, also of an integrator's."""
+    return float(process.num[-1] / process.den[np.flatnonzero(process.den)[-1]])
+
+
+def _lag_or_integrator(model: Process) -> tuple[bool, float, float, float]:
+    """Return whether the model integrates, its gain, its lag (infinite for an integrator) and its dead time."""
+    require_process("model", model)
+    integrating = len(model.den) == 2 and model.den[-1] == 0
+    gain, lag = (integrator(model)[0], math.inf) if integrating else _first_order(model)
+    if model.delay == 0:
+        raise ValueError(f"model must have a dead time above 0: this rule divides by it; found {model!r}")
+    return integrating, gain, lag, model.delay
+
+
+def _first_order(model: Process) -> tuple[float, float]:
+    gain, (lag,) = lags(model, 1)
+    return gain, lag
+
+
+def _half_rule(model: Process, keep: int) -> tuple[float, list[float], float, bool]:
+    """Return gain, the lags that are kept, the effective dead time, and whether one of them is an integrator."""
+    require_process("model", model)
+    den = np.trim_zeros(model.den, "b")
+    integrators = model.den.size - den.size
+    poles = np.roots(den)
+    if integrators > 1 or np.any(poles.real >= 0) or np.any(np.abs(poles.imag) > OSCILLATING * np.abs(poles)):
+        raise ValueError(f"model must have real stable poles and at most one integrator, found {model!r}")
+    if model.num.size > 2 or (model.num.size == 2 and model.num[0] * model.num[1] > 0) or model.num[-1] == 0:
+        raise ValueError(f"model must have at most one zero, in the right half-plane, found num = {model.num.tolist()}")
+    slow = sorted((-1 / poles.real).tolist(), reverse=True)
+    kept, rest = slow[: keep - integrators], slow[keep - integrators :]
+    delay = model.delay + (-float(model.num[0] / model.num[-1]) if model.num.size == 2 else 0.0)
+    if rest:
+        # half of the largest lag left out goes to the smallest one kept; to an integrator it makes no difference
+        if kept:
+            kept[-1] += rest[0] / 2
+        delay += sum(rest) - rest[0] / 2
+    if not kept and not integrators:
+        raise ValueError(f"model must have a lag or an integrator, found {model!r}")
+    return float(model.num[-1] / den[-1]), kept, delay, bool(integrators)

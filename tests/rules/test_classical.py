@@ -1,0 +1,107 @@
+"""SIMC, AMIGO, lambda tuning and Ziegler-Nichols: published examples, closed forms, what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.rules import classical
+
+
+def test_simc_of_two_lags_is_the_published_example():
+    """1/((s+1)(0.2s+1)), the first example of Skogestad (2003): kc = 5.5 and tau_I = 0.8 for PI."""
+    process = pidalab.Process([1.0], np.convolve([1.0, 1.0], [0.2, 1.0]))
+    design = classical.simc(process, kind="PI")
+    assert (design.controller.kp, design.controller.ti) == pytest.approx((5.5, 0.8))
+    assert design.lags == pytest.approx((1.1,))
+    assert design.delay == pytest.approx(0.1)
+
+
+def test_half_rule_of_many_lags_and_a_zero():
+    """(-0.3s+1)(...)/((2s+1)(1s+1)(0.4s+1)(0.2s+1)(0.05s+1)^3): theta = 1.47 and 0.77 (Skogestad's example 2)."""
+    den = np.ones(1)
+    for time in (2.0, 1.0, 0.4, 0.2, 0.05, 0.05, 0.05):
+        den = np.convolve(den, [time, 1.0])
+    process = pidalab.Process([-0.3, 1.0], den)
+    first, second = classical.simc(process, "PI"), classical.simc(process, "PID")
+    assert first.lags == pytest.approx((2.5,), rel=1e-3)
+    assert first.delay == pytest.approx(0.5 + 0.4 + 0.2 + 0.15 + 0.3, rel=1e-3)
+    assert second.lags == pytest.approx((2.0, 1.2), rel=1e-3)
+    assert second.delay == pytest.approx(0.2 + 0.2 + 0.15 + 0.3, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["PI", "PID"])
+def test_simc_cancels_and_has_its_known_margins(kind):
+    """On its own model L = e^(-theta s)/(2 theta s): Ms = 1.59, gain margin pi, phase margin 61.4 degrees."""
+    model = pidalab.Process([2.0], np.convolve([5.0, 1.0], [1.5, 1.0] if kind == "PID" else [1.0]), delay=1.0)
+    design = classical.simc(model, kind, n=1e4)
+    margins = pidalab.margins(design.loop())
+    assert margins.gm == pytest.approx(math.pi, rel=2e-3)
+    assert margins.pm == pytest.approx(61.35, abs=0.1)
+    assert margins.ms == pytest.approx(1.590, rel=2e-3)
+
+
+def test_an_integrator_keeps_its_velocity_gain():
+    design = classical.simc(pidalab.Process([0.5], [3.0, 1.0, 0.0], delay=1.0), "PID", n=1e4)
+    series = design.controller.gains().series()
+    assert design.controller.kp * (1 / (1 + 3.0 / 8.0)) == pytest.approx(1 / (0.5 * 2.0))
+    assert series.ti == pytest.approx(8.0)
+    assert classical.simc(pidalab.ipdt(0.5, 1.0), "PI").controller.ti == 8.0
+    assert classical.simc(pidalab.Process([0.5], [3.0, 1.0, 0.0], delay=1.0), "PI").delay == 2.5
+
+
+def test_amigo_pi_keeps_ms_near_its_target():
+    for lag in (0.1, 0.5, 2.0, 10.0, 100.0):
+        ms = pidalab.margins(classical.amigo(pidalab.fopdt(3.0, lag, 1.0), "PI").loop()).ms
+        assert 1.2 < ms < 1.65
+    ms = pidalab.margins(classical.amigo(pidalab.ipdt(0.2, 2.0), "PI").loop()).ms
+    assert 1.3 < ms < 1.5
+
+
+def test_lambda_tuning_gives_the_closed_loop_asked_for():
+    """The lag cancels, L = e^(-Ls)/((lambda + L)s): a first-order response but for the dead time's rest."""
+    design = classical.lambda_tuning(pidalab.fopdt(2.0, 3.0, 0.01), closed_loop_time=1.0)
+    response = pidalab.step_response(design.loop(), np.linspace(0.0, 10.0, 1001))
+    assert np.allclose(response.y, 1 - np.exp(-np.maximum(response.t - 0.01, 0)), atol=0.01)
+
+
+@pytest.mark.parametrize("kind", ["PI", "PID"])
+def test_both_rules_of_ziegler_and_nichols_agree_on_a_slow_lag(kind):
+    """Of an integrator with dead time, Ku = pi/(2 K L) and Tu = 4 L: the rules differ by what their authors rounded."""
+    model = pidalab.fopdt(100.0, 1000.0, 1.0)
+    step, ultimate = classical.ziegler_nichols_step(model, kind), classical.ziegler_nichols_ultimate(model, kind)
+    assert ultimate.ultimate_period == pytest.approx(4.0, rel=2e-3)
+    assert ultimate.ultimate_gain == pytest.approx(math.pi / 2 * 10, rel=2e-3)
+    assert step.controller.kp == pytest.approx(ultimate.controller.kp, rel=0.3)
+    assert step.controller.ti == pytest.approx(ultimate.controller.ti, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: classical.simc(pidalab.sopdt(1, 1, 0.4, 1)), "real stable poles"),
+        (lambda: classical.simc(pidalab.fopdt(1, 1, 0), "PI"), "closed_loop_time must be given"),
+        (lambda: classical.simc(pidalab.fopdt(1, 1, 1), "PIDA"), "kind must be 'PI' or 'PID'"),
+        (lambda: classical.simc(pidalab.Process([1.0], [1.0], 1.0)), "lag or an integrator"),
+        (lambda: classical.amigo(pidalab.fopdt(1, 1, 0)), "dead time above 0"),
+        (lambda: classical.amigo(pidalab.lags(2, delay=1)), "one stable pole"),
+        (lambda: classical.lambda_tuning(pidalab.ipdt(1, 1)), "one stable pole"),
+        (
+            lambda: classical.lambda_tuning(pidalab.fopdt(1, 1, 1), closed_loop_time=0),
+            "closed_loop_time must be above 0",
+        ),
+        (lambda: classical.ziegler_nichols_ultimate(pidalab.lags(2)), "ultimate|-180|phase"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_the_batch_has_134_processes():
+    from studies.processes import batch
+
+    cases = list(batch())
+    assert len(cases) == len({case.name for case in cases}) == 134
+    assert all(case.process.num[-1] > 0 for case in cases)
