@@ -93,7 +93,7 @@ def equal_ms(book: Ledger) -> pd.DataFrame:
         for name, (pida, pid) in own.items()
     }
     columns = ["PID", "PIDA", "PIDA as quiet", "σ(u), PID", "σ(u), PIDA", "filter time", "as quiet"]
-    return pd.DataFrame(rows, index=columns).T.map("{:.3g}".format)
+    return pd.DataFrame(rows, index=columns).T.map("{:.4g}".format)
 
 
 def price(book: Ledger, points: int = 8) -> Figure:

@@ -145,7 +145,7 @@ def formulas(book: Ledger) -> pd.DataFrame:
         f"{true['ex1']:.2f} τ in Example 1 and {true['ex2']:.2f} τ in Example 2.",
     )
     rows = {
-        f"{example}, $1/(s+1)^{ORDERS[example]}$": [fit.apparent_delay / fit.tau, true[example]]
+        f"{example}, {ORDERS[example]} lags": [fit.apparent_delay / fit.tau, true[example]]
         for example, fit in shared.fits.items()
     }
     return pd.DataFrame(rows, index=["L/τ", "αL/τ"]).T.map("{:.2f}".format)

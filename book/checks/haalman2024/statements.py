@@ -121,7 +121,7 @@ def effort(book: Ledger) -> pd.DataFrame:
             note=f"By a factor of {of[fast][key] / of[pida][key]:.1f}.",
         )
     _filtering(book, of)
-    return pd.DataFrame({case.label: of[case] for case in CASES}).T.map("{:.3g}".format)
+    return pd.DataFrame({case.label: of[case] for case in CASES}).map("{:.4g}".format)
 
 
 def _filtering(book: Ledger, of: dict[Case, dict[str, float]]) -> None:
