@@ -42,6 +42,8 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "simulation/ladder": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/ring": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/realisation": ("simulation/test_exact.py", "a part of the exact engine"),
+    "optimal/_problem": ("optimal/test_design.py", "what a design is worth"),
+    "optimal/_solver": ("optimal/test_design.py", "what finds it"),
     "rules/_models": ("rules/test_itae.py", "the models that rules refuse"),
     "rules/magnitude_optimum/design": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
     "rules/magnitude_optimum/noise": ("rules/test_magnitude_optimum.py", "one rule, one test file"),

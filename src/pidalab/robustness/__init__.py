@@ -1,10 +1,19 @@
 """How far a loop is from instability, and whether limits of its control signal can keep it from coming to rest.
 
 Poles and margins have their names at the top of the library (`pidalab.is_stable`, `pidalab.margins`); the criteria of
-absolute stability have theirs here.
+absolute stability, and the largest gain from noise to control signal, have theirs here.
 """
 
 from pidalab.robustness._infimum import LinearPart
+from pidalab.robustness.control import max_control_sensitivity
 from pidalab.robustness.limits import Criterion, circle, linear_part, popov, smallest_filter_time
 
-__all__ = ["Criterion", "LinearPart", "circle", "linear_part", "popov", "smallest_filter_time"]
+__all__ = [
+    "Criterion",
+    "LinearPart",
+    "circle",
+    "linear_part",
+    "max_control_sensitivity",
+    "popov",
+    "smallest_filter_time",
+]

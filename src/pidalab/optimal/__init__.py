@@ -1,0 +1,15 @@
+r"""The best controller: least IAE under limits of robustness and of what noise does to the actuator.
+
+.. math:: C(s) = \frac{K_{-1} s^{-1} + K_0 + \dots + K_m s^m}{(1 + T_F s)^{m+1}}, \qquad K_k \ge 0,
+
+with free filter time, so that controller and filter are designed at once. The IAE of a load or set-point step is least
+subject to :math:`\max |S| \le M_s` and to :math:`\max |C S| \le M_{ks}`, or to a standard deviation of u per unit of
+white measurement noise, over all frequencies and with exact dead time.
+
+The problem is not convex and has several valleys: a PIDA near the PID, and a true PIDA with a slower filter. The search
+goes down and up a ladder of filter times and from all of its rungs to the bottom: see `pidalab.optimal._solver`.
+"""
+
+from pidalab.optimal._design import load, setpoint
+
+__all__ = ["load", "setpoint"]

@@ -1,0 +1,252 @@
+"""The doors of `pidalab.optimal`: arguments checked, a search, and its result as a `Design`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.controllers import HighOrderPID
+from pidalab.loop import Loop
+from pidalab.process import Process
+from pidalab.rules import Design
+
+HIGHEST = 4  # order of a controller
+CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
+ACTIVE = 1e-3  # share of a limit within which it is called active
+ZERO = 1e-6  # gain, in units of the process, below which an action is none
+SETTLED = 12  # times that the horizon of a response is doubled until it has settled
+
+
+def load(
+    process: Process,
+    order: int,
+    ms: float = 1.4,
+    mks: float | None = None,
+    noise_gain: float | None = None,
+    sample_time: float | None = None,
+) -> Design:
+    r"""Return the controller with the least IAE for a step of the load at the process input.
+
+    Parameters
+    ----------
+    process : Process
+        The plant, dead time exact; if it is unstable, one that a PI controller can hold.
+    order : int
+        Highest derivative m: 0 for PI, 1 for PID, 2 for PIDA, at most 4. The filter has order m + 1.
+    ms : float, optional
+        Largest allowed maximum sensitivity, above 1.
+    mks : float, optional
+        Largest allowed gain from measurement noise to control signal, over all frequencies, in units of u per unit
+        of y; by default none.
+    noise_gain : float, optional
+        Largest allowed standard deviation of u per unit of that of white measurement noise, sampled and held, as
+        `pidalab.noise_gain` has it; by default none.
+    sample_time : float, optional
+        Sample time of that noise; with `noise_gain` only.
+
+    Returns
+    -------
+    Design
+        With a `HighOrderPID`, its gains negative for a process with negative gain. Its `info` has ``iae``, ``ms`` and
+        ``mks`` as they are, ``noise_gain`` if that was asked for, ``active`` (the limits that are reached, by name) and
+        ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
+        shorter would be better).
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, limits that contradict each other or the process (whatever the controller, its
+        integral action makes \|C S\| at zero frequency 1/\|P(0)\|), and a process for which no controller of this order
+        was found that keeps them.
+
+    Notes
+    -----
+    The search is deterministic and has many starts, but proves no global optimum.
+
+    Examples
+    --------
+    Acceleration pays if noise allows it:
+
+    >>> import pidalab
+    >>> process = pidalab.lags(3, delay=1.0)
+    >>> pid, pida = (pidalab.optimal.load(process, order, ms=1.4, mks=20.0) for order in (1, 2))
+    >>> print(f"{pid.iae:.2f} {pida.iae:.2f} {pida.active}")
+    3.41 2.65 ('ms', 'mks')
+    """
+    return _designed("load", process, order, ms, mks, noise_gain, sample_time)
+
+
+def setpoint(
+    process: Process,
+    order: int,
+    ms: float = 1.4,
+    mks: float | None = None,
+    noise_gain: float | None = None,
+    sample_time: float | None = None,
+) -> Design:
+    r"""Return the controller and prefilter with the least IAE for a step of the set point.
+
+    The prefilter is the best one of the form :math:`(b\,T s + 1)/(T s + 1)` with :math:`0 \le b \le 1` and T free.
+
+    Parameters
+    ----------
+    process : Process
+        The plant, as for `load`.
+    order : int
+        Highest derivative m, as for `load`.
+    ms : float, optional
+        Largest allowed maximum sensitivity, above 1.
+    mks : float, optional
+        Largest allowed gain from measurement noise to control signal; by default none.
+    noise_gain : float, optional
+        Largest allowed standard deviation of u per unit of that of white measurement noise; by default none.
+    sample_time : float, optional
+        Sample time of that noise; with `noise_gain` only.
+
+    Returns
+    -------
+    Design
+        As from `load`, with a prefilter and ``iae`` for a unit step of the set point.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `load`.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> design = pidalab.optimal.setpoint(pidalab.fopdt(1.0, 1.0, 1.0), 1, ms=1.4, mks=10.0)
+    >>> print(f"{design.iae:.2f}")
+    1.93
+    """
+    return _designed("setpoint", process, order, ms, mks, noise_gain, sample_time)
+
+
+def _designed(
+    test: str,
+    process: Process,
+    order: int,
+    ms: float,
+    mks: float | None,
+    noise_gain: float | None,
+    sample_time: float | None,
+) -> Design:
+    from tqdm import tqdm
+
+    from pidalab.optimal._problem import Problem
+    from pidalab.optimal._solver import RUNGS, Limits, search
+
+    if not isinstance(process, Process):
+        hint = "; pass .process" if hasattr(process, "process") else ""
+        raise TypeError(f"process must be a pidalab.Process, found {type(process).__name__}{hint}")
+    order = _check.integer("order", order, at_least=0)
+    if order > HIGHEST:
+        raise ValueError(f"order must be at most {HIGHEST}, found {order}")
+    limits = Limits(
+        _check.real("ms", ms, above=1.0),
+        None if mks is None else _check.real("mks", mks, above=0.0),
+        None if noise_gain is None else _check.real("noise_gain", noise_gain, above=0.0),
+        None if sample_time is None else _check.real("sample_time", sample_time, above=0.0),
+    )
+    if (noise_gain is None) != (sample_time is None):
+        missing = "sample_time" if sample_time is None else "noise_gain"
+        raise ValueError(f"noise_gain and sample_time go together: {missing} is missing")
+    sign = _sign(process)
+    upright = process if sign > 0 else Process(-process.num, process.den, process.delay)
+    static = upright.gain()
+    if limits.mks is not None and math.isfinite(static) and limits.mks * abs(static) <= 1:
+        raise ValueError(
+            f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, which integral action makes of |C S| at zero "
+            f"frequency, found {mks:g}"
+        )
+    problem = Problem(upright, order, _scale(upright), test)
+    with tqdm(total=4 * len(RUNGS), desc="optimal", delay=2.0, leave=False) as bar:
+        found = search(problem, limits, bar)
+    if found is None:
+        wanted = ", ".join(
+            f"{name} <= {value:g}"
+            for name, value in limits._asdict().items()
+            if value is not None and name != "sample_time"
+        )
+        raise ValueError(f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}")
+    return _design(test, process, sign, problem, found[1], limits)
+
+
+def _sign(process: Process) -> float:
+    """Sign of the gains: integral action is stable only if the last coefficient of all has the sign of the first."""
+    if process.num[-1] == 0:
+        raise ValueError("process must have a static gain, found a zero at s = 0, through which nothing can be held")
+    return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
+
+
+def _scale(process: Process) -> tuple[float, float]:
+    """Gain and time in which a loop around the process has numbers near 1."""
+    from pidalab.roots import roots
+
+    speeds = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
+    speeds = speeds[speeds > 0]
+    corners = np.append(speeds, 1 / process.delay) if process.delay else speeds
+    if not corners.size:
+        raise ValueError("process must have a lag or a dead time: a gain or an integrator alone has no best controller")
+    w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
+    phase = np.unwrap(np.angle(process(1j * w)))
+    growing = np.max(roots(process.den).real)
+    if growing > 0:  # between what runs away and what cannot be answered sooner
+        time = 1 / math.sqrt(growing * float(corners.max()))
+        return float(abs(process(1j / time))), time
+    turned = phase - 2 * np.pi * np.round(phase[0] / (2 * np.pi)) < CORNER
+    time = 1 / float(w[np.argmax(turned)]) if turned.any() else 1 / float(corners.max())
+    return float(abs(process(1j / time))), time
+
+
+def _design(test: str, process: Process, sign: float, problem: Any, x: Array, limits: Any) -> Design:
+    """Judge what was found, on the process itself."""
+    from pidalab.optimal._solver import FASTEST, SLOWEST
+    from pidalab.robustness.control import max_control_sensitivity
+    from pidalab.robustness.margins import max_sensitivity
+    from pidalab.simulation.noise import noise_gain
+
+    x = x.copy()
+    x[1 : problem.gains][x[1 : problem.gains] < ZERO] = 0.0
+    gains, time = problem.controller(x)
+    controller = HighOrderPID((sign * gains).tolist(), time, problem.order + 1)
+    prefilter = None
+    if test == "setpoint":
+        import control
+
+        weight, lag = problem.prefilter(x)
+        prefilter = control.TransferFunction([weight * lag, 1.0], [lag, 1.0])
+    loop = Loop(process, controller, None, prefilter)
+    info: dict[str, Any] = {
+        "iae": _iae(loop, test, problem.time),
+        "ms": max_sensitivity(loop)[0],
+        "mks": max_control_sensitivity(loop)[0],
+    }
+    if limits.noise_gain is not None:
+        info["noise_gain"] = noise_gain(loop, limits.sample_time)
+    limited = {name: limit for name in ("ms", "mks", "noise_gain") if (limit := getattr(limits, name)) is not None}
+    reached = [name for name, limit in limited.items() if info[name] >= limit * (1 - ACTIVE)]
+    none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if x[k] == 0]
+    at = x[problem.gains]
+    info["active"] = (*reached, *none)
+    info["edge"] = ("filter_time",) if at < FASTEST + 1e-3 or at > SLOWEST - 1e-3 else ()
+    return Design(process, controller, prefilter, source=f"pidalab.optimal.{test}: least IAE", info=info)
+
+
+def _iae(loop: Loop, test: str, time: float) -> float:
+    """IAE of a unit step, until it has settled."""
+    from pidalab.simulation.exact import load_response, step_response
+
+    simulate = load_response if test == "load" else step_response
+    for doubling in range(SETTLED):
+        record = simulate(loop, np.linspace(0.0, 80.0 * time * 2.0**doubling, 4001))
+        try:
+            return record.iae(horizon=math.inf)
+        except ValueError:
+            continue
+    raise ValueError("the response of the best controller does not settle")

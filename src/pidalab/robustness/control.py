@@ -1,0 +1,70 @@
+"""What a loop asks of its actuator: the largest gain from measurement noise to the control signal."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pidalab.loop import Loop, require_well_posed
+from pidalab.robustness._grid import grid
+
+QUIET = 1e-4  # |L| below which the turns of the dead time no longer show in |C S|
+
+
+def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
+    r"""Largest gain Mks from measurement noise to control signal, and the frequency where it lies.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop, stable or not; its output filter is part of the controller.
+
+    Returns
+    -------
+    mks, wmks : float
+        The supremum of \|C/(1 + L)\| over all frequencies, in units of u per unit of y; ``wmks`` is 0 or inf where
+        it is only approached.
+
+    Raises
+    ------
+    ValueError
+        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.robustness import max_control_sensitivity
+    >>> controller = pidalab.HighOrderPID([0.3, 0.8, 0.4], filter_time=0.05, filter_order=2)
+    >>> mks, w = max_control_sensitivity(pidalab.Loop(pidalab.lags(3, delay=1.0), controller))
+    >>> print(f"{mks:.4f} {w:.2f}")
+    4.0109 19.75
+    """
+    from scipy.optimize import minimize_scalar
+
+    require_well_posed(loop)
+
+    def gain(w: np.ndarray) -> np.ndarray:
+        return np.abs(loop.transfer("u", "n", 1j * w))
+
+    w = grid(loop, QUIET)
+    height = gain(w)
+    best = int(np.nanargmax(height))
+    # at zero frequency C S is 1/P, or C where it does not integrate
+    static = loop.process.gain()
+    for value, where in ((abs(1 / static) if static else math.inf, 0.0), (height[-1], math.inf)):
+        if _approached(loop, where) and value >= height[best] * (1 - 1e-7):
+            return float(value), where
+    around = np.log(w[max(best - 1, 0)]), np.log(w[min(best + 1, w.size - 1)])
+    found = minimize_scalar(
+        lambda x: -float(gain(np.exp(x))), bounds=around, method="bounded", options={"xatol": 1e-10}
+    )
+    return max((-float(found.fun), float(np.exp(found.x))), (float(height[best]), float(w[best])))
+
+
+def _approached(loop: Loop, end: float) -> bool:
+    """Whether |C S| tends to 1/P(0) at zero frequency, by integral action, or to a constant at infinite frequency."""
+    (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
+    if end == 0.0:
+        return bool(c_den[-1] == 0 or f_den[-1] == 0)
+    return len(c_num) + len(f_num) == len(c_den) + len(f_den)

@@ -1,0 +1,32 @@
+"""The largest gain from noise to control signal, at the ends of the axis and between."""
+
+import math
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.robustness.control import max_control_sensitivity
+
+
+@pytest.mark.parametrize(
+    ("loop", "mks", "at"),
+    [
+        (pidalab.Loop(pidalab.fopdt(4.0, 1.0, 0.5), pidalab.PIDA(0.02, 1.0)), 0.25, 0.0),  # integral action: 1/P(0)
+        (pidalab.Loop(pidalab.lags(1), pidalab.PIDA(2.0, math.inf, 1.0, n=10.0)), 22.0, math.inf),
+    ],
+    ids=["zero", "infinity"],
+)
+def test_ends_of_the_axis(loop, mks, at):
+    found, where = max_control_sensitivity(loop)
+    assert found == pytest.approx(mks, rel=1e-3)
+    assert where == at
+
+
+def test_a_peak_between():
+    loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.3, 0.8, 0.4], 0.05, 2))
+    w = np.geomspace(1.0, 1e3, 1_000_001)
+    gain = np.abs(loop.transfer("u", "n", 1j * w))
+    mks, at = max_control_sensitivity(loop)
+    assert mks == pytest.approx(gain.max(), rel=1e-9)
+    assert at == pytest.approx(w[np.argmax(gain)], rel=1e-4)
