@@ -28,6 +28,7 @@ SECTIONS = (
     stability.three_ways,
     stability.sampled,
     stability.bursts,
+    stability.sampling,
     stability.taming_lags,
     stability.wrong_dead_times,
     plant.identified,

@@ -81,8 +81,7 @@ def multiplicity(book: Ledger) -> pd.DataFrame:
         "eq5.system",
         max(max(row[:-1]) for row in shares.values()),
         note="For m from 0 to 4, each derivative as a share of its largest term: m + 3 conditions for the m + 2 "
-        "parameters "
-        "and s_o.",
+        "parameters and s_o.",
     )
     counted = {m: next(k for k, share in enumerate(row) if share > VANISHES) for m, row in shares.items()}
     book.statement(
@@ -90,9 +89,9 @@ def multiplicity(book: Ledger) -> pd.DataFrame:
         *every({f"m = {m}": (count, m + 2) for m, count in counted.items()}, "=="),
         left_name="derivatives that vanish",
         right_name="m + 2",
-        note="The text counts m + 2, which is the number of parameters; s_o is determined by one more condition, and "
-        f"eq. (5) itself lists them. For m from 0 to 4 the first {', '.join(map(str, counted.values()))} derivatives "
-        "vanish. So two poles remain at s_o, not one, when m + 1 are cancelled.",
+        note="The text counts m + 2, which is the number of parameters; s_o is determined by one more condition, "
+        f"and eq. (5) itself lists them. For m from 0 to 4 the first {', '.join(map(str, counted.values()))} "
+        "derivatives vanish. So two poles remain at s_o, not one, when m + 1 are cancelled.",
     )
     # what is left of derivative m + 2, whose polynomial part is gone: its zero nearest to 0
     nearest = [np.roots([1, 2 * (m + 2), (m + 2) * (m + 1)]).max() for m in ORDERS]
@@ -117,9 +116,8 @@ def dominance(book: Ledger) -> pd.DataFrame:
         *every(counts, "=="),
         left_name="poles to the right",
         right_name="none",
-        note="Counted by the argument principle, to the right of s_o + 0.1/T_d: rounding spreads a multiple "
-        "zero, and the "
-        "count must not hang on it.",
+        note="Counted by the argument principle, to the right of s_o + 0.1/T_d: rounding spreads a multiple zero, "
+        "and the count must not hang on it.",
     )
     tails = {m: far_poles(m) for m in (2, 3, 4)}
     rightmost = {m: x[np.argmax(x.real > constants(m).pole)] for m, x in tails.items()}
@@ -129,9 +127,8 @@ def dominance(book: Ledger) -> pd.DataFrame:
         left_name="real part of another pole",
         right_name="s_o, both times T_d",
         note="Without filter the loop is then of advanced type, with infinitely many poles to the right of any "
-        "line. Such "
-        f"a pole for m = 2, 3, 4: {', '.join(f'{x:.3f}' for x in rightmost.values())}, in units of 1/T_d. The filter "
-        "makes the number finite.",
+        f"line. Such a pole for m = 2, 3, 4: {', '.join(f'{x:.3f}' for x in rightmost.values())}, in units of "
+        "1/T_d. The filter makes the number finite.",
     )
     rows = {
         f"m = {m}": {
@@ -171,26 +168,16 @@ def filter_pole(book: Ledger) -> pd.DataFrame:
     book.identity(
         "eq8.characteristic",
         characteristic,
-        note="As read, an ellipsis stands between the two terms. Nothing is missing there: it marks the break "
-        "of the line.",
+        note="As read, an ellipsis stands between the two terms. Nothing is missing there: it marks the break of "
+        "the line.",
     )
     taylor = {key: _taylor(*key) for key in GRID}
     strict = {key: one for key, one in taylor.items() if key[1] > key[0]}
     book.identity(
         "eq9.root",
         max(abs(rest[0]) / max(abs(rest)) for rest, _ in strict.values()),
-        note="For m from 0 to 4 and n from m + 1 to 6 it solves the condition that derivative m + 2 of s²(1 + "
-        "T_f s)^n "
-        "vanishes, and the multiplicity is m + 3, as for eq. (4).",
-    )
-    book.identity(
-        "eq9.equal.orders",
-        min(abs(rest[0]) / max(abs(rest)) for (m, n), (rest, _) in taylor.items() if m == n),
-        note="Eq. (8) is then of degree m + 2, its derivative of that order is a constant, and no point is "
-        "singled out: "
-        "the m + 2 parameters can put all m + 2 zeros anywhere. Eq. (9) gives −1/T_f, the pole of the filter. "
-        "Eq. (11) "
-        "remains usable as a rule, and Table II has these cells.",
+        note="For m from 0 to 4 and n from m + 1 to 6 it solves the condition that derivative m + 2 of s²(1 + T_f "
+        "s)^n vanishes, and the multiplicity is m + 3, as for eq. (4).",
     )
     others = {key: float(np.roots(rest[:0:-1]).real.max()) for key, (rest, _) in strict.items() if rest.size > 2}
     book.statement(
@@ -198,25 +185,28 @@ def filter_pole(book: Ledger) -> pd.DataFrame:
         *every({f"m = {m}, n = {n}": (taylor[m, n][1] + x, taylor[m, n][1]) for (m, n), x in others.items()}, "<"),
         left_name="real part of another zero, in 1/T_f",
         right_name="s_n",
-        note=f"For m from 0 to 4 and n up to 6 the other zeros lie at least {-max(others.values()):.2f}/T_f to "
-        "the left.",
+        note=f"For m from 0 to 4 and n up to 6 the other zeros lie at least {-max(others.values()):.2f}/T_f to the "
+        "left.",
     )
-    places = {(m, n): (s_n / mrdp.filter_ratio(m, n), constants(m).pole) for (m, n), (_, s_n) in taylor.items()}
+    places = {(m, n): _pole_of_filter(m, n) / mrdp.filter_ratio(m, n) for m, n in GRID}
     book.identity(
         "eq11.equivalent",
-        max(abs(a / b - 1) for a, b in places.values()),
-        note="For m from 0 to 4 and n from max(m, 1) to 6, s_n of eq. (9) with T_f of eq. (11) is s_o of eq. "
-        "(6) with "
-        "T_d = T_e.",
+        max(abs(x / constants(m).pole - 1) for (m, _), x in places.items()),
+        note="For m from 0 to 4 and n from max(m, 1) to 6, s_n of eq. (9) with T_f of eq. (11) is s_o of eq. (6) "
+        "with T_d = T_e.",
     )
-    cells = {f"n = {n}": {f"m = {m}": f"{a:.6f}" for (m, k), (a, _) in places.items() if k == n} for n in range(1, 7)}
+    cells = {f"n = {n}": {f"m = {m}": f"{x:.6f}" for (m, k), x in places.items() if k == n} for n in range(1, 7)}
     return pd.DataFrame(cells).fillna("–")
 
 
+def _pole_of_filter(m: int, n: int) -> float:
+    """Eq. (9) with T_f = 1."""
+    return (math.sqrt((m + 2) * (n + 1) * (n - m)) - (m + 2) * (n + 1)) / ((n + 1) * (n + 2))
+
+
 def _taylor(m: int, n: int) -> tuple[Array, float]:
-    """Taylor coefficients of s² (s + 1)^n at s_n of eq. (9) with T_f = 1, from the power m + 2 on; and s_n."""
-    root = math.sqrt((m + 2) * (n + 1) * (n - m)) - (m + 2) * (n + 1)
-    s_n = root / ((n + 1) * (n + 2))
+    """Taylor coefficients of s² (s + 1)^n at its pole of the rule, from the power m + 2 on; and that pole."""
+    s_n = mrdp.filter_ratio(m, n) * constants(m).pole
     shifted = np.poly1d([1.0, s_n])
     return (shifted**2 * (shifted + 1) ** n).coef[::-1][m + 2 :], s_n
 
@@ -234,20 +224,24 @@ def cancelled(book: Ledger) -> pd.DataFrame:
         ie = float((loop.transfer("e", "r", slight) / slight).real)
         slope = max(slope, abs(ie / d.ie - 1))
         rows[m, p] = f"{ie:.4f}"
-    simulated = max(abs(ruled_step(1.5, m, n).ie() / ruled(1.5, m, n).ie - 1) for m, n in GRID)
     book.identity(
         "eq14.cancel",
         worst,
         note="For m from 0 to 4 and p from 1 to m + 1: the zeros of F_p are p times s_o, and its poles are the "
-        "zeros of "
-        "F_wy, so F_p F_wy keeps m + 3 − p poles at s_o.",
+        "zeros of F_wy, so F_p F_wy keeps m + 3 − p poles at s_o.",
     )
-    book.identity(
+    simulated = {f"m = {m}, n = {n}": (ruled_step(1.5, m, n).ie(), ruled(1.5, m, n).ie) for m, n in GRID}
+    apart = max(slope, *(abs(found / ie - 1) for found, ie in simulated.values()))
+    found, ie = simulated["m = 2, n = 4"]
+    book.statement(
         "eq15.ie",
-        max(slope, simulated),
-        note="From the slope of the transfer function at s = 0, for m from 0 to 4 and every p, and by "
-        "simulation of the "
-        "loops of Fig. 2. The filter does not enter.",
+        found * (1 + apart),
+        "<=",
+        ie * (1 + VANISHES),
+        left_name="IE_s simulated, m = 2, n = 4, and the largest deviation of all loops",
+        right_name="eq. (15) and rounding",
+        note="No more than rounding lies between them, by the slope of the transfer function at s = 0 for m from 0 "
+        "to 4 and every p, and by simulation of the loops of Fig. 2. The filter does not enter.",
     )
     cells = {f"p = {p}": {f"m = {m}": rows.get((m, p), "–") for m in ORDERS} for p in range(1, 6)}
     return pd.DataFrame(cells)

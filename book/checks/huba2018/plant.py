@@ -39,9 +39,8 @@ def identified(book: Ledger) -> Figure:
         book.row("plant.tdm").half_unit,
         left_name="difference",
         right_name="half a unit of the print, in s",
-        note=f"{book.row('plant.tdm').printed} s is identified, {USED_DELAY:g} s stands in the captions. The "
-        "text does not "
-        "say why.",
+        note=f"{book.row('plant.tdm').printed} s is identified, {USED_DELAY:g} s stands in the captions. The text "
+        "does not say why.",
     )
     steepest = t[(t > found.delay) & (t < 30.0)]
     figure, ax = plt.subplots(figsize=(6.4, 3.2))
@@ -151,13 +150,10 @@ def longer_on_model(book: Ledger) -> pd.DataFrame:
         rows[0]["variation of y"],
         left_name="total variation of y with PID_6^4",
         right_name="PI",
-        note="On the model with 12 s, set-point step, PI without filter and PID_6^4 with T_e = 5 s, little "
-        "above the "
-        f"shortest stable one: the output of PID_6^4 overshoots by {rows[4]['overshoot, %']:.0f} %, that of PI by "
-        f"{rows[0]['overshoot, %']:.1f} %. The output of PI keeps its direction whatever the others do. T_e of "
-        "the three controllers is not in the text, and the "
-        "measurements are not "
-        "published as numbers.",
+        note="On the model with 12 s, set-point step, PI without filter and PID_6^4 with T_e = 5 s, little above "
+        f"the shortest stable one: the output of PID_6^4 overshoots by {rows[4]['overshoot, %']:.0f} %, that of PI "
+        f"by {rows[0]['overshoot, %']:.1f} %. The output of PI keeps its direction whatever the others do. T_e of "
+        "the three controllers is not in the text, and the measurements are not published as numbers.",
     )
     limit = shortest_filter(4, 6)
     book.statement(
@@ -169,8 +165,7 @@ def longer_on_model(book: Ledger) -> pd.DataFrame:
         left_name="shortest stable T_e",
         right_name="T_d, in T_dm",
         note=f"PID_6^4 on the model with {USED_DELAY + ADDED:g} s: stable from T_e = "
-        f"{limit * (USED_DELAY + ADDED):.2f} s on, "
-        f"where T_d is {1 / limit + 1:.1f} times T_e.",
+        f"{limit * (USED_DELAY + ADDED):.2f} s on, where T_d is {1 / limit + 1:.1f} times T_e.",
     )
     return pd.DataFrame(rows).T.rename_axis("m").round(3)
 
@@ -191,12 +186,10 @@ def simple_models(book: Ledger) -> pd.DataFrame:
         *every(cases, ">"),
         left_name="gain margin, 0 if unstable",
         right_name="none left",
-        note="Three to eight equal lags, a tangent at the steepest point of the step response as model, T_e "
-        "from eq. (16) "
-        "with T_e0 a quarter of T_dm and q = 1.5, n = m + 2, m from 0 to 4: Ms from "
-        f"{min(rows.values()):.2f} to {max(rows.values()):.2f}. The thermal plant of the paper is another "
-        "matter: its "
-        "records are not published as numbers.",
+        note="Three to eight equal lags, a tangent at the steepest point of the step response as model, T_e from "
+        "eq. (16) with T_e0 a quarter of T_dm and q = 1.5, n = m + 2, m from 0 to 4: Ms from "
+        f"{min(rows.values()):.2f} to {max(rows.values()):.2f}. The thermal plant of the paper is another matter: "
+        "its records are not published as numbers.",
     )
     table = pd.Series(rows).rename("Ms")
     table.index = pd.MultiIndex.from_tuples([tuple(name.split(", ")) for name in rows])

@@ -74,9 +74,8 @@ def margins(book: Ledger) -> pd.DataFrame:
         left_name="with m",
         right_name="PI",
         note=f"T_e = 0.5 T_dm, n = m + 1, m from 0 to 4: Ms = {listed(same['Ms'])}, and the delay margin goes from "
-        f"{same['delay margin'][0]:.2f} to {same['delay margin'][4]:.2f} T_dm. The paper's own comparison, on "
-        "the plant, "
-        "is st.fig8.oscillation.",
+        f"{same['delay margin'][0]:.2f} to {same['delay margin'][4]:.2f} T_dm. The paper's own comparison, on the "
+        "plant, is st.fig8.oscillation.",
     )
     book.statement(
         "st.robust.iae.ms",
@@ -92,10 +91,9 @@ def margins(book: Ledger) -> pd.DataFrame:
         left_name="with m",
         right_name="PI",
         note=f"IAE_s = {listed(SERVO, 'g')} T_dm. With 4.5, m from 0 to 4: delay margin "
-        f"{listed(servo['delay margin'])} "
-        f"T_dm with n = m + 1, and {listed(family('IAE_s', 4.5, 2)['delay margin'])} with n = m + 2. What is "
-        "equal is the "
-        "set-point step; with equal load steps it is the other way round, see st.robust.load.dm.",
+        f"{listed(servo['delay margin'])} T_dm with n = m + 1, and "
+        f"{listed(family('IAE_s', 4.5, 2)['delay margin'])} with n = m + 2. What is equal is the set-point step; "
+        "with equal load steps it is the other way round, see st.robust.load.dm.",
     )
     book.statement(
         "st.robust.iae.gm",
@@ -103,9 +101,8 @@ def margins(book: Ledger) -> pd.DataFrame:
         left_name="with m",
         right_name="PI",
         note=f"IAE_s = {listed(SERVO, 'g')} T_dm. With 4.5, m from 0 to 4: gain margin "
-        f"{listed(servo['gain margin'])} with "
-        f"n = m + 1, but {listed(family('IAE_s', 4.5, 2)['gain margin'])} with n = m + 2, the orders of the paper's "
-        "PID_4^2 and PID_6^4.",
+        f"{listed(servo['gain margin'])} with n = m + 1, but {listed(family('IAE_s', 4.5, 2)['gain margin'])} with "
+        "n = m + 2, the orders of the paper's PID_4^2 and PID_6^4.",
     )
     book.statement(
         "st.robust.load.dm",
@@ -113,10 +110,8 @@ def margins(book: Ledger) -> pd.DataFrame:
         left_name="with m",
         right_name="PI",
         note=f"T_i/K_c, which is the integral of the error after a load step, is {listed(LOAD, 'g')} K_s T_dm². "
-        "With 15 and "
-        f"n = m + 1, m from 0 to 4: delay margin {listed(load['delay margin'])} T_dm, Ms {listed(load['Ms'])}, "
-        "gain margin "
-        f"{listed(load['gain margin'])}.",
+        f"With 15 and n = m + 1, m from 0 to 4: delay margin {listed(load['delay margin'])} T_dm, Ms "
+        f"{listed(load['Ms'])}, gain margin {listed(load['gain margin'])}.",
     )
     families = {"Tₑ = 0.5": same, "set-point IE = 4.5": servo, "load IE = 15": load}
     return pd.concat(families, names=["equal", "m"]).round(3)
@@ -145,8 +140,7 @@ def effort(book: Ledger) -> pd.DataFrame:
         + f"Share of the standard deviation with PI, IAE_s from {min(SERVO):g} to {max(SERVO):g} T_dm: "
         + "; ".join(f"m = {m}: {span(values)}" for m, values in shares["IAE_s"].items())
         + ". At equal IAE_s the load response becomes slower with m, see st.effort.noise.load. At equal T_e the "
-        "noise "
-        "rises.",
+        "noise rises.",
     )
     ladder = {
         f"load = {ie:g}, n = m + {extra}, m = {m + 1}": tuple(family("load", ie, extra)["noise in u"][[m + 1, m]])
@@ -171,8 +165,7 @@ def effort(book: Ledger) -> pd.DataFrame:
         left_name="total variation of u with m",
         right_name="m − 1",
         note="Set-point step at IAE_s = 4.5 T_dm, n = m + 1, without noise, first jump included: "
-        f"{listed(tv, '.3f')} in "
-        "units of 1/(K_s T_dm), for m from 0 to 4.",
+        f"{listed(tv, '.3f')} in units of 1/(K_s T_dm), for m from 0 to 4.",
     )
     noise = {f"equal set-point IE = {ie:g}": family("IAE_s", ie, 1)["noise in u"] for ie in SERVO}
     noise |= {f"equal load IE = {ie:g}": family("load", ie, 1)["noise in u"] for ie in LOAD}
@@ -197,9 +190,8 @@ def uncertain(book: Ledger) -> pd.DataFrame:
         left_name="with m",
         right_name="PI",
         note="IAE_s = 4.5 T_dm with the model, n = m + 1, dead times of the plant 20 % shorter and longer; the "
-        "worst of "
-        f"them. For m from 0 to 4: Ms {listed([row['Ms'] for row in rows.values()])}; IAE after a set-point step "
-        f"{listed([row['IAE set point'] for row in rows.values()])}, after a load step "
+        f"worst of them. For m from 0 to 4: Ms {listed([row['Ms'] for row in rows.values()])}; IAE after a "
+        f"set-point step {listed([row['IAE set point'] for row in rows.values()])}, after a load step "
         f"{listed([row['IAE load'] for row in rows.values()], '.1f')}.",
     )
     one = family("IAE_s", 4.5, 1)
@@ -210,9 +202,8 @@ def uncertain(book: Ledger) -> pd.DataFrame:
         *every(promised, "<"),
         left_name="with m",
         right_name="PI",
-        note="At the same speed after a set-point step, IAE_s = 4.5 T_dm and n = m + 1: the noise falls, Ms "
-        "does not. The "
-        "experiments are not published as numbers.",
+        note="At the same speed after a set-point step, IAE_s = 4.5 T_dm and n = m + 1: the noise falls, Ms does "
+        "not. The experiments are not published as numbers.",
     )
     return pd.DataFrame(rows).T.rename_axis("m").round(3)
 
@@ -238,11 +229,9 @@ def traditional(book: Ledger) -> pd.DataFrame:
     usual = rows[f"derivative time / filter time = {USUAL:g}"]
     share = [row["share"] for row in rows.values()]
     note = (
-        "PID tuned for T_dm and its filter as dead time, so that both have the same integral of the error after "
-        "a load "
-        "step; noise with 250 samples in a dead time. With T_D1 2 to 30 times the filter time the integrated "
-        "filter of "
-        f"the best order n up to 6 lets {span(share)} of the noise through."
+        "PID tuned for T_dm and its filter as dead time, so that both have the same integral of the error after a "
+        "load step; noise with 250 samples in a dead time. With T_D1 2 to 30 times the filter time the integrated "
+        f"filter of the best order n up to 6 lets {span(share)} of the noise through."
     )
     book.statement(
         "st.intro.filter.usual",
@@ -266,9 +255,8 @@ def traditional(book: Ledger) -> pd.DataFrame:
         convention="much",
         left_name="noise in u, integrated",
         right_name="traditional",
-        note=f"The same at the setting of Fig. 2 for m = 1, T_e = {te} T_dm, with n = 2. A first-order filter of the "
-        f"derivative with this time constant leaves T_D1 only {td * total / te:.2f} filter times, which is no "
-        "derivative "
-        "any more: this much filtering is beyond it.",
+        note=f"The same at the setting of Fig. 2 for m = 1, T_e = {te} T_dm, with n = 2. A first-order filter of "
+        f"the derivative with this time constant leaves T_D1 only {td * total / te:.2f} filter times, which is no "
+        "derivative any more: this much filtering is beyond it.",
     )
     return pd.DataFrame(rows).T.astype({"best n": int}).round(3)

@@ -26,9 +26,8 @@ def ruled_loops(book: Ledger) -> pd.DataFrame:
             *every(cases, ">"),
             left_name="T_e",
             right_name="the shortest stable one, both in T_dm",
-            note=f"For m from 2 to 4 and n from m to 6; {unstable} unstable poles are counted in all loops with "
-            "m from 0 "
-            "to 4 together. T_dm is not in the text; 1 is assumed.",
+            note=f"For m from 2 to 4 and n from m to 6; {unstable} unstable poles are counted in all loops with m "
+            "from 0 to 4 together. T_dm is not in the text; 1 is assumed.",
         )
     constant = {f"m = 4, n = {n}": (pidalab.unstable_poles(mrdp.tune(unit(), 4, n, 0.25).loop()), 1) for n in BY_M[4]}
     near = shortest_filter(3, 6)
@@ -37,9 +36,8 @@ def ruled_loops(book: Ledger) -> pd.DataFrame:
         *every(constant, ">="),
         left_name="unstable poles with T_e = 0.25 T_dm",
         right_name="one",
-        note=f"For m from 0 to 3 these loops are still stable, hardly so for m = 3, n = 6, where {near:.4f} "
-        "T_dm is the "
-        "limit.",
+        note=f"For m from 0 to 3 these loops are still stable, hardly so for m = 3, n = 6, where {near:.4f} T_dm is "
+        "the limit.",
     )
     limits = {f"m = {m}": span([shortest_filter(m, n) for n in BY_M[m]], ".3f") for m in (2, 3, 4)}
     rows = {f"q = {q:g}": {f"m = {m}": f"{0.25 * q**m:.3f}" for m in (2, 3, 4)} for q in (1.0, *GROWTH)}
@@ -60,12 +58,11 @@ def overshoots(book: Ledger) -> pd.DataFrame:
         *every({label(*key): (value / 100, 1.0) for key, value in over.items() if key[0] == 1.5}, "<=", "settled"),
         left_name="overshoot",
         right_name="step",
-        note="Settings of Fig. 2, with T_dm = 1, p = m + 1 and every n up to 6. The largest overshoot for m "
-        "from 0 to 4 is "
-        f"{listed(list(most.values()), '.2g')} %, most of it with n = m; none of the responses is strictly monotonic "
-        f"(least overshoot {min(over[key] for key in over if key[0] == 1.5):.2g} %). The design is exact for "
-        "the loop "
-        "without filter; the filter splits the multiple pole, and the cancellation becomes approximate.",
+        note="Settings of Fig. 2, with T_dm = 1, p = m + 1 and every n up to 6. The largest overshoot for m from 0 "
+        f"to 4 is {listed(list(most.values()), '.2g')} %, most of it with n = m; none of the responses is strictly "
+        f"monotonic (least overshoot {min(over[key] for key in over if key[0] == 1.5):.2g} %). The design is exact "
+        "for the loop without filter; the filter splits the multiple pole, and the cancellation becomes "
+        "approximate.",
     )
     book.statement(
         "st.overshoot.1dof",
@@ -80,9 +77,8 @@ def overshoots(book: Ledger) -> pd.DataFrame:
         left_name="overshoot with prefilter",
         right_name="step",
         note="Settings of Figs 2 and 3 with T_dm = 1 and p = m + 1. It remains below the settling band for m up to "
-        f"{_highest_clean(over)} with every n; what is left is at most "
-        f"{max(over[k] / bare[k] for k in over):.2f} of the "
-        "overshoot without prefilter.",
+        f"{_highest_clean(over)} with every n; what is left is at most {max(over[k] / bare[k] for k in over):.2f} "
+        "of the overshoot without prefilter.",
     )
     rows = {
         label(q, m, n): {"without prefilter, %": bare[q, m, n], "with, %": over[q, m, n]}
@@ -110,9 +106,8 @@ def filter_orders(book: Ledger) -> pd.DataFrame:
         left_name="spread of IAE_s over n",
         right_name="T_dm",
         digits=3,
-        note="m = 0 with T_e = 0.001 T_dm and m = 1 with T_e = 0.003 T_dm, n from 1 to 6: the overshoot is "
-        "below 0.0001 %. "
-        "The spread is a difference of nearly equal numbers, so it is kept to few digits.",
+        note="m = 0 with T_e = 0.001 T_dm and m = 1 with T_e = 0.003 T_dm, n from 1 to 6: the overshoot is below "
+        "0.0001 %. The spread is a difference of nearly equal numbers, so it is kept to few digits.",
     )
     excess = {q: [100 * max(iae[q, m, n] / ie[q, m, n] - 1 for n in BY_M[m]) for m in ORDERS] for q in GROWTH}
     book.statement(
@@ -120,11 +115,9 @@ def filter_orders(book: Ledger) -> pd.DataFrame:
         *every({label(*key): (iae[key] / ie[key] - 1, 1.0) for key in iae}, "<=", "identical"),
         left_name="excess of IAE_s over eq. (15)",
         right_name="eq. (15)",
-        note="All loops of Figs 2 and 3 (T_dm = 1). The IE is that of eq. (15) for every n; the IAE exceeds it, "
-        "as the "
-        f"error changes its sign: for m from 0 to 4 by up to {listed(excess[1.5], '.2g')} % with q = 1.5 and by "
-        "up to "
-        f"{listed(excess[2.0], '.2g')} % with q = 2.",
+        note="All loops of Figs 2 and 3 (T_dm = 1). The IE is that of eq. (15) for every n; the IAE exceeds it, as "
+        f"the error changes its sign: for m from 0 to 4 by up to {listed(excess[1.5], '.2g')} % with q = 1.5 and by "
+        f"up to {listed(excess[2.0], '.2g')} % with q = 2.",
     )
     rows = {
         label(q, m, n): {
@@ -162,9 +155,8 @@ def sign_of_error(book: Ledger) -> pd.DataFrame:
         right_name="eq. (15)",
         digits=1,
         note="Without filter for m = 0, and for m = 1 in the limit of a short T_e; the excess is kept to few "
-        "digits, as "
-        "most of it is what the record of 40 T_dm leaves out. For m of 2 and more the loop without filter is "
-        "unstable.",
+        "digits, as most of it is what the record of 40 T_dm leaves out. For m of 2 and more the loop without "
+        "filter is unstable.",
     )
     rows = {
         name: {
@@ -190,12 +182,11 @@ def accelerated(book: Ledger) -> pd.DataFrame:
         note=f"T_e = 0.5 T_dm, n = m + 1: {listed(list(iae.values()), '.3f')} T_dm for m from 0 to 4.",
     )
     fastest = {q: {m: ruled(q, m, max(m, 1)).ie for m in ORDERS} for q in GROWTH}
-    least = {q: min(by_m, key=lambda m: by_m[m]) for q, by_m in fastest.items()}
     book.statement(
         "st.accelerate.rule16",
-        *every({f"q = {q:g}": (least[q], 4) for q in GROWTH}, "=="),
-        left_name="m with the least IAE_s",
-        right_name="highest m",
+        *every({f"q = {q:g}": (by_m[4], min(by_m.values())) for q, by_m in fastest.items()}, "<="),
+        left_name="IAE_s of eq. (15) with m = 4",
+        right_name="the least one",
         note="T_e from eq. (16) with T_dm = 1. Eq. (15) gives for m from 0 to 4 "
         + "; ".join(f"{listed(list(fastest[q].values()))} for q = {q:g}" for q in GROWTH)
         + ": the growing T_e spends more than the last derivatives bring.",
@@ -215,10 +206,8 @@ def strictly_proper(book: Ledger) -> pd.DataFrame:
         left_name="noise in u with n = m + 1",
         right_name="n = m",
         note="Loops of Fig. 2 with T_dm = 1, white noise of unit deviation and 250 samples in a dead time: the "
-        "standard "
-        "deviation of u falls to "
-        f"{listed([100 * deviation[m, m + 1] / deviation[m, m] for m in ORDERS[1:]], '.0f')} % for "
-        "m = 1, 2, 3, 4.",
+        "standard deviation of u falls to "
+        f"{listed([100 * deviation[m, m + 1] / deviation[m, m] for m in ORDERS[1:]], '.0f')} % for m = 1, 2, 3, 4.",
     )
     rows = {f"m = {m}, n = {n}": {"noise in u": deviation[m, n], "with 500 samples": twice[m, n]} for m, n in deviation}
     return pd.DataFrame(rows).T.round(3)
@@ -248,8 +237,7 @@ def proper(book: Ledger) -> pd.DataFrame:
     book.identity(
         "eq7.proper",
         worst,
-        note="The first value of u after a set-point step without prefilter is finite: K_Dm/T_f^m for n = m, "
-        "and 0 for "
-        "n > m; simulated for m from 0 to 4 and n up to 6.",
+        note="The first value of u after a set-point step without prefilter is finite: K_Dm/T_f^m for n = m, and 0 "
+        "for n > m; simulated for m from 0 to 4 and n up to 6.",
     )
     return pd.DataFrame({f"m = {m}, n = {n}": row for (m, n), row in rows.items() if n <= m + 1}).T.round(4) + 0.0

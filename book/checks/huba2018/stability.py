@@ -47,9 +47,8 @@ def imperfections(book: Ledger) -> pd.DataFrame:
         *every({name: (count, 1) for name, count in unstable.items()}, ">="),
         left_name="unstable poles",
         right_name="one",
-        note=f"m = 4 needs T_e of at least {shortest_filter(4, 4):.3f} T_dm (n = 4) to "
-        f"{shortest_filter(4, 6):.3f} T_dm "
-        f"(n = 6), and PID_4^2 {shortest_filter(2, 4):.4f} T_dm.",
+        note=f"m = 4 needs T_e of at least {shortest_filter(4, 4):.3f} T_dm (n = 4) to {shortest_filter(4, 6):.3f} "
+        f"T_dm (n = 6), and PID_4^2 {shortest_filter(2, 4):.4f} T_dm.",
     )
     limits = {f"m = {m}, n = {n}": shortest_filter(m, n) for m, n in LIMITED}
     low, high = (pick(limits, key=lambda name: limits[name]) for pick in (min, max))
@@ -61,10 +60,9 @@ def imperfections(book: Ledger) -> pd.DataFrame:
         left_name=f"shortest stable T_e/T_dm for {high}",
         right_name="no limit",
         note="For each m of 2 to 4 and n up to 6 there is a shortest T_e below which the loop with the model is "
-        "unstable, "
-        f"from {limits[low]:.3f} T_dm ({low}) to {limits[high]:.3f} T_dm ({high}). The growth is real; what the "
-        "solvers "
-        "add to it is not known. The paper names no setting and claims no stability; the reading is ours.",
+        f"unstable, from {limits[low]:.3f} T_dm ({low}) to {limits[high]:.3f} T_dm ({high}). The growth is real; "
+        "what the solvers add to it is not known. The paper names no setting and claims no stability; the reading "
+        "is ours.",
     )
     pid = {f"n = {n}, T_e = {te:g}": mrdp.tune(unit(), 1, n, te).loop() for n, te in SHORT_PID}
     margins = {name: pidalab.margins(loop).gm if pidalab.is_stable(loop) else 0.0 for name, loop in pid.items()}
@@ -148,8 +146,7 @@ def sampled(book: Ledger) -> pd.DataFrame:
         left_name="growth in a second",
         right_name="none",
         note=f"On the model with {USED_DELAY:g} s both sampled loops grow. Real-time control of the laboratory "
-        "plant did "
-        "not; its measurements are not published as numbers.",
+        "plant did not; its measurements are not published as numbers.",
     )
     return pd.DataFrame(rows)
 
@@ -181,13 +178,30 @@ def bursts(book: Ledger) -> pd.DataFrame:
         *every(cases, ">"),
         left_name="set point",
         right_name="load",
-        note="The loops of st.imperfection.short, unstable with the model: the largest error between 9 and 10 "
-        "T_dm after "
-        "the step, against the set-point step, and against the peak of the load response with T_e = 0.5 T_dm. It is "
-        f"{span([a / b for a, b in cases.values()], '.0f')} times as large after a set-point step, which "
-        "enters ahead of the controller and its large gain at this frequency; the load enters behind it.",
+        note="The loops of st.imperfection.short, unstable with the model: the largest error between 9 and 10 T_dm "
+        "after the step, against the set-point step, and against the peak of the load response with T_e = 0.5 "
+        f"T_dm. It is {span([a / b for a, b in cases.values()], '.0f')} times as large after a set-point step, "
+        "which enters ahead of the controller and its large gain at this frequency; the load enters behind it.",
     )
     return pd.DataFrame(rows).T
+
+
+def sampling(book: Ledger) -> pd.DataFrame:
+    """Step 4 of the tuning procedure: the filter against the sample time."""
+    ratio = {name: mrdp.filter_ratio(m, n) * te for name, (m, n, te) in EXPERIMENTS.items()}
+    for name, key in (("PID₄²", "fig5"), ("PID₆⁴", "fig7")):
+        book.statement(
+            f"st.step4.{key}",
+            ratio[name],
+            ">",
+            SAMPLE,
+            convention="negligible",
+            left_name="T_f",
+            right_name="T_s, in s",
+            note=f"{name} with T_e = {EXPERIMENTS[name][2]} s: T_f is {ratio[name] / SAMPLE:.1f} times T_s.",
+        )
+    cells = {name: {"filter time, s": x, "filter time / sample time": x / SAMPLE} for name, x in ratio.items()}
+    return pd.DataFrame(cells).T.round(4)
 
 
 def taming_lags(book: Ledger) -> pd.DataFrame:
@@ -201,7 +215,6 @@ def taming_lags(book: Ledger) -> pd.DataFrame:
             "shortest": f"{shortest_filter(m, n):.4f}",
             "unstable poles": f"{pidalab.unstable_poles(d.loop())}",
             "grows at, rad/s": f"{pidalab.rightmost_poles(d.loop())[0].imag:.1f}",
-            "filter time / sample time": f"{d.filter_time / SAMPLE:.1f}",
         }
         for way, rest in ways.items():
             kept = [x for x in lags if pidalab.is_stable(d.loop(pidalab.Process([0.01], [x, 1.0, 0.0], delay=rest(x))))]
@@ -212,18 +225,6 @@ def taming_lags(book: Ledger) -> pd.DataFrame:
                 + (", with gaps" if gaps else "")
             )
             rows[name][f"stable with a lag {way}, s"] = f"{kept[0]:.2f} to {end}"
-    ratio = {name: mrdp.filter_ratio(m, n) * te for name, (m, n, te) in EXPERIMENTS.items()}
-    for name, key in (("PID₄²", "fig5"), ("PID₆⁴", "fig7")):
-        book.statement(
-            f"st.step4.{key}",
-            ratio[name],
-            ">",
-            SAMPLE,
-            convention="negligible",
-            left_name="T_f",
-            right_name="T_s, in s",
-            note=f"{name} with T_e = {EXPERIMENTS[name][2]} s: T_f is {ratio[name] / SAMPLE:.1f} times T_s.",
-        )
     return pd.DataFrame(rows)
 
 
@@ -243,11 +244,9 @@ def wrong_dead_times(book: Ledger) -> pd.DataFrame:
         left_name="unstable poles on the model with 5 s",
         right_name="one",
         note="On the model with 5 s all six settings of Fig. 6 are unstable: those tuned for less by a slow "
-        "oscillation, "
-        f"the others at high frequency. Of {tried.size} dead times between 0.1 and 20 s tried in the tuning "
-        f"{sum(count == 0 for count in counts)} give a stable loop. The measured plant behaved otherwise; its "
-        "records "
-        "are not published as numbers.",
+        f"oscillation, the others at high frequency. Of {tried.size} dead times between 0.1 and 20 s tried in the "
+        f"tuning {sum(count == 0 for count in counts)} give a stable loop. The measured plant behaved otherwise; "
+        "its records are not published as numbers.",
     )
     return pd.DataFrame(rows).T.rename(columns=lambda name: f"unstable poles with {name}")
 

@@ -53,10 +53,9 @@ def filters(book: Ledger) -> Display:
     book.check(
         "table2.m4.n4",
         ratios[4, 4],
-        note=f"Eq. (11) with n = m is 1/(m + 2 − √(m + 2)): {ratios[4, 4]:.4f} here, and as printed in the "
-        "other cells of "
-        f"the diagonal. The printed {book.row('table2.m4.n4').printed} is the number of the cell m = 2, n = 4. The "
-        f"other cells of the column rise with m: {listed(column, '.4f')}.",
+        note=f"Eq. (11) with n = m is 1/(m + 2 − √(m + 2)): {ratios[4, 4]:.4f} here, and as printed in the other "
+        f"cells of the diagonal. The printed {book.row('table2.m4.n4').printed} is the number of the cell m = 2, n "
+        f"= 4. The other cells of the column rise with m: {listed(column, '.4f')}.",
     )
     return book.table("table2.")
 
@@ -70,8 +69,8 @@ def prefilters(book: Ledger) -> Display:
     book.check(
         "table3.m2.p3.b2",
         mrdp.prefilter_weights(2, 3)[2],
-        note="Exactly 1, printed without decimals: b_2 = (−1/p_o)³/(τ_i τ_2), with p_o = "
-        f"{one.pole:.0f}, τ_i = {one.integral_time:.0f} and τ_2 = 1/{1 / one.derivative_times[1]:.0f}.",
+        note=f"Exactly 1, printed without decimals: b_2 = (−1/p_o)³/(τ_i τ_2), with p_o = {one.pole:.0f}, τ_i = "
+        f"{one.integral_time:.0f} and τ_2 = 1/{1 / one.derivative_times[1]:.0f}.",
     )
     faster = {f"m = {m}, p = {p}": (integral(m, p + 1), integral(m, p)) for m, p in CANCELLED if p <= m}
     book.statement(
@@ -92,9 +91,8 @@ def _slower_with_more() -> str:
     }
     word = "longer" if times[m + 1] > times[1] else "shorter"
     return (
-        f"The settling time need not fall: for m = {m}, n = {n} and T_e = {te:g} T_dm it is {times[m + 1]:.1f} "
-        "T_dm with "
-        f"p = {m + 1}, {word} than the {times[1]:.1f} T_dm with p = 1."
+        f"The settling time need not fall: for m = {m}, n = {n} and T_e = {te:g} T_dm it is {times[m + 1]:.1f} T_dm "
+        f"with p = {m + 1}, {word} than the {times[1]:.1f} T_dm with p = 1."
     )
 
 
@@ -112,17 +110,16 @@ def swapped_weights(book: Ledger) -> pd.DataFrame:
     book.check(
         "table3.m3.p2.b1",
         right[1],
-        note="b_0 and b_1 of this row are interchanged. By eq. (14) b_1 is proportional to p(p − 1): a third of the "
-        f"{second:.5f} of p = 3 is {second / 3:.5f}, which is printed as b_0.",
+        note="b_0 and b_1 of this row are interchanged. By eq. (14) b_1 is proportional to p(p − 1): a third of "
+        f"the {second:.5f} of p = 3 is {second / 3:.5f}, which is printed as b_0.",
     )
     each = printed[4, 1]
     others = listed([printed[4, p] / p for p in (3, 4, 5)], ".5f")
     book.check(
         "table3.m4.p2.b0",
         mrdp.prefilter_weights(4, 2)[0],
-        note=f"By eq. (14) b_0 is proportional to p: twice the {each:.5f} of p = 1 is {2 * each:.5f}. The "
-        "printed values "
-        f"of p = 3, 4 and 5, divided by p, are {others}. Two of the digits may have been misread.",
+        note=f"By eq. (14) b_0 is proportional to p: twice the {each:.5f} of p = 1 is {2 * each:.5f}. The printed "
+        f"values of p = 3, 4 and 5, divided by p, are {others}. Two of the digits may have been misread.",
     )
     cells = {f"p = {p}": {f"m = {m}": printed.get((m, p), np.nan) / p for m in ORDERS} for p in range(1, 6)}
     return pd.DataFrame(cells).map(lambda x: "–" if np.isnan(x) else f"{x:.6f}")
@@ -138,18 +135,16 @@ def integrals(book: Ledger) -> Display:
         *every(falls, "<"),
         left_name="IAE_s/T_d with more",
         right_name="less",
-        note=f"{listed(best, '.3f')} for m from 0 to 4. With the printed {book.row('table4.m2').printed} for m "
-        "= 2 it "
-        "falls as well.",
+        note=f"{listed(best, '.3f')} for m from 0 to 4. With the printed {book.row('table4.m2').printed} for m = 2 "
+        "it falls as well.",
     )
     ti, b0 = book.printed("table1.m2.tau_i"), [book.printed(f"table3.m2.p{p}.b0") for p in (2, 3)]
     book.check(
         "table4.m2",
         best[2],
-        note=f"(1 − b_0)τ_i with the printed {ti:.5f} of Table I and the printed {b0[1]:.5f} of Table III (p = "
-        "3, the "
-        f"largest) is {(1 - b0[1]) * ti:.5f}. The printed 2.00000 is what p = 2 gives, (1 − {b0[0]:.5f})·{ti:.0f} = "
-        f"{(1 - b0[0]) * ti:.5f}; the four other values of the table belong to p = m + 1.",
+        note=f"(1 − b_0)τ_i with the printed {ti:.5f} of Table I and the printed {b0[1]:.5f} of Table III (p = 3, "
+        f"the largest) is {(1 - b0[1]) * ti:.5f}. The printed 2.00000 is what p = 2 gives, (1 − "
+        f"{b0[0]:.5f})·{ti:.0f} = {(1 - b0[0]) * ti:.5f}; the four other values of the table belong to p = m + 1.",
     )
     return book.table("table4.")
 
@@ -181,8 +176,7 @@ def rounding(book: Ledger) -> pd.DataFrame:
             id,
             value,
             note=f"{value:.7f} lies beyond the limit of rounding by {beyond:.2f} units. Rounded to {places + 1} "
-            "places "
-            f"first, it is {'a tie, ' if tie.endswith('5') else ''}{tie}.",
+            f"places first, it is {'a tie, ' if tie.endswith('5') else ''}{tie}.",
         )
         rows[id] = {"printed": row.printed, "exact": f"{value:.7f}", "with one place more": tie}
     return pd.DataFrame(rows).T
@@ -198,9 +192,8 @@ def reached(book: Ledger) -> pd.DataFrame:
         bound,
         left_name="Table IV, m = 4",
         right_name="IAE of the error before y moves",
-        note="In the loop without filter the error is 1 for one T_d, so its absolute integral is at least T_d. "
-        "The value "
-        "of the table is an integral of the error with its sign.",
+        note="In the loop without filter the error is 1 for one T_d, so its absolute integral is at least T_d. The "
+        "value of the table is an integral of the error with its sign.",
     )
     found = {m: _least_ratio(m) for m in (0, 1, 2, 3, 4)}
     cases = {f"m = {m}": (ratio - 1, 1.0) for m, (ratio, _, _, _) in found.items()}
@@ -210,9 +203,8 @@ def reached(book: Ledger) -> pd.DataFrame:
         *every(cases, "<=", "identical"),
         left_name="least excess of IAE_s",
         right_name="eq. (15)",
-        note=f"The least excess of the IAE over eq. (15) among the stable loops tried, {said}. For m = 0 and 1 "
-        "it tends "
-        f"to 0 with T_e; for m = 2 the least is at a finite one, {found[2][2]:.2f} T_dm.",
+        note=f"The least excess of the IAE over eq. (15) among the stable loops tried, {said}. For m = 0 and 1 it "
+        f"tends to 0 with T_e; for m = 2 the least is at a finite one, {found[2][2]:.2f} T_dm.",
     )
     names = ["IAE / IE", "n", "Tₑ, dead times", "tried"]
     table = pd.DataFrame({f"m = {m}": dict(zip(names, one, strict=True)) for m, one in found.items()}).T
