@@ -46,7 +46,6 @@ SECTIONS = (
     hidden.start,
     ise.prefilter,
     hidden.noise_reference,
-    hidden.count_orders,
 )
 
 __all__ = [

@@ -75,7 +75,7 @@ def facts(g: int, name: str) -> dict[str, float]:
     return {
         "rise time": run["setpoint"].rise_time(),
         "ISE": ise["tracking"],
-        "overshoot, %": run["setpoint"].overshoot(),
+        "overshoot, %": round(run["setpoint"].overshoot(), 3),
         "peak, load": run["load"].peak(),
         "ISE, load": ise["load"],
         "settling, load": run["load"].settling_time(),

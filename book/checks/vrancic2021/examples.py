@@ -170,7 +170,7 @@ def figures_3_4(book: Ledger) -> pd.DataFrame:
             "IAE, load": reject[g, m],
             "peak, load": runs[g, m]["load"].peak(),
             "settling": runs[g, m]["set point"].settling_time(),
-            "overshoot, %": runs[g, m]["set point"].overshoot(),
+            "overshoot, %": round(runs[g, m]["set point"].overshoot(), 3),
             "largest u": peak[g, m],
             "without prefilter": jump[g, m],
             "noise gain, 0.002 s": pidalab.noise_gain(problem.loop(g, problem.example(g, m)), 0.002),

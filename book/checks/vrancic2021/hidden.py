@@ -10,7 +10,7 @@ import pandas as pd
 import pidalab
 from matplotlib.figure import Figure
 from pidalab import areas
-from pidalab.ledger import Ledger, every, some
+from pidalab.ledger import Ledger, some
 from pidalab.rules import magnitude_optimum as mo
 from scipy.optimize import least_squares
 
@@ -276,20 +276,3 @@ def noise_reference(book: Ledger) -> pd.DataFrame:
         f"Fig. 1, it would be {gains['before the noise']:.0f}.",
     )
     return pd.DataFrame({"σ_rel of PID_4^3": gains}).map("{:.4g}".format)
-
-
-@typeset
-def count_orders(book: Ledger) -> pd.DataFrame:
-    """Order and dead time of the processes that the paper uses."""
-    orders = {g: problem.process(g).den.size - 1 for g in range(1, 8)}
-    delays = {g: problem.process(g).delay for g in orders}
-    cases = {"least": (min(orders.values()), 2), "largest": (max(orders.values()), 4)}
-    book.statement(
-        "st.conclusion.orders",
-        *every(cases, "=="),
-        left_name="order of the processes",
-        right_name="as said",
-        note=f"Orders {', '.join(map(str, orders.values()))}, G_P3 as used; "
-        f"{', '.join(f'G_P{g}' for g, d in delays.items() if d)} have a delay.",
-    )
-    return pd.DataFrame({"order": orders, "dead time, s": delays}).rename(index="G_P{}".format)

@@ -11,7 +11,7 @@ import pidalab
 from pidalab import areas
 from pidalab.ledger import Ledger, every
 from pidalab.rules import magnitude_optimum as mo
-from scipy.optimize import brentq
+from scipy.optimize import newton
 
 from . import problem
 from .names import typeset
@@ -200,7 +200,7 @@ def _on_the_line(g: int) -> list[tuple[float, float]]:
     w = np.geomspace(1e-2, 1e4, 4000)
     above = loop.L(1j * w).real + 0.5
     turns = np.flatnonzero(above[1:] * above[:-1] < 0)
-    found = [float(brentq(excess, w[i], w[i + 1], xtol=1e-14, rtol=1e-14)) for i in turns]
+    found = [float(newton(excess, w[i], x1=w[i + 1], tol=1e-14, disp=False)) for i in turns]
     return [(x, abs(abs(complex(loop.T(1j * x))) - 1)) for x in found]
 
 
