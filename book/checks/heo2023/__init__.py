@@ -5,11 +5,11 @@ from .equations import example3, filters, form
 from .errata import formulas, gains, readings, rounding, switches, text
 from .examples import responses, table4, table5, table6
 from .facts import facts
+from .load3 import load_values
 from .printed_itae import (
     dead_time,
     definition,
     glance,
-    load_values,
     proposed_values,
     scheme,
     windows,

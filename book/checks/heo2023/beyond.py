@@ -17,7 +17,7 @@ from pidalab.response import Response
 from pidalab.rules import direct, itae
 
 from .examples import KINDS, METHODS, processes, second_order, tuned
-from .table1 import data, optima, unit
+from .table1 import data, optima, unit, with_factors
 
 BOUNDS = {"setpoint": math.inf, "load": 2.0}  # on Ms, of the optima that the rules are compared with
 COLUMNS = ("itae", "ms", "overshoot", "kick")
@@ -76,7 +76,7 @@ def tasks() -> list[Task]:
         tried = {name: rule(model) for name, rule in CONTEST[one.kind].items()}
         tried["least"] = optima()[one.role, one.kind, one.ms_bound, *at]
         if one.role == "fit" and one.kind == "setpoint":
-            tried["best factors"] = itae.pida_setpoint(model, factors=lambda _, p=(one.f_d, one.f_a): p)
+            tried["best factors"] = with_factors(model, one.f_d, one.f_a)
         found += [Task(one.role, one.kind, name, *at, C, one.itae) for name, C in tried.items()]
     return found
 
@@ -179,9 +179,9 @@ def best_lag(name: str, limit: float) -> tuple[float, float]:
 
 def actuator() -> pd.DataFrame:
     """ITAE with a limited actuator; in parentheses the best time constant of the set-point filter."""
-    rows = {}
+    rows: dict[str, dict[str, str]] = {}
     for limit in LIMITS:
-        row = rows["none" if limit == math.inf else f"±{limit:g}"] = {}
+        row = rows.setdefault("none" if limit == math.inf else f"±{limit:g}", {})
         for name in ("ITAE-2", "proposed"):
             row[f"{name}, no filter"] = f"{limited(name, limit, 0.0).itae():.2f}"
         for name in ("ITAE-2", "proposed", "direct"):

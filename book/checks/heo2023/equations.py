@@ -1,6 +1,7 @@
 """Equations (1) to (7), (13), (16) and (19): the form of the controller."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -102,7 +103,7 @@ def filters(book: Ledger) -> pd.DataFrame:
         f"with it. Sampled it can be run, and then meets {nearer_by_eq7(book)} of the five proposed ITAE values better "
         "than (16) does."
     )
-    names = {"left_name": "gain of (7) over k_c at 1e6", "right_name": "u(0+) over k_c by (16)"}
+    names: dict[str, Any] = {"left_name": "gain of (7) over k_c at 1e6", "right_name": "u(0+) over k_c by (16)"}
     book.statement("eq7.filter", rows["(7), first order"][-1], "<=", kicks[1] / gain[1], note=text, **names)
     return pd.DataFrame(rows, index=[f"at {x:g}" for x in w]).T.map("{:.4g}".format)
 
@@ -133,6 +134,6 @@ def example3(book: Ledger) -> pd.DataFrame:
         f"with dead time is (19), which overshoots by {percents([rows['(19)'][table.columns[1]] - 1])}. One digit, so "
         "perhaps of the reading."
     )
-    names = {"left_name": "highest output of (18) after a unit step", "right_name": "its end"}
+    names: dict[str, Any] = {"left_name": "highest output of (18) after a unit step", "right_name": "its end"}
     book.statement("ex3.reference", peak, ">", 1.0, note=text, **names)
     return table.map("{:.3f}".format)

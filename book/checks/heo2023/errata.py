@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -102,7 +103,7 @@ def formulas(book: Ledger) -> pd.DataFrame:
         text = f"{mended} it gives {', '.join(rows[line]['corrected'] for line in seen)} in {', '.join(cases)}, where "
         text += f"{', '.join(rows[line]['printed'] for line in seen)} is printed and the formula as read gives "
         text += f"{', '.join(rows[line]['formula as read'] for line in seen)}."
-        names = {"left_name": "distance from the print", "right_name": "half a unit"}
+        names: dict[str, Any] = {"left_name": "distance from the print", "right_name": "half a unit"}
         book.statement(id, *some(cases, "<="), note=text, **names)
     return pd.DataFrame(rows).T
 
@@ -119,7 +120,7 @@ def switches(book: Ledger) -> pd.DataFrame:
         f"k_n k_c would jump by up to {apart.max():.1f}. For ξ_n = 0.3 and θ_n/τ_n = 2 it would be {low:.3f}, below 0; "
         f"with the switch at a ratio of 0.9 it is {right:.3f}. The examples take the same branch either way."
     )
-    names = {"left_name": "largest jump at ξ_n = 0.9", "right_name": "jump at θ_n/τ_n = 0.9"}
+    names: dict[str, Any] = {"left_name": "largest jump at ξ_n = 0.9", "right_name": "jump at θ_n/τ_n = 0.9"}
     book.statement("table3.kc.switch", apart.max(), "<=", abs(high_side - low_side), note=text, **names)
     below, above = (itae.pid_setpoint(unit(1.0, x)) for x in (1.0, 1.0 + 1e-9))
     line = (1.768 + 0.329 * 1.0) * 1.0
@@ -146,7 +147,8 @@ def _load_gain(damping: float, ratio: float, by_damping: bool = False) -> float:
 
 def text(book: Ledger) -> pd.DataFrame:
     """Slips in the text: what they would mean for Examples 1 to 3."""
-    rows, misses = {}, {"eq9.taun": {}, "eq12.taua": {}}
+    rows = {}
+    misses: dict[str, dict[str, tuple[float, float]]] = {"eq9.taun": {}, "eq12.taua": {}}
     for k, m in second_order().items():
         f_d = itae.factors(m.process).f_d
         for kind in KINDS:
@@ -159,7 +161,7 @@ def text(book: Ledger) -> pd.DataFrame:
                     "printed": shown.printed,
                     "as the text has it": f"{value:.3f}",
                 }
-    names = {"left_name": "distance from the print", "right_name": "half a unit"}
+    names: dict[str, Any] = {"left_name": "distance from the print", "right_name": "half a unit"}
     note = "Eq. (9) has the same expression as τ_n, the time constant of the new model; with it the tunings come out."
     book.statement("eq9.taun", *some(misses["eq9.taun"], "<="), note=note, **names)
     note = "In three places. Step 5 has τ_d f_a, f_a would have no role otherwise, and Tables 4 to 6 follow from f_a."

@@ -34,7 +34,7 @@ ORDER = (
 
 def _panels(rows: int, height: float, **options: object) -> tuple[Figure, np.ndarray]:
     """A figure of two columns."""
-    return plt.subplots(rows, 2, figsize=(6.4, height), **options)  # type: ignore[call-overload, no-any-return]
+    return plt.subplots(rows, 2, figsize=(6.4, height), **options)  # type: ignore[call-overload]
 
 
 def _ratio_axis(ax: Axes) -> None:

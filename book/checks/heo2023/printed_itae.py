@@ -3,8 +3,8 @@
 import math
 from functools import cache
 from itertools import product
+from typing import Any
 
-import control
 import numpy as np
 import pandas as pd
 import pidalab
@@ -17,14 +17,11 @@ from . import schemes
 from .examples import (
     KINDS,
     METHODS,
-    SPOKEN,
     Key,
     experiment,
-    first_order,
     listed,
     processes,
     runs,
-    second_order,
     tuned,
 )
 from .schemes import Experiment, Scheme
@@ -77,7 +74,10 @@ def definition(book: Ledger) -> pd.DataFrame:
     }
     nearest = min(abs(infinite[key] / printed[key] - 1) for key in infinite)
     text = f"None does; the nearest of the 18 is {100 * nearest:.2f} % off."
-    names = {"left_name": "larger over smaller of value and print", "right_name": "what rounding allows"}
+    names: dict[str, Any] = {
+        "left_name": "larger over smaller of value and print",
+        "right_name": "what rounding allows",
+    }
     book.statement("itae.definition", *some(misses, "<="), note=text, **names)
     pairs = {
         f"{experiment(k, kind)}, {METHODS[better]} against {METHODS[worse]}": (
@@ -108,13 +108,13 @@ def misfits(book: Ledger) -> tuple[Array, Array, dict[str, Array]]:
         both = []
         for method in ("imc", "itae2"):
             run = KINDS[kind](pidalab.Loop(process, tuned()[k, method, kind]), t)
-            value = starts[:, None] * _integral(np.abs(run.e), 0.01) + _integral(run.t * np.abs(run.e), 0.01)
+            value = starts[:, None] * integral(np.abs(run.e), 0.01) + integral(run.t * np.abs(run.e), 0.01)
             both.append(np.abs(value / book.printed(row((k, method, kind))) - 1))
         missed[name] = np.max(both, axis=0)[:, ::20]
     return starts, t[::20], missed
 
 
-def _integral(f: Array, h: float) -> Array:
+def integral(f: Array, h: float) -> Array:
     """Integral up to each sample, by trapezoids."""
     return h * np.concatenate([[0.0], np.cumsum((f[1:] + f[:-1]) / 2)])
 
@@ -183,7 +183,10 @@ def dead_time(book: Ledger) -> pd.DataFrame:
         f"IMC, ITAE-2, proposed: with (18) as printed {listed(table['with (18)'], '.2f')}; with the dead time "
         f"{left.delay} of Example 1 {listed(table['with dead time 0.2'], '.2f')}. Perhaps it was left in there."
     )
-    names = {"left_name": "larger over smaller of value and print", "right_name": "what rounding allows"}
+    names: dict[str, Any] = {
+        "left_name": "larger over smaller of value and print",
+        "right_name": "what rounding allows",
+    }
     book.statement("itae.ex2.plant", *every(cases, "<="), note=text, **names)
     return table.map("{:.2f}".format)
 
@@ -251,67 +254,3 @@ def _beside(book: Ledger, id: str, value: float) -> str:
     """A printed number, the mark of its verdict and, with one digit more, the computed one."""
     printed = book.row(id).printed
     return f"{printed} {MARKS[book.row(id).verdict]} {value:.{len(printed.partition('.')[2]) + 1}f}"
-
-
-@cache
-def load_candidates() -> dict[str, list[Array]]:
-    """Errors of the three loops of Example 3 with load, in other readings of the experiment, step at t = 0."""
-    third = second_order()[3]
-    dens = {f"process of Example {k}": process.den for k, process in processes().items()}
-    dens |= {
-        "(19) without its lag": np.array([9.0, 2.4, 1.0]),
-        "(19) with 6s": np.polymul([9.0, 6.0, 1.0], [1.0, 1.0]),
-        "(19) with s²": np.polymul([1.0, 2.4, 1.0], [1.0, 1.0]),
-        "second-order model": np.array([third.tau**2, 2 * third.tau * third.damping, 1.0]),
-        "first-order model": np.array([first_order()[3].tau, 1.0]),
-    }
-    found = {}
-    scheme = Scheme(step=0.002)
-    for (name, den), delay, k, kind, load in product(dens.items(), (0.0, 0.2, 0.5), ENDS_OF, SPOKEN, (True, False)):
-        step = Experiment(Process([1.0], den, delay=delay), load, 60.0, 0.0)
-        errors = [schemes.errors(step, tuned()[k, method, kind], scheme)[::25] for method in METHODS]
-        where = "at the input" if load else "at the output"
-        tuning = f"tunings of Example {k}, {SPOKEN[kind]}"
-        found[f"load {where}, {name}, dead time {delay}, {tuning}"] = errors
-    for name, den in (("the lag", [1.0, 1.0]), ("the oscillator", [9.0, 2.4, 1.0])):
-        found[f"load before {name} of (19)"] = [
-            _load_before(control.tf([1.0], den), tuned()[3, method, "load"]) for method in METHODS
-        ]
-    return {name: errors for name, errors in found.items() if np.isfinite(errors).all()}
-
-
-ENDS_OF = (1, 2, 3)
-
-
-def _load_before(rest: control.TransferFunction, controller: NonInteractivePIDA) -> Array:
-    """Error after a load step that reaches the output of (19) through the `rest` of it: that part less its share."""
-    t = np.linspace(0, 60, 1201)[:-1]
-    loop = pidalab.Loop(processes()[3], controller, prefilter=rest)
-    free = pidalab.Process(rest.num[0][0], rest.den[0][0])
-    return pidalab.step_response(loop, t).y - pidalab.open_loop_step(free, t).y
-
-
-def load_values(book: Ledger) -> pd.DataFrame:
-    """Example 3 with load: nothing that was tried gives the three values."""
-    keys = [(3, method, "load") for method in METHODS]
-    printed = np.array([book.printed(row(key)) for key in keys])
-    rows, starts = [], np.linspace(0, 20, 41)[:, None]
-    for name, errors in load_candidates().items():
-        t, size = 0.05 * np.arange(errors[0].size), np.abs(errors)
-        values = np.array([starts * _integral(e, 0.05) + _integral(t * e, 0.05) for e in size])[:, :, 20:]
-        off = np.log(values / printed[:, None, None])
-        rows.append((np.abs(off).max(axis=0).min(), np.ptp(off, axis=0).min(), name))
-    size, ratio = (min(r[i] for r in rows) for i in (0, 1))
-    for key in keys:
-        book.check(
-            row(key),
-            sampled(key),
-            note=f"With the settings of the set point; {runs()[key].itae(math.inf):.3g} to infinity from the step. Of "
-            f"{len(rows)} other readings (place of the load, process, dead time, tunings), with every step time from 0 "
-            f"to 20 and end up to 60, the nearest misses one of the three by {100 * (math.exp(size) - 1):.0f} %; with "
-            f"any size of the step their ratios are missed by {100 * (math.exp(ratio) - 1):.0f} %.",
-        )
-    best = sorted(rows)[:5]
-    columns = {"size 1, misses by": 0, "any size": 1}
-    misses = {name: [f"{math.exp(r[i]) - 1:.0%}" for r in best] for name, i in columns.items()}
-    return pd.DataFrame(misses, index=[r[2] for r in best])

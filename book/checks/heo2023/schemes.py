@@ -109,7 +109,7 @@ def _joined(first: tuple[Array, Array], second: tuple[Array, Array]) -> Array:
 
 
 @njit(cache=True)
-def _run(phi, gamma, filters, counts, h, load, gains, integral_first):  # type: ignore[no-untyped-def]
+def _run(phi, gamma, filters, counts, h, load, gains, integral_first):
     """March through the loop; `counts` are the samples of the dead time, of the run and before the step."""
     (delay, samples, start), (kc, tau_i) = counts, gains
     record = np.full(samples, np.inf)
@@ -152,7 +152,7 @@ def pid_variants() -> list[Scheme]:
 
 def pida_variants() -> list[Scheme]:
     """The schemes tried on the five values of the proposed rule: plant, derivative, acceleration, its filter."""
-    pairs = [(one, other) for i, one in enumerate(METHODS) for other in METHODS[i:]]
-    single = [(one,) for one in METHODS]
+    pairs: list[tuple[str, ...]] = [(one, other) for i, one in enumerate(METHODS) for other in METHODS[i:]]
+    single: list[tuple[str, ...]] = [(one,) for one in METHODS]
     parts = product(("Euler", "exact"), METHODS, pairs + single, (0.0125, 0.025, 0.05))
     return [Scheme(*part) for part in parts]

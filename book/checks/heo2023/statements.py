@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -67,7 +67,7 @@ def _rms(x: Array) -> float:
 
 def prediction(book: Ledger) -> pd.DataFrame:
     """Is the prediction with the second derivative the better one?"""
-    rows = {}
+    rows: dict[str, dict[str, float]] = {}
     for kind in KINDS:
         errors = _errors("proposed", kind)
         rows |= {name: {"with ė": one, "with ė and ë": two} for name, (two, one) in errors.items()}
@@ -121,7 +121,7 @@ def stability(book: Ledger) -> pd.DataFrame:
     text = "Ms with ITAE-2 and with the proposed tuning: "
     text += "; ".join(f"{name} {itae2[name]:.2f} and {pida[name]:.2f}" for name in pida) + "."
     pairs = {name: (pida[name], itae2[name]) for name in pida}
-    names = {"left_name": "Ms of the proposed loop", "right_name": "of ITAE-2"}
+    names: dict[str, Any] = {"left_name": "Ms of the proposed loop", "right_name": "of ITAE-2"}
     book.statement("st.stable.pid.tuned", *every(pairs, "<"), note=text, **names)
     columns = {f"largest gain, {name}": limit[name].map("{:.3g}".format) for name in limit}
     columns |= {f"Ms, {name}": pd.Series(x).map("{:.2f}".format) for name, x in (("ITAE-2", itae2), ("proposed", pida))}

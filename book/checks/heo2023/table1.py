@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import cache
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -55,7 +56,9 @@ def domain(book: Ledger) -> pd.DataFrame:
     return table.map("{:.3f}".format)
 
 
-BREAKS = {  # formula, parameter, variable, places
+BREAKS: dict[
+    str, tuple[Callable[[Process], object], str, str, tuple[float, ...]]
+] = {  # formula, parameter, variable, places
     "Table 1, f_a": (itae.factors, "f_a", "r", (0.37, 1.0)),
     "Table 1, f_d ": (itae.factors, "f_d", "ξ", (1.0,)),
     "Table 1, f_a ": (itae.factors, "f_a", "ξ", (1.0,)),
@@ -102,7 +105,7 @@ def breaks(book: Ledger) -> pd.DataFrame:
         f"at {min(meet):.3f} to {max(meet):.3f}. Between there and 1 the formula as printed gives the smaller IAE for "
         f"{kept} of {len(DAMPINGS)} dampings at θ_m/τ_m = 0.9, so the break may be meant."
     )
-    names = {"left_name": "largest jump of f_a at 1.0", "right_name": "f_a"}
+    names: dict[str, Any] = {"left_name": "largest jump of f_a at 1.0", "right_name": "f_a"}
     book.statement(
         "table1.break", largest["Table 1, f_a at r = 1"], "<=", 1.0, note=text, convention="identical", **names
     )
@@ -192,7 +195,7 @@ def half(book: Ledger) -> pd.DataFrame:
         fewer = int((chosen < 1).to_numpy().sum())
         text = f"Smaller in {fewer} of {chosen.size} models, f_d and f_a of Table 1; with half over without, "
         text += "; ".join(f"ξ_m = {xi:g}: {listed(row, '.2f')}" for xi, row in chosen.iterrows()) + "."
-        names = {"left_name": f"{name} with half over {name} without", "right_name": "1"}
+        names: dict[str, Any] = {"left_name": f"{name} with half over {name} without", "right_name": "1"}
         book.statement(id, *every(cases, "<"), note=text, **names)
     table.index = [f"{name}, ξ = {xi:g}" for xi, name in table.index]
     table.columns = [f"θ/τ = {x:g}" for x in table.columns]
@@ -202,11 +205,13 @@ def half(book: Ledger) -> pd.DataFrame:
 def optimised(book: Ledger) -> pd.DataFrame:
     """(11): with the new model as the process the cost would fall with f_d without end."""
     model = unit(0.5, 0.5)
-    table1, rows = itae.factors(model), {}
+    table1 = itae.factors(model)
+    rows: dict[str, dict[str, float]] = {}
     for f_d in (0.2, 0.25, 0.3, table1.f_d, 0.35, 0.4, 0.5, 0.6, 0.7):
         C = with_factors(model, f_d, table1.f_a)
         new = pidalab.sopdt(1.0, 1.0 + 0.25 * f_d, 0.5, 0.5 * (1 - f_d))
-        rows[f"{f_d:.3f}"] = row = {}
+        row: dict[str, float] = {}
+        rows[f"{f_d:.3f}"] = row
         for name, process in (("new model", new), ("original", model)):
             loop = pidalab.Loop(process, C)
             run = pidalab.step_response(loop, SETTLE) if pidalab.is_stable(loop) else None
@@ -219,7 +224,7 @@ def optimised(book: Ledger) -> pd.DataFrame:
         f"{first['ITAE, original']:.3f} at 0.2, {chosen['ITAE, original']:.3f} at Table 1 and "
         f"{table.loc['0.400', 'ITAE, original']:.3f} at 0.4."
     )
-    names = {"left_name": "ITAE on the new model, f_d of Table 1", "right_name": "f_d = 0.7"}
+    names: dict[str, Any] = {"left_name": "ITAE on the new model, f_d of Table 1", "right_name": "f_d = 0.7"}
     book.statement("eq11.plant", chosen["ITAE, new model"], "<=", last["ITAE, new model"], note=text, **names)
     return table.map("{:.3f}".format)
 
@@ -288,7 +293,7 @@ def figure1_statements(book: Ledger) -> pd.DataFrame:
     both |= {f"{name}, α_d 0.002": pair for name, pair in cases["sharp"].items()}
     book.statement("st.itae2.optimal", *every(both, "within", convention="similar"), note=f"{text} {SMALL}", digits=8)
     text = f"{given}Rule and optimum, in per cent: {'; '.join(f'{a:.1f} and {b:.1f}' for a, b in over.values())}."
-    names = {"left_name": "overshoot of the rule", "right_name": "of the optimum"}
+    names: dict[str, Any] = {"left_name": "overshoot of the rule", "right_name": "of the optimum"}
     book.statement("st.fig1.overshoot", *every(over, "<"), note=text, **names)
     shown = table.map("{:.2f}".format)
     shown["overshoot of rule, optimum, %"] = [f"{a:.1f}, {b:.1f}" for a, b in over.values()]
