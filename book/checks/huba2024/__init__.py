@@ -20,6 +20,7 @@ from . import (
     search,
     settings,
     structure,
+    tables,
     twin,
 )
 
@@ -81,5 +82,6 @@ __all__ = [
     "search",
     "settings",
     "structure",
+    "tables",
     "twin",
 ]

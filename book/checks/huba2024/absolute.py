@@ -19,6 +19,7 @@ from pidalab.robustness import limits as criteria
 from pidalab.rules import automatic_reset as ar
 
 from . import loops
+from .tables import tabled
 
 WAYS, WHATS = ("gains stay", "gains anew"), ("criterion", "stable")
 TABLE = Path(__file__).parents[2] / "data" / "shortest_filters.csv"
@@ -61,6 +62,7 @@ def draw_popov() -> Figure:
     return figure
 
 
+@tabled
 def margins(book: Ledger) -> pd.DataFrame:
     """What the paper says of PI, PID and PIDA_1, and what the criteria say."""
     book.statement(
@@ -142,6 +144,7 @@ def shortest(name: str, way: str, what: str) -> float:
     return criteria.smallest_filter_time(family, holds, 0.2, shortest=0.01)
 
 
+@tabled
 def shortest_filters() -> pd.DataFrame:
     """The table of studies/shortest_filters.py; of its 24 entries the four of PIDA_1 are computed again."""
     kept = pd.read_csv(TABLE, comment="#", index_col=["controller", "way"])

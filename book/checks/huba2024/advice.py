@@ -14,6 +14,7 @@ from pidalab import plots
 from pidalab.robustness import circle
 
 from . import loops, optimum, search
+from .tables import tabled
 
 SIX = tuple(product((0.8, 1.2, 1.0), ("load", "setpoint")))
 
@@ -61,6 +62,7 @@ def rivals() -> dict[str, pidalab.Design]:
     return {k: loops.designs()[v] for k, v in named.items()} | {"fastest under (23)": sharp, "recommended": chosen()[0]}
 
 
+@tabled
 def found() -> pd.DataFrame:
     """How the recommended setting was found."""
     asked, spots, _, _ = survivors()
@@ -84,6 +86,7 @@ def _six(h: float, delay: float, step: str) -> pidalab.Portrait:
     return loops.portrait([loops.point(own.setting) for own in rivals().values()], h, step, delay)
 
 
+@tabled
 def experiments() -> pd.DataFrame:
     """The six experiments for all rivals: dead time 20 % shorter, as tuned for, 20 % longer."""
     rows: dict[str, dict[str, str]] = {}
@@ -98,6 +101,7 @@ def experiments() -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@tabled
 def robustness() -> pd.DataFrame:
     """Sensitivity, circle criterion, delay margin and noise of the rivals."""
     rows = {}
@@ -116,7 +120,7 @@ def draw_exchange() -> Figure:
     """IAE after a load over the sensitivity, for all settings that pass."""
     _, _, price, sensitivity = survivors()
     order = np.argsort(sensitivity)
-    figure, ax = plt.subplots(figsize=(6.4, 3.5))
+    figure, ax = plt.subplots(figsize=(6.4, 4.0))
     ax.plot(sensitivity, price, ".", color="#7a6a1c", markersize=4, label="passes all six")
     ax.step(sensitivity[order], np.minimum.accumulate(price[order]), "-", where="post", label="the best of them")
     for (name, own), mark in zip(rivals().items(), "sDo^*", strict=True):
@@ -127,7 +131,7 @@ def draw_exchange() -> Figure:
         size = 14 if mark == "*" else 9
         ax.plot(ms, cost, mark, color="#c8591a", markeredgewidth=2, label=label, markersize=size, markerfacecolor=face)
     ax.set(xlabel="$M_s$", ylabel="$IAE_d$", xlim=(1.6, 4.3))
-    ax.legend(fontsize=9, ncols=2, loc="upper right")
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
     return figure
 
 

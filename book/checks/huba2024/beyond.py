@@ -17,6 +17,7 @@ from pidalab import plots
 from pidalab.rules import automatic_reset as ar
 
 from . import loops
+from .tables import tabled
 
 WAYS = {"automatic reset": "reset", "no protection": None, "clamping": "clamping", "conditioning": "conditioning"}
 ORACLE = Path(__file__).parents[3] / "tests" / "oracle" / "reset_loops.json"
@@ -31,6 +32,7 @@ def protected(name: str, way: str, step: str) -> pidalab.Response:
     return loops.sampled(loops.parallel(name), step, anti_windup=kind)
 
 
+@tabled
 def protections() -> pd.DataFrame:
     """Set point and load under the four protections."""
     rows = {}
@@ -47,6 +49,7 @@ def protections() -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@tabled
 def tracking() -> pd.DataFrame:
     """How fast conditioning follows the limit, and how often clamping switches."""
     rows = {}
@@ -77,6 +80,7 @@ def draw_protections(*names: str) -> Figure:
     return figure
 
 
+@tabled
 def filtered_setpoint() -> pd.DataFrame:
     """Does Q_n filter the set point? Both ways, with n = 3 (PID: 2) so that the prefilter F_p/Q_n is proper."""
     rows: dict[str, dict[str, str]] = {}
@@ -91,6 +95,7 @@ def filtered_setpoint() -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@tabled
 def without_equivalent_delay() -> pd.DataFrame:
     """The set-point step if the filter is left out of T_d."""
     rows = {}
@@ -101,6 +106,7 @@ def without_equivalent_delay() -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@tabled
 def filter_of_fixed_time() -> pd.DataFrame:
     """Paper Fig. 2 with T_f = 0.2 for every n in place of T_e = 0.8: the family at three τ_2."""
     rows = {}
@@ -115,6 +121,7 @@ def filter_of_fixed_time() -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@tabled
 def accuracy() -> pd.DataFrame:
     """The sampled engine against the exact one without limits, and against the oracle of the tests with limits."""
     kept = json.loads(ORACLE.read_text())
@@ -139,6 +146,7 @@ def accuracy() -> pd.DataFrame:
     return pd.DataFrame(rows).T.fillna("")
 
 
+@tabled
 def machines() -> pd.DataFrame:
     """The stored benchmark of portraits: our engine beside two other ways."""
     kept = pd.read_csv(Path(__file__).parents[2] / "data" / "portrait_comparison.csv", comment="#").set_index("method")

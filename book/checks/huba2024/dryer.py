@@ -15,6 +15,7 @@ from pidalab.ledger import CONVENTIONS, Ledger, every
 from pidalab.rules import automatic_reset as ar
 
 from . import loops
+from .tables import tabled
 
 GAIN, DELAY, FILTER = 8.31e-4, 74.5, 50.0  # (32) and the caption of Paper Fig. 5
 VOLTS, RISE = 24.0, 55.0  # the supply, and from 25 to 80 °C
@@ -43,6 +44,7 @@ def alone() -> tuple[pidalab.Response, pidalab.Process]:
     return step, identification.ipdt_tangent(step.t, step.y)
 
 
+@tabled
 def consistency(book: Ledger) -> pd.DataFrame:
     """Can the tangent of the filtered step response have the delay 74.5 s?"""
     delays, slopes = tangents(FILTER)
@@ -86,6 +88,7 @@ def consistency(book: Ledger) -> pd.DataFrame:
     ).T
 
 
+@tabled
 def printed_loops(book: Ledger) -> pd.DataFrame:
     """The loops of Paper Fig. 6 with the printed numbers and no dead time at all but the filter's."""
     gain, delay = book.printed("eq32.ks"), book.printed("eq32.td")
@@ -151,6 +154,7 @@ def _gain_limit(loop: pidalab.Loop) -> float:
     return float(np.min(1 / np.abs(loop.L(1j * np.asarray(w)))))
 
 
+@tabled
 def largest_model(book: Ledger) -> pd.DataFrame:
     """Section 3.1: of several models, the one with the largest gain or dead time is the safe choice."""
     rows, stable, margin = {}, {}, {}

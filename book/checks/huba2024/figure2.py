@@ -14,6 +14,7 @@ from pidalab.ledger import Ledger, every
 from pidalab.rules import automatic_reset as ar
 
 from . import loops
+from .tables import tabled
 
 ORDERS = (2, 3, 4, 5, 6, 8)
 STANDARD = "T_e = 0.8, T_f = T_e/n, T_s = 0.001, the family of eq. (29) from the unrounded eq. (18)"
@@ -57,6 +58,7 @@ def draw() -> Figure:
     return figure
 
 
+@tabled
 def servo(book: Ledger) -> pd.DataFrame:
     """What the text says of the set-point half."""
     excess = {tau: at(tau, "setpoint", "tv1_u") for tau in (0.14, 0.16, 0.18, 0.2, 0.232, 0.42)}
@@ -133,6 +135,7 @@ def servo(book: Ledger) -> pd.DataFrame:
     ).T
 
 
+@tabled
 def disturbance(book: Ledger) -> pd.DataFrame:
     """What the text says of the load half."""
     way = np.flatnonzero((taus() >= 0.232 - 1e-9) & (taus() <= 0.348 + 1e-9))
@@ -200,6 +203,7 @@ def tight_limits(book: Ledger) -> None:
     )
 
 
+@tabled
 def equal_slope() -> pd.DataFrame:
     """Not in the paper: τ_2 = τ_D/2 keeps the sum of the zeros' time constants, and has no excess at all."""
     rows = {}

@@ -14,6 +14,7 @@ from pidalab import plots
 from pidalab.ledger import Ledger, every
 
 from . import loops
+from .tables import tabled
 
 SHOWN = ("MRDP-PIDA", "PPM-PIDA", "PIDA_1", "PIDA_2")
 ROUNDING = 1e-9
@@ -53,6 +54,7 @@ def known(name: str) -> float:
     return float(loops.run(name, "load").t[far])
 
 
+@tabled
 def measures(book: Ledger) -> pd.DataFrame:
     """All six controllers in numbers."""
     rows = {}
@@ -109,6 +111,7 @@ def faster(book: Ledger) -> None:
     )
 
 
+@tabled
 def unlimited(book: Ledger) -> pd.DataFrame:
     """Section 2.2: ideal shapes without limits."""
     rows = {}

@@ -10,10 +10,12 @@ from pidalab.rules import automatic_reset as ar
 from pidalab.rules import mrdp
 
 from . import loops
+from .tables import tabled
 
 ROUNDING = 1e-9
 
 
+@tabled
 def prefilters(book: Ledger) -> pd.DataFrame:
     """Eqs. (20) to (22): the loop without, with, and with a faster prefilter."""
     peaks = {}
@@ -69,6 +71,7 @@ def prefilters(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame({k: {"IAE, (21)": f"{b:.3f}", "IAE, (22)": f"{a:.3f}"} for k, (a, b) in quick.items()}).T
 
 
+@tabled
 def more_derivatives(book: Ledger) -> pd.DataFrame:
     """Section 4: more derivatives with Q_4, as what the paper says they bring: speed and robustness."""
     table, ies, peaks, least = {}, {}, {}, {}

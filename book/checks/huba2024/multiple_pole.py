@@ -14,6 +14,7 @@ from pidalab.rules import automatic_reset as ar
 from pidalab.rules import mrdp
 
 from . import loops
+from .tables import tabled
 
 ROUNDING = 1e-9
 SETTINGS = (ar.PI, ar.PID, ar.MRDP_PIDA)
@@ -74,6 +75,7 @@ def _derivatives(m: int, count: int) -> tuple[list[mpmath.mpf], mpmath.mpf]:
     return found, mpmath.polyval([abs(c) for c in gains], abs(pole))
 
 
+@tabled
 def conditions(book: Ledger) -> pd.DataFrame:
     """Eqs. (12) to (14): the pole is multiple, as often as there are unknowns."""
     last, all_of, then, rank = {}, {}, {}, {}
@@ -117,8 +119,8 @@ def conditions(book: Ledger) -> pd.DataFrame:
         "left, with the roots −2 and −6.",
     )
     return pd.DataFrame(
-        {m: {"all m + 3 conditions": f"{all_of[m]:.0e}", "the next": f"{then[m]:.3g}"} for m in range(9)}
-    )
+        {f"m = {m}": {"all m + 3 conditions": f"{all_of[m]:.0e}", "the next": f"{then[m]:.3g}"} for m in range(9)}
+    ).T
 
 
 def _rank(m: int, one: ar.Setting) -> int:
@@ -176,6 +178,7 @@ def _zeros(m: int) -> np.ndarray:
     return np.array([complex(z) for z in mpmath.polyroots(mrdp.constants(m).numerator, 800, extraprec=400)])
 
 
+@tabled
 def zeros(book: Ledger) -> pd.DataFrame:
     """Sections 1 and 2.2: the zeros of the controller and which of them the reset takes."""
     fastest = {m: min(_zeros(m), key=lambda z: z.real) for m in range(1, 9)}
@@ -216,6 +219,7 @@ def zeros(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame({m: {"zeros times T_d": ", ".join(f"{z:.3f}" for z in _zeros(m))} for m in range(1, 5)}).T
 
 
+@tabled
 def dominance(book: Ledger) -> pd.DataFrame:
     """Where the multiple pole is the rightmost: argument principle for PI and PID, one pole found for PIDA."""
     right = {}

@@ -13,6 +13,7 @@ from pidalab.ledger import Ledger
 from pidalab.rules import automatic_reset as ar
 
 from . import loops, search
+from .tables import tabled
 
 
 @cache
@@ -79,6 +80,7 @@ def ridge(share: float = 0.01) -> np.ndarray:
     return np.concatenate(kept)
 
 
+@tabled
 def best_setting(book: Ledger) -> pd.DataFrame:
     """(25) is not the optimum of its criterion; where the optimum is, and how flat."""
     spot, best = optimum()
@@ -109,6 +111,7 @@ def best_setting(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame({label: _row(at) for label, at in (candidates() | {"optimum": spot}).items()}).T
 
 
+@tabled
 def ridge_span() -> pd.DataFrame:
     """How far settings lie apart whose IAE_d is within 1 % of the optimum's."""
     (spot, _), near = optimum(), ridge()

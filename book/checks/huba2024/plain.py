@@ -10,6 +10,7 @@ import pandas as pd
 import pidalab
 
 from . import advice, loops
+from .tables import tabled
 
 H, LIMITS = 0.01, (-0.1, 0.1)
 
@@ -36,6 +37,7 @@ def controller(own: pidalab.SeriesPIDA, h: float, low: float, high: float) -> Ca
     return step
 
 
+@tabled
 def against_the_engine() -> pd.DataFrame:
     """A ramp of the set point, a load from t = 40 on, and noise; largest differences from the engine."""
     own = advice.chosen()[0].controller

@@ -9,10 +9,12 @@ import pidalab
 from pidalab.ledger import Ledger, every, some
 
 from . import figure3, loops
+from .tables import tabled
 
 ROUNDING = 1e-9
 
 
+@tabled
 def searched(book: Ledger) -> pd.DataFrame:
     """Sections 2.3 and 2.4: what the text says of PPM-PIDA, beside PIDA_1."""
     P, one = "PPM-PIDA", "PIDA_1"
@@ -74,6 +76,7 @@ def searched(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame({k: {"PIDA_1": f"{a:.5f}", "PPM-PIDA": f"{b:.5f}"} for k, (a, b) in pairs.items()}).T
 
 
+@tabled
 def robust(book: Ledger) -> pd.DataFrame:
     """Section 2.4: is PIDA_2 the controller for processes that deviate from the model?"""
     worst, margins, costs = {}, {}, {}

@@ -13,6 +13,7 @@ from pidalab.ledger import Ledger, every, some
 from pidalab.rules import automatic_reset as ar
 
 from . import loops
+from .tables import tabled
 
 BOUND = 1e-3  # of (23)
 PRINTED = loops.point(ar.PPM_PIDA)
@@ -35,6 +36,7 @@ def _tight(spare: float) -> pidalab.Portrait:
     return loops.portrait(PRINTED, loops.T_S, spare=spare, end=loops.END + 3.0 / spare)
 
 
+@tabled
 def printed_setting(book: Ledger) -> pd.DataFrame:
     """Eq. (25) against (23), over the sample time and the length of the run."""
     kp, kd, ka = (book.printed(f"eq25.{name}") for name in ("kp", "kd", "ka"))
@@ -71,6 +73,7 @@ def printed_setting(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@tabled
 def spare_range(book: Ledger) -> pd.DataFrame:
     """The excess of (25) over the reserve of the limits: "as tight as possible"."""
     found = {spare: _tight(spare) for spare in SPARES}
@@ -115,6 +118,7 @@ def grid_map(step: str = "load", spare: float = loops.SPARE, values: int = 10) -
     return loops.portrait(grid(values), 0.01, step, spare=spare, end=loops.END + 3.0 / spare - 30.0)
 
 
+@tabled
 def first_map() -> pd.DataFrame:
     """What a map finds at two reserves of the limits, and what a shorter sample time leaves of it."""
     rows = {}
@@ -136,6 +140,7 @@ def first_map() -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
+@tabled
 def reasons(book: Ledger) -> pd.DataFrame:
     """Section 2.4: would a search that also asks for the set point have found another setting?"""
     load, servo = grid_map("load"), grid_map("setpoint")

@@ -8,6 +8,7 @@ from pidalab.ledger import CONVENTIONS, Display, Ledger, every
 from pidalab.rules import automatic_reset as ar
 
 from . import loops
+from .tables import tabled
 
 ROUNDING = 1e-9
 NAMES = ("kp", "ti", "td", "kd", "ta2", "ka")
@@ -77,6 +78,7 @@ def chained(book: Ledger) -> Display:
     return book.table("eq30")
 
 
+@tabled
 def roundings(book: Ledger) -> pd.DataFrame:
     """How many of the twelve numbers of (30) and (31) are missed if an input is not rounded."""
     kp, ti, short = book.printed("eq18.kp"), book.printed("eq18.ti"), book.printed("eq27.t2")
@@ -118,6 +120,7 @@ def _residuals(ratio: float) -> tuple[float, float]:
     return float(np.max(np.abs(middle / left - 1))), float(np.max(np.abs(last / left - 1)))
 
 
+@tabled
 def same_linear_loop(book: Ledger) -> pd.DataFrame:
     """Section 2.4: the double zero hardly changes the linear loop."""
     w = np.geomspace(1e-3, 1e3, 20001)

@@ -11,6 +11,7 @@ from pidalab.ledger import Ledger, every
 from pidalab.rules import automatic_reset as ar
 
 from . import loops
+from .tables import tabled
 
 ROUNDING = 1e-9
 
@@ -73,6 +74,7 @@ def load_equation(book: Ledger) -> None:
     )
 
 
+@tabled
 def reset(book: Ledger) -> pd.DataFrame:
     """Eqs. (3), (7) and (8): what the automatic reset knows and how far it can go."""
     final = {name: (abs(float(loops.estimate(name)[-1]) - 1.0), 1.0) for name in loops.designs()}
@@ -118,6 +120,7 @@ def reset(book: Ledger) -> pd.DataFrame:
     ).T
 
 
+@tabled
 def parallel_form(book: Ledger) -> pd.DataFrame:
     """Sections 1 and 2: what the parallel form does at the limits, without protection and with conditioning."""
     names = ("PI", "PID", "MRDP-PIDA", "PIDA_1")
@@ -165,6 +168,7 @@ def parallel_form(book: Ledger) -> pd.DataFrame:
     return pd.DataFrame(table).T
 
 
+@tabled
 def implicit_control(book: Ledger) -> pd.DataFrame:
     """Section 1: the conditioned PI controller is the automatic reset."""
     own = loops.series("PI")
@@ -210,6 +214,7 @@ def stuck(book: Ledger) -> None:
     )
 
 
+@tabled
 def filters(book: Ledger) -> pd.DataFrame:
     """Section 2.1: why all terms share one filter, and what delay stands for it."""
     own = loops.series("PIDA_1")

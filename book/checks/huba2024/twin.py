@@ -15,6 +15,7 @@ from pidalab.ledger import Ledger
 from pidalab.rules import automatic_reset as ar
 
 from .dryer import DELAY, GAIN
+from .tables import tabled
 
 NAMES = ("PI", "PID", "PIDA_1")
 VOLTS, WIDTHS, SAMPLE, LID = 24.0, 255, 0.5, 6000.0
@@ -59,6 +60,7 @@ def heating(name: str, real: bool = True) -> pidalab.Response:
     return pidalab.simulate_sampled(own.loop(dryer), clock, 55.0, load, limits=(0.0, VOLTS), **(extra if real else {}))
 
 
+@tabled
 def fits() -> pd.DataFrame:
     """The least-squares line of the noisy record behind two filters."""
     clock, rise = record()
@@ -76,6 +78,7 @@ def _arrival(name: str) -> float:
     return float(r.t[(r.t < LID) & (np.abs(r.e) > 1.1)][-1])
 
 
+@tabled
 def results(book: Ledger) -> pd.DataFrame:
     """Heating and load with three controllers, with and without noise."""
     rows, noise = {}, {}
