@@ -42,6 +42,8 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "simulation/ladder": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/ring": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/realisation": ("simulation/test_exact.py", "a part of the exact engine"),
+    "robustness/many": ("test_many.py", "one test for both engines"),
+    "simulation/many": ("test_many.py", "one test for both engines"),
     "optimal/_problem": ("optimal/test_design.py", "what a design is worth"),
     "optimal/_solver": ("optimal/test_design.py", "what finds it"),
     "rules/_models": ("rules/test_itae.py", "the models that rules refuse"),

@@ -18,10 +18,12 @@ if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
     from pidalab.process import Process, fopdt, ipdt, lags, sopdt
     from pidalab.record import Record
     from pidalab.response import Response
+    from pidalab.robustness.many import margins_many
     from pidalab.robustness.margins import Margins, gain_crossovers, margins, max_sensitivity, phase_crossovers
     from pidalab.robustness.poles import is_stable, rightmost_poles, unstable_poles
     from pidalab.rules import Design
     from pidalab.simulation.exact import load_response, open_loop_step, simulate, simulate_ensemble, step_response
+    from pidalab.simulation.many import simulate_many
     from pidalab.simulation.noise import noise_gain, uniform_noise
     from pidalab.simulation.portrait import Portrait, portrait
     from pidalab.simulation.sampled import simulate_sampled
@@ -35,9 +37,11 @@ HOMES = {
     "record": ("Record",),
     "response": ("Response",),
     "robustness.margins": ("Margins", "gain_crossovers", "margins", "max_sensitivity", "phase_crossovers"),
+    "robustness.many": ("margins_many",),
     "robustness.poles": ("is_stable", "rightmost_poles", "unstable_poles"),
     "rules": ("Design",),
     "simulation.exact": ("load_response", "open_loop_step", "simulate", "simulate_ensemble", "step_response"),
+    "simulation.many": ("simulate_many",),
     "simulation.noise": ("noise_gain", "uniform_noise"),
     "simulation.portrait": ("Portrait", "portrait"),
     "simulation.sampled": ("simulate_sampled",),
