@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
     from pidalab.simulation.noise import noise_gain, uniform_noise
     from pidalab.simulation.portrait import Portrait, portrait
     from pidalab.simulation.sampled import simulate_sampled
+    from pidalab.tuning import tune
 
 ROOMS = ("areas", "identification", "ledger", "optimal", "plots", "reduction", "robustness", "rules", "twins")
 HOMES = {
@@ -45,6 +46,7 @@ HOMES = {
     "simulation.noise": ("noise_gain", "uniform_noise"),
     "simulation.portrait": ("Portrait", "portrait"),
     "simulation.sampled": ("simulate_sampled",),
+    "tuning": ("tune",),
 }
 HOME = {name: module for module, names in HOMES.items() for name in names}
 

@@ -1,0 +1,288 @@
+"""One call that tunes: all rules and the optimum behind one door, with what the model does not know priced in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.identification import Fit
+from pidalab.loop import Loop
+from pidalab.process import Process, rational, require_process
+from pidalab.rules import Design
+
+ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
+LOUDEST = 10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
+QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
+SPREAD = 20  # plants drawn from the uncertainty of a fit
+
+
+def tune(
+    model: Process | Fit,
+    kind: str = "PIDA",
+    ms: float = 1.6,
+    noise_gain: float | None = None,
+    sample_time: float | None = None,
+    rule: str = "optimal",
+    spread: float | None = None,
+    output_filter: Any = None,
+) -> Design:
+    r"""Tune a PI, PID or PIDA controller.
+
+    Parameters
+    ----------
+    model : Process or Fit
+        The plant, or what `pidalab.identification.fit` made of a record.
+    kind : {"PIDA", "PID", "PI"}, optional
+        Which controller.
+    ms : float, optional
+        Largest maximum sensitivity, above 1: 1.4 is cautious, 2 fast. Rules that do not know Ms ignore it; the value
+        reached is in the result.
+    noise_gain : float, optional
+        Largest standard deviation of u per unit of that of white measurement noise, sampled with `sample_time`.
+        Without it, a Fit whose record is noisy allows the noise to move u by 1 % of the record's step, and a Process
+        allows a gain of 10 from noise to u, over all frequencies, per unit of what it asks of u for a unit of y.
+    sample_time : float, optional
+        Sample time of the controller that will run the design, above 0: half of it is added to the dead time in the
+        design, as holding does in the loop.
+    rule : str, optional
+        "optimal", the least IAE for loads; or a rule: "haalman", "simc", "amigo", "lambda", "ziegler-nichols", "itae",
+        "direct", "magnitude optimum", "mrdp".
+    spread : float, optional
+        What the model may be wrong by, as a share: gain, time scale and dead time are varied by it, up and down. By
+        default a Fit is varied by its own uncertainty, a Process not at all.
+    output_filter : control.TransferFunction, optional
+        A filter of your own (or the lag of a sensor) in series with the controller: the design knows it.
+
+    Returns
+    -------
+    Design
+        Its `info`: ``iae``, that of a load step in units of y times time; ``ms``; ``mks``, the largest gain from noise
+        to u; ``ms_worst`` and ``iae_worst`` over the spread, if there is one (infinite where a plant of the spread is
+        unstable); ``doubts``, what a user should know.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, a rule that does not make this kind of controller, and what the rule itself refuses:
+        a model outside its validity, or limits that nothing satisfies.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> design = pidalab.tune(pidalab.lags(3, delay=1.0), kind="PI", ms=1.6, spread=0.1)
+    >>> design.ms <= 1.6 * (1 + 1e-6) < design.ms_worst
+    True
+    """
+    if kind not in ORDER:
+        raise ValueError(f"kind must be 'PI', 'PID' or 'PIDA', found {kind!r}")
+    ms = _check.real("ms", ms, above=1.0)
+    if rule != "optimal" and rule not in RULES:
+        raise ValueError(f"rule must be 'optimal' or one of {', '.join(RULES)}, found {rule!r}")
+    if sample_time is not None:
+        sample_time = _check.real("sample_time", sample_time, above=0.0)
+    process = model.process if isinstance(model, Fit) else model
+    require_process("model", process)
+    doubts: list[str] = []
+    designed = _seen_by_the_controller(process, sample_time, output_filter)
+    if rule == "optimal":
+        made = _optimal(model, designed, kind, ms, noise_gain, sample_time, doubts)
+    else:
+        made = RULES[rule](designed, kind, ms)
+        if noise_gain is not None:
+            doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
+    _doubt_unknown_dynamics(designed, kind, doubts)
+    loop = Loop(process, made.controller, _in_series(made.output_filter, output_filter), made.prefilter)
+    info = {**_measured(loop), **_worst(loop, _plants(model, process, spread)), "doubts": tuple(doubts)}
+    return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
+
+
+def _seen_by_the_controller(process: Process, sample_time: float | None, output_filter: Any) -> Process:
+    """Return the process with the filter in series and the half sample that a held control signal waits."""
+    num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
+    delay = process.delay + (sample_time or 0.0) / 2
+    return Process(np.convolve(process.num, num), np.convolve(process.den, den), delay)
+
+
+def _in_series(first: Any, second: Any) -> Any:
+    """Return both filters as one, None for none."""
+    if first is None or second is None:
+        return second if first is None else first
+    import control
+
+    (a, b), (c, d) = rational("output_filter", first), rational("output_filter", second)
+    return control.TransferFunction(np.convolve(a, c), np.convolve(b, d))
+
+
+def _optimal(
+    model: Process | Fit,
+    designed: Process,
+    kind: str,
+    ms: float,
+    noise_gain: float | None,
+    sample_time: float | None,
+    doubts: list[str],
+) -> Design:
+    """Least IAE under Ms and a limit for noise; without one given, a default that is said."""
+    from pidalab import optimal
+
+    mks = None
+    if noise_gain is None and isinstance(model, Fit) and model.noise > 0 and model.record.steps:
+        moved = abs(model.record.steps[0].after - model.record.steps[0].before)
+        noise_gain, sample_time = QUIET * moved / model.noise, sample_time or model.record.sampling
+        doubts.append(f"noise_gain = {noise_gain:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}")
+    elif noise_gain is None:
+        mks = LOUDEST * _asked_of_u(designed)
+        doubts.append(f"no limit for noise was given: mks = {mks:.3g} is allowed")
+    elif sample_time is None:
+        raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
+    sampled = None if noise_gain is None else sample_time  # without noise the half sample in `designed` is enough
+    return optimal.load(designed, ORDER[kind], ms, mks, noise_gain, sampled)
+
+
+def _asked_of_u(process: Process) -> float:
+    """Return 1/|P| where the phase has fallen by 90 degrees from rest, or at rest for a process that settles."""
+    gain = process.gain()
+    if math.isfinite(gain):
+        return 1 / abs(gain)
+    w = np.geomspace(1e-6, 1e6, 4801)
+    value = process(1j * w)
+    turned = np.unwrap(np.angle(value))
+    k = int(np.argmax(turned <= turned[0] - np.pi / 4))
+    return float(1 / np.abs(value[k]))
+
+
+def _doubt_unknown_dynamics(process: Process, kind: str, doubts: list[str]) -> None:
+    """Say where a derivative has no lag of the model to work on."""
+    known = len(process.den) - 1
+    if known < ORDER[kind]:
+        doubts.append(
+            f"the model has {known} pole(s): a {kind} leans on dynamics that it does not know; fit a model of higher "
+            "order, or take a lower kind"
+        )
+
+
+def _measured(loop: Loop) -> dict[str, float]:
+    """Ms, mks and the IAE of a load step; nan and infinity for an unstable loop."""
+    from pidalab.robustness.control import max_control_sensitivity
+    from pidalab.robustness.margins import max_sensitivity
+    from pidalab.robustness.poles import is_stable
+
+    if not is_stable(loop):
+        return {"iae": math.inf, "ms": math.inf, "mks": math.inf}
+    return {"iae": _load_iae(loop), "ms": max_sensitivity(loop)[0], "mks": max_control_sensitivity(loop)[0]}
+
+
+def _load_iae(loop: Loop) -> float:
+    """IAE of a unit step of the load, over a horizon that is doubled until the loop has settled."""
+    from pidalab.robustness.poles import rightmost_poles
+    from pidalab.simulation.exact import load_response
+
+    slowest = -float(np.max(rightmost_poles(loop).real))
+    horizon = 12.0 / slowest + 10.0 * loop.process.delay
+    return load_response(loop, np.linspace(0.0, horizon, 8001)).iae()
+
+
+def _plants(model: Process | Fit, process: Process, spread: float | None) -> list[Process]:
+    if spread is None:
+        return model.spread(SPREAD) if isinstance(model, Fit) else []
+    share = _check.real("spread", spread, above=0.0)
+    if share >= 1:
+        raise ValueError(f"spread must be a share below 1, found {spread!r}")
+    return [_varied(process, gain, time, delay, share) for gain, time, delay in product((-1, 1), repeat=3)]
+
+
+def _varied(process: Process, gain: int, time: int, delay: int, share: float) -> Process:
+    """Return the process with gain, time scale and dead time changed by a share, up or down."""
+
+    def scaled(coefficients: Array) -> Array:
+        return coefficients * (1 + time * share) ** np.arange(coefficients.size - 1.0, -1.0, -1.0)
+
+    num = scaled(process.num) * (1 + gain * share)
+    return Process(num, scaled(process.den), process.delay * (1 + delay * share))
+
+
+def _worst(loop: Loop, plants: list[Process]) -> dict[str, float]:
+    """Return the worst Ms and IAE over plants in place of the model."""
+    if not plants:
+        return {}
+    measured = [_measured(Loop(plant, loop.controller, loop.output_filter, loop.prefilter)) for plant in plants]
+    return {f"{name}_worst": max(each[name] for each in measured) for name in ("ms", "iae")}
+
+
+# --- rules by name ----------------------------------------------------------------------------------------------------
+
+
+def _haalman(process: Process, kind: str, ms: float) -> Design:
+    from pidalab.rules import haalman
+
+    return haalman.tune(process, ms, kind)
+
+
+def _classical(name: str) -> Callable[[Process, str, float], Design]:
+    def rule(process: Process, kind: str, ms: float) -> Design:
+        from pidalab.rules import classical
+
+        if kind == "PIDA":
+            raise ValueError("kind must be 'PI' or 'PID' for a classical rule: none of them knows acceleration")
+        return getattr(classical, name)(process, kind)
+
+    return rule
+
+
+def _itae(process: Process, kind: str, ms: float) -> Design:
+    from pidalab.rules import itae
+
+    if kind != "PIDA":
+        raise ValueError(f"kind must be 'PIDA' for the rule 'itae', found {kind!r}")
+    return itae.tune(process, "load")
+
+
+def _direct(process: Process, kind: str, ms: float) -> Design:
+    from pidalab.rules import direct
+
+    if kind != "PIDA":
+        raise ValueError(f"kind must be 'PIDA' for the rule 'direct', found {kind!r}")
+    return direct.tune(process, "load")
+
+
+def _magnitude_optimum(process: Process, kind: str, ms: float) -> Design:
+    from pidalab.rules import magnitude_optimum
+
+    order = ORDER[kind]
+    # a filter ten times faster than the process's own time, its area divided by its gain
+    areas = _lag_time(process)
+    return magnitude_optimum.tune(process, order, order + 1, 0.1 * areas / (order + 1))
+
+
+def _lag_time(process: Process) -> float:
+    """Sum of lags and dead time, the first area over the gain."""
+    from pidalab.areas import from_process
+
+    first = from_process(process, 2)
+    return float(first[1] / first[0])
+
+
+def _mrdp(process: Process, kind: str, ms: float) -> Design:
+    from pidalab.rules import mrdp
+
+    m = ORDER[kind]
+    return mrdp.tune(process, m, m + 1, max(0.25 * process.delay, 1.2 * mrdp.smallest_te(m, m + 1) * process.delay))
+
+
+RULES: dict[str, Callable[[Process, str, float], Design]] = {
+    "haalman": _haalman,
+    "simc": _classical("simc"),
+    "amigo": _classical("amigo"),
+    "lambda": _classical("lambda_tuning"),
+    "ziegler-nichols": _classical("ziegler_nichols_ultimate"),
+    "itae": _itae,
+    "direct": _direct,
+    "magnitude optimum": _magnitude_optimum,
+    "mrdp": _mrdp,
+}

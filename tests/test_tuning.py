@@ -1,0 +1,97 @@
+"""The front door: every rule by name, what the design knows, what it doubts, what it refuses."""
+
+import math
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab import Record, fopdt, ipdt, lags, sopdt, tune
+from pidalab.identification import fit
+
+THIRD = lags(3, delay=1.0)
+
+
+def test_the_optimum_keeps_what_it_promises_and_says_its_default():
+    design = tune(THIRD, "PID", ms=1.5)
+    margins = pidalab.margins(design.loop())
+    assert margins.ms == pytest.approx(design.ms, rel=1e-6)
+    assert design.ms <= 1.5 * (1 + 1e-6)
+    assert design.mks <= 10.0 * (1 + 1e-6)
+    assert "mks = 10" in design.doubts[0]
+    assert design.iae == pytest.approx(pidalab.load_response(design.loop(), np.linspace(0, 100, 20001)).iae(), rel=1e-4)
+
+
+def test_sample_time_and_own_filter_are_part_of_the_design():
+    plain, slow = tune(THIRD, "PI"), tune(THIRD, "PI", sample_time=1.0)
+    assert slow.controller.gains().ki < plain.controller.gains().ki
+    filtered = tune(THIRD, "PI", output_filter=pidalab.lags(1, 1.0).rational_part())
+    assert pidalab.margins(filtered.loop()).ms == pytest.approx(filtered.ms, rel=1e-6)
+    assert filtered.ms <= 1.6 * (1 + 1e-6)
+
+
+def test_spread_prices_what_the_model_does_not_know():
+    design = tune(THIRD, "PI", spread=0.2)
+    gains = [tune(THIRD, "PI", spread=share).ms_worst for share in (0.05, 0.1)]
+    assert 1.6 < gains[0] < gains[1] < design.ms_worst
+    worst = pidalab.Loop(lags(3, 1.2, 1.2, delay=1.2), design.controller)
+    assert pidalab.margins(worst).ms <= design.ms_worst * (1 + 1e-9)
+
+
+def test_a_fit_brings_its_uncertainty_and_its_noise():
+    t = np.arange(0.0, 80.0, 0.5)
+    y = 2.0 * 5.0 * (1 - np.exp(-np.maximum(t - 14.0, 0.0) / 8.0)) + np.random.default_rng(0).normal(0, 0.1, t.size)
+    fitted = fit(Record(t, np.where(t < 10.0, 40.0, 45.0), y), "fopdt")
+    design = tune(fitted, "PI")
+    assert design.ms <= 1.6 * (1 + 1e-6) <= design.ms_worst * 1.05
+    assert any("noise_gain" in doubt for doubt in design.doubts)
+
+
+@pytest.mark.parametrize(
+    ("rule", "kind", "model"),
+    [
+        ("haalman", "PIDA", THIRD),
+        ("simc", "PID", THIRD),
+        ("amigo", "PI", fopdt(1.0, 2.0, 1.0)),
+        ("lambda", "PID", fopdt(1.0, 2.0, 1.0)),
+        ("ziegler-nichols", "PI", THIRD),
+        ("itae", "PIDA", sopdt(1.0, 1.0, 0.8, 0.6)),
+        ("direct", "PIDA", sopdt(1.0, 1.0, 0.8, 0.6)),
+        ("magnitude optimum", "PIDA", THIRD),
+        ("mrdp", "PID", ipdt(1.0, 1.0)),
+    ],
+)
+def test_every_rule_by_name(rule, kind, model):
+    design = tune(model, kind, rule=rule)
+    assert math.isfinite(design.iae)
+    assert design.source
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: tune(THIRD, "PIDD"), "kind must be 'PI', 'PID' or 'PIDA'"),
+        (lambda: tune(THIRD, "PI", ms=0.9), "ms must be above 1"),
+        (lambda: tune(THIRD, "PI", rule="best"), "rule must be 'optimal' or one of haalman"),
+        (lambda: tune(THIRD, "PIDA", rule="simc"), "none of them knows acceleration"),
+        (lambda: tune(THIRD, "PI", rule="itae"), "kind must be 'PIDA' for the rule 'itae'"),
+        (lambda: tune(THIRD, "PI", noise_gain=1.0), "sample_time must be given with noise_gain"),
+        (lambda: tune(THIRD, "PI", rule="simc", spread=1.0), "spread must be a share below 1"),
+        (lambda: tune(THIRD, "PI", sample_time=0.0), "sample_time must be above 0"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_what_is_no_model_says_what_to_pass():
+    with pytest.raises(TypeError, match="model"):
+        tune(1.0, "PI")
+
+
+def test_a_derivative_without_a_lag_to_work_on_is_doubted():
+    assert any(
+        "leans on dynamics" in doubt for doubt in tune(fopdt(1.0, 2.0, 1.0), "PIDA", rule="magnitude optimum").doubts
+    )
+    assert not any("leans on" in doubt for doubt in tune(THIRD, "PID", rule="simc").doubts)
