@@ -57,7 +57,7 @@ def prefilters(book: Ledger) -> pd.DataFrame:
         left_name="overshoot with (21)",
         right_name="that with (22) and a line's width",
     )
-    fast = loops.design(ar.MRDP_PIDA, cancelled=1)
+    fast = loops.design(loops.pida(), cancelled=1)
     zero = complex(fast.prefilter.zeros()[0]) * fast.delay
     gains = mrdp.constants(2).numerator
     left = zero**2 * np.exp(zero) + np.polyval(gains, zero)
@@ -66,7 +66,7 @@ def prefilters(book: Ledger) -> pd.DataFrame:
         abs(left) / float(np.polyval(np.abs(gains), abs(zero))),
         ROUNDING,
         note="The zero of the prefilter is a pole of the loop without filter. T_d/2 is T_0 for m = 2 only; for PI and "
-        f"PID it would be {ar.PI.lag:.4f} T_d and {ar.PID.lag:.4f} T_d.",
+        f"PID it would be {loops.pi().lag:.4f} T_d and {loops.pid().lag:.4f} T_d.",
     )
     return pd.DataFrame({k: {"IAE, (21)": f"{b:.3f}", "IAE, (22)": f"{a:.3f}"} for k, (a, b) in quick.items()}).T
 

@@ -25,6 +25,21 @@ def plant(delay: float = 1.0) -> pidalab.Process:
     return pidalab.ipdt(1.0, delay=delay)
 
 
+def pi() -> ar.Setting:
+    """PI of the multiple pole, computed when it is asked for."""
+    return ar.multiple_pole(0)
+
+
+def pid() -> ar.Setting:
+    """PID of the multiple pole."""
+    return ar.multiple_pole(1)
+
+
+def pida() -> ar.Setting:
+    """PIDA of the multiple pole."""
+    return ar.multiple_pole(2)
+
+
 def design(setting: ar.Setting, n: int = 4, filter_time: float = 0.2, **options: Any) -> pidalab.Design:
     """A controller for T_dp = 1 behind Q_n; by default n T_f = 0.8, so T_d = 1.8."""
     return ar.tune(plant(), setting, n=n, filter_time=filter_time, **options)

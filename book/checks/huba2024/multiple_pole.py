@@ -17,52 +17,61 @@ from . import loops
 from .tables import tabled
 
 ROUNDING = 1e-9
-SETTINGS = (ar.PI, ar.PID, ar.MRDP_PIDA)
+
+
+def _settings() -> tuple[ar.Setting, ...]:
+    return loops.pi(), loops.pid(), loops.pida()
 
 
 def equations(book: Ledger) -> None:
     """The numbers of (15) to (19)."""
-    for eq, pole, one in (("eq15", "eq15", ar.PI), ("eq16", "eq16", ar.PID), ("eq18", "eq17", ar.MRDP_PIDA)):
+    for eq, pole, one in (
+        ("eq15", "eq15", loops.pi()),
+        ("eq16", "eq16", loops.pid()),
+        ("eq18", "eq17", loops.pida()),
+    ):
         book.check({f"{pole}.s0": -1 / one.lag, f"{eq}.kp": one.kp, f"{eq}.ti": one.ti})
-    book.check("eq16.td", ar.PID.times[0])
+    book.check("eq16.td", loops.pid().times[0])
     product_of = book.printed("eq16.kp") * book.printed("eq16.td")
     book.check(
         "eq16.kd",
         product_of,
         note="The product K_p T_D of the printed, rounded factors, as eq. (16) writes it: "
         f"{product_of:.5f}. The gain of "
-        f"the multiple pole is (√3 − 1)e^(√3 − 3) = {ar.PID.kd:.5f}, see eq16.kd.rule.",
+        f"the multiple pole is (√3 − 1)e^(√3 − 3) = {loops.pid().kd:.5f}, see eq16.kd.rule.",
     )
     book.statement(
         "eq16.kd.rule",
-        abs(ar.PID.kd - book.printed("eq16.kd")),
+        abs(loops.pid().kd - book.printed("eq16.kd")),
         "<=",
         book.row("eq16.kd").half_unit,
         left_name="distance from 0.2062",
         right_name="half a unit of its last place",
-        note=f"K_d of the multiple pole is {ar.PID.kd:.5f}; 0.2062 is the product of two rounded factors, see eq16.kd.",
+        note=f"K_d of the multiple pole is {loops.pid().kd:.5f}; 0.2062 is the product of two "
+        "rounded factors, see eq16.kd.",
     )
-    book.check({"eq18.kd": ar.MRDP_PIDA.kd, "eq18.ka": ar.MRDP_PIDA.ka})
-    book.check({"eq19.td": ar.MRDP_PIDA.times[0], "eq19.ta2": ar.MRDP_PIDA.times[1]})
+    book.check({"eq18.kd": loops.pida().kd, "eq18.ka": loops.pida().ka})
+    book.check({"eq19.td": loops.pida().times[0], "eq19.ta2": loops.pida().times[1]})
 
 
 def table_1(book: Ledger) -> Display:
     """Table 1. Its zeros are there by construction and are settled by reading."""
-    for m, one in enumerate(SETTINGS):
+    for m, one in enumerate(_settings()):
         book.check({f"table1.m{m}.tau0": one.lag, f"table1.m{m}.kappa": one.kp, f"table1.m{m}.tau_i": one.ti})
         if m:
             book.check(f"table1.m{m}.tau_d", one.times[0])
-    book.check("table1.m2.tau_a", ar.MRDP_PIDA.times[1])
-    pairs = {f"m = {m + 1} and {m}": (SETTINGS[m + 1].lag, SETTINGS[m].lag) for m in (0, 1)}
+    book.check("table1.m2.tau_a", loops.pida().times[1])
+    pairs = {f"m = {m + 1} and {m}": (_settings()[m + 1].lag, _settings()[m].lag) for m in (0, 1)}
     book.statement("table1.tau0.shorter", *every(pairs, "<"), left_name="τ_0", right_name="τ_0 before")
-    ratios = {f"m = {m}": (one.lag, one.ti) for m, one in enumerate(SETTINGS) if m != 1}
+    ratios = {f"m = {m}": (one.lag, one.ti) for m, one in enumerate(_settings()) if m != 1}
     book.statement(
         "table1.tau0.reset",
         *every(ratios, "<", "clearly"),
         left_name="τ_0",
         right_name="τ_i",
-        note=f"τ_i/τ_0 is {ar.PI.ti / ar.PI.lag:.2f} for m = 0 and {ar.MRDP_PIDA.ti / ar.MRDP_PIDA.lag:.2f} for m = 2; "
-        f"for m = 1 it is {ar.PID.ti / ar.PID.lag:.2f}.",
+        note=f"τ_i/τ_0 is {loops.pi().ti / loops.pi().lag:.2f} for m = 0 and "
+        f"{loops.pida().ti / loops.pida().lag:.2f} for m = 2; "
+        f"for m = 1 it is {loops.pid().ti / loops.pid().lag:.2f}.",
     )
     return book.table("table1.")
 
@@ -91,7 +100,7 @@ def conditions(book: Ledger) -> pd.DataFrame:
         note="For m from 0 to 8, with the library's gains. Derivative m + 2 of eq. (13) leaves "
         "x² + 2(m+2)x + (m+2)(m+1) = 0 with x = T_d s; the other root is farther left.",
     )
-    for m, one in enumerate(SETTINGS):
+    for m, one in enumerate(_settings()):
         product_of = np.convolve([one.ka, one.kd, one.kp], [one.ti, 1.0]) / one.ti
         gains = np.array(mrdp.constants(m).numerator)
         all_of[m] = max(all_of[m], float(np.max(np.abs(product_of[-gains.size :] - gains)) / np.max(gains)))
@@ -102,7 +111,7 @@ def conditions(book: Ledger) -> pd.DataFrame:
         ROUNDING,
         note="For m = 0, 1, 2. The next derivative is not zero, so the pole has multiplicity m + "
         "3 and not more. T_i of "
-        f"eq. (15) is {ar.PI.ti:.4f}, not the printed closed form.",
+        f"eq. (15) is {loops.pi().ti:.4f}, not the printed closed form.",
     )
     book.statement(
         "eq12.unknowns",
@@ -110,7 +119,7 @@ def conditions(book: Ledger) -> pd.DataFrame:
         left_name="rank of the conditions in K_p, K_d, K_a, T_i and s_0",
         right_name="m + 3",
     )
-    book.identity("eq17.t0", abs(ar.MRDP_PIDA.lag / 0.5 - 1), ROUNDING)
+    book.identity("eq17.t0", abs(loops.pida().lag / 0.5 - 1), ROUNDING)
     book.identity(
         "eq17.derivative",
         last[2],
@@ -144,16 +153,16 @@ def _rank(m: int, one: ar.Setting) -> int:
 def closed_forms(book: Ledger) -> None:
     """The closed forms of (15), and (18) against (19)."""
     root = math.sqrt(2)
-    book.identity("eq15.s0.form", abs((root - 2) * ar.PI.lag + 1), ROUNDING)
-    book.identity("eq15.kp.form", abs(2 * (root - 1) * math.exp(root - 2) / ar.PI.kp - 1), ROUNDING)
+    book.identity("eq15.s0.form", abs((root - 2) * loops.pi().lag + 1), ROUNDING)
+    book.identity("eq15.kp.form", abs(2 * (root - 1) * math.exp(root - 2) / loops.pi().kp - 1), ROUNDING)
     form = (root - 1) / (10 * root - 14)
     book.identity(
         "eq15.ti.form",
-        abs(form / ar.PI.ti - 1),
+        abs(form / loops.pi().ti - 1),
         ROUNDING,
         note=f"As read. (√2 − 1)/(10√2 − 14) is {form:.4f}, half the number printed beside it. Eq. (12) gives "
         "K_p/T_i = (10√2 − 14)e^(√2 − 2), and with the printed K_p this is T_i = 2(√2 − 1)/(10√2 − 14) = 3 + 2√2 = "
-        f"{ar.PI.ti:.4f}. A factor of 2 may be lost in the reading.",
+        f"{loops.pi().ti:.4f}. A factor of 2 may be lost in the reading.",
     )
     total = loops.designs()["MRDP-PIDA"].delay
     left = book.printed("eq18.ka") / total / (book.printed("eq18.kp") / total)
@@ -202,19 +211,24 @@ def zeros(book: Ledger) -> pd.DataFrame:
         note="For m from 0 to 8 the pole of eq. (14) solves eq. (12), see eq14.pole, and all gains are positive.",
     )
     pid = sorted(-1 / z.real for z in _zeros(1))
-    book.statement("eq16.smallest", ar.PID.ti, "<", pid[1], left_name="T_i/T_d", right_name="the other time constant")
+    book.statement(
+        "eq16.smallest", loops.pid().ti, "<", pid[1], left_name="T_i/T_d", right_name="the other time constant"
+    )
     pair = -1 / float(fastest[2].real)
-    taken = {"PID": (ar.PID.ti, pid[1]), "PIDA": (ar.PIDA_1.ti, ar.MRDP_PIDA.ti)}
+    taken = {"PID": (loops.pid().ti, pid[1]), "PIDA": (ar.double_zero().ti, loops.pida().ti)}
     book.statement(
         "st.abstract.reset",
         *every(taken, "<"),
         left_name="T_i",
         right_name="the other time constant",
-        note=f"PID: {ar.PID.ti:.4f} T_d against {pid[1]:.4f} T_d. PIDA_1: {ar.PIDA_1.ti:.4f} "
+        note=f"PID: {loops.pid().ti:.4f} T_d against {pid[1]:.4f} T_d. PIDA_1: {ar.double_zero().ti:.4f} "
         "T_d, from the real part of "
-        f"the complex zeros ({pair:.4f}), against {ar.MRDP_PIDA.ti:.4f} T_d.",
+        f"the complex zeros ({pair:.4f}), against {loops.pida().ti:.4f} T_d.",
     )
-    smaller = {"T_i": (ar.PID.ti, ar.PI.ti), "K_p": (ar.PID.kp, ar.PI.kp)}
+    smaller = {
+        "T_i": (loops.pid().ti, loops.pi().ti),
+        "K_p": (loops.pid().kp, loops.pi().kp),
+    }
     book.statement("eq16.reset", *every(smaller, "<"), left_name="PID", right_name="PI")
     return pd.DataFrame({m: {"zeros times T_d": ", ".join(f"{z:.3f}" for z in _zeros(m))} for m in range(1, 5)}).T
 

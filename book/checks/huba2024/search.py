@@ -41,7 +41,7 @@ def printed_setting(book: Ledger) -> pd.DataFrame:
     """Eq. (25) against (23), over the sample time and the length of the run."""
     kp, kd, ka = (book.printed(f"eq25.{name}") for name in ("kp", "kd", "ka"))
     book.check({"eq25.td": kd / kp, "eq25.ta2": ka / kp})
-    old = ar.MRDP_PIDA
+    old = loops.pida()
     moved = {"K_p": (kp, old.kp), "T_i": (book.printed("eq25.ti"), old.ti)}
     moved |= {"K_d": (old.kd, kd), "K_a": (old.ka, ka), "T_D": (old.times[0], kd / kp), "T_A²": (old.times[1], ka / kp)}
     book.statement("eq25.changes", *every(moved, "<"), left_name="smaller", right_name="larger")
@@ -159,7 +159,7 @@ def reasons(book: Ledger) -> pd.DataFrame:
         f"{load.iae[best['alone']]:.3f} and {load.iae[best['both']]:.3f}. That the steps of the parameters were finite "
         "remains as a reason.",
     )
-    root = ar.MRDP_PIDA.times[1] ** 0.5
+    root = loops.pida().times[1] ** 0.5
     book.statement(
         "st.taua",
         abs(root - book.printed("table1.m2.tau_a")),

@@ -16,14 +16,20 @@ NAMES = ("kp", "ti", "td", "kd", "ta2", "ka")
 
 def zero_pair(book: Ledger) -> Display:
     """Eqs. (26) and (27), from the printed coefficients, as they are written."""
-    book.check({"eq26.ta2": ar.MRDP_PIDA.times[1], "eq26.td": ar.MRDP_PIDA.times[0], "eq27.ti": ar.MRDP_PIDA.ti})
+    book.check(
+        {
+            "eq26.ta2": loops.pida().times[1],
+            "eq26.td": loops.pida().times[0],
+            "eq27.ti": loops.pida().ti,
+        }
+    )
     root = np.roots([book.printed("eq26.ta2"), book.printed("eq26.td"), 1.0])[0]
-    exact = np.roots([*ar.MRDP_PIDA.times[::-1], 1.0])[0]
+    exact = np.roots([*loops.pida().times[::-1], 1.0])[0]
     mixed = [
         np.roots(p)[0].imag
         for p in (
-            [book.printed("eq26.ta2"), ar.MRDP_PIDA.times[0], 1],
-            [ar.MRDP_PIDA.times[1], book.printed("eq26.td"), 1],
+            [book.printed("eq26.ta2"), loops.pida().times[0], 1],
+            [loops.pida().times[1], book.printed("eq26.td"), 1],
         )
     ]
     book.check(
@@ -43,16 +49,22 @@ def zero_pair(book: Ledger) -> Display:
     short = -1 / book.printed("eq27.pole")
     book.check("eq27.t2", short, note=f"From the printed 4.3058: {short:.5f}. Eqs (30) and (31) continue with 0.232.")
     book.statement(
-        "eq27.much", ar.PIDA_1.ti, "<", ar.MRDP_PIDA.ti, convention="negligible", left_name="T_2", right_name="T_i"
+        "eq27.much",
+        ar.double_zero().ti,
+        "<",
+        loops.pida().ti,
+        convention="negligible",
+        left_name="T_2",
+        right_name="T_i",
     )
     book.statement(
         "eq29.bar",
-        abs(ar.MRDP_PIDA.ka - book.printed("eq30.ka")),
+        abs(loops.pida().ka - book.printed("eq30.ka")),
         "<=",
         book.row("eq30.ka").half_unit,
         left_name="distance of K_a of (18) from the number printed in (30)",
         right_name="half a unit of its last place",
-        note=f"As read. It is K̄_a, as eq. (31) has it: K_a without bar is {ar.MRDP_PIDA.ka:.4f} "
+        note=f"As read. It is K̄_a, as eq. (31) has it: K_a without bar is {loops.pida().ka:.4f} "
         "of eq. (18). The bar may be "
         "lost in the reading.",
     )
@@ -73,7 +85,9 @@ def chained(book: Ledger) -> Display:
     for eq, values in own.items():
         book.check({f"{eq}.{name}": value for name, value in values.items()})
     book.check("eq31.t2", 1.5 * book.printed("eq27.t2"))
-    higher = {name: (getattr(ar.PIDA_2, name), getattr(ar.PIDA_1, name)) for name in ("kp", "kd", "ka")}
+    higher = {
+        name: (getattr(ar.double_zero(1.5), name), getattr(ar.double_zero(), name)) for name in ("kp", "kd", "ka")
+    }
     book.statement("st.gains", *every(higher, ">"), left_name="PIDA_2", right_name="PIDA_1")
     return book.table("eq30")
 
@@ -84,10 +98,10 @@ def roundings(book: Ledger) -> pd.DataFrame:
     kp, ti, short = book.printed("eq18.kp"), book.printed("eq18.ti"), book.printed("eq27.t2")
     inputs = {
         "all as printed": (kp, ti, short),
-        "K_p unrounded": (ar.MRDP_PIDA.kp, ti, short),
-        "T_i unrounded": (kp, ar.MRDP_PIDA.ti, short),
+        "K_p unrounded": (loops.pida().kp, ti, short),
+        "T_i unrounded": (kp, loops.pida().ti, short),
         "T_2 = 1/4.3058": (kp, ti, 1 / book.printed("eq27.denominator")),
-        "all unrounded": (ar.MRDP_PIDA.kp, ar.MRDP_PIDA.ti, ar.PIDA_1.ti),
+        "all unrounded": (loops.pida().kp, loops.pida().ti, ar.double_zero().ti),
     }
     rows = {}
     for name, (gain, slow, fast) in inputs.items():
@@ -113,7 +127,7 @@ def _residuals(ratio: float) -> tuple[float, float]:
     """How far the second and the third expression of (28) are from the first."""
     rng = np.random.default_rng(2024)
     s = rng.normal(size=20) + 1j * rng.normal(size=20)
-    old, new, short = ar.MRDP_PIDA, ar.double_zero(ratio), ratio * ar.TAU_2
+    old, new, short = loops.pida(), ar.double_zero(ratio), ratio * ar.TAU_2
     left = old.kp * (1 + short * s) ** 2 * (1 + old.ti * s) / (old.ti * s)
     middle = new.kp * (1 + short * s) * (1 + old.ti * s) * (1 + short * s) / (short * s)
     last = (new.kp + new.kd * s + new.ka * s**2) * (1 + new.ti * s) / (new.ti * s)
