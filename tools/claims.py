@@ -43,10 +43,16 @@ BEFORE: dict[str, Callable[[], None]] = {  # in the order in which they are trie
     "responses, strongly": partial(disturb.responses, STRONG),
     "controllers, strongly": partial(disturb.controllers, STRONG / 2),
     "printed inputs, strongly": partial(disturb.printed, STRONG),
+    "results of the library, strongly": partial(disturb.results, STRONG),
+    "methods of the library, strongly": partial(disturb.methods, STRONG),
+    "controllers, very strongly": partial(disturb.controllers, 30.0),
+    "a lag more": disturb.another_lag,
     "decisions of the library": disturb.decisions,
 }
 AFTER: dict[str, Callable[[], None]] = {
     "elementary functions": disturb.elementary,
+    "searches": partial(disturb.elementary, disturb.SEARCHES),
+    "decisions that the page asks for": disturb.seen_decisions,
     "formulas of the page": disturb.formulas,
     "formulas of the page, strongly": partial(disturb.formulas, STRONG),
     "decisions of the page": disturb.verdicts,

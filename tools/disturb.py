@@ -19,7 +19,7 @@ from zlib import crc32
 import numpy as np
 
 ROOMS = ("areas", "robustness", "identification", "reduction", "rules", "simulation.noise", "optimal", "twins")
-FACTORS = (1.011, 0.983, 1.027, 0.991)  # neighbours change by different amounts, so that no ratio stays
+FACTORS = (1.011, 0.983, 1.027, 0.991, 1.019, 0.973, 1.007)  # neighbours change unequally, so that no ratio stays
 
 
 def changed(value: Any, strength: float = 1.0, place: int = 0) -> Any:
@@ -30,7 +30,7 @@ def changed(value: Any, strength: float = 1.0, place: int = 0) -> Any:
     if isinstance(value, float | complex | np.floating | np.complexfloating):
         return value * factor
     if isinstance(value, np.ndarray):
-        return _changed_array(value, strength)
+        return _changed_array(value, strength, place)
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         return type(value)(*(changed(part, strength, place + i) for i, part in enumerate(value)))
     if isinstance(value, tuple | list):
@@ -38,33 +38,33 @@ def changed(value: Any, strength: float = 1.0, place: int = 0) -> Any:
     if isinstance(value, dict):
         return {key: changed(part, strength, place + i) for i, (key, part) in enumerate(value.items())}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return _changed_record(value, strength)
+        return _changed_record(value, strength, place)
     if type(value).__module__.startswith("mpmath") and hasattr(value, "real"):
         return value * factor
     return value
 
 
-def _changed_array(value: np.ndarray, strength: float) -> np.ndarray:
+def _changed_array(value: np.ndarray, strength: float, place: int) -> np.ndarray:
     if value.dtype.kind not in "fc":
         return value
-    factors = 1 + strength * (np.resize(FACTORS, value.size).reshape(value.shape) - 1)
+    factors = 1 + strength * (np.resize(np.roll(FACTORS, -place % len(FACTORS)), value.size).reshape(value.shape) - 1)
     return value * factors
 
 
-def _changed_record(value: Any, strength: float) -> Any:
+def _changed_record(value: Any, strength: float, place: int) -> Any:
     """A record keeps its type; controllers are left alone, as their constructor is disturbed."""
     if type(value).__module__.startswith(("pidalab.controllers", "pidalab.response")):
         return value
     fresh = object.__new__(type(value))
     for i, field in enumerate(dataclasses.fields(value)):
-        object.__setattr__(fresh, field.name, changed(getattr(value, field.name), strength, i))
+        object.__setattr__(fresh, field.name, changed(getattr(value, field.name), strength, place + i))
     for name, part in getattr(value, "__dict__", {}).items():
         if name not in fresh.__dict__:
             object.__setattr__(fresh, name, part)
     return fresh
 
 
-def decided(value: Any) -> Any:
+def decided(value: Any, place: int = 0) -> Any:
     """Turn a decision round and move a count by one."""
     if isinstance(value, bool | np.bool_):
         return not value
@@ -75,7 +75,7 @@ def decided(value: Any) -> Any:
     return value
 
 
-def replaced(functions: Iterable[Callable[..., Any]], change: Callable[[Any], Any], prefix: str) -> None:
+def replaced(functions: Iterable[Callable[..., Any]], change: Callable[[Any, int], Any], prefix: str) -> None:
     """Put functions whose results are changed in place of others, in every module that knows them by name."""
     wrapped = {id(function): after(function, change) for function in functions}
     for name, module in [*sys.modules.items()]:
@@ -85,12 +85,13 @@ def replaced(functions: Iterable[Callable[..., Any]], change: Callable[[Any], An
                     setattr(module, key, wrapped[id(value)])
 
 
-def after(function: Callable[..., Any], change: Callable[[Any], Any]) -> Callable[..., Any]:
-    """Return a function that changes the result of another."""
+def after(function: Callable[..., Any], change: Callable[[Any, int], Any]) -> Callable[..., Any]:
+    """Return a function that changes the result of another, each by an amount of its own."""
+    place = crc32(getattr(function, "__qualname__", "").encode())
 
     @functools.wraps(function)
     def disturbed(*arguments: Any, **options: Any) -> Any:
-        return change(function(*arguments, **options))
+        return change(function(*arguments, **options), place)
 
     return disturbed
 
@@ -139,6 +140,18 @@ def processes(strength: float = 1.0) -> None:
     Process.__init__ = disturbed  # type: ignore[method-assign]
 
 
+def another_lag() -> None:
+    """Every process has a lag more, so that orders and counts change."""
+    from pidalab.process import Process
+
+    make = Process.__init__
+
+    def disturbed(self: Process, num: Any, den: Any, delay: float = 0.0) -> None:
+        make(self, num, np.convolve(den, [0.05, 1.0]), delay)
+
+    Process.__init__ = disturbed  # type: ignore[method-assign]
+
+
 def controllers(strength: float = 1.0) -> None:
     """Every controller has other gains and times."""
     from pidalab import controllers as module
@@ -183,7 +196,7 @@ def responses(strength: float = 1.0) -> None:
 
 def results(strength: float = 1.0) -> None:
     """Every function of the library that computes, the simulation apart, returns something else."""
-    replaced(library_functions(), lambda value: changed(value, strength), "pidalab")
+    replaced(library_functions(), lambda value, place: changed(value, strength, place), "pidalab")
 
 
 def methods(strength: float = 1.0) -> None:
@@ -197,7 +210,7 @@ def methods(strength: float = 1.0) -> None:
     for kind in kinds:
         for name, method in [*vars(kind).items()]:
             if isinstance(method, FunctionType) and (name == "__call__" or not name.startswith("_")):
-                setattr(kind, name, after(method, lambda value: changed(value, strength)))
+                setattr(kind, name, after(method, lambda value, place: changed(value, strength, place)))
 
 
 def decisions() -> None:
@@ -232,7 +245,7 @@ def tables(strength: float = 1.0) -> None:
 
     pd.read_csv = disturbed
     for name in ("loadtxt", "genfromtxt", "load"):
-        setattr(np, name, after(getattr(np, name), lambda value: changed(value, strength)))
+        setattr(np, name, after(getattr(np, name), lambda value, place: changed(value, strength, place)))
 
     def field(text: Any, place: int) -> Any:
         try:
@@ -256,7 +269,7 @@ def tables(strength: float = 1.0) -> None:
 class Elsewhere:
     """A module in which some functions return something else."""
 
-    def __init__(self, module: Any, names: Iterable[str], change: Callable[[Any], Any]) -> None:
+    def __init__(self, module: Any, names: Iterable[str], change: Callable[[Any, int], Any]) -> None:
         self._module = module
         for name in names:
             if hasattr(module, name):
@@ -266,21 +279,29 @@ class Elsewhere:
         return getattr(self._module, name)
 
 
-def elementary(strength: float = 1.0, prefixes: tuple[str, ...] = ("pidalab_checks", "pidalab")) -> None:
-    """Roots, polynomials, exponentials, roots and quadratures that library and page call are others."""
+NUMERICS = (
+    "roots polyval polymul polyfit convolve exp sqrt log log10 interp trapezoid atan atan2 tan cos comb factorial prod "
+    "quad polyroots minimize_scalar solve_ivp expm1"
+)
+SEARCHES = "brentq root_scalar findroot newton root fsolve minimize minimize_scalar"
+
+
+def elementary(
+    names: str = NUMERICS, strength: float = 1.0, prefixes: tuple[str, ...] = ("pidalab_checks", "pidalab")
+) -> None:
+    """Polynomials, exponentials, quadratures or searches that library and page call give something else."""
     import math
 
     import mpmath
     from scipy import integrate, optimize
 
-    names = (
-        "roots polyval polymul polyfit convolve exp sqrt log log10 interp trapezoid atan atan2 tan cos comb "
-        "factorial prod quad findroot polyroots brentq root_scalar minimize_scalar solve_ivp expm1"
-    )
     owners = (np, math, mpmath, integrate, optimize)
-    others = {id(owner): Elsewhere(owner, names.split(), lambda value: changed(value, strength)) for owner in owners}
+    others = {
+        id(owner): Elsewhere(owner, names.split(), lambda value, place: changed(value, strength, place))
+        for owner in owners
+    }
     functions = [getattr(owner, name) for owner in owners[1:] for name in names.split() if hasattr(owner, name)]
-    single = {id(f): after(f, lambda value: changed(value, strength)) for f in functions if callable(f)}
+    single = {id(f): after(f, lambda value, place: changed(value, strength, place)) for f in functions if callable(f)}
     for name, module in [*sys.modules.items()]:
         if name.partition(".")[0] in prefixes and module is not None and ".ledger" not in name:
             for key, value in [*vars(module).items()]:
@@ -288,12 +309,22 @@ def elementary(strength: float = 1.0, prefixes: tuple[str, ...] = ("pidalab_chec
                     setattr(module, key, others.get(id(value)) or single[id(value)])
 
 
+def seen_decisions(prefix: str = "pidalab_checks") -> None:
+    """Every decision and count of the library is another where the page asks for it; inside the library it stays."""
+    import pidalab
+
+    names = ("is_stable", "unstable_poles")
+    for name, module in [*sys.modules.items()]:
+        if name.startswith(f"{prefix}.") and getattr(module, "pidalab", None) is pidalab:
+            module.pidalab = Elsewhere(pidalab, names, decided)
+
+
 def formulas(strength: float = 1.0, prefix: str = "pidalab_checks") -> None:
     """Every function of the page's own, the sections apart, returns something else."""
     modules = [module for name, module in [*sys.modules.items()] if name.startswith(f"{prefix}.")]
     sections = {id(section) for module in modules for section in getattr(module, "SECTIONS", ())}
     own = [function for module in modules for function in _own(module) if id(function) not in sections]
-    replaced(own, lambda value: changed(value, strength), prefix)
+    replaced(own, lambda value, place: changed(value, strength, place), prefix)
 
 
 def verdicts(prefix: str = "pidalab_checks") -> None:

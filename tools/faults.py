@@ -66,14 +66,14 @@ FAULTS = (
     Fault(
         "Ms and Mt on a grid of 40 points a decade",
         "robustness/margins.py",
-        "_peak",
+        "_peaks",
         (
             (
-                "        loop_value, height = loop.L(1j * w), value(w)\n",
-                "        w = np.geomspace(w[0], w[-1], 2 + int(40 * np.log10(w[-1] / w[0])))\n"
-                "        loop_value, height = loop.L(1j * w), value(w)\n",
+                "    return [_with_ends(loop, k == 1, float(best[k]), float(where[k])) for k in range(kinds)]\n",
+                "    w = np.geomspace(looked.w[0], looked.w[-1], 2 + int(40 * np.log10(looked.w[-1] / looked.w[0])))\n"
+                "    best = [np.nanmax(np.abs(loop.S(1j * w))), np.nanmax(np.abs(loop.T(1j * w)))]\n"
+                "    return [_with_ends(loop, k == 1, float(best[k]), float(where[k])) for k in range(kinds)]\n",
             ),
-            ("    if inner.size:\n", "    if inner.size < 0:\n"),
         ),
     ),
     Fault(
@@ -153,7 +153,7 @@ FAULTS = (
     ),
     Fault(
         "levels of the three points as printed, not as used",
-        "identification.py",
+        "identification/experiments.py",
         "three_point",
         (("LEVELS = (0.05, 0.353, 0.853)", "LEVELS = (0.05, 0.35, 0.85)"),),
     ),
@@ -194,7 +194,7 @@ def calls(paper: str) -> dict[str, list[str]]:
     return found
 
 
-def _note(called: set[str], name: str, value: object) -> object:
+def _note(called: set[str], name: str, value: object, _: int) -> object:
     called.add(name)
     return value
 
