@@ -34,6 +34,7 @@ BEFORE: dict[str, Callable[[], None]] = {  # in the order in which they are trie
     "printed inputs": disturb.printed,
     "results of the library": disturb.results,
     "methods of the library": disturb.methods,
+    "constants of the library": disturb.constants,
     "responses": disturb.responses,
     "controllers": disturb.controllers,
     "stored tables": disturb.tables,
@@ -47,6 +48,7 @@ BEFORE: dict[str, Callable[[], None]] = {  # in the order in which they are trie
     "methods of the library, strongly": partial(disturb.methods, STRONG),
     "controllers, very strongly": partial(disturb.controllers, 30.0),
     "a lag more": disturb.another_lag,
+    "constants of the library, strongly": partial(disturb.constants, STRONG),
     "decisions of the library": disturb.decisions,
 }
 AFTER: dict[str, Callable[[], None]] = {

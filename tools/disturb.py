@@ -213,6 +213,16 @@ def methods(strength: float = 1.0) -> None:
                 setattr(kind, name, after(method, lambda value, place: changed(value, strength, place)))
 
 
+def constants(strength: float = 1.0) -> None:
+    """Every constant of the library's rules, limits and levels is another."""
+    library_functions()  # imports every module
+    for name, module in [*sys.modules.items()]:
+        if any(name == f"pidalab.{room}" or name.startswith(f"pidalab.{room}.") for room in ROOMS):
+            for place, (key, value) in enumerate([*vars(module).items()]):
+                if key.lstrip("_").isupper():
+                    setattr(module, key, changed(value, strength, place))
+
+
 def decisions() -> None:
     """Every decision of the library is turned round, every count is one more."""
     replaced(library_functions(), decided, "pidalab")
