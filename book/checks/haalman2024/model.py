@@ -39,10 +39,25 @@ def three_points(book: Ledger) -> Figure:
         note=f"As read. The printed a3 and a2 of eq. (18) fix τ, since p² + 2τp = a2 and τp² = a3: "
         f"between {low:.4f} and {high:.4f}, whatever was rounded off. The step response gives the same.",
     )
+    models = {example: pidalab.open_loop_step(fit.process, shared.t) for example, fit in shared.fits.items()}
+    apart = {example: float(np.max(np.abs(model.y - shared.records[example].y))) for example, model in models.items()}
+    book.statement(
+        "sec4.approximation",
+        *every(
+            {
+                example: (off, CONVENTIONS["similar"].limit * shared.fits[example].gain)
+                for example, off in apart.items()
+            },
+            "<=",
+        ),
+        left_name="largest distance of the step responses",
+        right_name="a tenth of the change",
+        note="About the same is within 10 %, the book's convention. The largest distance is "
+        f"{100 * apart['ex1']:.2f} % of the change in Example 1 and {100 * apart['ex2']:.2f} % in Example 2.",
+    )
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 5.0))
     for ax, (example, fit), end in zip(axes, shared.fits.items(), (15, 25), strict=True):
-        model = pidalab.open_loop_step(fit.process, shared.t)
-        plots.signal(ax, {"process": shared.records[example], "model": model}, "y", until=end)
+        plots.signal(ax, {"process": shared.records[example], "model": models[example]}, "y", until=end)
         ax.plot(fit.times, SUNDARESAN, "o", color="black", label="three points", zorder=4)
         ax.set(title=f"$1/(s+1)^{ORDERS[example]}$", ylabel="output y")
     axes[0].legend(loc="lower right")
