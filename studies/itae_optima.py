@@ -4,7 +4,7 @@ For models of gain 1 and time constant 1 it finds, by simplex search with the ex
 
 * the PIDA controller of least ITAE, for set-point steps, for load steps, and for load steps with Ms up to 2;
 * for each of these models the best pair of factors f_d, f_a in the rule of heo2023;
-* the PID and PIDA controllers for the models of its Figure 1;
+* the PID and PIDA controllers for the models of its Figure 1, the PID also with a nearly ideal derivative;
 * the best pair of factors by IAE, ITAE and their sum, which tells the integral that its Table 1 was fitted to.
 
 It writes the first three to book/data/itae_optima.csv and the last to book/data/itae_factors.csv. Then it prints the
@@ -45,6 +45,7 @@ VALIDATION = [
 FIGURE = [(xi, r) for xi in (0.5, 1.0) for r in (0.25, 0.5, 1.0)]
 TABLE = [(xi, r) for xi in (0.3, 0.5, 0.75, 1.0) for r in (0.12, 0.25, 0.5, 0.79, 1.2, 1.6, 2.0)]
 BOUND = 2.0  # on Ms, for loads
+SHARP = 0.002  # α_d of a nearly ideal derivative
 TASKS = (("setpoint", math.inf), ("load", math.inf), ("load", BOUND))
 RUNS = {"setpoint": pidalab.step_response, "load": pidalab.load_response}
 RULES = {"setpoint": (direct.setpoint, itae.pida_setpoint), "load": (direct.load, itae.pida_load)}
@@ -133,11 +134,11 @@ def best_factors(plant: Plant, kind: str, bound: float) -> itae.Factors:
     return itae.Factors(*(float(v) for v in search(cost, start, size=0.05, tolerance=1e-4)))
 
 
-def optimal_pid(plant: Plant) -> pidalab.NonInteractivePIDA:
+def optimal_pid(plant: Plant, alpha_d: float = 0.05) -> pidalab.NonInteractivePIDA:
     """Best PID controller for set-point steps, from ITAE-2."""
 
     def controller(x: np.ndarray) -> pidalab.NonInteractivePIDA:
-        return pidalab.NonInteractivePIDA(*np.exp(x), 0.0)
+        return pidalab.NonInteractivePIDA(*np.exp(x), 0.0, alpha_d)
 
     start = itae.pid_setpoint(unit(plant))
     x = [math.log(v) for v in (start.kc, start.tau_i, start.tau_d)]
@@ -225,7 +226,8 @@ def main() -> None:
                 pair = best_factors(plant, kind, bound) if role == "fit" and (kind, bound) != TASKS[1] else ("", "")
                 rows.append((role, kind, bound, *plant, c.kc, c.tau_i, c.tau_d, c.tau_a, cost, *pair))
     for plant in FIGURE:
-        for role, c in (("figure", optimum(plant, *TASKS[0])), ("figure-pid", optimal_pid(plant))):
+        found = optimum(plant, *TASKS[0]), optimal_pid(plant), optimal_pid(plant, SHARP)
+        for role, c in zip(("figure", "figure-pid", "figure-pid-sharp"), found, strict=True):
             cost = value(plant, c, "setpoint")
             rows.append((role, *TASKS[0], *plant, c.kc, c.tau_i, c.tau_d, c.tau_a, cost, "", ""))
     write("itae_optima.csv", COLUMNS, rows)
