@@ -1,6 +1,6 @@
-"""Modules of tests/oracle and tests/lab are imported by name: pytest's importlib mode adds no path."""
+"""Modules of tests/oracle, tests/lab and tests/digital are imported by name: pytest's importlib mode adds no path."""
 
 import sys
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parent / folder) for folder in ("oracle", "lab")]
+sys.path[:0] = [str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital")]

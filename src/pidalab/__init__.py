@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
-    from pidalab import areas, identification, ledger, optimal, plots, reduction, robustness, rules, twins
+    from pidalab import areas, digital, identification, ledger, optimal, plots, reduction, robustness, rules, twins
     from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
     from pidalab.loop import Loop
     from pidalab.plants import AsymmetricPlant
@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
     from pidalab.simulation.sampled import simulate_sampled
     from pidalab.tuning import tune
 
-ROOMS = ("areas", "identification", "ledger", "optimal", "plots", "reduction", "robustness", "rules", "twins")
+ROOMS = "areas", "digital", "identification", "ledger", "optimal", "plots", "reduction", "robustness", "rules", "twins"
 HOMES = {
     "controllers": ("PIDA", "HighOrderPID", "NonInteractivePIDA", "SeriesPIDA"),
     "loop": ("Loop",),

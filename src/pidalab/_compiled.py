@@ -14,20 +14,21 @@ from numba.core import event
 LOG = logging.getLogger("pidalab")
 
 
-def compiled(function: Callable) -> Any:
+def compiled(function: Callable, *others: Callable) -> Any:
     """Compile a function when it is first called, without the interpreter's lock.
 
     The machine code is kept beside the source, or in the user's cache where that cannot be written to (or in
     ``NUMBA_CACHE_DIR``). Where nothing can be written, each process compiles for itself. A compiled function calls only
-    those of its own folder, and is compiled anew when one of that folder's files has changed.
+    those of its own folder and of the folders of `others`, and is compiled anew when a file there has changed.
     """
     options: Any = {"nogil": True, "error_model": "numpy"}
     try:
         dispatcher = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no place for its cache
         return numba.njit(**options)(function)
+    folders = [Path(one.__code__.co_filename).parent for one in (function, *others)]
     kept = dispatcher._cache._cache_file
-    kept._source_stamp = (kept._source_stamp, _changed(Path(function.__code__.co_filename).parent))
+    kept._source_stamp = (kept._source_stamp, *(_changed(folder) for folder in folders))
     return dispatcher
 
 

@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.forms import IdealGains
+from pidalab.forms import FilteredGains, IdealGains
 from pidalab.process import binomial, quotient
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
+
+    from pidalab.digital import DigitalController
 
 Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
 
@@ -90,6 +92,52 @@ class Controller:
         """Return numerator and denominator of the filtered controller, descending powers of s."""
         raise TypeError(f"{type(self).__name__} must define fraction")
 
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return the parts whose sum is the filtered controller, each with gains and a filter."""
+        raise TypeError(f"{type(self).__name__} must define parts")
+
+    def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
+        """Return the digital controller for a sample time: difference equations, and the code they write.
+
+        Parameters
+        ----------
+        sample_time : float
+            Time from sample to sample, above 0.
+        method : {"backward", "tustin", "zoh"}, optional
+            How integral and filters become differences; see `pidalab.digital.discretise`.
+        **options : optional
+            Weights of the set point, limits, rate limit, anti-windup, deadband, bias and engineering units, as in
+            `pidalab.digital.discretise`. Limits of the controller hold unless others are given.
+
+        Returns
+        -------
+        DigitalController
+            With ``step``, ``c()``, ``structured_text()``, ``python()`` and ``json()``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a value outside its range, and for a sample time with which the method is of no use.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> k = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0).discretise(0.1, limits=(0.0, 100.0), bias=40.0)
+        >>> k.step(r=1.0, y=1.0), k.step(r=1.0, y=0.9)
+        (40.0, 41.205)
+        """
+        from pidalab.digital import discretise
+
+        native, reset = None, self.automatic_reset()
+        if reset is not None:
+            gains = (0.0, *reset.stabiliser[::-1].tolist())
+            native = FilteredGains("stabiliser", gains, reset.filter_time, reset.filter_order), reset.time
+        if options.get("limits") is None:
+            bias, span = (_check.real(name, options.get(name, usual)) for name, usual in (("bias", 0), ("u_span", 1)))
+            options["limits"] = tuple(bias + span * limit for limit in self.limits)
+        options.setdefault("source", repr(self))
+        return discretise(self.parts(), sample_time, method, reset=native, **options)
+
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller."""
         raise TypeError(f"{type(self).__name__} must define gains")
@@ -121,6 +169,17 @@ def _store(controller: Controller, names: Sequence[str], **bounds: float) -> Non
     """Check attributes of a frozen controller and store them as plain floats."""
     for name in names:
         object.__setattr__(controller, name, _check.real(name, getattr(controller, name), **bounds))
+
+
+def _separate(gains: IdealGains, derivative_filter: float, acceleration_filter: float) -> tuple[FilteredGains, ...]:
+    """Return parts of which each derivative has a filter of its own, without absent ones."""
+    ki, kp, kd, ka = gains
+    parts = [FilteredGains("proportional", (ki, kp))]
+    if kd:
+        parts.append(FilteredGains("derivative", (0.0, 0.0, kd), derivative_filter, 1))
+    if ka:
+        parts.append(FilteredGains("acceleration", (0.0, 0.0, 0.0, ka), acceleration_filter, 2))
+    return tuple(parts)
 
 
 def _without_common_s(num: ArrayLike, den: ArrayLike) -> Fraction:
@@ -221,6 +280,22 @@ class PIDA(Controller):
         """
         return IdealGains(self.kp / self.ti, self.kp, self.kp * self.td, self.kp * self.ta)
 
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return proportional and integral part, and the filtered derivatives, eq. (2).
+
+        Returns
+        -------
+        tuple of FilteredGains
+            Without absent actions.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> [part.name for part in pidalab.PIDA(kp=2.0, ti=4.0, td=1.0).parts()]
+        ['proportional', 'derivative']
+        """
+        return _separate(self.gains(), self.td / self.n, self.ta / self.m)
+
     def fraction(self) -> Fraction:
         """Return the filtered controller, eq. (2).
 
@@ -310,6 +385,22 @@ class NonInteractivePIDA(Controller):
         """
         return IdealGains(self.kc / self.tau_i, self.kc, self.kc * self.tau_d, self.kc * self.tau_a**2 / 2)
 
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return proportional and integral part, and the filtered derivatives, eq. (16).
+
+        Returns
+        -------
+        tuple of FilteredGains
+            Without absent actions.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> [part.name for part in pidalab.NonInteractivePIDA(1.0, 2.0, 0.0, 1.0).parts()]
+        ['proportional', 'acceleration']
+        """
+        return _separate(self.gains(), self.alpha_d * self.tau_d, self.alpha_a * self.tau_a)
+
     def fraction(self) -> Fraction:
         """Return the filtered controller, eq. (16).
 
@@ -398,6 +489,22 @@ class HighOrderPID(Controller):
         if any(self.coefficients[4:]):
             raise ValueError(f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}")
         return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
+
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return the controller as it is: one filter for all gains, eq. (1).
+
+        Returns
+        -------
+        tuple of FilteredGains
+            One.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.HighOrderPID([0.5, 2.0], filter_time=0.1, filter_order=1).parts()[0].gains
+        (0.5, 2.0)
+        """
+        return (FilteredGains("filtered", self.coefficients, self.filter_time, self.filter_order),)
 
     def fraction(self) -> Fraction:
         """Return the filtered controller, eq. (1).
@@ -492,6 +599,22 @@ class SeriesPIDA(Controller):
         IdealGains(ki=0.5, kp=1.0, kd=0.0, ka=0.0)
         """
         return IdealGains(self.kp / self.ti, self.kp + self.kd / self.ti, self.kd + self.ka / self.ti, self.ka)
+
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return the controller between its limits, eq. (5) multiplied out: one filter for all gains.
+
+        Returns
+        -------
+        tuple of FilteredGains
+            One.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).parts()[0].gains
+        (0.5, 1.0, 0.0, 0.0)
+        """
+        return (FilteredGains("filtered", tuple(self.gains()), self.filter_time, self.filter_order),)
 
     def fraction(self) -> Fraction:
         """Return the filtered controller between its limits.

@@ -35,6 +35,27 @@ class SeriesForm(NamedTuple):
     ti: float
 
 
+class FilteredGains(NamedTuple):
+    r"""Gains of the integral, the error and its derivatives behind one chain of equal lags; controllers are their sums.
+
+    .. math:: \frac{K_{-1} s^{-1} + K_0 + K_1 s + \dots}{(1 + T_F s)^n}
+
+    Attributes
+    ----------
+    name : str
+        What it is called in code that is written for it.
+    gains : tuple of float
+        :math:`K_{-1}, K_0, K_1, \dots`
+    filter_time, filter_order : float, int
+        Time constant and number of the lags.
+    """
+
+    name: str
+    gains: tuple[float, ...]
+    filter_time: float = 0.0
+    filter_order: int = 0
+
+
 class IdealGains(NamedTuple):
     """Parallel form ki/s + kp + kd s + ka s^2, without filters: what all other forms convert from.
 

@@ -11,8 +11,29 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab.controllers import AutomaticReset, Controller, Fraction
+from pidalab.digital import DigitalController
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, quotient, rational
+
+BLOCKS = ("process", "controller", "output_filter", "prefilter")
+
+
+class _Digital(dict):
+    """Blocks of a loop whose controller has no transfer function in s."""
+
+    def __missing__(self, name: str) -> Any:
+        if name != "controller":
+            raise KeyError(name)
+        raise TypeError(_no_transfer_function(None))
+
+
+def _no_transfer_function(controller: DigitalController | None) -> str:
+    """Return what to do with a loop whose controller is digital."""
+    which = "" if controller is None else f" with sample time {controller.sample_time:g}"
+    return (
+        f"the controller of this loop is digital{which}: it has no transfer function in s. Use simulate_sampled, "
+        "noise_gain, margins and is_stable, which take it, or the loop of the continuous controller"
+    )
 
 
 class Loop:
@@ -41,8 +62,9 @@ class Loop:
     ----------
     process : Process
         The plant, dead time included. A python-control system is taken as a plant without dead time.
-    controller : controller, control.TransferFunction or float
-        From the difference of filtered set point and measurement to control; proper.
+    controller : controller, DigitalController, control.TransferFunction or float
+        From the difference of filtered set point and measurement to control; proper. A loop with a digital one has no
+        transfer function in s: it is for `simulate_sampled`, `noise_gain`, `margins` and `is_stable`.
     output_filter : control.TransferFunction, optional
         In series with the controller, inside the loop; proper. Default 1.
     prefilter : control.TransferFunction, optional
@@ -78,9 +100,15 @@ class Loop:
                 "rising part, and give it to simulate_sampled as plant"
             )
         process = process if isinstance(process, Process) else Process(*_rational("process", process, Process))
-        blocks = {
+        digital = isinstance(controller, DigitalController)
+        if digital and output_filter is not None:
+            raise ValueError(
+                "output_filter must be None with a digital controller: a filter behind its hold is a part of the "
+                f"process, found {output_filter!r}"
+            )
+        blocks = {} if digital else {"controller": _rational("controller", controller, Controller)}
+        blocks |= {
             "process": (process.num, process.den),
-            "controller": _rational("controller", controller, Controller),
             "output_filter": rational("output_filter", 1.0 if output_filter is None else output_filter),
             "prefilter": rational("prefilter", 1.0 if prefilter is None else prefilter),
         }
@@ -89,11 +117,8 @@ class Loop:
             raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
         # L without its dead time: the product of the blocks of the loop; nothing is cancelled
         num, den = np.ones(1), np.ones(1)
-        with np.errstate(over="ignore", invalid="ignore"):
-            for name in ("process", "controller", "output_filter"):
-                num, den = np.convolve(num, blocks[name][0]), np.convolve(den, blocks[name][1])
-        if not (np.all(np.isfinite(num)) and np.all(np.isfinite(den))):
-            raise ValueError("process times controller leaves the range of numbers (about 1e308)")
+        for name in () if digital else ("process", "controller", "output_filter"):
+            num, den = np.convolve(num, blocks[name][0]), np.convolve(den, blocks[name][1])
         for array in (num, den, *(part for fraction in blocks.values() for part in fraction)):
             array.setflags(write=False)
         vars(self).update(
@@ -101,9 +126,15 @@ class Loop:
             controller=controller,
             output_filter=output_filter,
             prefilter=prefilter,
-            blocks=MappingProxyType(blocks),
-            open_loop=(num, den),
+            blocks=MappingProxyType(_Digital(blocks) if digital else blocks),
+            **({} if digital else {"open_loop": (num, den)}),
         )
+
+    def __getattr__(self, name: str) -> Any:
+        """Say why a loop with a digital controller has no `open_loop`."""
+        if name == "open_loop" and "controller" in vars(self):
+            raise TypeError(_no_transfer_function(self.controller))
+        raise AttributeError(f"a Loop has no {name!r}")
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"a Loop does not change; make a new one with another {name}")
@@ -112,8 +143,16 @@ class Loop:
         return Loop, (self.process, self.controller, self.output_filter, self.prefilter)
 
     @property
+    def digital(self) -> DigitalController | None:
+        """The controller, if it is a digital one."""
+        return self.controller if isinstance(self.controller, DigitalController) else None
+
+    @property
     def limits(self) -> tuple[float, float]:
-        """Limits of the control signal that the controller brings along; infinite without any."""
+        """Limits of the control signal that the controller brings along, from rest; infinite without any."""
+        if self.digital is not None:
+            low, high = ((limit - self.digital.bias) / self.digital.u_span for limit in self.digital.limits)
+            return low, high
         return self.controller.limits if isinstance(self.controller, Controller) else Controller.limits
 
     @property
@@ -147,8 +186,8 @@ class Loop:
         >>> pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 0.5).block("process", 4.0)
         np.complex128(0.5+0j)
         """
-        if name not in self.blocks:
-            raise ValueError(f"name must be one of {', '.join(self.blocks)}, found {name!r}")
+        if name not in BLOCKS:
+            raise ValueError(f"name must be one of {', '.join(BLOCKS)}, found {name!r}")
         num, den = self.blocks[name]
         at = _check.complex_array("s", s)
         return quotient(np.polyval(num, at), np.polyval(den, at))

@@ -11,6 +11,8 @@ from scipy.special import gammainc
 import pidalab
 from pidalab import PIDA, AsymmetricPlant, HighOrderPID, Loop, Process, simulate, simulate_sampled
 from pidalab.rules import mrdp
+from pidalab.simulation.kernels import filtered
+from pidalab.statespace import discretise
 
 LOOPS = {
     "chain": Loop(pidalab.lags(4), PIDA(1.31, 3.37, 0.938, 0.269), control.tf([1.0], [0.0164, 0.256, 1.0])),
@@ -82,8 +84,7 @@ def test_filter_of_sixth_order_is_its_closed_form(ratio):
     for gain in gains[2:]:
         expected += gain * density(x) * np.exp(-x)
         density = (density.deriv() - density) / time
-    nothing = Process([0.0], [1.0])
-    u = simulate_sampled(Loop(nothing, HighOrderPID(gains, time, n)), t, setpoint=1.0).u
+    u = filtered(discretise(*HighOrderPID(gains, time, n).fraction(), h), np.ones(t.size))
     assert np.max(np.abs(u - expected)) < 1e-9 * max(gains[1], np.max(np.abs(expected)))
 
 
@@ -139,7 +140,7 @@ def test_equal_speeds_are_a_process():
     expected = np.exp(-0.13 * s) * (plant.main(s) / (2 * s + 1) + plant.direct(s))
     assert plant.rising(s) == pytest.approx(expected, rel=1e-12)
     inputs = {"setpoint": 1.0, "load": np.sin(t), "noise": 0.1 * np.cos(7 * t), "limits": (-0.4, 0.8)}
-    loop = Loop(plant.rising, PIDA(0.7, 3.0, 0.2, 0.0))
+    loop = Loop(plant.rising, PIDA(0.7, 3.0, 0.2, 0.0, n=2))
     one, other = simulate_sampled(loop, t, **inputs), simulate_sampled(loop, t, **inputs, plant=plant)
     for key in ("y", "u", "area"):
         np.testing.assert_allclose(getattr(one, key), getattr(other, key), atol=1e-11)
@@ -242,6 +243,7 @@ def test_wide_limits_change_nothing():
 
 
 RESET = pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(-1.0, 1.0))
+DIGITAL = Loop(pidalab.lags(3), PIDA(1.0, 4.0, 1.0).discretise(1.0))
 RUNAWAY = {
     "loop": Loop(Process([1.0], [1.0, -1.0], 0.2), PIDA(0.1, 1.0)),
     "t": 0.5 * np.arange(4001),
@@ -265,13 +267,21 @@ RUNAWAY = {
         ({"limits": (0.0, 1.0, 2.0)}, TypeError, "limits must be two numbers"),
         ({"plant": 1.0}, TypeError, "plant must be a Process or an AsymmetricPlant, found float"),
         ({"plant": Process([1.0, 2.0], [1.0, 1.0])}, ValueError, "answers within the sample"),
-        ({"loop": Loop(pidalab.ipdt(1.0, 1.0), RESET)}, ValueError, r"the sample time must be .* \(0\.1\), found 1;"),
+        ({"loop": Loop(pidalab.ipdt(1.0, 1.0), RESET)}, ValueError, r"the sample time must be .* \(0\.1\), found 1:"),
+        ({"loop": Loop(pidalab.lags(3), PIDA(1.0, 4.0, 1.0))}, ValueError, r"constant of .* \(0\.1\), found 1: "),
+        ({"loop": Loop(pidalab.lags(3), HighOrderPID([1, 1, 1], 0.1, 1))}, ValueError, r"\(0\.1\), found 1: "),
+        ({"loop": Loop(pidalab.lags(3), pidalab.NonInteractivePIDA(1, 4, 1, 1))}, ValueError, r"\(0\.025\), found 1: "),
+        ({"loop": Loop(pidalab.lags(3), control.tf([1, 1], [0.1, 1]))}, ValueError, r"\(0\.1\), found 1: .*'backward'"),
+        ({"loop": Loop(pidalab.lags(3), 1.0, control.tf(1, [0.1, 1]))}, ValueError, r"\(0\.1\), found 1: .*'backward'"),
+        ({"loop": DIGITAL, "t": [0.0, 0.9]}, ValueError, "must have the sample time of the digital .* 1, .* found 0.9"),
+        ({"loop": DIGITAL, "anti_windup": "clamping"}, ValueError, "anti_windup must be None for a digital controller"),
         ({"loop": Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), "t": np.arange(3e3)}, ValueError, "leaves the range of"),
         (RUNAWAY, ValueError, "leaves the range of"),
         (RUNAWAY | {"pulse_widths": 10}, ValueError, "leaves the range of"),
     ],
     ids=["loop", "uneven", "late", "short", "nan", "text", "order", "zero", "nan-limit", "number", "three", "plant",
-         "feedthrough", "reset", "overflow", "overflow-limited", "overflow-pulses"],
+         "feedthrough", "reset", "pida", "high-order", "non-interactive", "control", "output", "step", "twice",
+         "overflow", "overflow-limited", "overflow-pulses"],
 )  # fmt: skip
 def test_simulate_sampled_complains(arguments, error, message):
     with pytest.raises(error, match=message):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.loop import Loop
+from pidalab.loop import Loop, require_loop
 from pidalab.robustness.poles import is_stable
 from pidalab.simulation.sampled import simulate_sampled
 
@@ -68,6 +69,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     r"""Standard deviation of the control signal per unit of that of white measurement noise, in the sampled loop.
 
     The noise n is held for a sample, the controller is digital as in `simulate_sampled`, and set point and load rest.
+    Limits, a limit of rate and a deadband are left out: the ratio is that of the linear loop.
     By Parseval the ratio is the root of the sum of squares of the control signal after a single sample of noise of
     height 1, that is, the H2 norm from n to u; no random number takes part.
 
@@ -86,8 +88,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As `simulate_sampled`; for an unstable loop or a controller with limits; and if a million samples do not hold
-        four dead times, or the response to the noise does not fade within them.
+        As `simulate_sampled`; for an unstable loop; and if a million samples do not hold four dead times, or the
+        response to the noise does not fade within them.
 
     Examples
     --------
@@ -97,6 +99,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     2.002
     """
     h = _check.real("sample_time", sample_time, above=0.0)
+    loop = _linear(loop)
     for samples in _lengths(loop, h):
         pulse = np.zeros(samples)
         pulse[0] = 1.0
@@ -112,14 +115,20 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     )
 
 
+def _linear(loop: Loop) -> Loop:
+    """Return the loop without limits and deadband."""
+    require_loop(loop)
+    own, none = loop.controller, (-math.inf, math.inf)
+    if loop.digital is not None:
+        own = replace(loop.digital, limits=none, rate_limit=math.inf, deadband=0.0)
+    elif loop.limits != none:
+        own = replace(own, limits=none)
+    return loop if own is loop.controller else Loop(loop.process, own, loop.output_filter, loop.prefilter)
+
+
 def _lengths(loop: Loop, h: float) -> list[int]:
     """Return the numbers of samples to try, or raise for a loop whose noise comes back later, or ever stronger."""
-    if not isinstance(loop, Loop):
-        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}")
-    limits = getattr(loop.controller, "limits", (-math.inf, math.inf))
-    if any(map(math.isfinite, limits)):
-        raise ValueError(f"loop must be linear, found a controller with limits {limits!r}")
-    if not is_stable(loop):
+    if loop.digital is None and not is_stable(loop):
         raise ValueError("loop must be stable, found poles in the closed right half-plane, or arbitrarily near it")
     shortest = math.ceil(ECHOES * loop.process.delay / h)
     if shortest > MOST:

@@ -18,20 +18,21 @@ of widths, and what each of them adds to the state of the plant is worked out be
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from pidalab import _check
-from pidalab._check import Array
+from pidalab.digital import DigitalController
 from pidalab.loop import Loop, require_loop
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.simulation.sampled_controller import SampledController, sampled_controller
-from pidalab.simulation.statespace import StateSpace, discretise
-from pidalab.simulation.steps import Actuator, Steps, plant_steps
+from pidalab.simulation.kernels import filtered, run, run_digital
+from pidalab.simulation.sampled_controller import sampled_controller
+from pidalab.simulation.steps import Actuator, plant_steps
+from pidalab.statespace import discretise
 
 
 def simulate_sampled(
@@ -48,9 +49,10 @@ def simulate_sampled(
 ) -> Response:
     r"""Simulate a loop whose controller is digital and limited; exact for the plant, whatever its dead time.
 
-    The loop is at rest before t = 0. Controller, output filter and prefilter are discretised for held inputs with the
-    step of `t` as sample time. All signals, and the limits, count from the state of rest: an actuator from 0 to 80 that
-    rests at 30 has the limits (-30, 50).
+    The loop is at rest before t = 0. A `DigitalController` runs as it is: its sample time must be the step of `t`.
+    Otherwise controller and output filter are discretised for held inputs with the step of `t` as sample time. A
+    prefilter is discretised so in any case. All signals, and the limits, count from the state of rest: an actuator from
+    0 to 80 that rests at 30 has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`, fed
     back positively from the limited signal (huba2024, Fig. 1, eqs. (3), (8)). Its filter :math:`Q_n` acts on the
@@ -93,17 +95,19 @@ def simulate_sampled(
     Raises
     ------
     TypeError, ValueError
-        For times that are not uniform from 0, signals of another length or with NaN, limits out of order or without
-        the 0 of the state of rest, a plant that answers within the sample (direct feedthrough without dead time), an
-        unstable loop that overflows; a `SeriesPIDA` whose filter is faster than the sample time; anti-windup for a
-        controller without integral action, for one that has a reset, or, as conditioning, with kp/ki below the sample
-        time, where it is unstable; negative quanta; pulses without finite limits, with a quantum of the control signal,
-        or into a plant that is not linear or answers at once.
+        For times that are not uniform from 0, signals of another length or with NaN, limits out of order or without the
+        0 of the state of rest, a plant that answers within the sample (direct feedthrough without dead time), an
+        unstable loop that overflows; a continuous controller or output filter with a filter that is faster than the
+        sample time, for which ``controller.discretise(sample_time)`` serves; a digital controller with another sample
+        time; anti-windup for a controller without integral action, for one that has a reset, or, as conditioning, with
+        kp/ki below the sample time, where it is unstable; negative quanta; pulses without finite limits, with a quantum
+        of the control signal, or into a plant that is not linear or answers at once.
 
     Notes
     -----
-    A filter faster than the sample time is of no use: a derivative behind it sees steps only, and has forgotten each at
-    the next sample. Take a sample time well below the time constant of the filter.
+    A filter faster than the sample time is of no use to a controller that is discretised for held inputs: a derivative
+    behind it sees steps only, and has forgotten each at the next sample. Take a sample time well below the time
+    constant of the filter, or backward differences, ``controller.discretise(sample_time)``, as most PLCs do.
 
     Examples
     --------
@@ -127,15 +131,37 @@ def simulate_sampled(
     t = _check.uniform_time("t", t)
     r, d, n = (_check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise)))
     h = float(t[-1] / (t.size - 1))
-    controller = sampled_controller(loop, h, anti_windup)
-    fineness, actuator = _conversion(*limits_at_rest(loop, limits), quanta, pulse_widths)
+    at_rest = limits_at_rest(loop, limits)
+    fineness, actuator = _conversion(*at_rest, quanta, pulse_widths)
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
-    filtered = _filtered(discretise(*loop.blocks["prefilter"], h), r)
-    y, u, area = _run(controller, steps, actuator, fineness, filtered, d, n)
+    reference = filtered(discretise(*loop.blocks["prefilter"], h), r)
+    if loop.digital is None:
+        controller = sampled_controller(loop, h, anti_windup)
+        y, u, area = run(controller, steps, actuator, fineness, reference, d, n)
+    else:
+        own = _limited(loop.digital, h, at_rest, anti_windup)
+        units = (own.y_span, own.u_span)
+        y, u, area = run_digital(own.numbers, own.at_rest(), units, steps, actuator, fineness, reference, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
         raise ValueError(f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}")
     return Response(t=t, r=r, d=d, n=n, y=y, u=u, area=area)
+
+
+def _limited(k: DigitalController, h: float, limits: tuple[float, float], anti_windup: str | None) -> DigitalController:
+    """Check that a digital controller fits the step of time, and give it the limits, which count from rest."""
+    if abs(h - k.sample_time) > 1e-6 * k.sample_time:
+        raise ValueError(
+            f"t must have the sample time of the digital controller, {k.sample_time:.6g}, as its step, found {h:.6g}; "
+            "discretise the controller for the step of t"
+        )
+    if anti_windup is not None:
+        raise ValueError(
+            f"anti_windup must be None for a digital controller, which has its own ({k.anti_windup}), found "
+            f"{anti_windup!r}"
+        )
+    low, high = (k.bias + k.u_span * limit for limit in limits)
+    return replace(k, limits=(max(low, k.limits[0]), min(high, k.limits[1])))
 
 
 def limits_at_rest(loop: Loop, limits: tuple[float, float]) -> tuple[float, float]:
@@ -165,89 +191,3 @@ def _conversion(low: float, high: float, quanta: tuple[float, float], widths: in
     if widths and not math.isfinite(high - low):
         raise ValueError(f"pulse_widths needs finite limits to switch between, found limits ({low:g}, {high:g})")
     return measurement, Actuator(low, high, control, widths)
-
-
-@njit(cache=True)
-def _advance(phi: Array, gamma: Array, x: Array, w: float, new: Array) -> None:
-    """Write phi x + gamma w into `new`; in plain loops, for small matrices faster than a library call."""
-    for i in range(x.size):
-        total = gamma[i] * w
-        for j in range(x.size):
-            total += phi[i, j] * x[j]
-        new[i] = total
-
-
-@njit(cache=True)
-def _output(c: Array, d: float, x: Array, w: float) -> float:
-    """Return c x + d w."""
-    total = d * w
-    for i in range(x.size):
-        total += c[i] * x[i]
-    return total
-
-
-@njit(cache=True)
-def _filtered(block: StateSpace, signal: Array) -> Array:
-    """Pass a held signal through a discretised block."""
-    x, new, out = np.zeros(block.b.size), np.zeros(block.b.size), np.empty(signal.size)
-    for k in range(signal.size):
-        out[k] = _output(block.c, block.d, x, signal[k])
-        _advance(block.A, block.b, x, signal[k], new)
-        x, new = new, x
-    return out
-
-
-@njit(cache=True)
-def _run(
-    controller: SampledController,
-    plant: Steps,
-    actuator: Actuator,
-    fineness: float,
-    reference: Array,
-    load: Array,
-    noise: Array,
-) -> tuple[Array, Array, Array]:
-    """Run the loop; `reference` is the filtered set point. Returns y, u and the integral of y."""
-    n, before, block = reference.size, plant.ago[0], controller.block
-    span = actuator.high - actuator.low
-    y, u, area = np.empty(n), np.empty(n), np.empty(n)
-    v = np.zeros(n + before)  # input of the plant less its pulses, with its rest before t = 0 in front
-    width = np.zeros(n + before, np.int64)
-    x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
-    z, z_new = np.zeros(block.b.size), np.zeros(block.b.size)
-    integral = 0.0
-    for k in range(n):
-        y[k] = _output(plant.c, plant.d, x, v[k])
-        area[k] = x[-1]
-        measured = y[k] + noise[k]
-        if fineness > 0:
-            measured = fineness * np.rint(measured / fineness)
-        error = reference[k] - measured
-        p = _output(block.c, block.d, z, error)
-        wanted = p + integral
-        limited = min(max(wanted, actuator.low), actuator.high)
-        growth = controller.from_error * error + controller.from_block * p
-        excess = limited - wanted
-        if not (controller.clamped and excess * growth < 0):
-            integral += growth + controller.from_excess * excess
-        u[k] = limited
-        v[k + before] = limited + load[k]
-        if actuator.quantum > 0:
-            rounded = actuator.quantum * np.rint(limited / actuator.quantum)
-            u[k] = min(max(rounded, actuator.low), actuator.high)
-            v[k + before] = u[k] + load[k]
-        elif actuator.widths > 0:
-            share = (limited - actuator.low) / span
-            parts = int(np.rint(share * actuator.widths)) if 0 <= share <= 1 else 0  # not so after an overflow: nan
-            u[k] = actuator.low + span * parts / actuator.widths
-            v[k + before], width[k + before] = actuator.low + load[k], parts
-        _advance(block.A, block.b, z, error, z_new)
-        z, z_new = z_new, z
-        for piece in range(plant.ago.size):
-            w = v[k + before - plant.ago[piece]]
-            system = 1 if w > x[0] else 0  # a store that moves towards w does not pass it while w is held
-            _advance(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
-            x, x_new = x_new, x
-            if actuator.widths > 0:
-                x += plant.pulse[piece, width[k + before - plant.ago[piece]]]
-    return y, u, area

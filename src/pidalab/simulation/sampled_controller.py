@@ -26,10 +26,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pidalab.controllers import AutomaticReset
+from pidalab._check import Array
+from pidalab.controllers import AutomaticReset, Controller
 from pidalab.loop import Loop
 from pidalab.process import binomial
-from pidalab.simulation.statespace import StateSpace, discretise
+from pidalab.roots import roots
+from pidalab.statespace import StateSpace, discretise
 
 ANTI_WINDUP = ("clamping", "conditioning")
 
@@ -48,6 +50,7 @@ def sampled_controller(loop: Loop, h: float, anti_windup: str | None) -> Sampled
     """Discretise the controller of a loop, its output filter included, for the sample time h."""
     if anti_windup is not None and anti_windup not in ANTI_WINDUP:
         raise ValueError(f"anti_windup must be None, 'clamping' or 'conditioning', found {anti_windup!r}")
+    require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
         if anti_windup is not None:
             kind = type(loop.controller).__name__
@@ -80,17 +83,33 @@ def _tracking(ki: float, kp: float, h: float) -> float:
 
 def require_fine_enough(h: float, filter_time: float) -> None:
     """Raise for a sample time above the filter's time constant: derivatives would see single steps only."""
-    if h > filter_time * (1 + 1e-9):
+    if h > filter_time * (1 + 1e-6):
         raise ValueError(
-            f"the sample time must be at most the time constant of the controller's filter ({filter_time:.6g}), "
-            f"found {h:.6g}; sample faster or filter longer"
+            f"the sample time must be at most the time constant of the controller's filter ({filter_time:.6g}), found "
+            f"{h:.6g}: between two samples such a filter forgets, and a derivative behind it acts on single steps; "
+            "sample faster, filter longer, or close the loop with controller.discretise(sample_time, 'backward'), "
+            "which serves at any sample time"
         )
+
+
+def shortest_filter(loop: Loop) -> float:
+    """Shortest time constant of the filters in the controller and behind it, infinite without any."""
+    # the poles of a transfer function are its filters, but for those at 0, the integrators
+    found = list(1 / np.abs(_poles(loop, "output_filter")))
+    if isinstance(loop.controller, Controller):
+        found += [part.filter_time for part in loop.controller.parts() if part.filter_order]
+    else:
+        found += list(1 / np.abs(_poles(loop, "controller")))
+    return float(min(found, default=math.inf))
+
+
+def _poles(loop: Loop, block: str) -> Array:
+    poles = roots(loop.blocks[block][1])
+    return poles[poles != 0]
 
 
 def _with_reset(loop: Loop, reset: AutomaticReset, h: float) -> SampledController:
     """Discretise the stabilising controller with its filters; the reset is the integral."""
-    if reset.filter_order:
-        require_fine_enough(h, reset.filter_time)
     num, den = loop.blocks["output_filter"]
     filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
     block = discretise(np.convolve(num, reset.stabiliser), filters, h)

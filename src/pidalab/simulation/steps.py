@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +11,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, rational
-from pidalab.simulation.statespace import StateSpace, held, realise
-
-ALIGNED = 1e-9  # share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
+from pidalab.statespace import ALIGNED, StateSpace, held, pieces, realise
 
 
 class PlantStates(NamedTuple):
@@ -85,20 +82,14 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
         )
     if actuator.widths and (states.d or isinstance(plant, AsymmetricPlant)):
         raise ValueError(f"pulse_widths needs a linear plant without direct feedthrough, found {plant!r}")
-    # the dead time in whole samples and a part of one: until the part has passed, an input one sample older is at work
-    samples = plant.delay / h
-    whole = math.floor(samples + ALIGNED)
-    part = h * (samples - whole)
-    # pieces of the sample: how long, how many samples ago their input was set, and how long after a pulse they begin
-    aligned, misaligned = [(h, whole, 0.0)], [(part, whole + 1, h - part), (h - part, whole, 0.0)]
-    pieces = aligned if part < h * ALIGNED else misaligned
-    # across each piece, for both systems of the plant
-    across = [[held(A, b, time) for A, b in zip(states.A, states.b, strict=True)] for time, _, _ in pieces]
+    # across each piece of the sample, for both systems of the plant
+    own = pieces(plant.delay, h)
+    across = [[held(A, b, piece.time) for A, b in zip(states.A, states.b, strict=True)] for piece in own]
     return Steps(
         phi=np.array([[phi for phi, _ in both] for both in across]),
         gamma=np.array([[gamma for _, gamma in both] for both in across]),
-        ago=np.array([ago for _, ago, _ in pieces]),
-        pulse=np.array([_pulses(states, time, since, h, actuator) for time, _, since in pieces]),
+        ago=np.array([piece.ago for piece in own]),
+        pulse=np.array([_pulses(states, piece.time, piece.since, h, actuator) for piece in own]),
         c=states.c,
         d=states.d,
     )

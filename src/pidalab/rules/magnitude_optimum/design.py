@@ -25,7 +25,7 @@ from pidalab.rules.magnitude_optimum.system import (
     sensitivity,
     solved,
 )
-from pidalab.simulation.statespace import discretise
+from pidalab.statespace import discretise
 
 SOURCES = {
     "gains": "eqs. (14) to (17)",

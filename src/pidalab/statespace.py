@@ -1,7 +1,8 @@
-"""State-space form of a rational function, and what a held input makes of it."""
+"""State-space form of a rational function, and what an input makes of it that is held, and delayed."""
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ from scipy.linalg import block_diag, expm, matrix_balance
 from pidalab._check import Array
 from pidalab.roots import roots
 
+ALIGNED = 1e-9  # share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
 GAP = 10.0  # poles whose speeds differ by more than this factor go to different blocks
 
 
@@ -62,6 +64,24 @@ def discretise(num: Array, den: Array, h: float) -> StateSpace:
     A, b, c, direct = _parallel(num, den)
     phi, gamma = zip(*(held(*block, h) for block in zip(A, b, strict=True)), strict=True)
     return StateSpace(block_diag(*phi), np.concatenate(gamma), np.concatenate(c), direct)
+
+
+class Piece(NamedTuple):
+    """A part of a sample interval in which a held, delayed input is constant."""
+
+    time: float
+    ago: int  # how many samples ago the input was set
+    since: float  # how long after a pulse it begins
+
+
+def pieces(delay: float, h: float) -> list[Piece]:
+    """Return the one or two pieces of a sample: until the odd part of the dead time is over, an older input acts."""
+    samples = delay / h
+    whole = math.floor(samples + ALIGNED)
+    part = h * (samples - whole)
+    if part < h * ALIGNED:
+        return [Piece(h, whole, 0.0)]
+    return [Piece(part, whole + 1, h - part), Piece(h - part, whole, 0.0)]
 
 
 def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:

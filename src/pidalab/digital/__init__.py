@@ -1,0 +1,9 @@
+"""Digital controllers: difference equations that run, that a loop can be closed with, and that write their own code.
+
+They come from `discretise` of a controller. What is here knows gains, filters and samples, and no continuous class.
+"""
+
+from pidalab.digital.controller import DigitalController
+from pidalab.digital.discretisation import discretise
+
+__all__ = ["DigitalController", "discretise"]

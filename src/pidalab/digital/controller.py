@@ -1,0 +1,419 @@
+"""The digital controller: its numbers, its states, its transfer function, and the code it writes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.digital.paths import Path
+from pidalab.digital.stepping import Numbers, advance, fresh
+
+if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
+    import control
+
+
+@dataclass(frozen=True, kw_only=True)
+class DigitalController:
+    r"""A controller as a computer runs it: difference equations with limits, anti-windup, modes and units.
+
+    Make one with ``controller.discretise(sample_time, method)``. At each sample
+
+    .. math:: u_k = \operatorname{sat}(\mathrm{bias} + p_k + i_k), \qquad
+              i_k = i_{k-1} + \gamma_0\,\varepsilon_k + \gamma_1\,\varepsilon_{k-1},
+
+    where p is the sum of the paths and :math:`\varepsilon` the error; with automatic reset it is p, and before p what
+    the limits made of it. What a limit cuts off is taken back from the integral, `anti_windup` says how.
+
+    It starts at the first measurement without a bump: with the control signal `bias`, and with filters at rest. (One
+    without integral action starts with its own signal.) In manual mode it gives the signal it is told, and the integral
+    follows so that it goes on from there. ``step`` keeps states in the object itself; simulations have their own.
+
+    Parameters
+    ----------
+    sample_time : float
+        Time from sample to sample.
+    method : str
+        How it was discretised.
+    paths : tuple of Path
+        Chains of lags and the gains on their differences, in the units of the signals.
+    integrates : bool
+        Whether there is integral action.
+    from_signal : bool
+        Whether the integral is an automatic reset, which grows by what the paths make of the error.
+    growth : tuple of float
+        :math:`\gamma_0, \gamma_1`.
+    taken_back, tracked : float
+        Shares of what a limit cut off, and of the difference to a tracked signal, that the integral takes up.
+    anti_windup : str or None
+        What the integral does at a limit.
+    weights : tuple of float
+        Weights b and c of the set point in proportional and derivative parts.
+    limits : tuple of float
+        Of the control signal.
+    rate_limit : float
+        Of the control signal, in a unit of time.
+    deadband, bias, y_offset, y_span, u_span : float
+        In the units of the signals: error that counts as none, control signal and measurement at the working point, and
+        the sizes of a unit of the model.
+    source : str
+        What was discretised.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> k = pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5, limits=(0.0, 10.0), bias=5.0)
+    >>> [k.step(r=1.0, y=y) for y in (1.0, 0.5, 0.0, 0.0)]
+    [5.0, 6.125, 7.375, 7.625]
+    >>> k.reset(u=3.0)
+    >>> k.step(r=1.0, y=0.0), k.step(r=1.0, y=0.0, manual=8.0), k.step(r=1.0, y=0.0)
+    (3.0, 8.0, 8.25)
+    """
+
+    sample_time: float
+    method: str
+    paths: tuple[Path, ...]
+    integrates: bool
+    from_signal: bool
+    growth: tuple[float, float]
+    taken_back: float
+    tracked: float
+    anti_windup: str | None
+    weights: tuple[float, float]
+    limits: tuple[float, float]
+    rate_limit: float
+    deadband: float
+    bias: float
+    y_offset: float
+    y_span: float
+    u_span: float
+    source: str
+    _states: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    @property
+    def limited(self) -> bool:
+        """Whether the control signal has a limit of range or rate."""
+        return bool(np.isfinite([*self.limits, self.rate_limit]).any())
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """Everything that a step needs, as numbers and arrays."""
+        widest = max((path.order for path in self.paths), default=0) + 1
+        gain = np.zeros((len(self.paths), widest))
+        for i, path in enumerate(self.paths):
+            gain[i, : path.order + 1] = path.gains
+        weight, new, old = (np.array([getattr(path, x) for path in self.paths], float) for x in Path._fields[1:4])
+        return Numbers(
+            weight=weight,
+            new=new,
+            old=old,
+            order=np.array([path.order for path in self.paths], np.int64),
+            gain=gain,
+            integrates=self.integrates,
+            from_signal=self.from_signal,
+            growth_new=self.growth[0],
+            growth_old=self.growth[1],
+            taken_back=self.taken_back,
+            tracked=self.tracked,
+            clamps=self.anti_windup == "clamping",
+            low=self.limits[0],
+            high=self.limits[1],
+            rate=self.rate_limit * self.sample_time,
+            deadband=self.deadband,
+            bias=self.bias,
+            y_offset=self.y_offset,
+        )
+
+    @cached_property
+    def coefficients(self) -> dict[str, float]:
+        """Constants of the written code, by their names there.
+
+        ``<PATH>_WEIGHT`` weighs the set point, ``<PATH>_NEW`` and ``<PATH>_OLD`` are the shares of the input now and
+        one sample ago in each lag, ``<PATH>_GAIN_k`` is the gain on the k-th difference. ``INTEGRAL_NEW`` and
+        ``INTEGRAL_OLD`` say how the integral grows, ``TAKEN_BACK`` what it takes back of what a limit cut off, and
+        ``TRACKED`` what it takes up of the difference to a tracked signal.
+        """
+        from pidalab.digital.program import constants
+
+        return constants(self)
+
+    def at_rest(self) -> Array:
+        """Return states of rest at the working point, for a simulation that advances them.
+
+        Returns
+        -------
+        ndarray
+            Of `pidalab.digital.stepping`.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5, bias=3.0).at_rest()[:5].tolist()
+        [1.0, 0.0, 0.0, 0.0, 3.0]
+        """
+        return self._resting(self.y_offset, self.y_offset, self.bias)
+
+    def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
+        """Set the states: to a start at the next measurement, or to rest at given signals.
+
+        Parameters
+        ----------
+        r, y : float, optional
+            Set point and measurement at which everything rests; both or neither.
+        u : float, optional
+            Control signal to start with, `bias` by default.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a signal that is not a finite number, or one of r and y alone.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> k = pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5)
+        >>> k.reset(r=0.0, y=0.0)
+        >>> k.step(r=1.0, y=0.0)
+        2.25
+        """
+        if (r is None) != (y is None):
+            raise ValueError(f"r and y must be given together, or none of them, found r = {r!r} and y = {y!r}")
+        u = self.bias if u is None else _check.real("u", u)
+        if r is None or y is None:
+            object.__setattr__(self, "_states", fresh(self.numbers, u))
+        else:
+            object.__setattr__(self, "_states", self._resting(_check.real("r", r), _check.real("y", y), u))
+
+    def _resting(self, r: float, y: float, u: float) -> Array:
+        """Return states after a rest at these signals."""
+        states = fresh(self.numbers, u)
+        advance(self.numbers, states, r, y, u, math.nan)
+        return states
+
+    def step(self, r: float, y: float, manual: float | None = None, track: float | None = None) -> float:
+        """Advance by one sample: the reference that all written code repeats.
+
+        Parameters
+        ----------
+        r, y : float
+            Set point and measurement.
+        manual : float, optional
+            Control signal in manual mode; None in automatic mode.
+        track : float, optional
+            Signal that acted since the last sample in place of the one that was returned: that of a selector, of an
+            operator at the actuator, or the position of the actuator.
+
+        Returns
+        -------
+        float
+            The control signal, within its limits also in manual mode.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a signal that is not a finite number.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> k = pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5, limits=(0.0, 5.0), bias=1.0)
+        >>> k.step(r=2.0, y=2.0), k.step(r=9.0, y=2.0), k.step(r=9.0, y=2.0, track=4.0)
+        (1.0, 5.0, 5.0)
+        """
+        signals = [_check.real("r", r), _check.real("y", y)]
+        signals += [math.nan if x is None else _check.real(k, x) for k, x in (("manual", manual), ("track", track))]
+        return float(advance(self.numbers, self._states, *signals))
+
+    def __call__(self, z: ArrayLike) -> Any:
+        """Evaluate the transfer function from -y to u at complex z, in the units of the signals."""
+        z = np.asarray(z, dtype=complex)
+        signal = sum((path(z) for path in self.paths), np.zeros_like(z))
+        if not self.integrates:
+            return signal
+        growth = (self.growth[0] * z + self.growth[1]) / (z - 1)
+        return signal * (1 + growth) if self.from_signal else signal + growth
+
+    def transfer_function(self) -> control.TransferFunction:
+        """Return the controller within its limits, from the error to the control signal, with b = c = 1.
+
+        That is also the way from the measurement, with the sign changed, whatever the weights of the set point are.
+
+        Returns
+        -------
+        control.TransferFunction
+            In z, with the sample time, in the units of the signals.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5).transfer_function()
+        >>> C.num[0][0].tolist(), C.den[0][0].tolist(), C.dt
+        ([2.25, -2.0], [1.0, -1.0], 0.5)
+        """
+        import control
+
+        num: Any = np.zeros(1)
+        den: Any = np.ones(1)
+        for path in self.paths:
+            own_num, own_den = path.fraction()
+            num = np.polyadd(np.convolve(num, own_den), np.convolve(own_num, den))
+            den = np.convolve(den, own_den)
+        if self.integrates:
+            integrator, growth = np.array([1.0, -1.0]), np.array(self.growth)
+            num = np.convolve(num, np.polyadd(integrator, growth) if self.from_signal else integrator)
+            num = num if self.from_signal else np.polyadd(num, np.convolve(growth, den))
+            den = np.convolve(den, integrator)
+        return control.TransferFunction(_check.polynomial("num", num), den, self.sample_time)
+
+    def c(self, name: str = "pida", margins: Any = None, note: str = "") -> str:
+        """Write the controller in C99, double or single precision.
+
+        Parameters
+        ----------
+        name : str, optional
+            Prefix of all names: ``<name>_init``, ``<name>_step``, ``<name>_state``; small letters.
+        margins : Margins, optional
+            Margins of its loop, for the head.
+        note : str, optional
+            Further lines for the head.
+
+        Returns
+        -------
+        str
+            A file that compiles by itself, with a test under ``<NAME>_SELFTEST``.
+
+        Raises
+        ------
+        ValueError
+            For a name that is no identifier.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> code = pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5).c(name="level")
+        >>> "level_real level_step(level_state *s" in code
+        True
+        """
+        return self._written("c", name, margins, note)
+
+    def structured_text(self, name: str = "pida", margins: Any = None, note: str = "", precision: str = "LREAL") -> str:
+        """Write the controller as a FUNCTION_BLOCK of IEC 61131-3, with a second one that tests it.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of the block; small letters.
+        margins : Margins, optional
+            Margins of its loop, for the head.
+        note : str, optional
+            Further lines for the head.
+        precision : {"LREAL", "REAL"}, optional
+            Type of the signals.
+
+        Returns
+        -------
+        str
+            Structured text.
+
+        Raises
+        ------
+        ValueError
+            For a name that is no identifier, or another precision.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> code = pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5).structured_text(name="level")
+        >>> "FUNCTION_BLOCK level" in code
+        True
+        """
+        if precision not in ("LREAL", "REAL"):
+            raise ValueError(f"precision must be 'LREAL' or 'REAL', found {precision!r}")
+        return self._written("structured_text", name, margins, note, real=precision)
+
+    def python(self, name: str = "pida", margins: Any = None, note: str = "") -> str:
+        """Write the controller as a Python module without imports, for a small computer at the plant.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of the class, in small letters and underscores.
+        margins : Margins, optional
+            Margins of its loop, for the head.
+        note : str, optional
+            Further lines for the head.
+
+        Returns
+        -------
+        str
+            A module with a class and a ``selftest``.
+
+        Raises
+        ------
+        ValueError
+            For a name that is no identifier.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> space = {}
+        >>> exec(pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5).python(name="level"), space)
+        >>> space["Level"]().step(1.0, 1.0), space["selftest"]()
+        (0.0, 0.0)
+        """
+        return self._written("python", name, margins, note)
+
+    def json(self, margins: Any = None, note: str = "") -> str:
+        """Write parameters, coefficients and test vector as JSON.
+
+        Parameters
+        ----------
+        margins : Margins, optional
+            Margins of its loop.
+        note : str, optional
+            Further lines about it.
+
+        Returns
+        -------
+        str
+            JSON; infinite limits are null.
+
+        Examples
+        --------
+        >>> import json, pidalab
+        >>> json.loads(pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5).json())["coefficients"]["INTEGRAL_NEW"]
+        0.25
+        """
+        from pidalab.digital.code import as_json
+
+        return as_json(self, margins, note)
+
+    def _written(self, language: str, name: str, margins: Any, note: str, **options: str) -> str:
+        from pidalab.digital.code import written
+
+        return written(self, language, name, margins, note, **options)
+
+    def __repr__(self) -> str:
+        options = {
+            "b": (self.weights[0], 1.0),
+            "c": (self.weights[1], 1.0),
+            "limits": (self.limits, (-math.inf, math.inf)),
+            "rate_limit": (self.rate_limit, math.inf),
+            "anti_windup": (self.anti_windup, "reset"),
+            "deadband": (self.deadband, 0.0),
+            "bias": (self.bias, 0.0),
+            "y_offset": (self.y_offset, 0.0),
+            "y_span": (self.y_span, 1.0),
+            "u_span": (self.u_span, 1.0),
+        }
+        extras = "".join(f", {name}={value!r}" for name, (value, usual) in options.items() if value != usual)
+        return f"{self.source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"

@@ -1,0 +1,184 @@
+"""From filtered gains to a digital controller."""
+
+from __future__ import annotations
+
+import math
+
+from pidalab import _check
+from pidalab.digital.controller import DigitalController
+from pidalab.digital.paths import METHODS, SHARES, paths
+from pidalab.forms import FilteredGains
+
+ANTI_WINDUP = ("reset", "clamping", "back-calculation")
+
+
+def discretise(
+    parts: tuple[FilteredGains, ...],
+    sample_time: float,
+    method: str = "backward",
+    *,
+    b: float = 1.0,
+    c: float = 1.0,
+    limits: tuple[float, float] = (-math.inf, math.inf),
+    rate_limit: float = math.inf,
+    anti_windup: str | None = "reset",
+    tracking_time: float | None = None,
+    deadband: float = 0.0,
+    bias: float = 0.0,
+    y_offset: float = 0.0,
+    y_span: float = 1.0,
+    u_span: float = 1.0,
+    reset: tuple[FilteredGains, float] | None = None,
+    source: str = "",
+) -> DigitalController:
+    r"""Turn gains behind filters into difference equations with limits, anti-windup and units; see the options here.
+
+    Controllers call it: ``controller.discretise(sample_time, method, **options)``.
+
+    =========  ===========================================  ==========================================================
+    method     what it is                                   which sample times serve
+    =========  ===========================================  ==========================================================
+    backward   :math:`s = (1 - z^{-1})/h`, as in most PLCs  any: a stable controller stays stable
+    tustin     :math:`s = 2(1 - z^{-1})/(h(1 + z^{-1}))`    up to twice the time constant of each filter
+    zoh        exact for an input that is held              up to the time constant of each filter
+    =========  ===========================================  ==========================================================
+
+    ==================  ==============================================================================================
+    anti-windup         what the integral does while the control signal is at a limit of its range or rate
+    ==================  ==============================================================================================
+    reset               of a `SeriesPIDA`: the integral is a lag of time constant :math:`t_i` behind the limited signal
+                        (huba2024, Fig. 1, eqs. (3), (8)), if b = c = 1. Otherwise back-calculation with the integral
+                        time as tracking time, which for backward differences and b = 1 is that lag behind the limited
+                        signal less its derivative parts
+    back-calculation    it takes back :math:`h/(T_t + h)` of what was cut off, with the tracking time :math:`T_t`
+    clamping            it rests while it would drive the signal further beyond the limit
+    None                it integrates on
+    ==================  ==============================================================================================
+
+    Parameters
+    ----------
+    parts : tuple of FilteredGains
+        What the controller is the sum of.
+    sample_time : float
+        Time h from sample to sample, above 0.
+    method : {"backward", "tustin", "zoh"}, optional
+        As in the table.
+    b, c : float, optional
+        Weights of the set point in the proportional and in the derivative parts; ``c=0`` takes derivatives of the
+        measurement alone. Default 1.
+    limits : tuple of float, optional
+        Lower and upper limit of the control signal, in its units.
+    rate_limit : float, optional
+        Largest change of the control signal in a unit of time, above 0.
+    anti_windup : {"reset", "back-calculation", "clamping", None}, optional
+        As in the table. Without integral action there is nothing that could wind up.
+    tracking_time : float, optional
+        Of back-calculation, above 0; by default the root of integral and derivative time, or the integral time where
+        there is no derivative.
+    deadband : float, optional
+        Errors up to this size count as none, larger ones less it. In units of the measurement, not negative.
+    bias : float, optional
+        Control signal at the working point, which is 0 in the model: what the controller starts with.
+    y_offset : float, optional
+        Measurement at the working point.
+    y_span, u_span : float, optional
+        Units of the measurement in a unit of the model's y, and of the control signal in a unit of the model's u,
+        above 0. Gains are in units of the model, limits, deadband and bias in those of the signals.
+    reset : tuple of FilteredGains and float, optional
+        Stabilising controller and time constant of an automatic reset.
+    source : str, optional
+        What was discretised, for the head of written code.
+
+    Returns
+    -------
+    DigitalController
+        With its start at the first measurement.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a value outside its range; for a filter that is too fast for the sample time, unless the method is
+        backward; for anti-windup by an integral time that is not above 0.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pidalab.PIDA(kp=1.0, ti=2.0, td=0.5, n=10).discretise(1.0, method="zoh")
+    Traceback (most recent call last):
+    ...
+    ValueError: sample_time must be at most 0.05 with method='zoh', found 1: the filter of the derivative part has the
+    time constant 0.05, and a derivative behind it would have forgotten each step at the next sample; take
+    method='backward', sample faster or filter longer
+    """
+    h = _check.real("sample_time", sample_time, above=0.0)
+    if method not in METHODS:
+        raise ValueError(f"method must be 'backward', 'tustin' or 'zoh', found {method!r}")
+    if anti_windup is not None and anti_windup not in ANTI_WINDUP:
+        raise ValueError(f"anti_windup must be 'reset', 'back-calculation', 'clamping' or None, found {anti_windup!r}")
+    if tracking_time is not None and anti_windup != "back-calculation":
+        raise ValueError(f"tracking_time is of anti_windup='back-calculation', found anti_windup={anti_windup!r}")
+    b, c = _check.real("b", b), _check.real("c", c)
+    y_span, u_span = (_check.real(name, x, above=0.0) for name, x in (("y_span", y_span), ("u_span", u_span)))
+    scale = u_span / y_span
+    low, high = _check.limits(limits)
+    bias = _check.real("bias", bias)
+    if not low <= bias <= high:
+        raise ValueError(f"bias must be within the limits ({low:g}, {high:g}), found {bias:g}")
+    ki = sum(part.gains[0] for part in parts)
+    native = anti_windup == "reset" and reset is not None and b == c == 1.0
+    if native and reset is not None:
+        stabiliser, ti = reset
+        own = paths((stabiliser,), h, method, b, c)
+        growth, taken_back = _reset_growth(h, ti, method)
+        tracked = taken_back
+    else:
+        own = paths(parts, h, method, b, c)
+        growth = (ki * h * scale * SHARES[method][0], ki * h * scale * SHARES[method][1])
+        taken_back = _taken_back(parts, h, anti_windup, tracking_time) if ki else 0.0
+        tracked = taken_back or 1.0
+    return DigitalController(
+        sample_time=h,
+        method=method,
+        paths=tuple(path._replace(gains=tuple(scale * gain for gain in path.gains)) for path in own),
+        integrates=native or ki != 0,
+        from_signal=native,
+        growth=growth,
+        taken_back=taken_back,
+        tracked=tracked,
+        anti_windup=anti_windup if native or ki else None,
+        weights=(b, c),
+        limits=(low, high),
+        rate_limit=math.inf if rate_limit == math.inf else _check.real("rate_limit", rate_limit, above=0.0),
+        deadband=_check.real("deadband", deadband, at_least=0.0),
+        bias=bias,
+        y_offset=_check.real("y_offset", y_offset),
+        y_span=y_span,
+        u_span=u_span,
+        source=source,
+    )
+
+
+def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float], float]:
+    """Return by how much of the stabiliser's signal a reset grows, now and from before, and what a limit takes back."""
+    if method == "backward":
+        return (h / ti, 0.0), h / (ti + h)
+    if method == "tustin":
+        return (h / (2 * ti), h / (2 * ti)), h / (2 * ti + h)
+    return (0.0, -math.expm1(-h / ti)), 0.0
+
+
+def _taken_back(parts: tuple[FilteredGains, ...], h: float, way: str | None, time: float | None) -> float:
+    """Return the share of what was cut off that the integral takes back."""
+    if way in (None, "clamping"):
+        return 0.0
+    if time is None:
+        ki, kp, kd = (sum(part.gains[k] for part in parts if len(part.gains) > k) for k in range(3))
+        if kp / ki <= 0:
+            raise ValueError(
+                f"anti_windup={way!r} goes by the integral time, which must be above 0, found kp/ki = {kp / ki:.4g}; "
+                "take 'clamping', or 'back-calculation' with a tracking_time"
+            )
+        derivative_time = kd / kp if way == "back-calculation" else 0.0
+        time = math.sqrt(kp / ki * derivative_time) if derivative_time > 0 else kp / ki
+    time = _check.real("tracking_time", time, above=0.0)
+    return h / (time + h)

@@ -1,0 +1,266 @@
+"""A step of a digital controller as statements, specialised to what it has; languages print them.
+
+They repeat `pidalab.digital.stepping.advance`, operation by operation, and leave out what is 0 or infinite there. A
+statement is a `Note`, a `Set` or an `If`. Expressions are strings of names, numbers, ``+ - * ( ) < >``, ``and``, ``or``
+and ``not``, which every language has.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from pidalab.digital.paths import Path
+
+if TYPE_CHECKING:
+    from pidalab.digital.controller import DigitalController
+
+INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_value": "real"} | {
+    "tracking": "bool",
+    "track_value": "real",
+}
+
+
+class Note(NamedTuple):
+    """A comment."""
+
+    text: str
+
+
+class Set(NamedTuple):
+    """An assignment."""
+
+    target: str
+    value: str
+
+
+class If(NamedTuple):
+    """A choice."""
+
+    condition: str
+    then: list
+    otherwise: list = []  # noqa: RUF012
+
+
+class Program(NamedTuple):
+    """What a language prints.
+
+    Attributes
+    ----------
+    constants : dict
+        Values by name.
+    states : dict
+        Initial values by name; the truth value `started` says whether the first sample is past.
+    variables : list of str
+        What lives within a step; `forced` is a truth value.
+    body : list
+        Statements.
+    """
+
+    constants: dict[str, float]
+    states: dict[str, float | bool]
+    variables: list[str]
+    body: list
+
+
+def constants(k: DigitalController) -> dict[str, float]:
+    """Return the constants of a controller by name; those that nothing needs are left out."""
+    found: dict[str, float] = {}
+    for path in k.paths:
+        name = path.name.upper()
+        if path.weight not in (0.0, 1.0):
+            found[f"{name}_WEIGHT"] = path.weight
+        if path.order and path.new:
+            found[f"{name}_NEW"] = path.new
+        if path.order and path.old:
+            found[f"{name}_OLD"] = path.old
+        found |= {f"{name}_GAIN_{i}": gain for i, gain in enumerate(path.gains) if gain}
+    if k.integrates:
+        found |= {f"INTEGRAL_{x}": share for x, share in zip(("NEW", "OLD"), k.growth, strict=True) if share}
+        found |= {"TAKEN_BACK": k.taken_back} if k.taken_back and k.limited else {}
+        found |= {"TRACKED": k.tracked}
+    others = {"BIAS": k.bias, "Y_OFFSET": k.y_offset, "DEADBAND": k.deadband}
+    found |= {name: value for name, value in others.items() if value}
+    ends = {"LOWEST": k.limits[0], "HIGHEST": k.limits[1], "LARGEST_CHANGE": k.rate_limit * k.sample_time}
+    return found | {name: value for name, value in ends.items() if math.isfinite(value)}
+
+
+def program(k: DigitalController) -> Program:
+    """Write the step of a controller as statements."""
+    found = constants(k)
+    states: dict[str, float | bool] = {"started": False}
+    body: list = _signals(found, compares=k.integrates and not k.from_signal)
+    for path in k.paths:
+        states |= dict.fromkeys(_chain(path), 0.0)
+        body += _path(path, found, first=path is k.paths[0])
+    body += [] if k.paths else [Set("action", "0.0")]
+    body += _tracking(k, found)
+    if k.integrates:
+        states |= {"integral": 0.0, "carry": 0.0} | ({"old": 0.0} if _remembers(k) else {})
+        body += _with_integral(k, found)
+    else:
+        body += [Note("manual or automatic"), If("manual", [Set("wanted", "manual_value")], [_wanted(found)])]
+        body += _limited(found)
+    body += [Set("control", "limited"), Set("started", "true")]
+    variables = sorted(_targets(body) - {*states, "control"})
+    return Program(found, {**states, "control": k.bias}, variables, body)
+
+
+def _signals(found: dict[str, float], compares: bool) -> list:
+    """Statements that make the error, from the working point, with its deadband."""
+    offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
+    body: list = [
+        Note("signals" + (", from the working point" if offset else "")),
+        Set("reference", f"setpoint{offset}"),
+        Set("measured", f"measurement{offset}"),
+    ]
+    body += [Set("error", "reference - measured")] if compares or "DEADBAND" in found else []
+    if "DEADBAND" in found:
+        inside = If("error < -DEADBAND", [Set("error", "error + DEADBAND")], [Set("error", "0.0")])
+        body += [
+            Note("deadband: smaller errors are none, larger ones count from its edge"),
+            If("error > DEADBAND", [Set("error", "error - DEADBAND")], [inside]),
+            Set("measured", "reference - error"),
+        ]
+    return body
+
+
+def _chain(path: Path) -> list[str]:
+    """Names of the states of a path: its input, where lags need that of one sample ago, and its lags."""
+    return [f"{path.name}_{j}" for j in range(0 if path.old else 1, path.order + 1)] if path.order else []
+
+
+def _path(path: Path, found: dict[str, float], first: bool) -> list:
+    """Statements of a chain of lags and the gains on its differences."""
+    name, n, upper = path.name, path.order, path.name.upper()
+    weighted = {1.0: "reference - measured", 0.0: "0.0 - measured"}.get(
+        path.weight, f"{upper}_WEIGHT * reference - measured"
+    )
+    lags = f": {n} equal lag{'s' if n > 1 else ''}" if n else ""
+    body: list = [Note(name.replace("_", " ") + " part" + lags), Set("entering", weighted)]
+    level = ["entering", *(f"{name}_{j}" for j in range(1, n + 1))]
+    if n:
+        body.append(If("not started", [Set(x, "entering") for x in _chain(path)]))
+    if n and path.new and path.old:
+        body += [Set("before", f"{name}_0")]
+        for j in range(1, n + 1):
+            x = f"{name}_{j}"
+            step = f"{x} + ({upper}_NEW * ({level[j - 1]} - {x}) + {upper}_OLD * (before - {x}))"
+            body += [Set("after", step), Set("before", x), Set(x, "after")]
+    elif n and path.new:
+        for j in range(1, n + 1):
+            x = f"{name}_{j}"
+            body.append(Set(x, f"{x} + {upper}_NEW * ({level[j - 1]} - {x})"))
+    elif n:  # the last lag first: each takes what the one before it was
+        for j in range(n, 0, -1):
+            x = f"{name}_{j}"
+            body.append(Set(x, f"{x} + {upper}_OLD * ({name}_{j - 1} - {x})"))
+    body += [Set(f"{name}_0", "entering")] if n and path.old else []
+    # differences that end at the last state, of one order after the other
+    highest = max((i for i, gain in enumerate(path.gains) if gain), default=0)
+    for k in range(highest + 1):
+        for j in range(n, n - (highest - k) - 1 if k else n, -1):
+            body.append(Set(f"difference_{j}", f"{level[j - 1]} - {level[j]}"))
+        if k:
+            level = [f"difference_{j}" if j >= n - (highest - k) else x for j, x in enumerate(level)]
+        if f"{upper}_GAIN_{k}" in found:
+            term = f"{upper}_GAIN_{k} * {level[n]}"
+            body.append(Set("action", term if first else f"action + {term}"))
+            first = False
+    return body
+
+
+def _tracking(k: DigitalController, found: dict[str, float]) -> list:
+    """Statements that take up a signal that acted in place of ours."""
+    inside: list = []
+    if k.integrates:
+        inside.append(Set("integral", "integral + TRACKED * (track_value - control)"))
+    if k.from_signal and _remembers(k):
+        inside.append(Set("old", f"track_value{_less_bias(found)} - integral"))
+    condition = "tracking and started"
+    return [
+        Note("what acted since the last sample in place of our signal"),
+        If(condition, [*inside, Set("control", "track_value")]),
+    ]
+
+
+def _with_integral(k: DigitalController, found: dict[str, float]) -> list:
+    """Statements of modes, integral, limits and anti-windup."""
+    source = "action" if k.from_signal else "error"
+    shares = (("INTEGRAL_NEW", source), ("INTEGRAL_OLD", "old"))
+    growth = " + ".join(f"{name} * {signal}" for name, signal in shares if name in found)
+    forced = [
+        If("manual", [Set("wanted", "manual_value")], [Set("wanted", "control")]),
+        *_limited(found),
+        Note("the integral follows: no bump on the way back"),
+        Set("integral", f"limited{_less_bias(found)} - action"),
+        Set("carry", "0.0"),
+    ]
+    keep: list = [Set("carry", "added - (grown - integral)"), Set("integral", "grown")]
+    if "TAKEN_BACK" in found:
+        correction = [
+            Set("added", "TAKEN_BACK * (limited - wanted) + carry"),
+            Set("integral", "grown + added"),
+            Set("carry", "added - (integral - grown)"),
+        ]
+        keep += [
+            Note("part of what a limit cut off is taken back from the integral"),
+            If("limited < wanted or limited > wanted", correction),
+        ]
+    if k.anti_windup == "clamping" and k.limited:
+        again = [_wanted(found, "integral"), *_limited(found)]
+        keep = [
+            Note("the integral rests while it would drive the signal further beyond the limit"),
+            If("(limited - wanted) * growth < 0.0", again, keep),
+        ]
+    automatic = [
+        Note("the integral; what rounding takes from it is carried over"),
+        Set("growth", growth),
+        Set("added", "growth + carry"),
+        Set("grown", "integral + added"),
+        _wanted(found, "grown"),
+        *_limited(found),
+        *keep,
+    ]
+    body: list = [Note("manual, or the first sample: it starts with the signal it has"), Set("forced", "manual")]
+    body += [If("not started", [Set("forced", "true")]), If("forced", forced, automatic)]
+    if _remembers(k):
+        body.append(Set("old", f"limited{_less_bias(found)} - integral" if k.from_signal else "error"))
+    return body
+
+
+def _remembers(k: DigitalController) -> bool:
+    """Whether the integral needs a signal of one sample ago."""
+    return k.growth[1] != 0.0
+
+
+def _less_bias(found: dict[str, float]) -> str:
+    return " - BIAS" if "BIAS" in found else ""
+
+
+def _wanted(found: dict[str, float], integral: str = "") -> Set:
+    """Return the statement that sums up what the controller wants."""
+    return Set("wanted", ("BIAS + " if "BIAS" in found else "") + "action" + (f" + {integral}" if integral else ""))
+
+
+def _limited(found: dict[str, float]) -> list:
+    """Statements that limit the signal in rate, then in range."""
+    body: list = [Set("limited", "wanted")]
+    rules = (
+        ("LARGEST_CHANGE", ">", "control + LARGEST_CHANGE"),
+        ("LARGEST_CHANGE", "<", "control - LARGEST_CHANGE"),
+        ("HIGHEST", ">", "HIGHEST"),
+        ("LOWEST", "<", "LOWEST"),
+    )
+    return body + [If(f"limited {sign} {edge}", [Set("limited", edge)]) for name, sign, edge in rules if name in found]
+
+
+def _targets(body: list) -> set[str]:
+    """Names that statements assign to."""
+    found: set[str] = set()
+    for one in body:
+        if isinstance(one, Set):
+            found.add(one.target)
+        elif isinstance(one, If):
+            found |= _targets(one.then) | _targets(one.otherwise)
+    return found

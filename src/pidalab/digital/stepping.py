@@ -1,0 +1,161 @@
+"""One step of a digital controller: plain Python, which the simulation compiles, and which the written code repeats.
+
+In this order: the deadband; the chains of lags; what an external signal corrects; the growth of the integral; the
+limits of rate and range; what these take back from the integral.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pidalab._check import Array
+
+# places in the array of states; behind them for each path its last input and its lags, then room for differences
+STARTED, INTEGRAL, CARRY, OLD, CONTROL, PATHS = range(6)
+
+
+class Numbers(NamedTuple):
+    """A digital controller as numbers: all that a step needs besides its states.
+
+    Attributes
+    ----------
+    weight, new, old : ndarray, shape (paths,)
+        Weight of the set point, and the shares g_0 and g_1 of the lags.
+    order : ndarray of int, shape (paths,)
+        Number of lags.
+    gain : ndarray, shape (paths, largest order + 1)
+        Gains on the last state and its differences.
+    integrates : bool
+        Whether there is integral action.
+    from_signal : bool
+        Automatic reset: the integral grows by what the paths make of the error. Otherwise it grows by the error.
+    growth_new, growth_old : float
+        By how much of its value now, and of that one sample ago.
+    taken_back : float
+        Share of what a limit cut off that the integral takes back.
+    tracked : float
+        Share of the difference to an external signal that the integral takes up.
+    clamps : bool
+        Whether the integral rests while it would drive the control signal further beyond a limit.
+    low, high, rate : float
+        Limits, and the largest change in a sample.
+    deadband, bias, y_offset : float
+        In the units of the signals.
+    """
+
+    weight: Array
+    new: Array
+    old: Array
+    order: np.ndarray
+    gain: Array
+    integrates: bool
+    from_signal: bool
+    growth_new: float
+    growth_old: float
+    taken_back: float
+    tracked: float
+    clamps: bool
+    low: float
+    high: float
+    rate: float
+    deadband: float
+    bias: float
+    y_offset: float
+
+
+def fresh(numbers: Numbers, u: float) -> Array:
+    """Return the states of a controller that will start with the control signal u."""
+    places = PATHS + int(np.sum(numbers.order + 1)) + int(np.max(numbers.order, initial=0)) + 1
+    states = np.zeros(places)
+    states[CONTROL] = u
+    return states
+
+
+def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: float) -> float:
+    """Advance the states by one sample and return the control signal; nan stands for no `manual` and no `track`."""
+    r, y = r - n.y_offset, y - n.y_offset
+    error = r - y
+    if n.deadband > 0.0:
+        if error > n.deadband:
+            error = error - n.deadband
+        elif error < -n.deadband:
+            error = error + n.deadband
+        else:
+            error = 0.0
+        y = r - error
+    starts = s[STARTED] == 0.0
+    s[STARTED] = 1.0
+
+    # chains of lags, and the differences that end at their last states
+    p, at = 0.0, PATHS
+    room = s.size - n.gain.shape[1]
+    for i in range(n.order.size):
+        order = n.order[i]
+        now = n.weight[i] * r - y
+        if starts:
+            s[at : at + order + 1] = now
+        before = s[at]
+        s[at] = s[room] = now
+        for j in range(1, order + 1):
+            x = s[at + j]
+            now = x + (n.new[i] * (now - x) + n.old[i] * (before - x))
+            before = x
+            s[at + j] = s[room + j] = now
+        for k in range(order + 1):
+            p += n.gain[i, k] * s[room + order]
+            for j in range(order, k, -1):
+                s[room + j] = s[room + j - 1] - s[room + j]
+        at += order + 1
+
+    # an external signal that acted in place of ours since the last sample
+    if track == track and not starts:
+        if n.integrates:
+            s[INTEGRAL] += n.tracked * (track - s[CONTROL])
+        if n.from_signal:
+            s[OLD] = track - n.bias - s[INTEGRAL]
+        s[CONTROL] = track
+    # without a bump: the first signal is the one that it starts with
+    if starts and n.integrates and manual != manual:
+        manual = s[CONTROL]
+
+    signal = p if n.from_signal else error
+    growth = n.growth_new * signal + n.growth_old * s[OLD]
+    if manual == manual:
+        u = limited(n, s[CONTROL], manual)
+        if n.integrates:
+            s[INTEGRAL] = u - n.bias - p
+            s[CARRY] = 0.0
+    else:
+        # what rounding takes from the integral is carried over to the next sample
+        added = growth + s[CARRY]
+        integral = s[INTEGRAL] + added
+        wanted = n.bias + p + integral
+        u = limited(n, s[CONTROL], wanted)
+        if n.clamps and (u - wanted) * growth < 0.0:
+            u = limited(n, s[CONTROL], n.bias + p + s[INTEGRAL])
+        elif n.integrates:
+            s[CARRY] = added - (integral - s[INTEGRAL])
+            s[INTEGRAL] = integral
+            if n.taken_back > 0.0 and u != wanted:
+                added = n.taken_back * (u - wanted) + s[CARRY]
+                s[INTEGRAL] = integral + added
+                s[CARRY] = added - (s[INTEGRAL] - integral)
+    s[OLD] = u - n.bias - s[INTEGRAL] if n.from_signal else error
+    s[CONTROL] = u
+    return u
+
+
+def limited(n: Numbers, last: float, wanted: float) -> float:
+    """Limit a control signal in rate, and then in range."""
+    u = wanted
+    if u > last + n.rate:
+        u = last + n.rate
+    if u < last - n.rate:
+        u = last - n.rate
+    if u > n.high:
+        u = n.high
+    if u < n.low:
+        u = n.low
+    return u

@@ -1,0 +1,152 @@
+"""Compiled loops over samples: a plant, its actuator, and a controller with an integral or any digital one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numba.extending import register_jitable
+
+from pidalab._check import Array
+from pidalab._compiled import compiled
+from pidalab.digital import stepping
+from pidalab.digital.stepping import Numbers, advance
+from pidalab.simulation.sampled_controller import SampledController
+from pidalab.simulation.steps import Actuator, Steps
+from pidalab.statespace import StateSpace
+
+for function in (stepping.limited, advance):  # plain Python there, machine code within what is compiled here
+    register_jitable(function)
+
+
+@njit(cache=True)
+def advanced(phi: Array, gamma: Array, x: Array, w: float, new: Array) -> None:
+    """Write phi x + gamma w into `new`; in plain loops, for small matrices faster than a library call."""
+    for i in range(x.size):
+        total = gamma[i] * w
+        for j in range(x.size):
+            total += phi[i, j] * x[j]
+        new[i] = total
+
+
+@njit(cache=True)
+def output(c: Array, d: float, x: Array, w: float) -> float:
+    """Return c x + d w."""
+    total = d * w
+    for i in range(x.size):
+        total += c[i] * x[i]
+    return total
+
+
+@njit(cache=True)
+def filtered(block: StateSpace, signal: Array) -> Array:
+    """Pass a held signal through a discretised block."""
+    x, new, out = np.zeros(block.b.size), np.zeros(block.b.size), np.empty(signal.size)
+    for k in range(signal.size):
+        out[k] = output(block.c, block.d, x, signal[k])
+        advanced(block.A, block.b, x, signal[k], new)
+        x, new = new, x
+    return out
+
+
+@njit(cache=True)
+def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array, at: int) -> float:
+    """Write what an actuator makes of a limited signal, with the load, to `v` and `width`; return it, or its mean."""
+    if actuator.quantum > 0:
+        rounded = actuator.quantum * np.rint(wanted / actuator.quantum)
+        u = min(max(rounded, actuator.low), actuator.high)
+        v[at] = u + load
+        return u
+    if actuator.widths > 0:
+        span = actuator.high - actuator.low
+        share = (wanted - actuator.low) / span
+        parts = int(np.rint(share * actuator.widths)) if 0 <= share <= 1 else 0  # not so after an overflow: nan
+        v[at], width[at] = actuator.low + load, parts
+        return actuator.low + span * parts / actuator.widths
+    v[at] = wanted + load
+    return wanted
+
+
+@njit(cache=True)
+def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: int) -> tuple[Array, Array]:
+    """Take the plant across a sample; returns its new state, and the room of the old one."""
+    for piece in range(plant.ago.size):
+        w = v[at - plant.ago[piece]]
+        system = 1 if w > x[0] else 0  # a store that moves towards w does not pass it while w is held
+        advanced(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
+        x, x_new = x_new, x
+        if plant.pulse.shape[1] > 1:
+            x += plant.pulse[piece, width[at - plant.ago[piece]]]
+    return x, x_new
+
+
+@njit(cache=True)
+def run(
+    controller: SampledController,
+    plant: Steps,
+    actuator: Actuator,
+    fineness: float,
+    reference: Array,
+    load: Array,
+    noise: Array,
+) -> tuple[Array, Array, Array]:
+    """Run the loop; `reference` is the filtered set point. Returns y, u and the integral of y."""
+    n, before, block = reference.size, plant.ago[0], controller.block
+    y, u, area = np.empty(n), np.empty(n), np.empty(n)
+    v = np.zeros(n + before)  # input of the plant less its pulses, with its rest before t = 0 in front
+    width = np.zeros(n + before, np.int64)
+    x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
+    z, z_new = np.zeros(block.b.size), np.zeros(block.b.size)
+    integral = 0.0
+    for k in range(n):
+        y[k] = output(plant.c, plant.d, x, v[k])
+        area[k] = x[-1]
+        measured = y[k] + noise[k]
+        if fineness > 0:
+            measured = fineness * np.rint(measured / fineness)
+        error = reference[k] - measured
+        p = output(block.c, block.d, z, error)
+        wanted = p + integral
+        limited = min(max(wanted, actuator.low), actuator.high)
+        growth = controller.from_error * error + controller.from_block * p
+        excess = limited - wanted
+        if not (controller.clamped and excess * growth < 0):
+            integral += growth + controller.from_excess * excess
+        u[k] = acted(actuator, limited, load[k], v, width, k + before)
+        advanced(block.A, block.b, z, error, z_new)
+        z, z_new = z_new, z
+        x, x_new = crossed(plant, x, x_new, v, width, k + before)
+    return y, u, area
+
+
+def _run_digital(
+    numbers: Numbers,
+    states: Array,
+    units: tuple[float, float],
+    plant: Steps,
+    actuator: Actuator,
+    fineness: float,
+    reference: Array,
+    load: Array,
+    noise: Array,
+) -> tuple[Array, Array, Array]:
+    """Run the loop of a digital controller with the units of a unit of y and of u; otherwise as `run`."""
+    n, before = reference.size, plant.ago[0]
+    y_span, u_span = units
+    y, u, area = np.empty(n), np.empty(n), np.empty(n)
+    v, width = np.zeros(n + before), np.zeros(n + before, np.int64)
+    x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
+    for k in range(n):
+        y[k] = output(plant.c, plant.d, x, v[k])
+        area[k] = x[-1]
+        measured = y[k] + noise[k]
+        if fineness > 0:
+            measured = fineness * np.rint(measured / fineness)
+        # the controller has the units of its signals, the loop counts from rest in those of the model
+        there = numbers.y_offset + y_span * reference[k], numbers.y_offset + y_span * measured
+        wanted = (advance(numbers, states, there[0], there[1], np.nan, np.nan) - numbers.bias) / u_span
+        u[k] = acted(actuator, wanted, load[k], v, width, k + before)
+        x, x_new = crossed(plant, x, x_new, v, width, k + before)
+    return y, u, area
+
+
+run_digital = compiled(_run_digital, advance)

@@ -1,0 +1,55 @@
+"""Digital controllers of every kind, and records to run them over."""
+
+import math
+
+import numpy as np
+
+from pidalab import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
+
+RANGE = {"limits": (-4.0, 6.0), "bias": 0.5}
+STANDARD = PIDA(1.3, 3.3, 0.9, 0.27, n=4, m=2)
+SERIES = SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4)
+CASES = {
+    "pi": PIDA(1.3, 3.3).discretise(0.1, **RANGE),
+    "pd": PIDA(1.3, math.inf, 0.9).discretise(0.1, rate_limit=60.0, **RANGE),
+    "tustin": STANDARD.discretise(0.1, "tustin", b=0.4, c=0.0, anti_windup="clamping", rate_limit=50.0, **RANGE),
+    "zoh": STANDARD.discretise(0.1, "zoh", anti_windup="back-calculation", deadband=0.02, **RANGE),
+    "backward": NonInteractivePIDA(1.0, 2.0, 0.5, 0.8).discretise(0.3, c=0.0, y_offset=3.0, y_span=2.0, **RANGE),
+    "fifth": HighOrderPID([0.4, 1.3, 0.6, 0.2, 0.05], 0.3, 5).discretise(0.1, "zoh", b=0.7, c=0.2, **RANGE),
+    "third": HighOrderPID([0.4, 1.3, 0.6], 0.3, 3).discretise(0.2, "tustin", anti_windup=None, rate_limit=5.0),
+    "gains": HighOrderPID([0.4, 1.3], 0.0, 0).discretise(0.2, u_span=3.0, anti_windup="clamping", **RANGE),
+    "reset": SERIES.discretise(0.1, rate_limit=50.0, **RANGE),
+    "reset_tustin": SERIES.discretise(0.1, "tustin", deadband=0.01, **RANGE),
+    "reset_zoh": SERIES.discretise(0.1, "zoh", **RANGE),
+    "reset_weights": SERIES.discretise(0.1, b=0.6, c=0.0, **RANGE),
+}  # fmt: skip
+
+
+def record(k, seed=0, n=300):
+    """Random set points that jump, a noisy measurement, spells in manual mode, and signals that act in between."""
+    rng = np.random.default_rng(seed)
+    jumps = np.repeat(rng.uniform(-1.0, 1.0, n // 20), 20)
+    y = 0.7 * np.convolve(jumps, np.exp(-np.arange(40) / 8) / 8)[:n] + 0.02 * rng.normal(size=n)
+    manual = np.repeat(rng.random(n // 10) < 0.2, 10)
+    rows = {
+        "setpoint": k.y_offset + k.y_span * jumps,
+        "measurement": k.y_offset + k.y_span * y,
+        "manual": manual,
+        "manual_value": k.bias + rng.uniform(-6.0, 6.0, n),
+        "tracking": rng.random(n) < 0.05,
+        "track_value": k.bias + rng.uniform(-3.0, 3.0, n),
+    }
+    # numbers that single precision has, too
+    return {name: x if x.dtype == bool else x.astype(np.float32).astype(float) for name, x in rows.items()}
+
+
+def reference(k, rows):
+    """Control signals of the reference implementation."""
+    k.reset()
+    columns = (x.tolist() for x in rows.values())
+    return np.array(
+        [
+            k.step(r, y, m if manual else None, v if tracking else None)
+            for r, y, manual, m, tracking, v in zip(*columns, strict=True)
+        ]
+    )

@@ -1,0 +1,223 @@
+"""The digital controller at work: starts, modes, limits, windup, by hand and by what must hold."""
+
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+from cases import CASES, STANDARD, record, reference
+
+from pidalab import PIDA, HighOrderPID, Loop, Process, SeriesPIDA, fopdt, ipdt, lags, simulate, simulate_sampled
+from pidalab.digital.stepping import INTEGRAL, advance
+
+OPEN = Process([0.0], [1.0])  # a loop in which the controller sees the set point alone
+
+
+def test_pi_controller_by_hand():
+    """kp = 2, ki h = 0.25, limits -3 and 3, back-calculation by 0.5/(4 + 0.5) = 1/9."""
+    k = PIDA(2.0, 4.0).discretise(0.5, limits=(-3.0, 3.0))
+    k.reset(r=0.0, y=0.0)
+    assert [k.step(e, 0.0) for e in (1.0, 1.0, 2.0, 2.0, 0.0)] == pytest.approx([2.25, 2.5, 3.0, 3.0, 83 / 81])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_compiled_loop_is_the_reference_bit_for_bit(name):
+    """Proportional plant of gain 0: the loop's controller is on its own, with the limits that it has."""
+    k = dataclasses.replace(CASES[name], y_offset=0.0, y_span=1.0, u_span=1.0, bias=0.0)
+    rows = record(k)
+    t = k.sample_time * np.arange(300)
+    run = simulate_sampled(Loop(OPEN, k), t, rows["setpoint"], noise=rows["measurement"])
+    k.reset(r=0.0, y=0.0)
+    by_step = [k.step(r, y) for r, y in zip(rows["setpoint"].tolist(), rows["measurement"].tolist(), strict=True)]
+    np.testing.assert_array_equal(run.u, by_step)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_units_change_nothing_but_the_scale(name):
+    k = CASES[name]
+    t, loop = k.sample_time * np.arange(400), Loop(lags(3), k)
+    run = simulate_sampled(loop, t, 0.7, load=0.3)
+    low, high = loop.limits
+    assert np.all((run.u >= low - 1e-12) & (run.u <= high + 1e-12))
+    # the same in other units: gains, limits, rate and deadband go with them
+    gains = tuple(path._replace(gains=tuple(g / 50.0 for g in path.gains)) for path in k.paths)
+    growth = k.growth if k.from_signal else tuple(g / 50.0 for g in k.growth)
+    scaled = dataclasses.replace(k, paths=gains, growth=growth, y_span=50.0 * k.y_span, deadband=50.0 * k.deadband)
+    moved = dataclasses.replace(scaled, y_offset=k.y_offset + 20.0)
+    np.testing.assert_allclose(simulate_sampled(Loop(lags(3), moved), t, 0.7, load=0.3).u, run.u, atol=1e-9)
+
+
+def test_held_and_continuous_controllers_agree():
+    """The exact discretisation is what simulate_sampled makes of a continuous controller."""
+    t = 0.05 * np.arange(600)
+    for own in (STANDARD, SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4), HighOrderPID([0.4, 1.2, 0.6, 0.1], 0.1, 4)):
+        way = "reset" if isinstance(own, SeriesPIDA) else None
+        runs = [
+            simulate_sampled(Loop(lags(4, delay=0.33), one), t, 1.0, load=0.2, limits=(-0.5, 1.4))
+            for one in (own, own.discretise(0.05, "zoh", anti_windup=way))
+        ]
+        np.testing.assert_allclose(runs[1].u, runs[0].u, atol=1e-10)
+
+
+@pytest.mark.parametrize("method", ["backward", "tustin"])
+def test_ever_faster_samples_approach_the_continuous_loop(method):
+    loop, errors = Loop(lags(4), STANDARD), []
+    for fineness in (20, 40, 80):
+        t = np.linspace(0.0, 12.0, 12 * fineness + 1)
+        digital = simulate_sampled(Loop(loop.process, STANDARD.discretise(1 / fineness, method)), t, 1.0)
+        errors.append(np.max(np.abs(digital.y - simulate(loop, t, 1.0).y)[::fineness]))
+    assert np.all(np.array(errors)[:-1] / np.array(errors)[1:] > 1.8), errors
+
+
+def test_slow_samples_of_a_fast_derivative():
+    """A sample time ten times the filter's time constant: refused for held inputs, and backward serves."""
+    process, own = fopdt(2.3, 20.0, 8.0), PIDA(0.8, 22.0, 3.0, n=10)
+    t = np.arange(300.0)
+    with pytest.raises(ValueError, match=r"at most the time constant .* \(0\.3\), found 1: .* 'backward'"):
+        simulate_sampled(Loop(process, own), t, 1.0)
+    run = simulate_sampled(Loop(process, own.discretise(1.0)), t, 1.0)
+    assert run.overshoot() < 20
+    assert abs(run.y[-1] - 1.0) < 0.01
+
+
+def test_rest_is_where_it_starts():
+    for name, k in CASES.items():
+        k.reset()
+        y = k.y_offset + 0.4 * k.y_span
+        first = k.step(y, y)
+        assert first == k.bias
+        assert k.step(y, y) == pytest.approx(k.bias, abs=1e-12), name
+        if k.integrates:
+            k.reset(u=1.0)
+            assert k.step(y + 1.0, y) == 1.0, name  # whatever the error is, no bump
+        k.reset(r=y, y=y, u=k.bias)
+        again = k.step(y, y)
+        assert again == pytest.approx(k.bias, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_no_bump_on_the_way_back_from_manual(name):
+    k = CASES[name]
+    y = k.y_offset
+    k.reset()
+    for _ in range(30):
+        k.step(y, y, manual=k.bias + 1.0)
+    if k.integrates:
+        assert k.step(y, y) == pytest.approx(k.bias + 1.0, abs=1e-9)
+    else:
+        assert k.step(y, y) == pytest.approx(k.bias, abs=1e-9)  # nothing that could hold it
+
+
+def test_manual_signals_keep_the_limits_of_range_and_rate():
+    k = PIDA(1.0, 2.0).discretise(0.5, limits=(-1.0, 2.0), rate_limit=1.0)
+    assert [k.step(0.0, 0.0, manual=9.0) for _ in range(6)] == [0.5, 1.0, 1.5, 2.0, 2.0, 2.0]
+    assert [k.step(0.0, 0.0, manual=-9.0) for _ in range(7)] == [1.5, 1.0, 0.5, 0.0, -0.5, -1.0, -1.0]
+
+
+@pytest.mark.parametrize("way", ["reset", "back-calculation", "clamping", None])
+def test_tracking_keeps_the_integral_from_running_away(way):
+    """A selector holds the actuator at 0.5 for long; released, the controller goes on from near there."""
+    k = PIDA(1.0, 2.0).discretise(0.1, anti_windup=way)
+    k.reset(r=0.0, y=0.0)
+    wanted = [k.step(0.3, 0.0, track=0.5) for _ in range(400)][-1]
+    released = k.step(0.3, 0.0)
+    assert abs(wanted - 0.5) < 0.35
+    assert released - wanted == pytest.approx(0.3 * 0.05, abs=1e-9)
+
+
+def test_windup():
+    """An actuator at its limit for most of a step: overshoot with each way, and none that is worse than no way."""
+    process, own, t = ipdt(1.0, 0.5), PIDA(0.6, 4.0), 0.1 * np.arange(400)
+    found = {}
+    for way in (None, "reset", "back-calculation", "clamping"):
+        k = own.discretise(0.1, limits=(-0.1, 0.1), anti_windup=way)
+        found[way] = simulate_sampled(Loop(process, k), t, 1.0).overshoot()
+    assert found[None] > 60
+    assert max(found[way] for way in found if way) < 15
+
+
+def test_reset_is_a_lag_behind_the_limited_signal():
+    """Backward differences: i_k = i_{k-1} + h/(ti + h) (u_k - i_{k-1}), whatever the limits do."""
+    h, ti, kp, rng = 0.1, 0.9, 0.7, np.random.default_rng(1)
+    k = SeriesPIDA(kp, 0.0, 0.0, ti, 0.2, 0).discretise(h, limits=(-0.5, 0.6), rate_limit=4.0)
+    k.reset(r=0.0, y=0.0)
+    integral, last, cut = 0.0, 0.0, 0
+    for error in rng.normal(size=300):
+        u = k.step(float(error), 0.0)
+        new = integral + h / (ti + h) * (u - integral)
+        cut += abs(u - kp * error - new) > 1e-9
+        # the signal is what proportional part and lag add up to, or a limit
+        assert abs(u - kp * error - new) < 1e-12 or u in (-0.5, 0.6) or abs(u - last) == pytest.approx(4.0 * h)
+        integral, last = new, u
+    assert 50 < cut < 290
+
+
+def test_limit_of_rate_by_hand():
+    k = PIDA(1.0, math.inf).discretise(0.5, rate_limit=2.0)
+    k.reset(r=0.0, y=0.0)
+    assert [k.step(r, 0.0) for r in (2.5, 2.5, 2.5, 0.0)] == [1.0, 2.0, 2.5, 1.5]
+
+
+def test_deadband_by_hand():
+    k = PIDA(2.0, math.inf).discretise(0.5, deadband=0.5)
+    assert [k.step(r, 0.0) for r in (0.5, -0.5, 0.25, 1.0, -2.0)] == [0.0, 0.0, 0.0, 1.0, -3.0]
+
+
+def test_weights_by_hand():
+    """b = 0: a step of the set point moves the integral alone; c = 0: no derivative of it. The measurement as ever."""
+    free = STANDARD.discretise(0.1, b=0.0, c=0.0)
+    free.reset(r=0.0, y=0.0)
+    ki = STANDARD.kp / STANDARD.ti * 0.1
+    assert [free.step(1.0, 0.0) for _ in range(3)] == pytest.approx([ki, 2 * ki, 3 * ki])
+    full = STANDARD.discretise(0.1)
+    for k in (free, full):
+        k.reset(r=0.0, y=0.0)
+    assert [free.step(0.0, y) for y in (1.0, 0.3)] == pytest.approx([full.step(0.0, y) for y in (1.0, 0.3)])
+
+
+def test_a_small_integral_adds_up_in_single_precision():
+    """Growth of a hundred-millionth of the integral in a sample, which rounding alone would lose, is carried over."""
+    k = PIDA(1.0, 1000.0).discretise(0.001)
+    states = k.at_rest().astype(np.float32)
+    states[INTEGRAL] = 8.0
+    numbers = k.numbers._replace(growth_new=np.float32(1e-6))
+    for _ in range(20000):
+        advance(numbers, states, np.float32(0.1), np.float32(0.0), math.nan, math.nan)
+    assert states[INTEGRAL] == pytest.approx(8.002, abs=2e-6)
+
+
+def test_it_does_not_change():
+    k = CASES["pi"]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        k.bias = 3.0
+    again = pickle.loads(pickle.dumps(k))
+    assert again == k
+    k.step(1.0, 0.0)
+    assert again == k  # states are no part of what it is
+    rows = record(k)
+    np.testing.assert_array_equal(reference(again, rows), reference(k, rows))
+    assert repr(k) == "PIDA(kp=1.3, ti=3.3, td=0.0, ta=0.0, n=10.0, m=10.0).discretise(0.1, 'backward', " + (
+        "limits=(-4.0, 6.0), bias=0.5)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda k: k.step("1", 0.0), TypeError, "r must be a real number"),
+        (lambda k: k.step(1.0, math.nan), ValueError, "y must be finite"),
+        (lambda k: k.step(1.0, 0.0, manual=math.inf), ValueError, "manual must be finite"),
+        (lambda k: k.step(1.0, 0.0, track=math.nan), ValueError, "track must be finite"),
+        (lambda k: k.reset(r=1.0), ValueError, "r and y must be given together"),
+        (lambda k: k.reset(u=math.nan), ValueError, "u must be finite"),
+        (lambda k: Loop(lags(2), k, lags(1)), ValueError, "output_filter must be None with a digital controller"),
+        (lambda k: simulate(Loop(lags(2), k), np.arange(9.0), 1.0), TypeError, "is digital.*Use simulate_sampled"),
+        (lambda k: Loop(lags(2), k).L(1.0), TypeError, r"is digital with sample time 0\.1: it has no transfer"),
+        (lambda k: Loop(lags(2), k).block("controller", 1.0), TypeError, "is digital"),
+    ],
+    ids=["text", "nan", "manual", "track", "one", "start", "filter", "exact", "L", "block"],
+)
+def test_complaints(call, error, message):
+    with pytest.raises(error, match=message):
+        call(CASES["pi"])

@@ -1,0 +1,144 @@
+"""What the methods make of a controller: substitutions, held inputs, and what they refuse."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import pidalab
+from pidalab import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
+
+CONTROLLERS = {
+    "pi": PIDA(1.3, 3.3),
+    "pd": PIDA(1.3, math.inf, 0.9),
+    "pida": PIDA(1.3, 3.3, 0.9, 0.27, 5, 3),
+    "non-interactive": NonInteractivePIDA(1.0, 2.0, 0.5, 1.0, 0.2, 0.1),
+    "high order": HighOrderPID([0.4, 1.3, 1.0, 0.3], 0.3, 5),
+    "filtered I": HighOrderPID([0.4, 0.0], 0.3, 2),
+    "series": SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4),
+    "series P": SeriesPIDA(0.5, 0.0, 0.0, 0.9, 0.2, 0),
+}
+Z = np.exp(1j * np.array([1e-4, 0.01, 0.3, 1.0, 3.0])) * np.array([1.0, 1.0, 1.0, 1.05, 0.9])
+H = 0.07
+
+
+def chain(controller, h, z):
+    """What a held input makes of a filtered controller, by the exponential of its chains of lags."""
+    total = np.zeros_like(z)
+    for part in controller.parts():
+        n, time, (ki, *rest) = part.filter_order, part.filter_time, part.gains
+        # states: integral of the last lag, then the lags; s^k of the last lag is a difference of lags
+        A, b = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
+        for j in range(1, n + 1):
+            A[j, j] = -1 / time
+            A[j, j - 1] = 1 / time if j > 1 else 0.0
+        A[0, n], b[1 if n else 0] = (1.0, 1 / time) if n else (0.0, 1.0)
+        rows = {j: np.eye(n + 2)[j] for j in range(1, n + 1)} | {0: np.eye(n + 2)[n + 1]}  # the input at the end
+        outputs = ki * np.eye(n + 2)[0]
+        for k, gain in enumerate(rest):
+            outputs = outputs + gain * rows[n]
+            rows = {j: (rows[j - 1] - rows[j]) / time for j in rows if j - 1 in rows}
+            if n not in rows and any(rest[k + 1 :]):
+                raise AssertionError("improper")
+            rows.setdefault(n, np.zeros(n + 2))
+        augmented = np.zeros((n + 2, n + 2))
+        augmented[: n + 1, : n + 1], augmented[: n + 1, n + 1] = A, b
+        transition = expm(augmented * h)
+        phi, gamma = transition[: n + 1, : n + 1], transition[: n + 1, n + 1]
+        for i, one in enumerate(z):
+            total[i] += outputs[: n + 1] @ np.linalg.solve(one * np.eye(n + 1) - phi, gamma) + outputs[n + 1]
+    return total
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_parts_are_the_controller(name):
+    s, total = np.array([0.1j, 1.0 + 2.0j, 30.0j]), 0.0
+    for part in CONTROLLERS[name].parts():
+        gains = sum(gain * s ** (k - 1.0) for k, gain in enumerate(part.gains))
+        total = total + gains / (1 + part.filter_time * s) ** part.filter_order
+    np.testing.assert_allclose(total, CONTROLLERS[name](s), rtol=1e-12)
+
+
+@pytest.mark.parametrize("way", ["reset", "clamping"])
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_substitutions(name, way):
+    for method, s in (("backward", (1 - 1 / Z) / H), ("tustin", 2 / H * (Z - 1) / (Z + 1))):
+        if name == "filtered I" and way == "reset":
+            continue  # no integral time to go by
+        k = CONTROLLERS[name].discretise(H, method, anti_windup=way)
+        np.testing.assert_allclose(k(Z), CONTROLLERS[name](s), rtol=1e-9)
+        np.testing.assert_allclose(k.transfer_function()(Z), k(Z), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("h", [0.07, 1e-4])
+def test_held_input(name, h):
+    k = CONTROLLERS[name].discretise(h, "zoh", anti_windup="clamping")
+    np.testing.assert_allclose(k(Z), chain(CONTROLLERS[name], h, Z), rtol=1e-7 if h < 0.01 else 1e-9)
+
+
+def test_reset_behind_a_held_input():
+    """(1 + lag of the signal, one sample late) times the stabilising controller."""
+    own = CONTROLLERS["series"]
+    stabiliser = HighOrderPID([0.0, own.kp, own.kd, own.ka], own.filter_time, own.filter_order)
+    a = math.exp(-H / own.ti)
+    expected = chain(stabiliser, H, Z) * (1 + (1 - a) / (Z - 1))
+    np.testing.assert_allclose(own.discretise(H, "zoh")(Z), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["backward", "tustin", "zoh"])
+def test_units_scale_the_gains(method):
+    plain = CONTROLLERS["pida"].discretise(H, method)
+    scaled = CONTROLLERS["pida"].discretise(H, method, y_span=4.0, u_span=3.0, bias=7.0)
+    np.testing.assert_allclose(scaled(Z), 0.75 * plain(Z), rtol=1e-12)
+
+
+def test_backward_differences_are_stable_at_any_sample_time():
+    for controller in CONTROLLERS.values():
+        for h in (1e-3, 1.0, 1e3):
+            k = controller.discretise(h, anti_windup="clamping")
+            assert all(0 <= 1 - path.new - path.old < 1 for path in k.paths if path.order)
+            assert 0 <= k.taken_back < 1
+
+
+PID = PIDA(1.0, 2.0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("controller", "arguments", "error", "message"),
+    [
+        (PID, {"sample_time": 0.0}, ValueError, "sample_time must be above 0, found 0"),
+        (PID, {"method": "euler"}, ValueError, "method must be 'backward', 'tustin' or 'zoh', found 'euler'"),
+        (PID, {"method": "tustin", "sample_time": 0.11}, ValueError, r"at most 0\.1 .* found 0\.11: .*constant 0\.05"),
+        (PID, {"method": "zoh", "sample_time": 0.06}, ValueError, r"at most 0\.05 .* take method='backward'"),
+        (SeriesPIDA(1, 1, 0, 1, 0.1, 1), {"method": "zoh", "sample_time": 0.2}, ValueError, "filter of the stabiliser"),
+        (PID, {"anti_windup": "conditioning"}, ValueError, "anti_windup must be 'reset', .* found 'conditioning'"),
+        (PID, {"tracking_time": 1.0}, ValueError, "tracking_time is of anti_windup='back-calculation', found"),
+        (PID, {"tracking_time": 0.0, "anti_windup": "back-calculation"}, ValueError, "tracking_time must be above 0"),
+        (HighOrderPID([1.0, -2.0], 0.1, 1), {}, ValueError, "above 0, found kp/ki = -2; take 'clamping'"),
+        (PID, {"limits": (1.0, 0.0)}, ValueError, "limits must be"),
+        (PID, {"limits": (1.0, 2.0)}, ValueError, r"bias must be within the limits \(1, 2\), found 0"),
+        (PID, {"rate_limit": 0.0}, ValueError, "rate_limit must be above 0"),
+        (PID, {"deadband": -1.0}, ValueError, "deadband must be at least 0"),
+        (PID, {"b": math.nan}, ValueError, "b must be finite"),
+        (PID, {"y_span": 0.0}, ValueError, "y_span must be above 0"),
+        (PID, {"bias": "0"}, TypeError, "bias must be a real number"),
+        (PID, {"filter": 1.0}, TypeError, "unexpected keyword argument 'filter'"),
+    ],
+    ids=["sample", "method", "tustin", "zoh", "series", "way", "tracking", "time", "sign", "limits", "bias", "rate",
+         "deadband", "nan", "span", "text", "unknown"],
+)  # fmt: skip
+def test_discretise_complains(controller, arguments, error, message):
+    with pytest.raises(error, match=message):
+        controller.discretise(**({"sample_time": 0.01} | arguments))
+
+
+def test_integral_time_of_a_sum():
+    """Back-calculation takes the root of integral and derivative time, the reset the integral time."""
+    h, ti, td = 0.1, 2.0, 0.5
+    taken = {way: PID.discretise(h, anti_windup=way).taken_back for way in ("reset", "back-calculation", None)}
+    assert taken["reset"] == pytest.approx(h / (ti + h))
+    assert taken["back-calculation"] == pytest.approx(h / (math.sqrt(ti * td) + h))
+    assert taken[None] == 0.0
+    assert pidalab.PIDA(1.0, 2.0).discretise(h, anti_windup="back-calculation").taken_back == taken["reset"]
