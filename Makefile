@@ -2,6 +2,8 @@
 # A target that names a file under .venv or _build is a stamp: it is done once, and again when what it stands on changes.
 
 PYTHON ?= python3
+# Two processes at once, with small matrices: more threads would only wait for each other.
+export OPENBLAS_NUM_THREADS ?= 1
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 ENV := .venv/.installed
