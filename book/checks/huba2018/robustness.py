@@ -158,13 +158,14 @@ def effort(book: Ledger) -> pd.DataFrame:
         "K_s T_dm²: " + "; ".join(f"m = {m}: {span(values)}" for m, values in shares["load"].items()) + ".",
     )
     t = np.linspace(0, 60, 12_001)
-    tv = [pidalab.step_response(mrdp.tune(unit(), m, m + 1, equal_servo(4.5)(m)).loop(), t).tv("u") for m in ORDERS]
+    loops = [mrdp.tune(unit(), m, max(m, 1), equal_servo(4.5)(m)).loop() for m in ORDERS]
+    tv = [pidalab.step_response(loop, t).tv("u") for loop in loops]
     book.statement(
         "st.effort.tv",
         *every({f"m = {m + 1}": (tv[m + 1], tv[m]) for m in range(4)}, "<"),
         left_name="total variation of u with m",
         right_name="m − 1",
-        note="Set-point step at IAE_s = 4.5 T_dm, n = m + 1, without noise, first jump included: "
+        note="Set-point step at IAE_s = 4.5 T_dm, n = m (1 for PI), without noise, first jump included: "
         f"{listed(tv, '.3f')} in units of 1/(K_s T_dm), for m from 0 to 4.",
     )
     noise = {f"equal set-point IE = {ie:g}": family("IAE_s", ie, 1)["noise in u"] for ie in SERVO}
