@@ -39,6 +39,7 @@ class Fault:
     file: str
     function: str
     changes: tuple[tuple[str, str], ...]
+    around: str = ""  # module of the function, where compiled code is changed that only it calls
 
     def plant(self, library: Path) -> None:
         """Change a copy of the library; each text has to be there exactly once."""
@@ -142,14 +143,10 @@ FAULTS = (
     ),
     Fault(
         "the sampled loop holds its input a sample too long",
-        "simulation/sampled.py",
+        "simulation/kernels.py",
         "simulate_sampled",
-        (
-            (
-                "            w = v[k + before - plant.ago[piece]]\n",
-                "            w = v[max(k + before - plant.ago[piece] - 1, 0)]\n",
-            ),
-        ),
+        (("        w = v[at - plant.ago[piece]]\n", "        w = v[max(at - plant.ago[piece] - 1, 0)]\n"),),
+        "simulation.sampled",
     ),
     Fault(
         "levels of the three points as printed, not as used",
@@ -172,7 +169,7 @@ def calls(paper: str) -> dict[str, list[str]]:
     """Run the checks of a paper in this process and list the sections in which each fault would be met."""
     called: set[str] = set()
     for fault in FAULTS:
-        module = import_module(f"pidalab.{fault.file.removesuffix('.py').replace('/', '.')}")
+        module = import_module(f"pidalab.{fault.around or fault.file.removesuffix('.py').replace('/', '.')}")
         owner, _, name = fault.function.rpartition(".")
         if owner:
             kind = getattr(module, owner)
