@@ -12,6 +12,7 @@ from pidalab._check import Array
 from pidalab.loop import Loop, require_well_posed
 from pidalab.robustness._grid import Scan, ends, scan
 from pidalab.robustness.poles import is_stable
+from pidalab.robustness.sampled import margins_sampled
 
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
 
@@ -191,6 +192,10 @@ def _phase_crossovers(looked: Scan, quietest: float) -> Array:
 def margins(loop: Loop) -> Margins:
     """Gain, phase and delay margin, peaks of S and T, and all crossovers, with exact dead time.
 
+    Of a loop with a `DigitalController` they are those at the samples, with the plant discretised exactly, up to half
+    the sampling frequency: beside those of the continuous loop they say what sampling costs. Extra dead time of whole
+    samples turns that loop as it turns a continuous one; `dm` over the sample time is the delay margin in samples.
+
     Parameters
     ----------
     loop : Loop
@@ -214,6 +219,8 @@ def margins(loop: Loop) -> Margins:
     Ms = 1.59 at 1.144 rad/time, Mt = 1 at 0
     gain margin 3.142 at 1.571, phase margin 61.35 deg at 0.5, delay margin 2.142
     """
+    if getattr(loop, "digital", None) is not None:
+        return _sampled(loop)
     require_well_posed(loop)
     looked, quietest = scan(loop), QUIETEST
     wgc = _gain_crossovers(looked)
@@ -248,3 +255,11 @@ def margins(loop: Loop) -> Margins:
         gain_crossovers=wgc,
         phase_crossovers=wpc,
     )
+
+
+def _sampled(loop: Loop) -> Margins:
+    """Margins of a loop with a digital controller."""
+    if is_stable(loop):
+        return Margins(**margins_sampled(loop, loop.controller))
+    none = math.nan
+    return Margins(False, none, none, none, none, none, none, none, none, none, none, np.zeros(0), np.zeros(0))

@@ -12,6 +12,7 @@ from pidalab._check import Array
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
 from pidalab.robustness._grid import Scan, ends, scan
+from pidalab.robustness.sampled import unstable_poles_sampled
 
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
@@ -22,6 +23,7 @@ SLOW = 1e-6  # modulus, in 1/dead time, below which a pole is found without dead
 def unstable_poles(loop: Loop) -> float:
     """Number of closed-loop poles in the closed right half-plane, by the argument principle with exact dead time.
 
+    With a `DigitalController` it is the number on or outside the unit circle, from sample to sample.
     The characteristic function D(s) + N(s) e^{-s delay} is not reduced, so a cancelled unstable pole counts.
 
     Parameters
@@ -50,6 +52,8 @@ def unstable_poles(loop: Loop) -> float:
     >>> pidalab.unstable_poles(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 1.6))
     2
     """
+    if getattr(loop, "digital", None) is not None:
+        return unstable_poles_sampled(loop, loop.controller)
     require_well_posed(loop)
     if loop.process.delay and abs(ends(loop)[1]) >= 1 - 1e-12:
         return math.inf

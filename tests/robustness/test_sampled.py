@@ -1,0 +1,109 @@
+"""Margins at the samples: against python-control, closed forms, added gain and dead time, and the continuous limit."""
+
+import dataclasses
+import math
+
+import control
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab import PIDA, Loop, Process, SeriesPIDA, fopdt, ipdt, lags, margins, unstable_poles
+
+H = 0.25
+LOOPS = {
+    "chain": (lags(4, delay=0.5), PIDA(1.31, 3.37, 0.938, 0.269)),
+    "integrating": (ipdt(1.0, 1.0), PIDA(0.4, 8.0)),
+    "unstable plant": (Process([1.0], [1.0, -0.2], 0.5), PIDA(1.2, 8.0)),
+    "reset": (lags(2, delay=0.25), SeriesPIDA(0.8, 0.5, 0.0, 1.5, 0.2, 2)),
+    "no dead time": (lags(3), PIDA(2.0, 4.0, 1.0)),
+    "proportional": (fopdt(1.0, 2.0, 2.0), PIDA(1.5, math.inf)),
+}
+
+
+def closed_loop(process, k):
+    """Closed-loop poles by python-control, for a dead time of whole samples."""
+    plant = control.c2d(control.tf(process.num, process.den), H, "zoh")
+    late = control.tf([1.0], np.eye(1, round(process.delay / H) + 1)[0], H)
+    chain = plant * late * k.transfer_function()
+    num, den = chain.num[0][0], chain.den[0][0]
+    return np.roots(np.polyadd(num, den))
+
+
+@pytest.mark.parametrize("gain", [0.2, 1.0, 2.0, 3.0, 8.0])
+@pytest.mark.parametrize("name", LOOPS)
+def test_poles_outside_the_unit_circle(name, gain):
+    process, own = LOOPS[name]
+    k = dataclasses.replace(own.discretise(H, u_span=gain), u_span=1.0)  # the same unit, so more gain
+    expected = int(np.sum(np.abs(closed_loop(process, k)) > 1))
+    assert unstable_poles(Loop(process, k)) == expected
+    assert margins(Loop(process, k)).stable == (expected == 0)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3, 0.5, 0.77, 7.1])
+def test_margins_of_a_sampled_integrator_by_its_closed_form(delay):
+    """K/s behind a dead time of (m + share) h: G = K h ((1 - share) z + share)/(z - 1) z^-(m + 1)."""
+    h, gain = 0.5, 0.1
+    whole = math.floor(delay / h)
+    share = delay / h - whole
+    found = margins(Loop(ipdt(1.0, delay), PIDA(gain, math.inf).discretise(h)))
+    w = np.linspace(1e-5, np.pi / h, 400001)
+    z = np.exp(1j * w * h)
+    L = gain * h * ((1 - share) * z + share) / (z - 1) / z ** (whole + 1)
+    assert found.stable
+    assert found.ms == pytest.approx(np.max(1 / np.abs(1 + L)), rel=1e-8)
+    crossing = np.argmin(np.abs(np.abs(L) - 1))
+    assert found.wgc == pytest.approx(w[crossing], abs=2e-5)
+    assert found.pm == pytest.approx(180 + np.degrees(np.unwrap(np.angle(L)))[crossing], abs=0.05)
+    assert found.dm == pytest.approx(np.radians(found.pm) / found.wgc, rel=1e-9)
+    for factor, count in ((0.999, 0), (1.001, 1)):
+        k = PIDA(factor * found.gm * gain, math.inf).discretise(h)
+        assert (unstable_poles(Loop(ipdt(1.0, delay), k)) > 0) == bool(count)
+
+
+@pytest.mark.parametrize("name", ["chain", "integrating", "unstable plant"])
+def test_dead_time_up_to_the_delay_margin(name):
+    process, own = LOOPS[name]
+    k = own.discretise(0.1)
+    samples = margins(Loop(process, k)).dm / 0.1
+    for extra, stable in ((math.floor(samples), True), (math.ceil(samples), False)):
+        later = Process(process.num, process.den, process.delay + 0.1 * extra)
+        assert pidalab.is_stable(Loop(later, k)) == stable
+
+
+@pytest.mark.parametrize("name", ["chain", "reset", "unstable plant"])
+def test_fast_samples_approach_the_continuous_margins(name):
+    process, own = LOOPS[name]
+    true, errors = margins(Loop(process, own)), []
+    for h in (0.04, 0.02, 0.01):
+        found = margins(Loop(process, own.discretise(h, bias=3.0, y_span=2.0, u_span=5.0)))
+        errors.append([abs(getattr(found, x) / getattr(true, x) - 1) for x in ("ms", "gm", "pm", "dm", "wgc")])
+    assert np.max(errors[-1]) < 0.05
+    assert np.all(np.array(errors)[0] / np.array(errors)[-1] > 3)
+
+
+def test_a_simulation_agrees_about_stability():
+    """Misaligned dead time, and a gain just below and above the margin."""
+    process, own = lags(3, delay=0.37), PIDA(1.0, 3.0, 0.5)
+    gm = margins(Loop(process, own.discretise(0.2))).gm
+    t, sizes = 0.2 * np.arange(2000), []
+    for factor in (0.97, 1.03):
+        k = dataclasses.replace(own, kp=factor * gm).discretise(0.2)
+        sizes.append(np.ptp(pidalab.simulate_sampled(Loop(process, k), t, 1.0).y[-100:]))
+    assert sizes[0] < 1e-2
+    assert sizes[1] > 1e2
+
+
+def test_what_is_unstable_has_no_margins():
+    found = margins(Loop(lags(3), PIDA(9.0, 4.0).discretise(0.5)))
+    assert not found.stable
+    assert math.isnan(found.ms)
+
+
+def test_refusals():
+    with pytest.raises(ValueError, match="answers within the sample"):
+        margins(Loop(Process([1.0, 1.0], [1.0, 2.0]), PIDA(0.1, 1.0).discretise(0.1)))
+    with pytest.raises(ValueError, match=r"sample_time must be larger.* holds 1e\+06 samples"):
+        margins(Loop(fopdt(1.0, 1.0, 1e3), PIDA(90.0, 1.0).discretise(1e-3)))
+    with pytest.raises(TypeError, match="is digital"):
+        pidalab.max_sensitivity(Loop(lags(3), PIDA(1.0, 4.0).discretise(0.5)))
