@@ -165,7 +165,7 @@ def _designed(
             f"frequency, found {mks:g}"
         )
     problem = Problem(upright, order, _scale(upright), test)
-    with tqdm(total=4 * len(RUNGS), desc="optimal", delay=2.0, leave=False) as bar:
+    with tqdm(total=4 * len(RUNGS), desc="optimal", delay=2.0, leave=False, disable=None) as bar:
         found = search(problem, limits, bar)
     if found is None:
         wanted = ", ".join(
