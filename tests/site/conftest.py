@@ -1,11 +1,23 @@
-"""What the tests of the book share: where the built site is, and which pages the table of contents names."""
+"""What the tests of the book share: where the built site is, a browser, and which pages the table of contents names."""
 
+import os
+import shutil
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import yaml
+from looking import TYPESET, WIDE
+from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
+
+# No other host has an address: a request for one is seen, and goes nowhere.
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-background-networking",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+]
 
 
 def toc_pages(toc: Path) -> list[str]:
@@ -44,3 +56,44 @@ def site() -> Path:
     if not (built / "index.html").exists():
         pytest.fail("there is no built site in _build/html: run `make book` first")
     return built
+
+
+@pytest.fixture(scope="module")
+def browser():
+    names = ("chromium", "chromium-browser", "google-chrome")
+    executable = next(filter(None, map(shutil.which, names)), None)
+    if executable is None:
+        message = (
+            f"no browser on PATH ({', '.join(names)}): the pages were not looked at. On Debian: apt install chromium"
+        )
+        (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)(message)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser):
+    """Open a page; returns it with the list, which still grows, of what goes wrong on it."""
+    contexts = []
+
+    def visit(url, theme="light", viewport=WIDE):
+        contexts.append(browser.new_context(color_scheme=theme, viewport=viewport))
+        page, wrong = contexts[-1].new_page(), []
+
+        def stays_here(request):
+            if urlsplit(request.url).netloc not in ("", urlsplit(url).netloc):  # data: and blob: have no host
+                wrong.append(f"another host: {request.url}")
+
+        page.on("request", stays_here)
+        page.on("console", lambda message: message.type == "error" and wrong.append(f"console: {message.text}"))
+        page.on("pageerror", lambda error: wrong.append(f"script: {error}"))
+        page.set_default_timeout(120_000)  # a long page of formulas on a busy machine
+        page.goto(url, wait_until="load")
+        page.wait_for_function(TYPESET)
+        return page, wrong
+
+    yield visit
+    for context in contexts:
+        context.close()

@@ -34,12 +34,13 @@
 
   let names = 0;
 
-  /* A slider and a number for one value: the number takes any value, the slider the usual ones. */
-  function slider({ label, help, low, high, log, get, set }) {
+  /* A slider and a number for one value: the number takes any value, the slider the usual ones, three digits of them:
+     a step must show in these, or a key would move the slider and leave the value. */
+  function slider({ label, help, low, high, log, step, get, set }) {
     const id = `lab-input-${++names}`;
     const to = log ? (x) => Math.log10(Math.max(x, low)) : (x) => x, from = log ? (x) => Math.pow(10, x) : (x) => x;
     const bar = element("input", {
-      type: "range", id, min: to(low), max: to(high), step: (to(high) - to(low)) / 200,
+      type: "range", id, min: to(low), max: to(high), step: step ?? (to(high) - to(low)) / 200,
       oninput: () => set(Number(from(Number(bar.value)).toPrecision(3))),
     });
     const box = element("input", {
@@ -245,12 +246,12 @@
           set: (kind) => this.change({ design: { ...this.state.design, kind, filterOrder: ORDER[kind] + 1 } }),
         }),
         choice({ label: "rule", options: Object.entries(RULES).map(([key, rule]) => [key, rule.name]), get: () => this.state.rule, set: (rule) => this.change({ rule }) }),
-        this.msRow = slider({ label: "Ms", help: "largest sensitivity allowed", low: 1.1, high: 2.5, get: () => this.state.ms, set: (ms) => this.change({ ms }) }),
+        this.msRow = slider({ label: "Ms", help: "largest sensitivity allowed", low: 1.1, high: 2.5, step: 0.01, get: () => this.state.ms, set: (ms) => this.change({ ms }) }),
         this.tcRow = slider({ label: "closed-loop time", low: 0.05, high: 20, log: true, get: () => this.state.tc, set: (tc) => this.change({ tc }) }),
         value("kp", "kp", 0.01, 100), value("ti", "ti", 0.05, 100),
         this.tdRow = value("td", "td", 0.005, 20), this.taRow = value("ta", "ta", 0.0005, 50, "acceleration: a squared time"),
         slider({ label: "filter time", low: 0.001, high: 10, log: true, get: () => this.state.design.filterTime, set: (x) => this.change({ design: { ...this.state.design, filterTime: x } }) }),
-        slider({ label: "filter order", low: 1, high: 6, get: () => this.state.design.filterOrder, set: (x) => this.change({ design: { ...this.state.design, filterOrder: Math.round(x) } }) }),
+        slider({ label: "filter order", low: 1, high: 6, step: 1, get: () => this.state.design.filterOrder, set: (x) => this.change({ design: { ...this.state.design, filterOrder: Math.round(x) } }) }),
         tick({ label: "limits of the actuator", get: () => this.state.limited, set: (limited) => this.change({ limited }) }),
         this.lowRow = slider({ label: "lowest u", low: -10, high: 0, get: () => this.state.low, set: (low) => this.change({ low: Math.min(low, 0) }) }),
         this.highRow = slider({ label: "highest u", low: 0.1, high: 20, get: () => this.state.high, set: (high) => this.change({ high: Math.max(high, 0.01) }) }),

@@ -6,7 +6,7 @@
      names     words for the designs, in their order; by default their kinds
      rule, ms, tc   a rule of the lab that makes each design anew, and its knob
      conditions     {limits, antiWindup, sampleTime, noise, end}
-     knobs     list of {key, label, low, high, log}; key is one of a design ("kp", "filterTime", …: it is set in all of
+     knobs     list of {key, label, low, high, log, step}; key is one of a design ("kp", "filterTime", …: it is set in all of
                them, or in the one that `design` numbers), "ms", "tc", "plant.delay", or "limits.high", "sampleTime", "noise"
      plots     names out of setpoint, load, control, effort, nyquist, bode, lead, noise
      numbers   names out of iae, iaeSetpoint, ms, mks, gm, pm, dm, peak, sigma

@@ -1,0 +1,80 @@
+"""The lab's rules against the library's: the same gains, or the same largest gain."""
+
+import pytest
+from engine import SCRIPT, Engine
+
+import pidalab
+from pidalab.rules import classical
+
+RULE = (
+    """pidalabEngine.rule = ({rule, process, design, knob}) => pidalabModel.RULES[rule].apply(process, design, knob);"""
+)
+MODEL = SCRIPT.with_name("model.js")
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Engine("\n".join([*(path.read_text(encoding="utf-8") for path in (SCRIPT, MODEL)), RULE]))
+
+
+def ruled(model, rule, process, knob, **design):
+    plant = {"num": process.num.tolist(), "den": process.den.tolist(), "delay": process.delay}
+    start = {"kind": "PID", "kp": 1.0, "ti": 1.0, "td": 0.0, "ta": 0.0, "filterTime": 0.05, "filterOrder": 3}
+    return model.rule(rule=rule, process=plant, design={**start, **design}, knob=knob)
+
+
+def loop_of(process, found):
+    kp, order = found["kp"], {"PI": 0, "PID": 1, "PIDA": 2}[found["kind"]]
+    gains = [kp / found["ti"], kp, kp * found["td"], kp * found["ta"]][: order + 2]
+    return pidalab.Loop(process, pidalab.HighOrderPID(gains, found["filterTime"], found["filterOrder"]))
+
+
+PLANTS = [
+    pidalab.Process([1.0], [24.0, 50.0, 35.0, 10.0, 1.0]),  # no lag twice: rounding would spread it
+    pidalab.Process([2.0], [6.0, 11.0, 6.0, 1.0], delay=0.4),
+    pidalab.Process([-0.5, 1.0], [30.0, 31.0, 10.0, 1.0], delay=1.0),
+    pidalab.Process([1.0], [3.0, 1.0, 0.0], delay=0.5),
+    pidalab.ipdt(0.3, delay=2.0),
+]
+
+
+@pytest.mark.parametrize("kind", ["PI", "PID"])
+@pytest.mark.parametrize("process", PLANTS, ids=repr)
+def test_simc(process, kind, model):
+    found = ruled(model, "simc", process, 0.7, kind=kind)
+    true = classical.simc(process, kind=kind, closed_loop_time=0.7).controller
+    assert [found[key] for key in ("kp", "ti", "td")] == pytest.approx([true.kp, true.ti, true.td], rel=1e-8)
+
+
+@pytest.mark.parametrize("ms", [1.2, 1.4, 2.0])
+@pytest.mark.parametrize(("kind", "times"), [("PI", (3, 0, 0)), ("PID", (3, 0.9, 0)), ("PIDA", (3, 1, 0.3))])
+def test_the_gain_has_the_ms_asked_for_and_is_the_largest(kind, times, ms, model):
+    process = pidalab.lags(3, delay=1.0)
+    found = ruled(model, "gain", process, ms, kind=kind, **dict(zip(("ti", "td", "ta"), times, strict=True)))
+    assert pidalab.margins(loop_of(process, found)).ms == pytest.approx(ms, rel=1e-6)
+    for factor in (1.01, 1.1, 1.5, 3.0, 10.0):
+        louder = loop_of(process, {**found, "kp": factor * found["kp"]})
+        assert not pidalab.is_stable(louder) or pidalab.margins(louder).ms > ms
+
+
+def test_cancellation_has_the_zeros_of_the_library(model):
+    process = pidalab.Process([1.0], [0.8, 3.0, 3.3, 1.0], delay=0.8)
+    found = ruled(model, "cancellation", process, 1.4, kind="PIDA", filterTime=0.01)
+    true = pidalab.rules.haalman.pida(process, ms=1.4, n=100, m=1e4)  # filters far beyond the crossover
+    assert [found[key] for key in ("ti", "td", "ta")] == pytest.approx([true.ti, true.td, true.ta], rel=1e-6)
+    assert pidalab.margins(loop_of(process, found)).ms == pytest.approx(1.4, rel=1e-6)
+    assert found["kp"] == pytest.approx(true.kp, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("rule", "kind", "process", "words"),
+    [
+        ("simc", "PIDA", PLANTS[0], "SIMC has no PIDA"),
+        ("simc", "PID", pidalab.sopdt(1.0, 1.0, 0.3, 0.1), "real, stable lags"),
+        ("cancellation", "PID", PLANTS[4], "does not integrate"),
+        ("cancellation", "PIDA", pidalab.fopdt(1.0, 1.0, 1.0), "needs a plant with 3 lags"),
+    ],
+)
+def test_a_rule_without_ground_says_so(rule, kind, process, words, model):
+    with pytest.raises(ValueError, match=words):
+        ruled(model, rule, process, 1.4, kind=kind)

@@ -1,0 +1,148 @@
+"""The lab and the live figures as a reader uses them: opened from a folder, without server or network."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+from looking import NARROW, OVERFLOW, barriers
+
+NUMBER = r"(\d[\d.]*)"
+COLUMNS = "() => [...document.querySelectorAll('.lab-table tbody tr')].map(r => [...r.cells].map(c => c.innerText))"
+
+
+@pytest.fixture
+def lab(site, visit):
+    """Open the lab, with what an address may hold; nothing may go wrong on the page."""
+    opened = []
+
+    def open_lab(address=None, **how):
+        page, wrong = visit(address or (site / "book" / "lab.html").as_uri(), **how)
+        page.locator(".lab-ready").wait_for()
+        opened.append(wrong)
+        return page
+
+    yield open_lab
+    assert [wrong for wrong in opened if wrong] == []
+
+
+def announced(page, words=f"IAE {NUMBER}"):
+    """What the lab says, once it has said these words."""
+    page.wait_for_function(f"() => /{words}/.test(document.querySelector('.lab-live').textContent)")
+    return page.locator(".lab-live").text_content()
+
+
+def test_a_slider_by_keyboard_is_announced(lab):
+    page = lab()
+    bar = page.get_by_label("Ms", exact=True)
+    iae = [float(re.search(f"IAE {NUMBER}", announced(page))[1])]
+    for k in range(1, 4):
+        bar.press("ArrowRight")
+        said = announced(page, f"Ms {1.4 + 0.01 * k:.2f}")
+        iae.append(float(re.search(f"IAE {NUMBER}", said)[1]))
+        assert bar.get_attribute("aria-valuetext") == f"Ms {1.4 + 0.01 * k:.2f}"
+    assert sorted(iae, reverse=True) == iae
+    assert iae[-1] < iae[0]
+    order = page.get_by_label("filter order", exact=True)
+    order.press("ArrowRight")
+    assert order.get_attribute("aria-valuetext") == "filter order 4"
+
+
+def test_a_link_brings_the_same_loop(lab):
+    page = lab()
+    page.get_by_label("plant", exact=True).select_option("haalman-2")
+    page.get_by_label("controller", exact=True).select_option("PID")
+    page.get_by_label("kp, number", exact=True).fill("0.5")
+    page.keyboard.press("Enter")
+    page.get_by_label("limits of the actuator").check()
+    said = announced(page, "PID: IAE")
+    again = lab(page.url)
+    assert announced(again) == said
+    assert again.evaluate(COLUMNS) == page.evaluate(COLUMNS)
+    assert again.get_by_label("kp, number", exact=True).input_value() == "0.5"
+    assert again.get_by_label("limits of the actuator").is_checked()
+
+
+def test_three_kinds_by_a_rule(lab):
+    page = lab()
+    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody tr').length === 4")
+    rows = page.evaluate(COLUMNS)
+    assert [row[0].split()[-1] for row in rows] == ["PIDA", "PI", "PID", "PIDA"]
+    assert [row[3] for row in rows] == ["1.4"] * 4
+    iae = [float(row[1]) for row in rows[1:]]
+    assert sorted(iae, reverse=True) == iae
+
+
+def test_a_dropped_record_becomes_a_plant(lab):
+    page = lab()
+    t = np.arange(0, 20, 0.1)
+    late = np.maximum(t - 1.0, 0.0)
+    y = 2.0 * (1 - np.exp(-late) * (1 + late + late**2 / 2))
+    drop = "text => { const d = new DataTransfer(); d.items.add(new File([text], 'step.csv')); return d; }"
+    for text, words in [
+        ("time,y\n" + "\n".join(f"{a:.3f},{b:.6f}" for a, b in zip(t, y, strict=True)), "Record of 200 samples"),
+        ("no numbers", "needs ten rows"),
+    ]:
+        page.dispatch_event(".lab-drop", "drop", {"dataTransfer": page.evaluate_handle(drop, text)})
+        announced(page, words)
+    assert page.get_by_label("plant", exact=True).input_value() == "own"
+    value = {key: float(page.get_by_label(f"{key}, number").input_value()) for key in ("gain", "dead time")}
+    sum_of_lags = sum(float(page.get_by_label(f"lag T{k}, number").input_value()) for k in (1, 2, 3))
+    assert value["gain"] == pytest.approx(2.0, rel=0.01)
+    assert value["dead time"] + sum_of_lags == pytest.approx(4.0, rel=0.05)
+
+
+def test_dark_on_a_phone(lab):
+    page = lab(theme="dark", viewport=NARROW)
+    announced(page)
+    assert page.locator("html").get_attribute("data-theme") == "dark"
+    assert page.evaluate(OVERFLOW) <= 1
+    assert page.locator(".lab-plots svg").count() == 6
+    assert barriers(page, runOnly=["color-contrast"]) == []
+
+
+def undrawn(page):
+    """Live figures of an open page without a plot, or with a loop that could not be made."""
+    page.wait_for_timeout(500)
+    return page.evaluate(
+        """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host, k) => [
+          ...(host.querySelectorAll(".lab-plots svg").length ? [] : [`figure ${k}: no plot`]),
+          ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
+          ...[host.querySelector(".lab-live")?.textContent].filter(Boolean),
+        ])"""
+    )
+
+
+def test_live_figures_draw_and_follow_their_knobs(site, visit):
+    pages = [path for path in sorted(site.glob("book/**/*.html")) if 'class="pidalab-live"' in path.read_text()]
+    for path in pages:
+        page, wrong = visit(path.as_uri(), viewport=NARROW)
+        assert undrawn(page) + wrong == [], path.name
+        assert page.evaluate(OVERFLOW) <= 1, path.name
+        for k in range(page.locator(".pidalab-live").count()):
+            host = page.locator(".pidalab-live").nth(k)
+            before = host.locator(".lab-plots").inner_html()
+            host.locator("input[type=range]").first.press("ArrowRight")
+            page.wait_for_timeout(300)
+            assert host.locator(".lab-plots").inner_html() != before, path.name
+
+
+BAD = """<!doctype html><html lang="en"><title>Bad</title><div class="pidalab-live" data-live='%s'></div>%s</html>"""
+SCRIPTS = "".join(f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "plot", "lab", "live"))
+LIVE = '{"plant": "%s", "rule": "%s", "designs": [{"kind": "PIDA", "kp": 1, "ti": 3}], "plots": ["load"]}'
+
+
+@pytest.mark.parametrize(
+    ("html", "found"),
+    [
+        (BAD % (LIVE % ("lags3", "hand"), SCRIPTS.replace("engine", "gone")), "script"),
+        (BAD % (LIVE % ("lags3", "simc"), SCRIPTS), "SIMC has no PIDA"),
+        (BAD % (LIVE % ("nowhere", "hand"), SCRIPTS), "no loop"),
+    ],
+)
+def test_a_bad_live_figure_is_caught(html, found, root, tmp_path, visit):
+    shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")
+    (tmp_path / "index.html").write_text(html, encoding="utf-8")
+    page, wrong = visit((tmp_path / "index.html").as_uri())
+    assert any(found in problem for problem in wrong + undrawn(page))
