@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks lint bench study lock clean
+.PHONY: help env book test notebooks claims faults lint bench study lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -36,6 +36,12 @@ test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, 
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 	$(BIN)/python tools/notebooks.py
+
+claims: $(ENV)  ## disturb what the claims stand on and see each one fail (long)
+	$(BIN)/python tools/claims.py
+
+faults: $(ENV)  ## plant gross errors in the library and see every chapter notice (20 minutes)
+	$(BIN)/python tools/faults.py
 
 lint: $(ENV)  ## style and types
 	$(BIN)/ruff check

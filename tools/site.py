@@ -21,6 +21,8 @@ def copy() -> None:
     shutil.rmtree(BUILD, ignore_errors=True)
     ignored = shutil.ignore_patterns(".*", "__pycache__")
     shutil.copytree(ROOT / "book", SOURCE / "book", ignore=ignored)
+    # an audit shows how far the engine is from the oracle of the tests
+    shutil.copytree(ROOT / "tests" / "oracle", SOURCE / "tests" / "oracle", ignore=ignored)
     for name in ("_config.yml", "_toc.yml"):
         shutil.copy(ROOT / name, SOURCE)
 
