@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # only who asks for a transfer function waits for python-cont
     import control
 
     from pidalab.digital import DigitalController
+    from pidalab.vendor import VendorForms
 
 Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
 
@@ -95,6 +96,36 @@ class Controller:
     def parts(self) -> tuple[FilteredGains, ...]:
         """Return the parts whose sum is the filtered controller, each with gains and a filter."""
         raise TypeError(f"{type(self).__name__} must define parts")
+
+    def vendor_forms(self, time_unit: str = "s") -> VendorForms:
+        """Return the gains without filters as controllers on the market take them, or say where no form exists.
+
+        Parameters
+        ----------
+        time_unit : {"s", "min", "h"}, optional
+            Unit of the model's time.
+
+        Returns
+        -------
+        VendorForms
+            Ideal, series and parallel form, with times in seconds and minutes.
+
+        Raises
+        ------
+        ValueError
+            For another unit, and for derivatives that no form of a PIDA holds.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> print(pidalab.PIDA(kp=2.0, ti=120.0).vendor_forms("s"))
+        ideal:    Kc = 2, Ti [s] = 120, Ti [min] = 2, repeats/min = 0.5, Td [s] = 0, Td [min] = 0
+        series:   Kc = 2, Ti [s] = 120, Ti [min] = 2, repeats/min = 0.5, Td [s] = 0, Td [min] = 0
+        parallel: Kp = 2, Ki [1/s] = 0.016667, Ki [1/min] = 1, Kd [s] = 0, Kd [min] = 0
+        """
+        from pidalab.vendor import vendor_forms
+
+        return vendor_forms(self.gains(), time_unit)
 
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
         """Return the digital controller for a sample time: difference equations, and the code they write.

@@ -1,0 +1,67 @@
+"""Parameters in the forms of makers of controllers: ideal, series and parallel, in seconds, minutes and repeats."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from pidalab.forms import IdealGains
+
+SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+class VendorForms(NamedTuple):
+    """Parameters by name, or the reason why a form does not exist; ``print`` shows them.
+
+    Attributes
+    ----------
+    ideal : dict or str
+        Kc (1 + 1/(Ti s) + Td s): ISA standard form, non-interacting.
+    series : dict or str
+        Kc' (1 + 1/(Ti' s)) (1 + Td' s): classical, interacting form.
+    parallel : dict or str
+        Kp + Ki/s + Kd s: independent gains.
+    """
+
+    ideal: dict[str, float] | str
+    series: dict[str, float] | str
+    parallel: dict[str, float] | str
+
+    def __str__(self) -> str:
+        lines = []
+        for name, form in self._asdict().items():
+            text = form if isinstance(form, str) else ", ".join(f"{key} = {value:.5g}" for key, value in form.items())
+            lines.append(f"{name + ':':10}{text}")
+        return "\n".join(lines)
+
+
+def vendor_forms(gains: IdealGains, time_unit: str) -> VendorForms:
+    """Return the gains in the forms of vendors; `time_unit` is that of the model."""
+    if time_unit not in SECONDS:
+        raise ValueError(f"time_unit must be 's', 'min' or 'h', the unit of the model's time, found {time_unit!r}")
+    unit = SECONDS[time_unit]
+    ki, kp, kd, ka = gains
+    if ka:
+        reason = f"no such form: these blocks have no acceleration term, and ka = {ka:.5g} would be lost"
+        return VendorForms(reason, reason, reason)
+    parallel = {"Kp": kp, "Ki [1/s]": ki / unit, "Ki [1/min]": 60 * ki / unit, "Kd [s]": kd * unit}
+    parallel["Kd [min]"] = kd * unit / 60
+    if kp == 0:
+        reason = "no such form: kp is 0, and its times are ratios to kp"
+        return VendorForms(reason, reason, parallel)
+    ti, td = kp / ki if ki else math.inf, kd / kp
+    ideal = _with_units(kp, ti * unit, td * unit)
+    # series: Ti' and Td' are the two roots of x^2 - Ti x + Ti Td, Kc' = Kc Ti'/Ti
+    if not ki:
+        return VendorForms(ideal, ideal, parallel)
+    root = 1 - 4 * td / ti
+    if root < 0:
+        return VendorForms(ideal, f"no such form: it needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}", parallel)
+    longer = ti * (1 + math.sqrt(root)) / 2
+    return VendorForms(ideal, _with_units(kp * longer / ti, longer * unit, ti * td / longer * unit), parallel)
+
+
+def _with_units(gain: float, ti: float, td: float) -> dict[str, float]:
+    """Return gain and times in seconds and minutes, and the reset rate."""
+    times = {"Ti [s]": ti, "Ti [min]": ti / 60, "repeats/min": 60 / ti, "Td [s]": td, "Td [min]": td / 60}
+    return {"Kc": gain, **times}
