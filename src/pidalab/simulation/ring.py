@@ -11,8 +11,8 @@ import numpy as np
 
 from pidalab._compiled import compiled
 
-FADED = 1e-22  # size, relative to the largest, below which a coefficient of an exponential is dropped
-TERMS = 17  # of the Taylor series, for a norm of at most 1/2
+FADED = 1e-20  # size, relative to the largest, below which a coefficient of an exponential is dropped
+TERMS = 14  # of the Taylor series, for a norm of at most 1/2
 
 
 @compiled
