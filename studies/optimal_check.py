@@ -82,7 +82,11 @@ class Judge:
         sensitivity = loop.S(self.s)
         peak, loud = np.abs(sensitivity).max(), np.abs(loop.block("controller", self.s) * sensitivity).max()
         missed = max(0.0, peak / MS - 1) + max(0.0, loud / self.mks - 1)
-        if not pidalab.is_stable(loop):
+        try:
+            stable = pidalab.is_stable(loop)
+        except ArithmeticError:  # it turns too often to be followed
+            stable = False
+        if not stable:
             return 1e6 * self.time / self.gain * (1 + missed)
         return pidalab.load_response(loop, self.t).iae() * (1 + PRICE * missed)
 

@@ -78,6 +78,27 @@ def test_an_unstable_process():
     assert keeps(design, 2.0, 30.0)
 
 
+def test_a_limit_of_noise_that_makes_a_loop_slow():
+    """A lag of a thousand dead times, and a limit that leaves the gain far below what robustness would allow."""
+    process = pidalab.fopdt(1.0, 1000.0, 1.0)
+    design = pidalab.optimal.load(process, 0, mks=5.0)
+    assert keeps(design, 1.4, 5.0)
+    assert "mks" in design.active
+    t = np.linspace(0.0, 8000.0, 2001)
+    for gain in (2.0, 3.0, 4.0, 4.5):
+        for ti in (30.0, 100.0, 200.0, 300.0, 500.0):
+            loop = Loop(process, HighOrderPID([gain / ti, gain], design.controller.filter_time, 1))
+            if pidalab.robustness.max_control_sensitivity(loop)[0] <= 5.0:
+                assert design.iae <= pidalab.load_response(loop, t).iae()
+
+
+def test_a_double_integrator_needs_derivative_action():
+    process = pidalab.Process([1.0], [1.0, 0.0, 0.0], 1.0)
+    with pytest.raises(ValueError, match="no stable controller of order 0"):
+        pidalab.optimal.load(process, 0, ms=2.0)
+    assert keeps(pidalab.optimal.load(process, 1, ms=2.0, mks=10.0), 2.0, 10.0)
+
+
 def test_setpoint_with_the_best_prefilter():
     process = pidalab.fopdt(1.0, 1.0, 1.0)
     design = pidalab.optimal.setpoint(process, 0, ms=1.6, mks=4.0)

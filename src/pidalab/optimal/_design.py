@@ -17,7 +17,9 @@ from pidalab.rules import Design
 HIGHEST = 4  # order of a controller
 CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
 ACTIVE = 1e-3  # share of a limit within which it is called active
-ZERO = 1e-6  # gain, in units of the process, below which an action is none
+ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is none
+UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
+SAME = 0.02  # difference of the IAE of the search from that of the engine, beyond which the unit was too short
 SETTLED = 12  # times that the horizon of a response is doubled until it has settled
 
 
@@ -139,7 +141,7 @@ def _designed(
     from tqdm import tqdm
 
     from pidalab.optimal._problem import Problem
-    from pidalab.optimal._solver import RUNGS, Limits, search
+    from pidalab.optimal._solver import Limits, search
 
     if not isinstance(process, Process):
         hint = "; pass .process" if hasattr(process, "process") else ""
@@ -164,17 +166,26 @@ def _designed(
             f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, which integral action makes of |C S| at zero "
             f"frequency, found {mks:g}"
         )
-    problem = Problem(upright, order, _scale(upright), test)
-    with tqdm(total=4 * len(RUNGS), desc="optimal", delay=2.0, leave=False, disable=None) as bar:
-        found = search(problem, limits, bar)
-    if found is None:
+    best, unit = None, _unit(upright)
+    with tqdm(desc="optimal", delay=2.0, leave=False, disable=None) as bar:
+        for factor in UNITS:
+            problem = Problem(upright, order, (abs(complex(upright(1j / (factor * unit)))), factor * unit), test)
+            found = search(problem, limits, bar)
+            if found is None:
+                continue
+            design = _design(test, process, sign, problem, found[1], limits)
+            if best is None or design.iae < best.iae:
+                best = design
+            if abs(found[0] * problem.time - design.iae) < SAME * design.iae:
+                break  # the search has seen all of the response
+    if best is None:
         wanted = ", ".join(
             f"{name} <= {value:g}"
             for name, value in limits._asdict().items()
             if value is not None and name != "sample_time"
         )
         raise ValueError(f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}")
-    return _design(test, process, sign, problem, found[1], limits)
+    return best
 
 
 def _sign(process: Process) -> float:
@@ -184,8 +195,8 @@ def _sign(process: Process) -> float:
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
-def _scale(process: Process) -> tuple[float, float]:
-    """Gain and time in which a loop around the process has numbers near 1."""
+def _unit(process: Process) -> float:
+    """Unit of time in which a loop around the process has numbers near 1, if nothing but robustness limits it."""
     from pidalab.roots import roots
 
     speeds = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
@@ -197,11 +208,9 @@ def _scale(process: Process) -> tuple[float, float]:
     phase = np.unwrap(np.angle(process(1j * w)))
     growing = np.max(roots(process.den).real)
     if growing > 0:  # between what runs away and what cannot be answered sooner
-        time = 1 / math.sqrt(growing * float(corners.max()))
-        return float(abs(process(1j / time))), time
+        return 1 / math.sqrt(growing * float(corners.max()))
     turned = phase - 2 * np.pi * np.round(phase[0] / (2 * np.pi)) < CORNER
-    time = 1 / float(w[np.argmax(turned)]) if turned.any() else 1 / float(corners.max())
-    return float(abs(process(1j / time))), time
+    return 1 / float(w[np.argmax(turned)]) if turned.any() else 1 / float(corners.max())
 
 
 def _design(test: str, process: Process, sign: float, problem: Any, x: Array, limits: Any) -> Design:
@@ -211,9 +220,11 @@ def _design(test: str, process: Process, sign: float, problem: Any, x: Array, li
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.simulation.noise import noise_gain
 
-    x = x.copy()
-    x[1 : problem.gains][x[1 : problem.gains] < ZERO] = 0.0
     gains, time = problem.controller(x)
+    # what an action amounts to at the corner of the filter tells whether there is any
+    amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
+    gains = np.where(amounts < ZERO * amounts.max(), 0.0, gains) if problem.order else gains
+    gains[0] = problem.controller(x)[0][0]
     controller = HighOrderPID((sign * gains).tolist(), time, problem.order + 1)
     prefilter = None
     if test == "setpoint":
@@ -231,7 +242,7 @@ def _design(test: str, process: Process, sign: float, problem: Any, x: Array, li
         info["noise_gain"] = noise_gain(loop, limits.sample_time)
     limited = {name: limit for name in ("ms", "mks", "noise_gain") if (limit := getattr(limits, name)) is not None}
     reached = [name for name, limit in limited.items() if info[name] >= limit * (1 - ACTIVE)]
-    none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if x[k] == 0]
+    none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if gains[k] == 0]
     at = x[problem.gains]
     info["active"] = (*reached, *none)
     info["edge"] = ("filter_time",) if at < FASTEST + 1e-3 or at > SLOWEST - 1e-3 else ()

@@ -60,22 +60,23 @@ class Search:
             self.bounds += [(0.0, 1.0), (-9.0, 5.0)]
 
     def start(self) -> Array | None:
-        """The quickest of a few PI controllers that keep all limits; None if none does."""
+        """The quickest of a few PI or PID controllers that keep all limits; None if none does."""
         constraints = self._constraints()
-        pairs = [
-            (k * share, k)
-            for k in (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)
-            for share in (0.5, 0.1, 0.02, 0.004)
-        ]
-        for integral, proportional in sorted(pairs, reverse=True):
-            for time in (-4.0, -2.0, 0.0):
-                x = np.zeros(self.problem.size)
-                x[:2], x[self.problem.gains] = (integral, proportional), time
-                if self.problem.test == "setpoint":
-                    x[-2] = 1.0
-                if all(np.min(one["fun"](x)) >= 0 for one in constraints) and is_stable(self.loop(x)):
-                    self.turns = self.problem.turns(x)
-                    return x
+        gains, shares = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4), (0.5, 0.1, 0.02, 0.004)
+        pairs = sorted(((gain * share, gain) for gain in gains for share in shares), reverse=True)
+        for derivative in (0.0, 1.0, 5.0) if self.problem.order else (0.0,):
+            for integral, proportional in pairs:
+                for time in (-4.0, -2.0, 0.0):
+                    x = np.zeros(self.problem.size)
+                    x[: self.problem.gains][:3] = (integral, proportional, derivative * proportional)[
+                        : self.problem.gains
+                    ]
+                    x[self.problem.gains] = time
+                    if self.problem.test == "setpoint":
+                        x[-2] = 1.0
+                    if all(np.min(one["fun"](x)) >= 0 for one in constraints) and _stable(self.loop(x)):
+                        self.turns = self.problem.turns(x)
+                        return x
         return None
 
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
@@ -145,7 +146,7 @@ class Search:
         """Descend with a free filter time; take in the worst frequencies until the limits hold at all of them."""
         for _ in range(ROUNDS):
             value, found, missed = self.descend(x)
-            if missed > KEPT or not is_stable(self.loop(found)):
+            if missed > KEPT or not _stable(self.loop(found)):
                 x = x * _slack(x.size, self.problem.gains)  # the descent went astray: again, from a little below
                 continue
             x = found
@@ -186,6 +187,14 @@ def _damping(size: int, gains: int, share: float) -> Array:
     out = np.ones(size)
     out[1:gains] = share ** np.arange(gains - 1.0)
     return out
+
+
+def _stable(loop: Loop) -> bool:
+    """Whether a loop is stable; one that turns too often to be followed is of no use."""
+    try:
+        return is_stable(loop)
+    except ArithmeticError:
+        return False
 
 
 class _Last:

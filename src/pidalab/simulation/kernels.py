@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numba.extending import register_jitable
 
 from pidalab._check import Array
@@ -18,7 +17,7 @@ for function in (stepping.limited, advance):  # plain Python there, machine code
     register_jitable(function)
 
 
-@njit(cache=True)
+@compiled
 def advanced(phi: Array, gamma: Array, x: Array, w: float, new: Array) -> None:
     """Write phi x + gamma w into `new`; in plain loops, for small matrices faster than a library call."""
     for i in range(x.size):
@@ -28,7 +27,7 @@ def advanced(phi: Array, gamma: Array, x: Array, w: float, new: Array) -> None:
         new[i] = total
 
 
-@njit(cache=True)
+@compiled
 def output(c: Array, d: float, x: Array, w: float) -> float:
     """Return c x + d w."""
     total = d * w
@@ -37,7 +36,7 @@ def output(c: Array, d: float, x: Array, w: float) -> float:
     return total
 
 
-@njit(cache=True)
+@compiled
 def filtered(block: StateSpace, signal: Array) -> Array:
     """Pass a held signal through a discretised block."""
     x, new, out = np.zeros(block.b.size), np.zeros(block.b.size), np.empty(signal.size)
@@ -48,7 +47,7 @@ def filtered(block: StateSpace, signal: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array, at: int) -> float:
     """Write what an actuator makes of a limited signal, with the load, to `v` and `width`; return it, or its mean."""
     if actuator.quantum > 0:
@@ -66,7 +65,7 @@ def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array
     return wanted
 
 
-@njit(cache=True)
+@compiled
 def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: int) -> tuple[Array, Array]:
     """Take the plant across a sample; returns its new state, and the room of the old one."""
     for piece in range(plant.ago.size):
@@ -79,7 +78,7 @@ def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: in
     return x, x_new
 
 
-@njit(cache=True)
+@compiled
 def run(
     controller: SampledController,
     plant: Steps,

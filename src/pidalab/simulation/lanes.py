@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from pidalab._check import Array
+from pidalab._compiled import compiled
 from pidalab.simulation.steps import Steps
 
 LANES = 64
@@ -39,7 +40,7 @@ class Controllers(NamedTuple):
     prefilter_d: Array  # (LANES,)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def run(
     own: Controllers, plant: Steps, low: float, high: float, h: float, reference: Array, load: Array, noise: Array
 ) -> Array:
@@ -209,7 +210,7 @@ def _integrate(
             m[ITAE, i] += weighted
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
     """By how much the integrals of |e| and (start + h s) |e| over 0..1 exceed those of a parabola of one sign."""
     # roots between 0 and 1, in order, without cancellation
