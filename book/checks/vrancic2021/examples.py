@@ -96,9 +96,7 @@ def fragile(book: Ledger) -> pd.DataFrame:
         y = np.round(measured_exactly(t, 2), decimals)
         with warnings.catch_warnings(action="ignore", category=areas.RecordWarning):
             found = areas.from_record(t, 1.0, y, 10, start=(0.0, 0.0))
-        rows[f"record with {decimals} decimals"] = mo.tune(
-            found.values, 3, 3, problem.SHORT_FILTER
-        ).controller.coefficients[1]
+        rows[f"record with {decimals} decimals"] = mo.tune(found.values, 3, 3, problem.SHORT_FILTER).gains[1]
     return pd.DataFrame({"K_0 of PID_3^3": rows}).map("{:.3f}".format)
 
 

@@ -4,18 +4,18 @@ Each starts from the model that its authors start from: a lag with dead time, an
 PID a second lag, or the ultimate gain and period. All of them give PI or PID controllers in standard form with a filter
 on the derivative, whose ratio is `n`; none knows the second derivative.
 
-=========================  ==============================================================================  ============
-function                   source                                                                          models
-=========================  ==============================================================================  ============
-`simc`                     Skogestad, Simple analytic rules for model reduction and PID controller         lags, also
-                           tuning, J. Process Control 13 (2003) 291-309, eqs. (10), (11), (23) to (25)     integrating
-`amigo`                    Åström and Hägglund, Revisiting the Ziegler-Nichols step response method for    `fopdt`,
-                           PID control, J. Process Control 14 (2004) 635-650, eqs. (6), (7), (8), (9)      `ipdt`
-`lambda_tuning`            Åström and Hägglund, Advanced PID Control, ISA 2006, section 6.5                `fopdt`
-`ziegler_nichols_step`     Ziegler and Nichols, Optimum settings for automatic controllers, Trans. ASME    `fopdt`,
-                           64 (1942) 759-768, process reaction curve                                       `ipdt`
-`ziegler_nichols_ultimate` the same, ultimate sensitivity                                                  any
-=========================  ==============================================================================  ============
+==========================  =================================================================  ===========
+function                    source                                                             models
+==========================  =================================================================  ===========
+`simc`                      Skogestad, Simple analytic rules for model reduction and PID       lags, also
+                            controller tuning, J. Process Control 13 (2003) 291-309            integrating
+`amigo`                     Åström and Hägglund, Revisiting the Ziegler-Nichols step response  `fopdt`,
+                            method for PID control, J. Process Control 14 (2004) 635-650       `ipdt`
+`lambda_tuning`             Åström and Hägglund, Advanced PID Control, ISA 2006, section 6.5   `fopdt`
+`ziegler_nichols_step`      Ziegler and Nichols, Optimum settings for automatic controllers,   `fopdt`,
+                            Trans. ASME 64 (1942) 759-768, process reaction curve              `ipdt`
+`ziegler_nichols_ultimate`  the same, ultimate sensitivity                                     any
+==========================  =================================================================  ===========
 """
 
 from __future__ import annotations
