@@ -99,3 +99,8 @@ def test_a_filter_with_gain_and_zero():
 def test_refusals(call, error, text):
     with pytest.raises(error, match=text):
         call()
+
+
+def test_too_many_areas_are_refused_at_once():
+    with pytest.raises(ValueError, match="count must be at most 400, found 2000"):
+        pidalab.areas.from_process(pidalab.lags(4), 2000)

@@ -387,3 +387,9 @@ def test_what_is_no_model():
 def test_unstable_designs_can_be_looked_at():
     design = mo.tune(areas.from_process(dominant_delay(), 10), 3, 4, 0.1)
     assert not pidalab.is_stable(pidalab.Loop(dominant_delay(), design.controller))
+
+
+def test_orders_that_rounding_leaves_nothing_of():
+    for m in (30, 60):
+        with pytest.raises(ValueError, match=f"m must be at most 16, found {m}"):
+            pidalab.rules.magnitude_optimum.tune(pidalab.lags(4), m, m + 1, 0.01)

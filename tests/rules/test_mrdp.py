@@ -194,3 +194,8 @@ def test_controller_is_the_one_of_the_paper():
     assert d.controller(s) == pytest.approx(expected, rel=1e-12)
     num, den = open_loop(d.loop())
     assert len(den) - len(num) == 2
+
+
+def test_orders_beyond_double_precision():
+    with pytest.raises(ValueError, match="at most 100, found 200 and 201"):
+        pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, 1.0), 200, 201, 0.5)

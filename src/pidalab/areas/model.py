@@ -23,6 +23,8 @@ from pidalab._check import Array
 from pidalab.areas import _power_series as series
 from pidalab.process import Process, rational, require_process
 
+MOST = 400  # areas of a model that are computed at a time
+
 
 def from_process(process: Process, count: int) -> Array:
     """Areas of a model, exact but for one rounding each, dead time included (eqs. (2) to (7)).
@@ -83,6 +85,10 @@ def exact(process: Process, count: int) -> list[Fraction]:
     """
     require_process("process", process)
     count = _check.integer("count", count, at_least=1)
+    if count > MOST:
+        raise ValueError(
+            f"count must be at most {MOST}, found {count}: fractions of so many digits take long"
+        )
     rest = _stable_series("process", process.num, process.den, count)
     return series.product(rest, series.dead_time(process.delay, count))
 
