@@ -150,9 +150,7 @@ def filter_ratio(m: int, n: int) -> float:
 def _orders(m: int, n: int) -> tuple[int, int]:
     m, n = _check.integer("m", m, at_least=0), _check.integer("n", n, at_least=0)
     if n > HIGHEST:
-        raise ValueError(
-            f"m and n must be at most {HIGHEST}, found {m} and {n}: factorials leave double precision"
-        )
+        raise ValueError(f"m and n must be at most {HIGHEST}, found {m} and {n}: factorials leave double precision")
     if n < m:
         raise ValueError(f"n must be at least m = {m}, or the controller is not proper; found {n}")
     return m, n
