@@ -1,10 +1,12 @@
 """The front pages: their code runs, their score is that of the ledgers."""
 
+import importlib.util
 import re
 from pathlib import Path
 
 import pytest
 
+import pidalab
 from pidalab.ledger import papers, score_markdown
 
 ROOT = Path(__file__).parents[1]
@@ -32,3 +34,12 @@ def test_score_is_that_of_the_ledgers(page):
 def test_the_bibliography_has_every_paper_of_the_ledgers():
     known = re.findall(r"@\w+\{(\w+),", (ROOT / "book" / "references.bib").read_text())
     assert set(papers(ROOT / "book" / "ledger")) <= set(known)
+
+
+def test_the_caption_of_the_first_figure_is_what_its_designs_say():
+    """`python tools/landing_figure.py` draws the figure and writes its caption."""
+    spec = importlib.util.spec_from_file_location("landing_figure", ROOT / "tools" / "landing_figure.py")
+    landing = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(landing)
+    made = landing.designs(pidalab.lags(3, delay=1.0))
+    assert landing.markdown(made) in (ROOT / "book" / "intro.md").read_text()

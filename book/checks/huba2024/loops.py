@@ -107,13 +107,19 @@ def beyond(response: pidalab.Response, step: str) -> float:
     return max(0.0, float(response.y.max() - 1.0 if step == "setpoint" else -response.y.min()))
 
 
+ROUNDING = 1e-9  # share of the change below which an excess is none: the engine has no more digits
+
+
 def shapes(name: str, linear: bool = False) -> dict[str, tuple[float, float]]:
     """Excess and change of y and u for both steps, by what they are."""
     found: dict[str, tuple[float, float]] = {}
     for step in STEPS:
         response = run(name, step, linear)
         pairs = zip("yu", excess(response, step), change(response, step), strict=True)
-        found |= {f"{name}, {signal} after the {step}": (abs(e), c) for signal, e, c in pairs}
+        found |= {
+            f"{name}, {signal} after the {step}": (abs(e) if abs(e) > ROUNDING * c else 0.0, c)
+            for signal, e, c in pairs
+        }
     return found
 
 
