@@ -58,7 +58,7 @@ def unstable_poles(loop: Loop) -> float:
     if loop.process.delay and abs(ends(loop)[1]) >= 1 - 1e-12:
         return math.inf
     looked = scan(loop)
-    parts = looked.parts(0.5)
+    parts = looked.parts(0.5, turn=1.0)  # the turns are halved where the function itself turns more
     slowest = looked.w[0]
     # a contour that leans to the left takes in the roots on the axis; the last one passes 0 farther off, too
     for lean, aside in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
