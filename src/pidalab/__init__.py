@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
     from pidalab import areas, digital, identification, ledger, optimal, plots, reduction, robustness, rules, twins
+    from pidalab.comparison import Comparison, compare
     from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
     from pidalab.loop import Loop
     from pidalab.plants import AsymmetricPlant
@@ -31,6 +32,7 @@ if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
 
 ROOMS = "areas", "digital", "identification", "ledger", "optimal", "plots", "reduction", "robustness", "rules", "twins"
 HOMES = {
+    "comparison": ("Comparison", "compare"),
     "controllers": ("PIDA", "HighOrderPID", "NonInteractivePIDA", "SeriesPIDA"),
     "loop": ("Loop",),
     "plants": ("AsymmetricPlant",),
