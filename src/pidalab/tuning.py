@@ -142,7 +142,18 @@ def _optimal(
     elif sample_time is None:
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
     sampled = None if noise_gain is None else sample_time  # without noise the half sample in `designed` is enough
-    return optimal.load(designed, ORDER[kind], ms, mks, noise_gain, sampled)
+    try:
+        return optimal.load(designed, ORDER[kind], ms, mks, noise_gain, sampled)
+    except ValueError:
+        if noise_gain is None:
+            raise
+        # a limit that allows filters shorter than the sample; no noise is amplified by more than max |CS|
+        mks = min(noise_gain, LOUDEST * _asked_of_u(designed))
+        found = optimal.load(designed, ORDER[kind], ms, mks)
+        doubts.append(
+            f"the limit of noise would allow a filter shorter than the sample: mks = {mks:.3g} is kept instead"
+        )
+        return found
 
 
 def _asked_of_u(process: Process) -> float:
