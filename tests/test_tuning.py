@@ -43,7 +43,8 @@ def test_a_fit_brings_its_uncertainty_and_its_noise():
     y = 2.0 * 5.0 * (1 - np.exp(-np.maximum(t - 14.0, 0.0) / 8.0)) + np.random.default_rng(0).normal(0, 0.1, t.size)
     fitted = fit(Record(t, np.where(t < 10.0, 40.0, 45.0), y), "fopdt")
     design = tune(fitted, "PI")
-    assert design.ms <= 1.6 * (1 + 1e-6) <= design.ms_worst * 1.05
+    assert design.ms <= 1.6 * (1 + 1e-6)  # below it, since half of the record's sample was added to the dead time
+    assert design.ms < design.ms_worst
     assert any("noise_gain" in doubt for doubt in design.doubts)
 
 

@@ -2,7 +2,7 @@
 
 import re
 
-EMPTY_HEADER = re.compile(r"<th(\s[^>]*)?>\s*</th>")
+EMPTY_HEADER = re.compile(r"<th(\s[^>]*)?>\s*(<p>\s*</p>)?\s*</th>")
 SAME_NAME = ' aria-label="Toggle hidden content"'
 
 

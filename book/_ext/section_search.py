@@ -15,7 +15,7 @@ LEFT_OUT = "script, style, .cell_input, summary, .headerlink, button, .toctree-w
 LONGEST = 6000  # characters kept of a section
 # How much a hit counts, by the beginning of the page's name; the first that fits.
 WEIGHTS = (
-    ("book/api", 0.25),
+    ("book/api", 0.05),
     ("book/audit", 0.6),
     ("book/scoreboard", 0.5),
     ("book/errata", 0.5),

@@ -22,7 +22,8 @@ def compiled(function: Callable, *others: Callable) -> Any:
     those of its own folder and of the folders of `others`, and is compiled anew when a file there, or this
     one, has changed.
     """
-    options: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}  # a * b + c at once
+    # no fused multiply-add: what is written out as C or Python is to give the same bits
+    options: Any = {"nogil": True, "error_model": "numpy"}
     try:
         dispatcher = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no place for its cache
