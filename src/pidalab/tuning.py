@@ -193,10 +193,10 @@ def _load_iae(loop: Loop) -> float:
     """IAE of a unit step of the load, over a horizon that is doubled until the loop has settled."""
     from pidalab.robustness.poles import rightmost_poles
     from pidalab.simulation.exact import load_response
+    from pidalab.simulation.settling import settled
 
     slowest = -float(np.max(rightmost_poles(loop).real))
-    horizon = 12.0 / slowest + 10.0 * loop.process.delay
-    return load_response(loop, np.linspace(0.0, horizon, 8001)).iae()
+    return settled(load_response, loop, 12.0 / slowest + 10.0 * loop.process.delay).iae(horizon=math.inf)
 
 
 def _plants(model: Process | Fit, process: Process, spread: float | None) -> list[Process]:

@@ -24,7 +24,6 @@ from pidalab.rules import Design
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DOUBLINGS = 14  # of the horizon, until a response has settled
 MARKS = {"PI": "o", "PID": "s", "PIDA": "D"}
 HEAD = ("rule", "kind", "IAE load", "IAE set pt", "Ms", "max |CS|", "noise gain", "TV(u) load", "delay m.")
 
@@ -207,32 +206,22 @@ def _judged(rule: str, kind: str, design: Design, process: Process, sample_time:
     from pidalab.robustness.control import max_control_sensitivity
     from pidalab.robustness.margins import margins
     from pidalab.simulation.exact import load_response, step_response
+    from pidalab.simulation.settling import settled
 
     loop = design.loop(process)
     found = margins(loop)
     if not found.stable:
         return _without(rule, kind, "the loop with the process is unstable", design)
-    load, tv = _settled(load_response, loop, scale)
-    setpoint, _ = _settled(step_response, loop, scale)
+    load, setpoint = (settled(simulate, loop, 20.0 * scale) for simulate in (load_response, step_response))
     noise, reason = sampled_noise(design, process, sample_time)
     mks = max_control_sensitivity(loop)[0]
-    return Row(rule, kind, load, setpoint, found.ms, mks, noise, tv, found.dm, reason, design)
+    iae, iae_setpoint = (response.iae(horizon=math.inf) for response in (load, setpoint))
+    return Row(rule, kind, iae, iae_setpoint, found.ms, mks, noise, load.tv("u"), found.dm, reason, design)
 
 
 def _without(rule: str, kind: str, reason: str, design: Design | None = None) -> Row:
     nan = math.nan
     return Row(rule, kind, nan, nan, nan, nan, nan, nan, nan, " ".join(reason.split()), design)
-
-
-def _settled(simulate: Callable[[Loop, Array], Any], loop: Loop, scale: float) -> tuple[float, float]:
-    """IAE of a unit step and TV of u, over a horizon that is doubled until the response has settled."""
-    for doubling in range(DOUBLINGS):
-        response = simulate(loop, np.linspace(0.0, 20.0 * scale * 2.0**doubling, 4001))
-        try:
-            return response.iae(horizon=math.inf), response.tv("u")
-        except ValueError:
-            continue
-    raise ValueError(f"the response does not settle within {20 * scale * 2 ** (DOUBLINGS - 1):.3g}")
 
 
 def _cells(row: Row) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ ACTIVE = 1e-3  # share of a limit within which it is called active
 ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is none
 UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
 SAME = 0.02  # difference of the IAE of the search from that of the engine, beyond which the unit was too short
-SETTLED = 12  # times that the horizon of a response is doubled until it has settled
 
 
 def load(
@@ -252,12 +251,7 @@ def _design(test: str, process: Process, sign: float, problem: Any, x: Array, li
 def _iae(loop: Loop, test: str, time: float) -> float:
     """IAE of a unit step, until it has settled."""
     from pidalab.simulation.exact import load_response, step_response
+    from pidalab.simulation.settling import settled
 
     simulate = load_response if test == "load" else step_response
-    for doubling in range(SETTLED):
-        record = simulate(loop, np.linspace(0.0, 80.0 * time * 2.0**doubling, 4001))
-        try:
-            return record.iae(horizon=math.inf)
-        except ValueError:
-            continue
-    raise ValueError("the response of the best controller does not settle")
+    return settled(simulate, loop, 80.0 * time).iae(horizon=math.inf)

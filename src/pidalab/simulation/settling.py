@@ -1,0 +1,56 @@
+"""A response over a horizon that is long enough for the loop at hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.loop import Loop
+from pidalab.response import Response
+
+POINTS = 4001  # of the response
+DOUBLINGS = 13  # of the horizon: a loop that is ten thousand times slower than expected still comes to rest
+
+
+def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: float) -> Response:
+    """Simulate a step until the response has settled, so that its integrals are those to infinity.
+
+    Parameters
+    ----------
+    simulate : callable
+        `load_response` or `step_response`.
+    loop : Loop
+        A stable loop.
+    horizon : float
+        The first end of the simulation that is tried, beyond the dead time: before it, nothing has happened and
+        nothing would be left to wait for. It is doubled until the error has died away.
+
+    Returns
+    -------
+    Response
+        One whose ``iae(horizon=math.inf)`` exists.
+
+    Raises
+    ------
+    ValueError
+        If the response has not settled after all doublings.
+
+    Examples
+    --------
+    >>> import math, pidalab
+    >>> from pidalab.simulation.settling import settled
+    >>> loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(kp=0.8, ti=1.0))
+    >>> print(f"{settled(pidalab.load_response, loop, 4.0).iae(horizon=math.inf):.4f}")
+    1.2500
+    """
+    for doubling in range(DOUBLINGS + 1):
+        response = simulate(loop, np.linspace(0.0, horizon * 2.0**doubling, POINTS))
+        try:
+            response.iae(horizon=math.inf)
+        except ValueError:
+            continue
+        return response
+    raise ValueError(f"the response does not settle within {horizon * 2**DOUBLINGS:.3g}")

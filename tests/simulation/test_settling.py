@@ -1,0 +1,22 @@
+"""Integrals to infinity, from whatever horizon the search begins."""
+
+import math
+
+import pytest
+
+import pidalab
+from pidalab.simulation.settling import settled
+
+LOOP = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(kp=0.8, ti=1.0))
+
+
+@pytest.mark.parametrize("horizon", [3.0, 20.0, 200.0])
+def test_the_integral_does_not_depend_on_the_first_horizon(horizon):
+    """Without overshoot the IAE of a load step is ti/kp."""
+    response = settled(pidalab.load_response, LOOP, horizon)
+    assert response.iae(horizon=math.inf) == pytest.approx(1.25, rel=1e-4)
+
+
+def test_a_loop_that_never_settles_is_said():
+    with pytest.raises(ValueError, match="does not settle within"):
+        settled(pidalab.load_response, pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), 0.5), 3.0)
