@@ -25,7 +25,19 @@ LOOPS = [(1, 2, 0.005), (2, 4, 0.2), (4, 6, 0.5), (2, 3, 0.02)]  # m, n, T_e; th
 HORIZON = 20.0  # dead times; the unstable response is below 1e8 then
 CAP = 30  # seconds of CPU time for one row
 RESULTS = Path(__file__).parents[1] / "book" / "data" / "engine_comparison.csv"
-COLUMNS = ("m", "n", "te", "method", "setting", "points", "seconds", "ratio", "error", "setup_seconds", "note")
+COLUMNS = (
+    "m",
+    "n",
+    "te",
+    "method",
+    "setting",
+    "points",
+    "seconds",
+    "ratio",
+    "error",
+    "setup_seconds",
+    "note",
+)
 PACKAGES = ("pidalab", "numpy", "scipy", "control", "jitcdde", "ddeint")
 
 Peer = Callable[..., peers.Task]

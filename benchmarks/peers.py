@@ -110,7 +110,9 @@ def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
     def task() -> tuple[Array, Array]:
         A, b, e, *_ = equation
         d = b.size
-        step = expm(np.block([[A, b[:, None], e[:, None]], [np.zeros((2, d + 2))]]) * equation.delay / per_delay)
+        step = expm(
+            np.block([[A, b[:, None], e[:, None]], [np.zeros((2, d + 2))]]) * equation.delay / per_delay
+        )
         Phi, gamma, constant = step[:d, :d], step[:d, d], step[:d, d + 1]
         x, v = np.zeros((1, d)), np.zeros(per_delay + 1)
         y = [np.zeros(1)]

@@ -27,7 +27,9 @@ SPREAD, EACH = 0.2, 10  # shares of the values above; values of each parameter
 FEW = (0, 5555, 9999)
 PADE = 5
 LIMITS = (-1.1, 0.1)
-LOOP = Loop(pidalab.ipdt(1.0, delay=1.0), SeriesPIDA(**AROUND, filter_time=0.2, filter_order=4, limits=LIMITS))
+LOOP = Loop(
+    pidalab.ipdt(1.0, delay=1.0), SeriesPIDA(**AROUND, filter_time=0.2, filter_order=4, limits=LIMITS)
+)
 T = 0.001 * np.arange(60_000)
 RESULTS = Path(__file__).parents[1] / "book" / "data" / "portrait_comparison.csv"
 PACKAGES = ("pidalab", "numpy", "numba", "scipy", "control")
@@ -97,8 +99,12 @@ def main() -> None:
         simulate(one_set(FEW[0]))
         few, few_cpu, records = timed(lambda simulate=simulate: [simulate(one_set(i)) for i in FEW])
         worst = max(abs(r.iae() / iae[i] - 1) for r, i in zip(records, FEW, strict=True))
-        rows.append((method, len(FEW), few, few_cpu, few / len(FEW) * sets, few / len(FEW) * sets / clock, worst))
-    print(f"\n{sets} loops of {T.size} samples on {os.cpu_count()} processors; of the others {len(FEW)}, extrapolated")
+        rows.append(
+            (method, len(FEW), few, few_cpu, few / len(FEW) * sets, few / len(FEW) * sets / clock, worst)
+        )
+    print(
+        f"\n{sets} loops of {T.size} samples on {os.cpu_count()} processors; of the others {len(FEW)}, extrapolated"
+    )
     print(f"{'':40}{'sets':>7}{'clock, s':>10}{'CPU, s':>9}{'for all, s':>12}{'ratio':>9}{'IAE off by':>12}")
     for method, count, *numbers, worst in rows:
         print(
@@ -110,7 +116,9 @@ def main() -> None:
             f"# Made by `make bench` with Python {platform.python_version()}, {used}, {os.cpu_count()} processors\n"
         )
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("method", "sets", "seconds", "cpu_seconds", "seconds_for_all", "ratio", "iae_difference"))
+        writer.writerow(
+            ("method", "sets", "seconds", "cpu_seconds", "seconds_for_all", "ratio", "iae_difference")
+        )
         writer.writerows([[f"{x:.3g}" if isinstance(x, float) else x for x in row] for row in rows])
 
 

@@ -29,7 +29,9 @@ def pade_loop(case: dict, order: int) -> control.StateSpace:
 
 def pade_chain(case: dict, order: int) -> control.StateSpace:
     """Open loop with python-control, its dead time replaced by a Padé approximation."""
-    blocks = [control.tf(case[name]["num"], case[name]["den"]) for name in ("process", "controller") if case[name]]
+    blocks = [
+        control.tf(case[name]["num"], case[name]["den"]) for name in ("process", "controller") if case[name]
+    ]
     if case["output_filter"]:
         blocks.append(control.tf(case["output_filter"]["num"], case["output_filter"]["den"]))
     blocks.append(control.tf(*control.pade(case["delay"], order)))
@@ -49,8 +51,13 @@ def responses(case: dict) -> None:
         own = median_time(lambda t=t: pidalab.step_response(loop, t))
         peer = median_time(lambda t=t: control.step_response(approximation, t))
         y, other = pidalab.step_response(loop, t).y, control.step_response(approximation, t).outputs
-        for name, seconds, values in (("pidalab, exact", own, y), ("python-control, Padé order 10", peer, other)):
-            print(f"{name:34}{points:8}{1e3 * seconds:10.2f}{seconds / own:8.1f}{error(t, values, case):10.0e}")
+        for name, seconds, values in (
+            ("pidalab, exact", own, y),
+            ("python-control, Padé order 10", peer, other),
+        ):
+            print(
+                f"{name:34}{points:8}{1e3 * seconds:10.2f}{seconds / own:8.1f}{error(t, values, case):10.0e}"
+            )
 
 
 def margins(case: dict) -> None:

@@ -35,12 +35,26 @@ import pidalab
 from pidalab.rules import direct, itae
 
 DATA = Path(__file__).parents[1] / "book" / "data"
-COLUMNS = ("role", "kind", "ms_bound", "damping", "ratio", "kc", "tau_i", "tau_d", "tau_a", "itae", "f_d", "f_a")
+COLUMNS = (
+    "role",
+    "kind",
+    "ms_bound",
+    "damping",
+    "ratio",
+    "kc",
+    "tau_i",
+    "tau_d",
+    "tau_a",
+    "itae",
+    "f_d",
+    "f_a",
+)
 DAMPINGS = (0.3, 0.4, 0.55, 0.7, 0.9, 1.1, 1.5, 2.0)
 RATIOS = (0.1, 0.14, 0.2, 0.28, 0.4, 0.55, 0.75, 1.0, 1.4, 2.0)
 FIT = [(xi, r) for xi in DAMPINGS for r in RATIOS]
 VALIDATION = [
-    (round(0.3 * (2 / 0.3) ** u, 3), round(0.1 * 20**v, 3)) for u, v in np.random.default_rng(1).random((40, 2))
+    (round(0.3 * (2 / 0.3) ** u, 3), round(0.1 * 20**v, 3))
+    for u, v in np.random.default_rng(1).random((40, 2))
 ]
 FIGURE = [(xi, r) for xi in (0.5, 1.0) for r in (0.25, 0.5, 1.0)]
 TABLE = [(xi, r) for xi in (0.3, 0.5, 0.75, 1.0) for r in (0.12, 0.25, 0.5, 0.79, 1.2, 1.6, 2.0)]
@@ -98,7 +112,10 @@ def search(
     for scale in (size, size / 3, size / 9):
         simplex = np.vstack([x, x + scale * np.eye(x.size)])
         found = minimize(
-            cost, x, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": tolerance, "fatol": 1e-7}
+            cost,
+            x,
+            method="Nelder-Mead",
+            options={"initial_simplex": simplex, "xatol": tolerance, "fatol": 1e-7},
         )
         x, gain, best = found.x, best - found.fun, found.fun
         if gain < 1e-5:
@@ -112,7 +129,10 @@ def optimum(plant: Plant, kind: str, bound: float) -> pidalab.NonInteractivePIDA
     first = min(starts, key=lambda c: penalised(plant, c, kind, bound))
     x = [math.log(v) for v in (first.kc, first.tau_i, first.tau_d, first.tau_a)]
     found = search(
-        lambda x: penalised(plant, pidalab.NonInteractivePIDA(*np.exp(x)), kind, bound), x, size=0.15, tolerance=2e-4
+        lambda x: penalised(plant, pidalab.NonInteractivePIDA(*np.exp(x)), kind, bound),
+        x,
+        size=0.15,
+        tolerance=2e-4,
     )
     return pidalab.NonInteractivePIDA(*np.exp(found))
 
@@ -194,7 +214,9 @@ def load_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteract
     return itae.pida_load(unit(plant), factors=lambda _: (0.0, f_a))
 
 
-def fit(form: Callable, start: Sequence[float], least: dict[Plant, float], kind: str, bound: float) -> np.ndarray:
+def fit(
+    form: Callable, start: Sequence[float], least: dict[Plant, float], kind: str, bound: float
+) -> np.ndarray:
     """Constants with the least mean of log(ITAE / optimum), plus 0.3 times the largest one where Ms is bounded."""
     scale = np.abs(start)
 
@@ -223,7 +245,11 @@ def main() -> None:
                 c = optimum(plant, kind, bound)
                 cost = value(plant, c, kind)
                 least[kind, bound, role, plant] = cost
-                pair = best_factors(plant, kind, bound) if role == "fit" and (kind, bound) != TASKS[1] else ("", "")
+                pair = (
+                    best_factors(plant, kind, bound)
+                    if role == "fit" and (kind, bound) != TASKS[1]
+                    else ("", "")
+                )
                 rows.append((role, kind, bound, *plant, c.kc, c.tau_i, c.tau_d, c.tau_a, cost, *pair))
     for plant in FIGURE:
         found = optimum(plant, *TASKS[0]), optimal_pid(plant), optimal_pid(plant, SHARP)
@@ -231,13 +257,22 @@ def main() -> None:
             cost = value(plant, c, "setpoint")
             rows.append((role, *TASKS[0], *plant, c.kc, c.tau_i, c.tau_d, c.tau_a, cost, "", ""))
     write("itae_optima.csv", COLUMNS, rows)
-    pairs = [(name, *plant, *table_factors(plant, measure)) for plant in TABLE for name, measure in MEASURES.items()]
+    pairs = [
+        (name, *plant, *table_factors(plant, measure))
+        for plant in TABLE
+        for name, measure in MEASURES.items()
+    ]
     write("itae_factors.csv", ("measure", "damping", "ratio", "f_d", "f_a"), pairs)
     black = [p for p in FIT if on_fit_board(p)]
     low, high = ([p for p in FIT if (p[0] <= 0.9) == side] for side in (True, False))
     for form, start, (kind, bound), plants in (
         (setpoint_form, (0.72, 0.36, 0.39), TASKS[0], FIT),
-        (load_form, (0.04, 0.55, 0.46, 0.34, 1.85, 0.003, 0.79, 0.71, -0.076, 0.34, 0.058, -0.023), TASKS[2], black),
+        (
+            load_form,
+            (0.04, 0.55, 0.46, 0.34, 1.85, 0.003, 0.79, 0.71, -0.076, 0.34, 0.058, -0.023),
+            TASKS[2],
+            black,
+        ),
         (setpoint_factor_form, (0.39, -0.02, 0.27, 0.08, 0.94, 0.21, 0.44, 0.16), TASKS[0], low),
         (setpoint_factor_form, (0.35, -0.05, -0.46, -0.19, 0.99, 0.23, -0.26, -0.24), TASKS[0], high),
         (load_factor_form, (0.72, -0.09, 0.19, 0.07, -0.06, 0.01), TASKS[2], FIT),

@@ -70,7 +70,8 @@ class Judge:
         """The loop of logarithms of gains and filter time, in units of the process."""
         units = self.time ** np.arange(-1.0, ORDER + 1) / self.gain
         return Loop(
-            self.process, HighOrderPID((np.exp(z[:-1]) * units).tolist(), self.time * math.exp(z[-1]), ORDER + 1)
+            self.process,
+            HighOrderPID((np.exp(z[:-1]) * units).tolist(), self.time * math.exp(z[-1]), ORDER + 1),
         )
 
     def __call__(self, z: np.ndarray) -> float:
@@ -127,7 +128,17 @@ def main(names: list[str]) -> None:
         process, mks = PLANTS[name]
         own = pidalab.optimal.load(process, ORDER, ms=MS, mks=mks)
         least, asked = second(process, mks, seed=list(PLANTS).index(name))
-        row = (name, ORDER, MS, mks, f"{own.iae:.6g}", f"{least:.6g}", f"{own.iae / least:.5f}", STARTS, asked)
+        row = (
+            name,
+            ORDER,
+            MS,
+            mks,
+            f"{own.iae:.6g}",
+            f"{least:.6g}",
+            f"{own.iae / least:.5f}",
+            STARTS,
+            asked,
+        )
         with RESULTS.open("a", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             if not done and file.tell() == 0:

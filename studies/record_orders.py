@@ -28,7 +28,9 @@ def main() -> None:
         counts, end = beyond.supported(length, step, noise)
         lines.append([length, step, noise, *counts, round(end, 6)])
     with (BOOK / "data" / "record_orders.csv").open("w", newline="", encoding="utf-8") as file:
-        file.write("# simulated; studies/record_orders.py; good controllers of 20 records (of 1 without noise)\n")
+        file.write(
+            "# simulated; studies/record_orders.py; good controllers of 20 records (of 1 without noise)\n"
+        )
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(HEAD)
         writer.writerows(lines)

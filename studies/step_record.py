@@ -7,7 +7,9 @@ import numpy as np
 
 import pidalab
 
-PLANT = pidalab.Process([1.8], np.poly([-1 / 20, -1 / 8, -1 / 5]) * 800, delay=4.0)  # 20 s, 8 s, 5 s; 1.8 K per %
+PLANT = pidalab.Process(
+    [1.8], np.poly([-1 / 20, -1 / 8, -1 / 5]) * 800, delay=4.0
+)  # 20 s, 8 s, 5 s; 1.8 K per %
 SAMPLE, LENGTH, STEP_AT, NOISE, SEED = 0.2, 400.0, 20.0, 0.003, 1340
 HEAD = """\
 # Simulated, not measured: a heater steps from 30 % to 40 %, the temperature is read every 0.2 s.

@@ -31,10 +31,29 @@ def run(*arguments):
 def test_a_record_becomes_code_that_compiles_and_a_report(record, tmp_path):
     columns = ("--time", "time", "--u", "valve", "--y", "level")
     result = run(
-        "tune", record, *columns, "--kind", "PID", "--sample-time", 0.2, "--u-min", 0, "--u-max", 100, "--out", tmp_path
+        "tune",
+        record,
+        *columns,
+        "--kind",
+        "PID",
+        "--sample-time",
+        0.2,
+        "--u-min",
+        0,
+        "--u-max",
+        100,
+        "--out",
+        tmp_path,
     )
     assert result.exit_code == 0, result.output
-    for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2", "worst Ms"):
+    for said in (
+        "Record",
+        "Model",
+        "Controller",
+        "Margins, continuous",
+        "Margins, sampled every 0.2",
+        "worst Ms",
+    ):
         assert said in result.stdout
     program = tmp_path / "test"
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-DPIDA_SELFTEST"]

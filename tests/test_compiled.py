@@ -17,7 +17,9 @@ print(chains._monic(np.array([-1.0 + 0.0j])))
 def run(folder, before=""):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": os.pathsep.join(sys.path)}
     script = SCRIPT.format(before=before)
-    return subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    return subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
+    )
 
 
 def test_the_first_call_is_announced_and_later_processes_are_silent(tmp_path):

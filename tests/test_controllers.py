@@ -43,7 +43,10 @@ def test_non_interactive_is_the_printed_formula(tau_d, tau_a):
     C = pidalab.NonInteractivePIDA(-1.5, 2.5, tau_d, tau_a, alpha_d=0.1, alpha_a=0.03)
     s = POINTS  # heo2023, eq. (16)
     formula = (
-        1 + 1 / (2.5 * s) + tau_d * s / (0.1 * tau_d * s + 1) + tau_a**2 * s**2 / (2 * (0.03 * tau_a * s + 1) ** 2)
+        1
+        + 1 / (2.5 * s)
+        + tau_d * s / (0.1 * tau_d * s + 1)
+        + tau_a**2 * s**2 / (2 * (0.03 * tau_a * s + 1) ** 2)
     )
     np.testing.assert_allclose(C(s), -1.5 * formula, rtol=1e-11)
 
@@ -93,7 +96,9 @@ def test_conversions_there_and_back(seed):
     again = pidalab.NonInteractivePIDA(*gains.non_interactive()).gains()
     assert again == pytest.approx(gains, rel=1e-13)
     series = gains.series()  # a cubic with positive coefficients always has a negative real zero
-    assert pidalab.SeriesPIDA(*series, filter_time=0.1, filter_order=2).gains() == pytest.approx(gains, rel=1e-9)
+    assert pidalab.SeriesPIDA(*series, filter_time=0.1, filter_order=2).gains() == pytest.approx(
+        gains, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -109,7 +114,9 @@ def test_series_there_and_back_picks_the_largest_reset_time(form):
 
 
 def test_double_zero_is_still_real():
-    assert IdealGains(1.0, 4.0, 4.0, 0.0).series() == pytest.approx((2.0, 4.0, 0.0, 2.0), rel=1e-7)  # ti = 4 td exactly
+    assert IdealGains(1.0, 4.0, 4.0, 0.0).series() == pytest.approx(
+        (2.0, 4.0, 0.0, 2.0), rel=1e-7
+    )  # ti = 4 td exactly
 
 
 @pytest.mark.parametrize(
@@ -117,13 +124,29 @@ def test_double_zero_is_still_real():
     [
         ((1.0, 0.0, 1.0, 0.0), "standard", "no standard form: kp is 0"),
         ((1.0, 0.0, 1.0, 0.0), "non_interactive", "no standard form: kp is 0"),
-        ((1.0, 1.0, 1.0, -2.0), "non_interactive", "no non-interactive form: tau_a.2 = 2 ta = -4 is negative"),
-        ((1.0, -1.0, 1.0, 2.0), "non_interactive", "no non-interactive form: tau_a.2 = 2 ta = -4 is negative"),
+        (
+            (1.0, 1.0, 1.0, -2.0),
+            "non_interactive",
+            "no non-interactive form: tau_a.2 = 2 ta = -4 is negative",
+        ),
+        (
+            (1.0, -1.0, 1.0, 2.0),
+            "non_interactive",
+            "no non-interactive form: tau_a.2 = 2 ta = -4 is negative",
+        ),
         ((0.0, 1.0, 1.0, 0.0), "series", "no series form: there is no integral action"),
         ((1.0, 1.0, 1.0, 0.0), "series", "no series form: .* no negative real zero"),
         ((1.0, -3.0, 2.0, 0.0), "series", "no series form: .* no negative real zero"),
     ],
-    ids=["standard", "non-interactive-p", "non-interactive-a", "negative-kp", "no-i", "complex", "positive-zeros"],
+    ids=[
+        "standard",
+        "non-interactive-p",
+        "non-interactive-a",
+        "negative-kp",
+        "no-i",
+        "complex",
+        "positive-zeros",
+    ],
 )
 def test_impossible_conversions_say_why(gains, form, message):
     with pytest.raises(ValueError, match=message):
@@ -155,7 +178,12 @@ def test_without_integral_action_ti_is_infinite():
 def test_str_prints_every_form_or_the_reason(C):
     lines = str(C).splitlines()
     assert lines[0] == repr(C)
-    assert [line.split(":")[0].strip() for line in lines[1:]] == ["standard", "parallel", "non-interactive", "series"]
+    assert [line.split(":")[0].strip() for line in lines[1:]] == [
+        "standard",
+        "parallel",
+        "non-interactive",
+        "series",
+    ]
     assert all(re.search(r": +(\w+ = |no [a-z-]+ form: )", line) for line in lines[1:])
 
 
@@ -185,7 +213,10 @@ def test_repr_makes_the_same_controller(C):
     assert eval(repr(C), names) == C
 
 
-PIDA, NON = {"kp": 2.0, "ti": 4.0, "td": 1.0, "ta": 0.5}, {"kc": 2.0, "tau_i": 4.0, "tau_d": 1.0, "tau_a": 1.0}
+PIDA, NON = (
+    {"kp": 2.0, "ti": 4.0, "td": 1.0, "ta": 0.5},
+    {"kc": 2.0, "tau_i": 4.0, "tau_d": 1.0, "tau_a": 1.0},
+)
 HIGH = {"gains": [0.5, 2.0, 1.0, 0.25], "filter_time": 0.1, "filter_order": 2}
 SERIES = {"kp": 2.0, "kd": 1.0, "ka": 0.5, "ti": 4.0, "filter_time": 0.1, "filter_order": 2}
 BAD = [
@@ -205,7 +236,13 @@ BAD = [
     (pidalab.NonInteractivePIDA, NON, "alpha_a", 0, "alpha_a must be above 0, found 0"),
     (pidalab.HighOrderPID, HIGH, "gains", [1.0], "gains must be one-dimensional with at least 2"),
     (pidalab.HighOrderPID, HIGH, "gains", [1.0, math.nan], "gains must be finite, found nan at index 1"),
-    (pidalab.HighOrderPID, HIGH, "filter_order", 1, "filter_order must be a whole number, at least 2, found 1"),
+    (
+        pidalab.HighOrderPID,
+        HIGH,
+        "filter_order",
+        1,
+        "filter_order must be a whole number, at least 2, found 1",
+    ),
     (
         pidalab.HighOrderPID,
         HIGH,
@@ -217,9 +254,27 @@ BAD = [
     (pidalab.SeriesPIDA, SERIES, "ti", 0, "ti must be above 0, found 0"),
     (pidalab.SeriesPIDA, SERIES, "kd", math.inf, "kd must be finite, found inf"),
     (pidalab.SeriesPIDA, SERIES, "filter_time", 0, "filter_time must be above 0, found 0"),
-    (pidalab.SeriesPIDA, SERIES, "filter_order", 1, "filter_order must be a whole number, at least 2, found 1"),
-    (pidalab.SeriesPIDA, SERIES, "filter_order", 2.5, r"filter_order must be a whole number, at least 2, found 2\.5"),
-    (pidalab.SeriesPIDA, SERIES, "limits", (1.0, 0.0), r"limits must be .* lower < upper, found \(1\.0, 0\.0\)"),
+    (
+        pidalab.SeriesPIDA,
+        SERIES,
+        "filter_order",
+        1,
+        "filter_order must be a whole number, at least 2, found 1",
+    ),
+    (
+        pidalab.SeriesPIDA,
+        SERIES,
+        "filter_order",
+        2.5,
+        r"filter_order must be a whole number, at least 2, found 2\.5",
+    ),
+    (
+        pidalab.SeriesPIDA,
+        SERIES,
+        "limits",
+        (1.0, 0.0),
+        r"limits must be .* lower < upper, found \(1\.0, 0\.0\)",
+    ),
     (pidalab.SeriesPIDA, SERIES, "limits", (math.nan, 1.0), "limits must be"),
 ]
 
@@ -284,4 +339,6 @@ def test_reset_signal_is_a_lag_behind_the_limited_signal():
 )
 def test_reset_signal_refuses(u, sample_time, message):
     with pytest.raises(ValueError, match=message):
-        pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).reset_signal(u, sample_time)
+        pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).reset_signal(
+            u, sample_time
+        )

@@ -14,15 +14,32 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
-ORDER = (ROOT / "CONTRIBUTING.md").read_text().split("**Imports run one way.**")[1].split("The ledger stands apart")[0]
+ORDER = (
+    (ROOT / "CONTRIBUTING.md")
+    .read_text()
+    .split("**Imports run one way.**")[1]
+    .split("The ledger stands apart")[0]
+)
 CORRIDOR = [  # a room imports only from those on earlier lines, and from its own line
     sorted(path.stem for path in SRC.glob("_*.py") if not path.stem.startswith("__")),  # helpers of all
-    *(re.findall(r"\w+", line.strip().split("  ")[0]) for line in ORDER.splitlines() if line.startswith(7 * " ")),
+    *(
+        re.findall(r"\w+", line.strip().split("  ")[0])
+        for line in ORDER.splitlines()
+        if line.startswith(7 * " ")
+    ),
 ]
 APART = "ledger"
 LONGEST = 300  # lines of a file, docstrings aside
 TOO_LONG: dict[str, str] = {}  # path: reason
-WHOLE = {"house", "claims", "public_names", "readme", "benchmarks", "honesty", "sixth_paper"}  # about the whole project
+WHOLE = {
+    "house",
+    "claims",
+    "public_names",
+    "readme",
+    "benchmarks",
+    "honesty",
+    "sixth_paper",
+}  # about the whole project
 ELSEWHERE = {"site", "lab", "oracle"}  # folders of tests about what is not in src: the pages, their engine
 TESTED_WITH = {  # modules whose tests are those of another: path without suffix: test file, and why
     "_check": ("test_process.py", "every module's refusals go through it"),
@@ -144,7 +161,9 @@ def without_docstrings(path):
     return len(path.read_text().splitlines()) - sum(text.end_lineno - text.lineno + 1 for text in texts)
 
 
-@pytest.mark.parametrize("path", [*SRC.rglob("*.py"), *(ROOT / "book" / "checks").rglob("*.py")], ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", [*SRC.rglob("*.py"), *(ROOT / "book" / "checks").rglob("*.py")], ids=lambda p: p.stem
+)
 def test_files_can_be_read_in_one_sitting(path):
     name = str(path.relative_to(ROOT))
     assert (without_docstrings(path) > LONGEST) == (name in TOO_LONG)
@@ -156,7 +175,9 @@ def test_tests_mirror_the_library():
         folder, stem = path.parent.relative_to(TESTS), path.stem.removeprefix("test_")
         if stem in WHOLE or (folder.parts and folder.parts[0] in ELSEWHERE):
             continue
-        mirrored = [p.stem.removeprefix("_") for p in (SRC / folder).iterdir() if p.suffix == ".py" or p.is_dir()]
+        mirrored = [
+            p.stem.removeprefix("_") for p in (SRC / folder).iterdir() if p.suffix == ".py" or p.is_dir()
+        ]
         assert any(stem == name or stem.startswith(f"{name}_") for name in mirrored), (
             f"{path.relative_to(ROOT)} is about no module of src: rename it, or name it in WHOLE or ELSEWHERE"
         )
@@ -185,7 +206,9 @@ def test_a_quick_import():
         "import pidalab.ledger",
         "import pidalab; pidalab.Loop(pidalab.lags(3), pidalab.PIDA(1, 2))",
     ):
-        show = f"import json, sys; {code}; print(json.dumps([name for name in {heavy} if name in sys.modules]))"
+        show = (
+            f"import json, sys; {code}; print(json.dumps([name for name in {heavy} if name in sys.modules]))"
+        )
         run = subprocess.run([sys.executable, "-c", show], capture_output=True, text=True, check=True)
         assert json.loads(run.stdout) == [], code
 
@@ -209,7 +232,9 @@ def test_names_at_the_top_have_one_home():
 @pytest.mark.parametrize("package", [name_of(path) for path in SRC.rglob("*/__init__.py")])
 def test_no_function_hides_a_module(package):
     """`import pidalab.x.y as y` gives the module y, whatever x takes out of it."""
-    inner = [module for module in MODULES if module.rpartition(".")[0] == package and module != f"{APART}.__main__"]
+    inner = [
+        module for module in MODULES if module.rpartition(".")[0] == package and module != f"{APART}.__main__"
+    ]
     for module in inner:
         found = import_module(f"pidalab.{module}")
         assert getattr(import_module(f"pidalab.{package}"), module.rpartition(".")[2]) is found

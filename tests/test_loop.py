@@ -65,14 +65,18 @@ def test_block_is_the_rational_part():
 
 
 @pytest.mark.parametrize(
-    "controller", [2, 2.0, np.float64(2.0), control.tf([2.0], [1.0]), control.ss([], [], [], [[2.0]])], ids=repr
+    "controller",
+    [2, 2.0, np.float64(2.0), control.tf([2.0], [1.0]), control.ss([], [], [], [[2.0]])],
+    ids=repr,
 )
 def test_what_may_be_a_controller(controller):
     np.testing.assert_allclose(pidalab.Loop(PROCESS, controller).L(POINTS), 2 * PROCESS(POINTS), rtol=1e-13)
 
 
 def test_repr_names_what_is_there():
-    assert repr(pidalab.Loop(pidalab.ipdt(1.0, 1.0), 0.5)) == "Loop(Process(num=[1], den=[1, 0], delay=1), 0.5)"
+    assert (
+        repr(pidalab.Loop(pidalab.ipdt(1.0, 1.0), 0.5)) == "Loop(Process(num=[1], den=[1, 0], delay=1), 0.5)"
+    )
     assert "prefilter=" in repr(LOOP)
     assert "output_filter=" in repr(LOOP)
 
@@ -115,7 +119,9 @@ def test_unknown_names(call, message):
         call()
 
 
-@pytest.mark.parametrize("name", ["process", "controller", "prefilter", "output_filter", "blocks", "open_loop", "new"])
+@pytest.mark.parametrize(
+    "name", ["process", "controller", "prefilter", "output_filter", "blocks", "open_loop", "new"]
+)
 def test_a_loop_does_not_change(name):
     """Half a change would be wrong in silence: the new dead time with the old gain."""
     loop = pidalab.Loop(PROCESS, 0.5)

@@ -8,7 +8,9 @@ import pytest
 import pidalab
 
 T = np.linspace(0.0, 20.0, 201)
-LOOPS = [pidalab.Loop(pidalab.fopdt(1.0, lag, 0.5), pidalab.PIDA(0.8, lag)) for lag in np.linspace(0.5, 3.0, 130)]
+LOOPS = [
+    pidalab.Loop(pidalab.fopdt(1.0, lag, 0.5), pidalab.PIDA(0.8, lag)) for lag in np.linspace(0.5, 3.0, 130)
+]
 
 
 def test_each_is_what_it_is_alone():
@@ -34,7 +36,11 @@ def test_no_loops():
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: pidalab.simulate_many([*LOOPS[:3], pidalab.lags(2)], T), TypeError, r"loops\[3\]: loop must be"),
+        (
+            lambda: pidalab.simulate_many([*LOOPS[:3], pidalab.lags(2)], T),
+            TypeError,
+            r"loops\[3\]: loop must be",
+        ),
         (lambda: pidalab.margins_many(LOOPS[0]), TypeError, "loops must be a sequence, found Loop"),
         (lambda: pidalab.margins_many(LOOPS, executor=2), TypeError, "executor must be .* found int"),
         (lambda: pidalab.simulate_many(LOOPS, T[1:]), ValueError, "t must start at 0"),

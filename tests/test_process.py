@@ -8,7 +8,9 @@ import pidalab
 from pidalab.process import latex_polynomial
 
 RNG = np.random.default_rng(1)
-POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)  # complex frequencies that have nothing to do with any pole
+POINTS = RNG.normal(size=20) + 1j * RNG.normal(
+    size=20
+)  # complex frequencies that have nothing to do with any pole
 
 
 def test_evaluates_rational_part_times_exact_dead_time():
@@ -72,7 +74,11 @@ def test_from_control_keeps_the_rational_part():
 @pytest.mark.parametrize(
     ("system", "error", "message"),
     [
-        (control.tf([1.0], [1.0, 0.5], 0.1), ValueError, r"sys must be continuous in time, found sample time 0\.1"),
+        (
+            control.tf([1.0], [1.0, 0.5], 0.1),
+            ValueError,
+            r"sys must be continuous in time, found sample time 0\.1",
+        ),
         (
             control.ss(-np.eye(2), np.eye(2), np.eye(2), 0 * np.eye(2)),
             ValueError,
@@ -83,7 +89,11 @@ def test_from_control_keeps_the_rational_part():
             ValueError,
             r"sys must be proper .* found degrees 1 and 0; add a filter of order 1",
         ),
-        ("1/s", TypeError, "sys must be a number, a pidalab controller or a control.TransferFunction, found str"),
+        (
+            "1/s",
+            TypeError,
+            "sys must be a number, a pidalab controller or a control.TransferFunction, found str",
+        ),
     ],
     ids=["discrete", "mimo", "improper", "text"],
 )

@@ -52,7 +52,11 @@ def methods(kind, path, seen):
     for name, raw in inherited.items():
         value = raw.__func__ if isinstance(raw, (classmethod, staticmethod)) else raw
         function = (
-            value.fget if isinstance(value, property) else value.func if isinstance(value, cached_property) else value
+            value.fget
+            if isinstance(value, property)
+            else value.func
+            if isinstance(value, cached_property)
+            else value
         )
         if not name.startswith("_") and inspect.isfunction(function) and id(function) not in seen:
             seen.add(id(function))
@@ -97,7 +101,9 @@ class Subject:
     def is_record(self):
         """A class that functions return and nobody constructs documents attributes instead of parameters."""
         return self.is_class and (
-            issubclass(self.value, tuple) or bool(self.doc.get("Attributes")) or issubclass(self.value, Exception)
+            issubclass(self.value, tuple)
+            or bool(self.doc.get("Attributes"))
+            or issubclass(self.value, Exception)
         )
 
     def parameters(self):
@@ -150,7 +156,9 @@ def test_summary(subject):
 def test_parameters(subject):
     """As many as in the signature, with the same names, in the same order."""
     documented = [
-        name.strip().lstrip("*") for entry in subject.doc.get("Parameters", []) for name in entry.name.split(",")
+        name.strip().lstrip("*")
+        for entry in subject.doc.get("Parameters", [])
+        for name in entry.name.split(",")
     ]
     if subject.property:
         assert documented == []
@@ -168,7 +176,9 @@ def test_parameters_have_a_type_and_a_text(subject):
 
 def test_returns(subject):
     if subject.returns_something():
-        assert subject.doc.get("Returns") or subject.doc.get("Yields"), "returns something, and does not say what"
+        assert subject.doc.get("Returns") or subject.doc.get("Yields"), (
+            "returns something, and does not say what"
+        )
     elif not subject.is_class:
         assert not subject.doc.get("Returns") or subject.property
 

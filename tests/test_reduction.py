@@ -48,7 +48,8 @@ def test_only_this_fit_gives_the_printed_models():
 
     def misses(frequencies, weight):
         taus = (
-            fit(process, frequencies(ultimate_frequency(process)), weight(process)) for process in EXAMPLES.values()
+            fit(process, frequencies(ultimate_frequency(process)), weight(process))
+            for process in EXAMPLES.values()
         )
         return [k for k, tau in zip(EXAMPLES, taus, strict=True) if round(tau, 3) != SECOND[k][0]]
 
@@ -77,7 +78,9 @@ def test_a_second_order_model_is_returned_as_it_is(gain, tau, damping, ratio):
     model = to_sopdt(pidalab.sopdt(gain, tau, damping, ratio * tau))
     assert model[:4] == pytest.approx((gain, tau, damping, ratio * tau), rel=1e-7)
     for points in (3, 50):
-        assert to_sopdt(pidalab.sopdt(gain, tau, damping, ratio * tau), points).tau == pytest.approx(tau, rel=1e-7)
+        assert to_sopdt(pidalab.sopdt(gain, tau, damping, ratio * tau), points).tau == pytest.approx(
+            tau, rel=1e-7
+        )
 
 
 @pytest.mark.parametrize("gain", [1.0, -3.0])
@@ -136,17 +139,23 @@ def test_a_sharp_resonance_is_not_stepped_over():
 
 
 def test_dead_time_alone_and_zeros_of_any_place():
-    assert ultimate_frequency(pidalab.Process([2.0], [1.0], delay=0.5)) == pytest.approx(2 * math.pi, rel=1e-12)
+    assert ultimate_frequency(pidalab.Process([2.0], [1.0], delay=0.5)) == pytest.approx(
+        2 * math.pi, rel=1e-12
+    )
     all_pass = pidalab.Process([1.0, -2.0, 1.0], [1.0, 2.0, 1.0])  # phase -4 atan(w)
     assert ultimate_frequency(all_pass) == pytest.approx(1.0, rel=1e-9)
-    notch = pidalab.Process([0.01, 0.0, 1.0], np.convolve([1.0, 2.0, 1.0], [1.0, 1.0]), delay=0.1)  # zeros at 10j
+    notch = pidalab.Process(
+        [0.01, 0.0, 1.0], np.convolve([1.0, 2.0, 1.0], [1.0, 1.0]), delay=0.1
+    )  # zeros at 10j
     assert 3 * math.atan(w := ultimate_frequency(notch)) + 0.1 * w == pytest.approx(math.pi, abs=1e-9)
 
 
 def test_units_of_gain_and_time():
     one = pidalab.Process([0.3, 2.0], [1.0, 3.5, 3.5, 1.0], delay=0.7)
     scale = 1e-4
-    other = pidalab.Process([-5 * 0.3 * scale, -5 * 2.0], [scale**3, 3.5 * scale**2, 3.5 * scale, 1.0], 0.7 * scale)
+    other = pidalab.Process(
+        [-5 * 0.3 * scale, -5 * 2.0], [scale**3, 3.5 * scale**2, 3.5 * scale, 1.0], 0.7 * scale
+    )
     a, b = to_sopdt(one), to_sopdt(other)
     expected = (-5 * a.gain, a.tau * scale, a.damping, a.delay * scale, a.wu / scale)
     assert b == pytest.approx(expected, rel=1e-9)
@@ -171,7 +180,10 @@ def test_process_of_a_model():
         (pidalab.fopdt(1.0, 1.0, 0.0), "process must have an ultimate frequency.*it never does"),
         (pidalab.sopdt(1.0, 1.0, 0.1, 0.0), "process must have an ultimate frequency.*it never does"),
         (pidalab.Process([1.0, 1.0], [1.0, 3.0, 3.0, 1.0]), "process must have an ultimate frequency"),
-        (pidalab.Process([1.0, 0.0, 0.25], [1.0, 3.0, 3.0, 1.0], 1.0), r"it first jumps at the zero at 0\.5j"),
+        (
+            pidalab.Process([1.0, 0.0, 0.25], [1.0, 3.0, 3.0, 1.0], 1.0),
+            r"it first jumps at the zero at 0\.5j",
+        ),
     ],
 )
 def test_processes_without_ultimate_frequency(reduce, process, message):

@@ -21,7 +21,9 @@ def from_error(t, e, running):
 
 T = np.linspace(0.0, 30.0, 1501)
 DECAY = from_error(T, lambda t: np.exp(-t), lambda t: 1 - np.exp(-t))
-SINE = from_error(T[:511], np.sin, lambda t: 1 - np.cos(t))  # to t = 10.2, crossings at multiples of pi inside samples
+SINE = from_error(
+    T[:511], np.sin, lambda t: 1 - np.cos(t)
+)  # to t = 10.2, crossings at multiples of pi inside samples
 
 
 def test_exponential_error():
@@ -43,7 +45,9 @@ def test_sine_with_sign_changes_and_horizon_inside_samples(horizon):
     assert SINE.iae(horizon) == pytest.approx(integral_of_abs_sine(horizon), abs=1e-6)
     assert SINE.ise(horizon) == pytest.approx(horizon / 2 - math.sin(2 * horizon) / 4, abs=1e-6)
     x = np.linspace(0.0, horizon, 400_001)
-    assert SINE.itae(horizon, origin=-1.5) == pytest.approx(np.trapezoid((x + 1.5) * np.abs(np.sin(x)), x), abs=3e-6)
+    assert SINE.itae(horizon, origin=-1.5) == pytest.approx(
+        np.trapezoid((x + 1.5) * np.abs(np.sin(x)), x), abs=3e-6
+    )
 
 
 def test_error_order_of_the_parabola():
@@ -94,7 +98,9 @@ def test_measured_is_what_the_recorder_sees():
 @pytest.mark.parametrize("name", ["ie", "iae", "ise", "itae"])
 def test_infinite_horizon_needs_a_settled_record(name):
     assert getattr(DECAY, name)(math.inf) == getattr(DECAY, name)()
-    with pytest.raises(ValueError, match=r"horizon=inf needs a settled record: the error is still .* before t = 10\.2"):
+    with pytest.raises(
+        ValueError, match=r"horizon=inf needs a settled record: the error is still .* before t = 10\.2"
+    ):
         getattr(SINE, name)(math.inf)
 
 
@@ -115,7 +121,10 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
         (lambda: DECAY.iae(30.1), r"horizon must be within the record \(up to 30\), found 30\.1"),
         (lambda: DECAY.iae(0.0), r"horizon must be above 0, found 0\.0"),
         (lambda: DECAY.ie(math.nan), "horizon must be finite and above 0, found nan"),
-        (lambda: DECAY.itae(origin=0.5), r"origin must not be after the start of the record \(0\), found 0\.5"),
+        (
+            lambda: DECAY.itae(origin=0.5),
+            r"origin must not be after the start of the record \(0\), found 0\.5",
+        ),
         (lambda: DECAY.tv("e"), "signal must be 'u' or 'y', found 'e'"),
         (lambda: DECAY.tv1("r"), "signal must be 'u' or 'y', found 'r'"),
         (lambda: DECAY.peak("d"), "signal must be 'u' or 'y', found 'd'"),
@@ -127,12 +136,18 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
             r"the error is 0\.7 in the last tenth of the record \(up to t = 10\.2\), outside the band",
         ),
         (lambda: DECAY.rise_time(), "rise_time needs a set point that does not end at 0"),
-        (lambda: record(T, 0.5 * T / T[-1]).rise_time(), r"the output reaches 0\.5 of the final set point .* not 0\.9"),
+        (
+            lambda: record(T, 0.5 * T / T[-1]).rise_time(),
+            r"the output reaches 0\.5 of the final set point .* not 0\.9",
+        ),
         (lambda: record(T, 0.8999 * T / T[-1]).rise_time(), r"the output reaches 0\.8999 of"),
         (lambda: SINE.rise_time(0.9, 0.9), r"low and high must be shares with 0 < low < high < 1"),
         (lambda: SINE.rise_time(0.0, 0.9), r"low and high must be shares with 0 < low < high < 1"),
         (lambda: SINE.rise_time(0.1, 1.0), r"low and high must be shares with 0 < low < high < 1"),
-        (lambda: SINE.rise_time(0.9, 0.1), r"low and high must be shares with 0 < low < high < 1, found 0\.9 and 0\.1"),
+        (
+            lambda: SINE.rise_time(0.9, 0.1),
+            r"low and high must be shares with 0 < low < high < 1, found 0\.9 and 0\.1",
+        ),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
     ],
     ids=[
@@ -165,12 +180,20 @@ def test_measures_complain(call, message):
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"t": [0.0, 1.0, 3.0]}, ValueError, r"t must be uniform with step 1\.5, found 1 at index 1 instead of 1\.5"),
+        (
+            {"t": [0.0, 1.0, 3.0]},
+            ValueError,
+            r"t must be uniform with step 1\.5, found 1 at index 1 instead of 1\.5",
+        ),
         ({"t": [1.0, 2.0, 3.0]}, ValueError, "t must start at 0, found 1"),
         ({"t": [0.0, -1.0, -2.0]}, ValueError, "t must increase, found a last value of -2"),
         ({"t": [0.0]}, ValueError, r"t must be one-dimensional with at least 2 value\(s\)"),
         ({"t": [0.0, np.nan, 2.0]}, ValueError, "t must be finite, found nan at index 1"),
-        ({"y": [1.0, 2.0]}, ValueError, r"y must be a number or an array as long as t \(3\), found shape \(2,\)"),
+        (
+            {"y": [1.0, 2.0]},
+            ValueError,
+            r"y must be a number or an array as long as t \(3\), found shape \(2,\)",
+        ),
         ({"u": [1.0, np.inf, 0.0]}, ValueError, "u must be finite, found inf at index 1"),
         ({"n": np.nan}, ValueError, "n must be finite, found nan"),
         ({"area": [0.0, 1.0]}, ValueError, "area must be a number or an array as long as t"),
@@ -254,12 +277,14 @@ def test_rise_time(target):
     wave = record(T, target * (1 - np.exp(-T) * np.cos(3 * T)), r=target)  # the first passage counts
     assert wave.rise_time(0.5, 0.99) < math.pi / 6
     assert record(np.arange(3.0), [0.5, 1.0, 1.0]).rise_time(0.2, 0.9) == pytest.approx(0.8)  # starts above
-    assert record(np.arange(3.0), [0.2, 0.1, 1.0]).rise_time(0.2, 0.9) == pytest.approx(17 / 9)  # starts on the share
+    assert record(np.arange(3.0), [0.2, 0.1, 1.0]).rise_time(0.2, 0.9) == pytest.approx(
+        17 / 9
+    )  # starts on the share
     assert record(np.arange(3.0), [0.0, 0.1, 0.9]).rise_time() == pytest.approx(1.0)  # samples on both shares
     assert record(np.arange(3.0), [2.0, 1.0, 1.0]).rise_time() == 0.0  # starts above both
-    assert record(np.arange(4.0), target * np.array([0.0, 0.5, 1.0, 1.0]), r=[9.0, 9.0, 9.0, target]).rise_time() == (
-        pytest.approx(1.6)
-    )  # of the final set point
+    assert record(
+        np.arange(4.0), target * np.array([0.0, 0.5, 1.0, 1.0]), r=[9.0, 9.0, 9.0, target]
+    ).rise_time() == (pytest.approx(1.6))  # of the final set point
 
 
 def test_settling_time():
@@ -279,7 +304,9 @@ def test_settling_time_when_the_error_changes_sign_on_its_way_in():
 
 
 def half_seconds(y, u, r):
-    return Response(np.arange(len(y)) * 0.5, r=np.array(r, dtype=float), d=0.0, n=0.0, y=np.array(y), u=np.array(u))
+    return Response(
+        np.arange(len(y)) * 0.5, r=np.array(r, dtype=float), d=0.0, n=0.0, y=np.array(y), u=np.array(u)
+    )
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -7,7 +7,9 @@ import pidalab
 from pidalab.roots import roots
 
 
-@pytest.mark.parametrize(("order", "lag"), [(2, 1.0), (5, 1e-3), (12, 7.0), (30, 60.0), (40, 1.0), (60, 1e-2)])
+@pytest.mark.parametrize(
+    ("order", "lag"), [(2, 1.0), (5, 1e-3), (12, 7.0), (30, 60.0), (40, 1.0), (60, 1e-2)]
+)
 def test_equal_lags_are_one_root(order, lag):
     assert roots(pidalab.lags(order, lag=lag).den) == pytest.approx([-1 / lag] * order, rel=1e-13)
 

@@ -17,7 +17,16 @@ from pidalab.ledger import Row, score_markdown, update, write_rows, write_score
 from pidalab.ledger.manifest import freeze
 
 ROOT = Path(__file__).parents[1]
-PARTS = ["book", "tests", "README.md", "CITATION.cff", "CHANGELOG.md", "CONTRIBUTING.md", "_toc.yml", "pyproject.toml"]
+PARTS = [
+    "book",
+    "tests",
+    "README.md",
+    "CITATION.cff",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "_toc.yml",
+    "pyproject.toml",
+]
 KEY = "example2030"
 REFERENCE = f"""
 @article{{{KEY},
@@ -108,7 +117,9 @@ def with_column(text):
     for line in text.splitlines():
         inside = line.startswith("|") and (inside or line.endswith(f"`{last}` |"))
         head = line.endswith(f"`{last}` |")
-        lines.append(line + (f" `{KEY}` |" if head else "---|" if set(line) <= set("|-:") else " – |") * inside)
+        lines.append(
+            line + (f" `{KEY}` |" if head else "---|" if set(line) <= set("|-:") else " – |") * inside
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -130,7 +141,9 @@ def book(tmp_path_factory):
     for part in PARTS:
         source = ROOT / part
         ignored = shutil.ignore_patterns(".*", "__pycache__")
-        shutil.copytree(source, root / part, ignore=ignored) if source.is_dir() else shutil.copy(source, root / part)
+        shutil.copytree(source, root / part, ignore=ignored) if source.is_dir() else shutil.copy(
+            source, root / part
+        )
     before = state(root)
     add_a_paper(root)
     return root, before
@@ -140,7 +153,10 @@ def add_a_paper(root):
     ledgers = root / "book" / "ledger"
     # the reference, and a column of the notation
     edit(root / "book" / "references.bib", lambda text: text + REFERENCE)
-    edit(root / "CITATION.cff", lambda text: text + "  - type: article\n    title: An invented rule for PI control\n")
+    edit(
+        root / "CITATION.cff",
+        lambda text: text + "  - type: article\n    title: An invented rule for PI control\n",
+    )
     edit(root / "book" / "notation.md", with_column)
     # the claims, before anything is computed; then the checks
     write_rows(ledgers / f"{KEY}.csv", ROWS)
@@ -173,7 +189,9 @@ def test_the_checks_of_the_book_accept_it(book):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
     chosen = ["-k", f"{KEY} or score or bibliography or manifest"]
-    run = subprocess.run([*command, *chosen], cwd=root, env=environment, capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [*command, *chosen], cwd=root, env=environment, capture_output=True, text=True, check=False
+    )
     assert run.returncode == 0, run.stdout[-3000:]
     assert KEY not in run.stdout
     assert int(re.search(r"(\d+) passed", run.stdout).group(1)) >= 5
@@ -197,7 +215,10 @@ def test_its_audit_fails_when_the_library_changes(book, monkeypatch):
     root, _ = book
     right = pidalab.rules.haalman.pi
     monkeypatch.setattr(pidalab.rules.haalman, "pi", lambda model, ms=1.4: right(model, 1.01 * ms))
-    with contextlib.chdir(root / "book" / "audit"), pytest.raises(pidalab.ledger.LedgerError, match=r"table1\.kp"):
+    with (
+        contextlib.chdir(root / "book" / "audit"),
+        pytest.raises(pidalab.ledger.LedgerError, match=r"table1\.kp"),
+    ):
         exec(AUDIT, {})
 
 

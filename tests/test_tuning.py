@@ -19,7 +19,9 @@ def test_the_optimum_keeps_what_it_promises_and_says_its_default():
     assert design.ms <= 1.5 * (1 + 1e-6)
     assert design.mks <= 10.0 * (1 + 1e-6)
     assert "mks = 10" in design.doubts[0]
-    assert design.iae == pytest.approx(pidalab.load_response(design.loop(), np.linspace(0, 100, 20001)).iae(), rel=1e-4)
+    assert design.iae == pytest.approx(
+        pidalab.load_response(design.loop(), np.linspace(0, 100, 20001)).iae(), rel=1e-4
+    )
 
 
 def test_sample_time_and_own_filter_are_part_of_the_design():
@@ -40,10 +42,14 @@ def test_spread_prices_what_the_model_does_not_know():
 
 def test_a_fit_brings_its_uncertainty_and_its_noise():
     t = np.arange(0.0, 80.0, 0.5)
-    y = 2.0 * 5.0 * (1 - np.exp(-np.maximum(t - 14.0, 0.0) / 8.0)) + np.random.default_rng(0).normal(0, 0.1, t.size)
+    y = 2.0 * 5.0 * (1 - np.exp(-np.maximum(t - 14.0, 0.0) / 8.0)) + np.random.default_rng(0).normal(
+        0, 0.1, t.size
+    )
     fitted = fit(Record(t, np.where(t < 10.0, 40.0, 45.0), y), "fopdt")
     design = tune(fitted, "PI")
-    assert design.ms <= 1.6 * (1 + 1e-6)  # below it, since half of the record's sample was added to the dead time
+    assert design.ms <= 1.6 * (
+        1 + 1e-6
+    )  # below it, since half of the record's sample was added to the dead time
     assert design.ms < design.ms_worst
     assert any("noise_gain" in doubt for doubt in design.doubts)
 
@@ -93,6 +99,7 @@ def test_what_is_no_model_says_what_to_pass():
 
 def test_a_derivative_without_a_lag_to_work_on_is_doubted():
     assert any(
-        "leans on dynamics" in doubt for doubt in tune(fopdt(1.0, 2.0, 1.0), "PIDA", rule="magnitude optimum").doubts
+        "leans on dynamics" in doubt
+        for doubt in tune(fopdt(1.0, 2.0, 1.0), "PIDA", rule="magnitude optimum").doubts
     )
     assert not any("leans on" in doubt for doubt in tune(THIRD, "PID", rule="simc").doubts)

@@ -32,7 +32,10 @@ def test_twin_is_its_equations():
         body, conducted, *chain = x
         read = gain * (0.7 * body + 0.3 * conducted - 0.05 * w)
         first = [(w - body) / (30.0 if w > body else 60.0), (body - conducted) / 200.0]
-        return [*first, *((before - after) / lag for before, after in zip([read, *chain[:2]], chain, strict=True))]
+        return [
+            *first,
+            *((before - after) / lag for before, after in zip([read, *chain[:2]], chain, strict=True)),
+        ]
 
     on = solve_ivp(slope, (0.0, 40.0), np.zeros(5), rtol=1e-9, atol=1e-11, args=(50.0,))
     off = solve_ivp(slope, (0.0, 40.0), on.y[:, -1], rtol=1e-9, atol=1e-11, args=(0.0,), dense_output=True)
@@ -89,7 +92,10 @@ def test_windup_is_larger_downwards_because_cooling_is_slower():
         ({"dip": 1.0}, "dip must be from 0 to below 1, found 1"),
         ({"lags": 0}, "lags must be a whole number, at least 1"),
         ({"delay": -0.1}, "delay must be at least 0"),
-        ({"delay": 6.0}, "apparent_delay = 5.56 is exceeded without any lag, through the dead time 6 and the dip 0.05"),
+        (
+            {"delay": 6.0},
+            "apparent_delay = 5.56 is exceeded without any lag, through the dead time 6 and the dip 0.05",
+        ),
     ],
     ids=str,
 )

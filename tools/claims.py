@@ -28,7 +28,10 @@ ROOT = Path(__file__).parents[1]
 LEDGERS = ROOT / "book" / "ledger"
 TABLES = ROOT / "tests" / "claims"
 COLUMNS = ("id", "section", "turned red by")
-SLIGHT, STRONG = 0.02, 12.0  # times the disturbance: where a check would stop, and where a count has to change
+SLIGHT, STRONG = (
+    0.02,
+    12.0,
+)  # times the disturbance: where a check would stop, and where a count has to change
 BEFORE: dict[str, Callable[[], None]] = {  # in the order in which they are tried
     "processes": disturb.processes,
     "printed inputs": disturb.printed,
@@ -98,7 +101,9 @@ def looked(paper: str, disturbance: str, wanted: list[str]) -> dict[str, Any]:
     command = [sys.executable, __file__, "--look", disturbance, paper, *wanted]
     threads = {"OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env={**os.environ, **threads})
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=TIMEOUT, env={**os.environ, **threads}
+        )
     except subprocess.TimeoutExpired:
         return {"red": [], "owners": {}, "stopped": {"": f"longer than {TIMEOUT:g} s"}}
     if done.returncode:
@@ -125,7 +130,9 @@ def examine(paper: str, show: bool, more: bool) -> list[str]:
     if problems:
         return problems
     rows = Ledger.open(paper, LEDGERS).rows
-    left = {id: section for section, ids in clean["owners"].items() for id in ids if rows[id].basis != "reading"}
+    left = {
+        id: section for section, ids in clean["owners"].items() for id in ids if rows[id].basis != "reading"
+    }
     turned = {id: how for id, how in stored(paper).items() if more and left.get(id) == how[0]}
     left = {id: section for id, section in left.items() if id not in turned}
     for disturbance in tqdm([*BEFORE, *AFTER], desc=paper, disable=None):
@@ -154,7 +161,9 @@ def write(paper: str, turned: dict[str, tuple[str, str]]) -> None:
 
 def main() -> int:
     """Examine papers; 0 if every claim can fail."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("papers", nargs="*", help="keys of papers; by default all that have checks")
     parser.add_argument("--show", action="store_true", help="say what stops")
     parser.add_argument("--more", action="store_true", help="only rows that the stored table does not have")

@@ -18,8 +18,25 @@ from zlib import crc32
 
 import numpy as np
 
-ROOMS = ("areas", "robustness", "identification", "reduction", "rules", "simulation.noise", "optimal", "twins")
-FACTORS = (1.011, 0.983, 1.027, 0.991, 1.019, 0.973, 1.007)  # neighbours change unequally, so that no ratio stays
+ROOMS = (
+    "areas",
+    "robustness",
+    "identification",
+    "reduction",
+    "rules",
+    "simulation.noise",
+    "optimal",
+    "twins",
+)
+FACTORS = (
+    1.011,
+    0.983,
+    1.027,
+    0.991,
+    1.019,
+    0.973,
+    1.007,
+)  # neighbours change unequally, so that no ratio stays
 
 
 def changed(value: Any, strength: float = 1.0, place: int = 0) -> Any:
@@ -47,7 +64,9 @@ def changed(value: Any, strength: float = 1.0, place: int = 0) -> Any:
 def _changed_array(value: np.ndarray, strength: float, place: int) -> np.ndarray:
     if value.dtype.kind not in "fc":
         return value
-    factors = 1 + strength * (np.resize(np.roll(FACTORS, -place % len(FACTORS)), value.size).reshape(value.shape) - 1)
+    factors = 1 + strength * (
+        np.resize(np.roll(FACTORS, -place % len(FACTORS)), value.size).reshape(value.shape) - 1
+    )
     return value * factors
 
 
@@ -108,7 +127,9 @@ def library_functions() -> list[Callable[..., Any]]:
         for name, module in [*sys.modules.items()]
         if any(name == f"pidalab.{room}" or name.startswith(f"pidalab.{room}.") for room in ROOMS)
     ]
-    return [function for module in modules for function in _own(module) if not function.__name__.startswith("_")]
+    return [
+        function for module in modules for function in _own(module) if not function.__name__.startswith("_")
+    ]
 
 
 def _own(module: ModuleType) -> list[Callable[..., Any]]:
@@ -156,8 +177,25 @@ def controllers(strength: float = 1.0) -> None:
     """Every controller has other gains and times."""
     from pidalab import controllers as module
 
-    factors = {"kp": 0.02, "kc": 0.02, "ti": 0.03, "tau_i": 0.03, "td": -0.03, "tau_d": -0.03, "ta": 0.05, "kd": -0.03}
-    factors |= {"tau_a": 0.05, "ka": 0.05, "filter_time": 0.04, "n": 0.04, "m": 0.04, "alpha_d": 0.04, "alpha_a": 0.04}
+    factors = {
+        "kp": 0.02,
+        "kc": 0.02,
+        "ti": 0.03,
+        "tau_i": 0.03,
+        "td": -0.03,
+        "tau_d": -0.03,
+        "ta": 0.05,
+        "kd": -0.03,
+    }
+    factors |= {
+        "tau_a": 0.05,
+        "ka": 0.05,
+        "filter_time": 0.04,
+        "n": 0.04,
+        "m": 0.04,
+        "alpha_d": 0.04,
+        "alpha_a": 0.04,
+    }
 
     def disturb(kind: type) -> None:
         make = kind.__init__
@@ -310,8 +348,14 @@ def elementary(
         id(owner): Elsewhere(owner, names.split(), lambda value, place: changed(value, strength, place))
         for owner in owners
     }
-    functions = [getattr(owner, name) for owner in owners[1:] for name in names.split() if hasattr(owner, name)]
-    single = {id(f): after(f, lambda value, place: changed(value, strength, place)) for f in functions if callable(f)}
+    functions = [
+        getattr(owner, name) for owner in owners[1:] for name in names.split() if hasattr(owner, name)
+    ]
+    single = {
+        id(f): after(f, lambda value, place: changed(value, strength, place))
+        for f in functions
+        if callable(f)
+    }
     for name, module in [*sys.modules.items()]:
         if name.partition(".")[0] in prefixes and module is not None and ".ledger" not in name:
             for key, value in [*vars(module).items()]:

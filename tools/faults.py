@@ -199,10 +199,17 @@ def _note(called: set[str], name: str, value: object, _: int) -> object:
 def _run(arguments: list[str], source: Path) -> dict | str:
     """Run this script, or `claims.py --look`, on a library, and return what it prints; a text says what went wrong."""
     script = __file__ if "--calls" in arguments else str(Path(__file__).with_name("claims.py"))
-    fixed = {"PYTHONPATH": str(source), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
+    fixed = {
+        "PYTHONPATH": str(source),
+        "OPENBLAS_NUM_THREADS": "1",
+        "MPLBACKEND": "Agg",
+        "PYTHONWARNINGS": "ignore",
+    }
     command = [sys.executable, script, *arguments]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env={**os.environ, **fixed})
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=TIMEOUT, env={**os.environ, **fixed}
+        )
     except subprocess.TimeoutExpired:
         return f"longer than {TIMEOUT:g} s"
     if done.returncode:
@@ -226,10 +233,16 @@ def noticed(fault: Fault, paper: str, sections: list[str]) -> tuple[str, str]:
 
 def main() -> int:
     """Plant faults; 0 if every chapter that stands on one notices."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("words", nargs="?", default="", help="part of the names of the faults; by default all")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "words", nargs="?", default="", help="part of the names of the faults; by default all"
+    )
     parser.add_argument("papers", nargs="*", help="keys of papers; by default all that have checks")
-    parser.add_argument("--calls", metavar="PAPER", help="list the functions of the library that a paper calls")
+    parser.add_argument(
+        "--calls", metavar="PAPER", help="list the functions of the library that a paper calls"
+    )
     given = parser.parse_args()
     if given.calls:
         print(json.dumps(calls(given.calls)))

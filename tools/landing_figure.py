@@ -27,7 +27,8 @@ ALT = (
 def designs(process: pidalab.Process) -> dict[str, pidalab.Design]:
     """Return the optima by kind; a PI needs no limit for noise."""
     return {
-        kind: pidalab.optimal.load(process, order, ms=MS, mks=MKS if order else None) for kind, order in KINDS.items()
+        kind: pidalab.optimal.load(process, order, ms=MS, mks=MKS if order else None)
+        for kind, order in KINDS.items()
     }
 
 

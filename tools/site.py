@@ -31,7 +31,15 @@ def main() -> int:
     """Return the exit status of Jupyter Book; every warning is an error."""
     copy()
     execute_all(notebooks(SOURCE))
-    command = [Path(sys.executable).with_name("jupyter-book"), "build", "--all", "-q", "-W", "-n", "--keep-going"]
+    command = [
+        Path(sys.executable).with_name("jupyter-book"),
+        "build",
+        "--all",
+        "-q",
+        "-W",
+        "-n",
+        "--keep-going",
+    ]
     return subprocess.run([*command, "--path-output", ROOT, SOURCE], check=False).returncode
 
 

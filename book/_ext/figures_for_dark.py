@@ -28,7 +28,9 @@ def for_dark(colour: str) -> str:
     hue, lightness, saturation = colorsys.rgb_to_hls(red, green, blue)
     turned = DARKEST + (LIGHTEST - DARKEST) * (1 - lightness)
     lightness = turned if saturation < GREY else max(lightness, INK)
-    return "#" + "".join(f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, lightness, saturation))
+    return "#" + "".join(
+        f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, lightness, saturation)
+    )
 
 
 def darkened(svg: str) -> str:

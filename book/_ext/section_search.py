@@ -11,7 +11,9 @@ from bs4 import BeautifulSoup, Tag
 
 HEADINGS = ("h1", "h2", "h3", "h4")
 # Code, formulas' source and buttons are not what a reader looks for.
-LEFT_OUT = "script, style, .cell_input, summary, .headerlink, button, .toctree-wrapper, table.dataframe, .only-dark"
+LEFT_OUT = (
+    "script, style, .cell_input, summary, .headerlink, button, .toctree-wrapper, table.dataframe, .only-dark"
+)
 LONGEST = 6000  # characters kept of a section
 # How much a hit counts, by the beginning of the page's name; the first that fits.
 WEIGHTS = (
@@ -30,11 +32,17 @@ def sections(body: str) -> list[tuple[str, str, str]]:
     page = BeautifulSoup(body, "html.parser")
     for element in page.select(LEFT_OUT):
         element.decompose()
-    for formula in page.select(".math"):  # a formula as text, without the marks that tell where it begins and ends
+    for formula in page.select(
+        ".math"
+    ):  # a formula as text, without the marks that tell where it begins and ends
         formula.string = formula.get_text().strip().removeprefix("\\(").removesuffix("\\)")
     found = []
     for section in page.find_all(["section", "dl"]):
-        heading = section.find(HEADINGS, recursive=False) if section.name == "section" else section.find("dt", id=True)
+        heading = (
+            section.find(HEADINGS, recursive=False)
+            if section.name == "section"
+            else section.find("dt", id=True)
+        )
         if heading is None:
             continue
         anchor = section.get("id") or heading.get("id") or ""

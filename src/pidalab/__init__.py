@@ -11,7 +11,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
-    from pidalab import areas, digital, identification, ledger, optimal, plots, reduction, robustness, rules, twins
+    from pidalab import (
+        areas,
+        digital,
+        identification,
+        ledger,
+        optimal,
+        plots,
+        reduction,
+        robustness,
+        rules,
+        twins,
+    )
     from pidalab.comparison import Comparison, compare
     from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
     from pidalab.loop import Loop
@@ -20,17 +31,40 @@ if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
     from pidalab.record import Record
     from pidalab.response import Response
     from pidalab.robustness.many import margins_many
-    from pidalab.robustness.margins import Margins, gain_crossovers, margins, max_sensitivity, phase_crossovers
+    from pidalab.robustness.margins import (
+        Margins,
+        gain_crossovers,
+        margins,
+        max_sensitivity,
+        phase_crossovers,
+    )
     from pidalab.robustness.poles import is_stable, rightmost_poles, unstable_poles
     from pidalab.rules import Design
-    from pidalab.simulation.exact import load_response, open_loop_step, simulate, simulate_ensemble, step_response
+    from pidalab.simulation.exact import (
+        load_response,
+        open_loop_step,
+        simulate,
+        simulate_ensemble,
+        step_response,
+    )
     from pidalab.simulation.many import simulate_many
     from pidalab.simulation.noise import noise_gain, uniform_noise
     from pidalab.simulation.portrait import Portrait, portrait
     from pidalab.simulation.sampled import simulate_sampled
     from pidalab.tuning import tune
 
-ROOMS = "areas", "digital", "identification", "ledger", "optimal", "plots", "reduction", "robustness", "rules", "twins"
+ROOMS = (
+    "areas",
+    "digital",
+    "identification",
+    "ledger",
+    "optimal",
+    "plots",
+    "reduction",
+    "robustness",
+    "rules",
+    "twins",
+)
 HOMES = {
     "comparison": ("Comparison", "compare"),
     "controllers": ("PIDA", "HighOrderPID", "NonInteractivePIDA", "SeriesPIDA"),

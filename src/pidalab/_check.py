@@ -103,7 +103,9 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     """Return a uniform time grid that starts at 0, or raise naming the first place where it fails."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
-        raise ValueError(f"{name} must start at 0, found {t[0]:g}; cut the record there and subtract that time")
+        raise ValueError(
+            f"{name} must start at 0, found {t[0]:g}; cut the record there and subtract that time"
+        )
     step = t[-1] / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
@@ -124,7 +126,9 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
     if array.ndim == 0:
         return np.full(size, real(name, value))
     if array.shape != (size,):
-        raise ValueError(f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}")
+        raise ValueError(
+            f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}"
+        )
     return vector(name, array)
 
 

@@ -14,7 +14,11 @@ TASKS = 64  # about so many chunks go to the workers
 
 
 def each(
-    name: str, function: Callable[[Any], Any], things: Iterable[Any], executor: Executor | None, progress: bool
+    name: str,
+    function: Callable[[Any], Any],
+    things: Iterable[Any],
+    executor: Executor | None,
+    progress: bool,
 ) -> list[Any]:
     """Return function(thing) for every thing; an error names the first that failed.
 
@@ -26,15 +30,21 @@ def each(
     except TypeError:
         raise TypeError(f"{name} must be a sequence, found {type(things).__name__}") from None
     if executor is None:
-        with ThreadPoolExecutor(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None) as threads:
+        with ThreadPoolExecutor(
+            len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+        ) as threads:
             return each(name, function, things, threads, progress)
     if not isinstance(executor, Executor):
-        raise TypeError(f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}")
+        raise TypeError(
+            f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}"
+        )
     size = -(-len(things) // TASKS) or 1
     starts = range(0, len(things), size)
     found: list[Any] = []
     with tqdm(total=len(things), disable=not progress) as bar:
-        for part in executor.map(partial(_chunk, name, function), starts, [things[i : i + size] for i in starts]):
+        for part in executor.map(
+            partial(_chunk, name, function), starts, [things[i : i + size] for i in starts]
+        ):
             found.extend(part)
             bar.update(len(part))
     return found

@@ -62,15 +62,21 @@ def main() -> None:
 
 @main.command("tune")
 @click.argument("record", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--time", default="0", show_default=True, help="Column of the time: its name, or its number from 0.")
+@click.option(
+    "--time", default="0", show_default=True, help="Column of the time: its name, or its number from 0."
+)
 @click.option("--u", default="1", show_default=True, help="Column of the plant's input.")
 @click.option("--y", default="2", show_default=True, help="Column of the measured output.")
 @click.option("--model", default="auto", show_default=True, type=click.Choice(MODELS), help="Model to fit.")
 @click.option("--kind", default="PIDA", show_default=True, type=click.Choice(["PI", "PID", "PIDA"]))
 @click.option("--rule", default="optimal", show_default=True, help="The optimum, or a rule by its name.")
 @click.option("--ms", default=1.6, show_default=True, help="Largest maximum sensitivity.")
-@click.option("--noise-gain", type=float, help="Largest gain from noise to u; by default from the record's noise.")
-@click.option("--sample-time", type=float, required=True, help="Of the controller, in the record's unit of time.")
+@click.option(
+    "--noise-gain", type=float, help="Largest gain from noise to u; by default from the record's noise."
+)
+@click.option(
+    "--sample-time", type=float, required=True, help="Of the controller, in the record's unit of time."
+)
 @click.option("--u-min", type=float, default=float("-inf"), help="Lower limit of u, in the record's units.")
 @click.option("--u-max", type=float, default=float("inf"), help="Upper limit of u.")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Folder for code and report.")
@@ -98,7 +104,9 @@ def tune_command(record: Path, out: Path | None, **options: Any) -> None:
 @click.option("--den", required=True, help="Denominator, highest power first: '1,3,3,1'.")
 @click.option("--delay", default=0.0, show_default=True, help="Dead time.")
 @click.option("--ms", default=1.6, show_default=True, help="Largest maximum sensitivity of the optima.")
-@click.option("--noise-gain", default=10.0, show_default=True, help="Largest gain from noise to u of the optima.")
+@click.option(
+    "--noise-gain", default=10.0, show_default=True, help="Largest gain from noise to u of the optima."
+)
 @click.option("--sample-time", default=0.01, show_default=True, help="Sample time of that noise.")
 @_one_line
 def compare_command(num: str, den: str, delay: float, **limits: float) -> None:
@@ -191,7 +199,9 @@ def _expected(design: Design) -> str:
         "ms_worst": "worst Ms within the uncertainty of the model",
         "iae_worst": "worst IAE within it",
     }
-    return "\n".join(f"{said}: {design.info[name]:.5g}" for name, said in names.items() if name in design.info)
+    return "\n".join(
+        f"{said}: {design.info[name]:.5g}" for name, said in names.items() if name in design.info
+    )
 
 
 def _stability(stable: bool) -> list[str]:

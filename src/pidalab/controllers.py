@@ -164,7 +164,9 @@ class Controller:
             gains = (0.0, *reset.stabiliser[::-1].tolist())
             native = FilteredGains("stabiliser", gains, reset.filter_time, reset.filter_order), reset.time
         if options.get("limits") is None:
-            bias, span = (_check.real(name, options.get(name, usual)) for name, usual in (("bias", 0), ("u_span", 1)))
+            bias, span = (
+                _check.real(name, options.get(name, usual)) for name, usual in (("bias", 0), ("u_span", 1))
+            )
             options["limits"] = tuple(bias + span * limit for limit in self.limits)
         options.setdefault("source", repr(self))
         return discretise(self.parts(), sample_time, method, reset=native, **options)
@@ -202,7 +204,9 @@ def _store(controller: Controller, names: Sequence[str], **bounds: float) -> Non
         object.__setattr__(controller, name, _check.real(name, getattr(controller, name), **bounds))
 
 
-def _separate(gains: IdealGains, derivative_filter: float, acceleration_filter: float) -> tuple[FilteredGains, ...]:
+def _separate(
+    gains: IdealGains, derivative_filter: float, acceleration_filter: float
+) -> tuple[FilteredGains, ...]:
     """Return parts of which each derivative has a filter of its own, without absent ones."""
     ki, kp, kd, ka = gains
     parts = [FilteredGains("proportional", (ki, kp))]
@@ -448,7 +452,10 @@ class NonInteractivePIDA(Controller):
         ([2.0, 1.0], [2.0, 0.0])
         """
         _, kc, kd, ka = self.gains()
-        terms: list[tuple[list[float], list[float] | _check.Array]] = [([kc], [1.0]), ([kc], [self.tau_i, 0.0])]
+        terms: list[tuple[list[float], list[float] | _check.Array]] = [
+            ([kc], [1.0]),
+            ([kc], [self.tau_i, 0.0]),
+        ]
         if kd:
             terms.append(([kd, 0.0], binomial(self.alpha_d * self.tau_d, 1)))
         if ka:
@@ -493,7 +500,9 @@ class HighOrderPID(Controller):
         order = _check.integer("filter_order", filter_order, at_least=coefficients.size - 2)
         time = _check.real("filter_time", filter_time, at_least=0.0)
         if order and not time:
-            raise ValueError(f"filter_time must be above 0 for a filter of order {order}, found {filter_time!r}")
+            raise ValueError(
+                f"filter_time must be above 0 for a filter of order {order}, found {filter_time!r}"
+            )
         object.__setattr__(self, "coefficients", tuple(coefficients.tolist()))
         object.__setattr__(self, "filter_time", time)
         object.__setattr__(self, "filter_order", order)
@@ -518,7 +527,9 @@ class HighOrderPID(Controller):
         IdealGains(ki=0.5, kp=2.0, kd=0.0, ka=0.0)
         """
         if any(self.coefficients[4:]):
-            raise ValueError(f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}")
+            raise ValueError(
+                f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}"
+            )
         return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
 
     def parts(self) -> tuple[FilteredGains, ...]:
@@ -629,7 +640,9 @@ class SeriesPIDA(Controller):
         >>> pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).gains()
         IdealGains(ki=0.5, kp=1.0, kd=0.0, ka=0.0)
         """
-        return IdealGains(self.kp / self.ti, self.kp + self.kd / self.ti, self.kd + self.ka / self.ti, self.ka)
+        return IdealGains(
+            self.kp / self.ti, self.kp + self.kd / self.ti, self.kd + self.ka / self.ti, self.ka
+        )
 
     def parts(self) -> tuple[FilteredGains, ...]:
         """Return the controller between its limits, eq. (5) multiplied out: one filter for all gains.

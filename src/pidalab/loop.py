@@ -91,7 +91,9 @@ class Loop:
     blocks: Mapping[str, Fraction]
     open_loop: Fraction
 
-    def __init__(self, process: Process, controller: Any, output_filter: Any = None, prefilter: Any = None) -> None:
+    def __init__(
+        self, process: Process, controller: Any, output_filter: Any = None, prefilter: Any = None
+    ) -> None:
         if isinstance(controller, Process):
             raise TypeError("controller must not be a Process; the order is Loop(process, controller)")
         if isinstance(process, AsymmetricPlant):
@@ -99,7 +101,9 @@ class Loop:
                 f"process must be linear, found {type(process).__name__}; close the loop with a model or with its "
                 "rising part, and give it to simulate_sampled as plant"
             )
-        process = process if isinstance(process, Process) else Process(*_rational("process", process, Process))
+        process = (
+            process if isinstance(process, Process) else Process(*_rational("process", process, Process))
+        )
         digital = isinstance(controller, DigitalController)
         if digital and output_filter is not None:
             raise ValueError(

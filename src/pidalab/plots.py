@@ -31,7 +31,8 @@ STYLE: dict[str, Any] = {
     "axes.titlesize": "medium",
     "axes.titlelocation": "left",
     "axes.prop_cycle": cycler(
-        color=["#1f5fa8", "#c8591a", "#2a8f5b", "#8a4fa3", "#7a6a1c"], linestyle=["-", "--", "-.", ":", (0, (5, 1))]
+        color=["#1f5fa8", "#c8591a", "#2a8f5b", "#8a4fa3", "#7a6a1c"],
+        linestyle=["-", "--", "-.", ":", (0, (5, 1))],
     ),
     "grid.color": "#808080",
     "grid.alpha": 0.25,
@@ -179,13 +180,17 @@ def comparison(
         lines, faint = ({label: run[experiment] for label, run in runs.items()} for runs in (clean, noisy))
         signal(axes[0, column], lines, "y", until=until, faint=faint)
         signal(axes[1, column], lines, "u", until=end, faint=faint)
-        axes[0, column].set(title=f"{experiment.replace('setpoint', 'set-point')} step", ylabel="output y", xlabel="")
+        axes[0, column].set(
+            title=f"{experiment.replace('setpoint', 'set-point')} step", ylabel="output y", xlabel=""
+        )
         axes[1, column].set(ylabel="control u")
     axes[0, 0].legend()
     return figure
 
 
-def experiment(runs: Mapping[str, Response], y_label: str, u_label: str, time_label: str = "time units") -> Figure:
+def experiment(
+    runs: Mapping[str, Response], y_label: str, u_label: str, time_label: str = "time units"
+) -> Figure:
     """Draw output above control signal for several runs of the same experiment, with its set point.
 
     Parameters
@@ -212,12 +217,18 @@ def experiment(runs: Mapping[str, Response], y_label: str, u_label: str, time_la
     >>> len(pidalab.plots.experiment({"P": r}, "level, m", "valve, %", "time, s").axes)
     2
     """
-    if not isinstance(runs, Mapping) or not runs or not all(isinstance(run, Response) for run in runs.values()):
+    if (
+        not isinstance(runs, Mapping)
+        or not runs
+        or not all(isinstance(run, Response) for run in runs.values())
+    ):
         raise TypeError(f"runs must be a dictionary of labels and responses, found {runs!r:.60}")
     first = next(iter(runs.values()))
     for label, run in runs.items():
         if not np.array_equal(run.t, first.t) or not np.array_equal(run.r, first.r):
-            raise ValueError(f"runs must have the same times and the same set point, found others in {label!r}")
+            raise ValueError(
+                f"runs must have the same times and the same set point, found others in {label!r}"
+            )
     figure, axes = plt.subplots(2, 1, figsize=(8.4, 5.0), sharex=True)
     axes[0].plot(*thin(first.t, first.r), "-", color="#808080", linewidth=1.0, drawstyle="steps-post")
     for ax, name, label in zip(axes, "yu", (y_label, u_label), strict=True):
@@ -315,7 +326,10 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
 
 
 def popov_plot(
-    ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array, multipliers: Mapping[str, float] | None = None
+    ax: Axes,
+    parts: Mapping[str, LinearPart],
+    frequencies: Array,
+    multipliers: Mapping[str, float] | None = None,
 ) -> None:
     """Draw Popov plots: w Im G(jw) over Re G(jw), with the line that a curve must stay to the right of.
 
@@ -348,6 +362,13 @@ def popov_plot(
         (curve,) = ax.plot(value.real, frequencies * value.imag, label=label)
         if multipliers and label in multipliers:
             theta = multipliers[label]
-            ax.axline((-1.0, 0.0), (theta - 1.0, 1.0), color=curve.get_color(), linestyle=":", linewidth=1.0, zorder=1)
+            ax.axline(
+                (-1.0, 0.0),
+                (theta - 1.0, 1.0),
+                color=curve.get_color(),
+                linestyle=":",
+                linewidth=1.0,
+                zorder=1,
+            )
     ax.plot([-1], [0], "+", color="#808080", markersize=9)
     ax.set(xlabel="real part of G", ylabel="frequency times imaginary part of G")

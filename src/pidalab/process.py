@@ -59,7 +59,9 @@ class Process:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if hasattr(self, name):
-            raise AttributeError(f"a Process does not change; make a new one, as in Process(P.num, P.den, {name}=...)")
+            raise AttributeError(
+                f"a Process does not change; make a new one, as in Process(P.num, P.den, {name}=...)"
+            )
         super().__setattr__(name, value)
 
     def __eq__(self, other: object) -> bool:
@@ -190,7 +192,9 @@ def binomial(lag: float, order: int) -> _check.Array:
 
 def _from_control(system: Any) -> bool:
     """Whether something is a system of python-control, which need not be imported to tell."""
-    return type(system).__name__ in ("TransferFunction", "StateSpace") and type(system).__module__.startswith("control")
+    return type(system).__name__ in ("TransferFunction", "StateSpace") and type(system).__module__.startswith(
+        "control"
+    )
 
 
 def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
@@ -203,7 +207,9 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
         if isinstance(system, control.StateSpace):
             system = control.ss2tf(system)
         if system.ninputs != 1 or system.noutputs != 1:
-            raise ValueError(f"{name} must have one input and one output, found {system.ninputs} and {system.noutputs}")
+            raise ValueError(
+                f"{name} must have one input and one output, found {system.ninputs} and {system.noutputs}"
+            )
         if system.isdtime(strict=True):
             raise ValueError(f"{name} must be continuous in time, found sample time {system.dt}")
         num, den = system.num[0][0], system.den[0][0]
@@ -359,5 +365,7 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         den = binomial(lag, order)
     if not (np.all(np.isfinite(den)) and np.all(den)):
-        raise ValueError(f"(lag s + 1)^order leaves the range of numbers for lag = {lag:g} and order = {order}")
+        raise ValueError(
+            f"(lag s + 1)^order leaves the range of numbers for lag = {lag:g} and order = {order}"
+        )
     return Process([_check.real("gain", gain)], den, delay)

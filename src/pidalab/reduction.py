@@ -230,7 +230,9 @@ def _unit(process: Process) -> Process:
     poles = np.roots(process.den)
     if np.any(poles.real >= 0):
         kind = "integrating" if np.any(poles == 0) else "unstable"
-        raise ValueError(f"process must be stable, found an {kind} one with the poles {poles.round(4).tolist()}")
+        raise ValueError(
+            f"process must be stable, found an {kind} one with the poles {poles.round(4).tolist()}"
+        )
     if process.gain() == 0:
         raise ValueError(f"process must have a static gain other than 0, found {process!r}")
     return Process(process.num / process.gain(), process.den, process.delay)

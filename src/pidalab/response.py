@@ -61,7 +61,9 @@ class Response:
         object.__setattr__(self, "t", _check.uniform_time("t", self.t))
         for name in ("r", "d", "n", "y", "u"):
             object.__setattr__(self, name, _check.signal(name, getattr(self, name), self.t.size))
-        object.__setattr__(self, "held", _check.signal("held", 0.0 if self.held is None else self.held, self.t.size))
+        object.__setattr__(
+            self, "held", _check.signal("held", 0.0 if self.held is None else self.held, self.t.size)
+        )
         if self.area is None:
             steps = 0.5 * self.step * (self.y[1:] + self.y[:-1])
             object.__setattr__(self, "area", np.concatenate([[0.0], np.cumsum(steps)]))
@@ -107,7 +109,11 @@ class Response:
         assert self.held is not None
         noise_area = self.step * np.concatenate([[0.0], np.cumsum(self.n[:-1])])
         return replace(
-            self, y=self.y + self.n, n=np.zeros_like(self.n), area=self.area + noise_area, held=self.held + self.n
+            self,
+            y=self.y + self.n,
+            n=np.zeros_like(self.n),
+            area=self.area + noise_area,
+            held=self.held + self.n,
         )
 
     def between(self, start: float, stop: float) -> Response:
@@ -150,7 +156,9 @@ class Response:
         span = slice(first, last + 1)
         before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in ("r", "d", "u")}
         # what is held jumps at stop: its value just before belongs to the stretch
-        held = {name: np.append(getattr(self, name)[first:last], getattr(self, name)[last - 1]) for name in "rdnu"}
+        held = {
+            name: np.append(getattr(self, name)[first:last], getattr(self, name)[last - 1]) for name in "rdnu"
+        }
         t = self.t[span] - self.t[first]
         return Response(
             t=t,
@@ -416,7 +424,9 @@ class Response:
         """
         target = self.r[-1]
         if target == 0:
-            raise ValueError("overshoot needs a set point that does not end at 0; use peak() for a disturbance")
+            raise ValueError(
+                "overshoot needs a set point that does not end at 0; use peak() for a disturbance"
+            )
         (c0, c1, c2), _, _ = self._pieces(None)
         with np.errstate(divide="ignore", invalid="ignore"):
             top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
@@ -443,7 +453,9 @@ class Response:
         25.0
         """
         if self.r[-1] == 0:
-            raise ValueError("undershoot needs a set point that does not end at 0; use peak() for a disturbance")
+            raise ValueError(
+                "undershoot needs a set point that does not end at 0; use peak() for a disturbance"
+            )
         return float(max(0.0, 100 * np.max((self.y[0] - self.y) / self.r[-1])))
 
     def saturated(self, limits: tuple[float, float], start: float = 0.0, stop: float | None = None) -> float:
@@ -533,7 +545,9 @@ class Response:
         1.60
         """
         if not 0 < _check.real("low", low) < _check.real("high", high) < 1:
-            raise ValueError(f"low and high must be shares with 0 < low < high < 1, found {low!r} and {high!r}")
+            raise ValueError(
+                f"low and high must be shares with 0 < low < high < 1, found {low!r} and {high!r}"
+            )
         if self.r[-1] == 0:
             raise ValueError("rise_time needs a set point that does not end at 0")
         share = self.y / self.r[-1]

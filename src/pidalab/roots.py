@@ -56,7 +56,9 @@ def _of_nonzero(coefficients: Array) -> Any:
     # unit of s, a power of 2, in which first and last coefficient are about equal; they may be 1e300 apart
     mantissa, power = np.frexp(coefficients)
     unit = int(np.round((power[-1] - power[0]) / degree))
-    scaled = np.ldexp(mantissa / mantissa[0], np.clip(power - power[0] - unit * np.arange(degree + 1), -1500, 1500))
+    scaled = np.ldexp(
+        mantissa / mantissa[0], np.clip(power - power[0] - unit * np.arange(degree + 1), -1500, 1500)
+    )
     scale = math.ldexp(1.0, unit) if abs(unit) < 1000 else 0.0
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0) and scale):
         raise ValueError(
@@ -150,7 +152,9 @@ def _polished(scaled: Array, found: Any, times: Array, size: Array) -> tuple[Any
         if least <= EXACT * scaled.size:
             break
         product = np.poly(np.repeat(found, times.astype(int)))
-        slopes = np.stack([-m * np.polydiv(product, [1.0, -z])[0] for z, m in zip(found, times, strict=True)], axis=1)
+        slopes = np.stack(
+            [-m * np.polydiv(product, [1.0, -z])[0] for z, m in zip(found, times, strict=True)], axis=1
+        )
         step = np.linalg.lstsq(slopes * weight[:, None], (scaled - product)[1:] * weight, rcond=None)[0]
         found = found + step
         found = np.where(real, found.real, found)

@@ -12,7 +12,9 @@ from scipy.linalg import block_diag, expm, matrix_balance
 from pidalab._check import Array
 from pidalab.roots import roots
 
-ALIGNED = 1e-9  # share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
+ALIGNED = (
+    1e-9  # share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
+)
 GAP = 10.0  # poles whose speeds differ by more than this factor go to different blocks
 
 
@@ -25,12 +27,16 @@ class StateSpace(NamedTuple):
     d: float
 
 
-def _parallel(num: Array, den: Array) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...], float]:
+def _parallel(
+    num: Array, den: Array
+) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...], float]:
     """Split a proper rational function into parallel blocks (all A, b, c) by speed of the poles, and a direct part."""
     poles = roots(den)
     speeds = np.abs(poles)
     group = np.searchsorted([np.sqrt(a * b) for a, b in pairwise(speeds) if b > GAP * a], speeds)
-    parts = [_fraction(num, den[0], poles[group == g], poles[group != g]) for g in range(max(group, default=0) + 1)]
+    parts = [
+        _fraction(num, den[0], poles[group == g], poles[group != g]) for g in range(max(group, default=0) + 1)
+    ]
     A, b, c = zip(*parts, strict=True)
     return A, b, c, float(num[0] / den[0]) if len(num) == len(den) else 0.0
 

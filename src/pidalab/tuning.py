@@ -17,7 +17,9 @@ from pidalab.process import Process, rational, require_process
 from pidalab.rules import Design
 
 ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
-LOUDEST = 10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
+LOUDEST = (
+    10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
+)
 QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 
@@ -135,13 +137,17 @@ def _optimal(
     if noise_gain is None and isinstance(model, Fit) and model.noise > 0 and model.record.steps:
         moved = abs(model.record.steps[0].after - model.record.steps[0].before)
         noise_gain, sample_time = QUIET * moved / model.noise, sample_time or model.record.sampling
-        doubts.append(f"noise_gain = {noise_gain:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}")
+        doubts.append(
+            f"noise_gain = {noise_gain:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
+        )
     elif noise_gain is None:
         mks = LOUDEST * _asked_of_u(designed)
         doubts.append(f"no limit for noise was given: mks = {mks:.3g} is allowed")
     elif sample_time is None:
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
-    sampled = None if noise_gain is None else sample_time  # without noise the half sample in `designed` is enough
+    sampled = (
+        None if noise_gain is None else sample_time
+    )  # without noise the half sample in `designed` is enough
     try:
         return optimal.load(designed, ORDER[kind], ms, mks, noise_gain, sampled)
     except ValueError:
@@ -222,7 +228,9 @@ def _worst(loop: Loop, plants: list[Process]) -> dict[str, float]:
     """Return the worst Ms and IAE over plants in place of the model."""
     if not plants:
         return {}
-    measured = [_measured(Loop(plant, loop.controller, loop.output_filter, loop.prefilter)) for plant in plants]
+    measured = [
+        _measured(Loop(plant, loop.controller, loop.output_filter, loop.prefilter)) for plant in plants
+    ]
     return {f"{name}_worst": max(each[name] for each in measured) for name in ("ms", "iae")}
 
 
@@ -240,7 +248,9 @@ def _classical(name: str) -> Callable[[Process, str, float], Design]:
         from pidalab.rules import classical
 
         if kind == "PIDA":
-            raise ValueError("kind must be 'PI' or 'PID' for a classical rule: none of them knows acceleration")
+            raise ValueError(
+                "kind must be 'PI' or 'PID' for a classical rule: none of them knows acceleration"
+            )
         return getattr(classical, name)(process, kind)
 
     return rule
@@ -283,7 +293,9 @@ def _mrdp(process: Process, kind: str, ms: float) -> Design:
     from pidalab.rules import mrdp
 
     m = ORDER[kind]
-    return mrdp.tune(process, m, m + 1, max(0.25 * process.delay, 1.2 * mrdp.smallest_te(m, m + 1) * process.delay))
+    return mrdp.tune(
+        process, m, m + 1, max(0.25 * process.delay, 1.2 * mrdp.smallest_te(m, m + 1) * process.delay)
+    )
 
 
 RULES: dict[str, Callable[[Process, str, float], Design]] = {

@@ -112,14 +112,18 @@ def thermal_plant(
 
     def plant(gain: float, lag: float) -> AsymmetricPlant:
         under = binomial(lag, lags)
-        main = TransferFunction([gain * (1 - share) * conduction, gain], np.convolve([conduction, 1.0], under))
+        main = TransferFunction(
+            [gain * (1 - share) * conduction, gain], np.convolve([conduction, 1.0], under)
+        )
         return AsymmetricPlant(main, rise, fall, TransferFunction([-gain * dip], under), delay)
 
     t = np.linspace(0.0, RECORD * apparent_delay, round(RECORD * FINENESS) + 1)
 
     def model(lag: float) -> Process:
         rising = plant(1.0, lag).rising
-        return ipdt_tangent(t, open_loop_step(Process(rising.num, rising.den), t).y)  # true dead time just adds to it
+        return ipdt_tangent(
+            t, open_loop_step(Process(rising.num, rising.den), t).y
+        )  # true dead time just adds to it
 
     def excess(lag: float) -> float:
         return delay + model(lag).delay - apparent_delay
@@ -183,7 +187,10 @@ def thermal_experiment(
     >>> print(f"{r.y[9999]:.2f} {r.y[19999]:.2f} {r.y[-1]:.2f}")
     10.00 15.00 10.00
     """
-    sample_time, hold = _check.real("sample_time", sample_time, above=0.0), _check.real("hold", hold, above=0.0)
+    sample_time, hold = (
+        _check.real("sample_time", sample_time, above=0.0),
+        _check.real("hold", hold, above=0.0),
+    )
     level, step = _check.real("level", level), _check.real("step", step)
     samples = round(hold / sample_time)
     if samples < 1 or abs(samples * sample_time - hold) > 1e-6 * sample_time:

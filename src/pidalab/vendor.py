@@ -30,7 +30,11 @@ class VendorForms(NamedTuple):
     def __str__(self) -> str:
         lines = []
         for name, form in self._asdict().items():
-            text = form if isinstance(form, str) else ", ".join(f"{key} = {value:.5g}" for key, value in form.items())
+            text = (
+                form
+                if isinstance(form, str)
+                else ", ".join(f"{key} = {value:.5g}" for key, value in form.items())
+            )
             lines.append(f"{name + ':':10}{text}")
         return "\n".join(lines)
 
@@ -38,7 +42,9 @@ class VendorForms(NamedTuple):
 def vendor_forms(gains: IdealGains, time_unit: str) -> VendorForms:
     """Return the gains in the forms of vendors; `time_unit` is that of the model."""
     if time_unit not in SECONDS:
-        raise ValueError(f"time_unit must be 's', 'min' or 'h', the unit of the model's time, found {time_unit!r}")
+        raise ValueError(
+            f"time_unit must be 's', 'min' or 'h', the unit of the model's time, found {time_unit!r}"
+        )
     unit = SECONDS[time_unit]
     ki, kp, kd, ka = gains
     if ka:
@@ -56,7 +62,9 @@ def vendor_forms(gains: IdealGains, time_unit: str) -> VendorForms:
         return VendorForms(ideal, ideal, parallel)
     root = 1 - 4 * td / ti
     if root < 0:
-        return VendorForms(ideal, f"no such form: it needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}", parallel)
+        return VendorForms(
+            ideal, f"no such form: it needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}", parallel
+        )
     longer = ti * (1 + math.sqrt(root)) / 2
     return VendorForms(ideal, _with_units(kp * longer / ti, longer * unit, ti * td / longer * unit), parallel)
 

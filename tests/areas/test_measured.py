@@ -66,7 +66,9 @@ def test_ramp(h):
     area = pidalab.open_loop_step(G1, t).area
     late = [np.concatenate([np.zeros(round(x / h)), area[: t.size - round(x / h)]]) for x in (1.0, 5.0)]
     u, y = np.clip((t - 1) / 4, 0, 1), (late[0] - late[1]) / 4
-    assert areas.from_record(t, u, y, 8, between="linear").values == pytest.approx(areas.from_process(G1, 8), rel=3e-6)
+    assert areas.from_record(t, u, y, 8, between="linear").values == pytest.approx(
+        areas.from_process(G1, 8), rel=3e-6
+    )
     assert areas.from_record(t, u, y, 8).values[1] == pytest.approx(4.0 - h / 2, abs=1e-6)
 
 
@@ -109,7 +111,9 @@ def test_uncertainty_is_that_of_many_records(process, horizon, noise, hold):
     t, u, y = step_record(process, horizon, h=0.02)
     rng, expected = np.random.default_rng(5), areas.from_process(process, 6)
     records = [
-        areas.from_record(t, u, y + noise * np.repeat(rng.normal(size=t.size), hold)[: t.size], 6, start=(0.0, 0.0))
+        areas.from_record(
+            t, u, y + noise * np.repeat(rng.normal(size=t.size), hold)[: t.size], 6, start=(0.0, 0.0)
+        )
         for _ in range(40)
     ]
     error = np.sqrt(np.mean([(r.values - expected) ** 2 for r in records], axis=0))
@@ -118,7 +122,9 @@ def test_uncertainty_is_that_of_many_records(process, horizon, noise, hold):
     assert np.all(error > 0.1 * claimed)
     assert np.median([r.noise for r in records]) == pytest.approx(noise, rel=0.1)
     correlation = records[0].covariance / np.outer(records[0].uncertainty, records[0].uncertainty)
-    assert np.linalg.eigvalsh(correlation).min() > 1e-9  # noise on the way: errors of the areas differ in every way
+    assert (
+        np.linalg.eigvalsh(correlation).min() > 1e-9
+    )  # noise on the way: errors of the areas differ in every way
 
 
 @pytest.mark.parametrize(
@@ -165,7 +171,9 @@ def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
     t, u, y = step_record(process, 30.0, h)
     expected = areas.from_process(process, 10)
     records = [
-        areas.from_record(t, u, y + noise * np.random.default_rng(seed).normal(size=t.size), 10, start=(0.0, 0.0))
+        areas.from_record(
+            t, u, y + noise * np.random.default_rng(seed).normal(size=t.size), 10, start=(0.0, 0.0)
+        )
         for seed in range(20)
     ]
     worst = [np.max(np.abs(r.values - expected) / r.uncertainty) for r in records]
@@ -250,7 +258,10 @@ RECORD = step_record(G1, 30.0, 0.1)
         ({"start": 0.0}, "start must be two levels"),
         ({"start": (0.0, np.nan)}, "start.1. must be finite"),
         ({"between": "smooth"}, "between must be 'held' or 'linear', found 'smooth'"),
-        ({"u": np.arange(301) >= 295.0}, "y must have more than 16 samples after the first move of u, found 5"),
+        (
+            {"u": np.arange(301) >= 295.0},
+            "y must have more than 16 samples after the first move of u, found 5",
+        ),
     ],
 )
 def test_refusals(change, text):

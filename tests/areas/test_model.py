@@ -48,7 +48,13 @@ def test_dead_time():
 
 def test_zero_in_the_right_half_plane():
     """(1 - 3 s)/(s + 1) = 4/(s + 1) - 3."""
-    assert areas.from_process(pidalab.Process([-3.0, 1.0], [1.0, 1.0]), 5).tolist() == [1.0, 4.0, 4.0, 4.0, 4.0]
+    assert areas.from_process(pidalab.Process([-3.0, 1.0], [1.0, 1.0]), 5).tolist() == [
+        1.0,
+        4.0,
+        4.0,
+        4.0,
+        4.0,
+    ]
 
 
 def test_damped_oscillation_without_loss_of_digits():
@@ -56,7 +62,9 @@ def test_damped_oscillation_without_loss_of_digits():
     process = pidalab.Process([1.3, 0.7], [0.9, 0.31, 1.7], delay=0.37)
     with mpmath.workdps(60):
         (b1, b0), (a2, a1, a0), delay = process.num.tolist(), process.den.tolist(), mpmath.mpf(0.37)
-        series = mpmath.taylor(lambda s: (b1 * s + b0) / ((a2 * s + a1) * s + a0) * mpmath.exp(-s * delay), 0, 30)
+        series = mpmath.taylor(
+            lambda s: (b1 * s + b0) / ((a2 * s + a1) * s + a0) * mpmath.exp(-s * delay), 0, 30
+        )
         expected = [float((-1) ** k * c) for k, c in enumerate(series)]
     assert areas.from_process(process, 31) == pytest.approx(expected, rel=1e-15)
 
@@ -83,16 +91,44 @@ def test_a_filter_with_gain_and_zero():
 @pytest.mark.parametrize(
     ("call", "error", "text"),
     [
-        (lambda: areas.from_process(pidalab.ipdt(1.0, 1.0), 4), ValueError, "process must have a static gain"),
-        (lambda: areas.from_process(pidalab.Process([1], [1, -1]), 4), ValueError, "stable, found a pole at 1"),
-        (lambda: areas.from_process(pidalab.Process([1], [1, 0, 1]), 4), ValueError, "process must be stable"),
+        (
+            lambda: areas.from_process(pidalab.ipdt(1.0, 1.0), 4),
+            ValueError,
+            "process must have a static gain",
+        ),
+        (
+            lambda: areas.from_process(pidalab.Process([1], [1, -1]), 4),
+            ValueError,
+            "stable, found a pole at 1",
+        ),
+        (
+            lambda: areas.from_process(pidalab.Process([1], [1, 0, 1]), 4),
+            ValueError,
+            "process must be stable",
+        ),
         (lambda: areas.from_process(control.tf([1], [1, 1]), 4), TypeError, "found TransferFunction"),
         (lambda: areas.from_process(G1, 0), ValueError, "count must be a whole number, at least 1"),
-        (lambda: areas.with_binomial_filter([1.0, 2.0], -0.1, 1), ValueError, "filter_time must be at least 0"),
-        (lambda: areas.with_binomial_filter([1.0, 2.0], 0.1, 1.5), ValueError, "filter_order must be a whole number"),
+        (
+            lambda: areas.with_binomial_filter([1.0, 2.0], -0.1, 1),
+            ValueError,
+            "filter_time must be at least 0",
+        ),
+        (
+            lambda: areas.with_binomial_filter([1.0, 2.0], 0.1, 1.5),
+            ValueError,
+            "filter_order must be a whole number",
+        ),
         (lambda: areas.with_binomial_filter([[1.0]], 0.1, 1), ValueError, "areas must be one-dimensional"),
-        (lambda: areas.with_filter([1.0], control.tf([1.0], [1.0, 0.0])), ValueError, "block must have a static gain"),
-        (lambda: areas.with_filter([1.0], control.tf([1.0], [1.0, -2.0])), ValueError, "block must be stable"),
+        (
+            lambda: areas.with_filter([1.0], control.tf([1.0], [1.0, 0.0])),
+            ValueError,
+            "block must have a static gain",
+        ),
+        (
+            lambda: areas.with_filter([1.0], control.tf([1.0], [1.0, -2.0])),
+            ValueError,
+            "block must be stable",
+        ),
         (lambda: areas.with_filter([1.0], "filter"), TypeError, "block must be a number"),
     ],
 )

@@ -13,7 +13,22 @@ TOKEN = re.compile(
     re.S,
 )
 KEYWORDS = {"FUNCTION_BLOCK", "END_FUNCTION_BLOCK", "VAR", "VAR_INPUT", "VAR_OUTPUT", "END_VAR", "CONSTANT"}
-KEYWORDS |= {"IF", "THEN", "ELSE", "END_IF", "FOR", "TO", "DO", "END_FOR", "AND", "OR", "NOT", "TRUE", "FALSE", "ABS"}
+KEYWORDS |= {
+    "IF",
+    "THEN",
+    "ELSE",
+    "END_IF",
+    "FOR",
+    "TO",
+    "DO",
+    "END_FOR",
+    "AND",
+    "OR",
+    "NOT",
+    "TRUE",
+    "FALSE",
+    "ABS",
+}
 KEYWORDS |= {"BOOL", "INT", "REAL", "LREAL", "ARRAY", "OF"}
 TYPES = {"BOOL": False, "INT": 0, "REAL": 0.0, "LREAL": 0.0}
 

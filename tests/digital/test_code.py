@@ -49,7 +49,9 @@ def run_c(folder, precision):
     for i, name in enumerate(names):
         for row in zip(*(x.tolist() for x in RECORDS[name].values()), strict=True):
             rows.append(" ".join([str(i), *(str(int(x)) if isinstance(x, bool) else repr(x) for x in row)]))
-    out = subprocess.run([str(folder / precision)], input="\n".join(rows), capture_output=True, text=True, check=True)
+    out = subprocess.run(
+        [str(folder / precision)], input="\n".join(rows), capture_output=True, text=True, check=True
+    )
     values = np.array([float(line) for line in out.stdout.split()])
     ends = np.cumsum([EXPECTED[name].size for name in names])
     return dict(zip(names, np.split(values, ends[:-1]), strict=True))
@@ -137,7 +139,10 @@ def test_json_has_all_that_the_code_has(name):
 def test_head_says_where_it_comes_from():
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), STANDARD)
     margins = pidalab.margins(loop)
-    for code in (CASES["zoh"].c(margins=margins, note="level */ *)"), CASES["zoh"].structured_text(margins=margins)):
+    for code in (
+        CASES["zoh"].c(margins=margins, note="level */ *)"),
+        CASES["zoh"].structured_text(margins=margins),
+    ):
         assert repr(STANDARD) in code
         assert "Sample time: 0.1, method: zoh, anti-windup: back-calculation" in code
         assert f"Ms = {margins.ms:.4g}" in code
@@ -159,10 +164,18 @@ def test_other_precisions_are_refused():
 
 @pytest.mark.parametrize(
     "text",
-    ["x := 1.0;", "control := 1;", "BIAS := 1.0;", "IF control THEN control := 1.0; END_IF;", "control := 1.0"],
+    [
+        "x := 1.0;",
+        "control := 1;",
+        "BIAS := 1.0;",
+        "IF control THEN control := 1.0; END_IF;",
+        "control := 1.0",
+    ],
     ids=["undeclared", "type", "constant", "condition", "semicolon"],
 )
 def test_the_interpreter_takes_nothing_wrong(text):
-    declared = "FUNCTION_BLOCK b VAR_OUTPUT control : LREAL; END_VAR VAR CONSTANT bias : BOOL := TRUE; END_VAR "
+    declared = (
+        "FUNCTION_BLOCK b VAR_OUTPUT control : LREAL; END_VAR VAR CONSTANT bias : BOOL := TRUE; END_VAR "
+    )
     with pytest.raises((SyntaxError, TypeError)):
         Instance(Parser(f"{declared} {text} END_FUNCTION_BLOCK").blocks, "b")()

@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 from cases import CASES, STANDARD, record, reference
 
-from pidalab import PIDA, HighOrderPID, Loop, Process, SeriesPIDA, fopdt, ipdt, lags, simulate, simulate_sampled
+from pidalab import (
+    PIDA,
+    HighOrderPID,
+    Loop,
+    Process,
+    SeriesPIDA,
+    fopdt,
+    ipdt,
+    lags,
+    simulate,
+    simulate_sampled,
+)
 from pidalab.digital.stepping import INTEGRAL, advance
 
 OPEN = Process([0.0], [1.0])  # a loop in which the controller sees the set point alone
@@ -18,7 +29,9 @@ def test_pi_controller_by_hand():
     """kp = 2, ki h = 0.25, limits -3 and 3, back-calculation by 0.5/(4 + 0.5) = 1/9."""
     k = PIDA(2.0, 4.0).discretise(0.5, limits=(-3.0, 3.0))
     k.reset(r=0.0, y=0.0)
-    assert [k.step(e, 0.0) for e in (1.0, 1.0, 2.0, 2.0, 0.0)] == pytest.approx([2.25, 2.5, 3.0, 3.0, 83 / 81])
+    assert [k.step(e, 0.0) for e in (1.0, 1.0, 2.0, 2.0, 0.0)] == pytest.approx(
+        [2.25, 2.5, 3.0, 3.0, 83 / 81]
+    )
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -29,7 +42,9 @@ def test_the_compiled_loop_is_the_reference_bit_for_bit(name):
     t = k.sample_time * np.arange(300)
     run = simulate_sampled(Loop(OPEN, k), t, rows["setpoint"], noise=rows["measurement"])
     k.reset(r=0.0, y=0.0)
-    by_step = [k.step(r, y) for r, y in zip(rows["setpoint"].tolist(), rows["measurement"].tolist(), strict=True)]
+    by_step = [
+        k.step(r, y) for r, y in zip(rows["setpoint"].tolist(), rows["measurement"].tolist(), strict=True)
+    ]
     np.testing.assert_array_equal(run.u, by_step)
 
 
@@ -43,7 +58,9 @@ def test_units_change_nothing_but_the_scale(name):
     # the same in other units: gains, limits, rate and deadband go with them
     gains = tuple(path._replace(gains=tuple(g / 50.0 for g in path.gains)) for path in k.paths)
     growth = k.growth if k.from_signal else tuple(g / 50.0 for g in k.growth)
-    scaled = dataclasses.replace(k, paths=gains, growth=growth, y_span=50.0 * k.y_span, deadband=50.0 * k.deadband)
+    scaled = dataclasses.replace(
+        k, paths=gains, growth=growth, y_span=50.0 * k.y_span, deadband=50.0 * k.deadband
+    )
     moved = dataclasses.replace(scaled, y_offset=k.y_offset + 20.0)
     np.testing.assert_allclose(simulate_sampled(Loop(lags(3), moved), t, 0.7, load=0.3).u, run.u, atol=1e-9)
 
@@ -51,7 +68,11 @@ def test_units_change_nothing_but_the_scale(name):
 def test_held_and_continuous_controllers_agree():
     """The exact discretisation is what simulate_sampled makes of a continuous controller."""
     t = 0.05 * np.arange(600)
-    for own in (STANDARD, SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4), HighOrderPID([0.4, 1.2, 0.6, 0.1], 0.1, 4)):
+    for own in (
+        STANDARD,
+        SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4),
+        HighOrderPID([0.4, 1.2, 0.6, 0.1], 0.1, 4),
+    ):
         way = "reset" if isinstance(own, SeriesPIDA) else None
         runs = [
             simulate_sampled(Loop(lags(4, delay=0.33), one), t, 1.0, load=0.2, limits=(-0.5, 1.4))
@@ -148,7 +169,9 @@ def test_reset_is_a_lag_behind_the_limited_signal():
         new = integral + h / (ti + h) * (u - integral)
         cut += abs(u - kp * error - new) > 1e-9
         # the signal is what proportional part and lag add up to, or a limit
-        assert abs(u - kp * error - new) < 1e-12 or u in (-0.5, 0.6) or abs(u - last) == pytest.approx(4.0 * h)
+        assert (
+            abs(u - kp * error - new) < 1e-12 or u in (-0.5, 0.6) or abs(u - last) == pytest.approx(4.0 * h)
+        )
         integral, last = new, u
     assert 50 < cut < 290
 
@@ -211,9 +234,21 @@ def test_it_does_not_change():
         (lambda k: k.step(1.0, 0.0, track=math.nan), ValueError, "track must be finite"),
         (lambda k: k.reset(r=1.0), ValueError, "r and y must be given together"),
         (lambda k: k.reset(u=math.nan), ValueError, "u must be finite"),
-        (lambda k: Loop(lags(2), k, lags(1)), ValueError, "output_filter must be None with a digital controller"),
-        (lambda k: simulate(Loop(lags(2), k), np.arange(9.0), 1.0), TypeError, "is digital.*Use simulate_sampled"),
-        (lambda k: Loop(lags(2), k).L(1.0), TypeError, r"is digital with sample time 0\.1: it has no transfer"),
+        (
+            lambda k: Loop(lags(2), k, lags(1)),
+            ValueError,
+            "output_filter must be None with a digital controller",
+        ),
+        (
+            lambda k: simulate(Loop(lags(2), k), np.arange(9.0), 1.0),
+            TypeError,
+            "is digital.*Use simulate_sampled",
+        ),
+        (
+            lambda k: Loop(lags(2), k).L(1.0),
+            TypeError,
+            r"is digital with sample time 0\.1: it has no transfer",
+        ),
         (lambda k: Loop(lags(2), k).block("controller", 1.0), TypeError, "is digital"),
     ],
     ids=["text", "nan", "manual", "track", "one", "start", "filter", "exact", "L", "block"],

@@ -34,7 +34,9 @@ def chain(controller, h, z):
             A[j, j] = -1 / time
             A[j, j - 1] = 1 / time if j > 1 else 0.0
         A[0, n], b[1 if n else 0] = (1.0, 1 / time) if n else (0.0, 1.0)
-        rows = {j: np.eye(n + 2)[j] for j in range(1, n + 1)} | {0: np.eye(n + 2)[n + 1]}  # the input at the end
+        rows = {j: np.eye(n + 2)[j] for j in range(1, n + 1)} | {
+            0: np.eye(n + 2)[n + 1]
+        }  # the input at the end
         outputs = ki * np.eye(n + 2)[0]
         for k, gain in enumerate(rest):
             outputs = outputs + gain * rows[n]
@@ -137,7 +139,9 @@ def test_discretise_complains(controller, arguments, error, message):
 def test_integral_time_of_a_sum():
     """Back-calculation takes the root of integral and derivative time, the reset the integral time."""
     h, ti, td = 0.1, 2.0, 0.5
-    taken = {way: PID.discretise(h, anti_windup=way).taken_back for way in ("reset", "back-calculation", None)}
+    taken = {
+        way: PID.discretise(h, anti_windup=way).taken_back for way in ("reset", "back-calculation", None)
+    }
     assert taken["reset"] == pytest.approx(h / (ti + h))
     assert taken["back-calculation"] == pytest.approx(h / (math.sqrt(ti * td) + h))
     assert taken[None] == 0.0

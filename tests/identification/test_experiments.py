@@ -22,7 +22,8 @@ def formulas(t5, t35, t85):  # haalman2024, eq. (5)
 
 def test_fourth_order_lag_against_exact_crossings():
     times = [
-        brentq(lambda t, level=level: gammainc(4, t) - level, 0.0, 20.0, xtol=1e-14) for level in (0.05, 0.353, 0.853)
+        brentq(lambda t, level=level: gammainc(4, t) - level, 0.0, 20.0, xtol=1e-14)
+        for level in (0.05, 0.353, 0.853)
     ]
     model = three_point(T, FOURTH)
     assert model.times == pytest.approx(times, abs=1e-4)  # linear between samples 0.01 apart
@@ -47,7 +48,9 @@ def test_recovers_a_process_of_the_model_class(alpha, tau):
     """The formulas are fits, so the parameters come back roughly and the response closely."""
     L = 2.0
     lag = (1 - alpha) * L / 2
-    process = pidalab.Process([1.5], np.polymul([tau, 1.0], np.polymul([lag, 1.0], [lag, 1.0])), delay=alpha * L)
+    process = pidalab.Process(
+        [1.5], np.polymul([tau, 1.0], np.polymul([lag, 1.0], [lag, 1.0])), delay=alpha * L
+    )
     t = np.linspace(0.0, 60.0, 6001)
     y = pidalab.open_loop_step(process, t).y
     model = three_point(t, y)
@@ -60,7 +63,9 @@ def test_recovers_a_process_of_the_model_class(alpha, tau):
 def test_model_is_its_printed_form():
     model = pidalab.identification.ThreePointModel(2.0, 3.0, 0.4, 5.0, (0.0, 0.0, 0.0))
     s = 0.3 + 0.7j
-    assert model.process(s) == pytest.approx(2 / ((1 + 5 * s) * (1 + 0.9 * s) ** 2) * np.exp(-1.2 * s), rel=1e-12)
+    assert model.process(s) == pytest.approx(
+        2 / ((1 + 5 * s) * (1 + 0.9 * s) ** 2) * np.exp(-1.2 * s), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -89,7 +94,10 @@ def test_other_levels_are_reached_where_they_say():
 SECOND = 1 - (np.exp(-T) - 0.3 * np.exp(-T / 0.3)) / 0.7  # 1/((s + 1)(0.3 s + 1)): no dead time at all
 BAD = {
     "constant": ({"y": np.full(T.size, 3.0)}, r"y never moves: it starts at 3 and ends at 3"),
-    "ramp": ({"y": T}, r"y has not settled: its mean still changes by 1.* % .* 1 % is allowed; record longer"),
+    "ramp": (
+        {"y": T},
+        r"y has not settled: its mean still changes by 1.* % .* 1 % is allowed; record longer",
+    ),
     "jump": (
         {"y": np.append(0.0, np.ones(T.size - 1))},
         r"y already moves at its beginning \(100 % of the change in one sample\)",
@@ -99,13 +107,22 @@ BAD = {
         {"y": SECOND},
         r"y does not fit a third-order model with dead time: alpha = -?\d.* is outside \[0, 1\]",
     ),
-    "few": ({"t": np.arange(20.0), "y": gammainc(2, np.arange(20.0))}, "y must have at least 30 samples .* found 20"),
-    "short": ({"y": FOURTH[:-1]}, r"y must be a number or an array as long as t \(4001\), found shape \(4000,\)"),
+    "few": (
+        {"t": np.arange(20.0), "y": gammainc(2, np.arange(20.0))},
+        "y must have at least 30 samples .* found 20",
+    ),
+    "short": (
+        {"y": FOURTH[:-1]},
+        r"y must be a number or an array as long as t \(4001\), found shape \(4000,\)",
+    ),
     "nan": ({"y": np.where(T == 20.0, np.nan, FOURTH)}, "y must be finite, found nan at index 2000"),
     "time": ({"t": T + 1.0}, "t must start at 0, found 1"),
     "no-step": ({"step": 0.0}, "step must not be 0"),
     "nan-step": ({"step": np.nan}, "step must be finite, found nan"),
-    "order": ({"levels": (0.353, 0.05, 0.853)}, r"levels must be three rising shares between 0 and 1, found \(0\.353"),
+    "order": (
+        {"levels": (0.353, 0.05, 0.853)},
+        r"levels must be three rising shares between 0 and 1, found \(0\.353",
+    ),
     "percent": ({"levels": (5, 35, 85)}, "levels must be three rising shares between 0 and 1"),
     "two": ({"levels": (0.05, 0.35)}, "levels must be three rising shares"),
     "crossing": ({"crossing": "nearest"}, "crossing must be 'interpolated' or 'sampled', found 'nearest'"),
@@ -125,7 +142,9 @@ def test_three_point_complains(name):
 
 def test_levels_whose_formulas_turn_negative_say_so():
     """Levels far from the method's own can make L negative."""
-    with pytest.raises(ValueError, match=r"it reaches the levels at .* which gives L = -.* both must be positive"):
+    with pytest.raises(
+        ValueError, match=r"it reaches the levels at .* which gives L = -.* both must be positive"
+    ):
         three_point(T, FOURTH, levels=(0.001, 0.01, 0.999))
 
 
@@ -192,7 +211,10 @@ def test_tangent_of_a_noisy_record_needs_a_span():
         ({"span": 50.0}, r"span must be shorter than the record \(40\), found 50"),
         ({"t": T + 1.0}, "t must start at 0"),
         ({"y": FOURTH[:-1]}, "y must be a number or an array as long as t"),
-        ({"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0}, "meets the level of rest at t = -.*, before the step"),
+        (
+            {"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0},
+            "meets the level of rest at t = -.*, before the step",
+        ),
     ],
     ids=["constant", "no-step", "no-span", "long-span", "time", "short", "early"],
 )
@@ -238,7 +260,8 @@ def test_ramp_is_the_nearest_one():
         return np.sum((y - x[0] * np.maximum(t - x[1], 0.0)) ** 2)
 
     best = min(
-        (minimize(squares, (0.2, start), method="Nelder-Mead") for start in (0.5, 1.0, 2.0)), key=lambda r: r.fun
+        (minimize(squares, (0.2, start), method="Nelder-Mead") for start in (0.5, 1.0, 2.0)),
+        key=lambda r: r.fun,
     )
     found = _hinge(t, y)
     assert squares(found) <= best.fun * (1 + 1e-9)
@@ -286,7 +309,9 @@ def test_least_squares_beside_the_tangent(order):
 def test_filter_of_the_dryer_is_in_the_dead_time():
     """A twin of the dryer of huba2024, whose filtered record has about the printed model (32)."""
     t = np.arange(0.0, 1500.0, 0.5)
-    y = pidalab.open_loop_step(pidalab.Process([4.0], np.convolve([4677.0, 1.0], [10.0, 1.0]), delay=5.0), t).y
+    y = pidalab.open_loop_step(
+        pidalab.Process([4.0], np.convolve([4677.0, 1.0], [10.0, 1.0]), delay=5.0), t
+    ).y
     filtered = binomial_filtered(t, y, 15.3, 4)
     tangent, fit = ipdt_tangent(t, filtered), ipdt_least_squares(t, filtered)
     assert (tangent.num[0], tangent.delay) == pytest.approx((8.31e-4, 74.5), rel=3e-3)

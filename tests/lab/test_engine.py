@@ -29,7 +29,9 @@ def random_process(rng):
             [-rng.uniform(0.1, 1.5) * gain, gain], np.poly(-(10 ** rng.uniform(-0.5, 1, 3))), delay
         ),
         lambda: pidalab.Process([gain], [1.0, -rng.uniform(0.05, 0.5)], min(delay, 1.0)),
-        lambda: pidalab.Process([gain], np.polymul([1, 0], np.poly(-(10 ** rng.uniform(-0.5, 1.5, 2)))), delay),
+        lambda: pidalab.Process(
+            [gain], np.polymul([1, 0], np.poly(-(10 ** rng.uniform(-0.5, 1.5, 2)))), delay
+        ),
         lambda: pidalab.fopdt(gain, 10 ** rng.uniform(-1, 1), delay),
     )
     return kinds[rng.integers(len(kinds))]()
@@ -41,7 +43,9 @@ def random_controller(rng, scale):
     ki = kp / (scale * 10 ** rng.uniform(-0.3, 0.8)) if rng.random() < 0.9 else 0.0
     kd, ka = kp * scale * 10 ** rng.uniform(-1.5, 0), kp * (scale * 10 ** rng.uniform(-1.5, -0.3)) ** 2
     n = m + int(rng.integers(0, 3))
-    return pidalab.HighOrderPID([ki, kp, kd, ka][: m + 2], scale * 10 ** rng.uniform(-3, -0.5) if n else 0.0, n)
+    return pidalab.HighOrderPID(
+        [ki, kp, kd, ka][: m + 2], scale * 10 ** rng.uniform(-3, -0.5) if n else 0.0, n
+    )
 
 
 def random_loops(count, seed=20):
@@ -113,7 +117,9 @@ def test_digital_controller_with_limits_and_noise(engine, way):
         pidalab.Loop(process, controller), t, 1.0, -0.3, noise, limits=limits, anti_windup=way
     )
     assert true.u.max() == limits[1]
-    case = asked(process, controller, end=t[-1], sampleTime=0.05, setpoint=1.0, load=-0.3, noise=noise.tolist())
+    case = asked(
+        process, controller, end=t[-1], sampleTime=0.05, setpoint=1.0, load=-0.3, noise=noise.tolist()
+    )
     case["controller"]["limits"] = limits
     run = engine.simulateSampled(**case, antiWindup=way or "none")
     assert distance(run["y"], true.y) < 1e-9
@@ -138,7 +144,10 @@ BAD = [
         {"process": {"num": [1.0], "den": [1.0, 1.0], "delay": -1.0}},
         "process.delay must be a finite number of at least 0",
     ),
-    ({"controller": {"gains": [1.0, 1.0, 1.0, 0.0], "filterTime": 0.0, "filterOrder": 1}}, "needs a filter of order 1"),
+    (
+        {"controller": {"gains": [1.0, 1.0, 1.0, 0.0], "filterTime": 0.0, "filterOrder": 1}},
+        "needs a filter of order 1",
+    ),
     ({"controller": {"gains": [1.0, 1.0], "limits": [1.0, 0.0]}}, "controller.limits must be"),
     ({"points": 1}, "points must be a finite number of at least 2"),
     ({"end": 0.0}, "end must be above 0"),

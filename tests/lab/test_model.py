@@ -6,9 +6,8 @@ from engine import SCRIPT, Engine
 import pidalab
 from pidalab.rules import classical
 
-RULE = (
-    """pidalabEngine.rule = ({rule, process, design, knob}) => pidalabModel.RULES[rule].apply(process, design, knob);"""
-)
+RULE = """pidalabEngine.rule = ({rule, process, design, knob}) =>
+    pidalabModel.RULES[rule].apply(process, design, knob);"""
 MODEL = SCRIPT.with_name("model.js")
 
 

@@ -16,7 +16,21 @@ ALLOWED_IMPORTS = ("Ledger", "Display", "every", "some", "checks")
 REFUSED_CALLS = ("setattr", "exec", "eval", "patch", "patch.object")
 MARKERS = re.compile(r"#\s*(NBVAL_\w+|PYTEST_VALIDATE\w*)")
 TAGS = re.compile(r"raises-exception|nbval-.*|skip-execution")
-PURE = ("float", "int", "abs", "round", "min", "max", "len", "sum", "dict", "list", "tuple", "zip", "enumerate")
+PURE = (
+    "float",
+    "int",
+    "abs",
+    "round",
+    "min",
+    "max",
+    "len",
+    "sum",
+    "dict",
+    "list",
+    "tuple",
+    "zip",
+    "enumerate",
+)
 PURE += ("Fraction", "Decimal", "np.float64", "np.array", "np.asarray", "np.abs", "np.round", "np.int64")
 PAGES = ("scoreboard", "errata", "every_row", "load_all", "convention_table", "CONVENTIONS")
 
@@ -57,7 +71,9 @@ def common(tree: ast.AST) -> list[str]:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pidalab.ledger"):
             names = [alias.name for alias in node.names if alias.name not in (*ALLOWED_IMPORTS, *PAGES)]
             deep = node.module != "pidalab.ledger"
-            found += [f"line {node.lineno}: imports {name} of the ledger" for name in names or (["inside"] * deep)]
+            found += [
+                f"line {node.lineno}: imports {name} of the ledger" for name in names or (["inside"] * deep)
+            ]
         targets = node.targets if isinstance(node, ast.Assign) else []
         found += [
             f"line {node.lineno}: changes the ledger"
@@ -102,7 +118,9 @@ class Scope:
             self._learn(node)
         if isinstance(tree, ast.FunctionDef):
             arguments = tree.args
-            self.given |= {arg.arg for arg in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)}
+            self.given |= {
+                arg.arg for arg in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
+            }
 
     def _learn(self, node: ast.AST) -> None:
         if isinstance(node, ast.Assign):
@@ -159,7 +177,9 @@ def computes(node: ast.AST, scope: Scope, seen: frozenset[str] = frozenset()) ->
             return True
         return any(computes(part, scope, seen) for part in parts)
     if isinstance(node, ast.Attribute):
-        return ast.unparse(node) not in ("np.inf", "np.pi", "math.pi", "math.inf") and computes(node.value, scope, seen)
+        return ast.unparse(node) not in ("np.inf", "np.pi", "math.pi", "math.inf") and computes(
+            node.value, scope, seen
+        )
     return any(computes(child, scope, seen) for child in ast.iter_child_nodes(node))
 
 
@@ -177,7 +197,11 @@ def _bare(node: ast.AST, scope: Scope) -> ast.AST:
     while True:
         if isinstance(node, ast.Name) and len(values := scope.values(node.id) or []) == 1:
             node = values[0]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("float", "int", "abs", "round") and node.args:
+        elif (
+            isinstance(node, ast.Call)
+            and ast.unparse(node.func) in ("float", "int", "abs", "round")
+            and node.args
+        ):
             node = node.args[0]
         elif isinstance(node, ast.UnaryOp):
             node = node.operand
@@ -275,7 +299,9 @@ def checks_file(path: Path, file: str) -> list[str]:
 
 def notebook(path: Path, audit: bool) -> list[str]:
     """Read one notebook: an audit opens one ledger and closes it at the end, a chapter hands over nothing."""
-    cells = [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    cells = [
+        cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"
+    ]
     sources = ["".join(cell["source"]) for cell in cells]
     found = []
     for count, (cell, source) in enumerate(zip(cells, sources, strict=True), start=1):
@@ -286,7 +312,11 @@ def notebook(path: Path, audit: bool) -> list[str]:
     tree = ast.parse(plain)
     read = common(tree) + (reads_what_is_stored(tree) if audit else [])
     found += [re.sub(r"^line \d+: ", "", finding) for finding in read]
-    found += [f"hands over .{call.func.attr} itself; checks do" for call in _calls(tree, HANDING) if _of_the_book(call)]
+    found += [
+        f"hands over .{call.func.attr} itself; checks do"
+        for call in _calls(tree, HANDING)
+        if _of_the_book(call)
+    ]
     opened = [call for call in _calls(tree, ("open",)) if _of_the_book(call)]
     closed = [call for call in _calls(tree, ("close",)) if _of_the_book(call)]
     if audit:

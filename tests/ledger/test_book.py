@@ -50,7 +50,9 @@ def test_refused_values(value):
 
 
 def test_infinite_is_a_side_but_no_value():
-    assert failures(ledger().check, "t1.kp", float("inf")) == ["demo.t1.kp: expected a finite number, found inf"]
+    assert failures(ledger().check, "t1.kp", float("inf")) == [
+        "demo.t1.kp: expected a finite number, found inf"
+    ]
     row = replace(S1, evidence="3.100000000 < inf")
     ledger(row).statement("s1", 3.1, "<", float("inf"))
 
@@ -64,7 +66,9 @@ def test_numbers_and_statements_do_not_mix():
 
 
 def test_drift_and_the_verdict_it_gives():
-    assert failures(ledger().check, "t1.kp", 1.3098124) == ["demo.t1.kp: drifted from 1.309812345 to 1.309812400"]
+    assert failures(ledger().check, "t1.kp", 1.3098124) == [
+        "demo.t1.kp: drifted from 1.309812345 to 1.309812400"
+    ]
     assert failures(ledger().check, "t1.kp", 1.3151) == [
         "demo.t1.kp: drifted from 1.309812345 to 1.315100000",
         "demo.t1.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit",
@@ -147,7 +151,9 @@ def test_declared_statement_starts_to_agree():
 def test_unknown_id_names_the_closest():
     (failure,) = failures(ledger().check, "t1.kq", 1.0)
     assert failure.startswith("demo.t1.kq: unknown id; the closest are demo.t1.kp, demo.t1.t")
-    assert failures(ledger().row, "very.far.from.every.other.one") == ["demo.very.far.from.every.other.one: unknown id"]
+    assert failures(ledger().row, "very.far.from.every.other.one") == [
+        "demo.very.far.from.every.other.one: unknown id"
+    ]
 
 
 def test_every_failure_of_a_call_is_listed():
@@ -177,7 +183,12 @@ def test_close_lists_what_was_never_handed_over():
     book = ledger()
     book.check({id: value for id, value in NUMBERS.items() if not id.startswith("demo.t1.t")})
     note = "its note has numbers of no run; hand it over with the value, or by book.note"
-    never = ["demo.t1.ti", "demo.t1.td", "demo.t1.ta", "demo.t1.tf"]  # and not demo.t2.iae, which cannot be computed
+    never = [
+        "demo.t1.ti",
+        "demo.t1.td",
+        "demo.t1.ta",
+        "demo.t1.tf",
+    ]  # and not demo.t2.iae, which cannot be computed
     expected = [f"{id}: never handed over" for id in never]
     expected += [f"demo.t2.ms: {note}", "demo.s1: never handed over", "demo.s2: never handed over"]
     assert failures(book.close) == expected

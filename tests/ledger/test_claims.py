@@ -42,7 +42,12 @@ def test_a_claim_turns_red_again():
     script = [sys.executable, str(ROOT / "tools" / "claims.py"), "--look", chosen["turned red by"]]
     plain = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
     done = subprocess.run(
-        [*script, paper, chosen["section"]], capture_output=True, text=True, check=True, env=plain, timeout=250
+        [*script, paper, chosen["section"]],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=plain,
+        timeout=250,
     )
     assert chosen["id"] in json.loads(done.stdout.splitlines()[-1])["red"]
 

@@ -161,7 +161,8 @@ def test_an_honest_check_passes(tmp_path, body):
 
 def write_notebook(path, *sources, tags=()):
     cells = [
-        {"cell_type": "code", "source": source, "metadata": {"tags": [*tags]}, "outputs": []} for source in sources
+        {"cell_type": "code", "source": source, "metadata": {"tags": [*tags]}, "outputs": []}
+        for source in sources
     ]
     path.write_text(json.dumps({"cells": cells}))
     return path
@@ -197,7 +198,10 @@ def test_tags_that_hide_are_seen(tmp_path):
 
 def test_plain_text_under_the_sanitiser_is_seen(tmp_path):
     path = tmp_path / "demo.ipynb"
-    outputs = [{"data": {"image/svg+xml": "<path d='M 1.3777 2.0'/>", "text/plain": "M 1.3777 2.0"}}, {"text": "1.31"}]
+    outputs = [
+        {"data": {"image/svg+xml": "<path d='M 1.3777 2.0'/>", "text/plain": "M 1.3777 2.0"}},
+        {"text": "1.31"},
+    ]
     path.write_text(json.dumps({"cells": [{"cell_type": "code", "source": "", "outputs": outputs}]}))
     assert len(masked(path, patterns())) == 1
 
@@ -209,7 +213,10 @@ def test_plain_text_under_the_sanitiser_is_seen(tmp_path):
         ([replace(KP, printed="1.32"), *ROWS[1:]], "demo.t1.kp: printed '1.31' -> '1.32'"),
         (ROWS[1:], "demo.t1.kp: is gone"),
         ([*ROWS, replace(KP, id="demo.t1.kp2")], "demo.t1.kp2: is new"),
-        ([replace(KP, quantity="statement", printed="a gain"), *ROWS[1:]], "demo.t1.kp: kind 'number' -> 'statement'"),
+        (
+            [replace(KP, quantity="statement", printed="a gain"), *ROWS[1:]],
+            "demo.t1.kp: kind 'number' -> 'statement'",
+        ),
         ([replace(KP, basis="reading"), *ROWS[1:]], "demo.t1.kp: basis 'computed' -> 'reading'"),
         ([replace(KP, verdict="misprint"), *ROWS[1:]], "demo.t1.kp: declared '' -> 'misprint'"),
         (
@@ -229,5 +236,7 @@ def test_the_manifest_shows_what_was_changed(tmp_path, rows, finding):
 
 @pytest.mark.parametrize("note", ["tolerance 5.1 %", "tolerance 0.07", "tolerance 900 %"])
 def test_a_wide_tolerance_is_seen(tmp_path, note):
-    write_rows(tmp_path / "demo.csv", [replace(KP, note=note), replace(KP, id="demo.b", note="tolerance 5 %")])
+    write_rows(
+        tmp_path / "demo.csv", [replace(KP, note=note), replace(KP, id="demo.b", note="tolerance 5 %")]
+    )
     assert wide_tolerances(tmp_path) == ["demo.t1.kp"]

@@ -54,7 +54,9 @@ def test_what_cannot_be_compared(arguments, message):
         Evidence.of(*arguments[:3], convention=convention)
 
 
-@pytest.mark.parametrize("text", ["", "holds", "1 < ", "1 < x", "1 ~ 2", "1 < 2 | ", "nan < 2", "1 < 2 extra"])
+@pytest.mark.parametrize(
+    "text", ["", "holds", "1 < ", "1 < x", "1 ~ 2", "1 < 2 | ", "nan < 2", "1 < 2 extra"]
+)
 def test_unreadable_evidence(text):
     with pytest.raises(LedgerError):
         Evidence.parse(text)
@@ -95,7 +97,10 @@ def test_conventions(name, left, relation, right, verdict):
 
 @pytest.mark.parametrize(("right", "near"), [(1.04, False), (1.07, True), (1.15, True), (1.3, False)])
 def test_a_row_says_that_the_convention_decides(right, near):
-    assert str(Evidence.of(1.0, "within", right, convention="similar")).endswith("factor of two of the limit") is near
+    assert (
+        str(Evidence.of(1.0, "within", right, convention="similar")).endswith("factor of two of the limit")
+        is near
+    )
 
 
 def test_every_takes_the_worst_and_some_the_best():
@@ -168,8 +173,7 @@ def test_the_notation_page_has_the_conventions():
 
 
 def test_the_ledger_knows_nothing_of_control():
-    script = (
-        "import sys, pidalab.ledger; print(*(name for name in ('numpy', 'control', 'scipy') if name in sys.modules))"
-    )
+    heavy = "('numpy', 'control', 'scipy')"
+    script = f"import sys, pidalab.ledger; print(*(name for name in {heavy} if name in sys.modules))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []

@@ -26,7 +26,10 @@ REASON = "a reason of five words"
         ({"verdict": ""}, "file says nothing, .* gives reproduced"),
         ({"verdict": "approximate"}, "approximate needs a tolerance"),
         ({"verdict": "approximate", "note": "tolerance 1 %, tolerance 2 %"}, "more than one tolerance"),
-        ({"verdict": "approximate", "computed": "1.400000000", "note": "tolerance 1 %"}, "gives no agreement"),
+        (
+            {"verdict": "approximate", "computed": "1.400000000", "note": "tolerance 1 %"},
+            "gives no agreement",
+        ),
         ({"note": "tolerance 1 %"}, "file says reproduced, .* gives approximate"),
         ({"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
         ({"verdict": "as-read", "computed": "1.900000000"}, "as-read needs a note"),
@@ -35,7 +38,10 @@ REASON = "a reason of five words"
         ({"evidence": "1 < 2"}, "a number has no evidence"),
         ({"quantity": "statement"}, "a printed number is no statement"),
         ({"computed": "1.3098"}, "fewer digits than ten, and no note says why"),
-        ({"computed": "1.3", "note": "digits lost"}, "stored no finer than printed, so that drift stays hidden"),
+        (
+            {"computed": "1.3", "note": "digits lost"},
+            "stored no finer than printed, so that drift stays hidden",
+        ),
         ({"computed": "1e9", "verdict": "differs", "note": REASON}, "stored no finer than printed"),
         ({"basis": "guess"}, "unknown basis 'guess'; one of computed, from-print, reading"),
         ({"basis": "reading"}, "settled by reading, but 'computed' is not empty"),
@@ -58,7 +64,10 @@ def test_validation(project, change, message):
         ({"verdict": "misprint", "note": REASON}, "declared misprint starts to agree"),
         ({"evidence": "3.1 < 4.2"}, "fewer digits than ten, and no note says why"),
         ({"evidence": "so it is"}, "is no relation such as"),
-        ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading, but 'evidence' is not empty"),
+        (
+            {"basis": "reading", "computed": "", "note": REASON},
+            "settled by reading, but 'evidence' is not empty",
+        ),
     ],
 )
 def test_validation_of_a_statement(project, change, message):
@@ -103,7 +112,10 @@ def test_validation_lists_everything(project):
             'id,where,quantity,printed,computed,verdict,basis,evidence,note\na,,,,,,,,"x\ny"\n',
             "line break inside an entry of a",
         ),
-        ('id,where,quantity,printed,computed,verdict,basis,evidence,note\na,,,,,,,,"x', "unexpected end of data"),
+        (
+            'id,where,quantity,printed,computed,verdict,basis,evidence,note\na,,,,,,,,"x',
+            "unexpected end of data",
+        ),
     ],
 )
 def test_unreadable_files(tmp_path, text, message):

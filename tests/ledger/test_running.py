@@ -75,7 +75,9 @@ def test_record_leaves_the_judgement_of_a_disagreement_to_a_person(project):
 
 
 def test_record_replaces_digits_that_hide_drift(project):
-    write_rows(PATH, [replace(KP, computed="1.31"), replace(KP, id="demo.zero", printed="0.00", computed="0.00")])
+    write_rows(
+        PATH, [replace(KP, computed="1.31"), replace(KP, id="demo.zero", printed="0.00", computed="0.00")]
+    )
     record("demo", {"demo.t1.kp": Entry(1.3101), "demo.zero": Entry(0.001)})
     assert [row.computed for row in read_rows(PATH)] == ["1.310100000", "0.001000000000"]
     record("demo", {"demo.t1.kp": Entry(1.3251, note="Four digits: fitted.", digits=4)})
@@ -129,7 +131,9 @@ def test_update_reports_what_is_left(project):
 )
 def test_update_stores_nothing_when_a_check_fails(project, line, message):
     before = PATH.read_bytes()
-    Path("book", "checks", "demo.py").write_text(CHECKS.replace("SECTIONS", f"def last(book):\n    {line}\n\nSECTIONS"))
+    Path("book", "checks", "demo.py").write_text(
+        CHECKS.replace("SECTIONS", f"def last(book):\n    {line}\n\nSECTIONS")
+    )
     source = Path("book", "checks", "demo.py").read_text().replace("statements)", "statements, last)")
     Path("book", "checks", "demo.py").write_text(source)
     with pytest.raises((LedgerError, ZeroDivisionError), match=message):

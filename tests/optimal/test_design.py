@@ -129,7 +129,9 @@ def test_iae_of_the_search_is_that_of_the_engine():
     problem = Problem(THIRD, 2, (0.6, 1.6), "load")
     x = np.array([0.3, 0.5, 0.4, 0.1, -2.0])
     gains, time = problem.controller(x)
-    exact = pidalab.load_response(Loop(THIRD, HighOrderPID(gains, time, 3)), np.linspace(0.0, 120.0, 4001)).iae()
+    exact = pidalab.load_response(
+        Loop(THIRD, HighOrderPID(gains, time, 3)), np.linspace(0.0, 120.0, 4001)
+    ).iae()
     assert problem.worth(120.0)(x)[0] * 1.6 == pytest.approx(exact, rel=1e-3)
 
 

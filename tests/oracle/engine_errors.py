@@ -35,7 +35,9 @@ def worst_error(case, points):
     for i, time in enumerate(case["times"]):
         if time == 0.0:
             continue
-        unit = unit_step_responses(loop, np.linspace(0.0, time, points), "".join(INPUTS[name] for name in driven))
+        unit = unit_step_responses(
+            loop, np.linspace(0.0, time, points), "".join(INPUTS[name] for name in driven)
+        )
         for k, name in enumerate(driven):
             for signal, row in SIGNALS.items():
                 value, reference = unit[k, row, -1], float(case["values"][name][signal][i])

@@ -30,9 +30,23 @@ def cases():
     """Yield controller, limits, dead time and inputs of every case."""
     for name, (kp, kd, ka, ti) in PAPER.items():
         own = {"kp": kp / TD, "kd": kd, "ka": ka * TD, "ti": ti * TD, "filter_time": 0.2, "filter_order": 4}
-        cancelled = np.convolve([own["ka"] / own["kp"], own["kd"] / own["kp"], 1.0], [own["ti"], 1.0]).tolist()
-        yield {"name": name, "controller": own, "limits": [-0.1, 0.1], "delay": 1.0, "prefilter": cancelled} | SETPOINT
-        yield {"name": name, "controller": own, "limits": [-1.1, 0.1], "delay": 1.0, "prefilter": [1.0]} | LOAD
+        cancelled = np.convolve(
+            [own["ka"] / own["kp"], own["kd"] / own["kp"], 1.0], [own["ti"], 1.0]
+        ).tolist()
+        yield {
+            "name": name,
+            "controller": own,
+            "limits": [-0.1, 0.1],
+            "delay": 1.0,
+            "prefilter": cancelled,
+        } | SETPOINT
+        yield {
+            "name": name,
+            "controller": own,
+            "limits": [-1.1, 0.1],
+            "delay": 1.0,
+            "prefilter": [1.0],
+        } | LOAD
     own = {"kp": 0.35, "kd": 0.25, "ka": 0.0, "ti": 1.7, "filter_time": 0.15, "filter_order": 2}
     odd = {"controller": own, "limits": [-0.3, 0.25], "delay": 0.73, "prefilter": [0.4, 1.0]}
     yield {"name": "PD, n = 2"} | odd | {"setpoint": 1.0, "load": 0.15}

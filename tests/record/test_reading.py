@@ -13,7 +13,8 @@ def write(tmp_path, text, encoding="utf-8"):
 
 def rows(mark=",", number=str, stamp=str, count=40):
     return "\n".join(
-        mark.join([stamp(k), number(40.0 if k < 10 else 47.0), number(20.0 + max(0, k - 12))]) for k in range(count)
+        mark.join([stamp(k), number(40.0 if k < 10 else 47.0), number(20.0 + max(0, k - 12))])
+        for k in range(count)
     )
 
 
@@ -21,8 +22,14 @@ def rows(mark=",", number=str, stamp=str, count=40):
     ("text", "columns"),
     [
         ("time,u,y\n" + rows(), {}),
-        ("\ufefftime;valve;level\n" + rows(";", lambda x: str(x).replace(".", ",")), {"u": "valve", "y": "level"}),
-        ("exported by a historian\n\ntime\tVALVE [%]\tLevel [mm]\n" + rows("\t"), {"u": "valve", "y": "level"}),
+        (
+            "\ufefftime;valve;level\n" + rows(";", lambda x: str(x).replace(".", ",")),
+            {"u": "valve", "y": "level"},
+        ),
+        (
+            "exported by a historian\n\ntime\tVALVE [%]\tLevel [mm]\n" + rows("\t"),
+            {"u": "valve", "y": "level"},
+        ),
         (rows(stamp=lambda k: f"2026-03-01T12:00:{k:02d}"), {}),
         ("t,u,y\n" + rows(stamp=lambda k: f"01.03.2026 12:00:{k:02d}"), {"time": "t"}),
     ],

@@ -12,7 +12,11 @@ from pidalab.robustness.control import max_control_sensitivity
 @pytest.mark.parametrize(
     ("loop", "mks", "at"),
     [
-        (pidalab.Loop(pidalab.fopdt(4.0, 1.0, 0.5), pidalab.PIDA(0.02, 1.0)), 0.25, 0.0),  # integral action: 1/P(0)
+        (
+            pidalab.Loop(pidalab.fopdt(4.0, 1.0, 0.5), pidalab.PIDA(0.02, 1.0)),
+            0.25,
+            0.0,
+        ),  # integral action: 1/P(0)
         (pidalab.Loop(pidalab.lags(1), pidalab.PIDA(2.0, math.inf, 1.0, n=10.0)), 22.0, math.inf),
     ],
     ids=["zero", "infinity"],

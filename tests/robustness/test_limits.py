@@ -22,7 +22,9 @@ def design(setting, n=4, te=0.8, **options):
 
 def dense(part, theta):
     """The smallest value on a fine grid: never below the infimum."""
-    w = np.concatenate([np.logspace(-5, 0, 20_001), np.linspace(1.0, 10.0, 200_001), np.linspace(10.0, 300.0, 200_001)])
+    w = np.concatenate(
+        [np.logspace(-5, 0, 20_001), np.linspace(1.0, 10.0, 200_001), np.linspace(10.0, 300.0, 200_001)]
+    )
     return np.min(1 + ((1 + 1j * w * theta) * part(1j * w)).real)
 
 
@@ -123,7 +125,9 @@ def test_limits_and_tail(process, theta):
     for start in (50.0, 300.0):
         assert f.tail(start) <= f(np.linspace(start, start + 500.0, 100_001)).min() + 1e-12
     assert f(np.linspace(1e5, 1e5 + 10.0, 10_001)).min() == pytest.approx(f.at_infinity(), abs=1e-4)
-    assert infimum(part, theta)[0] == pytest.approx(min(dense(part, theta), f.at_zero(), f.at_infinity()), abs=2e-6)
+    assert infimum(part, theta)[0] == pytest.approx(
+        min(dense(part, theta), f.at_zero(), f.at_infinity()), abs=2e-6
+    )
 
 
 def test_majorant_of_a_single_pole():
@@ -229,12 +233,23 @@ def test_smallest_filter(family, setting):
     """At the border the criterion changes, above it holds, and the linear loop is stable with a shorter one still."""
     loops = family(setting, 4)
     border = smallest_filter_time(loops, lambda loop: circle(loop).holds, longest=0.2)
-    assert [circle(loops(x * border)).holds for x in (0.999, 1.0, 1.001, 1.2, 2.0)] == [False, True, True, True, True]
+    assert [circle(loops(x * border)).holds for x in (0.999, 1.0, 1.001, 1.2, 2.0)] == [
+        False,
+        True,
+        True,
+        True,
+        True,
+    ]
     assert smallest_filter_time(loops, pidalab.is_stable, longest=0.2) < border
 
 
 def test_any_filter_will_do_for_pid():
-    assert smallest_filter_time(retuned(reset.PID, 1), lambda loop: circle(loop).holds, longest=1.0, shortest=0.01) == 0
+    assert (
+        smallest_filter_time(
+            retuned(reset.PID, 1), lambda loop: circle(loop).holds, longest=1.0, shortest=0.01
+        )
+        == 0
+    )
 
 
 def test_smallest_filter_complains():

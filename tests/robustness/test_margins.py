@@ -10,7 +10,9 @@ import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
 
 PAPER = Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
-LIGHT = Process([1.0], np.convolve([1.0, 0.02, 1.0], [0.3, 1.0]), delay=0.4)  # resonance 50 times its static gain
+LIGHT = Process(
+    [1.0], np.convolve([1.0, 0.02, 1.0], [0.3, 1.0]), delay=0.4
+)  # resonance 50 times its static gain
 LOOPS = {
     "paper": Loop(PAPER, PIDA(1.31, 3.37, 0.938, 0.269)),
     "paper-filter": Loop(PAPER, PIDA(2.48, 3.37, 0.938, 0.269), control.tf([1.0], [0.0041, 0.128, 1.0])),
@@ -78,7 +80,9 @@ def test_gain_margins_are_valid_bounds(name):
 def test_delay_margin_is_the_least_over_all_gain_crossovers():
     """Three crossovers: the smallest phase margin (1.9 deg, second) is not the smallest delay margin (2.7, third)."""
     resonance = [1 / 2.15**2, 2 * 0.0134 / 2.15, 1.0]
-    loop = Loop(Process([1.0], np.convolve(resonance, [32.0, 1.0]), delay=0.18), PIDA(1.866, 17.9, 0.065, 0.0))
+    loop = Loop(
+        Process([1.0], np.convolve(resonance, [32.0, 1.0]), delay=0.18), PIDA(1.866, 17.9, 0.065, 0.0)
+    )
     result, w = margins(loop), np.geomspace(1e-2, 10.0, 2_000_001)
     crossings = w[:-1][np.diff(np.sign(np.abs(loop.L(1j * w)) - 1)) != 0]
     assert crossings.size == 3
@@ -135,7 +139,10 @@ def test_neutral_loop_with_gain_from_one_on(gain):
 @pytest.mark.parametrize(
     ("process", "expected"),
     [
-        (Process([-0.5, 1.0], [1.0, 1.0]), {"ms": 2.0, "mt": 1.0, "gm": 2.0, "wms": math.inf}),  # L(inf) = -0.5
+        (
+            Process([-0.5, 1.0], [1.0, 1.0]),
+            {"ms": 2.0, "mt": 1.0, "gm": 2.0, "wms": math.inf},
+        ),  # L(inf) = -0.5
         (
             Process([2.0, 1.0], [1.0, 1.0]),
             {"ms": 0.5, "mt": 2 / 3, "gm": math.inf, "dm": 0.0, "wms": 0.0},
@@ -183,7 +190,9 @@ def test_gain_margin_of_a_conditionally_stable_loop_is_beyond_a_hundred():
     loop = Loop(Process([1.0, 0.02, 1e-4], [1.0, 0.0, 0.0, 0.0], 1e-4), 3.0)
     result = margins(loop)
     assert math.isfinite(result.gm)  # every loop with dead time and a high gain is unstable
-    assert unstable_poles(scaled(loop, 0.999 * result.gm)) == 0 < unstable_poles(scaled(loop, 1.001 * result.gm))
+    assert (
+        unstable_poles(scaled(loop, 0.999 * result.gm)) == 0 < unstable_poles(scaled(loop, 1.001 * result.gm))
+    )
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -273,7 +282,10 @@ def test_a_dead_time_of_a_hundred_thousand_lags():
     ("call", "message"),
     [
         (lambda: margins(Loop(pidalab.fopdt(1e300, 1.0, 1.0), 1e300)), "range of numbers"),
-        (lambda: pidalab.phase_crossovers(Loop(pidalab.lags(4), 1.0), quietest=-1), "quietest must be above 0"),
+        (
+            lambda: pidalab.phase_crossovers(Loop(pidalab.lags(4), 1.0), quietest=-1),
+            "quietest must be above 0",
+        ),
     ],
 )
 def test_margins_complain(call, message):

@@ -51,7 +51,9 @@ def random_loop(seed, delay=True):
 @pytest.mark.parametrize("seed", range(12))
 def test_bounds_of_random_stable_loops(seed):
     """Gain turned down until the loop is stable, then half of the random loops have several gain crossovers."""
-    loop = next(candidate for k in range(30) if pidalab.is_stable(candidate := scaled(random_loop(seed), 0.8**k)))
+    loop = next(
+        candidate for k in range(30) if pidalab.is_stable(candidate := scaled(random_loop(seed), 0.8**k))
+    )
     result = margins(loop)
     if math.isfinite(result.dm):
         assert unstable_poles(scaled(loop, extra_delay=0.999 * result.dm)) == 0
@@ -81,7 +83,9 @@ def test_the_trap_of_the_acceleration_filter():
 @pytest.mark.parametrize("delay", [1e-6, 0.5, 1.0, 7.0, 1e6])
 def test_critical_gain_of_integrator_and_dead_time(delay):
     critical = np.pi / 2 / delay
-    assert [unstable_poles(Loop(pidalab.ipdt(1.0, delay), k * critical)) for k in (0.999999, 1.0, 1.000001)] == [
+    assert [
+        unstable_poles(Loop(pidalab.ipdt(1.0, delay), k * critical)) for k in (0.999999, 1.0, 1.000001)
+    ] == [
         0,
         2,
         2,
@@ -90,7 +94,9 @@ def test_critical_gain_of_integrator_and_dead_time(delay):
     assert unstable_poles(Loop(pidalab.ipdt(1.0, delay), 8.99 * critical)) == 4
     assert unstable_poles(Loop(pidalab.ipdt(-1.0, delay), critical)) == 1
     result = margins(Loop(pidalab.ipdt(1.0, delay), 0.5 / delay))  # all in closed form
-    assert (result.gm, result.pm, result.dm) == pytest.approx((np.pi, np.degrees(np.pi / 2 - 0.5), (np.pi - 1) * delay))
+    assert (result.gm, result.pm, result.dm) == pytest.approx(
+        (np.pi, np.degrees(np.pi / 2 - 0.5), (np.pi - 1) * delay)
+    )
     assert (result.wgc, result.wpc) == pytest.approx((0.5 / delay, critical))
 
 
@@ -214,7 +220,8 @@ def test_rightmost_poles_too_far_left():
 def test_rightmost_poles_in_any_unit_of_time(m, n, unit):
     """A loop of order 14 in milliseconds has coefficients of 1e42; they must not drown its poles."""
     one, scaled_loop = (
-        pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=time), m, n, te=4.0 * time).loop() for time in (1.0, unit)
+        pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=time), m, n, te=4.0 * time).loop()
+        for time in (1.0, unit)
     )
     found = pidalab.rightmost_poles(scaled_loop, count=5)
     assert unit * found == pytest.approx(pidalab.rightmost_poles(one, count=5), abs=1e-6)
@@ -228,12 +235,16 @@ def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
     loop = random_loop(seed, delay=False)
     short = Loop(Process(loop.process.num, loop.process.den, delay * 1e-2), loop.controller)
     expected = pidalab.rightmost_poles(loop, count=4)
-    assert pidalab.rightmost_poles(short, count=4) == pytest.approx(expected, abs=1e-9 + 5 * delay, rel=1e-6 + delay)
+    assert pidalab.rightmost_poles(short, count=4) == pytest.approx(
+        expected, abs=1e-9 + 5 * delay, rel=1e-6 + delay
+    )
 
 
 def test_rightmost_poles_all_that_are_right_of_the_dead_times_own():
     """Four poles of the process are asked for; the fifth decays by more than e^20 in a dead time."""
-    loop = Loop(Process([2.47582], np.poly([-0.36407, -0.42434 + 0.18j, -0.42434 - 0.18j, -1.12723]), 0.0368), 1.0)
+    loop = Loop(
+        Process([2.47582], np.poly([-0.36407, -0.42434 + 0.18j, -0.42434 - 0.18j, -1.12723]), 0.0368), 1.0
+    )
     found = pidalab.rightmost_poles(loop, count=3)
     assert found.size == 4
     assert np.abs(1 + loop.L(found)) == pytest.approx(0, abs=1e-9)

@@ -77,7 +77,9 @@ def test_fast_samples_approach_the_continuous_margins(name):
     true, errors = margins(Loop(process, own)), []
     for h in (0.04, 0.02, 0.01):
         found = margins(Loop(process, own.discretise(h, bias=3.0, y_span=2.0, u_span=5.0)))
-        errors.append([abs(getattr(found, x) / getattr(true, x) - 1) for x in ("ms", "gm", "pm", "dm", "wgc")])
+        errors.append(
+            [abs(getattr(found, x) / getattr(true, x) - 1) for x in ("ms", "gm", "pm", "dm", "wgc")]
+        )
     assert np.max(errors[-1]) < 0.05
     assert np.all(np.array(errors)[0] / np.array(errors)[-1] > 3)
 

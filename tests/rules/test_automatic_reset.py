@@ -125,7 +125,9 @@ def test_rightmost_poles(setting):
     design = reset.tune(UNIT, setting, n=1, filter_time=1e-4, weight=0)
     poles = pidalab.rightmost_poles(design.loop(), count=order)
     assert abs(np.mean(poles[:order]) + 1 / setting.lag) < 1e-2
-    assert np.max(np.abs(poles + 1 / setting.lag)) < 3 * 1e-4 ** (1 / order)  # a k-fold pole moves with the k-th root
+    assert np.max(np.abs(poles + 1 / setting.lag)) < 3 * 1e-4 ** (
+        1 / order
+    )  # a k-fold pole moves with the k-th root
 
 
 def test_pida_needs_its_filter():
@@ -166,7 +168,9 @@ def test_units(setting):
     other = reset.tune(pidalab.ipdt(-0.02, delay=50.0), setting, n=4, filter_time=10.0)
     s = np.array([0.1j, 1j, 3j])
     assert other.loop().L(s / 50) == pytest.approx(one.loop().L(s), rel=1e-12)
-    assert other.loop().block("prefilter", s / 50) == pytest.approx(one.loop().block("prefilter", s), rel=1e-12)
+    assert other.loop().block("prefilter", s / 50) == pytest.approx(
+        one.loop().block("prefilter", s), rel=1e-12
+    )
 
 
 def test_filter_and_total_dead_time():
@@ -216,7 +220,10 @@ def test_loops_are_stable_and_print_their_sources(setting):
         ({"n": 1}, "n must be at least 2 for PIDA_1, or the controller is not proper; found 1"),
         ({"n": 2.5}, "n must be a whole number"),
         ({"filter_time": 0.0}, "filter_time must be above 0"),
-        ({"weight": 0.3}, r"weight must be from 0\.5 to 1, or 0 if the model contains the filter; found 0\.3"),
+        (
+            {"weight": 0.3},
+            r"weight must be from 0\.5 to 1, or 0 if the model contains the filter; found 0\.3",
+        ),
         ({"weight": 1.5}, r"weight must be from 0\.5 to 1"),
         ({"cancelled": 2}, "cancelled must be 0 or 1, found 2"),
         ({"limits": (1.0, 0.0)}, r"limits must be \(lower, upper\) with lower < upper"),
@@ -230,7 +237,9 @@ def test_bad_input(change, message):
 def test_bad_types_and_orders():
     with pytest.raises(TypeError, match=r"model must be a pidalab\.Process, found str"):
         reset.tune("1/s", reset.PI, n=1, filter_time=0.1)
-    with pytest.raises(TypeError, match=r"setting must be a Setting, such as automatic_reset\.PIDA_1, found 'PI'"):
+    with pytest.raises(
+        TypeError, match=r"setting must be a Setting, such as automatic_reset\.PIDA_1, found 'PI'"
+    ):
         reset.tune(UNIT, "PI", n=1, filter_time=0.1)
     with pytest.raises(ValueError, match="m must be 0, 1 or 2, for PI, PID or PIDA; found 3"):
         reset.multiple_pole(3)

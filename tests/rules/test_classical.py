@@ -70,7 +70,10 @@ def test_lambda_tuning_gives_the_closed_loop_asked_for():
 def test_both_rules_of_ziegler_and_nichols_agree_on_a_slow_lag(kind):
     """Of an integrator with dead time, Ku = pi/(2 K L) and Tu = 4 L: the rules differ by what their authors rounded."""
     model = pidalab.fopdt(100.0, 1000.0, 1.0)
-    step, ultimate = classical.ziegler_nichols_step(model, kind), classical.ziegler_nichols_ultimate(model, kind)
+    step, ultimate = (
+        classical.ziegler_nichols_step(model, kind),
+        classical.ziegler_nichols_ultimate(model, kind),
+    )
     assert ultimate.ultimate_period == pytest.approx(4.0, rel=2e-3)
     assert ultimate.ultimate_gain == pytest.approx(math.pi / 2 * 10, rel=2e-3)
     assert step.controller.kp == pytest.approx(ultimate.controller.kp, rel=0.3)

@@ -30,9 +30,13 @@ def itae_of(kind, r, xi, controller, end=100.0):
 
 def validation(kind, bound):
     """Ratio, damping, optimal controller and its ITAE, for every fourth model that is not used in the fit."""
-    rows = [row for row in OPTIMA if (row["role"], row["kind"], row["ms_bound"]) == ("validation", kind, bound)]
+    rows = [
+        row for row in OPTIMA if (row["role"], row["kind"], row["ms_bound"]) == ("validation", kind, bound)
+    ]
     for row in rows[::4]:
-        r, xi, least, *optimal = (float(row[k]) for k in ("ratio", "damping", "itae", "kc", "tau_i", "tau_d", "tau_a"))
+        r, xi, least, *optimal = (
+            float(row[k]) for k in ("ratio", "damping", "itae", "kc", "tau_i", "tau_d", "tau_a")
+        )
         yield r, xi, pidalab.NonInteractivePIDA(*optimal), least
 
 
@@ -50,7 +54,9 @@ def test_stored_optima(kind, bound):
 def test_setpoint_is_near_the_optimum():
     """For models that are not used in the fit: at most 12 % above it, and always better than the rule of the paper."""
     for r, xi, _, least in validation("setpoint", "inf"):
-        own, printed = (itae_of("setpoint", r, xi, f(unit(r, xi))) for f in (direct.setpoint, itae.pida_setpoint))
+        own, printed = (
+            itae_of("setpoint", r, xi, f(unit(r, xi))) for f in (direct.setpoint, itae.pida_setpoint)
+        )
         assert 0.999 * least < own < 1.12 * least
         assert own < printed
 
@@ -156,10 +162,15 @@ def test_load_by_hand(r, xi):
 
 # The refitted factors of the ITAE rule.
 
-REFITTED = {"setpoint": (itae.pida_setpoint, itae.setpoint_factors), "load": (itae.pida_load, itae.load_factors)}
+REFITTED = {
+    "setpoint": (itae.pida_setpoint, itae.setpoint_factors),
+    "load": (itae.pida_load, itae.load_factors),
+}
 
 
-@pytest.mark.parametrize(("kind", "bound", "mean", "worst"), [("setpoint", "inf", 1.74, 2.6), ("load", "2", 1.6, 2.0)])
+@pytest.mark.parametrize(
+    ("kind", "bound", "mean", "worst"), [("setpoint", "inf", 1.74, 2.6), ("load", "2", 1.6, 2.0)]
+)
 def test_refitted_factors_on_models_not_used_in_the_fit(kind, bound, mean, worst):
     """Nearer to the optimum than with Table 1, on the average; some load loops with Table 1 are unstable."""
     rule, factors = REFITTED[kind]

@@ -91,7 +91,9 @@ def test_printed_output_filters(tuned):
     assert abs(Loop(THIRD, tuned["third", 1.4]).L(1j * F.wgc)) == pytest.approx(1.0)
     s = 0.3 + 2.0j
     assert F.transfer_function()(s) == pytest.approx(1 / (F.time * s + 1) ** 2)
-    assert Loop(THIRD, tuned["third", 1.4], F).block("output_filter", s) == pytest.approx(1 / (F.time * s + 1) ** 2)
+    assert Loop(THIRD, tuned["third", 1.4], F).block("output_filter", s) == pytest.approx(
+        1 / (F.time * s + 1) ** 2
+    )
 
 
 def test_scaled_model_scales_the_gain(tuned):
@@ -104,7 +106,9 @@ def test_scaled_model_scales_the_gain(tuned):
 def test_time_unit_changes_nothing_but_the_times(tuned):
     reference, scale = tuned["second", 1.4], 1e3
     C = haalman.pid(Process([1.0], SECOND.den * [scale**2, scale, 1.0], SECOND.delay * scale), ms=1.4)
-    assert (C.kp, C.ti, C.td) == pytest.approx((reference.kp, reference.ti * scale, reference.td * scale), rel=1e-9)
+    assert (C.kp, C.ti, C.td) == pytest.approx(
+        (reference.kp, reference.ti * scale, reference.td * scale), rel=1e-9
+    )
 
 
 def test_integrator_with_dead_time_in_closed_form():

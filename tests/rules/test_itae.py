@@ -16,14 +16,17 @@ EXAMPLES = {  # heo2023, (17) to (19)
     3: pidalab.Process([1.0], np.convolve([9.0, 2.4, 1.0], [1.0, 1.0]), delay=0.5),
 }
 RULES: dict[str, Callable] = {
-    f.__name__: f for f in (itae.imc_pid, itae.pid_setpoint, itae.pid_load, itae.pida_setpoint, itae.pida_load)
+    f.__name__: f
+    for f in (itae.imc_pid, itae.pid_setpoint, itae.pid_load, itae.pida_setpoint, itae.pida_load)
 }
 TABLES = {  # Tables 4, 5, 6: kc, tau_i, tau_d, tau_a by rule, in the order above
     1: "2.690 4.216 0.534; 2.233 2.718 0.917; 5.180 1.580 0.761; 3.778 2.900 0.940 0.718; 10.87 1.167 0.593 0.453",
     2: "1.525 5.050 0.977; 1.312 3.726 1.385; 2.174 3.069 1.448; 2.022 4.145 1.454 1.214; 4.214 2.694 1.284 1.072",
     3: "1.101 5.559 1.286; 0.965 2.670 3.680; 2.504 3.366 2.579; 1.465 2.847 3.933 2.123; 5.503 2.798 1.857 1.002",
 }
-PRINTED = {(k, rule): row for k, table in TABLES.items() for rule, row in zip(RULES, table.split("; "), strict=True)}
+PRINTED = {
+    (k, rule): row for k, table in TABLES.items() for rule, row in zip(RULES, table.split("; "), strict=True)
+}
 OFF = {  # by how many units of the last printed digit; all others agree
     (1, "imc_pid", "kc"): -1,
     (1, "pid_setpoint", "kc"): 101,
@@ -72,7 +75,9 @@ def test_units_off_are_within_the_precision_of_the_ultimate_frequency():
         a, b = np.linalg.lstsq(np.column_stack([g * x**2, g * x**4]), 1 - g, rcond=None)[0]
         tau, damping, lag = b**0.25, math.sqrt((a / b**0.5 + 2) / 4), math.sqrt(1 / g[-1] - 1) / w
         delay = (math.pi - math.atan2(2 * damping * tau * w, 1 - (tau * w) ** 2)) / w
-        return pidalab.fopdt(1.0, lag, math.pi / w - math.atan(lag * w) / w), pidalab.sopdt(1.0, tau, damping, delay)
+        return pidalab.fopdt(1.0, lag, math.pi / w - math.atan(lag * w) / w), pidalab.sopdt(
+            1.0, tau, damping, delay
+        )
 
     assert round(itae.imc_pid(wrong(1, 1.5e-5)[0]).kc, 3) == 2.690
     assert round(itae.pid_setpoint(wrong(2, -1.5e-5)[1]).tau_i, 3) == 3.726
@@ -166,13 +171,17 @@ def test_gain_of_table_3_changes_with_the_ratio():
             assert kc > 0
 
 
-@pytest.mark.parametrize(("r", "xi"), [(0.2, 1.0), (0.3, 1.5), (0.5, 1.2), (1.5, 0.5), (1.5, 0.8), (2.0, 0.6)])
+@pytest.mark.parametrize(
+    ("r", "xi"), [(0.2, 1.0), (0.3, 1.5), (0.5, 1.2), (1.5, 0.5), (1.5, 0.8), (2.0, 0.6)]
+)
 def test_the_formula_chosen_by_the_ratio_has_the_smaller_itae(r, xi):
     """What the rule is for, simulated: models for which the printed condition would choose the other formula."""
     controller, t = itae.pid_load(unit(r, xi)), np.linspace(0, 60, 12001)
 
     def cost(kc):
-        loop = pidalab.Loop(unit(r, xi), pidalab.NonInteractivePIDA(kc, controller.tau_i, controller.tau_d, 0.0))
+        loop = pidalab.Loop(
+            unit(r, xi), pidalab.NonInteractivePIDA(kc, controller.tau_i, controller.tau_d, 0.0)
+        )
         return pidalab.load_response(loop, t).itae()
 
     low, high = load_gains(r, xi)
@@ -265,7 +274,9 @@ def test_units_of_gain_and_time(rule):
     make = pidalab.fopdt if rule == "imc_pid" else pidalab.sopdt
     for shape in [()] if rule == "imc_pid" else [(0.4,), (0.9,), (1.7,)]:
         for r in (0.1, 0.3, 0.4, 0.9, 1.0, 1.4, 2.0):
-            one, other = (RULES[rule](make(k, tau, *shape, r * tau)) for k, tau in ((1.0, 1.0), (-0.02, 30.0)))
+            one, other = (
+                RULES[rule](make(k, tau, *shape, r * tau)) for k, tau in ((1.0, 1.0), (-0.02, 30.0))
+            )
             assert other.kc == pytest.approx(-one.kc / 0.02, rel=1e-10)
             for name in ("tau_i", "tau_d", "tau_a"):
                 assert getattr(other, name) == pytest.approx(30 * getattr(one, name), rel=1e-10)
@@ -356,7 +367,9 @@ def test_given_factors():
 
 def test_factors_that_are_refused():
     for rule in (itae.pida_setpoint, itae.pida_load):
-        with pytest.raises(TypeError, match=r"factors must be a function of the model .* found \(0\.3, 0\.6\)"):
+        with pytest.raises(
+            TypeError, match=r"factors must be a function of the model .* found \(0\.3, 0\.6\)"
+        ):
             rule(unit(1.0, 1.0), factors=(0.3, 0.6))
         for f_d in (1.0, -2.0):
             with pytest.raises(ValueError, match="f_d must leave dead time and time constant"):
@@ -364,10 +377,16 @@ def test_factors_that_are_refused():
         for value in (None, 0.3, (0.3,), (0.3, 0.6, 0.9)):
             with pytest.raises(TypeError, match="factors must return two numbers, f_d and f_a, found"):
                 rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
-        for value, message in ((("a", 0.6), "f_d must be a real number"), ((0.3, None), "f_a must be a real number")):
+        for value, message in (
+            (("a", 0.6), "f_d must be a real number"),
+            ((0.3, None), "f_a must be a real number"),
+        ):
             with pytest.raises(TypeError, match=message):
                 rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
-        for value, message in (((math.nan, 0.6), "f_d must be finite"), ((0.3, -0.1), r"f_a must be at least 0")):
+        for value, message in (
+            ((math.nan, 0.6), "f_d must be finite"),
+            ((0.3, -0.1), r"f_a must be at least 0"),
+        ):
             with pytest.raises(ValueError, match=message):
                 rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
 
@@ -383,5 +402,7 @@ def test_factors_that_are_refused():
 )
 def test_factors_that_lead_out_of_the_tables(rule, r, gain):
     f_d = (1 - r) / (1 + r / 2)  # for a model with ratio 1
-    with pytest.raises(ValueError, match=r"f_d = .* takes the changed model to r = .*, where the table does not hold"):
+    with pytest.raises(
+        ValueError, match=r"f_d = .* takes the changed model to r = .*, where the table does not hold"
+    ):
         rule(pidalab.sopdt(gain, 1.0, 1.0, 1.0), factors=lambda m: (f_d, 0.6))

@@ -215,11 +215,15 @@ def test_uncertain_gains_are_told_and_refused():
     y = pidalab.open_loop_step(G1, t).y
     true, errors, claimed = np.array(mo.tune(G1, 1, 1, 0.1).gains), [], []
     for _ in range(20):
-        measured = areas.from_record(t, np.ones_like(t), y + 1e-3 * rng.normal(size=t.size), 10, start=(0.0, 0.0))
+        measured = areas.from_record(
+            t, np.ones_like(t), y + 1e-3 * rng.normal(size=t.size), 10, start=(0.0, 0.0)
+        )
         design = mo.tune(measured, 1, 1, 0.1)
         errors.append(design.gains - true)
         claimed.append(design.uncertainty)
-        with pytest.raises(ValueError, match=r"the record does not support m = 3; it leaves K_-?. uncertain by .* %"):
+        with pytest.raises(
+            ValueError, match=r"the record does not support m = 3; it leaves K_-?. uncertain by .* %"
+        ):
             mo.tune(measured, 3, 3, 0.1)
     spread, claim = np.sqrt(np.mean(np.square(errors), axis=0)), np.median(claimed, axis=0)
     assert np.all(spread < 2 * claim)
@@ -299,7 +303,9 @@ def test_a_proportional_gain_of_0_on_the_way():
 @pytest.mark.parametrize("first", [1e-14, 1e-6, 1e6])
 def test_a_start_that_is_far_off(first):
     settled = mo.tune_for_noise(G1, 1, 2, 10.0, TS)
-    assert mo.tune_for_noise(G1, 1, 2, 10.0, TS, first=first).filter_time == pytest.approx(settled.filter_time)
+    assert mo.tune_for_noise(G1, 1, 2, 10.0, TS, first=first).filter_time == pytest.approx(
+        settled.filter_time
+    )
     assert mo.tune_for_noise(G1, 1, 2, 10.0, TS, first, 60).filter_time == pytest.approx(settled.filter_time)
 
 
@@ -310,7 +316,13 @@ def test_exact_noise_gain():
 
 def test_rank_of_orders():
     ranked = mo.rank_orders(G3, 10.0, TS, largest_m=2, largest_n=3)
-    assert [(c.m, c.n) for c in ranked] == [(2, 3), (2, 2), (1, 3), (1, 2), (1, 1)]  # PI has no such noise gain
+    assert [(c.m, c.n) for c in ranked] == [
+        (2, 3),
+        (2, 2),
+        (1, 3),
+        (1, 2),
+        (1, 1),
+    ]  # PI has no such noise gain
     assert sorted(c.iae for c in ranked) == [c.iae for c in ranked]
     for c in ranked:
         assert mo.noise_gain(c.design, TS) == pytest.approx(10.0, rel=1e-9)
@@ -331,7 +343,10 @@ def dominant_delay():
         (lambda: mo.tune(G1, 2, 1, 0.1), "n must be a whole number, at least 2, found 1"),
         (lambda: mo.tune(G1, -1, 1, 0.1), "m must be a whole number, at least 0"),
         (lambda: mo.tune(G1, 1, 1, 0.0), "filter_time must be above 0 for a filter of order 1"),
-        (lambda: mo.tune([1.0, 4.0, 10.0, 20.0], 1, 1, 0.1), r"at least 2m \+ 4 = 6 areas for m = 1, found 4"),
+        (
+            lambda: mo.tune([1.0, 4.0, 10.0, 20.0], 1, 1, 0.1),
+            r"at least 2m \+ 4 = 6 areas for m = 1, found 4",
+        ),
         (lambda: mo.gains([1.0, 4.0, 10.0], 0), r"at least 2m \+ 4 = 4 areas for m = 0, found 3"),
         (lambda: mo.tune(pidalab.Process([1.0, 0.0], [1.0, 1.0]), 1, 1, 0.1), "static gain A_0 other than 0"),
         (lambda: mo.tune(pidalab.ipdt(1.0, 1.0), 1, 1, 0.1), "must have a static gain"),
@@ -348,13 +363,22 @@ def dominant_delay():
         (lambda: mo.tune_for_exact_noise(G1, 0, 1, 10.0, TS), "and nearly constant$"),
         (lambda: mo.tune_for_noise(G1, 2, 1, 1.0, TS), "n must be a whole number, at least 2, found 1"),
         (lambda: mo.tune_for_noise(G1, 1, 2, 1.0, TS, first=0.0), "first must be above 0"),
-        (lambda: mo.tune_for_noise(G1, 1, 2, 1.0, TS, updates=0), "updates must be a whole number, at least 1"),
-        (lambda: mo.tune_for_noise(G1, 1, 1, 0.1, TS), "no filter time for noise_gain = 0.1 .* n = m no filter"),
+        (
+            lambda: mo.tune_for_noise(G1, 1, 2, 1.0, TS, updates=0),
+            "updates must be a whole number, at least 1",
+        ),
+        (
+            lambda: mo.tune_for_noise(G1, 1, 1, 0.1, TS),
+            "no filter time for noise_gain = 0.1 .* n = m no filter",
+        ),
         (
             lambda: mo.tune_for_exact_noise(G1, 1, 1, 0.1, TS),
             "noise_gain = 0.1 .* it is .* with n = m no filter",
         ),
-        (lambda: mo.tune_for_exact_noise(G1, 0, 1, 10.0, TS), "no filter time for noise_gain = 10 .* it is 0."),
+        (
+            lambda: mo.tune_for_exact_noise(G1, 0, 1, 10.0, TS),
+            "no filter time for noise_gain = 10 .* it is 0.",
+        ),
         (
             lambda: mo.tune_for_exact_noise(pidalab.Process([1.0], [1.0], delay=1.0), 1, 2, 100.0, 1e-5),
             r"the loop of PID_2\^1 .* cannot be told stable \(the dead time turns the phase",
@@ -364,8 +388,14 @@ def dominant_delay():
         (lambda: mo.rank_orders(G1, 1e-3, TS, 1, 1), "no orders up to largest_m and largest_n"),
         (lambda: pidalab.noise_gain(pidalab.Loop(pidalab.lags(3), 6.0), 2.0), "range of numbers"),
         (lambda: pidalab.noise_gain(pidalab.Loop(G1, pidalab.PIDA(kp=1.0, ti=4.0)), 1e-5), "fade sooner"),
-        (lambda: pidalab.noise_gain(pidalab.Loop(pidalab.lags(3), 9.0), 1e-7), "loop must be stable, found poles"),
-        (lambda: pidalab.noise_gain(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 9.0), 2.0), 0.001), "stable, found poles"),
+        (
+            lambda: pidalab.noise_gain(pidalab.Loop(pidalab.lags(3), 9.0), 1e-7),
+            "loop must be stable, found poles",
+        ),
+        (
+            lambda: pidalab.noise_gain(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 9.0), 2.0), 0.001),
+            "stable, found poles",
+        ),
         (
             lambda: pidalab.noise_gain(pidalab.Loop(G3, 0.5), 1e-6),
             "sample_time must be at least 1.91e-06, for 4 dead",

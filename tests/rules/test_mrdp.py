@@ -53,7 +53,9 @@ def test_filter_ratio_puts_both_poles_at_the_same_place(m, n):
     derivative = np.polyder(np.convolve([1.0, 0.0, 0.0], np.poly(-np.ones(n))), m + 2)
     pole = mrdp.filter_ratio(m, n) * mrdp.constants(m).pole
     assert -1 < pole < 0
-    assert np.polyval(derivative, pole) / np.polyval(np.polyder(derivative), pole) == pytest.approx(0, abs=1e-9)
+    assert np.polyval(derivative, pole) / np.polyval(np.polyder(derivative), pole) == pytest.approx(
+        0, abs=1e-9
+    )
     assert np.all(np.polyval(derivative, np.linspace(0.999 * pole, 0.0, 200)) > 0)
 
 
@@ -86,7 +88,9 @@ def test_units_of_gain_and_time():
     one = mrdp.tune(UNIT, 2, 3, 0.4)
     other = mrdp.tune(pidalab.ipdt(-0.02, delay=5.0), 2, 3, 2.0)
     t = np.linspace(0, 20, 401)
-    first, second = (pidalab.step_response(design.loop(), time) for design, time in ((one, t), (other, 5 * t)))
+    first, second = (
+        pidalab.step_response(design.loop(), time) for design, time in ((one, t), (other, 5 * t))
+    )
     assert second.y == pytest.approx(first.y, abs=1e-11)
     assert second.u == pytest.approx(first.u / (-0.02 * 5.0), abs=1e-9)
     assert other.ie == pytest.approx(5 * one.ie)
@@ -135,7 +139,9 @@ def test_smallest_te_is_the_only_border(m, n):
     limit = mrdp.smallest_te(m, n)
     for factor in (0.7, 0.9, 0.999, 1.001, 1.1, 1.5, 3.0, 10.0, 100.0):
         assert pidalab.is_stable(mrdp.tune(UNIT, m, n, factor * limit).loop()) == (factor > 1)
-    below, above = (pidalab.rightmost_poles(mrdp.tune(UNIT, m, n, x * limit).loop())[0].real for x in (0.999, 1.001))
+    below, above = (
+        pidalab.rightmost_poles(mrdp.tune(UNIT, m, n, x * limit).loop())[0].real for x in (0.999, 1.001)
+    )
     assert below > 0 > above
 
 

@@ -52,7 +52,9 @@ def test_digits(case):
     assert ORACLE["digits"] >= 100
 
 
-@pytest.mark.parametrize("case", [c for c in ORACLE["cases"] if "envelope" in c], ids=lambda case: case["name"])
+@pytest.mark.parametrize(
+    "case", [c for c in ORACLE["cases"] if "envelope" in c], ids=lambda case: case["name"]
+)
 def test_envelope(case):
     """The engine diverges as the envelope does, to 1e-9, also where the growth is in bursts between the times."""
     times, grid = np.array(case["times"]), case["delay"] * np.arange(161) / 8

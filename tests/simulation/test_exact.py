@@ -15,7 +15,9 @@ from pidalab.loop import open_loop
 
 LOOPS = {
     "paper": Loop(pidalab.lags(4), PIDA(1.31, 3.37, 0.938, 0.269), control.tf([1.0], [0.0164, 0.256, 1.0])),
-    "delay": Loop(pidalab.sopdt(2.0, 1.5, 1.2, 0.73), PIDA(0.6, 3.0, 0.5, 0.1), None, control.tf([1.0], [0.5, 1.0])),
+    "delay": Loop(
+        pidalab.sopdt(2.0, 1.5, 1.2, 0.73), PIDA(0.6, 3.0, 0.5, 0.1), None, control.tf([1.0], [0.5, 1.0])
+    ),
     "integrating": Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.4, 8.0, 0.0, 0.0)),
     "negative": Loop(Process([-2.0], [3.0, 1.0], 0.5), PIDA(-0.4, 3.0, 0.0, 0.0)),
     "unstable": Loop(pidalab.ipdt(1.0, 1.0), 2.5),
@@ -74,12 +76,16 @@ def method_of_steps(loop, t, tolerance=1e-11):
     for k in range(int(t[-1] / h) + 1):
         last = past
 
-        def error(s, last=last, k=k):  # what enters the undelayed loop: 1 - y, with y from the interval before
+        def error(
+            s, last=last, k=k
+        ):  # what enters the undelayed loop: 1 - y, with y from the interval before
             return 1.0 - last(s - k * h)
 
         solution = solve_ivp(lambda s, x, error=error: A @ x + b * error(s), (k * h, (k + 1) * h), x, "DOP853",
                              rtol=tolerance, atol=tolerance, dense_output=True)  # fmt: skip
-        inside = (t >= (k + 1) * h - 1e-12) & (t < (k + 2) * h - 1e-12)  # the output comes one dead time later
+        inside = (t >= (k + 1) * h - 1e-12) & (
+            t < (k + 2) * h - 1e-12
+        )  # the output comes one dead time later
         y[inside] = [c @ solution.sol(s - h) + d * error(s - h) for s in t[inside]]
 
         def past(s, solution=solution, k=k, error=error):
@@ -139,7 +145,9 @@ def test_unstable_loop_with_noise_keeps_its_digits_from_the_start():
     t, loop = np.linspace(0.0, 160.0, 1601), Loop(pidalab.ipdt(1.0, 1.0), 2.5)
     noise = pidalab.uniform_noise(t, 0.1, seed=5)
     unit = simulate(loop, t, noise=1.0).y
-    direct = np.array([np.dot(np.diff(noise, prepend=0.0)[: i + 1][::-1], unit[: i + 1]) for i in range(t.size)])
+    direct = np.array(
+        [np.dot(np.diff(noise, prepend=0.0)[: i + 1][::-1], unit[: i + 1]) for i in range(t.size)]
+    )
     y = simulate(loop, t, noise=noise).y
     envelope = np.maximum.accumulate(np.abs(direct)) + 1e-3
     assert envelope[-1] > 1e18
@@ -176,15 +184,21 @@ def test_final_values(loop, y, u):
 
 
 def test_nothing_returns_before_the_dead_time():
-    r = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, 50.0), PIDA(0.5, 2.0, 0.0, 0.0)), np.linspace(0.0, 20.0, 41))
+    r = pidalab.step_response(
+        Loop(pidalab.fopdt(1.0, 1.0, 50.0), PIDA(0.5, 2.0, 0.0, 0.0)), np.linspace(0.0, 20.0, 41)
+    )
     assert np.all(r.y == 0.0)
-    np.testing.assert_allclose(r.u, 0.5 * (1 + r.t / 2), rtol=1e-12)  # the controller integrates the unit error
+    np.testing.assert_allclose(
+        r.u, 0.5 * (1 + r.t / 2), rtol=1e-12
+    )  # the controller integrates the unit error
 
 
 @pytest.mark.parametrize(("gain", "cycles"), [(0.9, 400), (0.5, 2000), (2.0, 300)])
 def test_neutral_loop_over_many_dead_times(gain, cycles):
     """y jumps once a dead time: the partial sums of gain (-gain)^k."""
-    y = simulate(Loop(Process([1.0], [1.0], 1.0), gain), np.arange(0.0, cycles + 0.5, 0.5), setpoint=1.0).y[::2]
+    y = simulate(Loop(Process([1.0], [1.0], 1.0), gain), np.arange(0.0, cycles + 0.5, 0.5), setpoint=1.0).y[
+        ::2
+    ]
     k = np.arange(cycles + 1)
     np.testing.assert_allclose(y, gain * (1 - (-gain) ** k) / (1 + gain), rtol=1e-9, atol=1e-12)
 
@@ -219,7 +233,9 @@ def test_noise_is_held_bounded_and_reproducible():
 
 
 def limited(low, high):
-    return Loop(pidalab.fopdt(1.0, 1.0, 1.0), pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(low, high)))
+    return Loop(
+        pidalab.fopdt(1.0, 1.0, 1.0), pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(low, high))
+    )
 
 
 def test_limits_are_respected_or_refused():
@@ -268,7 +284,10 @@ def test_simulate_complains(arguments, error, message):
             lambda: pidalab.uniform_noise(TIME, 1.0, seed=0, hold=0.07),
             r"hold must be a multiple of the step of t \(0\.05\), found 0\.07",
         ),
-        (lambda: pidalab.uniform_noise(TIME, 1.0, seed=0, hold=0.01), r"hold must be a multiple of the step of t"),
+        (
+            lambda: pidalab.uniform_noise(TIME, 1.0, seed=0, hold=0.01),
+            r"hold must be a multiple of the step of t",
+        ),
         (lambda: pidalab.uniform_noise([1.0, 2.0], 1.0, seed=0), "t must start at 0"),
     ],
     ids=["length", "ragged", "loud", "amplitude", "hold", "short-hold", "time"],
@@ -281,7 +300,9 @@ def test_noise_complains(call, message):
 @pytest.mark.parametrize("noise", [0.1, np.zeros(241), [], [0.1, 0.2]])
 def test_an_ensemble_needs_records_in_rows(noise):
     """A single record is not one record for each of its samples."""
-    with pytest.raises(ValueError, match=r"noise must have one record in each row \(shape \(k, n\)\), found no rows"):
+    with pytest.raises(
+        ValueError, match=r"noise must have one record in each row \(shape \(k, n\)\), found no rows"
+    ):
         pidalab.simulate_ensemble(LOOPS["integrating"], TIME, noise)
 
 
@@ -314,7 +335,9 @@ def test_too_many_dead_times_are_refused(delay):
 def test_a_short_dead_time_is_followed():
     """600,000 dead times to the steady state; in between the loop without dead time is as near as that time."""
     t = np.linspace(0.0, 60.0, 61)
-    y, bare = (simulate(Loop(pidalab.fopdt(1.0, 1.0, delay), 0.5), t, setpoint=1.0).y for delay in (1e-4, 0.0))
+    y, bare = (
+        simulate(Loop(pidalab.fopdt(1.0, 1.0, delay), 0.5), t, setpoint=1.0).y for delay in (1e-4, 0.0)
+    )
     assert y[-1] == pytest.approx(1 / 3, rel=1e-10)
     np.testing.assert_allclose(y, bare, atol=1e-4)
 

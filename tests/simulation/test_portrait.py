@@ -17,7 +17,11 @@ from pidalab import Loop, Process, SeriesPIDA, portrait, simulate_sampled
 PDA = SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
 LOOP = Loop(pidalab.ipdt(1.0, delay=1.0), PDA)
 T = 0.02 * np.arange(1500)
-GRID = {"kp": np.array([0.05, 0.094, 0.3])[:, None, None], "ka": np.array([0.15, 0.25])[:, None], "ti": [0.4, 0.6, 1.0]}
+GRID = {
+    "kp": np.array([0.05, 0.094, 0.3])[:, None, None],
+    "ka": np.array([0.15, 0.25])[:, None],
+    "ti": [0.4, 0.6, 1.0],
+}
 
 
 def expected(record, y_end, u_end):
@@ -92,7 +96,8 @@ def test_prefilters_that_differ():
     p = portrait(LOOP, GRID, T, setpoint=1.0, limits=(-0.1, 0.1), prefilter=([0.5 * ti, 1.0], den))
     for i in [(0, 0, 0), (1, 1, 2), (2, 0, 1)]:
         kp, ka, own_ti = (
-            float(x.flat[k] if x.ndim > 1 else x[k]) for x, k in zip((GRID["kp"], GRID["ka"], ti), i, strict=True)
+            float(x.flat[k] if x.ndim > 1 else x[k])
+            for x, k in zip((GRID["kp"], GRID["ka"], ti), i, strict=True)
         )
         own = SeriesPIDA(kp, 0.45, ka, own_ti, 0.2, 4, limits=(-0.1, 0.1))
         filtered = control.tf([0.5 * own_ti, 1.0], cancelling(kp, 0.45, ka, own_ti))
@@ -114,7 +119,11 @@ def assert_same_bits(one, other):
 def many():
     """Sets of many chunks, some of which diverge, and their portrait by threads."""
     rng = np.random.default_rng(2)
-    sets = {"kp": rng.uniform(0.05, 0.3, 500), "ti": rng.uniform(0.1, 1.0, 500), "kd": rng.uniform(0.2, 2.0, 500)}
+    sets = {
+        "kp": rng.uniform(0.05, 0.3, 500),
+        "ti": rng.uniform(0.1, 1.0, 500),
+        "kd": rng.uniform(0.2, 2.0, 500),
+    }
     own = SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4)
     task = {"loop": Loop(LOOP.process, own), "parameters": sets, "t": T, "load": 1.0}
     p = portrait(**task)
@@ -180,7 +189,9 @@ def test_a_worker_that_dies_is_an_error_that_names_the_sets(many):
     task, _ = many
     with (
         Deadly(1, mp_context=get_context("spawn")) as pool,
-        pytest.raises(RuntimeError, match=r"lost: \d+ of 500 sets are missing \(in flat order .*\)") as caught,
+        pytest.raises(
+            RuntimeError, match=r"lost: \d+ of 500 sets are missing \(in flat order .*\)"
+        ) as caught,
     ):
         portrait(**task, executor=pool)
     assert isinstance(caught.value.__cause__, BrokenProcessPool)
@@ -194,7 +205,10 @@ def test_a_worker_that_fails_is_an_error_that_names_the_sets(many):
             return super().submit(int, "x") if self.tasks in (2, 8) else super().submit(fn, *args, **kwargs)
 
     task, _ = many
-    with Failing(2) as pool, pytest.raises(RuntimeError, match=r"116 of 500 sets .* order 64 to 127, 448 to 499\)"):
+    with (
+        Failing(2) as pool,
+        pytest.raises(RuntimeError, match=r"116 of 500 sets .* order 64 to 127, 448 to 499\)"),
+    ):
         portrait(**task, executor=pool)
 
 
@@ -237,7 +251,10 @@ def test_shape_of_the_grid():
 
 def test_one_row_of_a_table_is_a_set():
     row = pd.DataFrame({"ti": [0.5, 0.6], "kp": [0.1, 0.2]}).iloc[1]
-    assert portrait(LOOP, row, T[:100], load=1.0).iae == portrait(LOOP, {"ti": 0.6, "kp": 0.2}, T[:100], load=1.0).iae
+    assert (
+        portrait(LOOP, row, T[:100], load=1.0).iae
+        == portrait(LOOP, {"ti": 0.6, "kp": 0.2}, T[:100], load=1.0).iae
+    )
 
 
 def test_progress_bar(capsys):

@@ -34,7 +34,10 @@ def test_first_order_convergence_to_the_continuous_loop(name):
         t = np.linspace(0.0, 12.0, 60 * fineness + 1)
         inputs = {"setpoint": 1.0, "load": np.where(t < 5.0, 0.0, 0.3)}
         sampled, exact = simulate_sampled(LOOPS[name], t, **inputs), simulate(LOOPS[name], t, **inputs)
-        off = [np.max(np.abs(getattr(sampled, key) - getattr(exact, key))[::fineness]) for key in ("y", "u", "area")]
+        off = [
+            np.max(np.abs(getattr(sampled, key) - getattr(exact, key))[::fineness])
+            for key in ("y", "u", "area")
+        ]
         errors.append(off)
     ratios = np.array(errors)[:-1] / np.array(errors)[1:]
     assert np.all((ratios > 1.8) & (ratios < 2.3)), ratios
@@ -101,7 +104,9 @@ def limited_loop_by_ode_solver(t, limits):
         def slope(s, x, past=past):
             return [gain * past(s - 1.0), (1.0 - x[0] - x[1]) / tf, x[1]]
 
-        solution = solve_ivp(slope, (k, k + 1), x, "RK45", rtol=1e-9, atol=1e-10, dense_output=True, max_step=2e-3)
+        solution = solve_ivp(
+            slope, (k, k + 1), x, "RK45", rtol=1e-9, atol=1e-10, dense_output=True, max_step=2e-3
+        )
         inside = t[(t >= k) & (t < k + 1)]
         y += [solution.sol(s)[0] for s in inside]
         u += [control_signal(solution.sol(s)) for s in inside]
@@ -130,7 +135,9 @@ def test_limits_against_an_ode_solver():
 
 
 def asymmetric(rise, fall, delay=0.0):
-    return AsymmetricPlant(control.tf([3.0, 2.0], [4.0, 5.0, 1.0]), rise, fall, control.tf([-0.2], [0.3, 1.0]), delay)
+    return AsymmetricPlant(
+        control.tf([3.0, 2.0], [4.0, 5.0, 1.0]), rise, fall, control.tf([-0.2], [0.3, 1.0]), delay
+    )
 
 
 def test_equal_speeds_are_a_process():
@@ -167,20 +174,30 @@ def test_asymmetric_plant_against_an_ode_solver():
 
 
 @pytest.mark.parametrize("samples", [0.0, 0.3, 1.0, 2.0 - 1e-12, 2.0 + 1e-12, 3.9])
-@pytest.mark.parametrize("limits", [(-math.inf, math.inf), (0.0, 0.6), (-0.5, 0.0)], ids=["free", "up", "down"])
+@pytest.mark.parametrize(
+    "limits", [(-math.inf, math.inf), (0.0, 0.6), (-0.5, 0.0)], ids=["free", "up", "down"]
+)
 def test_closed_loop_event_by_event(samples, limits):
     """Asymmetric plant with feedthrough, PI, all inputs: Runge-Kutta steps between the instants at which w changes."""
     h, n, rng = 0.4, 50, np.random.default_rng(7)
     direct = 0.2 if samples else control.tf([0.2], [0.5, 1.0])
     plant = AsymmetricPlant(control.tf([1.2], [0.7, 1.0]), 0.9, 2.5, direct, samples * h)
-    inputs = {"setpoint": rng.normal(size=n).cumsum(), "load": 0.2 * rng.normal(size=n), "noise": rng.normal(size=n)}
+    inputs = {
+        "setpoint": rng.normal(size=n).cumsum(),
+        "load": 0.2 * rng.normal(size=n),
+        "noise": rng.normal(size=n),
+    }
     kp, ti = 0.3, 2.0
-    r = simulate_sampled(Loop(plant.rising, PIDA(kp, ti)), h * np.arange(n), limits=limits, plant=plant, **inputs)
+    r = simulate_sampled(
+        Loop(plant.rising, PIDA(kp, ti)), h * np.arange(n), limits=limits, plant=plant, **inputs
+    )
 
     def slope(x, w):
         past = 0.2 * w if samples else x[2]
         lagged = (0.2 * w - x[2]) / 0.5
-        return np.array([(w - x[0]) / (0.9 if w > x[0] else 2.5), (1.2 * x[0] - x[1]) / 0.7, lagged, x[1] + past])
+        return np.array(
+            [(w - x[0]) / (0.9 if w > x[0] else 2.5), (1.2 * x[0] - x[1]) / 0.7, lagged, x[1] + past]
+        )
 
     whole = math.floor(samples + 1e-6)
     part = h * max(0.0, samples - whole) if abs(samples - round(samples)) > 1e-6 else 0.0
@@ -229,7 +246,9 @@ def test_a_warm_state_of_rest_is_a_shift():
 def test_inputs_are_superposed_without_limits():
     t = 0.05 * np.arange(300)
     inputs = {"setpoint": 1.0, "load": np.sin(t), "noise": np.random.default_rng(0).normal(size=t.size)}
-    parts = [simulate_sampled(LOOPS["misaligned"], t, **({"setpoint": 0.0} | {k: v})) for k, v in inputs.items()]
+    parts = [
+        simulate_sampled(LOOPS["misaligned"], t, **({"setpoint": 0.0} | {k: v})) for k, v in inputs.items()
+    ]
     whole = simulate_sampled(LOOPS["misaligned"], t, **inputs)
     for key in ("r", "d", "n", "y", "u", "area"):
         np.testing.assert_allclose(getattr(whole, key), sum(getattr(part, key) for part in parts), atol=1e-11)
@@ -285,7 +304,9 @@ RUNAWAY = {
 )  # fmt: skip
 def test_simulate_sampled_complains(arguments, error, message):
     with pytest.raises(error, match=message):
-        simulate_sampled(**({"loop": LOOPS["integrating"], "t": [0.0, 1.0, 2.0], "setpoint": 1.0} | arguments))
+        simulate_sampled(
+            **({"loop": LOOPS["integrating"], "t": [0.0, 1.0, 2.0], "setpoint": 1.0} | arguments)
+        )
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,9 @@ def errors_against_the_oracle(case, h):
 def test_limited_reset_approaches_the_continuous_loop(name):
     """First order in the sample time, against Runge-Kutta between the breaks of the method of steps."""
     case = CASES[name]
-    assert min(case["u"]) == pytest.approx(case["limits"][0]) or max(case["u"]) == pytest.approx(case["limits"][1])
+    assert min(case["u"]) == pytest.approx(case["limits"][0]) or max(case["u"]) == pytest.approx(
+        case["limits"][1]
+    )
     coarse, middle, fine = (errors_against_the_oracle(case, h) for h in (0.01, 0.005, 0.0025))
     assert np.all(fine < 0.02)
     for first, second in ((coarse, middle), (middle, fine)):
@@ -44,7 +46,10 @@ FREE = {
     "misaligned": Loop(pidalab.fopdt(1.0, 2.0, math.sqrt(0.5)), SeriesPIDA(0.3, 0.1, 0.0, 1.0, 0.1, 1)),
     "proportional": Loop(pidalab.ipdt(0.5, 0.3), SeriesPIDA(0.8, 0.0, 0.0, 3.0, 0.1, 0)),
     "output filter": Loop(
-        pidalab.lags(2), SeriesPIDA(0.8, 0.2, 0.0, 1.5, 0.2, 2), control.tf([1.0], [0.1, 1.0]), control.tf(1, [0.5, 1])
+        pidalab.lags(2),
+        SeriesPIDA(0.8, 0.2, 0.0, 1.5, 0.2, 2),
+        control.tf([1.0], [0.1, 1.0]),
+        control.tf(1, [0.5, 1]),
     ),
 }
 
@@ -56,7 +61,9 @@ def test_reset_without_limits_approaches_the_linear_loop(name):
         t = np.linspace(0.0, 12.0, 60 * fineness + 1)
         inputs = {"setpoint": 1.0, "load": np.where(t < 5.0, 0.0, 0.3)}
         sampled, exact = simulate_sampled(FREE[name], t, **inputs), simulate(FREE[name], t, **inputs)
-        errors.append([np.max(np.abs(getattr(sampled, key) - getattr(exact, key))[::fineness]) for key in ("y", "u")])
+        errors.append(
+            [np.max(np.abs(getattr(sampled, key) - getattr(exact, key))[::fineness]) for key in ("y", "u")]
+        )
     ratios = np.array(errors)[:-1] / np.array(errors)[1:]
     assert np.all((ratios > 1.8) & (ratios < 2.3)), ratios
     assert np.max(errors[-1]) < 0.05
@@ -68,7 +75,10 @@ def test_reset_by_hand():
     kp, kd, ka = 0.5, 0.4, 0.05
     rng = np.random.default_rng(3)
     r, d, noise = rng.normal(size=n).cumsum() * 0.1, 0.1 * rng.normal(size=n), 0.02 * rng.normal(size=n)
-    A, b = np.array([[-1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, -1.0]]) / time, np.array([1.0 / time, 0.0, 0.0])
+    A, b = (
+        np.array([[-1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, -1.0]]) / time,
+        np.array([1.0 / time, 0.0, 0.0]),
+    )
     phi = expm(A * h)
     gamma = np.linalg.solve(A, (phi - np.eye(3)) @ b)
     x, reset, position, v, y, u = np.zeros(3), 0.0, 0.0, {}, [], []
@@ -121,7 +131,11 @@ def test_windup_by_hand(way, sign):
 def test_anti_windup_does_nothing_within_the_limits(way):
     """The integral taken out of the controller and put back changes nothing, whatever its filters."""
     t = 0.02 * np.arange(1500)
-    for controller in (PIDA(1.31, 3.37, 0.938, 0.269), HighOrderPID([0.4, 1.2, 0.6, 0.1], 0.1, 4), PIDA(-0.5, 4.0)):
+    for controller in (
+        PIDA(1.31, 3.37, 0.938, 0.269),
+        HighOrderPID([0.4, 1.2, 0.6, 0.1], 0.1, 4),
+        PIDA(-0.5, 4.0),
+    ):
         loop = Loop(pidalab.lags(3, gain=math.copysign(1.0, controller.gains().kp)), controller)
         plain, other = (simulate_sampled(loop, t, 1.0, load=0.2, anti_windup=way) for way in (None, way))
         np.testing.assert_allclose(other.u, plain.u, atol=1e-9 * np.max(np.abs(plain.u)))
@@ -134,7 +148,9 @@ def test_conditioned_pi_controller_is_automatic_reset():
     inputs = {"setpoint": 1.0, "load": np.where(t < 20.0, 0.0, 0.15)}
     reset = simulate_sampled(Loop(process, SeriesPIDA(kp, 0.0, 0.0, ti, 0.1, 0, limits=limits)), t, **inputs)
     equal = PIDA(kp, h / -math.expm1(-h / ti))
-    conditioned = simulate_sampled(Loop(process, equal), t, limits=limits, anti_windup="conditioning", **inputs)
+    conditioned = simulate_sampled(
+        Loop(process, equal), t, limits=limits, anti_windup="conditioning", **inputs
+    )
     assert (reset.u.min(), reset.u.max()) == limits
     np.testing.assert_allclose(conditioned.u, reset.u, atol=1e-12)
     wound = simulate_sampled(Loop(process, equal), t, limits=limits, **inputs)
@@ -156,7 +172,9 @@ def pulses_by_hand(widths, limits, h, delay, load, wanted):
     A = np.array([[-1.0, 0.0, 0.0], [2.0, -2.0, 0.0], [0.0, 1.0, 0.0]])
     b, edges = np.array([1.0, 0.0, 0.0]), [(-1.0, 0.0)]  # from when on, which input
     for k, u in enumerate(wanted):
-        on = round((min(max(u, limits[0]), limits[1]) - limits[0]) / (limits[1] - limits[0]) * widths) / widths
+        on = (
+            round((min(max(u, limits[0]), limits[1]) - limits[0]) / (limits[1] - limits[0]) * widths) / widths
+        )
         edges += [(k * h + delay, limits[1] + load[k])] if on > 0 else []
         edges += [(k * h + delay + on * h, limits[0] + load[k])] if on < 1 else []
     x, now, out = np.zeros(3), 0.0, [np.zeros(3)]

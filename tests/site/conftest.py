@@ -64,7 +64,7 @@ def browser():
     executable = next(filter(None, map(shutil.which, names)), None)
     if executable is None:
         message = (
-            f"no browser on PATH ({', '.join(names)}): the pages were not looked at. On Debian: apt install chromium"
+            f"no browser on PATH ({', '.join(names)}): the pages were not looked at; apt install chromium"
         )
         (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)(message)
     with sync_playwright() as playwright:
@@ -87,7 +87,9 @@ def visit(browser):
                 wrong.append(f"another host: {request.url}")
 
         page.on("request", stays_here)
-        page.on("console", lambda message: message.type == "error" and wrong.append(f"console: {message.text}"))
+        page.on(
+            "console", lambda message: message.type == "error" and wrong.append(f"console: {message.text}")
+        )
         page.on("pageerror", lambda error: wrong.append(f"script: {error}"))
         page.set_default_timeout(120_000)  # a long page of formulas on a busy machine
         page.goto(url, wait_until="load")

@@ -33,7 +33,9 @@ def test_page(page_name, home, visit):
     page, wrong = visit(f"{home}/{page_name}.html")
     assert page.locator("html").get_attribute("data-theme") == "light"
     assert wrong + problems(page) + barriers(page) == []
-    page.add_style_tag(content="* { transition: none !important }")  # colours halfway between the themes are none
+    page.add_style_tag(
+        content="* { transition: none !important }"
+    )  # colours halfway between the themes are none
     page.evaluate("() => { document.documentElement.dataset.theme = 'dark' }")
     assert barriers(page, runOnly=["color-contrast"]) == []
     page.set_viewport_size(NARROW)
@@ -57,7 +59,9 @@ def test_a_method_chapter_is_read_in_a_sitting(home, visit, root):
     assert {paper: height for paper, height in heights.items() if height > SCREENS} == {}
 
 
-@pytest.mark.parametrize("words", ["Bode", "anti-windup", "two degrees of freedom", "SIMC", "PIDA", "dead time"])
+@pytest.mark.parametrize(
+    "words", ["Bode", "anti-windup", "two degrees of freedom", "SIMC", "PIDA", "dead time"]
+)
 def test_search_leads_to_sections_and_to_chapters_first(words, home, visit):
     page, wrong = visit(f"{home}/search.html?q={words.replace(' ', '+')}")
     first = page.locator("#search-results li a").first

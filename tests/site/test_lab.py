@@ -8,7 +8,9 @@ import pytest
 from looking import NARROW, OVERFLOW, barriers
 
 NUMBER = r"(\d[\d.]*)"
-COLUMNS = "() => [...document.querySelectorAll('.lab-table tbody tr')].map(r => [...r.cells].map(c => c.innerText))"
+COLUMNS = (
+    "() => [...document.querySelectorAll('.lab-table tbody tr')].map(r => [...r.cells].map(c => c.innerText))"
+)
 
 
 @pytest.fixture
@@ -81,7 +83,10 @@ def test_a_dropped_record_becomes_a_plant(lab):
     y = 2.0 * (1 - np.exp(-late) * (1 + late + late**2 / 2))
     drop = "text => { const d = new DataTransfer(); d.items.add(new File([text], 'step.csv')); return d; }"
     for text, words in [
-        ("time,y\n" + "\n".join(f"{a:.3f},{b:.6f}" for a, b in zip(t, y, strict=True)), "Record of 200 samples"),
+        (
+            "time,y\n" + "\n".join(f"{a:.3f},{b:.6f}" for a, b in zip(t, y, strict=True)),
+            "Record of 200 samples",
+        ),
         ("no numbers", "needs ten rows"),
     ]:
         page.dispatch_event(".lab-drop", "drop", {"dataTransfer": page.evaluate_handle(drop, text)})
@@ -115,7 +120,9 @@ def undrawn(page):
 
 
 def test_live_figures_draw_and_follow_their_knobs(site, visit):
-    pages = [path for path in sorted(site.glob("book/**/*.html")) if 'class="pidalab-live"' in path.read_text()]
+    pages = [
+        path for path in sorted(site.glob("book/**/*.html")) if 'class="pidalab-live"' in path.read_text()
+    ]
     for path in pages:
         page, wrong = visit(path.as_uri(), viewport=NARROW)
         assert undrawn(page) + wrong == [], path.name
@@ -129,7 +136,9 @@ def test_live_figures_draw_and_follow_their_knobs(site, visit):
 
 
 BAD = """<!doctype html><html lang="en"><title>Bad</title><div class="pidalab-live" data-live='%s'></div>%s</html>"""
-SCRIPTS = "".join(f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "plot", "lab", "live"))
+SCRIPTS = "".join(
+    f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "plot", "lab", "live")
+)
 LIVE = '{"plant": "%s", "rule": "%s", "designs": [{"kind": "PIDA", "kp": 1, "ti": 3}], "plots": ["load"]}'
 
 

@@ -32,7 +32,9 @@ def notebooks_not_in_toc(pages: list[str], root: Path) -> list[str]:
 def notebook_problems(path: Path) -> list[str]:
     """Outputs that are missing, failed, out of order or without words for those who cannot see them."""
     cells = [
-        cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code" and cell.source.strip()
+        cell
+        for cell in nbformat.read(path, as_version=4).cells
+        if cell.cell_type == "code" and cell.source.strip()
     ]
     wrong = []
     if cells and not any(cell.outputs for cell in cells):
@@ -59,7 +61,16 @@ def notebook_problems(path: Path) -> list[str]:
 # --- built pages -------------------------------------------------------------
 
 LOADING_ATTRIBUTES = {"src", "poster", "data"}
-LOADING_LINKS = {"stylesheet", "icon", "preload", "prefetch", "modulepreload", "preconnect", "dns-prefetch", "manifest"}
+LOADING_LINKS = {
+    "stylesheet",
+    "icon",
+    "preload",
+    "prefetch",
+    "modulepreload",
+    "preconnect",
+    "dns-prefetch",
+    "manifest",
+}
 CSS_URL = re.compile(r"""(?:url\(\s*|@import\s+)["']?([^"')\s]+)""")
 
 
@@ -97,7 +108,9 @@ def is_external(address: str) -> bool:
 
 
 def read_pages(site: Path) -> dict[Path, Page]:
-    return {path: Page(path.read_text()) for path in sorted(site.rglob("*.html")) if "_static" not in path.parts}
+    return {
+        path: Page(path.read_text()) for path in sorted(site.rglob("*.html")) if "_static" not in path.parts
+    }
 
 
 def broken_links(site: Path) -> list[str]:
@@ -121,7 +134,11 @@ def broken_links(site: Path) -> list[str]:
 def external_loads(site: Path) -> list[str]:
     """What a browser would ask another host for while it shows a page."""
     loads = [(path, address) for path, page in read_pages(site).items() for address in page.loads]
-    loads += [(path, address) for path in sorted(site.rglob("*.css")) for address in CSS_URL.findall(path.read_text())]
+    loads += [
+        (path, address)
+        for path in sorted(site.rglob("*.css"))
+        for address in CSS_URL.findall(path.read_text())
+    ]
     return [f"{path.relative_to(site)}: loads {address}" for path, address in loads if is_external(address)]
 
 
@@ -131,7 +148,8 @@ def images_without_words(site: Path) -> list[str]:
         f"{path.relative_to(site)}: {image.get('src')} has no alt text"
         for path, page in read_pages(site).items()
         for image in page.images
-        if "_images/" in image.get("src", "") and (not image.get("alt", "").strip() or "_images/" in image["alt"])
+        if "_images/" in image.get("src", "")
+        and (not image.get("alt", "").strip() or "_images/" in image["alt"])
     ]
 
 
@@ -180,7 +198,9 @@ def shown(data=SVG):
 
 
 BAD_NOTEBOOKS = {
-    "error ZeroDivisionError": [cell(new_output("error", ename="ZeroDivisionError", evalue="", traceback=[]))],
+    "error ZeroDivisionError": [
+        cell(new_output("error", ename="ZeroDivisionError", evalue="", traceback=[]))
+    ],
     "text on stderr": [cell(new_output("stream", name="stderr", text="careful"))],
     "no stored output": [cell()],
     "not run in order: [2, 1]": [cell(shown({"text/plain": "2"}), count=2), cell(count=1)],

@@ -22,7 +22,9 @@ TEXT_SCALE = re.compile(r"scale\((0?\.\d+) -0?\.\d+\)")
 
 def code_cells(path: Path) -> list:
     return [
-        cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code" and cell.source.strip()
+        cell
+        for cell in nbformat.read(path, as_version=4).cells
+        if cell.cell_type == "code" and cell.source.strip()
     ]
 
 
@@ -121,5 +123,7 @@ def test_good_notebook_passes(tmp_path):
 def test_small_words_are_caught(tmp_path):
     (tmp_path / "_images").mkdir()
     (tmp_path / "_images" / "good.svg").write_text('<g transform="translate(1 2) scale(0.1 -0.1)"><use/></g>')
-    (tmp_path / "_images" / "bad.svg").write_text('<g transform="translate(1 2) scale(0.07 -0.07)"><use/></g>')
+    (tmp_path / "_images" / "bad.svg").write_text(
+        '<g transform="translate(1 2) scale(0.07 -0.07)"><use/></g>'
+    )
     assert small_words(tmp_path) == ["bad.svg: words of 7 points"]

@@ -66,7 +66,9 @@ def as_quiet(shared: Work, pida: Case, pid: Case) -> Fair:
 def equal_ms(book: Ledger) -> pd.DataFrame:
     """PIDA against PID at the same Ms on the true process, filter included; then at the same noise in u, too."""
     shared = work(book)
-    own = {name: [fair(shared, case, shared.filters[case].time) for case in pair] for name, pair in PAIRS.items()}
+    own = {
+        name: [fair(shared, case, shared.filters[case].time) for case in pair] for name, pair in PAIRS.items()
+    }
     quiet = {name: as_quiet(shared, *pair) for name, pair in PAIRS.items()}
     saved = [100 * (1 - pida.iae / pid.iae) for pida, pid in own.values()]
     louder = [pida.sigma / pid.sigma for pida, pid in own.values()]
@@ -157,7 +159,9 @@ def other_responses(book: Ledger) -> Figure:
     load = np.where(t >= 60, 1.0, 0.0)
     figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.0), sharex=True)
     for ax, name in zip(axes.flat, OTHERS, strict=True):
-        runs = {f"$M_s = {ms}$": pidalab.simulate(_other_loops()[name, ms], t, 1.0, load) for ms in (1.4, 2.0)}
+        runs = {
+            f"$M_s = {ms}$": pidalab.simulate(_other_loops()[name, ms], t, 1.0, load) for ms in (1.4, 2.0)
+        }
         plots.signal(ax, runs, "y")
         ax.set(title=name, ylabel="output y", xlabel="")
     for ax in axes[1]:

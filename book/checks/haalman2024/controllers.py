@@ -86,7 +86,11 @@ def coarse_grids(book: Ledger) -> pd.DataFrame:
     """The gains that one coarse grid of frequencies gives, beside the exact ones and the print."""
     shared, grid = work(book), np.logspace(*GRID)
     rows = {
-        case.label: [shared.used[case].kp, stepped(shared.designs[case].kp), stepped(_on_grid(book, case, grid))]
+        case.label: [
+            shared.used[case].kp,
+            stepped(shared.designs[case].kp),
+            stepped(_on_grid(book, case, grid)),
+        ]
         for case in CASES
     }
     columns = ["printed", "exact maximum", f"grid of {GRID[2]} points"]
@@ -109,7 +113,10 @@ def _about_grids(book: Ledger) -> str:
     """How many coarse grids give all eight gains: density and phase of logarithmic grids, searched on a fine one."""
     x = np.arange(-2.0, 1.5, FINE)  # logarithm of the frequency, fine
     need = np.array(
-        [gain_needed(pidalab.Loop(work(book).model(case), _unit(book, case)), case.ms, 10**x) for case in CASES]
+        [
+            gain_needed(pidalab.Loop(work(book).model(case), _unit(book, case)), case.ms, 10**x)
+            for case in CASES
+        ]
     )
     printed = np.array([work(book).used[case].kp for case in CASES])
     hits = []
@@ -156,7 +163,9 @@ def which_loop(book: Ledger) -> pd.DataFrame:
             right_name="half a unit of its last printed digit",
             note=f"Ms of the printed gains is off by {low:+.3f} to {high:+.3f} over the eight loops.",
         )
-    return pd.DataFrame({name: {case.label: f"{x:.3f}" for case, x in column.items()} for name, column in ms.items()})
+    return pd.DataFrame(
+        {name: {case.label: f"{x:.3f}" for case, x in column.items()} for name, column in ms.items()}
+    )
 
 
 def crossovers(book: Ledger) -> pd.DataFrame:
@@ -173,7 +182,11 @@ def crossovers(book: Ledger) -> pd.DataFrame:
             )
             for sign in (-1, 1)
         ]
-        rows[case.label] = [f"{shared.used[case].kp:.2f}", f"{F.wgc:.4f}", f"{bounds[0]:.4f} to {bounds[1]:.4f}"]
+        rows[case.label] = [
+            f"{shared.used[case].kp:.2f}",
+            f"{F.wgc:.4f}",
+            f"{bounds[0]:.4f} to {bounds[1]:.4f}",
+        ]
     _disagreeing(book)
     _model_or_process(book)
     _inputs(book)
@@ -218,7 +231,8 @@ def _model_or_process(book: Ledger) -> None:
     shared, case = work(book), Case("ex1", "pida", 2.0)
     row = book.row(f"{case.row}.wgc")
     model, process = (
-        float(pidalab.gain_crossovers(shared.loop(case, on=on, filtered=False))[0]) for on in ("model", "process")
+        float(pidalab.gain_crossovers(shared.loop(case, on=on, filtered=False))[0])
+        for on in ("model", "process")
     )
     book.statement(
         "eq9.wgc",
@@ -257,15 +271,20 @@ def other_ways(book: Ledger) -> pd.DataFrame:
             case: pidalab.Loop(shared.processes[case.example], C) for case, (_, C) in units.items()
         },
         "with the output filter": {
-            case: pidalab.Loop(*unit, shared.filters[case].transfer_function()) for case, unit in units.items()
+            case: pidalab.Loop(*unit, shared.filters[case].transfer_function())
+            for case, unit in units.items()
         },
-        "printed coefficients": {case: pidalab.Loop(_printed_model(book, case), C) for case, (_, C) in units.items()},
+        "printed coefficients": {
+            case: pidalab.Loop(_printed_model(book, case), C) for case, (_, C) in units.items()
+        },
     }
     for ratio in (5.0, 8.0, 12.0, 20.0):
         ways[f"N = M = {ratio:g}"] = {
             case: pidalab.Loop(model, _unit(book, case, ratio)) for case, (model, _) in units.items()
         }
-    ways["no filters in C"] = {case: pidalab.Loop(model, _unit(book, case, 1e6)) for case, (model, _) in units.items()}
+    ways["no filters in C"] = {
+        case: pidalab.Loop(model, _unit(book, case, 1e6)) for case, (model, _) in units.items()
+    }
     for order in range(1, 6):
         ways[f"Padé, order {order}"] = {
             case: pidalab.Loop(_pade(model, order), C) for case, (model, C) in units.items()

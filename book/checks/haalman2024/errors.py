@@ -23,7 +23,9 @@ SLOW = 0.1  # another time for which a value of the noise may be held
 def iae_values(shared: Work, amplitude: float, hold: float) -> dict[tuple[Case, str], Array]:
     """IAE of the measured error at the horizons found, one value for each record."""
     return {
-        (case, test): np.array([run.measured().iae(case.horizon) for run in shared.noisy(case, test, amplitude, hold)])
+        (case, test): np.array(
+            [run.measured().iae(case.horizon) for run in shared.noisy(case, test, amplitude, hold)]
+        )
         for case, test in PLACES
     }
 
@@ -73,8 +75,12 @@ def horizons(book: Ledger) -> Figure:
     }
     groups = {
         "Example 1": [solved[place] for place in PLACES if place[0].example == "ex1"],
-        "Example 2, Ms 1.4": [solved[place] for place in PLACES if place[0].example == "ex2" and place[0].ms < 2],
-        "Example 2, Ms 2.0": [solved[place] for place in PLACES if place[0].example == "ex2" and place[0].ms == 2],
+        "Example 2, Ms 1.4": [
+            solved[place] for place in PLACES if place[0].example == "ex2" and place[0].ms < 2
+        ],
+        "Example 2, Ms 2.0": [
+            solved[place] for place in PLACES if place[0].example == "ex2" and place[0].ms == 2
+        ],
     }
     ranges = "; ".join(f"{name}: {min(found):.2f} to {max(found):.2f}" for name, found in groups.items())
     book.statement(
@@ -125,7 +131,9 @@ def readings(book: Ledger) -> pd.DataFrame:
         name: max(abs(float(np.mean(found[place])) / printed[place] - 1) for place in PLACES)
         for name, found in mean.items()
     }
-    return pd.Series({name: f"{100 * x:.1f} %" for name, x in worst.items()}, name="largest deviation").to_frame()
+    return pd.Series(
+        {name: f"{100 * x:.1f} %" for name, x in worst.items()}, name="largest deviation"
+    ).to_frame()
 
 
 def amplitude(book: Ledger) -> pd.DataFrame:

@@ -100,7 +100,9 @@ def cancellation(book: Ledger) -> pd.DataFrame:
         left_name="Kp with N = M = 10",
         right_name="four fifths of Kp of the ideal cancellation",
         note="Significant is at least 20 %, the book's convention. In Example 1 the PIDA loses "
-        + " and ".join(f"{100 * (1 - (1 - SIGNIFICANT) * loss[case][0] / loss[case][1]):.0f} %" for case in worst)
+        + " and ".join(
+            f"{100 * (1 - (1 - SIGNIFICANT) * loss[case][0] / loss[case][1]):.0f} %" for case in worst
+        )
         + " of its gain; at the peak of S the filters turn the loop by "
         + " and ".join(f"{at_peak[case][1]:.1f}" for case in worst)
         + " degrees and raise it by "

@@ -40,7 +40,10 @@ def three_points(book: Ledger) -> Figure:
         f"between {low:.4f} and {high:.4f}, whatever was rounded off. The step response gives the same.",
     )
     models = {example: pidalab.open_loop_step(fit.process, shared.t) for example, fit in shared.fits.items()}
-    apart = {example: float(np.max(np.abs(model.y - shared.records[example].y))) for example, model in models.items()}
+    apart = {
+        example: float(np.max(np.abs(model.y - shared.records[example].y)))
+        for example, model in models.items()
+    }
     book.statement(
         "sec4.approximation",
         *every(
@@ -128,7 +131,9 @@ def _readings(book: Ledger) -> pd.DataFrame:
     shared, rows = work(book), {}
     crossings: tuple[Literal["interpolated", "sampled"], ...] = ("interpolated", "sampled")
     for used, crossing in product((AS_PRINTED, SUNDARESAN), crossings):
-        fit = pidalab.identification.three_point(shared.t, shared.records["ex1"].y, levels=used, crossing=crossing)
+        fit = pidalab.identification.three_point(
+            shared.t, shared.records["ex1"].y, levels=used, crossing=crossing
+        )
         name = " / ".join(f"{100 * level:g}" for level in used) + f" %, {crossing}"
         rows[name] = [fit.apparent_delay, fit.alpha, fit.tau]
     rows["printed"] = [book.printed(f"ex1.topdt.{key}") for key in ("l", "alpha", "tau")]
@@ -148,7 +153,8 @@ def formulas(book: Ledger) -> pd.DataFrame:
     margin = pidalab.margins(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), HAALMAN))
     book.check("sec3.haalman.pm", margin.pm, note=f"This loop has Ms = {margin.ms:.3f}.")
     apparent = {
-        example: (fit.apparent_delay, fit.tau / CONVENTIONS["much"].limit) for example, fit in shared.fits.items()
+        example: (fit.apparent_delay, fit.tau / CONVENTIONS["much"].limit)
+        for example, fit in shared.fits.items()
     }
     true = {example: fit.process.delay / fit.tau for example, fit in shared.fits.items()}
     book.statement(

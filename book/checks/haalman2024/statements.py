@@ -32,7 +32,10 @@ def comparisons(book: Ledger) -> pd.DataFrame:
             "the gains of the paper, which do not give both loops the same Ms on the process, nor the same noise.",
         )
         tighter = {
-            f"{example}, {kind.upper()}": (iae[Case(example, kind, 2.0), test], iae[Case(example, kind, 1.4), test])
+            f"{example}, {kind.upper()}": (
+                iae[Case(example, kind, 2.0), test],
+                iae[Case(example, kind, 1.4), test],
+            )
             for example in ORDERS
             for kind in KINDS
         }
@@ -200,7 +203,8 @@ def kick_figure(book: Ledger) -> Figure:
     fine = np.linspace(0, 0.6, 3001)
     order = [Case("ex1", kind, ms) for ms in (2.0, 1.4) for kind in KINDS]
     early = {
-        f"{case.kind.upper()}, $M_s = {case.ms}$": pidalab.step_response(shared.loops[case], fine) for case in order
+        f"{case.kind.upper()}, $M_s = {case.ms}$": pidalab.step_response(shared.loops[case], fine)
+        for case in order
     }
     plots.signal(ax, early, "u", until=0.6)
     ax.set(ylabel="control u")
@@ -218,7 +222,9 @@ def paper_figure(book: Ledger, number: int) -> Figure:
         clean[case.kind.upper()] = {
             test: pidalab.simulate(shared.loops[case], shared.t, **step) for test, step in EXPERIMENTS.items()
         }
-    return once(plots.comparison(clean, noisy, pair[0].horizon, u_until=4 if pair[0].example == "ex1" else 15))
+    return once(
+        plots.comparison(clean, noisy, pair[0].horizon, u_until=4 if pair[0].example == "ex1" else 15)
+    )
 
 
 def eight_loops(book: Ledger) -> Figure:

@@ -68,7 +68,9 @@ class Work:
     @cached_property
     def records(self) -> dict[str, pidalab.Response]:
         """Open-loop step responses of the processes."""
-        return {example: pidalab.open_loop_step(process, self.t) for example, process in self.processes.items()}
+        return {
+            example: pidalab.open_loop_step(process, self.t) for example, process in self.processes.items()
+        }
 
     @cached_property
     def fits(self) -> dict[str, pidalab.identification.ThreePointModel]:

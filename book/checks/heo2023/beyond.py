@@ -65,7 +65,9 @@ def tasks() -> list[Task]:
     """All rows of the table: Ms on a grid of models, and every rule on the models whose optimum is known."""
     found = []
     grid = [
-        (round(float(xi), 6), round(float(r), 6)) for xi in np.linspace(0.3, 2, 15) for r in np.geomspace(0.1, 2, 15)
+        (round(float(xi), 6), round(float(r), 6))
+        for xi in np.linspace(0.3, 2, 15)
+        for r in np.geomspace(0.1, 2, 15)
     ]
     for kind, rule, (xi, r) in product(CONTEST, ("ITAE-2", "Table 1"), grid):
         found.append(Task("grid", kind, rule, xi, r, CONTEST[kind][rule](unit(xi, r))))
@@ -103,7 +105,9 @@ def contest() -> pd.DataFrame:
 def recomputed() -> pd.DataFrame:
     """Every tenth row of the stored table, in an order drawn once with the seed 2023, computed anew."""
     stored, all_tasks = contest(), tasks()
-    assert [task.names for task in all_tasks] == [*stored[list(Task.NAMES)].itertuples(index=False, name=None)]
+    assert [task.names for task in all_tasks] == [
+        *stored[list(Task.NAMES)].itertuples(index=False, name=None)
+    ]
     chosen = np.random.default_rng(2023).permutation(len(stored))[::TENTH]
     fresh = np.array([measure(all_tasks[i]) for i in chosen])
     with np.errstate(invalid="ignore"):
@@ -111,7 +115,11 @@ def recomputed() -> pd.DataFrame:
     same = np.isnan(fresh) == stored[list(COLUMNS)].isna().to_numpy()[chosen]
     assert same.all()
     assert np.nanmax(np.where(np.isfinite(fresh), apart, np.nan)) < 1e-5
-    counts = {"rows": len(stored), "recomputed": len(chosen), "of them unstable": int(np.isinf(fresh[:, 1]).sum())}
+    counts = {
+        "rows": len(stored),
+        "recomputed": len(chosen),
+        "of them unstable": int(np.isinf(fresh[:, 1]).sum()),
+    }
     return pd.DataFrame({"": {**counts, "largest relative difference": "below 1e-5"}})
 
 
@@ -223,7 +231,8 @@ def on_full(kind: str) -> dict[str, dict[str, tuple[float, float]]]:
         model = pidalab.reduction.to_sopdt(process).process
         loops = {label: pidalab.Loop(process, rule(model)) for label, rule in CONTEST[kind].items()}
         rows[name] = {
-            label: (KINDS[kind](loop, t).itae(), pidalab.max_sensitivity(loop)[0]) for label, loop in loops.items()
+            label: (KINDS[kind](loop, t).itae(), pidalab.max_sensitivity(loop)[0])
+            for label, loop in loops.items()
         }
     return rows
 

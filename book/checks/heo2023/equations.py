@@ -16,7 +16,9 @@ from .printed_itae import nearer_by_eq7
 ALPHA_D = 0.05  # recommended in sec. 2.1
 ALPHA_A = 0.5 * ALPHA_D
 CONTROLLER = NonInteractivePIDA(kc=2.0, tau_i=3.0, tau_d=0.8, tau_a=0.6)
-ERROR = np.poly1d([0.7, -2.0, 0.5, 1.0])  # a test signal: third order, so that every term of the controller differs
+ERROR = np.poly1d(
+    [0.7, -2.0, 0.5, 1.0]
+)  # a test signal: third order, so that every term of the controller differs
 
 
 def _by_eq5(t: float, e: np.poly1d = ERROR, c: NonInteractivePIDA = CONTROLLER) -> float:
@@ -55,23 +57,32 @@ def form(book: Ledger) -> pd.DataFrame:
     parabolas = [np.poly1d(c) for c in ((1.0, -2.0, 0.5), (0.0, 1.0, 3.0), (2.0, 0.3, -1.0))]
     guess = [e(1.4) + ahead * e.deriv()(1.4) + ahead**2 / 2 * e.deriv(2)(1.4) for e in parabolas]
     taylor = max(abs(x / e(1.4 + ahead) - 1) for x, e in zip(guess, parabolas, strict=True))
-    book.note("eq3.taylor", "Put t + τ_d for t_f. The series is exact for every parabola, as the audit shows on three.")
+    book.note(
+        "eq3.taylor",
+        "Put t + τ_d for t_f. The series is exact for every parabola, as the audit shows on three.",
+    )
     ideal = NonInteractivePIDA(2.0, 3.0, ahead, ahead).gains()
     same = abs(ideal.ka / ideal.kp / (ideal.kd / ideal.kp) ** 2 * 2 - 1)
     text = "With τ_a = τ_d the weight of ë is half the square of that of ė. For other τ_a, (4) is a choice."
     book.identity("eq4.general", same, note=text)
     moments = (0.0, 0.5, 1.0, 2.0)
     parallel = max(abs(_by_eq1(t) / _by_eq5(t) - 1) for t in moments)
-    text = f"Control signals for an error of third order at {len(moments)} times; (1) with the library's gains."
+    text = (
+        f"Control signals for an error of third order at {len(moments)} times; (1) with the library's gains."
+    )
     book.identity("eq5.parallel", parallel, note=text)
     at = (0.5, 1.0, 2.0)
     laplace = max(abs(_transform_of_eq5(s) / _bracket(s) - 1) for s in at)
     text = f"Laplace transform of (5) for an error t³ exp(−t) at {len(at)} real s, by numerical integration."
     book.identity("eq6.laplace", laplace, note=text)
-    slow = NonInteractivePIDA(3 * CONTROLLER.kc, *(7 * x for x in (CONTROLLER.tau_i, ahead, CONTROLLER.tau_a)))
+    slow = NonInteractivePIDA(
+        3 * CONTROLLER.kc, *(7 * x for x in (CONTROLLER.tau_i, ahead, CONTROLLER.tau_a))
+    )
     points = [0.3 + 0.2j, 1j, -0.5 + 2j, 3.0 - 1j]
     units = max(abs(slow(s / 7) / (3 * CONTROLLER(s)) - 1) for s in points)
-    book.identity("eq6.units", units, note="Times multiplied by 7 give C(s/7), k_c multiplied by 3 gives 3 C(s).")
+    book.identity(
+        "eq6.units", units, note="Times multiplied by 7 give C(s/7), k_c multiplied by 3 gives 3 C(s)."
+    )
     residuals = {"(3)": taylor, "(4)": same, "(5) is (1)": parallel, "(6) is (5)": laplace, "units": units}
     return pd.DataFrame({"residual below": {k: _decade(x) for k, x in residuals.items()}})
 
@@ -103,7 +114,10 @@ def filters(book: Ledger) -> pd.DataFrame:
         f"with it. Sampled it can be run, and then meets {nearer_by_eq7(book)} of the five proposed ITAE values better "
         "than (16) does."
     )
-    names: dict[str, Any] = {"left_name": "gain of (7) over k_c at 1e6", "right_name": "u(0+) over k_c by (16)"}
+    names: dict[str, Any] = {
+        "left_name": "gain of (7) over k_c at 1e6",
+        "right_name": "u(0+) over k_c by (16)",
+    }
     book.statement("eq7.filter", rows["(7), first order"][-1], "<=", kicks[1] / gain[1], note=text, **names)
     return pd.DataFrame(rows, index=[f"at {x:g}" for x in w]).T.map("{:.4g}".format)
 
@@ -128,7 +142,9 @@ def example3(book: Ledger) -> pd.DataFrame:
     table = pd.DataFrame(rows).T
     (damping, _), (_, peak) = rows["(19)"].values(), rows["(18)"].values()
     text = f"Poles {slow[3].real:.4f} ± {abs(slow[3].imag):.4f}j."
-    book.statement("eq19.underdamped", damping, "<", 1, note=text, left_name="damping ratio of the slow poles")
+    book.statement(
+        "eq19.underdamped", damping, "<", 1, note=text, left_name="damping ratio of the slow poles"
+    )
     text = (
         "Eq. (18) has five equal poles and no dead time, and does not overshoot; the underdamped third-order process "
         f"with dead time is (19), which overshoots by {percents([rows['(19)'][table.columns[1]] - 1])}. One digit, so "

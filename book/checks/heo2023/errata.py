@@ -50,13 +50,16 @@ def _as_read(m: SecondOrderModel) -> dict[str, float]:
     """Derivative and integral times of ITAE-2 by the formulas as read, of Table 2 (set point) and 3 (load)."""
     r, xi, tau = m.delay / m.tau, m.damping, m.tau
     plus, minus = (
-        -1.9 + 1.576 * r**-0.53 + (1 - math.exp(sign * xi / (-0.15 + 0.939 * r**-1.121))) * (1.45 + 0.969 * r**-1.171)
+        -1.9
+        + 1.576 * r**-0.53
+        + (1 - math.exp(sign * xi / (-0.15 + 0.939 * r**-1.121))) * (1.45 + 0.969 * r**-1.171)
         for sign in (1, -1)
     )
     integral = 1 - math.exp(xi / (0.15 + 0.33 * r))
     return {
         "table2.taud.inverse": tau * (1 - math.exp(-(r**1.06) * xi / 0.87)) * (0.55 + 1.683 * r**-1.09),
-        "table3.taui.sign": tau * (-0.975 + 0.91 * (r - 1.845) ** 2 + integral * (5.25 - 0.88 * (r - 2.8) ** 2)),
+        "table3.taui.sign": tau
+        * (-0.975 + 0.91 * (r - 1.845) ** 2 + integral * (5.25 - 0.88 * (r - 2.8) ** 2)),
         "table3.taud.sign": tau * plus,
         "table3.taud.inverse": tau * minus,
     }
@@ -76,7 +79,12 @@ MEANING = {  # name, experiment, column of Tables 4 to 6, what becomes right
         "taud",
         "A minus sign is missing, perhaps in the reading: with it, inverted",
     ),
-    "table3.taud.inverse": ("Table 3, τ_d with −", "load", "taud", "The sign mended, it still gives τ_n/τ_d: inverted"),
+    "table3.taud.inverse": (
+        "Table 3, τ_d with −",
+        "load",
+        "taud",
+        "The sign mended, it still gives τ_n/τ_d: inverted",
+    ),
 }
 
 
@@ -101,7 +109,9 @@ def formulas(book: Ledger) -> pd.DataFrame:
             }
         seen = [line for line in rows if line.endswith(name)]
         text = f"{mended} it gives {', '.join(rows[line]['corrected'] for line in seen)} in {', '.join(cases)}, where "
-        text += f"{', '.join(rows[line]['printed'] for line in seen)} is printed and the formula as read gives "
+        text += (
+            f"{', '.join(rows[line]['printed'] for line in seen)} is printed and the formula as read gives "
+        )
         text += f"{', '.join(rows[line]['formula as read'] for line in seen)}."
         names: dict[str, Any] = {"left_name": "distance from the print", "right_name": "half a unit"}
         book.statement(id, *some(cases, "<="), note=text, **names)
@@ -129,7 +139,9 @@ def switches(book: Ledger) -> pd.DataFrame:
         f"τ_i is {below.tau_i:.3f} and τ_d {above.tau_d:.3f}. The left side may be an error of the reading."
     )
     names = {"left_name": "distance from τ_d", "right_name": "from τ_i"}
-    book.statement("table2.taui.left", abs(line - above.tau_d), "<", abs(line - below.tau_i), note=text, **names)
+    book.statement(
+        "table2.taui.left", abs(line - above.tau_d), "<", abs(line - below.tau_i), note=text, **names
+    )
     book.note(
         "table1.misplaced",
         "Beside a line of the first half, which then would have no formula for ξ_m up to 1 and long dead time; the "
@@ -167,7 +179,8 @@ def text(book: Ledger) -> pd.DataFrame:
     note = "In three places. Step 5 has τ_d f_a, f_a would have no role otherwise, and Tables 4 to 6 follow from f_a."
     book.statement("eq12.taua", *some(misses["eq12.taua"], "<="), note=note, **names)
     book.note(
-        "eq6.taup", "Eqs (5) to (7), (14) and (16) have τ_i in the same places, and in (13) it divides the integral."
+        "eq6.taup",
+        "Eqs (5) to (7), (14) and (16) have τ_i in the same places, and in (13) it divides the integral.",
     )
     return pd.DataFrame(rows).T
 
@@ -198,7 +211,9 @@ def rounding(book: Ledger) -> pd.DataFrame:
         agree = {"of 9 parameters": 0, "of 42 tunings": 0}
         for k, model in models.items():
             for name, attribute in SHAPES.items():
-                agree["of 9 parameters"] += _same(book, f"table{k + 3}.itae2.{name}", getattr(model, attribute))
+                agree["of 9 parameters"] += _same(
+                    book, f"table{k + 3}.itae2.{name}", getattr(model, attribute)
+                )
             for (method, kind), rule in RULES.items():
                 C = rule(model.process)
                 for name in LETTERS if method == "proposed" else ("kc", "taui", "taud"):

@@ -74,7 +74,9 @@ def tuned() -> dict[Key, NonInteractivePIDA]:
         (k, method, kind): rule(second_order()[k].process)
         for k, ((method, kind), rule) in product(processes(), RULES.items())
     }
-    return found | {(k, "imc", kind): itae.imc_pid(first_order()[k].process) for k, kind in product(processes(), KINDS)}
+    return found | {
+        (k, "imc", kind): itae.imc_pid(first_order()[k].process) for k, kind in product(processes(), KINDS)
+    }
 
 
 def proposed() -> dict[tuple[int, str], NonInteractivePIDA]:
@@ -169,7 +171,10 @@ def measured() -> pd.DataFrame:
 def _rivals(measure: Callable[[Response], float], kind: str) -> dict[str, tuple[float, float]]:
     """A measure of the proposed loops beside that of each rival."""
     return {
-        f"Example {k}, {METHODS[method]}": (measure(runs()[k, "proposed", kind]), measure(runs()[k, method, kind]))
+        f"Example {k}, {METHODS[method]}": (
+            measure(runs()[k, "proposed", kind]),
+            measure(runs()[k, method, kind]),
+        )
         for k, method in product(processes(), ("imc", "itae2"))
     }
 
@@ -188,7 +193,8 @@ def responses(book: Ledger) -> pd.DataFrame:
     book.statement("st.servo.rise", *every(_rivals(rise, "setpoint"), "<"), note=text)
     delayed = {
         method: pidalab.step_response(
-            pidalab.Loop(pidalab.lags(5, delay=0.2), tuned()[2, method, "setpoint"]), np.linspace(0, 100, 5001)
+            pidalab.Loop(pidalab.lags(5, delay=0.2), tuned()[2, method, "setpoint"]),
+            np.linspace(0, 100, 5001),
         ).overshoot()
         for method in METHODS
     }

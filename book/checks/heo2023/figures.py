@@ -138,7 +138,9 @@ def paper_figure1() -> Figure:
     """Paper Fig. 1 with an assumed dead time of half the time constant."""
     figure, axes = _panels(1, 3.4, sharey=True)
     for ax, xi, tag in zip(axes, (0.5, 1.0), "ab", strict=True):
-        shown = {name: figure1()[xi, 0.5][name] for name in ("PIDA, proposed", "PIDA, optimal", "PID, ITAE-2")}
+        shown = {
+            name: figure1()[xi, 0.5][name] for name in ("PIDA, proposed", "PIDA, optimal", "PID, ITAE-2")
+        }
         plots.signal(ax, shown, "y", until=8)
         ax.set_title(rf"({tag}) $\xi_m = {xi:g}$")
     axes[0].set_ylabel("output y")
@@ -156,14 +158,22 @@ def limits() -> Figure:
             ax.plot(*plots.thin(run.t[run.t <= 6], run.y[run.t <= 6], 800), label=label)
     pid = beyond.limited("ITAE-2", math.inf, 0.0)
     for ax, title in zip(axes, ("no filter", "best filter"), strict=True):
-        ax.plot(*plots.thin(pid.t[pid.t <= 6], pid.y[pid.t <= 6], 800), "-", color=GREY, lw=1, label="PID, no limit")
+        ax.plot(
+            *plots.thin(pid.t[pid.t <= 6], pid.y[pid.t <= 6], 800),
+            "-",
+            color=GREY,
+            lw=1,
+            label="PID, no limit",
+        )
         ax.set(title=f"set point: {title}", xlabel="time units")
     axes[0].set_ylabel("output y")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=10)
     return figure
 
 
-def _maps(axes: Iterable[Axes], chosen: Sequence[tuple[str, pd.DataFrame]], column: str, levels: list[float]) -> object:
+def _maps(
+    axes: Iterable[Axes], chosen: Sequence[tuple[str, pd.DataFrame]], column: str, levels: list[float]
+) -> object:
     """Draw one quantity over ratio and damping; where the loop is unstable the hatched ground is left bare."""
     for ax, (title, rows) in zip(axes, chosen, strict=True):
         grid = rows.pivot(index="damping", columns="ratio", values=column)

@@ -33,7 +33,9 @@ def load_candidates() -> dict[str, list[Array]]:
     }
     found = {}
     scheme = Scheme(step=0.002)
-    for (name, den), delay, k, kind, load in product(dens.items(), (0.0, 0.2, 0.5), processes(), SPOKEN, (True, False)):
+    for (name, den), delay, k, kind, load in product(
+        dens.items(), (0.0, 0.2, 0.5), processes(), SPOKEN, (True, False)
+    ):
         step = Experiment(Process([1.0], den, delay=delay), load, 60.0, 0.0)
         errors = [schemes.errors(step, tuned()[k, method, kind], scheme)[::25] for method in METHODS]
         where = "at the input" if load else "at the output"

@@ -27,7 +27,14 @@ from .examples import (
 from .schemes import Experiment, Scheme
 
 START = 1.0  # of the steps, found by `windows`
-ENDS = {(1, "setpoint"): 8, (1, "load"): 12, (2, "setpoint"): 20, (2, "load"): 25, (3, "setpoint"): 15, (3, "load"): 15}
+ENDS = {
+    (1, "setpoint"): 8,
+    (1, "load"): 12,
+    (2, "setpoint"): 20,
+    (2, "load"): 25,
+    (3, "setpoint"): 15,
+    (3, "load"): 15,
+}
 FOUND = Scheme()  # the one of `scheme`
 PID_VALUES = [key for key in product(processes(), ("imc", "itae2"), KINDS) if key[::2] != (3, "load")]
 PIDA_VALUES = [(k, "proposed", kind) for k, kind in ENDS if (k, kind) != (3, "load")]
@@ -69,7 +76,9 @@ def definition(book: Ledger) -> pd.DataFrame:
     infinite = {key: run.itae(math.inf) for key, run in runs().items()}
     printed = {key: book.printed(row(key)) for key in infinite}
     misses = {
-        f"{experiment(k, kind)}, {METHODS[method]}": _apart(book, (k, method, kind), infinite[k, method, kind])
+        f"{experiment(k, kind)}, {METHODS[method]}": _apart(
+            book, (k, method, kind), infinite[k, method, kind]
+        )
         for k, method, kind in infinite
     }
     nearest = min(abs(infinite[key] / printed[key] - 1) for key in infinite)
@@ -91,7 +100,9 @@ def definition(book: Ledger) -> pd.DataFrame:
     text = f"To infinity from the step, with the processes as printed; IMC, ITAE-2, proposed: {values}."
     book.statement("itae.order", *every(pairs, "<"), note=text)
     rows = {
-        experiment(k, kind): {METHODS[m]: f"{infinite[k, m, kind]:.2f} ({printed[k, m, kind]:.2f})" for m in METHODS}
+        experiment(k, kind): {
+            METHODS[m]: f"{infinite[k, m, kind]:.2f} ({printed[k, m, kind]:.2f})" for m in METHODS
+        }
         for k, kind in ENDS
     }
     return pd.DataFrame(rows).T
@@ -148,7 +159,9 @@ def scheme(book: Ledger) -> pd.DataFrame:
         note = f"Step at t = {START:g}, time from 0, end at t = {ENDS[key[0], key[2]]}: found, not printed. "
         if key[::2] == (2, "setpoint"):
             note += "Dead time 0.2 added to eq. (18), see itae.ex2.plant. "
-        note += f"Sampled every {FOUND.step} (Euler plant, Tustin filter); the exact loop gives {exact(key):.4f}."
+        note += (
+            f"Sampled every {FOUND.step} (Euler plant, Tustin filter); the exact loop gives {exact(key):.4f}."
+        )
         book.check(row(key), sampled(key), note=note)
     rows = []
     for tried in schemes.pid_variants():
@@ -159,7 +172,9 @@ def scheme(book: Ledger) -> pd.DataFrame:
                 "derivative filter": tried.derivative,
                 "present error in the integral": "yes" if tried.integral_first else "no",
                 "weight at": "start" if tried.weight_first else "end",
-                "of 10": sum(x <= book.row(row(key)).half_unit for x, key in zip(off, PID_VALUES, strict=True)),
+                "of 10": sum(
+                    x <= book.row(row(key)).half_unit for x, key in zip(off, PID_VALUES, strict=True)
+                ),
                 "largest miss": f"{max(off):.3f}",
             }
         )
@@ -175,7 +190,11 @@ def dead_time(book: Ledger) -> pd.DataFrame:
         key = (2, method, "setpoint")
         printed = book.printed(row(key))
         as_printed = schemes.itae(Experiment(plain, False, ENDS[2, "setpoint"]), tuned()[key], FOUND)
-        rows[METHODS[method]] = {"printed": printed, "with (18)": as_printed, "with dead time 0.2": sampled(key)}
+        rows[METHODS[method]] = {
+            "printed": printed,
+            "with (18)": as_printed,
+            "with dead time 0.2": sampled(key),
+        }
         if method != "proposed":
             cases[METHODS[method]] = _apart(book, key, as_printed)
     table = pd.DataFrame(rows).T
@@ -196,7 +215,9 @@ def proposed_misses(book: Ledger) -> dict[Scheme, tuple[float, ...]]:
     """Relative deviation of the five proposed values by each scheme that was tried."""
     printed = [book.printed(row(key)) for key in PIDA_VALUES]
     return {
-        tried: tuple(sampled(key, scheme=tried) / print_ - 1 for key, print_ in zip(PIDA_VALUES, printed, strict=True))
+        tried: tuple(
+            sampled(key, scheme=tried) / print_ - 1 for key, print_ in zip(PIDA_VALUES, printed, strict=True)
+        )
         for tried in schemes.pida_variants()
     }
 

@@ -92,7 +92,10 @@ def largest_gains() -> pd.DataFrame:
     }
     rows = {}
     for (k, kind), C in proposed().items():
-        loops = {name: pidalab.Loop(processes()[k], replace(C, kc=0.1, **change)) for name, change in variants.items()}
+        loops = {
+            name: pidalab.Loop(processes()[k], replace(C, kc=0.1, **change))
+            for name, change in variants.items()
+        }
         rows[experiment(k, kind)] = {name: 0.1 * pidalab.margins(loop).gm for name, loop in loops.items()}
     return pd.DataFrame(rows).T
 
@@ -109,7 +112,11 @@ def _peaks(method: str) -> dict[str, float]:
 def stability(book: Ledger) -> pd.DataFrame:
     """Is the loop more stable with the acceleration?"""
     limit = largest_gains()
-    weaker = {f"{name}, {rival}": (row[rival], row["PIDA"]) for name, row in limit.iterrows() for rival in ("P", "PI")}
+    weaker = {
+        f"{name}, {rival}": (row[rival], row["PIDA"])
+        for name, row in limit.iterrows()
+        for rival in ("P", "PI")
+    }
     text = "Ultimate k_c of P, PI and PIDA: "
     text += "; ".join(f"{name} {listed(row[['P', 'PI', 'PIDA']])}" for name, row in limit.iterrows()) + "."
     book.statement("st.stable.pi", *every(weaker, "<"), note=text)
@@ -124,7 +131,10 @@ def stability(book: Ledger) -> pd.DataFrame:
     names: dict[str, Any] = {"left_name": "Ms of the proposed loop", "right_name": "of ITAE-2"}
     book.statement("st.stable.pid.tuned", *every(pairs, "<"), note=text, **names)
     columns = {f"largest gain, {name}": limit[name].map("{:.3g}".format) for name in limit}
-    columns |= {f"Ms, {name}": pd.Series(x).map("{:.2f}".format) for name, x in (("ITAE-2", itae2), ("proposed", pida))}
+    columns |= {
+        f"Ms, {name}": pd.Series(x).map("{:.2f}".format)
+        for name, x in (("ITAE-2", itae2), ("proposed", pida))
+    }
     return pd.DataFrame(columns)
 
 
@@ -134,7 +144,9 @@ def parameters(book: Ledger) -> pd.DataFrame:
     for (k, kind), C in proposed().items():
         pid = tuned()[k, "itae2", kind]
         ratios = C.kc / pid.kc, C.tau_i / pid.tau_i, C.tau_d / pid.tau_d
-        rows[experiment(k, kind)] = dict(zip(("gain", "integral time", "derivative time"), ratios, strict=True))
+        rows[experiment(k, kind)] = dict(
+            zip(("gain", "integral time", "derivative time"), ratios, strict=True)
+        )
     table = pd.DataFrame(rows).T
     bigger = {name: (row["gain"], 1.0) for name, row in rows.items()}
     text = f"Proposed over ITAE-2: {listed(table['gain'], '.2f')}."
@@ -188,14 +200,18 @@ def filter_constants(book: Ledger) -> pd.DataFrame:
     book.statement("st.alpha.noise", *every(pairs, "<"), note=text)
     first, second = cost[0.1] - cost[CHOSEN], cost[0.15] - cost[0.1]
     rises = {f"{name}, first step": (float(first[name]), 0.0) for name in cost.index}
-    rises |= {f"{name}, second step over first": (float(second[name]), float(first[name])) for name in cost.index}
+    rises |= {
+        f"{name}, second step over first": (float(second[name]), float(first[name])) for name in cost.index
+    }
     text = "; ".join(f"{name}: {listed(cost.loc[name, [CHOSEN, 0.1, 0.15]])}" for name in cost.index) + "."
     book.statement("st.alpha.above", *every(rises, ">"), note=f"{text} {LONG}", digits=7)
     falls = {
         f"{name}, α_d {a:g} to {b:g}": (cost.loc[name, b], cost.loc[name, a])
         for name, (a, b) in product(cost.index, pairwise(ALPHAS[:3]))
     }
-    text = "; ".join(f"{name}: {listed(cost.loc[name, list(ALPHAS[:3])], '.4g')}" for name in cost.index) + "."
+    text = (
+        "; ".join(f"{name}: {listed(cost.loc[name, list(ALPHAS[:3])], '.4g')}" for name in cost.index) + "."
+    )
     book.statement("st.alpha.below", *every(falls, ">"), note=f"{text} {LONG}", digits=7)
     kept = {str(name): (cost.loc[name, CHOSEN], cost.loc[name, SHARPEST]) for name in cost.index}
     text = f"ITAE over that with α_d = {SHARPEST}: {listed(cost[CHOSEN] / cost[SHARPEST], '.2f')}."
@@ -221,7 +237,9 @@ def imc(book: Ledger) -> pd.DataFrame:
     for k, process in processes().items():
         jw = 1j * np.linspace(1e-3, first_order()[k].wu, 2000)
         models = {"first order": first_order()[k].process, "second order": second_order()[k].process}
-        rows[f"Example {k}"] = {name: float(np.max(np.abs(m(jw) / process(jw) - 1))) for name, m in models.items()}
+        rows[f"Example {k}"] = {
+            name: float(np.max(np.abs(m(jw) / process(jw) - 1))) for name, m in models.items()
+        }
     table = pd.DataFrame(rows).T
     third = rows["Example 3"]["first order"]
     others = {f"Example {k}": (third, rows[f"Example {k}"]["first order"]) for k in (1, 2)}

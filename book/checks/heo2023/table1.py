@@ -84,7 +84,8 @@ def crossings() -> list[float]:
     found = []
     for xi in DAMPINGS:
         lines = [
-            np.polyfit(ends, [itae.factors(unit(xi, x)).f_a for x in ends], 1) for ends in ((0.4, 1.0), (1.1, 2.0))
+            np.polyfit(ends, [itae.factors(unit(xi, x)).f_a for x in ends], 1)
+            for ends in ((0.4, 1.0), (1.1, 2.0))
         ]
         found.append(float(np.roots(lines[0] - lines[1])[0]))
     return found
@@ -107,7 +108,13 @@ def breaks(book: Ledger) -> pd.DataFrame:
     )
     names: dict[str, Any] = {"left_name": "largest jump of f_a at 1.0", "right_name": "f_a"}
     book.statement(
-        "table1.break", largest["Table 1, f_a at r = 1"], "<=", 1.0, note=text, convention="identical", **names
+        "table1.break",
+        largest["Table 1, f_a at r = 1"],
+        "<=",
+        1.0,
+        note=text,
+        convention="identical",
+        **names,
     )
     return pd.DataFrame(rows).T
 
@@ -191,7 +198,9 @@ def half(book: Ledger) -> pd.DataFrame:
     table = pd.DataFrame(rows).T
     for id, name in (("st.half", "ITAE"), ("st.half.iae", "IAE")):
         chosen = table.xs(name, level=1)
-        cases = {f"ξ_m = {xi:g}, θ_m/τ_m = {r:g}": (chosen.loc[xi, r], 1.0) for xi, r in product(DAMPINGS, RATIOS)}
+        cases = {
+            f"ξ_m = {xi:g}, θ_m/τ_m = {r:g}": (chosen.loc[xi, r], 1.0) for xi, r in product(DAMPINGS, RATIOS)
+        }
         fewer = int((chosen < 1).to_numpy().sum())
         text = f"Smaller in {fewer} of {chosen.size} models, f_d and f_a of Table 1; with half over without, "
         text += "; ".join(f"ξ_m = {xi:g}: {listed(row, '.2f')}" for xi, row in chosen.iterrows()) + "."
@@ -215,7 +224,10 @@ def optimised(book: Ledger) -> pd.DataFrame:
         for name, process in (("new model", new), ("original", model)):
             loop = pidalab.Loop(process, C)
             run = pidalab.step_response(loop, SETTLE) if pidalab.is_stable(loop) else None
-            row |= {f"ITAE, {name}": run.itae() if run else math.inf, f"IAE, {name}": run.iae() if run else math.inf}
+            row |= {
+                f"ITAE, {name}": run.itae() if run else math.inf,
+                f"IAE, {name}": run.iae() if run else math.inf,
+            }
     table = pd.DataFrame(rows).T.rename_axis("f_d")
     chosen, first, last = table.loc[f"{table1.f_d:.3f}"], table.iloc[0], table.iloc[-1]
     text = (
@@ -291,7 +303,9 @@ def figure1_statements(book: Ledger) -> pd.DataFrame:
     )
     both = {f"{name}, α_d 0.05": pair for name, pair in cases["ITAE-2 to best PID"].items()}
     both |= {f"{name}, α_d 0.002": pair for name, pair in cases["sharp"].items()}
-    book.statement("st.itae2.optimal", *every(both, "within", convention="similar"), note=f"{text} {SMALL}", digits=8)
+    book.statement(
+        "st.itae2.optimal", *every(both, "within", convention="similar"), note=f"{text} {SMALL}", digits=8
+    )
     text = f"{given}Rule and optimum, in per cent: {'; '.join(f'{a:.1f} and {b:.1f}' for a, b in over.values())}."
     names: dict[str, Any] = {"left_name": "overshoot of the rule", "right_name": "of the optimum"}
     book.statement("st.fig1.overshoot", *every(over, "<"), note=text, **names)

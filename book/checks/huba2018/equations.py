@@ -36,7 +36,9 @@ def forms(book: Ledger) -> pd.DataFrame:
         s, kc, ti = POINTS, one.gain, one.integral_time
         Q = (d.filter_time * s + 1) ** -n
         loop = pidalab.Loop(d.model, d.controller)
-        first = kc * ((1 + ti * s) / (ti * s) + sum(x * s**j for j, x in enumerate(one.derivative_times, start=1)))
+        first = kc * (
+            (1 + ti * s) / (ti * s) + sum(x * s**j for j, x in enumerate(one.derivative_times, start=1))
+        )
         # with the filter, e^{T_d s} of eqs (3) and (4) becomes e^{T_dm s}/Q
         quasi = ti * s**2 * np.exp(0.75 * s) / Q + kc * polynomial(m, s)
         pairs = {
@@ -102,7 +104,9 @@ def multiplicity(book: Ledger) -> pd.DataFrame:
         "−(m+2) − √(m+2) is the other one.",
     )
     cells = {
-        f"m = {m}": {f"derivative {k}": f"{share:.2f}" if share > VANISHES else "0" for k, share in enumerate(row)}
+        f"m = {m}": {
+            f"derivative {k}": f"{share:.2f}" if share > VANISHES else "0" for k, share in enumerate(row)
+        }
         for m, row in shares.items()
     }
     return pd.DataFrame(cells).fillna("–")
@@ -163,7 +167,12 @@ def filter_pole(book: Ledger) -> pd.DataFrame:
     for m, n in GRID:
         d = mrdp.tune(pidalab.ipdt(1.0, delay=0.0), m, n, te=1.0)  # T_d is 1, and there is no dead time
         right = d.ti * POINTS**2 * (1 + d.filter_time * POINTS) ** n + d.kc * polynomial(m, POINTS)
-        left = d.ti * POINTS**2 * (1 + d.filter_time * POINTS) ** n / pidalab.Loop(d.model, d.controller).S(POINTS)
+        left = (
+            d.ti
+            * POINTS**2
+            * (1 + d.filter_time * POINTS) ** n
+            / pidalab.Loop(d.model, d.controller).S(POINTS)
+        )
         characteristic = max(characteristic, residual(left, right))
     book.identity(
         "eq8.characteristic",
@@ -179,10 +188,14 @@ def filter_pole(book: Ledger) -> pd.DataFrame:
         note="For m from 0 to 4 and n from m + 1 to 6 it solves the condition that derivative m + 2 of s²(1 + T_f "
         "s)^n vanishes, and the multiplicity is m + 3, as for eq. (4).",
     )
-    others = {key: float(np.roots(rest[:0:-1]).real.max()) for key, (rest, _) in strict.items() if rest.size > 2}
+    others = {
+        key: float(np.roots(rest[:0:-1]).real.max()) for key, (rest, _) in strict.items() if rest.size > 2
+    }
     book.statement(
         "eq9.dominant",
-        *every({f"m = {m}, n = {n}": (taylor[m, n][1] + x, taylor[m, n][1]) for (m, n), x in others.items()}, "<"),
+        *every(
+            {f"m = {m}, n = {n}": (taylor[m, n][1] + x, taylor[m, n][1]) for (m, n), x in others.items()}, "<"
+        ),
         left_name="real part of another zero, in 1/T_f",
         right_name="s_n",
         note=f"For m from 0 to 4 and n up to 6 the other zeros lie at least {-max(others.values()):.2f}/T_f to the "
@@ -195,7 +208,9 @@ def filter_pole(book: Ledger) -> pd.DataFrame:
         note="For m from 0 to 4 and n from max(m, 1) to 6, s_n of eq. (9) with T_f of eq. (11) is s_o of eq. (6) "
         "with T_d = T_e.",
     )
-    cells = {f"n = {n}": {f"m = {m}": f"{x:.6f}" for (m, k), x in places.items() if k == n} for n in range(1, 7)}
+    cells = {
+        f"n = {n}": {f"m = {m}": f"{x:.6f}" for (m, k), x in places.items() if k == n} for n in range(1, 7)
+    }
     return pd.DataFrame(cells).fillna("–")
 
 

@@ -52,12 +52,16 @@ def ruled_steps() -> Figure:
                 values = np.array([getattr(run, name)[shown] for run in runs])
                 (line,) = ax.plot(middle.t[shown], getattr(middle, name)[shown], label=f"m = {m}")
                 colour = line.get_color()
-                ax.fill_between(middle.t[shown], values.min(axis=0), values.max(axis=0), color=colour, alpha=0.25, lw=0)
+                ax.fill_between(
+                    middle.t[shown], values.min(axis=0), values.max(axis=0), color=colour, alpha=0.25, lw=0
+                )
         axes[0, column].set(title=f"$T_e = {SHORTEST} \\cdot {q:g}^m$", xlim=(0, 15))
         axes[1, column].set_xlabel("time, dead times")
     axes[0, 0].set_ylabel("output y")
     axes[1, 0].set_ylabel("control u")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5, columnspacing=1.0)
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5, columnspacing=1.0
+    )
     return figure
 
 
@@ -96,7 +100,9 @@ def stability_map() -> Figure:
     figure, ax = plt.subplots(figsize=(6.4, 3.9))
     for m, n in pairs:
         border = shortest_filter(m, n)
-        ax.barh(row[m, n], border - left, left=left, color="#c8591a", hatch="////", edgecolor="white", linewidth=0)
+        ax.barh(
+            row[m, n], border - left, left=left, color="#c8591a", hatch="////", edgecolor="white", linewidth=0
+        )
         ax.barh(row[m, n], right - border, left=border, color="#2a8f5b", alpha=0.35)
     marks = {"o": (f"$T_e$ = {SHORTEST}", 1.0), "D": ("(16), q = 1.5", 1.5), "s": ("(16), q = 2", 2.0)}
     for mark, (label, q) in marks.items():
@@ -135,7 +141,9 @@ def around_the_limit() -> Figure:
         for ax, factor in zip(row, (0.85, 1.15), strict=True):
             run = pidalab.step_response(mrdp.tune(unit(), m, 6, factor * shortest_filter(m, 6)).loop(), t)
             ax.plot(*plots.thin(t, run.y))
-            ax.set(title=f"m = {m}, 15 % {'below' if factor < 1 else 'above'}", ylim=(-0.6, 2.4), xlim=(0, 12))
+            ax.set(
+                title=f"m = {m}, 15 % {'below' if factor < 1 else 'above'}", ylim=(-0.6, 2.4), xlim=(0, 12)
+            )
         row[0].set_ylabel("output y")
     for ax in axes[-1]:
         ax.set_xlabel("time, dead times")
@@ -158,7 +166,10 @@ def price(columns: Mapping[str, str], families: Mapping[str, pd.DataFrame]) -> F
 
 def price_of_order() -> Figure:
     """Draw what a higher derivative order brings and costs at equal set-point and at equal load steps."""
-    families = {"equal set-point IE, 4.5": family("IAE_s", 4.5, 1), "equal load IE, 15": family("load", 15.0, 1)}
+    families = {
+        "equal set-point IE, 4.5": family("IAE_s", 4.5, 1),
+        "equal load IE, 15": family("load", 15.0, 1),
+    }
     columns = {
         "noise in u": "noise in u",
         "Ms": "$M_s$",
@@ -181,7 +192,9 @@ def engines(path: str) -> Figure:
         ax.set_xlabel("time, s")
     for ax in axes[:, 0]:
         ax.set_ylabel("largest error")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, columnspacing=1.0)
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, columnspacing=1.0
+    )
     return figure
 
 

@@ -77,9 +77,15 @@ def fig7() -> dict[str, pidalab.Response]:
 @cache
 def fig8() -> dict[str, pidalab.Response]:
     """Run the controllers of Fig. 8 on the twin with 7 s more: PI without filter, the others with T_e = 5 s."""
-    longer, delayed = pidalab.ipdt(0.01, delay=USED_DELAY + ADDED), replace(twin(), delay=twin().delay + ADDED)
+    longer, delayed = (
+        pidalab.ipdt(0.01, delay=USED_DELAY + ADDED),
+        replace(twin(), delay=twin().delay + ADDED),
+    )
     designs = {m: mrdp.tune(longer, m, m + 2 if m else 0, te=5.0 if m else 0.0) for m in range(5)}
-    return {f"m = {m}": twins.thermal_experiment(d.loop(), delayed, hold=HOLD["fig 8"]) for m, d in designs.items()}
+    return {
+        f"m = {m}": twins.thermal_experiment(d.loop(), delayed, hold=HOLD["fig 8"])
+        for m, d in designs.items()
+    }
 
 
 def drawn(runs: Mapping[str, pidalab.Response]) -> Figure:
@@ -106,7 +112,11 @@ def step_measures(run: pidalab.Response, start: float, stop: float) -> dict[str,
 def measured(runs: Mapping[str, pidalab.Response], hold: float = HOLD["figs 5 to 7"]) -> pd.DataFrame:
     """Measure the step up and the step down of each run."""
     spans = {"up": (hold, 2 * hold), "down": (2 * hold, 3 * hold)}
-    rows = {f"{label}, {way}": step_measures(run, *span) for label, run in runs.items() for way, span in spans.items()}
+    rows = {
+        f"{label}, {way}": step_measures(run, *span)
+        for label, run in runs.items()
+        for way, span in spans.items()
+    }
     return pd.DataFrame(rows).T.round(1)
 
 

@@ -10,7 +10,17 @@ import pidalab
 from pidalab.ledger import Ledger, every
 from pidalab.rules import mrdp
 
-from .designs import BANDWIDTH, ORDERS, constants, listed, load_integral, noise_in_u, servo_integral, span, unit
+from .designs import (
+    BANDWIDTH,
+    ORDERS,
+    constants,
+    listed,
+    load_integral,
+    noise_in_u,
+    servo_integral,
+    span,
+    unit,
+)
 
 SERVO = (
     4.3,
@@ -50,7 +60,16 @@ def family(way: str, value: float, extra: int) -> pd.DataFrame:
         loop = d.loop()
         found = pidalab.margins(loop)
         rows.append((d.te, found.ms, found.gm, found.pm, found.dm, noise_in_u(loop), d.ie, d.ti / d.kc))
-    names = ["Tₑ", "Ms", "gain margin", "phase margin, deg", "delay margin", "noise in u", "IE set point", "IE load"]
+    names = [
+        "Tₑ",
+        "Ms",
+        "gain margin",
+        "phase margin, deg",
+        "delay margin",
+        "noise in u",
+        "IE set point",
+        "IE load",
+    ]
     return pd.DataFrame(rows, columns=names)
 
 
@@ -119,18 +138,27 @@ def margins(book: Ledger) -> pd.DataFrame:
 
 def effort(book: Ledger) -> pd.DataFrame:
     """Sec. I: control effort over m, as noise in u and as total variation."""
-    servo, load = (against_pi(way, values, "noise in u") for way, values in (("IAE_s", SERVO), ("load", LOAD)))
+    servo, load = (
+        against_pi(way, values, "noise in u") for way, values in (("IAE_s", SERVO), ("load", LOAD))
+    )
     shares = {
-        way: {m: [a / b for name, (a, b) in cases.items() if name.endswith(f"n = m + 1, m = {m}")] for m in ORDERS[1:]}
+        way: {
+            m: [a / b for name, (a, b) in cases.items() if name.endswith(f"n = m + 1, m = {m}")]
+            for m in ORDERS[1:]
+        }
         for way, cases in (("IAE_s", servo), ("load", load))
     }
     ladder = {
-        f"IAE_s = {ie:g}, n = m + {extra}, m = {m + 1}": tuple(family("IAE_s", ie, extra)["noise in u"][[m + 1, m]])
+        f"IAE_s = {ie:g}, n = m + {extra}, m = {m + 1}": tuple(
+            family("IAE_s", ie, extra)["noise in u"][[m + 1, m]]
+        )
         for ie in SERVO
         for extra in EXTRA
         for m in range(4)
     }
-    common = f"White noise of unit deviation with {BANDWIDTH / math.pi:.0f} samples in a dead time, n = m + 1. "
+    common = (
+        f"White noise of unit deviation with {BANDWIDTH / math.pi:.0f} samples in a dead time, n = m + 1. "
+    )
     book.statement(
         "st.effort.noise",
         *every(ladder, "<"),
@@ -143,7 +171,9 @@ def effort(book: Ledger) -> pd.DataFrame:
         "noise rises.",
     )
     ladder = {
-        f"load = {ie:g}, n = m + {extra}, m = {m + 1}": tuple(family("load", ie, extra)["noise in u"][[m + 1, m]])
+        f"load = {ie:g}, n = m + {extra}, m = {m + 1}": tuple(
+            family("load", ie, extra)["noise in u"][[m + 1, m]]
+        )
         for ie in LOAD
         for extra in EXTRA
         for m in range(4)
@@ -197,7 +227,9 @@ def uncertain(book: Ledger) -> pd.DataFrame:
     )
     one = family("IAE_s", 4.5, 1)
     names = {"noise in u": "noise in u", "Ms": "Ms"}
-    promised = {f"{name}, m = {m}": (one[key][m], one[key][0]) for name, key in names.items() for m in ORDERS[1:]}
+    promised = {
+        f"{name}, m = {m}": (one[key][m], one[key][0]) for name, key in names.items() for m in ORDERS[1:]
+    }
     book.statement(
         "st.intro.expectations",
         *every(promised, "<"),

@@ -6,7 +6,19 @@ import pidalab
 from pidalab.ledger import Ledger, every
 from pidalab.rules import mrdp
 
-from .designs import GRID, GROWTH, LIMITED, ORDERS, listed, noise_in_u, ruled, ruled_step, shortest_filter, span, unit
+from .designs import (
+    GRID,
+    GROWTH,
+    LIMITED,
+    ORDERS,
+    listed,
+    noise_in_u,
+    ruled,
+    ruled_step,
+    shortest_filter,
+    span,
+    unit,
+)
 
 BY_M = {m: [n for order, n in GRID if order == m] for m in ORDERS}
 
@@ -29,7 +41,9 @@ def ruled_loops(book: Ledger) -> pd.DataFrame:
             note=f"For m from 2 to 4 and n from m to 6; {unstable} unstable poles are counted in all loops with m "
             "from 0 to 4 together. T_dm is not in the text; 1 is assumed.",
         )
-    constant = {f"m = 4, n = {n}": (pidalab.unstable_poles(mrdp.tune(unit(), 4, n, 0.25).loop()), 1) for n in BY_M[4]}
+    constant = {
+        f"m = 4, n = {n}": (pidalab.unstable_poles(mrdp.tune(unit(), 4, n, 0.25).loop()), 1) for n in BY_M[4]
+    }
     near = shortest_filter(3, 6)
     book.statement(
         "st.rule16.needed",
@@ -51,11 +65,15 @@ def overshoots(book: Ledger) -> pd.DataFrame:
     for q in GROWTH:
         for m, n in GRID:
             over[q, m, n] = ruled_step(q, m, n).overshoot()
-            bare[q, m, n] = pidalab.step_response(pidalab.Loop(unit(), ruled(q, m, n).controller), t).overshoot()
+            bare[q, m, n] = pidalab.step_response(
+                pidalab.Loop(unit(), ruled(q, m, n).controller), t
+            ).overshoot()
     most = {m: max(value for (q, order, _), value in over.items() if order == m and q == 1.5) for m in ORDERS}
     book.statement(
         "st.prefilter.monotonic",
-        *every({label(*key): (value / 100, 1.0) for key, value in over.items() if key[0] == 1.5}, "<=", "settled"),
+        *every(
+            {label(*key): (value / 100, 1.0) for key, value in over.items() if key[0] == 1.5}, "<=", "settled"
+        ),
         left_name="overshoot",
         right_name="step",
         note="Settings of Fig. 2, with T_dm = 1, p = m + 1 and every n up to 6. The largest overshoot for m from 0 "
@@ -209,7 +227,10 @@ def strictly_proper(book: Ledger) -> pd.DataFrame:
         "standard deviation of u falls to "
         f"{listed([100 * deviation[m, m + 1] / deviation[m, m] for m in ORDERS[1:]], '.0f')} % for m = 1, 2, 3, 4.",
     )
-    rows = {f"m = {m}, n = {n}": {"noise in u": deviation[m, n], "with 500 samples": twice[m, n]} for m, n in deviation}
+    rows = {
+        f"m = {m}, n = {n}": {"noise in u": deviation[m, n], "with 500 samples": twice[m, n]}
+        for m, n in deviation
+    }
     return pd.DataFrame(rows).T.round(3)
 
 
@@ -240,4 +261,7 @@ def proper(book: Ledger) -> pd.DataFrame:
         note="The first value of u after a set-point step without prefilter is finite: K_Dm/T_f^m for n = m, and 0 "
         "for n > m; simulated for m from 0 to 4 and n up to 6.",
     )
-    return pd.DataFrame({f"m = {m}, n = {n}": row for (m, n), row in rows.items() if n <= m + 1}).T.round(4) + 0.0
+    return (
+        pd.DataFrame({f"m = {m}, n = {n}": row for (m, n), row in rows.items() if n <= m + 1}).T.round(4)
+        + 0.0
+    )

@@ -65,7 +65,9 @@ def imperfections(book: Ledger) -> pd.DataFrame:
         "is ours.",
     )
     pid = {f"n = {n}, T_e = {te:g}": mrdp.tune(unit(), 1, n, te).loop() for n, te in SHORT_PID}
-    margins = {name: pidalab.margins(loop).gm if pidalab.is_stable(loop) else 0.0 for name, loop in pid.items()}
+    margins = {
+        name: pidalab.margins(loop).gm if pidalab.is_stable(loop) else 0.0 for name, loop in pid.items()
+    }
     kappa = constants(1).gain * constants(1).derivative_times[0]
     book.statement(
         "st.imperfection.m1",
@@ -87,7 +89,11 @@ def shortest_filters(book: Ledger) -> pd.DataFrame:
     rows = {}
     for m, n in LIMITED:
         guess, exact = estimate(m, n), shortest_filter(m, n)
-        rows[f"m = {m}, n = {n}"] = {"estimate": guess, "exact limit": exact, "error, %": 100 * (guess / exact - 1)}
+        rows[f"m = {m}, n = {n}"] = {
+            "estimate": guess,
+            "exact limit": exact,
+            "error, %": 100 * (guess / exact - 1),
+        }
     return pd.DataFrame(rows).T.round(4)
 
 
@@ -200,7 +206,9 @@ def sampling(book: Ledger) -> pd.DataFrame:
             right_name="T_s, in s",
             note=f"{name} with T_e = {EXPERIMENTS[name][2]} s: T_f is {ratio[name] / SAMPLE:.1f} times T_s.",
         )
-    cells = {name: {"filter time, s": x, "filter time / sample time": x / SAMPLE} for name, x in ratio.items()}
+    cells = {
+        name: {"filter time, s": x, "filter time / sample time": x / SAMPLE} for name, x in ratio.items()
+    }
     return pd.DataFrame(cells).T.round(4)
 
 
@@ -217,7 +225,11 @@ def taming_lags(book: Ledger) -> pd.DataFrame:
             "grows at, rad/s": f"{pidalab.rightmost_poles(d.loop())[0].imag:.1f}",
         }
         for way, rest in ways.items():
-            kept = [x for x in lags if pidalab.is_stable(d.loop(pidalab.Process([0.01], [x, 1.0, 0.0], delay=rest(x))))]
+            kept = [
+                x
+                for x in lags
+                if pidalab.is_stable(d.loop(pidalab.Process([0.01], [x, 1.0, 0.0], delay=rest(x))))
+            ]
             gaps = np.diff(np.searchsorted(lags, kept)).max() > 1
             end = (
                 f"{kept[-1]:.1f}"
@@ -234,10 +246,15 @@ def wrong_dead_times(book: Ledger) -> pd.DataFrame:
     for delay in (0.5, 1.0, 2.0, 4.0, 5.0, 8.0):
         d = mrdp.tune(pidalab.ipdt(gain=0.01, delay=delay), 2, 4, te=0.2)
         plants = {"that dead time": d.model, "5 s": nominal(), "the twin": twin}
-        rows[f"tuned for {delay:g} s"] = {name: pidalab.unstable_poles(d.loop(plant)) for name, plant in plants.items()}
+        rows[f"tuned for {delay:g} s"] = {
+            name: pidalab.unstable_poles(d.loop(plant)) for name, plant in plants.items()
+        }
         cases[f"tuned for {delay:g} s"] = (rows[f"tuned for {delay:g} s"]["5 s"], 1)
     tried = np.geomspace(0.1, 20.0, 60)
-    counts = [pidalab.unstable_poles(mrdp.tune(pidalab.ipdt(0.01, delay=x), 2, 4, 0.2).loop(nominal())) for x in tried]
+    counts = [
+        pidalab.unstable_poles(mrdp.tune(pidalab.ipdt(0.01, delay=x), 2, 4, 0.2).loop(nominal()))
+        for x in tried
+    ]
     book.statement(
         "st.fig6.robust",
         *every(cases, "<"),

@@ -87,7 +87,8 @@ def _slower_with_more() -> str:
     """Find out whether the settling time falls, too."""
     m, n, te, t = 3, 3, 2.0, np.linspace(0, 100, 10_001)
     times = {
-        p: pidalab.step_response(mrdp.tune(unit(), m, n, te, cancelled=p).loop(), t).settling_time() for p in (1, m + 1)
+        p: pidalab.step_response(mrdp.tune(unit(), m, n, te, cancelled=p).loop(), t).settling_time()
+        for p in (1, m + 1)
     }
     word = "longer" if times[m + 1] > times[1] else "shorter"
     return (
@@ -167,7 +168,11 @@ def rounding(book: Ledger) -> pd.DataFrame:
     for id in DOUBLY_ROUNDED:
         table, *cell = id.split(".")
         orders = [int(name[1:]) for name in cell]
-        value = mrdp.filter_ratio(*orders) if table == "table2" else mrdp.prefilter_weights(*orders[:2])[orders[2]]
+        value = (
+            mrdp.filter_ratio(*orders)
+            if table == "table2"
+            else mrdp.prefilter_weights(*orders[:2])[orders[2]]
+        )
         row = book.row(id)
         places = len(row.printed.partition(".")[2])
         beyond = (abs(value - float(row.printed)) - row.half_unit) / (2 * row.half_unit)
@@ -197,7 +202,9 @@ def reached(book: Ledger) -> pd.DataFrame:
     )
     found = {m: _least_ratio(m) for m in (0, 1, 2, 3, 4)}
     cases = {f"m = {m}": (ratio - 1, 1.0) for m, (ratio, _, _, _) in found.items()}
-    said = "; ".join(f"m = {m}: by {100 * max(one[0] - 1, 0.0):.2f} %, n = {one[1]}" for m, one in found.items())
+    said = "; ".join(
+        f"m = {m}: by {100 * max(one[0] - 1, 0.0):.2f} %, n = {one[1]}" for m, one in found.items()
+    )
     book.statement(
         "st.table4.iae",
         *every(cases, "<=", "identical"),
@@ -240,4 +247,6 @@ def _cell(book: Ledger, id: str, value: float) -> str:
     """Show a computed number to the printed digits, and what is printed where that is something else."""
     row = book.row(id)
     text = f"{value:.{len(row.printed.partition('.')[2])}f}"
-    return text if abs(value - float(row.printed)) <= row.half_unit * 1.1 else f"{text}, printed {row.printed}"
+    return (
+        text if abs(value - float(row.printed)) <= row.half_unit * 1.1 else f"{text}, printed {row.printed}"
+    )

@@ -76,7 +76,10 @@ def margins(book: Ledger) -> pd.DataFrame:
     tried = {}
     for kp, ti in product((0.01, 0.1, ar.PI.kp, 1.0), (0.3, 1.0, ar.PI.ti, 20.0)):
         own = pidalab.SeriesPIDA(kp, 0.0, 0.0, ti, filter_time=0.2, filter_order=4)
-        tried[f"K_p = {kp:.3g}, T_i = {ti:.3g}"] = (criteria.circle(pidalab.Loop(loops.plant(), own)).margin, 0)
+        tried[f"K_p = {kp:.3g}, T_i = {ti:.3g}"] = (
+            criteria.circle(pidalab.Loop(loops.plant(), own)).margin,
+            0,
+        )
     book.statement(
         "st.absolute.pi.circle",
         *every(tried, "<"),
@@ -125,7 +128,10 @@ def margins(book: Ledger) -> pd.DataFrame:
 
 
 def _row(name: str) -> dict[str, str]:
-    own, by = loops.designs()[name], "circle" if circle(name).holds else "Popov" if popov(name).holds else "no"
+    own, by = (
+        loops.designs()[name],
+        "circle" if circle(name).holds else "Popov" if popov(name).holds else "no",
+    )
     return {
         "circle": f"{circle(name).margin:+.3f}",
         "at frequency": f"{circle(name).frequency:.2f}",

@@ -52,14 +52,21 @@ def chosen() -> tuple[pidalab.Design, int, int]:
     allowed = spots[np.argsort(np.where(sensitivity <= ceiling(), price, np.inf))]
     allowed = allowed[: min(20, np.sum(sensitivity <= ceiling()))]
     kept = _passing(_passing(allowed, 0.001, search.BOUND), 0.0005, search.BOUND)
-    return loops.design(loops.setting_at(kept[0].round(6), "recommended")), len(allowed), len(allowed) - len(kept)
+    return (
+        loops.design(loops.setting_at(kept[0].round(6), "recommended")),
+        len(allowed),
+        len(allowed) - len(kept),
+    )
 
 
 def rivals() -> dict[str, pidalab.Design]:
     """The paper's settings, the optimum of (23) with a reserve, and the recommended one."""
     named = {"PIDA_1": "PIDA_1", "PIDA_2": "PIDA_2", "(25)": "PPM-PIDA"}
     sharp = loops.design(loops.setting_at(optimum.with_reserve(), "with a reserve"))
-    return {k: loops.designs()[v] for k, v in named.items()} | {"fastest under (23)": sharp, "recommended": chosen()[0]}
+    return {k: loops.designs()[v] for k, v in named.items()} | {
+        "fastest under (23)": sharp,
+        "recommended": chosen()[0],
+    }
 
 
 @tabled
@@ -122,14 +129,25 @@ def draw_exchange() -> Figure:
     order = np.argsort(sensitivity)
     figure, ax = plt.subplots(figsize=(6.4, 4.0))
     ax.plot(sensitivity, price, ".", color="#7a6a1c", markersize=4, label="passes all six")
-    ax.step(sensitivity[order], np.minimum.accumulate(price[order]), "-", where="post", label="the best of them")
+    ax.step(
+        sensitivity[order], np.minimum.accumulate(price[order]), "-", where="post", label="the best of them"
+    )
     for (name, own), mark in zip(rivals().items(), "sDo^*", strict=True):
         cost = loops.portrait(loops.point(own.setting), loops.T_S).iae
         ms = pidalab.max_sensitivity(own.loop())[0]
         face = "#c8591a" if name == "recommended" else "none"
         label = name.replace("_1", "$_1$").replace("_2", "$_2$")
         size = 14 if mark == "*" else 9
-        ax.plot(ms, cost, mark, color="#c8591a", markeredgewidth=2, label=label, markersize=size, markerfacecolor=face)
+        ax.plot(
+            ms,
+            cost,
+            mark,
+            color="#c8591a",
+            markeredgewidth=2,
+            label=label,
+            markersize=size,
+            markerfacecolor=face,
+        )
     ax.set(xlabel="$M_s$", ylabel="$IAE_d$", xlim=(1.6, 4.3))
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
     return figure

@@ -19,7 +19,12 @@ from pidalab.rules import automatic_reset as ar
 from . import loops
 from .tables import tabled
 
-WAYS = {"automatic reset": "reset", "no protection": None, "clamping": "clamping", "conditioning": "conditioning"}
+WAYS = {
+    "automatic reset": "reset",
+    "no protection": None,
+    "clamping": "clamping",
+    "conditioning": "conditioning",
+}
 ORACLE = Path(__file__).parents[3] / "tests" / "oracle" / "reset_loops.json"
 
 
@@ -67,7 +72,9 @@ def tracking() -> pd.DataFrame:
 def draw_protections(*names: str) -> Figure:
     """The load step under four protections, a row for each controller: output and control signal."""
     names = names or ("MRDP-PIDA", "PIDA_1")
-    figure, axes = plt.subplots(len(names), 2, figsize=(6.4, 0.5 + 2.2 * len(names)), sharex=True, squeeze=False)
+    figure, axes = plt.subplots(
+        len(names), 2, figsize=(6.4, 0.5 + 2.2 * len(names)), sharex=True, squeeze=False
+    )
     for row, name in zip(axes, names, strict=True):
         for (ax, signal), way in product(zip(row, "yu", strict=True), WAYS):
             r = protected(name, way, "load")
@@ -134,7 +141,9 @@ def accuracy() -> pd.DataFrame:
         inputs, each = {"setpoint": case["setpoint"], "load": case["load"]}, round(0.5 / h)
         free = pidalab.simulate_sampled(loop, clock, **inputs)
         tight = pidalab.simulate_sampled(loop, clock, **inputs, limits=tuple(case["limits"]))
-        late.setdefault(("without limits", h), []).append((free.y - pidalab.simulate(loop, clock, **inputs).y)[::each])
+        late.setdefault(("without limits", h), []).append(
+            (free.y - pidalab.simulate(loop, clock, **inputs).y)[::each]
+        )
         late.setdefault(("with limits", h), []).append(tight.y[::each] - case["y"])
     rows = {}
     for kind in ("without limits", "with limits"):
@@ -149,7 +158,9 @@ def accuracy() -> pd.DataFrame:
 @tabled
 def machines() -> pd.DataFrame:
     """The stored benchmark of portraits: our engine beside two other ways."""
-    kept = pd.read_csv(Path(__file__).parents[2] / "data" / "portrait_comparison.csv", comment="#").set_index("method")
+    kept = pd.read_csv(Path(__file__).parents[2] / "data" / "portrait_comparison.csv", comment="#").set_index(
+        "method"
+    )
     return pd.DataFrame(
         {
             "loops run": kept.sets.map("{:d}".format),

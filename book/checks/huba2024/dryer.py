@@ -103,7 +103,8 @@ def printed_loops(book: Ledger) -> pd.DataFrame:
         "The printed numbers contradict it: with K_s and T_d of (32), Q_4 with 50 s, and a pure integrator without any "
         "dead time, the loop with "
         + ", ".join(
-            f"{name} bears {x:.2f} times its gain and has {n} unstable poles" for name, (n, x, _) in found.items()
+            f"{name} bears {x:.2f} times its gain and has {n} unstable poles"
+            for name, (n, x, _) in found.items()
         )
         + f". With one lag in place of the integrator, {len(_one_lag(gain))} of them that 24 V heat by 55 K or more, "
         + ", ".join(f"{name} bears at most {x:.2f}" for name, (_, _, x) in found.items())
@@ -111,7 +112,9 @@ def printed_loops(book: Ledger) -> pd.DataFrame:
     )
     given: dict[str, Any] = {"left_name": "unstable poles", "right_name": "none"}
     known = {name: (poles, 0) for name, (poles, *_) in found.items()}
-    book.statement("fig6.reference", *every({n: known[n] for n in ("PI", "PID", "PIDA_1")}, "=="), **given, note=said)
+    book.statement(
+        "fig6.reference", *every({n: known[n] for n in ("PI", "PID", "PIDA_1")}, "=="), **given, note=said
+    )
     pida = {n: known[n] for n in ("PIDA_1", "PIDA_2")}
     book.statement("fig6.pida.monotonic", *every(pida, "=="), **given, note=said)
     fastest = RISE / (VOLTS * gain)

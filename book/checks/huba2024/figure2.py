@@ -18,7 +18,9 @@ from .tables import tabled
 
 ORDERS = (2, 3, 4, 5, 6, 8)
 STANDARD = "T_e = 0.8, T_f = T_e/n, T_s = 0.001, the family of eq. (29) from the unrounded eq. (18)"
-EQUAL_SLOPE = ar.MRDP_PIDA.times[0] / 2  # τ_D/2: (1 + τ_2 x)² then has the linear term of the pair that it replaces
+EQUAL_SLOPE = (
+    ar.MRDP_PIDA.times[0] / 2
+)  # τ_D/2: (1 + τ_2 x)² then has the linear term of the pair that it replaces
 MARKS = (EQUAL_SLOPE, 0.232, 0.348)
 
 
@@ -85,7 +87,8 @@ def servo(book: Ledger) -> pd.DataFrame:
         left_name=f"places of the map, of {taus().size}, with less than half the TV_1(u_s) of 0.232, n = 4",
         note=f"{STANDARD}. It is zero, below 1e-6, "
         + "; ".join(
-            f"for n = {n} " + (f"from {x[0]:.3f} to {x[-1]:.3f}" if x.size else "nowhere") for n, x in zero.items()
+            f"for n = {n} " + (f"from {x[0]:.3f} to {x[-1]:.3f}" if x.size else "nowhere")
+            for n, x in zero.items()
         )
         + f" (grid of 0.005), and {excess[0.232]:.5f} at 0.232 for n = 4.",
     )
@@ -126,7 +129,9 @@ def servo(book: Ledger) -> pd.DataFrame:
     book.note(
         "fig2.grid",
         "The "
-        + ", the ".join(f"{name} has {x[0]:g} to {x[-1]:g} in steps of {x[1] - x[0]:.2f}" for name, x in grids.items())
+        + ", the ".join(
+            f"{name} has {x[0]:g} to {x[-1]:g} in steps of {x[1] - x[0]:.2f}" for name, x in grids.items()
+        )
         + f": {common.size} places in common, and three numbers of one grid would have to be misread. Neither contains "
         "0.232 or 0.348. Which one was used is not known; the text also describes what happens below 0.2.",
     )

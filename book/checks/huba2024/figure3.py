@@ -75,7 +75,11 @@ def measures(book: Ledger) -> pd.DataFrame:
 def faster(book: Ledger) -> None:
     """Abstract and Section 4: faster with each derivative, in smooth shapes; Section 1: odd degrees."""
     order = ("PI", "PID", "PIDA_1")
-    pairs = {f"{b} and {a}, {step}": (iae(b, step), iae(a, step)) for step in loops.STEPS for a, b in pairwise(order)}
+    pairs = {
+        f"{b} and {a}, {step}": (iae(b, step), iae(a, step))
+        for step in loops.STEPS
+        for a, b in pairwise(order)
+    }
     said = "; ".join(f"{step} " + ", ".join(f"{iae(n, step):.2f}" for n in order) for step in loops.STEPS)
     book.statement(
         "st.abstract.accelerate",
@@ -149,7 +153,9 @@ def overshoot(book: Ledger) -> None:
     book.statement("fig3.mrdp", *every(both, ">"), convention="settled", **given, note=f"{STANDARD}. {said}")
     servo = {key: both[key] for key in ("y, setpoint", "u, setpoint")}
     book.statement("st.constrained.overshoot", *every(servo, ">"), convention="settled", **given)
-    against = {f"overshoot, {step}": (overshoot_of(name, step), overshoot_of("PIDA_1", step)) for step in loops.STEPS}
+    against = {
+        f"overshoot, {step}": (overshoot_of(name, step), overshoot_of("PIDA_1", step)) for step in loops.STEPS
+    }
     against |= {f"IAE, {step}": (iae(name, step), iae("PIDA_1", step)) for step in loops.STEPS}
     book.statement(
         "eq26.slow",

@@ -34,9 +34,13 @@ def prefilters(book: Ledger) -> pd.DataFrame:
     )
     quick, more = {}, {}
     for name in ("MRDP-PIDA", "PIDA_1", "PIDA_2"):
-        for case, bounds in (("without limits", loops.FREE), ("limits of Paper Fig. 3", loops.limits("setpoint"))):
+        for case, bounds in (
+            ("without limits", loops.FREE),
+            ("limits of Paper Fig. 3", loops.limits("setpoint")),
+        ):
             runs = [
-                loops.sampled(loops.design(ar.SETTINGS[name], cancelled=c).loop(), "setpoint", bounds) for c in (0, 1)
+                loops.sampled(loops.design(ar.SETTINGS[name], cancelled=c).loop(), "setpoint", bounds)
+                for c in (0, 1)
             ]
             quick[f"{name}, {case}"] = (runs[1].iae(), runs[0].iae())
             if bounds != loops.FREE:
@@ -68,7 +72,9 @@ def prefilters(book: Ledger) -> pd.DataFrame:
         note="The zero of the prefilter is a pole of the loop without filter. T_d/2 is T_0 for m = 2 only; for PI and "
         f"PID it would be {loops.pi().lag:.4f} T_d and {loops.pid().lag:.4f} T_d.",
     )
-    return pd.DataFrame({k: {"IAE, (21)": f"{b:.3f}", "IAE, (22)": f"{a:.3f}"} for k, (a, b) in quick.items()}).T
+    return pd.DataFrame(
+        {k: {"IAE, (21)": f"{b:.3f}", "IAE, (22)": f"{a:.3f}"} for k, (a, b) in quick.items()}
+    ).T
 
 
 @tabled

@@ -128,7 +128,10 @@ def conditions(book: Ledger) -> pd.DataFrame:
         "left, with the roots −2 and −6.",
     )
     return pd.DataFrame(
-        {f"m = {m}": {"all m + 3 conditions": f"{all_of[m]:.0e}", "the next": f"{then[m]:.3g}"} for m in range(9)}
+        {
+            f"m = {m}": {"all m + 3 conditions": f"{all_of[m]:.0e}", "the next": f"{then[m]:.3g}"}
+            for m in range(9)
+        }
     ).T
 
 
@@ -146,7 +149,9 @@ def _rank(m: int, one: ar.Setting) -> int:
     columns = []
     for i in range(m + 3):
         up, down = ([x + sign * step * (i == j) for j, x in enumerate(base)] for sign in (1, -1))
-        columns.append([float((a - b) / (2 * step)) for a, b in zip(residuals(*up), residuals(*down), strict=True)])
+        columns.append(
+            [float((a - b) / (2 * step)) for a, b in zip(residuals(*up), residuals(*down), strict=True)]
+        )
     return int(np.linalg.matrix_rank(np.array(columns), tol=1e-4))
 
 
@@ -199,7 +204,9 @@ def zeros(book: Ledger) -> pd.DataFrame:
         len(fastest),
         left_name="degrees m from 1 to 8 whose fastest zero is complex just if m is even",
         right_name="all of them",
-        note="; ".join(f"m = {m}: {z.real:.3f}" + f" ± {abs(z.imag):.3f}j" * (m % 2 == 0) for m, z in fastest.items())
+        note="; ".join(
+            f"m = {m}: {z.real:.3f}" + f" ± {abs(z.imag):.3f}j" * (m % 2 == 0) for m, z in fastest.items()
+        )
         + ", in units of 1/T_d. Odd m from 3 on have complex pairs too, but slower ones. For m = "
         "0 the only zero is real.",
     )
@@ -212,7 +219,12 @@ def zeros(book: Ledger) -> pd.DataFrame:
     )
     pid = sorted(-1 / z.real for z in _zeros(1))
     book.statement(
-        "eq16.smallest", loops.pid().ti, "<", pid[1], left_name="T_i/T_d", right_name="the other time constant"
+        "eq16.smallest",
+        loops.pid().ti,
+        "<",
+        pid[1],
+        left_name="T_i/T_d",
+        right_name="the other time constant",
     )
     pair = -1 / float(fastest[2].real)
     taken = {"PID": (loops.pid().ti, pid[1]), "PIDA": (ar.double_zero().ti, loops.pida().ti)}
@@ -230,7 +242,9 @@ def zeros(book: Ledger) -> pd.DataFrame:
         "K_p": (loops.pid().kp, loops.pi().kp),
     }
     book.statement("eq16.reset", *every(smaller, "<"), left_name="PID", right_name="PI")
-    return pd.DataFrame({m: {"zeros times T_d": ", ".join(f"{z:.3f}" for z in _zeros(m))} for m in range(1, 5)}).T
+    return pd.DataFrame(
+        {m: {"zeros times T_d": ", ".join(f"{z:.3f}" for z in _zeros(m))} for m in range(1, 5)}
+    ).T
 
 
 @tabled

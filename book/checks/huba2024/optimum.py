@@ -46,7 +46,11 @@ def optimum() -> tuple[np.ndarray, float]:
 
     Seventy generations with a coarse sample time find the place, sixty with the paper's find the setting.
     """
-    rng, low, high = np.random.default_rng(2024), np.array([0.17, 2.3, 0.6, 0.3]), np.array([0.26, 3.1, 0.95, 0.46])
+    rng, low, high = (
+        np.random.default_rng(2024),
+        np.array([0.17, 2.3, 0.6, 0.3]),
+        np.array([0.26, 3.1, 0.95, 0.46]),
+    )
     spots = low + (high - low) * rng.random((64, 4))
     for h, generations in ((0.004, 70), (loops.T_S, 60)):
         price = _price(spots, h)
@@ -54,7 +58,9 @@ def optimum() -> tuple[np.ndarray, float]:
             one, two, three = (spots[rng.permutation(64)] for _ in range(3))
             leader = spots[np.argsort(price)[rng.integers(0, 8, 64)]]
             pull = rng.uniform(0.4, 0.9, (64, 1))
-            trial = np.where(rng.random((64, 4)) < 0.9, one + pull * (leader - one) + pull * (two - three), spots)
+            trial = np.where(
+                rng.random((64, 4)) < 0.9, one + pull * (leader - one) + pull * (two - three), spots
+            )
             trial = np.clip(trial, low, high)
             cost = _price(trial, h)
             better = cost <= price

@@ -45,7 +45,9 @@ def against_the_engine() -> pd.DataFrame:
     clock = loops.clock(80.0, H)
     w, d = np.minimum(1.0, clock / 5), np.where(clock < 40, 0.0, 0.05)
     noise = pidalab.uniform_noise(clock, 0.002, seed=4)
-    engine = pidalab.simulate_sampled(pidalab.Loop(loops.plant(), own), clock, w, d, noise=noise, limits=LIMITS)
+    engine = pidalab.simulate_sampled(
+        pidalab.Loop(loops.plant(), own), clock, w, d, noise=noise, limits=LIMITS
+    )
     step, late, y = controller(own, H, *LIMITS), [0.0] * round(loops.plant().delay / H), 0.0
     ours = np.empty((2, clock.size))
     for k in range(clock.size):
@@ -55,4 +57,6 @@ def against_the_engine() -> pd.DataFrame:
         y += H * late.pop(0)
     apart = np.max(np.abs(ours - [engine.y, engine.u]))
     share = np.mean(np.abs(engine.u) >= LIMITS[1])
-    return pd.DataFrame({"": {"at most 1e-12 apart": str(bool(apart < 1e-12)), "samples at a limit": f"{share:.2f}"}})
+    return pd.DataFrame(
+        {"": {"at most 1e-12 apart": str(bool(apart < 1e-12)), "samples at a limit": f"{share:.2f}"}}
+    )

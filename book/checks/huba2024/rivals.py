@@ -41,7 +41,8 @@ def searched(book: Ledger) -> pd.DataFrame:
         + ".",
     )
     pairs = {
-        f"overshoot, {step}": (figure3.overshoot_of(one, step), figure3.overshoot_of(P, step)) for step in loops.STEPS
+        f"overshoot, {step}": (figure3.overshoot_of(one, step), figure3.overshoot_of(P, step))
+        for step in loops.STEPS
     }
     for key, (e, _) in loops.shapes(one).items():
         tail = key.partition(", ")[2]
@@ -61,7 +62,9 @@ def searched(book: Ledger) -> pd.DataFrame:
         *every(costs, "<"),
         left_name="IAE of PIDA_1",
         right_name="that of PPM-PIDA",
-        note=f"{figure3.STANDARD}. " + "; ".join(f"{k} {a:.3f} against {b:.3f}" for k, (a, b) in costs.items()) + ".",
+        note=f"{figure3.STANDARD}. "
+        + "; ".join(f"{k} {a:.3f} against {b:.3f}" for k, (a, b) in costs.items())
+        + ".",
     )
     resets = {name: (loops.series(name).ti, book.printed("fig3.tf")) for name in figure3.SHOWN}
     book.statement(
@@ -102,14 +105,18 @@ def robust(book: Ledger) -> pd.DataFrame:
         *every({f"dead time {d}": (costs["PIDA_2", d], costs["PIDA_1", d]) for d in (0.8, 1.2)}, "<"),
         left_name="IAE_d of PIDA_2",
         right_name="that of PIDA_1",
-        note=said + "; ".join(f"{n} {costs[n, 0.8]:.2f} and {costs[n, 1.2]:.2f}" for n in ("PIDA_1", "PIDA_2")) + ".",
+        note=said
+        + "; ".join(f"{n} {costs[n, 0.8]:.2f} and {costs[n, 1.2]:.2f}" for n in ("PIDA_1", "PIDA_2"))
+        + ".",
     )
     book.statement(
         "st.pida2.deviating.shape",
         *every({f"dead time {d}": (worst["PIDA_2", d], worst["PIDA_1", d]) for d in (0.8, 1.2)}, "<="),
         left_name="TV_1(u_d) of PIDA_2",
         right_name="that of PIDA_1",
-        note=said + "; ".join(f"{n} {worst[n, 0.8]:.4f} and {worst[n, 1.2]:.4f}" for n in ("PIDA_1", "PIDA_2")) + ".",
+        note=said
+        + "; ".join(f"{n} {worst[n, 0.8]:.4f} and {worst[n, 1.2]:.4f}" for n in ("PIDA_1", "PIDA_2"))
+        + ".",
     )
     return pd.DataFrame(
         {

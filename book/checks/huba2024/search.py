@@ -43,10 +43,16 @@ def printed_setting(book: Ledger) -> pd.DataFrame:
     book.check({"eq25.td": kd / kp, "eq25.ta2": ka / kp})
     old = loops.pida()
     moved = {"K_p": (kp, old.kp), "T_i": (book.printed("eq25.ti"), old.ti)}
-    moved |= {"K_d": (old.kd, kd), "K_a": (old.ka, ka), "T_D": (old.times[0], kd / kp), "T_A²": (old.times[1], ka / kp)}
+    moved |= {
+        "K_d": (old.kd, kd),
+        "K_a": (old.ka, ka),
+        "T_D": (old.times[0], kd / kp),
+        "T_A²": (old.times[1], ka / kp),
+    }
     book.statement("eq25.changes", *every(moved, "<"), left_name="smaller", right_name="larger")
     runs = {
-        (h, end): loops.portrait(PRINTED, h, end=end) for h, end in [(0.01, 60), (0.001, 60), (0.0005, 60), (0.001, 22)]
+        (h, end): loops.portrait(PRINTED, h, end=end)
+        for h, end in [(0.01, 60), (0.001, 60), (0.0005, 60), (0.001, 22)]
     }
     fine = {f"T_s = {h:g}": (float(runs[h, 60].tv1_y), BOUND) for h in (0.001, 0.0005)}
     r = loops.run("PPM-PIDA", "load")
@@ -146,7 +152,10 @@ def reasons(book: Ledger) -> pd.DataFrame:
     load, servo = grid_map("load"), grid_map("setpoint")
     alone = worst(load) <= BOUND
     both = alone & (worst(servo, "setpoint") <= BOUND)
-    best = {name: int(np.argmin(np.where(good, load.iae, np.inf))) for name, good in (("alone", alone), ("both", both))}
+    best = {
+        name: int(np.argmin(np.where(good, load.iae, np.inf)))
+        for name, good in (("alone", alone), ("both", both))
+    }
     book.statement(
         "st.ppm.reason",
         best["both"],
@@ -170,7 +179,9 @@ def reasons(book: Ledger) -> pd.DataFrame:
         note=f"As read. Table 1 has τ_A = T_A²/T_d²; T_A/T_d would be {root:.2f}. An exponent "
         "may be lost in the reading.",
     )
-    return pd.DataFrame({name: {AXES[i]: f"{x:.3f}" for i, x in enumerate(grid()[k])} for name, k in best.items()}).T
+    return pd.DataFrame(
+        {name: {AXES[i]: f"{x:.3f}" for i, x in enumerate(grid()[k])} for name, k in best.items()}
+    ).T
 
 
 def draw_spare() -> Figure:

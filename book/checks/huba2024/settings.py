@@ -47,7 +47,9 @@ def zero_pair(book: Ledger) -> Display:
     )
     book.check({"eq27.pole": root.real, "eq27.denominator": -root.real})
     short = -1 / book.printed("eq27.pole")
-    book.check("eq27.t2", short, note=f"From the printed 4.3058: {short:.5f}. Eqs (30) and (31) continue with 0.232.")
+    book.check(
+        "eq27.t2", short, note=f"From the printed 4.3058: {short:.5f}. Eqs (30) and (31) continue with 0.232."
+    )
     book.statement(
         "eq27.much",
         ar.double_zero().ti,
@@ -86,7 +88,8 @@ def chained(book: Ledger) -> Display:
         book.check({f"{eq}.{name}": value for name, value in values.items()})
     book.check("eq31.t2", 1.5 * book.printed("eq27.t2"))
     higher = {
-        name: (getattr(ar.double_zero(1.5), name), getattr(ar.double_zero(), name)) for name in ("kp", "kd", "ka")
+        name: (getattr(ar.double_zero(1.5), name), getattr(ar.double_zero(), name))
+        for name in ("kp", "kd", "ka")
     }
     book.statement("st.gains", *every(higher, ">"), left_name="PIDA_2", right_name="PIDA_1")
     return book.table("eq30")

@@ -85,7 +85,9 @@ def reset(book: Ledger) -> pd.DataFrame:
             state = loops.series(name).reset_signal(loops.run(name, step).u, loops.T_S)
             inside[f"{name}, {step}"] = (float(np.max(np.abs(state - (low + high) / 2))), (high - low) / 2)
         tops[name] = float(np.max(loops.estimate(name)))
-    book.statement("eq7.windup", *every(inside, "<="), left_name="reset from the middle", right_name="half the range")
+    book.statement(
+        "eq7.windup", *every(inside, "<="), left_name="reset from the middle", right_name="half the range"
+    )
     invariant = {name: (top - 1.0, 1.0) for name, top in tops.items()}
     book.statement(
         "st.intro.invariant",
@@ -139,7 +141,10 @@ def parallel_form(book: Ledger) -> pd.DataFrame:
                 apart[f"{name}, {step}"] = (float(gap), float(np.max(np.abs(own.y))))
         undershoot[name] = (loops.beyond(ways["reset"], "load"), loops.beyond(ways["parallel"], "load"))
         if name in loops.MRDP:
-            conditioned[name] = (loops.beyond(ways["conditioning"], "load"), float(ways["conditioning"].y.max()))
+            conditioned[name] = (
+                loops.beyond(ways["conditioning"], "load"),
+                float(ways["conditioning"].y.max()),
+            )
         table[name] = {f"undershoot, {way}": f"{loops.beyond(r, 'load'):.4f}" for way, r in ways.items()}
     book.statement(
         "st.intro.equivalence",
@@ -154,7 +159,9 @@ def parallel_form(book: Ledger) -> pd.DataFrame:
         "st.intro.windup",
         *every(undershoot, "<"),
         note="Undershoot after the load step of Paper Fig. 3, automatic reset against the parallel form without "
-        "protection: " + ", ".join(f"{name} {a:.4f} and {b:.2f}" for name, (a, b) in undershoot.items()) + ".",
+        "protection: "
+        + ", ".join(f"{name} {a:.4f} and {b:.2f}" for name, (a, b) in undershoot.items())
+        + ".",
     )
     book.statement(
         "st.conditioning",
@@ -176,8 +183,12 @@ def implicit_control(book: Ledger) -> pd.DataFrame:
     process = pidalab.Process(lags.num, np.convolve([1.0, 0.0], lags.den), loops.plant().delay)
     cases, rows = {}, {}
     for step in loops.STEPS:
-        parallel = loops.sampled(pidalab.Loop(process, pidalab.PIDA(own.kp, own.ti)), step, anti_windup="conditioning")
-        reset = loops.sampled(pidalab.Loop(process, pidalab.SeriesPIDA(own.kp, 0.0, 0.0, own.ti, 1.0, 0)), step)
+        parallel = loops.sampled(
+            pidalab.Loop(process, pidalab.PIDA(own.kp, own.ti)), step, anti_windup="conditioning"
+        )
+        reset = loops.sampled(
+            pidalab.Loop(process, pidalab.SeriesPIDA(own.kp, 0.0, 0.0, own.ti, 1.0, 0)), step
+        )
         gap = float(np.max(np.abs(reset.y - parallel.y)))
         cases[step] = (gap, float(np.max(np.abs(reset.y))))
         rows[step] = {"largest |y|": f"{cases[step][1]:.3f}", "difference": f"{gap:.1e}"}

@@ -50,14 +50,18 @@ def heating(name: str, real: bool = True) -> pidalab.Response:
     """From 25 to 80 °C, and a load of −6 V at 6000 s; with noise, resolution and pulses, or without."""
     dryer, filter_time = plant()
     clock = SAMPLE * np.arange(20001)
-    own = ar.tune(pidalab.ipdt(GAIN, delay=DELAY), ar.SETTINGS[name], n=4, filter_time=filter_time, weight=0.0)
+    own = ar.tune(
+        pidalab.ipdt(GAIN, delay=DELAY), ar.SETTINGS[name], n=4, filter_time=filter_time, weight=0.0
+    )
     extra: dict[str, Any] = {
         "noise": pidalab.uniform_noise(clock, 0.3, seed=6),
         "quanta": (0.1, 0.0),
         "pulse_widths": WIDTHS,
     }
     load = np.where(clock < LID, 0.0, -6.0)
-    return pidalab.simulate_sampled(own.loop(dryer), clock, 55.0, load, limits=(0.0, VOLTS), **(extra if real else {}))
+    return pidalab.simulate_sampled(
+        own.loop(dryer), clock, 55.0, load, limits=(0.0, VOLTS), **(extra if real else {})
+    )
 
 
 @tabled
@@ -95,9 +99,8 @@ def results(book: Ledger) -> pd.DataFrame:
             "within 0.2 K after a further, s": f"{back:.0f}",
             "noise in the duty cycle, of 255": f"{noise[name]:.2f}",
         }
-    said = (
-        "The measurements behind Figs 5 and 6 are not published as numbers. On a simulated dryer, whose noise is ours, "
-    )
+    said = "The measurements behind Figs 5 and 6 are not published as numbers. "
+    said += "On a simulated dryer, whose noise is ours, "
     book.note(
         "discussion.smooth",
         said

@@ -104,7 +104,8 @@ def uncertain_areas(seeds: int = 40) -> tuple[dict[float, np.ndarray], dict[floa
     with warnings.catch_warnings(action="ignore", category=areas.RecordWarning):
         for noise in (1e-4, 1e-3, 1e-2):
             many = [
-                areas.from_record(t, 1.0, clean + noise * rng.normal(size=t.size), 10, (0.0, 0.0)) for _ in range(seeds)
+                areas.from_record(t, 1.0, clean + noise * rng.normal(size=t.size), 10, (0.0, 0.0))
+                for _ in range(seeds)
             ]
             spread[noise] = np.sqrt(np.mean([(one.values / true - 1) ** 2 for one in many], axis=0))
             claimed[noise] = np.median([one.uncertainty / true for one in many], axis=0)
@@ -187,7 +188,9 @@ def recomputed(book: Ledger) -> pd.DataFrame:
         counts, end = supported(line.length, line.step, line.noise)
         stored = [line.pid, line.pida, line.third]
         if counts != stored or abs(end - line.end) > 1e-6:
-            raise AssertionError(f"line {i} of record_orders.csv: stored {stored}, {line.end}; found {counts}, {end}")
+            raise AssertionError(
+                f"line {i} of record_orders.csv: stored {stored}, {line.end}; found {counts}, {end}"
+            )
         name = f"{line.length:g} s, every {line.step:g} s, noise {line.noise:g}"
         rows[name] = {"stored": ", ".join(map(str, map(int, stored))), "again": ", ".join(map(str, counts))}
     return pd.DataFrame(rows).T

@@ -21,11 +21,19 @@ from .rounding import entry
 
 PREFILTER = 0.01  # T_FR that the ISE needs, see `hidden.prefilter`, s
 ENDS = {5: (4.0, 4.0), 6: (4.0, 4.0), 7: (20.0, 40.0)}  # of the two ISE, s after the step
-SHORT = {"PID_2^2": "pid22", "PID_3^3": "pid33", "Lurang": "lurang", "Jung": "jung", "Puangdownreong": "puang"}
+SHORT = {
+    "PID_2^2": "pid22",
+    "PID_3^3": "pid33",
+    "Lurang": "lurang",
+    "Jung": "jung",
+    "Puangdownreong": "puang",
+}
 SAMPLES = 40001
 
 
-def servo_ise(g: int, controller: Any, time: float = PREFILTER, end: float = 4.0, samples: int = SAMPLES) -> float:
+def servo_ise(
+    g: int, controller: Any, time: float = PREFILTER, end: float = 4.0, samples: int = SAMPLES
+) -> float:
     """ISE of r_f - y after a unit step of the set point."""
     t = np.linspace(0, end, samples)
     run = pidalab.step_response(problem.loop(g, controller, time), t)
@@ -124,7 +132,9 @@ def lines_of_14(book: Ledger) -> dict[str, float]:
     K = np.array([book.printed(f"eq41.m3.{k}") for k in problem.GAINS[:5]])
     found = {"printed": K[2]}
     for r, name in ((1, "second line"), (2, "third line")):
-        row = np.array([(-1) ** (c + 1) * filtered[2 * r + 1 - c] if c <= 2 * r + 1 else 0.0 for c in range(5)])
+        row = np.array(
+            [(-1) ** (c + 1) * filtered[2 * r + 1 - c] if c <= 2 * r + 1 else 0.0 for c in range(5)]
+        )
         found[name] = -(row @ K - row[2] * K[2]) / row[2]
     found["computed"] = problem.contest(5)["PID_3^3"].coefficients[2]
     return found

@@ -79,7 +79,10 @@ def _equation_25(key: str) -> float:
     controller = problem.tuned(key)
     K = np.array([1 / problem.process(3).gain(), *controller.coefficients[2:]])
     padded, w = np.append(K, np.zeros(K.size)), np.array([0.5, 5.0, 50.0])
-    F = [padded[k] ** 2 + 2 * sum((-1) ** (k + i) * K[i] * padded[2 * k - i] for i in range(k)) for k in range(K.size)]
+    F = [
+        padded[k] ** 2 + 2 * sum((-1) ** (k + i) * K[i] * padded[2 * k - i] for i in range(k))
+        for k in range(K.size)
+    ]
     n, time = controller.filter_order, controller.filter_time
     printed = np.polyval(F[::-1], w**2) / (1 + (time * w) ** 2) ** n
     block = pidalab.HighOrderPID([0.0, *K], time, n)  # (21) as a block of the library

@@ -44,7 +44,10 @@ def process_3(book: Ledger) -> pd.DataFrame:
     fits = fitted(book)
     (lag, delay), miss = fits[3]
     values = [a for a, _ in found.values()]
-    others, nearest = ", ".join(str(q) for q in LAGS if q != 3), min(x for q, (_, x) in fits.items() if q != 3)
+    others, nearest = (
+        ", ".join(str(q) for q in LAGS if q != 3),
+        min(x for q, (_, x) in fits.items() if q != 3),
+    )
     book.statement(
         "eq33.process",
         *some(distance, "<="),
@@ -193,7 +196,9 @@ def _recipes(perfect: list[tuple[float, int]]) -> str:
     if not perfect:
         return "none"
     starts, corrections = zip(*perfect, strict=True)
-    return f"{' or '.join(map(str, sorted({*corrections})))} corrections from {min(starts):g} to {max(starts):g}"
+    return (
+        f"{' or '.join(map(str, sorted({*corrections})))} corrections from {min(starts):g} to {max(starts):g}"
+    )
 
 
 @cache
@@ -233,7 +238,10 @@ def draw_first_area(book: Ledger) -> Figure:
     figure, ax = plt.subplots(figsize=(6.4, 3.6))
     value, doubt = zip(*found.values(), strict=True)
     ax.errorbar(value, np.arange(len(found)), xerr=doubt, fmt="o", capsize=3)
-    for P, style, name in ((problem.process(3), "-.", "as used"), (problem.printed_gp3(), "--", "as printed")):
+    for P, style, name in (
+        (problem.process(3), "-.", "as used"),
+        (problem.printed_gp3(), "--", "as printed"),
+    ):
         A_1 = areas.from_process(P, 2)[1]
         ax.axvline(A_1, linestyle=style, color="#808080")
         ax.annotate(f"{name}: {A_1:g}", (A_1, -0.9), xytext=(6, 0), textcoords="offset points", va="center")

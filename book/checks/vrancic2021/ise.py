@@ -27,7 +27,9 @@ def _tried() -> dict[str, tuple[int, Any, str]]:
         for g in problem.RIVAL
         for name, C in problem.contest(g).items()
     }
-    return known | {f"{problem.RIVAL[g]}, n = 3": (g, problem.rival(g, 3), problem.RIVAL_ID[g]) for g in (5, 6)}
+    return known | {
+        f"{problem.RIVAL[g]}, n = 3": (g, problem.rival(g, 3), problem.RIVAL_ID[g]) for g in (5, 6)
+    }
 
 
 def confined(book: Ledger) -> dict[str, tuple[float, float]]:
@@ -75,7 +77,10 @@ def prefilter(book: Ledger) -> pd.DataFrame:
         f"printed tracking values confines T_FR, together to {1e3 * low:.3f} to {1e3 * high:.3f} ms. With filters of "
         f"order 3 {' and '.join(third)}.",
     )
-    rows = {name: {"T_FR from, ms": f"{1e3 * a:.3f}", "to, ms": f"{1e3 * b:.3f}"} for name, (a, b) in found.items()}
+    rows = {
+        name: {"T_FR from, ms": f"{1e3 * a:.3f}", "to, ms": f"{1e3 * b:.3f}"}
+        for name, (a, b) in found.items()
+    }
     return pd.DataFrame(rows).T
 
 

@@ -43,7 +43,11 @@ def tables_3_to_6(book: Ledger) -> None:
 
 def _tolerance(key: str) -> str:
     """4 %, about one scatter of most; none for n = m, where a record of noise scatters by less than the print."""
-    return "" if problem.CASES[key].n == problem.CASES[key].m else ": tolerance 4 %, about one scatter of most designs"
+    return (
+        ""
+        if problem.CASES[key].n == problem.CASES[key].m
+        else ": tolerance 4 %, about one scatter of most designs"
+    )
 
 
 @cache
@@ -143,7 +147,9 @@ def draw_noise(book: Ledger) -> Figure:
     place = np.arange(len(problem.NOISY))
     share = [ratios()[key] / problem.noise(key) for key in problem.NOISY]
     spread = [1.96 * x.std() for x in share]
-    ax.errorbar([x.mean() for x in share], place, xerr=spread, fmt="o", capsize=4, label="200 simulated records")
+    ax.errorbar(
+        [x.mean() for x in share], place, xerr=spread, fmt="o", capsize=4, label="200 simulated records"
+    )
     shown = [book.printed(f"{key}.sigma") / problem.noise(key) for key in problem.NOISY]
     ax.plot(shown, place, "x", markersize=9, markeredgewidth=2, label="printed")
     ax.set_yticks(place, [label(key) for key in problem.NOISY])

@@ -104,7 +104,9 @@ def tuned(key: str) -> pidalab.HighOrderPID:
 
 
 @cache
-def exact_noise(g: int, m: int, n: int, wanted: float, sample_time: float = SAMPLE_TIME) -> pidalab.HighOrderPID:
+def exact_noise(
+    g: int, m: int, n: int, wanted: float, sample_time: float = SAMPLE_TIME
+) -> pidalab.HighOrderPID:
     """A controller whose T_F comes from the exact noise gain."""
     return pid(mo.tune_for_exact_noise(process(g), m, n, wanted, sample_time))
 

@@ -82,7 +82,9 @@ def _nearest(m: int) -> float:
 
     w = np.linspace(0.01, 60, 20000)
     i = int(np.argmin(distance(w)))
-    return float(minimize_scalar(distance, bounds=(w[i - 1], w[i + 1]), method="bounded", options={"xatol": 1e-12}).fun)
+    return float(
+        minimize_scalar(distance, bounds=(w[i - 1], w[i + 1]), method="bounded", options={"xatol": 1e-12}).fun
+    )
 
 
 @cache
@@ -174,7 +176,9 @@ def _oscillation(book: Ledger) -> None:
         *every({name: (x, limit) for name, x in fall.items()}, "<"),
         left_name="fall below the set point after the first maximum",
         right_name="share of the step that the conventions call significant",
-        note="Falls of " + "; ".join(f"{100 * x:.1f} % ({name})" for name, x in fall.items()) + ". With all down "
+        note="Falls of "
+        + "; ".join(f"{100 * x:.1f} % ({name})" for name, x in fall.items())
+        + ". With all down "
         f"PID_5^4 turns at {top:.3f} and falls back to {low:.3f}: significant it is not by our convention, without "
         f"oscillation neither. T_FR is not in the text; {PREFILTER:g} is assumed, and a longer one smooths this away.",
     )
@@ -190,7 +194,8 @@ def _deviations(book: Ledger) -> None:
             left_name="largest deviation of PID_3^2",
             right_name="PID_5^4",
             note="; ".join(
-                f"{change}: {b:.3f} against {a:.3f}, {100 * (b / a - 1):+.0f} %" for change, (a, b) in pairs.items()
+                f"{change}: {b:.3f} against {a:.3f}, {100 * (b / a - 1):+.0f} %"
+                for change, (a, b) in pairs.items()
             )
             + ".",
         )

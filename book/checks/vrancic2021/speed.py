@@ -87,7 +87,11 @@ def speed(book: Ledger) -> pd.DataFrame:
     )
     _integral_gains(book)
     rows = {
-        str(problem.CASES[key]): {"K_-1": problem.integral_gain(key), **measures(key), "σ_rel": problem.noise(key)}
+        str(problem.CASES[key]): {
+            "K_-1": problem.integral_gain(key),
+            **measures(key),
+            "σ_rel": problem.noise(key),
+        }
         for key in problem.NOISY
     }
     return pd.DataFrame(rows).T.map("{:.3f}".format)
@@ -110,7 +114,9 @@ def _filter_orders(book: Ledger) -> None:
         *every(best, "<"),
         left_name="PID_4^3",
         right_name="another n",
-        note="; ".join(f"{name} {', '.join(f'{measures(key)[name]:.2f}' for key in problem.TABLE_4)}" for name in names)
+        note="; ".join(
+            f"{name} {', '.join(f'{measures(key)[name]:.2f}' for key in problem.TABLE_4)}" for name in names
+        )
         + " for n = 3 to 6.",
     )
     rise = {n: measures(f"table4.n{n}")["rise time"] for n in (4, 5, 6)}
@@ -178,7 +184,9 @@ def draw_7_to_9(number: int) -> Figure:
     clean, noisy = {}, {}
     for label, key in members.items():
         loop = problem.loop(3, problem.tuned(key), PREFILTER)
-        both = pidalab.simulate_ensemble(loop, t, np.stack([0 * n, n]), setpoint=1.0, load=np.where(t < 15, 0.0, 1.0))
+        both = pidalab.simulate_ensemble(
+            loop, t, np.stack([0 * n, n]), setpoint=1.0, load=np.where(t < 15, 0.0, 1.0)
+        )
         clean[label], noisy[label] = both
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 3.8), sharex=True)
     plots.signal(axes[0], clean, "y", until=25)

@@ -52,7 +52,9 @@ def more_derivatives(book: Ledger) -> pd.DataFrame:
         note=f"As read. K_0 is the proportional gain in (1) and (17), {K_0:.3f} for PID_4^3; the sums of (25) need the "
         "constant term of (21) in its place, for which another symbol would do.",
     )
-    return pd.DataFrame({str(problem.CASES[key]): measures(key) for key in problem.TABLE_5}).T.map("{:.3f}".format)
+    return pd.DataFrame({str(problem.CASES[key]): measures(key) for key in problem.TABLE_5}).T.map(
+        "{:.3f}".format
+    )
 
 
 @typeset
@@ -80,7 +82,9 @@ def steps(book: Ledger) -> pd.DataFrame:
         note=f"By {100 * min(beyond.values()):.1f} % to {100 * max(beyond.values()):.1f} % in {len(beyond)} loops of "
         "Tables 2 to 6. Necessarily: u/d = −T, so it is minus the output of the reference step without filter.",
     )
-    settling = {key: (measures(key)["settling"], responses(key)["load"].settling_time()) for key in problem.TABLE_5}
+    settling = {
+        key: (measures(key)["settling"], responses(key)["load"].settling_time()) for key in problem.TABLE_5
+    }
     servo = settling["table5.m4"][0]
     load = settling["table5.m4"][1]
     book.statement(

@@ -207,7 +207,9 @@ def _on_the_line(g: int) -> list[tuple[float, float]]:
 def _conditions(g: int, m: int) -> float:
     """Largest residual of (14) with the gains of a design of Table 2, relative to the terms of its line."""
     count, gains = problem.AREAS[m], np.array(problem.example(g, m).coefficients)
-    filtered = areas.with_binomial_filter(areas.from_process(problem.process(g), count), problem.SHORT_FILTER, m)
+    filtered = areas.with_binomial_filter(
+        areas.from_process(problem.process(g), count), problem.SHORT_FILTER, m
+    )
     odd = np.convolve(filtered * (-1.0) ** np.arange(count), gains)[1:count:2]
     scale = np.convolve(filtered, abs(gains))[1:count:2]
     return float(np.max(abs(odd + 0.5 * np.eye(1, m + 2)[0]) / scale))
@@ -225,7 +227,9 @@ def _counts(book: Ledger) -> None:
         *every(least, "=="),
         left_name="fewest areas that give the gains",
         right_name="listed in Table 1",
-        note="m + 2 equations with A_0 to A_(2m+3): " + ", ".join(f"{n} for {m}" for m, (n, _) in least.items()) + ".",
+        note="m + 2 equations with A_0 to A_(2m+3): "
+        + ", ".join(f"{n} for {m}" for m, (n, _) in least.items())
+        + ".",
     )
     pairs = [(m, n) for m in range(1, 4) for n in range(5)]
     bounded = [_bounded(m, n) for m, n in pairs]

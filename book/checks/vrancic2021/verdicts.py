@@ -23,10 +23,15 @@ MEASURES = "rise time", "ISE", "peak, load", "ISE, load"
 def verdicts(book: Ledger) -> pd.DataFrame:
     """Who wins, in Figs 13 to 15 and Tables 7 to 9."""
     for g, ours in ((5, ("PID_2^2",)), (6, ("PID_2^2", "PID_3^3")), (7, ("PID_2^2",))):
-        wins = {f"{x}, {name}": (facts(g, name)[x], facts(g, problem.RIVAL[g])[x]) for name in ours for x in MEASURES}
+        wins = {
+            f"{x}, {name}": (facts(g, name)[x], facts(g, problem.RIVAL[g])[x])
+            for name in ours
+            for x in MEASURES
+        }
         if g == 5:  # "the one-order higher controller has a better result"
             wins |= {
-                f"{x}, PID_3^3 against PID_2^2": (facts(5, "PID_3^3")[x], facts(5, "PID_2^2")[x]) for x in MEASURES
+                f"{x}, PID_3^3 against PID_2^2": (facts(5, "PID_3^3")[x], facts(5, "PID_2^2")[x])
+                for x in MEASURES
             }
         book.statement(
             f"st.case{g - 4}.superior",
@@ -36,7 +41,9 @@ def verdicts(book: Ledger) -> pd.DataFrame:
             note=f"{len(wins)} pairs: rise time and ISE in tracking with T_FR = {PREFILTER:g}, peak and ISE of the "
             f"load response. Rise time {_each(g, 'rise time')}; peak {_each(g, 'peak, load')}.",
         )
-        ratio = {kind: (ises(g)["PID_2^2"][kind], ises(g)[problem.RIVAL[g]][kind]) for kind in ("tracking", "load")}
+        ratio = {
+            kind: (ises(g)["PID_2^2"][kind], ises(g)[problem.RIVAL[g]][kind]) for kind in ("tracking", "load")
+        }
         book.statement(
             f"st.table{g + 2}.lower",
             *every(ratio, "<", "much" if g == 5 else None),
@@ -162,7 +169,14 @@ def short_filters(book: Ledger) -> pd.DataFrame:
 def fair(g: int) -> dict[str, list[float]]:
     """At equal noise: noise gain, both ISE and the peak after a load step, of the rival and three of ours."""
     old = problem.RIVAL[g]
-    rows = {old: [noise_gain(g, old), facts(g, old)["ISE"], facts(g, old)["ISE, load"], facts(g, old)["peak, load"]]}
+    rows = {
+        old: [
+            noise_gain(g, old),
+            facts(g, old)["ISE"],
+            facts(g, old)["ISE, load"],
+            facts(g, old)["peak, load"],
+        ]
+    }
     servo_end, load_end = ENDS[g]
     for m, n in ((2, 3), (2, 4), (3, 5)):
         C = problem.exact_noise(g, m, n, noise_gain(g, old))

@@ -71,5 +71,7 @@ def solve(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]
     solution: list[Fraction] = []
     for row in reversed(rows):
         known = row[size - len(solution) : size]
-        solution.insert(0, row[size] - sum((a * x for a, x in zip(known, solution, strict=True)), Fraction(0)))
+        solution.insert(
+            0, row[size] - sum((a * x for a, x in zip(known, solution, strict=True)), Fraction(0))
+        )
     return solution

@@ -174,7 +174,9 @@ def from_record(
     if abs(step) <= 1e-9 * np.max(np.abs(u - u0)):
         raise ValueError(f"u must end elsewhere than it begins: it starts at {u0:.6g} and ends at {u1:.6g}")
     tau = h * np.arange(last - first + 1)
-    weights = np.cumprod([np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0)  # tau^k / k!
+    weights = np.cumprod(
+        [np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0
+    )  # tau^k / k!
     moments_of_u = _of_steps if between == "held" else _of_lines
     a_u = np.append(step, moments_of_u(u1 - u[first : last + 1], weights, h)) / step
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
@@ -206,7 +208,9 @@ def _beginning(
         return 0, (_check.real("start[0]", u0), _check.real("start[1]", y0)), 0
     moved = np.flatnonzero(np.abs(u - u[0]) > 1e-9 * np.ptp(u))
     if not moved.size:
-        raise ValueError(f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, say from where with start")
+        raise ValueError(
+            f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, say from where with start"
+        )
     rest = int(moved[0])
     return rest if between == "held" else rest - 1, (float(u[0]), float(np.mean(y[:rest]))), rest
 
@@ -257,7 +261,8 @@ def _steady(x: Array) -> bool:
     squares = (x - np.mean(x[x.size // 2 :])) ** 2
     means, power = _transients(x), _transients(squares)
     return bool(
-        np.max(np.abs(means[0])) <= DRIFT * means[1] + rounding and np.max(power[0]) <= FADE * power[1] + rounding**2
+        np.max(np.abs(means[0])) <= DRIFT * means[1] + rounding
+        and np.max(power[0]) <= FADE * power[1] + rounding**2
     )
 
 

@@ -86,7 +86,9 @@ def exact(process: Process, count: int) -> list[Fraction]:
     require_process("process", process)
     count = _check.integer("count", count, at_least=1)
     if count > MOST:
-        raise ValueError(f"count must be at most {MOST}, found {count}: fractions of so many digits take long")
+        raise ValueError(
+            f"count must be at most {MOST}, found {count}: fractions of so many digits take long"
+        )
     rest = _stable_series("process", process.num, process.den, count)
     return series.product(rest, series.dead_time(process.delay, count))
 

@@ -152,7 +152,9 @@ class Comparison:
         return figure
 
 
-def compare(process: Process, ms: float = 1.6, noise_gain: float = 10.0, sample_time: float = 0.01) -> Comparison:
+def compare(
+    process: Process, ms: float = 1.6, noise_gain: float = 10.0, sample_time: float = 0.01
+) -> Comparison:
     """Judge every rule of the library on a process, beside the best PI, PID and PIDA.
 
     Parameters

@@ -16,7 +16,9 @@ from pidalab.roots import roots
 from pidalab.rules import Design
 
 KINDS = ("PI", "PID", "PIDA")
-FILTER_SHARE = 0.25  # dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
+FILTER_SHARE = (
+    0.25  # dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
+)
 RESET_FILTER = 3  # order of the filter of an automatic reset
 
 
@@ -101,7 +103,11 @@ def _classical(models: _Models) -> Iterator[Candidate]:
         yield "amigo", kind, _on(models, "first_order", classical.amigo, kind)
         yield "lambda", kind, _on(models, "first_order", classical.lambda_tuning, kind)
         yield "Ziegler-Nichols step", kind, _on(models, "first_order", classical.ziegler_nichols_step, kind)
-        yield "Ziegler-Nichols ultimate", kind, _on(models, "process", classical.ziegler_nichols_ultimate, kind)
+        yield (
+            "Ziegler-Nichols ultimate",
+            kind,
+            _on(models, "process", classical.ziegler_nichols_ultimate, kind),
+        )
 
 
 def _with_sensitivity(models: _Models, ms: float) -> Iterator[Candidate]:

@@ -35,7 +35,9 @@ def identifier(name: str) -> str:
 
 def head(k: DigitalController, margins: Any, note: str) -> list[str]:
     """Return lines that say where the code comes from."""
-    units = "" if k.y_span == k.u_span == 1.0 else f", a unit of y in {k.y_span!r} and of u in {k.u_span!r} units"
+    units = (
+        "" if k.y_span == k.u_span == 1.0 else f", a unit of y in {k.y_span!r} and of u in {k.u_span!r} units"
+    )
     lines = [
         "Digital controller, written by pidalab.",
         f"Controller: {k.source or 'not named'}",
@@ -45,7 +47,9 @@ def head(k: DigitalController, margins: Any, note: str) -> list[str]:
         f"Working point: u = {k.bias!r}, y = {k.y_offset!r}{units}",
     ]
     if margins is not None:
-        lines += [f"Margins: {line}" if i == 0 else f"  {line}" for i, line in enumerate(str(margins).splitlines())]
+        lines += [
+            f"Margins: {line}" if i == 0 else f"  {line}" for i, line in enumerate(str(margins).splitlines())
+        ]
     lines += note.splitlines()
     return [re.sub(r"\*/|\*\)|\"\"\"", "", line) for line in lines]
 
@@ -75,7 +79,9 @@ def vector(k: DigitalController) -> dict[str, list]:
 
 def written(k: DigitalController, language: str, name: str, margins: Any, note: str, **options: str) -> str:
     """Write the code in one of the languages."""
-    return LANGUAGES[language].write(program(k), head(k, margins, note), vector(k), identifier(name), **options)
+    return LANGUAGES[language].write(
+        program(k), head(k, margins, note), vector(k), identifier(name), **options
+    )
 
 
 def as_json(k: DigitalController, margins: Any, note: str) -> str:
@@ -94,7 +100,8 @@ def as_json(k: DigitalController, margins: Any, note: str) -> str:
         "working_point": {"u": k.bias, "y": k.y_offset},
         "units": {"u": k.u_span, "y": k.y_span},
         "paths": [
-            {"name": p.name, "weight": p.weight, "new": p.new, "old": p.old, "gains": list(p.gains)} for p in k.paths
+            {"name": p.name, "weight": p.weight, "new": p.new, "old": p.old, "gains": list(p.gains)}
+            for p in k.paths
         ],
         "integral": {
             "acts": k.integrates,

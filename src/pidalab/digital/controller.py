@@ -111,7 +111,9 @@ class DigitalController:
         gain = np.zeros((len(self.paths), widest))
         for i, path in enumerate(self.paths):
             gain[i, : path.order + 1] = path.gains
-        weight, new, old = (np.array([getattr(path, x) for path in self.paths], float) for x in Path._fields[1:4])
+        weight, new, old = (
+            np.array([getattr(path, x) for path in self.paths], float) for x in Path._fields[1:4]
+        )
         return Numbers(
             weight=weight,
             new=new,
@@ -186,7 +188,9 @@ class DigitalController:
         2.25
         """
         if (r is None) != (y is None):
-            raise ValueError(f"r and y must be given together, or none of them, found r = {r!r} and y = {y!r}")
+            raise ValueError(
+                f"r and y must be given together, or none of them, found r = {r!r} and y = {y!r}"
+            )
         u = self.bias if u is None else _check.real("u", u)
         if r is None or y is None:
             object.__setattr__(self, "_states", fresh(self.numbers, u))
@@ -230,7 +234,9 @@ class DigitalController:
         (1.0, 5.0, 5.0)
         """
         signals = [_check.real("r", r), _check.real("y", y)]
-        signals += [math.nan if x is None else _check.real(k, x) for k, x in (("manual", manual), ("track", track))]
+        signals += [
+            math.nan if x is None else _check.real(k, x) for k, x in (("manual", manual), ("track", track))
+        ]
         return float(advance(self.numbers, self._states, *signals))
 
     def __call__(self, z: ArrayLike) -> Any:
@@ -305,7 +311,9 @@ class DigitalController:
         """
         return self._written("c", name, margins, note)
 
-    def structured_text(self, name: str = "pida", margins: Any = None, note: str = "", precision: str = "LREAL") -> str:
+    def structured_text(
+        self, name: str = "pida", margins: Any = None, note: str = "", precision: str = "LREAL"
+    ) -> str:
         """Write the controller as a FUNCTION_BLOCK of IEC 61131-3, with a second one that tests it.
 
         Parameters

@@ -114,9 +114,13 @@ def discretise(
     if method not in METHODS:
         raise ValueError(f"method must be 'backward', 'tustin' or 'zoh', found {method!r}")
     if anti_windup is not None and anti_windup not in ANTI_WINDUP:
-        raise ValueError(f"anti_windup must be 'reset', 'back-calculation', 'clamping' or None, found {anti_windup!r}")
+        raise ValueError(
+            f"anti_windup must be 'reset', 'back-calculation', 'clamping' or None, found {anti_windup!r}"
+        )
     if tracking_time is not None and anti_windup != "back-calculation":
-        raise ValueError(f"tracking_time is of anti_windup='back-calculation', found anti_windup={anti_windup!r}")
+        raise ValueError(
+            f"tracking_time is of anti_windup='back-calculation', found anti_windup={anti_windup!r}"
+        )
     b, c = _check.real("b", b), _check.real("c", c)
     y_span, u_span = (_check.real(name, x, above=0.0) for name, x in (("y_span", y_span), ("u_span", u_span)))
     scale = u_span / y_span

@@ -33,7 +33,11 @@ from pidalab._check import Array
 from pidalab.forms import FilteredGains
 
 METHODS = ("backward", "tustin", "zoh")
-SHARES = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}  # of e_k and e_{k-1} in the integral
+SHARES = {
+    "backward": (1.0, 0.0),
+    "tustin": (0.5, 0.5),
+    "zoh": (0.0, 1.0),
+}  # of e_k and e_{k-1} in the integral
 TERMS = 60  # of the series for what a held input fills into a chain; what is left out is below 1/60!
 
 
@@ -102,7 +106,8 @@ def paths(parts: tuple[FilteredGains, ...], h: float, method: str, b: float, c: 
             result.append(Path(name, weight, new, old, tuple(_on_differences(held).tolist())))
     names = [path.name for path in result]
     return tuple(
-        path._replace(name=f"{path.name}_{i}") if names.count(path.name) > 1 else path for i, path in enumerate(result)
+        path._replace(name=f"{path.name}_{i}") if names.count(path.name) > 1 else path
+        for i, path in enumerate(result)
     )
 
 
@@ -136,8 +141,14 @@ def _by_weight(part: FilteredGains, b: float, c: float) -> list[tuple[str, float
     if b == c == 1.0 or part.filter_order == 0:
         return [("", b if kp and not part.filter_order else 1.0, part.gains)]
     # the integral beside a filter needs lags of its own: what it has not seen yet
-    split = [("_integral", 1.0, (ki,)), ("_proportional", b, (0.0, kp)), ("_derivative", c, (0.0, 0.0, *rest))]
-    return [(suffix if part.name in ("filtered", "stabiliser") else "", w, g) for suffix, w, g in split if any(g)]
+    split = [
+        ("_integral", 1.0, (ki,)),
+        ("_proportional", b, (0.0, kp)),
+        ("_derivative", c, (0.0, 0.0, *rest)),
+    ]
+    return [
+        (suffix if part.name in ("filtered", "stabiliser") else "", w, g) for suffix, w, g in split if any(g)
+    ]
 
 
 def _on_states(gains: tuple[float, ...], time: float, n: int) -> Array:

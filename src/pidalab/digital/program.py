@@ -222,7 +222,10 @@ def _with_integral(k: DigitalController, found: dict[str, float]) -> list:
         *_limited(found),
         *keep,
     ]
-    body: list = [Note("manual, or the first sample: it starts with the signal it has"), Set("forced", "manual")]
+    body: list = [
+        Note("manual, or the first sample: it starts with the signal it has"),
+        Set("forced", "manual"),
+    ]
     body += [If("not started", [Set("forced", "true")]), If("forced", forced, automatic)]
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(found)} - integral" if k.from_signal else "error"))
@@ -240,7 +243,9 @@ def _less_bias(found: dict[str, float]) -> str:
 
 def _wanted(found: dict[str, float], integral: str = "") -> Set:
     """Return the statement that sums up what the controller wants."""
-    return Set("wanted", ("BIAS + " if "BIAS" in found else "") + "action" + (f" + {integral}" if integral else ""))
+    return Set(
+        "wanted", ("BIAS + " if "BIAS" in found else "") + "action" + (f" + {integral}" if integral else "")
+    )
 
 
 def _limited(found: dict[str, float]) -> list:
@@ -252,7 +257,9 @@ def _limited(found: dict[str, float]) -> list:
         ("HIGHEST", ">", "HIGHEST"),
         ("LOWEST", "<", "LOWEST"),
     )
-    return body + [If(f"limited {sign} {edge}", [Set("limited", edge)]) for name, sign, edge in rules if name in found]
+    return body + [
+        If(f"limited {sign} {edge}", [Set("limited", edge)]) for name, sign, edge in rules if name in found
+    ]
 
 
 def _targets(body: list) -> set[str]:

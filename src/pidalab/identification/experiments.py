@@ -15,9 +15,13 @@ from pidalab._check import Array
 from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)
-OVERSHOOT = 0.1  # the model has real poles: a record may exceed its final value by noise, not by more than this
+OVERSHOOT = (
+    0.1  # the model has real poles: a record may exceed its final value by noise, not by more than this
+)
 MOST_ENDS = 400  # stretches of a record to which a ramp is fitted
-STILL_MOVING = 0.01  # change of the mean between the last two tenths of a record, relative to the whole change
+STILL_MOVING = (
+    0.01  # change of the mean between the last two tenths of a record, relative to the whole change
+)
 
 
 @dataclass(frozen=True)
@@ -204,7 +208,9 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
         raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
     lever = np.arange(width + 1) - width / 2
     slopes = np.correlate(y, lever) / (h * np.sum(lever**2))
-    i = int(np.argmax(slopes * np.sign(change)))  # not the steepest of all: the record may first go the wrong way
+    i = int(
+        np.argmax(slopes * np.sign(change))
+    )  # not the steepest of all: the record may first go the wrong way
     middle, level = t[i] + h * width / 2, np.mean(y[i : i + width + 1])
     delay = middle - (level - y[0]) / slopes[i]
     if delay < -1e-9 * t[-1]:
@@ -327,7 +333,9 @@ def ipdt_least_squares(t: ArrayLike, y: ArrayLike, step: float = 1.0, rise: floa
     fits = [_hinge(t[: end + 1], y[: end + 1] - y[0]) for end in ends]
     slope, delay = max(fits, key=lambda fit: fit[0] * np.sign(change))
     if slope * change <= 0:
-        raise ValueError("y does not fit an integrator with dead time: no ramp in the direction of its change")
+        raise ValueError(
+            "y does not fit an integrator with dead time: no ramp in the direction of its change"
+        )
     return ipdt(slope / _step(step), delay)
 
 
@@ -344,7 +352,9 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     i = np.arange(1, t.size - 2)  # at least two samples on the ramp
     spread = count[i] * stt[i] - st[i] ** 2
     slope = (count[i] * sty[i] - st[i] * sy[i]) / spread
-    with np.errstate(divide="ignore", invalid="ignore"):  # where the line through the samples meets the level of rest
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # where the line through the samples meets the level of rest
         free = (st[i] - sy[i] / slope) / count[i]
     inside = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
     # the gain may have its only minimum between that line and the samples: then the other end is better
@@ -357,7 +367,9 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
 def _whole_change(y: Array) -> float:
     change = float(y[-1] - y[0])
     if abs(change) <= 1e-9 * max(np.max(np.abs(y)), 1e-300):
-        raise ValueError(f"y must end elsewhere than it begins: it starts at {y[0]:.4g} and ends at {y[-1]:.4g}")
+        raise ValueError(
+            f"y must end elsewhere than it begins: it starts at {y[0]:.4g} and ends at {y[-1]:.4g}"
+        )
     return change
 
 

@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 MODELS = ("fopdt", "sopdt", "lags", "ipdt", "auto")
 MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
 MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over neighbours
-BLIND = 1e7  # condition number of the parameters' sensitivities, scaled, above which the input tells too little
+BLIND = (
+    1e7  # condition number of the parameters' sensitivities, scaled, above which the input tells too little
+)
 BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
 
 
@@ -101,7 +103,9 @@ class Fit:
         scale = np.abs(values)
         scale[-1] = sum(values[1:]) or 1.0
         rng = np.random.default_rng(seed)
-        draws = rng.multivariate_normal(np.zeros(values.size), self._covariance / np.outer(scale, scale), size=count)
+        draws = rng.multivariate_normal(
+            np.zeros(values.size), self._covariance / np.outer(scale, scale), size=count
+        )
         plants = []
         for draw in draws:
             drawn = values * np.exp(np.clip(draw, -2.0, 2.0))
@@ -169,7 +173,9 @@ def _prepared(record: Record) -> _Data:
         count = min(MOST_SAMPLES, round(np.ptp(t) / record.sampling) + 1)
         uniform = np.linspace(t[0], t[-1], count)
         held = u[np.searchsorted(t, uniform, side="right") - 1]
-        return _Data(uniform, np.interp(uniform, t, y), np.diff(held, prepend=u[0]), uniform, uniform[1] - uniform[0])
+        return _Data(
+            uniform, np.interp(uniform, t, y), np.diff(held, prepend=u[0]), uniform, uniform[1] - uniform[0]
+        )
     moments, changes = t[changed], np.diff(u)[changed - 1]
     if t.size > MOST_SAMPLES:
         # neighbours are averaged: noise falls, and the response is smooth over so short a time
@@ -222,14 +228,18 @@ def fit(record: Record, model: str = "auto") -> Fit:
     ('fopdt', {'gain': 2.3, 'lag': 12.0, 'delay': 5.0})
     """
     if not isinstance(record, Record):
-        raise TypeError(f"record must be a pidalab.Record, found {type(record).__name__}; write Record(t, u, y)")
+        raise TypeError(
+            f"record must be a pidalab.Record, found {type(record).__name__}; write Record(t, u, y)"
+        )
     if model not in MODELS:
         raise ValueError(f"model must be one of {', '.join(MODELS)}, found {model!r}")
     data = _prepared(record)
     if model != "auto":
         best = min((_search(data, shape) for shape in _candidates(model)), key=lambda found: found.cost)
         return _result(record, data, best, f"{model} was asked for.")
-    tried = [_search(data, shape) for name in ("fopdt", "lags", "sopdt", "ipdt") for shape in _candidates(name)]
+    tried = [
+        _search(data, shape) for name in ("fopdt", "lags", "sopdt", "ipdt") for shape in _candidates(name)
+    ]
     chosen, reason = _choice(tried)
     return _result(record, data, chosen, reason)
 
@@ -253,7 +263,9 @@ def _choice(tried: Sequence[_Found]) -> tuple[_Found, str]:
     for found in tried:
         name = found.shape.name
         others[name] = min(others.get(name, np.inf), size[id(found)])
-    said = ", ".join(f"{name} {value:.3g}" for name, value in sorted(others.items(), key=lambda item: item[1]))
+    said = ", ".join(
+        f"{name} {value:.3g}" for name, value in sorted(others.items(), key=lambda item: item[1])
+    )
     return chosen, f"{kind} is the simplest within {100 * BETTER:.0f} % of the least residual ({said})."
 
 

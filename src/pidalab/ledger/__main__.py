@@ -66,7 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = commands.add_parser("readme", help="bring the score in Markdown files up to date")
     command.add_argument("files", nargs="+")
     command.set_defaults(run=lambda given: _readme(given.files))
-    command = commands.add_parser("manifest", help="freeze what is printed, its kind and its basis; review the change")
+    command = commands.add_parser(
+        "manifest", help="freeze what is printed, its kind and its basis; review the change"
+    )
     command.set_defaults(run=lambda given: _manifest())
     given = parser.parse_args(arguments)
     try:

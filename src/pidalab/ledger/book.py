@@ -97,9 +97,13 @@ class Ledger:
         return cls(path, read_rows(path))
 
     @overload
-    def check(self, claims: str, value: SupportsFloat, *, note: str | None = None, digits: int = DIGITS) -> None: ...
+    def check(
+        self, claims: str, value: SupportsFloat, *, note: str | None = None, digits: int = DIGITS
+    ) -> None: ...
     @overload
-    def check(self, claims: Mapping[str, SupportsFloat], *, note: str | None = None, digits: int = DIGITS) -> None: ...
+    def check(
+        self, claims: Mapping[str, SupportsFloat], *, note: str | None = None, digits: int = DIGITS
+    ) -> None: ...
     def check(
         self,
         claims: str | Mapping[str, SupportsFloat],
@@ -203,7 +207,9 @@ class Ledger:
             )
         _report(self._receive(id, Entry(evidence=evidence, note=note, digits=digits)))
 
-    def identity(self, id: str, residual: float, tolerance: float = IDENTITY, *, note: str | None = None) -> None:
+    def identity(
+        self, id: str, residual: float, tolerance: float = IDENTITY, *, note: str | None = None
+    ) -> None:
         """Hand over the largest residual of two formulas that a statement calls the same.
 
         Only the decade of the residual is kept, and compared as still below the tolerance: rounding differs from
@@ -234,7 +240,9 @@ class Ledger:
         with naming(self.full(id)):
             evidence = Evidence.identity(residual, tolerance)
             if tolerance > IDENTITY and not note:
-                raise LedgerError(f"a tolerance of {tolerance:g}, above {IDENTITY:g}, needs a note that says why")
+                raise LedgerError(
+                    f"a tolerance of {tolerance:g}, above {IDENTITY:g}, needs a note that says why"
+                )
         _report(self._receive(id, Entry(evidence=evidence, note=note)))
 
     def note(self, id: str, text: str) -> None:
@@ -303,7 +311,9 @@ class Ledger:
         full = self.full(id)
         if full not in self.rows:
             closest = get_close_matches(full, self.rows, n=3)
-            raise LedgerError(f"{full}: unknown id" + (f"; the closest are {', '.join(closest)}" if closest else ""))
+            raise LedgerError(
+                f"{full}: unknown id" + (f"; the closest are {', '.join(closest)}" if closest else "")
+            )
         return self.rows[full]
 
     def printed(self, id: str) -> float:
@@ -377,7 +387,9 @@ class Ledger:
             if row.basis != "reading" and entry.is_note:
                 found.append(f"{id}: never handed over")
             elif entry.note is None and _needs_a_run(row):
-                found.append(f"{id}: its note has numbers of no run; hand it over with the value, or by book.note")
+                found.append(
+                    f"{id}: its note has numbers of no run; hand it over with the value, or by book.note"
+                )
         return found
 
     def close(self) -> None:

@@ -235,9 +235,13 @@ class Convention:
 CONVENTIONS = {
     convention.name: convention
     for convention in (
-        Convention("similar", "similar, about, comparable", "within 10 % of the larger", 0.1, gap, False, ("within",)),
+        Convention(
+            "similar", "similar, about, comparable", "within 10 % of the larger", 0.1, gap, False, ("within",)
+        ),
         Convention("slightly", "slightly", "a difference, and at most 10 %", 0.1, gap, False, ("<", ">")),
-        Convention("clearly", "clearly, significantly", "at least 20 % of the larger", 0.2, gap, True, ("<", ">")),
+        Convention(
+            "clearly", "clearly, significantly", "at least 20 % of the larger", 0.2, gap, True, ("<", ">")
+        ),
         Convention("much", "much", "at least a factor of 2", 2.0, factor, True, ("<", ">")),
         Convention(
             "negligible",

@@ -79,7 +79,9 @@ def plain(value: object) -> int | float:
     """
     scalar = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
     if isinstance(scalar, bool):
-        raise LedgerError(f"expected a number, found {scalar}; a statement hands over both sides of its relation")
+        raise LedgerError(
+            f"expected a number, found {scalar}; a statement hands over both sides of its relation"
+        )
     if isinstance(scalar, Integral):
         return int(scalar)
     if isinstance(scalar, SupportsFloat) and not hasattr(scalar, "shape") and not isnan(float(scalar)):
@@ -209,7 +211,9 @@ def shorten(text: str, digits: int) -> str:
     if "." not in text:
         return text
     number = read_number(text)
-    rounded = number.quantize(Decimal(1).scaleb(max(number.adjusted() - digits + 1, exponent(number))), context=_WIDE)
+    rounded = number.quantize(
+        Decimal(1).scaleb(max(number.adjusted() - digits + 1, exponent(number))), context=_WIDE
+    )
     if not number:
         return "0"
     return f"{rounded:f}" if -4 <= number.adjusted() < DIGITS and exponent(rounded) <= 0 else f"{rounded:e}"

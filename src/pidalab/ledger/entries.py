@@ -98,7 +98,9 @@ def drift(row: Row, entry: Entry) -> list[str]:
     with naming(row.id):
         if entry.value is not None and not (row.is_number and agrees(entry.value, row.computed)):
             found.append((row.computed, store(entry.value, row.printed, entry.digits)))
-        if entry.evidence is not None and not (row.evidence and Evidence.parse(row.evidence).same(entry.evidence)):
+        if entry.evidence is not None and not (
+            row.evidence and Evidence.parse(row.evidence).same(entry.evidence)
+        ):
             found.append((row.evidence, str(entry.evidence)))
         if entry.note is not None and not same_text(row.note, entry.note):
             found.append((f"note {row.note!r}", f"note {entry.note!r}"))

@@ -88,11 +88,17 @@ def read_rows(path: Path) -> list[Row]:
         except csv.Error as error:
             raise LedgerError(f"{path.name}: {error}") from None
     if tuple(header) != COLUMNS:
-        raise LedgerError(f"{path.name}: expected the columns {', '.join(COLUMNS)}, found {', '.join(header)}")
+        raise LedgerError(
+            f"{path.name}: expected the columns {', '.join(COLUMNS)}, found {', '.join(header)}"
+        )
     for line in lines:
         if len(line) != len(COLUMNS):
-            raise LedgerError(f"{path.name}: expected {len(COLUMNS)} entries, found {len(line)} in {','.join(line)!r}")
-        if any("\n" in entry or "\r" in entry for entry in line):  # one row is one line, so that a diff reads well
+            raise LedgerError(
+                f"{path.name}: expected {len(COLUMNS)} entries, found {len(line)} in {','.join(line)!r}"
+            )
+        if any(
+            "\n" in entry or "\r" in entry for entry in line
+        ):  # one row is one line, so that a diff reads well
             raise LedgerError(f"{path.name}: line break inside an entry of {line[0]}")
     twice = [id for id, count in Counter(line[0] for line in lines).items() if count > 1]
     if twice:

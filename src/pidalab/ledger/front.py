@@ -88,7 +88,9 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
     old = file.read_text(encoding="utf-8")
     block = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
     if len(block.findall(old)) != 1:
-        raise LedgerError(f"{path}: expected one block from {BEGIN} to {END}, found {len(block.findall(old))}")
+        raise LedgerError(
+            f"{path}: expected one block from {BEGIN} to {END}, found {len(block.findall(old))}"
+        )
     fresh = score_markdown(folder)
     new = block.sub(lambda _: fresh, old)
     if new != old:

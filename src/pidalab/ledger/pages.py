@@ -85,7 +85,9 @@ def titles(folder: Path) -> dict[str, str]:
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
     entries = re.findall(r"@\w+\{(\w+),(.*?)\n\}", text, re.DOTALL)
     found = {key: re.search(r"\btitle\s*=\s*\{(.*)\},?", body) for key, body in entries}
-    return {key: re.sub(r"[{}]", "", title.group(1)).replace("--", "–") for key, title in found.items() if title}
+    return {
+        key: re.sub(r"[{}]", "", title.group(1)).replace("--", "–") for key, title in found.items() if title
+    }
 
 
 def scoreboard(folder: Path | str | None = None) -> Display:

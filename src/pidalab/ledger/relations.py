@@ -34,7 +34,14 @@ COMPARE: dict[str, Callable[[Any, Any], bool]] = {
 }
 RELATIONS = (*COMPARE, "within")
 _TEXT = re.compile(r"(\S+) (<=?|>=?|==|!=|within) (\S+)((?: \| [^|]+)*)")
-_SIGNS = {**{relation: relation for relation in COMPARE}, "<=": "≤", ">=": "≥", "==": "=", "!=": "≠", "within": "≈"}
+_SIGNS = {
+    **{relation: relation for relation in COMPARE},
+    "<=": "≤",
+    ">=": "≥",
+    "==": "=",
+    "!=": "≠",
+    "within": "≈",
+}
 _ROUNDING = "rounding"
 
 
@@ -57,7 +64,9 @@ def _slack(left: Number, relation: str, right: Number, convention: str | None) -
     if convention is not None:
         return find_convention(convention).slack(left, relation, right)
     if relation not in COMPARE:
-        raise LedgerError(f"unknown relation {relation!r}; one of {', '.join(RELATIONS)}; 'within' needs a convention")
+        raise LedgerError(
+            f"unknown relation {relation!r}; one of {', '.join(RELATIONS)}; 'within' needs a convention"
+        )
     infinite = isinf(left) or isinf(right)
     distance = float(left != right) if infinite else gap(left, right)
     return distance if COMPARE[relation](left, right) else -distance - 1e-300
@@ -70,7 +79,9 @@ def _choose(
         raise LedgerError("no cases to choose from")
     numbers = {name: (plain(left), plain(right)) for name, (left, right) in cases.items()}
     # rounded, so that rounding errors never exchange two equal cases
-    slack = {name: round(_slack(left, relation, right, convention), 9) for name, (left, right) in numbers.items()}
+    slack = {
+        name: round(_slack(left, relation, right, convention), 9) for name, (left, right) in numbers.items()
+    }
     name = min(slack, key=lambda case: slack[case] if worst else -slack[case])
     chosen = Relation(relation)
     chosen.remark = f"{'worst' if worst else 'best'} of {len(cases)}: {name}"
@@ -217,7 +228,9 @@ class Evidence:
         convention = convention or getattr(relation, "convention", None)
         _slack(left, relation, right, convention)  # refuses what cannot be compared
         if relation in ("==", "!=") and not (isinstance(left, int) and isinstance(right, int)):
-            raise LedgerError(f"{relation!r} is for integers, found {left!r} and {right!r}; use identity for reals")
+            raise LedgerError(
+                f"{relation!r} is for integers, found {left!r} and {right!r}; use identity for reals"
+            )
         remarks = [
             " against ".join(name for name in names if name),
             getattr(relation, "remark", ""),
@@ -383,7 +396,8 @@ class Evidence:
         short = next(
             pair
             for digits in range(4, 2 * DIGITS)
-            if len({*(pair := tuple(shorten(side, digits) for side in sides))}) == len({*sides}) or digits > DIGITS
+            if len({*(pair := tuple(shorten(side, digits) for side in sides))}) == len({*sides})
+            or digits > DIGITS
         )
         return f"{short[0]} {_SIGNS[self.relation]} {short[1]}"
 

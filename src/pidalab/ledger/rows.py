@@ -239,8 +239,14 @@ class Row:
                 f"computed says {self.computed}, the evidence {self.evidence} does not",
             ),
             (not self.is_statement and bool(self.evidence), "a number has no evidence"),
-            (not self.is_statement and self.computed in verdicts.STATEMENT, "a number is not judged as a statement"),
-            (self._is_coarse() and not self._says_digits(), "fewer digits than ten, and no note says why: 'digits'"),
+            (
+                not self.is_statement and self.computed in verdicts.STATEMENT,
+                "a number is not judged as a statement",
+            ),
+            (
+                self._is_coarse() and not self._says_digits(),
+                "fewer digits than ten, and no note says why: 'digits'",
+            ),
             (self._hides_drift(), "stored no finer than printed, so that drift stays hidden"),
         )
 
@@ -265,7 +271,11 @@ class Row:
     def _hides_drift(self) -> bool:
         """Whether a stored number is not two places finer than the print, nor has ten digits."""
         places = self._places()
-        return places is not None and self._is_coarse() and digits.exponent(places[1]) > digits.exponent(places[0]) - 2
+        return (
+            places is not None
+            and self._is_coarse()
+            and digits.exponent(places[1]) > digits.exponent(places[0]) - 2
+        )
 
     def _says_digits(self) -> bool:
         return "digits" in self.note

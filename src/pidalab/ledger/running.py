@@ -54,7 +54,9 @@ def checks(paper: str, folder: Path | str | None = None) -> ModuleType:
         known = ", ".join(key for key in papers(ledgers) if has_checks(key, ledgers)) or "none"
         raise LedgerError(f"no checks of {paper} in {place}; there are: {known}")
     parent = sys.modules.get(PACKAGE)
-    if parent is None or [*parent.__path__] != [str(place)]:  # another book: forget the checks of the last one
+    if parent is None or [*parent.__path__] != [
+        str(place)
+    ]:  # another book: forget the checks of the last one
         for name in [name for name in sys.modules if name.partition(".")[0] == PACKAGE]:
             del sys.modules[name]
         parent = ModuleType(PACKAGE)

@@ -19,7 +19,9 @@ CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the 
 ACTIVE = 1e-3  # share of a limit within which it is called active
 ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is none
 UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
-SAME = 0.02  # difference of the IAE of the search from that of the engine, beyond which the unit was too short
+SAME = (
+    0.02  # difference of the IAE of the search from that of the engine, beyond which the unit was too short
+)
 
 
 def load(
@@ -168,7 +170,9 @@ def _designed(
     best, unit = None, _unit(upright)
     with tqdm(desc="optimal", delay=2.0, leave=False, disable=None) as bar:
         for factor in UNITS:
-            problem = Problem(upright, order, (abs(complex(upright(1j / (factor * unit)))), factor * unit), test)
+            problem = Problem(
+                upright, order, (abs(complex(upright(1j / (factor * unit)))), factor * unit), test
+            )
             found = search(problem, limits, bar)
             if found is None:
                 continue
@@ -183,14 +187,18 @@ def _designed(
             for name, value in limits._asdict().items()
             if value is not None and name != "sample_time"
         )
-        raise ValueError(f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}")
+        raise ValueError(
+            f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}"
+        )
     return best
 
 
 def _sign(process: Process) -> float:
     """Sign of the gains: integral action is stable only if the last coefficient of all has the sign of the first."""
     if process.num[-1] == 0:
-        raise ValueError("process must have a static gain, found a zero at s = 0, through which nothing can be held")
+        raise ValueError(
+            "process must have a static gain, found a zero at s = 0, through which nothing can be held"
+        )
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
@@ -202,7 +210,9 @@ def _unit(process: Process) -> float:
     speeds = speeds[speeds > 0]
     corners = np.append(speeds, 1 / process.delay) if process.delay else speeds
     if not corners.size:
-        raise ValueError("process must have a lag or a dead time: a gain or an integrator alone has no best controller")
+        raise ValueError(
+            "process must have a lag or a dead time: a gain or an integrator alone has no best controller"
+        )
     w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
     phase = np.unwrap(np.angle(process(1j * w)))
     growing = np.max(roots(process.den).real)
@@ -239,7 +249,9 @@ def _design(test: str, process: Process, sign: float, problem: Any, x: Array, li
     }
     if limits.noise_gain is not None:
         info["noise_gain"] = noise_gain(loop, limits.sample_time)
-    limited = {name: limit for name in ("ms", "mks", "noise_gain") if (limit := getattr(limits, name)) is not None}
+    limited = {
+        name: limit for name in ("ms", "mks", "noise_gain") if (limit := getattr(limits, name)) is not None
+    }
     reached = [name for name, limit in limited.items() if info[name] >= limit * (1 - ACTIVE)]
     none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if gains[k] == 0]
     at = x[problem.gains]

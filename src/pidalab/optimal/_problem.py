@@ -78,7 +78,9 @@ class Problem:
         plant = self.process(s)
         t = horizon / SAMPLES * np.arange(SAMPLES)
         growth = np.exp(DAMPING / horizon * t) * SAMPLES / horizon
-        known, fall = (1 / (s + 1 / self.time), np.exp(-t / self.time)) if self.test == "setpoint" else (0.0, 0.0)
+        known, fall = (
+            (1 / (s + 1 / self.time), np.exp(-t / self.time)) if self.test == "setpoint" else (0.0, 0.0)
+        )
         step = np.full(SAMPLES, horizon / SAMPLES)
         step[0] *= 0.5  # trapezoids
 
@@ -125,7 +127,9 @@ class Problem:
     def turns(self, x: Array) -> float:
         """Turn of 1 + L along the axis: another one by 2 pi belongs to other unstable poles."""
         gains, tf = self.controller(x)
-        controller = np.polyval(gains[::-1], self.axis) / (self.axis * (1 + tf * self.axis) ** (self.order + 1))
+        controller = np.polyval(gains[::-1], self.axis) / (
+            self.axis * (1 + tf * self.axis) ** (self.order + 1)
+        )
         back = 1 + self.plant * controller
         return float(np.angle(back[1:] / back[:-1]).sum())
 
@@ -158,7 +162,9 @@ class Problem:
         The controller is taken as continuous: what the sampled one makes of it is left to whoever asks.
         """
         h = sample_time
-        w = np.concatenate([np.geomspace(1e-4 / self.time, 0.1 / h, 300), np.linspace(0.1, 20 * np.pi, 400)[1:] / h])
+        w = np.concatenate(
+            [np.geomspace(1e-4 / self.time, 0.1 / h, 300), np.linspace(0.1, 20 * np.pi, 400)[1:] / h]
+        )
         weight = np.gradient(w) * np.sinc(w * h / (2 * np.pi)) ** 2 * h / np.pi
         s = 1j * w
         plant = self.process(s)

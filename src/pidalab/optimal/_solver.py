@@ -50,10 +50,16 @@ class Search:
         delay = problem.process.delay
         turns = np.arange(3.0, 40.0, 0.7) / delay if delay else np.zeros(0)
         far = np.geomspace(10.0, 2.0 / np.exp(RUNGS[-1]), 16)[1:]
-        self.w = np.sort(np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time)
+        self.w = np.sort(
+            np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
+        )
         self.w = np.sort(np.append(self.w, turns[turns < self.w[-1]]))
         self.worth = problem.worth(HORIZON * time)
-        self.noise = problem.noise(limits.sample_time) if limits.noise_gain is not None and limits.sample_time else None
+        self.noise = (
+            problem.noise(limits.sample_time)
+            if limits.noise_gain is not None and limits.sample_time
+            else None
+        )
         self.aim = limits.noise_gain or 0.0  # for the continuous stand-in of the sampled loop
         self.bounds = [(1e-6, LARGEST)] + [(0.0, LARGEST)] * (problem.order + 1) + [(FASTEST, SLOWEST)]
         if problem.test == "setpoint":
@@ -147,7 +153,9 @@ class Search:
         for _ in range(ROUNDS):
             value, found, missed = self.descend(x)
             if missed > KEPT or not _stable(self.loop(found)):
-                x = x * _slack(x.size, self.problem.gains)  # the descent went astray: again, from a little below
+                x = x * _slack(
+                    x.size, self.problem.gains
+                )  # the descent went astray: again, from a little below
                 continue
             x = found
             if self._keeps(x):

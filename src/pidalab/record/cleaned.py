@@ -111,7 +111,9 @@ class Record:
     def __init__(self, t: ArrayLike, u: ArrayLike, y: ArrayLike, step: float | None = None) -> None:
         given = _column("t", t), _column("u", u), _column("y", y)
         if len({column.size for column in given}) > 1:
-            raise ValueError(f"t, u and y must have one length, found {', '.join(str(c.size) for c in given)}")
+            raise ValueError(
+                f"t, u and y must have one length, found {', '.join(str(c.size) for c in given)}"
+            )
         doubts: list[str] = []
         times, inputs, outputs = _cleaned(*given, doubts)
         object.__setattr__(self, "t", times)
@@ -205,10 +207,14 @@ class Record:
         [2.0, 2.0, 2.0]
         """
         if not self.steps:
-            raise ValueError("the record has no step of the input from one level to another; fit takes any input")
+            raise ValueError(
+                "the record has no step of the input from one level to another; fit takes any input"
+            )
         chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
         if len(chosen) > 1:
-            raise ValueError(f"the input changes again after the step: {_said(tuple(chosen))}; cut the record before")
+            raise ValueError(
+                f"the input changes again after the step: {_said(tuple(chosen))}; cut the record before"
+            )
         first = chosen[0]
         span = self.t[-1] - first.time
         t = np.linspace(0.0, span, max(2, round(span / self.sampling) + 1))
@@ -264,7 +270,9 @@ class Record:
             first, last = np.array_split(tail, 2)
             moved, whole = abs(last.mean() - first.mean()), np.ptp(self.y)
             if moved > max(0.02 * whole, 3 * self.noise.deviation / np.sqrt(first.size)):
-                found.append("the output still moves at the end: an integrator, or a record that is too short")
+                found.append(
+                    "the output still moves at the end: an integrator, or a record that is too short"
+                )
         return found
 
     def __str__(self) -> str:
@@ -322,7 +330,9 @@ def _steps(t: Array, u: Array) -> tuple[Step, ...]:
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
-    runs = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 3]  # samples a to b are one level
+    runs = [
+        (a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 3
+    ]  # samples a to b are one level
     if not runs or sum(b - a for a, b in runs) < 0.7 * (t.size - 1):
         return ()
     levels = [float(np.median(u[a : b + 1])) for a, b in runs]

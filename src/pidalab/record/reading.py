@@ -13,8 +13,29 @@ import numpy as np
 from pidalab._check import Array
 
 # What stands in place of a value that was not recorded.
-MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "bad", "bad input", "no data", "#n/a", "i/o timeout", "?"}
-STAMPS = ("%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d/%m/%Y %H:%M:%S", "%H:%M:%S.%f", "%H:%M:%S")
+MISSING = {
+    "",
+    "nan",
+    "na",
+    "n/a",
+    "null",
+    "none",
+    "-",
+    "bad",
+    "bad input",
+    "no data",
+    "#n/a",
+    "i/o timeout",
+    "?",
+}
+STAMPS = (
+    "%d.%m.%Y %H:%M:%S.%f",
+    "%d.%m.%Y %H:%M:%S",
+    "%d.%m.%Y %H:%M",
+    "%d/%m/%Y %H:%M:%S",
+    "%H:%M:%S.%f",
+    "%H:%M:%S",
+)
 DELIMITERS = ";\t,|"
 
 
@@ -56,8 +77,12 @@ def read_columns(
             continue
         for k, place in enumerate(places):
             if place >= len(row):
-                raise ValueError(f"{path.name}, row {number}: expected {place + 1} columns or more, found {len(row)}")
-            columns[k].append(_value(row[place], k == 0, comma, f"{path.name}, row {number}, column {wanted[k]!r}"))
+                raise ValueError(
+                    f"{path.name}, row {number}: expected {place + 1} columns or more, found {len(row)}"
+                )
+            columns[k].append(
+                _value(row[place], k == 0, comma, f"{path.name}, row {number}, column {wanted[k]!r}")
+            )
     if not columns[0]:
         raise ValueError(f"{path.name}: no row of data below the header")
     return tuple(np.array(column) for column in columns)
@@ -96,7 +121,11 @@ def _header(table: Sequence[Sequence[str]], mark: str) -> tuple[list[str], int]:
 
 
 def _is_value(entry: str) -> bool:
-    return entry.lower() in MISSING or _stamp(entry) is not None or not math.isnan(_number(entry.replace(",", ".")))
+    return (
+        entry.lower() in MISSING
+        or _stamp(entry) is not None
+        or not math.isnan(_number(entry.replace(",", ".")))
+    )
 
 
 def _place(name: str | int, header: Sequence[str], path: Path) -> int:
@@ -104,7 +133,11 @@ def _place(name: str | int, header: Sequence[str], path: Path) -> int:
         return name
     if name in header:
         return header.index(name)
-    close = [k for k, known in enumerate(header) if known.lower().split("[")[0].split("(")[0].strip() == name.lower()]
+    close = [
+        k
+        for k, known in enumerate(header)
+        if known.lower().split("[")[0].split("(")[0].strip() == name.lower()
+    ]
     if len(close) == 1:
         return close[0]
     known = ", ".join(map(repr, header)) or "none: give numbers of columns, from 0"
@@ -113,7 +146,11 @@ def _place(name: str | int, header: Sequence[str], path: Path) -> int:
 
 def _has_decimal_commas(rows: Sequence[Sequence[str]], places: Sequence[int], mark: str) -> bool:
     entries = [row[place] for row in rows[:200] for place in places if place < len(row)]
-    return mark != "," and any("," in entry for entry in entries) and not any("." in entry for entry in entries[1::2])
+    return (
+        mark != ","
+        and any("," in entry for entry in entries)
+        and not any("." in entry for entry in entries[1::2])
+    )
 
 
 def _value(entry: str, is_time: bool, comma: bool, where: str) -> float:

@@ -26,7 +26,9 @@ from scipy.optimize import minimize_scalar
 from pidalab._check import Array
 from pidalab.process import Process
 
-TOLERANCE = 1e-6  # the true infimum is at most this far below what is returned, relative to it if that is beyond 1
+TOLERANCE = (
+    1e-6  # the true infimum is at most this far below what is returned, relative to it if that is beyond 1
+)
 SLACK = 1.1  # multiple roots of a polynomial are found to a few digits only: the bounds are taken larger
 PER_DECADE = 30  # stretches to begin with
 MOST_STRETCHES = 1_000_000  # at a time: more would fill the memory
@@ -82,7 +84,9 @@ class _Function:
     def __call__(self, w: Array) -> Array:
         s = 1j * w
         e = np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-s * self.delay)
-        forward = e.imag / w + self.theta * e.real if self.part.integrates else e.real - w * self.theta * e.imag
+        forward = (
+            e.imag / w + self.theta * e.real if self.part.integrates else e.real - w * self.theta * e.imag
+        )
         return 1 + forward - self._reset(w)
 
     def _reset(self, w: ArrayLike) -> Any:
@@ -107,7 +111,10 @@ class _Function:
         forward = 2 * _majorant(self.zeros, self.poles, self.gain, self.delay, a, b)[2]
         if self.part.integrates:
             factors = self.part.zeros, self.part.poles, self.part.gain, self.delay
-            slow = 2 * _majorant(*factors, np.zeros_like(a), b)[3] + 2 * self.theta * _majorant(*factors, a, b)[2]
+            slow = (
+                2 * _majorant(*factors, np.zeros_like(a), b)[3]
+                + 2 * self.theta * _majorant(*factors, a, b)[2]
+            )
             forward = np.fmin(forward, slow)
         return SLACK * (forward + self._reset_curvature(a))
 
@@ -164,7 +171,9 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     at_infinity = f.at_infinity()
     scales = f.scales()
     low, high = 1e-2 * scales.min(), 10 * scales.max()
-    w = np.append([0.0], np.logspace(np.log10(low), np.log10(high), 1 + int(PER_DECADE * np.log10(high / low))))
+    w = np.append(
+        [0.0], np.logspace(np.log10(low), np.log10(high), 1 + int(PER_DECADE * np.log10(high / low)))
+    )
     values = np.append([f.at_zero()], f(w[1:]))
     best = min(float(values.min()), at_infinity)
     while f.tail(w[-1]) < _below(best):
@@ -185,14 +194,20 @@ def _below(best: float) -> float:
 def _descend(f: _Function, w: Array, values: Array, best: float) -> tuple[float, float]:
     """Halve every stretch that could hide a value below the best one; return the lowest and its frequency."""
     i = int(np.argmin(values))
-    found, where, around = float(values[i]), float(w[i]), (float(w[max(i - 1, 0)]), float(w[min(i + 1, w.size - 1)]))
+    found, where, around = (
+        float(values[i]),
+        float(w[i]),
+        (float(w[max(i - 1, 0)]), float(w[min(i + 1, w.size - 1)])),
+    )
     a, b, fa, fb = w[:-1], w[1:], values[:-1], values[1:]
     while True:
         suspect = np.minimum(fa, fb) - (b - a) ** 2 / 8 * f.curvature(a, b) < _below(best)
         if not suspect.any():
             break
         if suspect.sum() > MOST_STRETCHES:
-            raise ArithmeticError("the dead time turns the phase too often to follow: is the filter very short?")
+            raise ArithmeticError(
+                "the dead time turns the phase too often to follow: is the filter very short?"
+            )
         a, b, fa, fb = a[suspect], b[suspect], fa[suspect], fb[suspect]
         middle = 0.5 * (a + b)
         fm = f(middle)
@@ -205,6 +220,9 @@ def _descend(f: _Function, w: Array, values: Array, best: float) -> tuple[float,
     if where == 0.0:
         return where, found
     polished = minimize_scalar(
-        lambda x: float(f(np.array([x]))[0]), bounds=around, method="bounded", options={"xatol": 1e-10 * where}
+        lambda x: float(f(np.array([x]))[0]),
+        bounds=around,
+        method="bounded",
+        options={"xatol": 1e-10 * where},
     )
     return (float(polished.x), float(polished.fun)) if polished.fun < found else (where, found)

@@ -16,7 +16,9 @@ PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 10_000_000  # along the axis: more would take too long
 COARSE = 1.0  # the same where only crossings of the real axis are looked for
 TURNED = 0.8  # largest turn of the characteristic function between two points, in rad
-ON_AXIS = 1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
+ON_AXIS = (
+    1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
+)
 REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding
 GAIN, IMAGINARY, SENSITIVITY, COMPLEMENTARY, LOUD, QUIET = range(6)  # functions of frequency
 
@@ -290,7 +292,9 @@ def turns(w, parts, lean, aside, gain, zeros, poles, reference, delay):
             ahead[0] = w[0] if i < 0 else w[i] + (w[i + 1] - w[i]) * k / parts[i]
             count = 1
             while count > 0:
-                value, near = _characteristic(ahead[count - 1], lean, aside, gain, zeros, poles, reference, delay)
+                value, near = _characteristic(
+                    ahead[count - 1], lean, aside, gain, zeros, poles, reference, delay
+                )
                 if on_it or near:
                     return np.nan, value
                 ratio = value * np.conj(before)

@@ -117,7 +117,9 @@ def linear_part(loop: Loop) -> LinearPart:
         # the filter's pole is known: as a root of a polynomial, being multiple, it would be found to a few digits
         own = np.full(reset.filter_order, -1 / reset.filter_time)
         poles = np.concatenate([own, *(np.roots(den) for _, den in rest)])
-        den = np.convolve(binomial(reset.filter_time, reset.filter_order), np.convolve(rest[0][1], rest[1][1]))
+        den = np.convolve(
+            binomial(reset.filter_time, reset.filter_order), np.convolve(rest[0][1], rest[1][1])
+        )
     part = LinearPart(Process(num, den, loop.process.delay), zeros, poles[poles != 0], ti)
     _check_assumptions(part, int(np.sum(poles == 0)))
     return part

@@ -10,7 +10,9 @@ from pidalab.loop import Loop
 from pidalab.robustness.margins import Margins, margins
 
 
-def margins_many(loops: Sequence[Loop], executor: Executor | None = None, progress: bool = False) -> list[Margins]:
+def margins_many(
+    loops: Sequence[Loop], executor: Executor | None = None, progress: bool = False
+) -> list[Margins]:
     """Margins of many loops, on all processors.
 
     Parameters

@@ -262,4 +262,6 @@ def _sampled(loop: Loop) -> Margins:
     if is_stable(loop):
         return Margins(**margins_sampled(loop, loop.controller))
     none = math.nan
-    return Margins(False, none, none, none, none, none, none, none, none, none, none, np.zeros(0), np.zeros(0))
+    return Margins(
+        False, none, none, none, none, none, none, none, none, none, none, np.zeros(0), np.zeros(0)
+    )

@@ -65,7 +65,9 @@ def unstable_poles(loop: Loop) -> float:
         count = _encirclements(loop, looked, parts, lean, aside)
         if count is not None:
             return count
-    raise ArithmeticError("the closed loop has a pole so close to the imaginary axis that it cannot be counted")
+    raise ArithmeticError(
+        "the closed loop has a pole so close to the imaginary axis that it cannot be counted"
+    )
 
 
 def _encirclements(loop: Loop, looked: Scan, parts: Array, lean: float, aside: float) -> int | None:
@@ -162,7 +164,9 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
             f"count = {count}: only {found.size} poles lie right of {-FARTHEST / delay:.4g}; e^(-s delay) drowns others"
         )
     near = (
-        "their neighbours" if chain == -math.inf else f"the chain of poles of this neutral loop at {chain / delay:.4g}"
+        "their neighbours"
+        if chain == -math.inf
+        else f"the chain of poles of this neutral loop at {chain / delay:.4g}"
     )
     raise ArithmeticError(f"the {count} rightmost poles cannot be told from {near}")
 
@@ -220,7 +224,9 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
-        still = np.abs(step) <= 1e-9 * np.abs(s)  # far right of the axis the dead time leaves only rounding of `value`
+        still = np.abs(step) <= 1e-9 * np.abs(
+            s
+        )  # far right of the axis the dead time leaves only rounding of `value`
         near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW)
         s = np.where(near, s, start)  # in a cluster it goes astray
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)

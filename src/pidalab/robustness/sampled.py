@@ -43,8 +43,12 @@ class SampledLoop(NamedTuple):
         """Evaluate the loop transfer function at frequencies in rad per time unit."""
         k = self.controller
         z = np.exp(1j * np.atleast_1d(w) * k.sample_time)
-        resolvent = np.linalg.solve((z[:, None, None] * np.eye(self.c.size) - self.phi).transpose(0, 2, 1), self.c)
-        plant = sum(resolvent @ gamma * z**-ago for gamma, ago in self.gammas) + self.d * z ** -self.gammas[0][1]
+        resolvent = np.linalg.solve(
+            (z[:, None, None] * np.eye(self.c.size) - self.phi).transpose(0, 2, 1), self.c
+        )
+        plant = (
+            sum(resolvent @ gamma * z**-ago for gamma, ago in self.gammas) + self.d * z ** -self.gammas[0][1]
+        )
         value = plant * k(z) * k.y_span / k.u_span
         return value if np.ndim(w) else value[0]
 
@@ -139,7 +143,9 @@ def margins_sampled(loop: Loop, k: DigitalController) -> dict[str, Any]:
     value = sampled.L(w)
     wgc = _crossings(lambda x: np.log(np.abs(sampled.L(x))), w, np.log(np.abs(value)))
     # up to the last frequency, where L is real
-    wpc = _crossings(lambda x: (sampled.L(x) / np.abs(sampled.L(x))).imag, w[:-1], (value / np.abs(value)).imag[:-1])
+    wpc = _crossings(
+        lambda x: (sampled.L(x) / np.abs(sampled.L(x))).imag, w[:-1], (value / np.abs(value)).imag[:-1]
+    )
     candidates = np.append(wpc, w[-1])
     there = sampled.L(candidates)
     real = (there.real < 0) & (np.abs(there.imag) < 1e-6 * np.abs(there))
@@ -168,7 +174,9 @@ def margins_sampled(loop: Loop, k: DigitalController) -> dict[str, Any]:
 
 def _crossings(function: Callable, w: Array, values: Array) -> Array:
     """Return the zeros of a function between the frequencies at which its sign changes."""
-    i = np.flatnonzero((np.sign(values[:-1]) * np.sign(values[1:]) < 0) & np.isfinite(values[:-1] + values[1:]))
+    i = np.flatnonzero(
+        (np.sign(values[:-1]) * np.sign(values[1:]) < 0) & np.isfinite(values[:-1] + values[1:])
+    )
     return np.array([brentq(function, w[j], w[j + 1], xtol=1e-15 * w[j + 1], rtol=1e-13) for j in i])
 
 

@@ -61,7 +61,11 @@ class Design:
         """Read an entry of `info`."""
         if not name.startswith("_") and name != "info" and name in self.info:
             return self.info[name]
-        known = "" if name.startswith("_") or name == "info" else f"; its info has {', '.join(self.info) or 'nothing'}"
+        known = (
+            ""
+            if name.startswith("_") or name == "info"
+            else f"; its info has {', '.join(self.info) or 'nothing'}"
+        )
         raise AttributeError(f"this design has no {name!r}{known}")
 
     def __dir__(self) -> list[str]:
@@ -97,8 +101,12 @@ class Design:
         True
         """
         if process is None and not isinstance(self.model, Process):
-            raise TypeError("process must be given, as in design.loop(process): this design was made from areas")
-        return Loop(self.model if process is None else process, self.controller, self.output_filter, self.prefilter)
+            raise TypeError(
+                "process must be given, as in design.loop(process): this design was made from areas"
+            )
+        return Loop(
+            self.model if process is None else process, self.controller, self.output_filter, self.prefilter
+        )
 
     def __repr__(self) -> str:
         return f"Design({self.model!r}, {self.controller!r}, source={self.source!r})"

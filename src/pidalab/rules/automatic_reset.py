@@ -102,7 +102,9 @@ def multiple_pole(m: int) -> Setting:
     zero = float(np.min(zeros.real[zeros.imag == 0]))
     stabiliser = np.polydiv(unit.numerator, [-1 / zero, 1.0])[0] * (-1 / zero)
     ka, kd, kp = (0.0,) * (2 - m) + tuple(stabiliser.tolist())
-    return Setting(("PI", "PID", "MRDP-PIDA")[m], f"eq. ({(15, 16, 18)[m]})", -1 / unit.pole, kp, kd, ka, -1 / zero)
+    return Setting(
+        ("PI", "PID", "MRDP-PIDA")[m], f"eq. ({(15, 16, 18)[m]})", -1 / unit.pole, kp, kd, ka, -1 / zero
+    )
 
 
 def double_zero(ratio: float = 1.0) -> Setting:
@@ -139,7 +141,9 @@ def double_zero(ratio: float = 1.0) -> Setting:
 
 
 PI, PID, MRDP_PIDA = (multiple_pole(m) for m in range(3))
-TAU_2 = 2 * MRDP_PIDA.ka / MRDP_PIDA.kd  # the pair of zeros of the stabilising controller has the real part -kd/(2 ka)
+TAU_2 = (
+    2 * MRDP_PIDA.ka / MRDP_PIDA.kd
+)  # the pair of zeros of the stabilising controller has the real part -kd/(2 ka)
 PIDA_1, PIDA_2 = double_zero(), double_zero(1.5)
 PPM_PIDA = Setting("PPM-PIDA", "eq. (25), printed", MRDP_PIDA.lag, kp=0.17, kd=0.45, ka=0.1157, ti=0.36)
 SETTINGS = {setting.name: setting for setting in (PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1, PIDA_2)}
@@ -230,11 +234,15 @@ def tune(
         raise TypeError(f"setting must be a Setting, such as automatic_reset.PIDA_1, found {setting!r}")
     order = 2 if setting.ka else 1
     if _check.integer("n", n, at_least=1) < order:
-        raise ValueError(f"n must be at least {order} for {setting.name}, or the controller is not proper; found {n}")
+        raise ValueError(
+            f"n must be at least {order} for {setting.name}, or the controller is not proper; found {n}"
+        )
     filter_time = _check.real("filter_time", filter_time, above=0.0)
     weight = _check.real("weight", weight)
     if weight != 0 and not 0.5 <= weight <= 1:
-        raise ValueError(f"weight must be from 0.5 to 1, or 0 if the model contains the filter; found {weight:g}")
+        raise ValueError(
+            f"weight must be from 0.5 to 1, or 0 if the model contains the filter; found {weight:g}"
+        )
     if _check.integer("cancelled", cancelled, at_least=0) > 1:
         raise ValueError(f"cancelled must be 0 or 1, found {cancelled}")
     te = n * weight * filter_time

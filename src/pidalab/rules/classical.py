@@ -31,7 +31,9 @@ from pidalab.rules._design import Design
 from pidalab.rules._models import integrator, lags, one_of
 
 KINDS = ("PI", "PID")
-OSCILLATING = 0.05  # share of imaginary part up to which poles count as real: a multiple lag splits by rounding
+OSCILLATING = (
+    0.05  # share of imaginary part up to which poles count as real: a multiple lag splits by rounding
+)
 
 
 def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = None, n: float = 10) -> Design:
@@ -82,8 +84,12 @@ def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = Non
     one_of("kind", kind, KINDS)
     gain, slow, delay, integrating = _half_rule(model, 2 if kind == "PID" else 1)
     if closed_loop_time is None and delay == 0:
-        raise ValueError("closed_loop_time must be given: the model has no effective dead time to take it from")
-    wanted = delay if closed_loop_time is None else _check.real("closed_loop_time", closed_loop_time, above=0.0)
+        raise ValueError(
+            "closed_loop_time must be given: the model has no effective dead time to take it from"
+        )
+    wanted = (
+        delay if closed_loop_time is None else _check.real("closed_loop_time", closed_loop_time, above=0.0)
+    )
     # k' = K/tau_1 for a lag and the velocity gain for an integrator, eq. (25)
     first, velocity = (math.inf, gain) if integrating else (slow[0], gain / slow[0])
     second = (slow[0] if integrating else slow[1]) if kind == "PID" and len(slow) > (not integrating) else 0.0
@@ -147,7 +153,9 @@ def amigo(model: Process, kind: str = "PID", n: float = 10) -> Design:
     return Design(model, controller, source="Åström and Hägglund (2004), AMIGO")
 
 
-def lambda_tuning(model: Process, kind: str = "PI", closed_loop_time: float | None = None, n: float = 10) -> Design:
+def lambda_tuning(
+    model: Process, kind: str = "PI", closed_loop_time: float | None = None, n: float = 10
+) -> Design:
     r"""Lambda tuning: the lag is cancelled, and the closed loop gets a time constant of one's choice.
 
     .. math:: \text{PI: } k_p = \frac{T}{K(\lambda + L)},\; t_i = T; \qquad
@@ -187,9 +195,13 @@ def lambda_tuning(model: Process, kind: str = "PI", closed_loop_time: float | No
     if kind == "PI":
         controller = PIDA(lag / (gain * (wanted + model.delay)), lag)
     else:
-        controller = PIDA((lag + half) / (gain * (wanted + half)), lag + half, lag * half / (lag + half), 0.0, n)
+        controller = PIDA(
+            (lag + half) / (gain * (wanted + half)), lag + half, lag * half / (lag + half), 0.0, n
+        )
     info = {"closed_loop_time": wanted}
-    return Design(model, controller, source="Åström and Hägglund (2006), section 6.5, lambda tuning", info=info)
+    return Design(
+        model, controller, source="Åström and Hägglund (2006), section 6.5, lambda tuning", info=info
+    )
 
 
 def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> Design:
@@ -224,7 +236,9 @@ def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> De
     integrating, gain, lag, delay = _lag_or_integrator(model)
     slope = gain if integrating else gain / lag
     share = 1 / (slope * delay)
-    controller = PIDA(0.9 * share, delay / 0.3) if kind == "PI" else PIDA(1.2 * share, 2 * delay, delay / 2, 0.0, n)
+    controller = (
+        PIDA(0.9 * share, delay / 0.3) if kind == "PI" else PIDA(1.2 * share, 2 * delay, delay / 2, 0.0, n)
+    )
     return Design(model, controller, source="Ziegler and Nichols (1942), process reaction curve")
 
 
@@ -300,7 +314,9 @@ def _half_rule(model: Process, keep: int) -> tuple[float, list[float], float, bo
     if integrators > 1 or np.any(poles.real >= 0) or np.any(np.abs(poles.imag) > OSCILLATING * np.abs(poles)):
         raise ValueError(f"model must have real stable poles and at most one integrator, found {model!r}")
     if model.num.size > 2 or (model.num.size == 2 and model.num[0] * model.num[1] > 0) or model.num[-1] == 0:
-        raise ValueError(f"model must have at most one zero, in the right half-plane, found num = {model.num.tolist()}")
+        raise ValueError(
+            f"model must have at most one zero, in the right half-plane, found num = {model.num.tolist()}"
+        )
     slow = sorted((-1 / poles.real).tolist(), reverse=True)
     kept, rest = slow[: keep - integrators], slow[keep - integrators :]
     delay = model.delay + (-float(model.num[0] / model.num[-1]) if model.num.size == 2 else 0.0)

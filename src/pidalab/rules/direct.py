@@ -63,9 +63,13 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     """
     m = second_order(model)
     lag = _check.real("alpha_d", alpha_d, above=0.0) * m.tau / (2 * m.damping)
-    lead = 0.36 * m.delay - 0.391 * lag * lag / m.delay  # below 0 for slow filters; a bound at 0 makes Ms large
+    lead = (
+        0.36 * m.delay - 0.391 * lag * lag / m.delay
+    )  # below 0 for slow filters; a bound at 0 makes Ms large
     ki, a1 = 0.722 / (m.gain * m.delay), 2 * m.damping * m.tau
-    return _from_gains(ki, ki * (a1 + lead), ki * (m.tau**2 + a1 * lead), ki * m.tau**2 * lead, alpha_d, alpha_a)
+    return _from_gains(
+        ki, ki * (a1 + lead), ki * (m.tau**2 + a1 * lead), ki * m.tau**2 * lead, alpha_d, alpha_a
+    )
 
 
 def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
@@ -146,14 +150,20 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
     """
     one_of("test", test, ("setpoint", "load"))
     controller = (setpoint if test == "setpoint" else load)(model, alpha_d, alpha_a)
-    return Design(model, controller, source=f"pidalab.rules.direct.{test}: fitted to optima, not from a paper")
+    return Design(
+        model, controller, source=f"pidalab.rules.direct.{test}: fitted to optima, not from a paper"
+    )
 
 
-def _from_gains(ki: float, kp: float, kd: float, ka: float, alpha_d: float, alpha_a: float) -> NonInteractivePIDA:
+def _from_gains(
+    ki: float, kp: float, kd: float, ka: float, alpha_d: float, alpha_a: float
+) -> NonInteractivePIDA:
     """PIDA controller; the acceleration also makes up for the derivative filter, to second order in s."""
     alpha_d = _check.real("alpha_d", alpha_d, above=0.0)
     tau_d = kd / kp if kp / ki > 0 else math.nan
     acceleration = ka / kp + alpha_d * tau_d**2 if tau_d > 0 else math.nan
     if not acceleration > 0:
-        raise ValueError(f"alpha_d is too large for this model, found {alpha_d:g}: a gain would have the wrong sign")
+        raise ValueError(
+            f"alpha_d is too large for this model, found {alpha_d:g}: a gain would have the wrong sign"
+        )
     return NonInteractivePIDA(kp, kp / ki, tau_d, math.sqrt(2 * acceleration), alpha_d, alpha_a)

@@ -277,7 +277,9 @@ def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
     while excess(low) >= 0 or not stable(low):
         low -= 1.0
         if low < LOWEST:
-            raise ValueError(f"ms = {ms:g} is exceeded by every gain down to kp = {unit.kp * math.exp(low):.4g}")
+            raise ValueError(
+                f"ms = {ms:g} is exceeded by every gain down to kp = {unit.kp * math.exp(low):.4g}"
+            )
     high = low
     while excess(high) < 0 and stable(high):
         low, high = high, high + 0.25

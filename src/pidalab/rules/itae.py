@@ -266,7 +266,9 @@ def tune(
     table = "Table 2" if test == "setpoint" else "Table 3"
     if kind == "PID":
         return Design(
-            model, (pid_setpoint if test == "setpoint" else pid_load)(model, alpha_d), source=f"heo2023, {table}"
+            model,
+            (pid_setpoint if test == "setpoint" else pid_load)(model, alpha_d),
+            source=f"heo2023, {table}",
         )
     controller = (pida_setpoint if test == "setpoint" else pida_load)(model, alpha_d, alpha_a)
     info, source = factors(model)._asdict(), f"heo2023, eqs. (9) and (12), Table 1 and {table}"
@@ -386,9 +388,13 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     gain, (tau,) = lags(model, 1)
     theta = model.delay
     if theta == 0:
-        raise ValueError("model must have a dead time above 0, found 0: the gain of this rule is in inverse proportion")
+        raise ValueError(
+            "model must have a dead time above 0, found 0: the gain of this rule is in inverse proportion"
+        )
     tau_i = tau + theta / 2
-    return NonInteractivePIDA(tau_i / (1.25 * theta * gain), tau_i, tau * theta / (2 * tau + theta), 0.0, alpha_d)
+    return NonInteractivePIDA(
+        tau_i / (1.25 * theta * gain), tau_i, tau * theta / (2 * tau + theta), 0.0, alpha_d
+    )
 
 
 def _pida(
@@ -408,7 +414,9 @@ def _pida(
         raise TypeError(f"factors must return two numbers, f_d and f_a, found {pair!r}") from None
     f_d, f_a = _check.real("f_d", f_d), _check.real("f_a", f_a, at_least=0.0)
     if not -2 / m.ratio < f_d < 1:
-        raise ValueError(f"f_d must leave dead time and time constant of the changed model above 0, found {f_d!r}")
+        raise ValueError(
+            f"f_d must leave dead time and time constant of the changed model above 0, found {f_d!r}"
+        )
     changed = m._replace(delay=m.delay * (1 - f_d), tau=m.tau + 0.5 * m.delay * f_d)
     try:
         kc, tau_i, tau_d = table(changed)
@@ -433,7 +441,9 @@ def _setpoint(model: SecondOrder) -> tuple[float, float, float]:
 def _load(model: SecondOrder) -> tuple[float, float, float]:
     """Gain, integral and derivative time by Table 3."""
     (gain, tau, xi, _), r = model, model.ratio
-    product = 2.189 * xi * r**-0.766 + (-0.67 + 0.297 * r**-2.001 if r < 0.9 else -0.365 + 0.26 * (r - 1.4) ** 2)
+    product = 2.189 * xi * r**-0.766 + (
+        -0.67 + 0.297 * r**-2.001 if r < 0.9 else -0.365 + 0.26 * (r - 1.4) ** 2
+    )
     if r < 0.4:
         integral = 2.2122 * r**0.52 - 0.3
     else:

@@ -150,7 +150,9 @@ def filter_ratio(m: int, n: int) -> float:
 def _orders(m: int, n: int) -> tuple[int, int]:
     m, n = _check.integer("m", m, at_least=0), _check.integer("n", n, at_least=0)
     if n > HIGHEST:
-        raise ValueError(f"m and n must be at most {HIGHEST}, found {m} and {n}: factorials leave double precision")
+        raise ValueError(
+            f"m and n must be at most {HIGHEST}, found {m} and {n}: factorials leave double precision"
+        )
     if n < m:
         raise ValueError(f"n must be at least m = {m}, or the controller is not proper; found {n}")
     return m, n
@@ -185,7 +187,9 @@ def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
     unit = constants(m)
     p = _check.integer("cancelled", cancelled, at_least=1)
     if p > m + 1:
-        raise ValueError(f"cancelled must be at most m + 1 = {m + 1}, or the prefilter is not proper; found {p}")
+        raise ValueError(
+            f"cancelled must be at most m + 1 = {m + 1}, or the prefilter is not proper; found {p}"
+        )
     scale = [unit.integral_time * time for time in (1.0, *unit.derivative_times)]
     return tuple(math.comb(p, k + 1) * (-1 / unit.pole) ** (k + 1) / scale[k] for k in range(p))
 
@@ -285,7 +289,9 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         "ie": (1 - weights[0]) * ti,
         "smallest_te": smallest_te(m, n) * dead_time if n else 0.0,
     }
-    verdict = "stable" if te > info["smallest_te"] or m < 2 else "unstable with the model, which needs a longer te"
+    verdict = (
+        "stable" if te > info["smallest_te"] or m < 2 else "unstable with the model, which needs a longer te"
+    )
     sources = SOURCES | {"smallest_te": f"not in the paper; {verdict}"}
     prefilter = _prefilter(weights, [ti * x for x in (1.0, *td)])
     return Design(model, controller, prefilter, None, "huba2018, sec. II.B", info, sources)

@@ -42,7 +42,9 @@ class Bank(NamedTuple):
             )
         own = series_controller(loop)
         values = {name: np.asarray(getattr(own, name)) for name in ALLOWED}
-        for name, given in dict(parameters).items():  # not what iterates: a Series of pandas has its values there
+        for name, given in dict(
+            parameters
+        ).items():  # not what iterates: a Series of pandas has its values there
             if name not in ALLOWED:
                 raise ValueError(f"parameters must be among {', '.join(ALLOWED)}, found {name!r}")
             values[name] = _real(f"parameters[{name!r}]", given)
@@ -54,7 +56,9 @@ class Bank(NamedTuple):
         except ValueError:
             shapes: dict[str, object] = {name: np.shape(values[name]) for name in parameters}
             shapes |= {"prefilter": [x.shape for x in (*num, *den)]} if prefilter is not None else {}
-            raise ValueError(f"parameters must have shapes that can be broadcast together, found {shapes}") from None
+            raise ValueError(
+                f"parameters must have shapes that can be broadcast together, found {shapes}"
+            ) from None
         if 0 in shape:
             raise ValueError(f"parameters must hold at least one set, found a grid of shape {shape}")
         num = [np.zeros(()) for _ in range(len(den) - len(num))] + num
@@ -78,7 +82,9 @@ class Bank(NamedTuple):
         if not all(np.all(np.isfinite(x)) for x in (*self.num, *self.den)):
             raise ValueError("prefilter must have finite coefficients, found nan or infinity")
         if np.any(self.den[0] == 0) or np.any(self.den[-1] == 0):
-            raise ValueError("prefilter must have a denominator whose first and last coefficients are not 0, found 0")
+            raise ValueError(
+                "prefilter must have a denominator whose first and last coefficients are not 0, found 0"
+            )
         if len(self.den) > 1:
             den = np.stack(np.broadcast_arrays(*self.den), axis=-1)
             poles = np.linalg.eigvals(_companion(den / den[..., :1]))
@@ -127,7 +133,9 @@ def _coefficients(loop: Loop, prefilter: tuple) -> tuple[list[Array], list[Array
     if loop.prefilter is not None:
         raise ValueError(f"prefilter must be given once: the loop has one already, found {loop.prefilter!r}")
     try:
-        if not isinstance(prefilter, (tuple, list)):  # iterating over a transfer function is an error of its own kind
+        if not isinstance(
+            prefilter, (tuple, list)
+        ):  # iterating over a transfer function is an error of its own kind
             raise TypeError
         num, den = prefilter
         num, den = ([_real("prefilter", x) for x in part] for part in (num, den))

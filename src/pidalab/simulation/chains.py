@@ -141,7 +141,11 @@ def without_slow(num, lead, poles, slow, A, b):
         unit = A[lo + 1, lo] if hi > lo + 1 else 1.0
         own = np.zeros(hi - lo)
         for i in range(hi - lo):
-            link = _monic(poles[lo : lo + i]) if i == 0 or poles[lo + i - 1].imag <= 0.0 else _half(poles[lo : lo + i])
+            link = (
+                _monic(poles[lo : lo + i])
+                if i == 0 or poles[lo + i - 1].imag <= 0.0
+                else _half(poles[lo : lo + i])
+            )
             for k in range(link.size):
                 own[hi - lo - link.size + k] += b[lo + i] * unit ** (hi - lo - 1.0 - i) * link[k]
         den = _monic(poles[lo:hi])

@@ -69,7 +69,9 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     unit = responses(cut_at_delay(loop, inputs), t.size, t[-1] / (t.size - 1), loop.process.delay)
     if not np.isfinite(unit).all():
         lost = ~np.isfinite(unit).all(axis=(0, 1))
-        raise ValueError(f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}")
+        raise ValueError(
+            f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}"
+        )
     return unit
 
 
@@ -111,7 +113,9 @@ def simulate(
     """
     require_loop(loop)
     t = _check.uniform_time("t", t)
-    r, d, n = (_check.signal(*pair, t.size) for pair in (("setpoint", setpoint), ("load", load), ("noise", noise)))
+    r, d, n = (
+        _check.signal(*pair, t.size) for pair in (("setpoint", setpoint), ("load", load), ("noise", noise))
+    )
     return respond(loop, t, r, d, [n])[0]
 
 

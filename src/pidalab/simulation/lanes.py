@@ -19,7 +19,9 @@ from pidalab.simulation.steps import Steps
 
 LANES = 64
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
-NEGLIGIBLE = 1e-13  # share of the largest error below which a change of its sign inside a sample is not looked for
+NEGLIGIBLE = (
+    1e-13  # share of the largest error below which a change of its sign inside a sample is not looked for
+)
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
 IE, IAE, ISE, ITAE, TV_Y, TV_U, Y_MIN, Y_MAX, U_MIN, U_MAX, Y_END, U_END = range(len(MEASURES))
@@ -42,7 +44,14 @@ class Controllers(NamedTuple):
 
 @compiled
 def run(
-    own: Controllers, plant: Steps, low: float, high: float, h: float, reference: Array, load: Array, noise: Array
+    own: Controllers,
+    plant: Steps,
+    low: float,
+    high: float,
+    h: float,
+    reference: Array,
+    load: Array,
+    noise: Array,
 ) -> Array:
     """Run the loops of all lanes and return their measures, shape (measures, LANES)."""
     order, degree, states = own.gamma.shape[0], own.prefilter_gamma.shape[0], plant.c.size
@@ -71,7 +80,9 @@ def run(
         # measures of the interval that ends here; the last state is the running integral of y
         area = x[states - 1]
         if k:
-            _integrate(m, curve, plain, mixed, largest, y_old, y, area_old, area, reference[k - 1], h, h * (k - 1))
+            _integrate(
+                m, curve, plain, mixed, largest, y_old, y, area_old, area, reference[k - 1], h, h * (k - 1)
+            )
         _follow(m[TV_Y], m[Y_MIN], m[Y_MAX], y, y_old)
         area_old[:] = area
 

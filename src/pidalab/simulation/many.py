@@ -59,7 +59,9 @@ def simulate_many(
     [3.333, 2.504, 2.169]
     """
     t = _check.uniform_time("t", t)
-    r, d, n = (_check.signal(*pair, t.size) for pair in (("setpoint", setpoint), ("load", load), ("noise", noise)))
+    r, d, n = (
+        _check.signal(*pair, t.size) for pair in (("setpoint", setpoint), ("load", load), ("noise", noise))
+    )
     return each("loops", partial(_one, t, r, d, n), loops, executor, progress)
 
 

@@ -17,7 +17,9 @@ from pidalab.simulation.sampled import simulate_sampled
 LOUDEST = 1e307  # amplitude of noise: twice as much must be a number
 FIRST, MOST = 4096, 1 << 20  # samples of a response to noise, at first and at most
 FADED = 1e-12  # share of the squares that the second half of such a response may hold
-ECHOES = 4  # dead times that such a response covers at least: what comes back of the noise comes after the first
+ECHOES = (
+    4  # dead times that such a response covers at least: what comes back of the noise comes after the first
+)
 
 
 def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None = None) -> Array:
@@ -131,7 +133,9 @@ def _lengths(loop: Loop, h: float) -> list[int]:
     if loop.digital is not None and not is_stable(loop):
         raise ValueError("loop must be stable, found poles on or outside the unit circle")
     if not is_stable(loop):
-        raise ValueError("loop must be stable, found poles in the closed right half-plane, or arbitrarily near it")
+        raise ValueError(
+            "loop must be stable, found poles in the closed right half-plane, or arbitrarily near it"
+        )
     shortest = math.ceil(ECHOES * loop.process.delay / h)
     if shortest > MOST:
         raise ValueError(

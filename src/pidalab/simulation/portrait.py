@@ -161,7 +161,8 @@ def portrait(
     series_controller(loop)
     t = _check.uniform_time("t", t)
     signals = {
-        name: _compact(name, x, t.size) for name, x in (("setpoint", setpoint), ("load", load), ("noise", noise))
+        name: _compact(name, x, t.size)
+        for name, x in (("setpoint", setpoint), ("load", load), ("noise", noise))
     }
     task = Task(loop.process, limits_at_rest(loop, limits), t.size, float(t[-1] / (t.size - 1)), **signals)
     plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))  # complains about the plant
@@ -194,14 +195,20 @@ def _compact(name: str, value: ArrayLike, size: int) -> float | Array:
     return float(signal[0]) if np.ndim(value) == 0 else signal
 
 
-def _computed(executor: Executor | None, task: Task, bank: Bank, sets: int, size: int) -> Iterator[tuple[slice, Array]]:
+def _computed(
+    executor: Executor | None, task: Task, bank: Bank, sets: int, size: int
+) -> Iterator[tuple[slice, Array]]:
     """Yield chunks as they are done; with all of them, or an error that names those that are missing."""
     if executor is None:
-        with ThreadPoolExecutor(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None) as threads:
+        with ThreadPoolExecutor(
+            len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+        ) as threads:
             yield from _computed(threads, task, bank, sets, size)
         return
     if not isinstance(executor, Executor):
-        raise TypeError(f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}")
+        raise TypeError(
+            f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}"
+        )
     futures: dict[Future, slice] = {}
     lost: list[slice] = []
     reason: Exception | None = None
@@ -225,7 +232,9 @@ def _computed(executor: Executor | None, task: Task, bank: Bank, sets: int, size
     if lost:
         lost.sort(key=lambda part: part.start)
         missing = sum(part.stop - part.start for part in lost)
-        places = ", ".join(f"{part.start} to {part.stop - 1}" for part in lost[:5]) + (", …" if lost[5:] else "")
+        places = ", ".join(f"{part.start} to {part.stop - 1}" for part in lost[:5]) + (
+            ", …" if lost[5:] else ""
+        )
         raise RuntimeError(
             f"a worker failed or was lost: {missing} of {sets} sets are missing (in flat order {places}); "
             f"{type(reason).__name__}: {reason}"
@@ -236,7 +245,9 @@ def _work(task: Task, bank: Bank) -> Array:
     """Compute the sets of a chunk: shape (measures, sets)."""
     plant = plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))
     inputs = [np.broadcast_to(x, task.samples).astype(float) for x in (task.setpoint, task.load, task.noise)]
-    groups = [lanes.run(own, plant, *task.limits, task.h, *inputs) for own in controllers(bank, task.h, lanes.LANES)]
+    groups = [
+        lanes.run(own, plant, *task.limits, task.h, *inputs) for own in controllers(bank, task.h, lanes.LANES)
+    ]
     return np.concatenate(groups, axis=1)[:, : math.prod(bank.shape)]
 
 
@@ -266,4 +277,6 @@ def _portrait(raw: Array, ends: tuple[Array, Array]) -> Portrait:
             least, most = (np.minimum(values[f"{signal}_min"], end), np.maximum(values[f"{signal}_max"], end))
             pulse = np.maximum(np.abs(2 * least - end), np.abs(2 * most - end))
             values[f"tv1_{signal}"] = values[f"tv_{signal}"] + np.abs(end - values[f"{signal}_end"]) - pulse
-        return Portrait(**{name: np.where(diverged, np.inf, x) for name, x in values.items()}, diverged=diverged)
+        return Portrait(
+            **{name: np.where(diverged, np.inf, x) for name, x in values.items()}, diverged=diverged
+        )

@@ -69,7 +69,11 @@ def _product(first: Ratio, second: Ratio) -> Ratio:
     if second[2].size == 0 and second[0].size == 1:
         return first[0] * second[0][0], first[1] * second[1], first[2]
     poles = np.concatenate([first[2], second[2]])
-    return np.convolve(first[0], second[0]), first[1] * second[1], poles[np.argsort(np.abs(poles), kind="stable")]
+    return (
+        np.convolve(first[0], second[0]),
+        first[1] * second[1],
+        poles[np.argsort(np.abs(poles), kind="stable")],
+    )
 
 
 @compiled
@@ -250,9 +254,13 @@ def _assembled(p_num, p_lead, p_poles, c_num, c_lead, c_poles, f_num, f_lead, f_
     count = inputs.size
     none, one = np.zeros(size), np.ones(1)
 
-    y, y_direct = _through(A, b, x0, group, count, p_num, p_lead, p_poles, _groups(np.abs(p_poles), speeds), none, 1.0)
+    y, y_direct = _through(
+        A, b, x0, group, count, p_num, p_lead, p_poles, _groups(np.abs(p_poles), speeds), none, 1.0
+    )
     count += p_poles.size
-    area, area_direct = _through(A, b, x0, group, count, one, 1.0, zero, _groups(np.abs(zero), speeds), y, y_direct)
+    area, area_direct = _through(
+        A, b, x0, group, count, one, 1.0, zero, _groups(np.abs(zero), speeds), y, y_direct
+    )
     count += 1
     setpoint, nothing = _through(
         A, b, x0, group, count, f_num, f_lead, f_poles, _groups(np.abs(f_poles), speeds), r, 0.0

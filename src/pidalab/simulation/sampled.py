@@ -129,7 +129,9 @@ def simulate_sampled(
     """
     require_loop(loop)
     t = _check.uniform_time("t", t)
-    r, d, n = (_check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise)))
+    r, d, n = (
+        _check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise))
+    )
     h = float(t[-1] / (t.size - 1))
     at_rest = limits_at_rest(loop, limits)
     fineness, actuator = _conversion(*at_rest, quanta, pulse_widths)
@@ -141,14 +143,20 @@ def simulate_sampled(
     else:
         own = _limited(loop.digital, h, at_rest, anti_windup)
         units = (own.y_span, own.u_span)
-        y, u, area = run_digital(own.numbers, own.at_rest(), units, steps, actuator, fineness, reference, d, n)
+        y, u, area = run_digital(
+            own.numbers, own.at_rest(), units, steps, actuator, fineness, reference, d, n
+        )
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
-        raise ValueError(f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}")
+        raise ValueError(
+            f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}"
+        )
     return Response(t=t, r=r, d=d, n=n, y=y, u=u, area=area)
 
 
-def _limited(k: DigitalController, h: float, limits: tuple[float, float], anti_windup: str | None) -> DigitalController:
+def _limited(
+    k: DigitalController, h: float, limits: tuple[float, float], anti_windup: str | None
+) -> DigitalController:
     """Check that a digital controller fits the step of time, and give it the limits, which count from rest."""
     if abs(h - k.sample_time) > 1e-6 * k.sample_time:
         raise ValueError(
@@ -182,12 +190,18 @@ def _conversion(low: float, high: float, quanta: tuple[float, float], widths: in
     try:
         measurement, control = quanta
     except (TypeError, ValueError):
-        raise TypeError(f"quanta must be two numbers, of measurement and control signal, found {quanta!r}") from None
+        raise TypeError(
+            f"quanta must be two numbers, of measurement and control signal, found {quanta!r}"
+        ) from None
     measurement = _check.real("quanta[0]", measurement, at_least=0.0)
     control = _check.real("quanta[1]", control, at_least=0.0)
     widths = _check.integer("pulse_widths", widths, at_least=0)
     if widths and control:
-        raise ValueError(f"pulse_widths = {widths} is a resolution already: quanta[1] must be 0, found {control:g}")
+        raise ValueError(
+            f"pulse_widths = {widths} is a resolution already: quanta[1] must be 0, found {control:g}"
+        )
     if widths and not math.isfinite(high - low):
-        raise ValueError(f"pulse_widths needs finite limits to switch between, found limits ({low:g}, {high:g})")
+        raise ValueError(
+            f"pulse_widths needs finite limits to switch between, found limits ({low:g}, {high:g})"
+        )
     return measurement, Actuator(low, high, control, widths)

@@ -54,9 +54,14 @@ def sampled_controller(loop: Loop, h: float, anti_windup: str | None) -> Sampled
     if loop.automatic_reset is not None:
         if anti_windup is not None:
             kind = type(loop.controller).__name__
-            raise ValueError(f"anti_windup must be None for a {kind}, whose reset is one; found {anti_windup!r}")
+            raise ValueError(
+                f"anti_windup must be None for a {kind}, whose reset is one; found {anti_windup!r}"
+            )
         return _with_reset(loop, loop.automatic_reset, h)
-    num, den = (np.convolve(a, b) for a, b in zip(loop.blocks["controller"], loop.blocks["output_filter"], strict=True))
+    num, den = (
+        np.convolve(a, b)
+        for a, b in zip(loop.blocks["controller"], loop.blocks["output_filter"], strict=True)
+    )
     if anti_windup is None:
         return SampledController(discretise(num, den, h), 0.0, 0.0, 0.0, False)
     if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:

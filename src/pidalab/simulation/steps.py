@@ -57,7 +57,9 @@ def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
         systems = [_with_store(main, direct, time) for time in (plant.fall, plant.rise)]
         c, d = np.concatenate([[main.d], main.c, direct.c]), direct.d
     # one more state: the running integral of c x + d w
-    with_integral = [np.block([[A, np.zeros((b.size, 1))], [c[None, :], np.zeros((1, 1))]]) for A, b in systems]
+    with_integral = [
+        np.block([[A, np.zeros((b.size, 1))], [c[None, :], np.zeros((1, 1))]]) for A, b in systems
+    ]
     inputs = [np.append(b, d) for _, b in systems]
     return PlantStates(np.stack(with_integral), np.stack(inputs), np.append(c, 0.0), d, plant.delay)
 

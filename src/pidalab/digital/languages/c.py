@@ -37,7 +37,10 @@ def write(program: Program, head: list[str], vector: dict[str, list], name: str)
 
     kinds = {"real": real, "bool": "bool"}
     inputs = [f"{kinds[kind]} {x}" for x, kind in INPUTS.items()]
-    signature = [f"{real} {name}_step({name}_state *s, {', '.join(inputs[:2])},", f"    {', '.join(inputs[2:])})"]
+    signature = [
+        f"{real} {name}_step({name}_state *s, {', '.join(inputs[:2])},",
+        f"    {', '.join(inputs[2:])})",
+    ]
     reals = [x for x in program.variables if x != "forced"]
     lines = [
         "/*",

@@ -12,7 +12,9 @@ def write(program: Program, head: list[str], vector: dict[str, list], name: str)
     """Return a module without imports: a class with a step, and a test."""
 
     def namer(token: str) -> str:
-        return {"true": "True", "false": "False"}.get(token, f"self.{token}" if token in program.states else token)
+        return {"true": "True", "false": "False"}.get(
+            token, f"self.{token}" if token in program.states else token
+        )
 
     def statements(body: list, indent: str) -> list[str]:
         lines: list[str] = []
@@ -22,7 +24,10 @@ def write(program: Program, head: list[str], vector: dict[str, list], name: str)
             elif isinstance(one, Set):
                 lines.append(f"{indent}{namer(one.target)} = {renamed(one.value, namer)}")
             elif isinstance(one, If):
-                lines += [f"{indent}if {renamed(one.condition, namer)}:", *statements(one.then, indent + "    ")]
+                lines += [
+                    f"{indent}if {renamed(one.condition, namer)}:",
+                    *statements(one.then, indent + "    "),
+                ]
                 if one.otherwise:
                     lines += [f"{indent}else:", *statements(one.otherwise, indent + "    ")]
         return lines

@@ -143,7 +143,9 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
         "ie": 1 / float(plain[0] * exact_gains[0]),
         "uncertainty": tuple(unsure.tolist()),
     }
-    return Design(model, controller, source="vrancic2021, eqs. (8) and (14) to (17)", info=info, sources=SOURCES)
+    return Design(
+        model, controller, source="vrancic2021, eqs. (8) and (14) to (17)", info=info, sources=SOURCES
+    )
 
 
 def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
@@ -228,5 +230,7 @@ def filtered_noise_gain(
     h = _check.real("sample_time", sample_time, above=0.0)
     top = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
     block = discretise(np.array(top[::-1]), binomial(filter_time, n), h)
-    spread = solve_discrete_lyapunov(block.A, np.outer(block.b, block.b)) if block.b.size else np.zeros((0, 0))
+    spread = (
+        solve_discrete_lyapunov(block.A, np.outer(block.b, block.b)) if block.b.size else np.zeros((0, 0))
+    )
     return math.sqrt(block.c @ spread @ block.c + block.d**2)

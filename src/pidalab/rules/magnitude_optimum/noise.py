@@ -63,7 +63,9 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
     band = 2 * math.pi / _check.real("sample_time", sample_time, above=0.0)
     ratio = abs(_check.real("gain", gain)) / wanted
     if not ratio:
-        raise ValueError("gain must not be 0: without the highest derivative the estimate has nothing to go by")
+        raise ValueError(
+            "gain must not be 0: without the highest derivative the estimate has nothing to go by"
+        )
     if n == m:
         return ratio ** (1 / m)
     return (ratio**2 / band * (1 / (2 * m + 1) + 1 / (2 * (n - m) - 1))) ** (1 / (2 * m + 1))

@@ -22,7 +22,9 @@ def areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fractio
     """Return the 2m + 4 areas that order m needs, as fractions, or raise."""
     need = 2 * _check.integer("m", m, at_least=0) + 4
     if m > HIGHEST:
-        raise ValueError(f"m must be at most {HIGHEST}, found {m}: rounding the areas leaves nothing of so many gains")
+        raise ValueError(
+            f"m must be at most {HIGHEST}, found {m}: rounding the areas leaves nothing of so many gains"
+        )
     if isinstance(model, Process):
         found = exact(model, need)
     elif isinstance(getattr(model, "process", None), Process):  # its numbers would pass for areas
@@ -33,7 +35,9 @@ def areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fractio
     if len(found) < need:
         raise ValueError(f"model must have at least 2m + 4 = {need} areas for m = {m}, found {len(found)}")
     if not found[0]:
-        raise ValueError("model must have a static gain A_0 other than 0, or integral action has nothing to act on")
+        raise ValueError(
+            "model must have a static gain A_0 other than 0, or integral action has nothing to act on"
+        )
     return found[:need]
 
 
