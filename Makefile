@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks claims faults lint bench study lock clean
+.PHONY: help env book test notebooks claims faults lint bench study release lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -54,10 +54,13 @@ bench: $(ENV)  ## compare speed and accuracy with other libraries
 study: $(ENV)  ## find the optimal controllers of heo2023 again (many hours)
 	$(BIN)/python studies/itae_optima.py
 
+release: $(ENV)  ## build wheel and source archive in dist, install the wheel into an empty environment, use it (a minute)
+	$(BIN)/python tools/release.py
+
 lock: $(ENV)  ## write requirements.txt from pyproject.toml, keeping the versions it already has
 	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
 		--custom-compile-command "make lock" --all-extras --output-file requirements.txt pyproject.toml
 
 clean:  ## remove everything that was made
-	rm -rf .venv _build .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv _build dist .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

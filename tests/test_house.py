@@ -36,6 +36,7 @@ WHOLE = {
     "claims",
     "public_names",
     "readme",
+    "release",
     "benchmarks",
     "honesty",
     "sixth_paper",

@@ -31,7 +31,10 @@ def find_folder() -> Path:
     for parent in (here, *here.parents):
         if (parent / FOLDER).is_dir():
             return parent / FOLDER
-    raise LedgerError(f"no folder {FOLDER.as_posix()} in {here} or above it")
+    raise LedgerError(
+        f"no folder {FOLDER.as_posix()} in {here} or above it; the ledgers come with a clone of the book, not with the "
+        "installed library"
+    )
 
 
 def papers(folder: Path) -> list[str]:

@@ -1,0 +1,117 @@
+"""What is published is whole and agrees with itself; `make release` also installs it and uses it."""
+
+import importlib.util
+import re
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pidalab.ledger import papers
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def loaded(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+setup = loaded(ROOT / "setup.py")
+release = loaded(ROOT / "tools" / "release.py")
+
+
+def test_the_readme_stands_on_a_package_index():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert setup.TARGET.search(readme)
+    standing = setup.standing(readme, PROJECT["urls"]["Repository"])
+    assert not setup.TARGET.search(standing)
+    files = re.findall(rf"{PROJECT['urls']['Repository']}/(?:raw|blob)/main/([^)\"#]+)", standing)
+    assert len(files) > 4
+    assert [name for name in files if not (ROOT / name).is_file()] == []
+    # formulas are not typeset there
+    assert "$$" not in readme
+
+
+def test_one_place_says_where_the_project_lives():
+    """The other places agree with it."""
+    repository = yaml.safe_load((ROOT / "_config.yml").read_text())["sphinx"]["config"]["html_theme_options"][
+        "repository_url"
+    ]
+    urls = PROJECT["urls"]
+    assert urls["Repository"] == repository
+    assert urls["Issues"] == f"{repository}/issues"
+    assert urls["Changelog"] == f"{repository}/blob/main/CHANGELOG.md"
+
+
+def test_one_version():
+    """It is a semantic one, cited as it is, and its changes are told under its own heading."""
+    version = PROJECT["version"]
+    assert re.fullmatch(r"\d+\.\d+\.\d+", version)
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == version
+    releases = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)
+    assert version in releases
+    numbers = [tuple(map(int, name.split("."))) for name in releases if name != "Unreleased"]
+    assert numbers == sorted(set(numbers), reverse=True)
+    assert "Unreleased" not in releases[1:]
+
+
+def test_every_paper_of_the_book_is_cited():
+    bibliography = (ROOT / "book" / "references.bib").read_text()
+    entries = re.split(r"\n(?=@)", bibliography)
+    titles = {
+        found[1]: plain(found[2])
+        for entry in entries
+        if (found := re.search(r"@\w+\{(\w+),.*?\btitle\s*=\s*\{([^\n]*)\},", entry, flags=re.DOTALL))
+    }
+    cited = {plain(one["title"]) for one in yaml.safe_load((ROOT / "CITATION.cff").read_text())["references"]}
+    assert {titles[paper] for paper in papers(ROOT / "book" / "ledger")} == cited
+
+
+def plain(title):
+    """Letters alone, small ones: the two files spell capitals, dashes and indices differently."""
+    return re.sub(r"[^a-z]", "", title.replace("ₙᵐ", "nm").lower())
+
+
+@pytest.fixture
+def packed(tmp_path):
+    """A wheel and a source archive with every module, but for those that are left out."""
+
+    def pack(left_out=(), beside=()):
+        wheel, archive = tmp_path / "a.whl", tmp_path / "a.tar.gz"
+        own = [path for path in release.PACKAGE.rglob("*") if path.suffix in {".py", ".typed"}]
+        with zipfile.ZipFile(wheel, "w") as to_wheel, tarfile.open(archive, "w:gz") as to_archive:
+            for path in own:
+                name = path.relative_to(release.PACKAGE.parent).as_posix()
+                if name not in left_out:
+                    to_wheel.write(path, name)
+                    to_archive.add(path, f"pidalab-1/src/{name}")
+            for name in beside:
+                to_wheel.writestr(name, "")
+        return wheel, archive
+
+    return pack
+
+
+def test_a_wheel_that_is_whole(packed):
+    assert release.missing(*packed()) == []
+
+
+def test_a_wheel_that_is_not(packed):
+    assert release.missing(*packed(["pidalab/py.typed"], ["tests/test_x.py"])) == [
+        "the wheel lacks pidalab/py.typed",
+        "the wheel has tests/test_x.py",
+        "the source archive lacks pidalab/py.typed",
+    ]
+
+
+def test_constraints_are_the_locked_versions(tmp_path):
+    lines = release.locked(tmp_path).read_text().splitlines()
+    assert all(re.match(r"[\w.-]+==\S+( ; .+)?$", line) for line in lines)
+    assert {"numpy", "numba", "scipy"} <= {line.partition("==")[0] for line in lines}

@@ -1,0 +1,74 @@
+"""Use an installed pidalab as its users do: no clone, no tests, nothing beside it but its dependencies.
+
+Run by `tools/release.py` with the interpreter of an empty environment, in an empty folder.
+"""
+
+import subprocess
+import sys
+from importlib.metadata import distribution
+from pathlib import Path
+
+import numpy as np
+
+import pidalab
+from pidalab.ledger import Ledger, LedgerError
+
+COMMAND = Path(sys.executable).with_name("pidalab")
+
+
+def package() -> str:
+    """It is the installed one, typed, with its licence."""
+    home = Path(pidalab.__file__).parent
+    assert "site-packages" in home.parts, f"{home} is no installed package"
+    assert (home / "py.typed").is_file()
+    names = [path.name for path in distribution("pidalab").files or []]
+    assert "LICENSE" in names
+    return f"pidalab {pidalab.__version__} with {sum(name.endswith('.py') for name in names)} modules"
+
+
+def loop() -> str:
+    """Tune a controller; the load response of the loop agrees with the integral that its gains give."""
+    process = pidalab.lags(3, delay=1.0)
+    design = pidalab.rules.haalman.tune(process, ms=1.6)
+    t = np.linspace(0, 200, 20001)
+    response = pidalab.load_response(design.loop(), t)
+    integral = float(np.trapezoid(response.e, t))
+    assert abs(abs(integral) - design.controller.ti / design.controller.kp) < 1e-6, integral
+    ms = pidalab.margins(design.loop()).ms
+    assert ms < 2, ms
+    return f"Haalman PIDA: IAE {response.iae():.4f}, Ms {ms:.4f}"
+
+
+def command_line() -> str:
+    """From a record in a file to code in four languages, and what is wrong in one line."""
+    t = np.arange(0.0, 60.0, 0.25)
+    y = np.interp(t - 5.0, t, pidalab.open_loop_step(pidalab.fopdt(1.0, 4.0, 1.0), t).y, left=0.0)
+    table = np.column_stack([t, np.where(t < 5.0, 0.0, 1.0), y])
+    np.savetxt("step.csv", table, delimiter=",", header="time,u,y", comments="")
+    options = ["--model", "fopdt", "--rule", "simc", "--kind", "PI", "--sample-time", "0.2", "--out", "code"]
+    subprocess.run([COMMAND, "tune", "step.csv", *options], check=True, stdout=subprocess.DEVNULL)
+    written = sorted(path.name for path in Path("code").iterdir())
+    assert {"controller.c", "controller.st", "controller.py", "controller.json", "report.html"} <= set(
+        written
+    )
+    refused = subprocess.run([COMMAND, "compare", "--num", "x", "--den", "1"], capture_output=True, text=True)
+    assert refused.returncode == 2, refused
+    assert "--num must be numbers" in refused.stderr, refused.stderr
+    return f"pidalab tune: {', '.join(written)}"
+
+
+def ledger() -> str:
+    """The ledgers are the book's, not the library's: outside a clone they are said to be missing."""
+    try:
+        Ledger.open("haalman2024")
+    except LedgerError as missing:
+        said = str(missing)
+    else:
+        said = "found where none can be"
+    assert "come with a clone" in said, said
+    return f"ledger: {said}"
+
+
+if __name__ == "__main__":
+    for use in (package, loop, command_line, ledger):
+        print(use(), flush=True)

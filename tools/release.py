@@ -1,0 +1,99 @@
+"""Build the source archive and the wheel, install the wheel into an empty environment, and use it there.
+
+The environment has nothing but the wheel and what the wheel says it needs, in the locked versions. So a module that is
+missing in the wheel, or a dependency that is missing in pyproject.toml, fails here.
+"""
+
+import os
+import subprocess
+import sys
+import tarfile
+import tempfile
+import venv
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DIST = ROOT / "dist"
+PACKAGE = ROOT / "src" / "pidalab"
+
+
+def build() -> tuple[Path, Path]:
+    """Make the source archive, and from it the wheel; files carry the time of the last commit."""
+    for old in DIST.glob("pidalab-*"):
+        old.unlink()
+    uv = Path(sys.executable).with_name("uv")
+    options = ["--no-build-isolation", "--python", sys.executable, "--quiet", "--out-dir", DIST]
+    subprocess.run(
+        [uv, "build", *options, ROOT], check=True, env=os.environ | {"SOURCE_DATE_EPOCH": committed()}
+    )
+    return next(DIST.glob("*.tar.gz")), next(DIST.glob("*.whl"))
+
+
+def committed() -> str:
+    """Return when the last commit was made, in seconds since 1970."""
+    command = ["git", "-C", ROOT, "log", "-1", "--format=%ct"]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def missing(wheel: Path, archive: Path) -> list[str]:
+    """List the modules of the library that one of the two files lacks, and what the wheel has beside them."""
+    own = {
+        path.relative_to(PACKAGE.parent).as_posix()
+        for path in PACKAGE.rglob("*")
+        if path.suffix in {".py", ".typed"}
+    }
+    with zipfile.ZipFile(wheel) as packed:
+        wheeled = {name for name in packed.namelist() if ".dist-info/" not in name}
+    with tarfile.open(archive) as packed:
+        sources = {name.partition("/src/")[2] for name in packed.getnames()}
+    return [
+        *(f"the wheel lacks {name}" for name in sorted(own - wheeled)),
+        *(f"the wheel has {name}" for name in sorted(wheeled - own)),
+        *(f"the source archive lacks {name}" for name in sorted(own - sources)),
+    ]
+
+
+def locked(folder: Path) -> Path:
+    """Write the locked versions as constraints; with hashes pip would refuse a wheel of our own."""
+    lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line.rstrip(" \\") for line in lines if "==" in line and not line.startswith(("#", " "))]
+    path = folder / "constraints.txt"
+    path.write_text("\n".join(pins) + "\n", encoding="utf-8")
+    return path
+
+
+def use(wheel: Path) -> None:
+    """Install the wheel where nothing else is, and use it in an empty folder."""
+    # a path to the sources would count as an installed package
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        venv.create(folder / "env", with_pip=True)
+        empty = folder / "empty"
+        empty.mkdir()
+
+        def python(*arguments: str | Path) -> None:
+            subprocess.run(
+                [folder / "env" / "bin" / "python", "-I", *arguments], check=True, cwd=empty, env=clean
+            )
+
+        pip = ("-m", "pip", "--disable-pip-version-check")
+        python(*pip, "install", "--quiet", "--no-compile", "--constraint", locked(folder), wheel)
+        python(*pip, "check")
+        python(ROOT / "tools" / "exercise.py")
+
+
+def main() -> int:
+    """Return 1 if the files are not whole; a use that fails raises."""
+    archive, wheel = build()
+    if wrong := missing(wheel, archive):
+        print("\n".join(wrong), file=sys.stderr)
+        return 1
+    use(wheel)
+    print(f"{archive.relative_to(ROOT)}\n{wheel.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
