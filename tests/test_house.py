@@ -47,6 +47,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "forms": ("test_controllers.py", "controllers convert"),
     "plants": ("simulation/test_sampled.py", "only a simulation tells what they do"),
     "plots": ("robustness/test_limits.py", "figures are looked at in the book"),
+    "identification/searching": ("identification/test_fitting.py", "what a fit is found by"),
     "areas/_power_series": ("areas/test_model.py", "areas are power series"),
     "robustness/_grid": ("robustness/test_margins.py", "a peak between two points would be missed"),
     "robustness/_scan": ("robustness/test_margins.py", "margins are read off it"),

@@ -72,6 +72,36 @@ def test_plants_drawn_from_the_uncertainty_spread_like_it():
     assert all(plant.delay >= 0 for plant in fitted.spread(200))
 
 
+def test_plants_drawn_have_a_lag_that_the_record_cannot_show():
+    """Two lags in noise look like one; a dead time that hides the other is a milder plant for a PID than the lag is."""
+    process, t = pidalab.Process([1.0], np.polymul([10.0, 1.0], [2.0, 1.0]), 3.0), np.arange(0.0, 100.0)
+    clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
+    y = clean + np.random.default_rng(3).normal(0.0, 0.05, t.size)
+    fitted = fit(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
+    plants = fitted.spread(30)
+    assert fitted.model == "fopdt"
+    assert {len(plant.den) - 1 for plant in plants} == {1, 2}
+    design = pidalab.tune(fitted, "PID", ms=1.6, sample_time=0.2)
+    true = pidalab.margins(design.loop(process)).ms
+    own, hidden = (
+        max(pidalab.margins(design.loop(plant)).ms for plant in plants if len(plant.den) - 1 == order)
+        for order in (1, 2)
+    )
+    assert own < hidden
+    assert true < hidden
+
+
+def test_plants_drawn_know_that_a_record_hides_when_the_input_changed():
+    """A step half a sample before the one that shows it: without noise that is all that is uncertain."""
+    process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0, 2.0)
+    y = np.interp(t - 19.0, GRID, pidalab.open_loop_step(process, GRID).y, left=0.0)
+    fitted = fit(Record(t, np.where(t < 19.0, 0.0, 1.0), y), "fopdt")
+    delays = [plant.delay for plant in fitted.spread(40)]
+    assert fitted.process.delay == pytest.approx(4.0, abs=0.01)
+    assert min(delays) == pytest.approx(4.0, abs=0.3)
+    assert max(delays) == pytest.approx(6.0, abs=0.3)
+
+
 def test_a_set_point_change_in_closed_loop_serves_too():
     process = pidalab.fopdt(2.0, 10.0, 4.0)
     t = np.arange(0.0, 300.0, 0.5)

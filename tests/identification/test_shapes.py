@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND, equal_lags
+from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND, behind_lag, equal_lags
 
 
 @pytest.mark.parametrize(
@@ -16,6 +16,8 @@ from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND, equal_lags
         (SECOND, [2.0, 1.0], pidalab.lags(2, 2.0)),
         (equal_lags(5), [0.7], pidalab.lags(5, 0.7)),
         (INTEGRATOR, [], pidalab.ipdt(1.0, 0.0)),
+        (behind_lag(FIRST, 3.0), [3.0], pidalab.lags(2, 3.0)),
+        (behind_lag(INTEGRATOR, 2.0), [], pidalab.Process([1.0], [2.0, 1.0, 0.0])),
     ],
 )
 def test_shapes_are_the_exact_step_responses(shape, p, process):

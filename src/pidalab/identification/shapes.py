@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 from scipy.special import gammainc
 
 from pidalab._check import Array
 from pidalab.process import Process, fopdt, ipdt, lags, sopdt
 
 MOST_LAGS = 8
+TABLE = 4001  # times at which the response behind a further lag is worked out
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,28 @@ def equal_lags(order: int) -> Shape:
         lambda t, p: np.asarray(gammainc(order, np.maximum(t, 0.0) / p[0]), dtype=float),
         lambda gain, p, delay: lags(order, p[0], gain, delay),
     )
+
+
+def behind_lag(shape: Shape, lag: float) -> Shape:
+    """Return the shape with a further lag of known time constant in series, which its parameters do not show.
+
+    The lag takes the response over from a table, between whose times it counts as straight.
+    """
+
+    def step(t: Array, p: Sequence[float]) -> Array:
+        times = np.linspace(0.0, max(float(np.max(t)), lag), TABLE)
+        x = times[1] / lag
+        # exact for an input that is straight between the times: y_k = a y_{k-1} + (1 - b) u_k + (b - a) u_{k-1}
+        a = np.exp(-x)
+        b = -np.expm1(-x) / x
+        table = lfilter([1.0 - b, b - a], [1.0, -a], shape.step(times, p))
+        return np.asarray(np.interp(t, times, table), dtype=float)
+
+    def process(gain: float, p: Sequence[float], delay: float) -> Process:
+        inner = shape.process(gain, p, delay)
+        return Process(inner.num, np.convolve(inner.den, [lag, 1.0]), inner.delay)
+
+    return Shape(shape.name, shape.parameters, step, process, shape.settles)
 
 
 FIRST = Shape("fopdt", ("lag",), _first_order, lambda gain, p, delay: fopdt(gain, p[0], delay))

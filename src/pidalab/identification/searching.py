@@ -1,0 +1,170 @@
+r"""Output-error least squares: the model whose simulated output lies closest to the recorded one.
+
+The simulated output is :math:`y_0 + K \sum_k \Delta u_k\, s(t - t_k - L)`, with s the unit step response of the model's
+shape in closed form and the sum over the changes of the held input; so any dead time is exact, and samples may lie
+anywhere. Gain K and level :math:`y_0` enter linearly and are solved for at each try (variable projection); times and
+dead time are searched from many starts, since a dead time makes several valleys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import fftconvolve
+
+from pidalab._check import Array
+from pidalab.identification.shapes import Shape, behind_lag
+from pidalab.record import Record
+
+MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
+MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over neighbours
+BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
+LEVEL = 1  # place of the output's level among the parameters
+HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
+
+
+class Data(NamedTuple):
+    """A record as the fit sees it."""
+
+    t: Array
+    y: Array
+    changes: Array  # of the input
+    moments: Array  # when they happen
+    unseen: float  # mean interval between samples in which the input changed
+    grid: float  # sampling interval of a uniform grid on which the input changes at every sample; 0 otherwise
+
+    def simulated(self, shape: Shape, p: Sequence[float], delay: float) -> Array:
+        """Response of the shape with gain 1 and dead time to the recorded input."""
+        if self.grid:
+            response = shape.step(self.t - self.t[0] - delay, p)
+            return fftconvolve(self.changes, response)[: self.t.size]
+        since = self.t[:, None] - self.moments - delay
+        return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
+
+
+def prepared(record: Record) -> Data:
+    """Return what a fit looks at of a record."""
+    t, u, y = record.t, record.u, record.y
+    changed = np.flatnonzero(np.diff(u)) + 1
+    if changed.size > MOST_CHANGES:
+        # a moving input: on a uniform grid its changes and the response are one convolution
+        count = min(MOST_SAMPLES, round(np.ptp(t) / record.sampling) + 1)
+        uniform = np.linspace(t[0], t[-1], count)
+        held = u[np.searchsorted(t, uniform, side="right") - 1]
+        moved = np.diff(held, prepend=u[0])
+        return Data(uniform, np.interp(uniform, t, y), moved, uniform, 0.0, uniform[1] - uniform[0])
+    unseen = float(np.mean(t[changed] - t[changed - 1]))
+    moments, changes = t[changed], np.diff(u)[changed - 1]
+    if t.size > MOST_SAMPLES:
+        # neighbours are averaged: noise falls, and the response is smooth over so short a time
+        parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
+        t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
+    return Data(t, y, changes, moments, unseen, 0.0)
+
+
+class Found(NamedTuple):
+    shape: Shape
+    values: Array  # gain, level, shape parameters, delay
+    residuals: Array
+    jacobian: Array
+
+    @property
+    def cost(self) -> float:
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def deviation(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def near(self) -> float:
+        """Root mean square of residuals that count as no larger; rounding is none."""
+        return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
+
+
+def search(data: Data, shape: Shape) -> Found:
+    """Least squares over shape and dead time from a grid of starts, gain and level solved for at each try."""
+    span = data.t[-1] - float(data.moments[0])
+    times = span * np.geomspace(0.01, 0.5, 5)
+    delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
+    grid = [[*start, delay] for start in _starts(shape, times) for delay in delays]
+    costs = [float(np.sum(_projected(data, shape, p)[0] ** 2)) for p in grid]
+    # the best start of each third of the list, so that an oscillation gets its chance beside an overdamped shape
+    thirds = [part for part in np.array_split(np.arange(len(grid)), 3) if part.size]
+    starts = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in thirds]
+    runs = [_refined(data, shape, start, span) for start in starts]
+    return min(runs, key=lambda found: found.cost)
+
+
+def _starts(shape: Shape, times: Array) -> list[list[float]]:
+    if shape.name == "sopdt":
+        return [[time / 2, damping] for damping in (0.2, 0.5, 1.0) for time in times]
+    if shape.name == "lags":
+        return [[time / 3] for time in times]
+    return [[time] for time in times] if shape.parameters else [[]]
+
+
+def _projected(data: Data, shape: Shape, p: Sequence[float]) -> tuple[Array, Array]:
+    """Residuals with the best gain and level for these times, and these two."""
+    response = data.simulated(shape, p[:-1], p[-1])
+    basis = np.column_stack([response, np.ones_like(response)])
+    linear, *_ = np.linalg.lstsq(basis, data.y, rcond=None)
+    return np.asarray(data.y - basis @ linear, dtype=float), np.asarray(linear, dtype=float)
+
+
+def _refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> Found:
+    """Follow one start down; times by their logarithms, the dead time as it is, from 0 up."""
+    count = len(shape.parameters)
+
+    def times(x: Array) -> list[float]:
+        return [*(span * np.exp(x[:count])).tolist(), span * float(x[-1])]
+
+    low, high = [-9.0] * count, [3.0] * count
+    if shape.name == "sopdt":  # its second parameter is a damping, kept as a share of the span for one scale
+        low[1], high[1] = np.log(0.02 / span), np.log(20.0 / span)
+    x = np.array([*np.log(np.array(start[:-1]) / span), start[-1] / span])
+    x = np.clip(x, [*(np.array(low) + 1e-6), 1e-6], [*(np.array(high) - 1e-6), 0.9])
+    found = least_squares(
+        lambda x: _projected(data, shape, times(x))[0],
+        x,
+        bounds=([*low, 0.0], [*high, 0.95]),
+        x_scale=[*([0.1] * count), 0.02],
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
+        max_nfev=200,
+    )
+    p = times(found.x)
+    residuals, (gain, level) = _projected(data, shape, p)
+    return Found(shape, np.array([gain, level, *p]), residuals, _sensitivity(data, shape, gain, p))
+
+
+def _sensitivity(data: Data, shape: Shape, gain: float, p: Sequence[float]) -> Array:
+    """Derivatives of the simulated output by gain, level, shape and dead time; the last ones by central differences."""
+    columns = [data.simulated(shape, p[:-1], p[-1]), np.ones(data.t.size)]
+    whole = max(float(sum(p)), 1e-3 * float(np.ptp(data.t)))
+    for k in range(len(p)):
+        h = 1e-4 * (p[k] if k < len(p) - 1 else whole)
+        high, low = list(p), list(p)
+        high[k], low[k] = p[k] + h, max(p[k] - h, 0.0)
+        above, below = (data.simulated(shape, q[:-1], q[-1]) for q in (high, low))
+        columns.append(gain * (above - below) / (high[k] - low[k]))
+    return np.column_stack(columns)
+
+
+def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:
+    """Return models with one lag more that the record does not rule out: the longest such lag, and a middle one."""
+    *times, delay = found.values[2:].tolist()
+    whole = sum(times) + delay
+    span = data.t[-1] - float(data.moments[0])
+    left = []
+    for lag in whole * HIDDEN:
+        # a further lag first takes the place of dead time
+        rival = _refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
+        if rival.deviation <= found.near:
+            left.append((rival.shape, np.delete(rival.values, LEVEL)))
+    return (left[len(left) // 2], left[-1]) if len(left) > 1 else tuple(left)
