@@ -108,3 +108,31 @@ def test_the_batch_has_134_processes():
     cases = list(batch())
     assert len(cases) == len({case.name for case in cases}) == 134
     assert all(case.process.num[-1] > 0 for case in cases)
+
+
+@pytest.mark.parametrize("gain", [1.0, -0.25])
+def test_ultimate_rule_of_an_integrator_with_dead_time(gain):
+    """Under a gain K it oscillates at pi/(2 L) with K k L = pi/2."""
+    design = classical.ziegler_nichols_ultimate(pidalab.ipdt(gain, delay=2.0), "PI")
+    assert design.ultimate_gain == pytest.approx(np.pi / 4 / gain)
+    assert design.ultimate_period == pytest.approx(8.0)
+    assert design.controller.kp == pytest.approx(0.45 * np.pi / 4 / gain)
+
+
+def test_ultimate_rule_of_an_integrator_with_lags():
+    """Of 1/(s (s + 1)(s + 2)) Routh has the border at K = 6, where it oscillates at the root of 2."""
+    design = classical.ziegler_nichols_ultimate(pidalab.Process([1.0], [1.0, 3.0, 2.0, 0.0]))
+    assert design.ultimate_gain == pytest.approx(6.0)
+    assert design.ultimate_period == pytest.approx(2 * np.pi / np.sqrt(2))
+
+
+@pytest.mark.parametrize(
+    ("process", "message"),
+    [
+        (pidalab.Process([1.0], [1.0, 1.0, 0.0]), "its phase never reaches -180"),
+        (pidalab.Process([1.0], [1.0, -1.0, 0.0], 1.0), "no gain makes it stable"),
+    ],
+)
+def test_ultimate_rule_needs_a_border_of_stability(process, message):
+    with pytest.raises(ValueError, match=message):
+        classical.ziegler_nichols_ultimate(process)

@@ -26,11 +26,13 @@ import numpy as np
 
 from pidalab import _check
 from pidalab.controllers import PIDA
+from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator, lags, one_of
 
 KINDS = ("PI", "PID")
+LESS = 0.999  # of the gain at the border, which is to be stable
 OSCILLATING = (
     0.05  # share of imaginary part up to which poles count as real: a multiple lag splits by rounding
 )
@@ -262,7 +264,8 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
     Raises
     ------
     ValueError
-        For a process whose phase never reaches -180 degrees: no gain makes it oscillate.
+        For a process whose phase never reaches -180 degrees: no gain makes it oscillate. For an unstable one, and for
+        one that is unstable under every gain, such as a double integrator: there is no border of stability.
 
     Examples
     --------
@@ -275,7 +278,7 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
 
     one_of("kind", kind, KINDS)
     require_process("process", process)
-    w = ultimate_frequency(process)
+    w = _oscillation(process) if process.den[-1] == 0 else ultimate_frequency(process)
     ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, _sign(process)), 2 * math.pi / w
     if kind == "PI":
         controller = PIDA(0.45 * ultimate, period / 1.2)
@@ -283,6 +286,24 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
         controller = PIDA(0.6 * ultimate, period / 2, period / 8, 0.0, n)
     info = {"ultimate_gain": ultimate, "ultimate_period": period}
     return Design(process, controller, source="Ziegler and Nichols (1942), ultimate sensitivity", info=info)
+
+
+def _oscillation(process: Process) -> float:
+    """Return the frequency at which an integrating process oscillates at the border of stability, or raise."""
+    from pidalab.robustness.margins import phase_crossovers
+    from pidalab.robustness.poles import is_stable
+
+    sign = math.copysign(1.0, _sign(process))
+    found = phase_crossovers(Loop(process, sign))
+    # at the border: a little less gain is stable
+    borders = [w for w in found.tolist() if is_stable(Loop(process, sign * LESS / abs(process(1j * w))))]
+    if not borders:
+        raise ValueError(
+            "process must have a border of stability under feedback by a gain alone: "
+            + ("its phase never reaches -180 degrees" if not found.size else "no gain makes it stable")
+            + f"; found {process!r}"
+        )
+    return float(borders[0])
 
 
 def _sign(process: Process) -> float:
