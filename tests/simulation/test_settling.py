@@ -20,3 +20,14 @@ def test_the_integral_does_not_depend_on_the_first_horizon(horizon):
 def test_a_loop_that_never_settles_is_said():
     with pytest.raises(ValueError, match="does not settle within"):
         settled(pidalab.load_response, pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), 0.5), 3.0)
+
+
+def test_a_first_horizon_within_the_dead_time_is_passed_over():
+    loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 5.0), pidalab.PIDA(kp=0.2, ti=2.0))
+    expected = settled(pidalab.load_response, loop, 100.0).iae(horizon=math.inf)
+    for horizon in (1.0, 5.0, 9.9):
+        assert settled(pidalab.load_response, loop, horizon).iae(horizon=math.inf) == pytest.approx(
+            expected, rel=1e-4
+        )
+    with pytest.raises(ValueError, match="horizon must be above 0, found 0"):
+        settled(pidalab.load_response, loop, 0.0)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.response import Response
@@ -25,8 +26,8 @@ def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: fl
     loop : Loop
         A stable loop.
     horizon : float
-        The first end of the simulation that is tried, beyond the dead time: before it, nothing has happened and
-        nothing would be left to wait for. It is doubled until the error has died away.
+        The first end of the simulation that is tried, above 0. It is doubled until the error has died away; ends
+        within twice the dead time are passed over, as nothing of what the loop does can be seen there.
 
     Returns
     -------
@@ -36,7 +37,7 @@ def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: fl
     Raises
     ------
     ValueError
-        If the response has not settled after all doublings.
+        For a horizon that is not above 0, and if the response has not settled after all doublings.
 
     Examples
     --------
@@ -46,6 +47,9 @@ def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: fl
     >>> print(f"{settled(pidalab.load_response, loop, 4.0).iae(horizon=math.inf):.4f}")
     1.2500
     """
+    horizon = _check.real("horizon", horizon, above=0.0)
+    while horizon <= 2 * loop.process.delay:
+        horizon *= 2
     for doubling in range(DOUBLINGS + 1):
         response = simulate(loop, np.linspace(0.0, horizon * 2.0**doubling, POINTS))
         try:
