@@ -474,14 +474,14 @@ class HighOrderPID(Controller):
     gains : sequence of float
         :math:`K_{-1}, K_0, \dots, K_m`; at least two values.
     filter_time : float
-        Time constant of the filter, above 0; 0 is allowed only with ``filter_order=0``.
+        Time constant of the filter, above 0; with ``filter_order=0`` it is 0.
     filter_order : int
         Order of the filter, at least m.
 
     Raises
     ------
     ValueError
-        For fewer than two gains, a filter order below m, or a filter time that is not positive.
+        For fewer than two gains, a filter order below m, a filter time that is not positive, and one without filter.
 
     Examples
     --------
@@ -502,6 +502,10 @@ class HighOrderPID(Controller):
         if order and not time:
             raise ValueError(
                 f"filter_time must be above 0 for a filter of order {order}, found {filter_time!r}"
+            )
+        if time and not order:
+            raise ValueError(
+                f"filter_time must be 0 without a filter (filter_order=0), found {filter_time!r}"
             )
         object.__setattr__(self, "coefficients", tuple(coefficients.tolist()))
         object.__setattr__(self, "filter_time", time)

@@ -1,6 +1,6 @@
 """Figures: pure functions of responses, loops and axes. They compute nothing but what a picture needs.
 
-Lines differ in dash as well as in colour, so that figures can be read in grey.
+After `use_book_style` lines differ in dash as well as in colour, so that figures can be read in grey.
 """
 
 from __future__ import annotations
@@ -126,6 +126,7 @@ def signal(
     >>> ax.get_xlabel()
     'time units'
     """
+    _require_by_label("responses", responses, Response)
     for label, response in responses.items():
         end = response.t <= (until or response.t[-1]) * (1 + 1e-9)
         (line,) = ax.plot(*thin(response.t[end], getattr(response, name)[end]), label=label, zorder=3)
@@ -175,6 +176,13 @@ def comparison(
     >>> len(pidalab.plots.comparison(runs, runs, until=20.0, u_until=5.0).axes)
     4
     """
+    for name, runs in (("clean", clean), ("noisy", noisy)):
+        _require_by_label(name, runs, Mapping)
+        for label, run in runs.items():
+            if missing := {"setpoint", "load"} - set(run):
+                raise ValueError(
+                    f"{name}[{label!r}] must have 'setpoint' and 'load', {missing.pop()!r} is missing"
+                )
     figure, axes = plt.subplots(2, 2, figsize=(8.4, 5.4))
     for column, (experiment, end) in enumerate((("setpoint", u_until), ("load", until))):
         lines, faint = ({label: run[experiment] for label, run in runs.items()} for runs in (clean, noisy))
@@ -217,12 +225,9 @@ def experiment(
     >>> len(pidalab.plots.experiment({"P": r}, "level, m", "valve, %", "time, s").axes)
     2
     """
-    if (
-        not isinstance(runs, Mapping)
-        or not runs
-        or not all(isinstance(run, Response) for run in runs.values())
-    ):
-        raise TypeError(f"runs must be a dictionary of labels and responses, found {runs!r:.60}")
+    _require_by_label("runs", runs, Response)
+    if not runs:
+        raise TypeError("runs must be a dictionary of labels and responses, found an empty one")
     first = next(iter(runs.values()))
     for label, run in runs.items():
         if not np.array_equal(run.t, first.t) or not np.array_equal(run.r, first.r):
@@ -261,6 +266,7 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5)
     >>> pidalab.plots.nyquist(ax, {"P": loop}, np.logspace(-1, 1, 100), ms=1.6)
     """
+    _require_by_label("loops", loops, Loop)
     for label, loop in loops.items():
         value = loop.L(1j * frequencies)
         ax.plot(value.real, value.imag, label=label)
@@ -292,6 +298,7 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     >>> w = np.logspace(-1, 1, 100)
     >>> pidalab.plots.magnitude(ax, {"S": pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).S(1j * w)}, w)
     """
+    _require_by_label("curves", curves, np.ndarray)
     for label, values in curves.items():
         ax.loglog(*thin(frequencies, np.abs(values)), label=label)
     ax.set(xlabel="frequency, rad per time unit", ylabel="magnitude")
@@ -317,6 +324,7 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
     >>> part = pidalab.robustness.linear_part(pidalab.Loop(pidalab.lags(3), 3.0))
     >>> pidalab.plots.circle_locus(ax, {"lags": part}, np.logspace(-2, 2, 200))
     """
+    _require_by_label("parts", parts, LinearPart)
     for label, part in parts.items():
         value = part(1j * frequencies)
         ax.plot(value.real, value.imag, label=label)
@@ -357,6 +365,7 @@ def popov_plot(
     >>> len(ax.lines)
     3
     """
+    _require_by_label("parts", parts, LinearPart)
     for label, part in parts.items():
         value = part(1j * frequencies)
         (curve,) = ax.plot(value.real, frequencies * value.imag, label=label)
@@ -372,3 +381,13 @@ def popov_plot(
             )
     ax.plot([-1], [0], "+", color="#808080", markersize=9)
     ax.set(xlabel="real part of G", ylabel="frequency times imaginary part of G")
+
+
+def _require_by_label(name: str, values: Any, kind: type) -> None:
+    """Raise unless these are things of one kind by their labels."""
+    what = f"{name} must be a dictionary of labels and values of type {kind.__name__}"
+    if not isinstance(values, Mapping):
+        raise TypeError(f"{what}, found {type(values).__name__}")
+    for label, value in values.items():
+        if not isinstance(value, kind):
+            raise TypeError(f"{what}, found {type(value).__name__} at {label!r}")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # python-control takes longer to import than most sessions ta
     import control
 
 
-SMALLEST = 1e-150  # time constant whose square is still a number
+SMALLEST = 1e-150  # time whose square is still a number
 
 
 class Process:
@@ -26,7 +26,7 @@ class Process:
         Coefficients of :math:`b` and :math:`a` in descending powers of s, as for ``control.tf``.
         The degree of `num` must not exceed that of `den`.
     delay : float, optional
-        Dead time, in the time unit of the model; not negative. It is never approximated.
+        Dead time, in the time unit of the model; not negative, and if not 0, above 1e-150. It is never approximated.
 
     Raises
     ------
@@ -53,6 +53,10 @@ class Process:
         self.num = _check.polynomial("num", num)
         self.den = _check.polynomial("den", den)
         self.delay = _check.real("delay", delay, at_least=0.0)
+        if 0 < self.delay < SMALLEST:
+            raise ValueError(
+                f"delay must be 0, or at least {SMALLEST:g}: its inverse is needed, found {delay:g}"
+            )
         _check.proper("the process", self.num, self.den)
         self.num.setflags(write=False)
         self.den.setflags(write=False)

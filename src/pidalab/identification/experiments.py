@@ -385,7 +385,8 @@ def _levels_reached(
     """Check a step record; return its times, the times at which it reaches the levels, and its whole change."""
     t = _check.uniform_time("t", t)
     y = _check.signal("y", y, t.size)
-    if len(levels) != 3 or not 0 < levels[0] < levels[1] < levels[2] < 1:
+    shares = _check.vector("levels", levels) if np.ndim(levels) == 1 else np.zeros(0)
+    if shares.size != 3 or not 0 < shares[0] < shares[1] < shares[2] < 1:
         raise ValueError(f"levels must be three rising shares between 0 and 1, found {levels!r}")
     if crossing not in ("interpolated", "sampled"):
         raise ValueError(f"crossing must be 'interpolated' or 'sampled', found {crossing!r}")

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pidalab.process import Process, require_process
+from pidalab.roots import roots
 
 
 class SecondOrder(NamedTuple):
@@ -33,7 +34,7 @@ def lags(model: Process, order: int) -> tuple[float, list[float]]:
     """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), stable, or raise."""
     require_process("model", model)
     fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0
-    if not fits or np.any(np.roots(model.den).real >= 0):
+    if not fits or np.any(roots(model.den).real >= 0):
         poles = {1: "one stable pole (pidalab.fopdt)", 2: "two stable poles (pidalab.sopdt)"}
         raise ValueError(
             f"model must have a constant numerator (not 0) and {poles.get(order, f'{order} stable poles')}, "

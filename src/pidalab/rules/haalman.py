@@ -241,8 +241,9 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 
     Raises
     ------
-    ValueError
-        For a loop whose gain never crosses 1, or crosses it more than once: the rule does not say which one counts.
+    TypeError, ValueError
+        For another controller, and for a loop whose gain never crosses 1, or crosses it more than once: the rule does
+        not say which one counts.
 
     Examples
     --------
@@ -252,6 +253,8 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     >>> print(f"{F.time:.3f} {F.order} {F.wgc:.3f}")
     0.128 2 0.390
     """
+    if not isinstance(controller, PIDA):
+        raise TypeError(f"controller must be a PIDA, found {type(controller).__name__}")
     crossovers = gain_crossovers(Loop(model, controller))
     if crossovers.size != 1:
         raise ValueError(

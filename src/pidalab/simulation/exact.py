@@ -154,6 +154,7 @@ def simulate_ensemble(
     >>> len(pidalab.simulate_ensemble(loop, t, noise, setpoint=1.0))
     3
     """
+    require_loop(loop)
     t = _check.uniform_time("t", t)
     rows = list(noise) if np.iterable(noise) else []
     if not rows or not all(np.iterable(row) for row in rows):

@@ -206,8 +206,9 @@ def _computed(
             yield from _computed(threads, task, bank, sets, size)
         return
     if not isinstance(executor, Executor):
+        hint = "; pass its .get_executor()" if hasattr(executor, "get_executor") else ""
         raise TypeError(
-            f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}"
+            f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}{hint}"
         )
     futures: dict[Future, slice] = {}
     lost: list[slice] = []

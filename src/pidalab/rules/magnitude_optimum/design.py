@@ -67,6 +67,7 @@ def gains(areas: ArrayLike, m: int) -> Array:
     >>> pidalab.rules.magnitude_optimum.gains(pidalab.areas.with_binomial_filter(areas, 0.1, 1), m=1)
     array([0.438, 1.295, 1.041])
     """
+    m = _check.integer("m", m, at_least=0)
     filtered = areas_of(areas, m)
     result = solved(filtered, m)
     require_digits(sensitivity(filtered, result), filtered, m)
@@ -121,6 +122,7 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     >>> pidalab.rules.magnitude_optimum.tune(pidalab.lags(2, delay=0.5), m=2, n=2, filter_time=0.1).controller
     HighOrderPID(gains=[1.140, 2.578, 1.738, 0.300], filter_time=0.1, filter_order=2)
     """
+    m = _check.integer("m", m, at_least=0)
     plain = areas_of(model, m)
     n = _check.integer("n", n, at_least=m)
     filtered = series.lagged(plain, _check.real("filter_time", filter_time, at_least=0.0), n)
