@@ -116,6 +116,11 @@ def signal(
     faint : mapping of str to Response, optional
         Lines under the others without label, in the colour of the response of the same key: single noisy runs.
 
+    Raises
+    ------
+    TypeError
+        For anything but responses by their labels.
+
     Examples
     --------
     >>> import numpy as np, pidalab
@@ -167,6 +172,11 @@ def comparison(
     -------
     Figure
         With four axes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For anything but runs and experiments by their labels, and for a label without one of the experiments.
 
     Examples
     --------
@@ -258,6 +268,11 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     ms : float, optional
         Maximum sensitivity; its circle has the radius 1/ms around -1.
 
+    Raises
+    ------
+    TypeError
+        For anything but loops by their labels.
+
     Examples
     --------
     >>> import numpy as np, pidalab
@@ -290,6 +305,11 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     frequencies : ndarray
         In rad per time unit.
 
+    Raises
+    ------
+    TypeError
+        For anything but values by their labels.
+
     Examples
     --------
     >>> import numpy as np, pidalab
@@ -315,6 +335,11 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
         Curves by their labels, from `pidalab.robustness.linear_part`.
     frequencies : ndarray, shape (n,)
         In rad per time unit.
+
+    Raises
+    ------
+    TypeError
+        For anything but parts by their labels.
 
     Examples
     --------
@@ -352,6 +377,11 @@ def popov_plot(
     multipliers : mapping of str to float, optional
         θ by label, as `pidalab.robustness.popov` finds it: a thin line in the colour of the curve passes
         through -1 with the slope 1/θ.
+
+    Raises
+    ------
+    TypeError
+        For anything but parts by their labels.
 
     Examples
     --------
