@@ -150,6 +150,14 @@ def test_dead_time_alone_and_zeros_of_any_place():
     assert 3 * math.atan(w := ultimate_frequency(notch)) + 0.1 * w == pytest.approx(math.pi, abs=1e-9)
 
 
+def test_ultimate_frequency_of_an_integrator():
+    """With dead time alone a quarter turn is left to it; 1/(s (s + 1)^2) has the gain margin 2 at w = 1."""
+    assert ultimate_frequency(pidalab.ipdt(-3.0, delay=0.5)) == pytest.approx(math.pi, rel=1e-9)
+    assert ultimate_frequency(pidalab.Process([1.0], [1.0, 2.0, 1.0, 0.0])) == pytest.approx(1.0, rel=1e-9)
+    with pytest.raises(ValueError, match="at most one integrator, found 2"):
+        ultimate_frequency(pidalab.Process([1.0], [1.0, 0.0, 0.0], 1.0))
+
+
 def test_units_of_gain_and_time():
     one = pidalab.Process([0.3, 2.0], [1.0, 3.5, 3.5, 1.0], delay=0.7)
     scale = 1e-4
@@ -173,7 +181,6 @@ def test_process_of_a_model():
 @pytest.mark.parametrize(
     ("process", "message"),
     [
-        (pidalab.ipdt(1.0, 1.0), "process must be stable, found an integrating one"),
         (pidalab.Process([1.0], [1.0, 0.0, 1.0], 1.0), "process must be stable, found an unstable one"),
         (pidalab.Process([1.0], [1.0, 1.0, 1.0, 5.0], 1.0), "process must be stable, found an unstable one"),
         (pidalab.Process([1.0, 0.0], [1.0, 1.0], 1.0), "process must have a static gain other than 0"),
@@ -192,6 +199,9 @@ def test_processes_without_ultimate_frequency(reduce, process, message):
 
 
 def test_processes_without_a_model():
+    for reduce in (to_fopdt, to_sopdt):
+        with pytest.raises(ValueError, match="process must be stable, found an integrating one"):
+            reduce(pidalab.ipdt(1.0, 1.0))
     all_pass = pidalab.Process([1.0, -2.0, 1.0], [1.0, 2.0, 1.0])
     with pytest.raises(ValueError, match=r"must be below 1, found 1"):
         to_fopdt(all_pass)

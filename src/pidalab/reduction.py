@@ -55,11 +55,13 @@ class SecondOrderModel(NamedTuple):
 def ultimate_frequency(process: Process) -> float:
     r"""Lowest frequency at which the phase of :math:`G(j\omega)/G(0)`, followed from 0, falls below :math:`-\pi`.
 
+    With an integrator the phase starts at :math:`-\pi/2`.
+
     Parameters
     ----------
     process : Process
-        Stable, with a static gain other than 0; a negative one does not count as phase. Zeros may lie anywhere but on
-        the imaginary axis below the frequency sought, where the phase would jump.
+        Stable, or with one integrator, and a static gain other than 0; a negative one does not count as phase. Zeros
+        may lie anywhere but on the imaginary axis below the frequency sought, where the phase would jump.
 
     Returns
     -------
@@ -69,8 +71,8 @@ def ultimate_frequency(process: Process) -> float:
     Raises
     ------
     TypeError, ValueError
-        For something else than a Process, and for a process that is integrating or unstable, has no static gain, or
-        has no such frequency: without dead time at least three lags are needed, or as much phase from zeros.
+        For something else than a Process, and for a process that is unstable, has two integrators, no static gain, or
+        no such frequency: without dead time at least three lags are needed, or as much phase from zeros.
 
     Examples
     --------
@@ -78,7 +80,14 @@ def ultimate_frequency(process: Process) -> float:
     >>> print(f"{pidalab.reduction.ultimate_frequency(pidalab.lags(5)):.6f} {math.tan(math.pi / 5):.6f}")
     0.726543 0.726543
     """
-    unit = _unit(process)
+    require_process("process", process)
+    # each integrator turns the phase by a quarter at all frequencies; the rest of the process has a static gain
+    settling = np.trim_zeros(process.den, "b")
+    integrators = process.den.size - settling.size
+    if integrators > 1:
+        raise ValueError(f"process must have at most one integrator, found {integrators} in {process!r}")
+    turned = 0.5 * np.pi * integrators
+    unit = _unit(Process(process.num, settling, process.delay))
     zeros, poles = np.roots(unit.num), np.roots(unit.den)
 
     def phase(w: Array) -> Array:
@@ -86,7 +95,7 @@ def ultimate_frequency(process: Process) -> float:
         # each factor stays in one half plane, so its angle is continuous; the roots only count the turns
         about = np.angle(1 - s / zeros).sum(axis=1) - np.angle(1 - s / poles).sum(axis=1)
         exact = np.angle(np.polyval(unit.num, s[:, 0]) / np.polyval(unit.den, s[:, 0]))
-        return exact + 2 * np.pi * np.round((about - exact) / (2 * np.pi)) - w * unit.delay
+        return exact + 2 * np.pi * np.round((about - exact) / (2 * np.pi)) - w * unit.delay - turned
 
     on_axis = np.abs(zeros[np.abs(zeros.real) <= 1e-9 * np.abs(zeros)])
     w = grid(Loop(unit, 1.0), 0.1)
@@ -129,7 +138,8 @@ def to_fopdt(process: Process) -> FirstOrderModel:
     Raises
     ------
     TypeError, ValueError
-        As `ultimate_frequency`, and if the magnitude at that frequency is not below the static gain: no lag fits.
+        As `ultimate_frequency`, for an integrating process, and if the magnitude at that frequency is not below the
+        static gain: no lag fits.
 
     References
     ----------
@@ -190,7 +200,8 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     Raises
     ------
     TypeError, ValueError
-        As `ultimate_frequency`; for fewer than 3 points; and if the fit gives no real time constant or damping.
+        As `ultimate_frequency`; for an integrating process; for fewer than 3 points; and if the fit gives no real
+        time constant or damping.
 
     References
     ----------
