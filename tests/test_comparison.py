@@ -45,8 +45,8 @@ def test_rows_are_measured_on_the_process_itself(monkeypatch):
     monkeypatch.setattr(candidates, "_best", lambda *_: iter(()))
     process = pidalab.lags(3, delay=1.0)
     table = pidalab.compare(process, sample_time=0.05)
-    found = row(table, "lambda", "PI")
-    loop = classical.lambda_tuning(pidalab.reduction.to_fopdt(process).process, "PI").loop(process)
+    found = row(table, "simc", "PI")
+    loop = classical.simc(process, "PI").loop(process)
     margins, load = pidalab.margins(loop), pidalab.load_response(loop, np.linspace(0, 200, 20001))
     setpoint = pidalab.step_response(loop, np.linspace(0, 200, 20001))
     assert (found.iae_load, found.iae_setpoint) == pytest.approx((load.iae(), setpoint.iae()), rel=1e-4)
@@ -55,6 +55,22 @@ def test_rows_are_measured_on_the_process_itself(monkeypatch):
     assert found.tv == pytest.approx(load.tv("u"), rel=1e-3)
     # a filter faster than the sample is judged as a PLC runs it, and that is said
     assert "backward" in row(table, "itae setpoint", "PIDA").reason
+
+
+def test_reaction_curve_of_two_equal_lags():
+    """1/(s + 1)^2: the tangent at t = 1 has the slope 1/e and meets the level of rest at 3 - e."""
+    model = candidates._Models(pidalab.lags(2, delay=0.5)).reaction
+    reached = 2.146193  # (1 + t) exp(-t) = 1/e
+    assert model.delay == pytest.approx(0.5 + 3 - np.e, rel=1e-4)
+    assert model.delay - 0.5 + 1 / -np.roots(model.den)[0] == pytest.approx(reached, rel=2e-3)
+
+
+def test_an_integrator_with_a_lag_has_its_reaction_curve():
+    """Its ramp meets the level of rest after lag and dead time."""
+    models = candidates._Models(pidalab.Process([2.0], [0.3, 1.0, 0.0], 0.7))
+    assert models.reaction is models.integrator
+    assert models.reaction.delay == pytest.approx(1.0, rel=1e-3)
+    assert models.reaction.num[0] / models.reaction.den[0] == pytest.approx(2.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("wrong", [{"ms": 1.0}, {"noise_gain": 0.0}, {"sample_time": -1.0}])

@@ -11,7 +11,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.process import Process
+from pidalab.process import Process, fopdt
 from pidalab.roots import roots
 from pidalab.rules import Design
 
@@ -27,6 +27,18 @@ class _Models:
 
     def __init__(self, process: Process) -> None:
         self.process = process
+
+    @cached_property
+    def reaction(self) -> Process:
+        """Dead time from the steepest tangent, lag up to 63 % of the step response; an integrator stays one."""
+        if not self._settles():
+            return self.integrator
+        if len(self.process.den) == 2 and len(self.process.num) == 1:
+            return self.process
+        t, y = self._step
+        gain, delay = self.process.gain(), self.integrator.delay
+        reached = t[np.argmax(y / gain >= 1 - math.exp(-1))]
+        return fopdt(gain, reached - delay, delay)
 
     @cached_property
     def first_order(self) -> Process:
@@ -56,13 +68,26 @@ class _Models:
         itself = len(self.process.den) == 2 and self.process.den[-1] == 0
         if not itself and np.any(roots(self.process.den).real > 0):
             raise ValueError("process must not be unstable: the integrator is read off its step response")
-        return self.process if itself else ipdt_tangent(*self._step)
+        return self.process if itself else ipdt_tangent(*self._rise)
 
     @cached_property
     def _step(self) -> tuple[Array, Array]:
+        """The step response until it has settled."""
+        return self._response(15 * time_scale(self.process))
+
+    @cached_property
+    def _rise(self) -> tuple[Array, Array]:
+        """The beginning of the step response: the largest lag hardly matters to where it is steepest."""
+        lags = np.sort(_lags(self.process))
+        small = lags[:-1] if self._settles() else lags
+        return self._response(
+            10 * (float(np.sum(small)) + self.process.delay) or 15 * time_scale(self.process)
+        )
+
+    def _response(self, end: float) -> tuple[Array, Array]:
         from pidalab.simulation.exact import open_loop_step
 
-        t = np.linspace(0.0, 15 * time_scale(self.process), 8001)
+        t = np.linspace(0.0, end, 8001)
         return t, open_loop_step(self.process, t).y
 
     def _settles(self) -> bool:
@@ -70,10 +95,14 @@ class _Models:
 
 
 def time_scale(process: Process) -> float:
-    """Slowest time constant and dead time together."""
+    """Time constants and dead time together."""
+    return float(np.sum(_lags(process))) + process.delay or 1.0
+
+
+def _lags(process: Process) -> Array:
+    """Time constants of the poles, in any order; an integrator has none."""
     poles = np.abs(roots(process.den).real)
-    slowest = float(np.max(1 / poles[poles > 0], initial=0.0))
-    return slowest + process.delay or 1.0
+    return 1 / poles[poles > 0]
 
 
 Candidate = tuple[str, str, Callable[[], Design]]
@@ -100,9 +129,9 @@ def _classical(models: _Models) -> Iterator[Candidate]:
 
     for kind in KINDS[:2]:
         yield "simc", kind, _on(models, "process", classical.simc, kind)
-        yield "amigo", kind, _on(models, "first_order", classical.amigo, kind)
-        yield "lambda", kind, _on(models, "first_order", classical.lambda_tuning, kind)
-        yield "Ziegler-Nichols step", kind, _on(models, "first_order", classical.ziegler_nichols_step, kind)
+        yield "amigo", kind, _on(models, "reaction", classical.amigo, kind)
+        yield "lambda", kind, _on(models, "reaction", classical.lambda_tuning, kind)
+        yield "Ziegler-Nichols step", kind, _on(models, "integrator", classical.ziegler_nichols_step, kind)
         yield (
             "Ziegler-Nichols ultimate",
             kind,
