@@ -211,6 +211,31 @@ def _plants(model: Process | Fit, process: Process, spread: float | None) -> lis
     share = _check.real("spread", spread, above=0.0)
     if share >= 1:
         raise ValueError(f"spread must be a share below 1, found {spread!r}")
+    return corners(process, share)
+
+
+def corners(process: Process, share: float) -> list[Process]:
+    """Return the eight plants whose gain, time scale of poles and zeros, and dead time are off by a share.
+
+    Parameters
+    ----------
+    process : Process
+        The plant as it is thought to be.
+    share : float
+        What it may be wrong by, from 0 to below 1.
+
+    Returns
+    -------
+    list of Process
+        Each of the three lower or higher.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.tuning import corners
+    >>> [round(float(plant.gain()), 1) for plant in corners(pidalab.fopdt(1.0, 2.0, 1.0), 0.2)]
+    [0.8, 0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2]
+    """
     return [_varied(process, gain, time, delay, share) for gain, time, delay in product((-1, 1), repeat=3)]
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.comparison.candidates import KINDS, judged_rules, sampled_noise, time_scale
+from pidalab.comparison.fairness import at_equal_terms
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.rules import Design
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKS = {"PI": "o", "PID": "s", "PIDA": "D"}
+PERIODS = 12.0  # ultimate periods of a first response
 HEAD = ("rule", "kind", "IAE load", "IAE set pt", "Ms", "max |CS|", "noise gain", "TV(u) load", "delay m.")
 
 
@@ -190,20 +192,51 @@ def compare(
     ms = _check.real("ms", ms, above=1.0)
     noise_gain = _check.real("noise_gain", noise_gain, above=0.0)
     sample_time = _check.real("sample_time", sample_time, above=0.0)
-    scale = time_scale(process)
-    rows = []
-    for rule, kind, make in judged_rules(process, ms, noise_gain, sample_time):
-        try:
-            rows.append(_judged(rule, kind, make(), process, sample_time, scale))
-        except ValueError as refusal:
-            rows.append(_without(rule, kind, str(refusal)))
+    rows = [
+        judged(rule, kind, make, process, sample_time)
+        for rule, kind, make in judged_rules(process, ms, noise_gain, sample_time)
+    ]
     return Comparison(process, ms, noise_gain, sample_time, tuple(rows))
+
+
+def judged(rule: str, kind: str, make: Callable[[], Design], process: Process, sample_time: float) -> Row:
+    """Make a design and measure its loop with the process.
+
+    Parameters
+    ----------
+    rule, kind : str
+        Names of the row.
+    make : callable
+        Returns the design, or raises ValueError where the rule does not apply.
+    process : Process
+        The plant.
+    sample_time : float
+        Sample time of the noise.
+
+    Returns
+    -------
+    Row
+        Its reason says what could not be had.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.comparison import judged
+    >>> process = pidalab.lags(3, delay=1.0)
+    >>> row = judged("simc", "PI", lambda: pidalab.rules.classical.simc(process, "PI"), process, sample_time=0.05)
+    >>> print(f"{row.iae_load:.2f} {row.ms:.2f}")
+    5.36 1.53
+    """
+    try:
+        return _measured(rule, kind, make(), process, sample_time)
+    except ValueError as refusal:
+        return _without(rule, kind, str(refusal))
 
 
 # --- judging ----------------------------------------------------------------------------------------------------------
 
 
-def _judged(rule: str, kind: str, design: Design, process: Process, sample_time: float, scale: float) -> Row:
+def _measured(rule: str, kind: str, design: Design, process: Process, sample_time: float) -> Row:
     """Measure the loop of a design with the process itself."""
     from pidalab.robustness.control import max_control_sensitivity
     from pidalab.robustness.margins import margins
@@ -214,11 +247,22 @@ def _judged(rule: str, kind: str, design: Design, process: Process, sample_time:
     found = margins(loop)
     if not found.stable:
         return _without(rule, kind, "the loop with the process is unstable", design)
-    load, setpoint = (settled(simulate, loop, 20.0 * scale) for simulate in (load_response, step_response))
+    horizon = _first_horizon(process)
+    load, setpoint = (settled(simulate, loop, horizon) for simulate in (load_response, step_response))
     noise, reason = sampled_noise(design, process, sample_time)
     mks = max_control_sensitivity(loop)[0]
     iae, iae_setpoint = (response.iae(horizon=math.inf) for response in (load, setpoint))
     return Row(rule, kind, iae, iae_setpoint, found.ms, mks, noise, load.tv("u"), found.dm, reason, design)
+
+
+def _first_horizon(process: Process) -> float:
+    """The end of the first response that is tried: the pace of a good loop, which may be far from the plant's own."""
+    from pidalab.reduction import ultimate_frequency
+
+    try:
+        return PERIODS * 2 * math.pi / ultimate_frequency(process)
+    except ValueError:  # no gain makes it oscillate
+        return 20.0 * time_scale(process)
 
 
 def _without(rule: str, kind: str, reason: str, design: Design | None = None) -> Row:

@@ -1,0 +1,71 @@
+"""Designs at equal terms: Ms and noise are those asked for, proportions stay, nothing is scaled in silence."""
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.comparison import at_equal_terms
+from pidalab.rules import classical
+
+BALANCED = pidalab.lags(3, delay=1.0)
+PLANTS = {
+    "balanced": BALANCED,
+    "negative": pidalab.Process([-2.0], BALANCED.den, 1.0),
+    "lag": pidalab.fopdt(1.0, 100.0, 1.0),
+    "integrating": pidalab.ipdt(0.5, delay=1.0),
+    "oscillating": pidalab.sopdt(1.0, 1.0, 0.4, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", PLANTS)
+@pytest.mark.parametrize("noise", [0.4, 1e3])
+def test_the_terms_are_kept_on_the_process_itself(name, noise):
+    process = PLANTS[name]
+    model = process if name in ("lag", "integrating") else pidalab.reduction.to_fopdt(process).process
+    design = classical.amigo(model)
+    noise *= abs(design.controller.kp)
+    fair = at_equal_terms(design, process, ms=1.5, noise_gain=noise, sample_time=0.05)
+    loop = fair.loop(process)
+    assert pidalab.is_stable(loop)
+    assert pidalab.max_sensitivity(loop)[0] == pytest.approx(1.5, rel=1e-5)
+    assert pidalab.noise_gain(loop, 0.05) == pytest.approx(min(noise, fair.noise_gain), rel=1e-4)
+    assert fair.controller.filter_time > 0.05 or fair.noise_gain < noise
+    # the proportions are the rule's
+    assert fair.controller.gains().standard()[1:] == pytest.approx(design.controller.gains().standard()[1:])
+
+
+def test_the_gain_is_the_largest_with_this_sensitivity():
+    """Against a plain search over gains, each judged by the margins alone."""
+    design = classical.simc(BALANCED, "PI")
+    fair = at_equal_terms(design, BALANCED, ms=1.4, noise_gain=100.0, sample_time=0.01)
+    shares = np.linspace(0.5, 1.5, 201)
+    loops = [
+        pidalab.Loop(
+            BALANCED, pidalab.HighOrderPID((k * np.array(fair.controller.coefficients)).tolist(), 0.01, 1)
+        )
+        for k in shares
+    ]
+    kept = [pidalab.margins(loop).stable and pidalab.max_sensitivity(loop)[0] <= 1.4001 for loop in loops]
+    assert shares[np.flatnonzero(kept).max()] == pytest.approx(1.0, abs=5e-3)
+
+
+def test_proportions_that_never_reach_the_sensitivity_are_refused():
+    """Integral action far too fast for an integrating plant: small gains do not help, large ones neither."""
+    design = pidalab.rules.Design(BALANCED, pidalab.PIDA(1.0, 1.0))
+    with pytest.raises(ValueError, match=r"no gain above 0\.01 of its own"):
+        at_equal_terms(design, pidalab.ipdt(1.0, 1.0), ms=1.4, noise_gain=1.0, sample_time=0.05)
+
+
+def test_no_filter_is_slow_enough():
+    design = classical.simc(BALANCED, "PI")
+    with pytest.raises(ValueError, match=r"no (filter time|gain)"):
+        at_equal_terms(design, BALANCED, ms=1.4, noise_gain=1e-9, sample_time=0.05)
+
+
+@pytest.mark.parametrize("wrong", [{"ms": 1.0}, {"noise_gain": 0.0}, {"sample_time": -1.0}])
+def test_bad_terms(wrong):
+    terms = {"ms": 1.4, "noise_gain": 1.0, "sample_time": 0.05} | wrong
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        at_equal_terms(classical.simc(BALANCED), BALANCED, **terms)
+    with pytest.raises(TypeError, match="design must be"):
+        at_equal_terms(BALANCED, BALANCED, 1.4, 1.0, 0.05)
