@@ -10,48 +10,58 @@ Names are imported when they are first used, so that ``import pidalab`` is quick
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # the same names as in HOMES, for editors and type checkers
+# The same names as in HOMES, for editors and type checkers; `as` tells them that a name is handed on.
+if TYPE_CHECKING:
     from pidalab import (
-        areas,
-        digital,
-        identification,
-        ledger,
-        optimal,
-        plots,
-        reduction,
-        robustness,
-        rules,
-        twins,
+        areas as areas,
+        digital as digital,
+        identification as identification,
+        ledger as ledger,
+        optimal as optimal,
+        plots as plots,
+        reduction as reduction,
+        robustness as robustness,
+        rules as rules,
+        twins as twins,
     )
-    from pidalab.comparison import Comparison, compare
-    from pidalab.controllers import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
-    from pidalab.loop import Loop
-    from pidalab.plants import AsymmetricPlant
-    from pidalab.process import Process, fopdt, ipdt, lags, sopdt
-    from pidalab.record import Record
-    from pidalab.response import Response
-    from pidalab.robustness.many import margins_many
+    from pidalab.comparison import Comparison as Comparison, compare as compare
+    from pidalab.controllers import (
+        PIDA as PIDA,
+        HighOrderPID as HighOrderPID,
+        NonInteractivePIDA as NonInteractivePIDA,
+        SeriesPIDA as SeriesPIDA,
+    )
+    from pidalab.loop import Loop as Loop
+    from pidalab.plants import AsymmetricPlant as AsymmetricPlant
+    from pidalab.process import Process as Process, fopdt as fopdt, ipdt as ipdt, lags as lags, sopdt as sopdt
+    from pidalab.record import Record as Record
+    from pidalab.response import Response as Response
+    from pidalab.robustness.many import margins_many as margins_many
     from pidalab.robustness.margins import (
-        Margins,
-        gain_crossovers,
-        margins,
-        max_sensitivity,
-        phase_crossovers,
+        Margins as Margins,
+        gain_crossovers as gain_crossovers,
+        margins as margins,
+        max_sensitivity as max_sensitivity,
+        phase_crossovers as phase_crossovers,
     )
-    from pidalab.robustness.poles import is_stable, rightmost_poles, unstable_poles
-    from pidalab.rules import Design
+    from pidalab.robustness.poles import (
+        is_stable as is_stable,
+        rightmost_poles as rightmost_poles,
+        unstable_poles as unstable_poles,
+    )
+    from pidalab.rules import Design as Design
     from pidalab.simulation.exact import (
-        load_response,
-        open_loop_step,
-        simulate,
-        simulate_ensemble,
-        step_response,
+        load_response as load_response,
+        open_loop_step as open_loop_step,
+        simulate as simulate,
+        simulate_ensemble as simulate_ensemble,
+        step_response as step_response,
     )
-    from pidalab.simulation.many import simulate_many
-    from pidalab.simulation.noise import noise_gain, uniform_noise
-    from pidalab.simulation.portrait import Portrait, portrait
-    from pidalab.simulation.sampled import simulate_sampled
-    from pidalab.tuning import tune
+    from pidalab.simulation.many import simulate_many as simulate_many
+    from pidalab.simulation.noise import noise_gain as noise_gain, uniform_noise as uniform_noise
+    from pidalab.simulation.portrait import Portrait as Portrait, portrait as portrait
+    from pidalab.simulation.sampled import simulate_sampled as simulate_sampled
+    from pidalab.tuning import tune as tune
 
 ROOMS = (
     "areas",

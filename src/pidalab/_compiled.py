@@ -14,7 +14,7 @@ from numba.core import event
 LOG = logging.getLogger("pidalab")
 
 
-def compiled(function: Callable, *others: Callable) -> Any:
+def compiled(function: Callable[..., Any], *others: Callable[..., Any]) -> Any:
     """Compile a function when it is first called, without the interpreter's lock.
 
     The machine code is kept beside the source, or in the user's cache where that cannot be written to (or in
@@ -57,4 +57,4 @@ class _Announcer(event.Listener):
         """Say nothing."""
 
 
-event.register("numba:compile", _Announcer())
+event.register("numba:compile", _Announcer())  # type: ignore[no-untyped-call]

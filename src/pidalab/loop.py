@@ -18,7 +18,7 @@ from pidalab.process import Process, quotient, rational
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
 
-class _Digital(dict):
+class _Digital(dict[str, Any]):
     """Blocks of a loop whose controller has no transfer function in s."""
 
     def __missing__(self, name: str) -> Any:

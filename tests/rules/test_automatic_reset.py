@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.rules import automatic_reset as reset
-from pidalab.rules import mrdp
+from pidalab.rules import automatic_reset as reset, mrdp
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)
 

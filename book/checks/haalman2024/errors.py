@@ -96,7 +96,7 @@ def horizons(book: Ledger) -> Figure:
     return _horizon_figure(values, rates, solved)
 
 
-def _horizon_figure(values: dict, rates: dict, solved: dict) -> Figure:
+def _horizon_figure(values: dict[Any, Array], rates: dict[Any, float], solved: dict[Any, float]) -> Figure:
     figure, ax = plt.subplots(figsize=(6.4, 3.4))
     pairs = [(example, ms) for example in ORDERS for ms in (1.4, 2.0)]
     for marker, kind in (("o", "pida"), ("s", "pid")):

@@ -130,7 +130,9 @@ class Work:
             for test, step in EXPERIMENTS.items()
         }
 
-    def noisy(self, case: Case, test: str, amplitude: float = AMPLITUDE, hold: float = SAMPLE) -> list:
+    def noisy(
+        self, case: Case, test: str, amplitude: float = AMPLITUDE, hold: float = SAMPLE
+    ) -> list[pidalab.Response]:
         """Responses of a loop to the noise of the paper, one for each record."""
         return _noisy(self, case, test, amplitude, hold)
 
@@ -147,7 +149,7 @@ def work(book: Ledger) -> Work:
 
 
 @cache
-def _noisy(shared: Work, case: Case, test: str, amplitude: float, hold: float) -> list:
+def _noisy(shared: Work, case: Case, test: str, amplitude: float, hold: float) -> list[pidalab.Response]:
     noise = [pidalab.uniform_noise(shared.t, amplitude, seed, hold) for seed in range(RECORDS)]
     return pidalab.simulate_ensemble(shared.loops[case], shared.t, noise, **EXPERIMENTS[test])
 

@@ -109,7 +109,7 @@ def _joined(first: tuple[Array, Array], second: tuple[Array, Array]) -> Array:
 
 
 @njit(cache=True)
-def _run(phi, gamma, filters, counts, h, load, gains, integral_first):
+def _run(phi, gamma, filters, counts, h, load, gains, integral_first):  # type: ignore[no-untyped-def]
     """March through the loop; `counts` are the samples of the dead time, of the run and before the step."""
     (delay, samples, start), (kc, tau_i) = counts, gains
     record = np.full(samples, np.inf)

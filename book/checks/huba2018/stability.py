@@ -228,7 +228,7 @@ def taming_lags(book: Ledger) -> pd.DataFrame:
             kept = [
                 x
                 for x in lags
-                if pidalab.is_stable(d.loop(pidalab.Process([0.01], [x, 1.0, 0.0], delay=rest(x))))
+                if pidalab.is_stable(d.loop(pidalab.Process([0.01], [x, 1.0, 0.0], delay=rest(x))))  # type: ignore[no-untyped-call]
             ]
             gaps = np.diff(np.searchsorted(lags, kept)).max() > 1
             end = (

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pidalab
 from pidalab.ledger import CONVENTIONS, Ledger, every
-from pidalab.rules import automatic_reset as ar
-from pidalab.rules import mrdp
+from pidalab.rules import automatic_reset as ar, mrdp
 
 from . import loops
 from .tables import tabled

@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 import pidalab
 from pidalab.ledger import Display, Ledger, every
-from pidalab.rules import automatic_reset as ar
-from pidalab.rules import mrdp
+from pidalab.rules import automatic_reset as ar, mrdp
 
 from . import loops
 from .tables import tabled
@@ -142,7 +141,7 @@ def _rank(m: int, one: ar.Setting) -> int:
     def residuals(*x: mpmath.mpf) -> list[mpmath.mpf]:
         gains, ti, pole = x[: m + 1], x[-2], x[-1]
         numerator = lambda s: mpmath.polyval(list(gains[::-1]), s) * (1 + ti * s)  # noqa: E731
-        coefficients = mpmath.taylor(lambda s: s**2 * ti * mpmath.exp(s) + numerator(s), pole, m + 2)
+        coefficients = mpmath.taylor(lambda s: s**2 * ti * mpmath.exp(s) + numerator(s), pole, m + 2)  # type: ignore[no-untyped-call]
         return [c * mpmath.factorial(i) for i, c in enumerate(coefficients)]
 
     step, base = mpmath.mpf("1e-7"), [mpmath.mpf(x) for x in unknowns]

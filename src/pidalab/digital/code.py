@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pidalab.digital.languages import c, python, structured_text
-from pidalab.digital.program import INPUTS, program
+from pidalab.digital.program import INPUTS, Vector, program
 
 if TYPE_CHECKING:
     from pidalab.digital.controller import DigitalController
@@ -54,13 +54,13 @@ def head(k: DigitalController, margins: Any, note: str) -> list[str]:
     return [re.sub(r"\*/|\*\)|\"\"\"", "", line) for line in lines]
 
 
-def vector(k: DigitalController) -> dict[str, list]:
+def vector(k: DigitalController) -> Vector:
     """Return inputs and expected control signals: a set-point jump, a manual spell, a tracked signal, a disturbance."""
     low, high = k.limits
     # a manual signal within the limits, and another one that acts in between
     span = high - low if math.isfinite(high - low) else 2.0 * k.u_span
     by_hand = round(min(max(k.bias + 0.1 * span, low), high), 6)
-    rows: dict[str, list] = {name: [] for name in INPUTS}
+    rows: Vector = {name: [] for name in INPUTS}
     y, target = 0.0, 0.0
     for i in range(STEPS):
         target = 0.0 if i < 2 else 0.2 if i < 24 else -0.1

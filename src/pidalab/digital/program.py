@@ -8,6 +8,7 @@ and ``not``, which every language has.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from pidalab.digital.paths import Path
@@ -38,8 +39,12 @@ class If(NamedTuple):
     """A choice."""
 
     condition: str
-    then: list
-    otherwise: list = []  # noqa: RUF012
+    then: Sequence[Statement]
+    otherwise: Sequence[Statement] = ()
+
+
+Statement = Note | Set | If
+Vector = dict[str, list[bool | float]]  # of a test: a value for each sample, by the name of the signal
 
 
 class Program(NamedTuple):
@@ -60,7 +65,7 @@ class Program(NamedTuple):
     constants: dict[str, float]
     states: dict[str, float | bool]
     variables: list[str]
-    body: list
+    body: list[Statement]
 
 
 def constants(k: DigitalController) -> dict[str, float]:
@@ -89,7 +94,7 @@ def program(k: DigitalController) -> Program:
     """Write the step of a controller as statements."""
     found = constants(k)
     states: dict[str, float | bool] = {"started": False}
-    body: list = _signals(found, compares=k.integrates and not k.from_signal)
+    body: list[Statement] = _signals(found, compares=k.integrates and not k.from_signal)
     for path in k.paths:
         states |= dict.fromkeys(_chain(path), 0.0)
         body += _path(path, found, first=path is k.paths[0])
@@ -106,10 +111,10 @@ def program(k: DigitalController) -> Program:
     return Program(found, {**states, "control": k.bias}, variables, body)
 
 
-def _signals(found: dict[str, float], compares: bool) -> list:
+def _signals(found: dict[str, float], compares: bool) -> list[Statement]:
     """Statements that make the error, from the working point, with its deadband."""
     offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
-    body: list = [
+    body: list[Statement] = [
         Note("signals" + (", from the working point" if offset else "")),
         Set("reference", f"setpoint{offset}"),
         Set("measured", f"measurement{offset}"),
@@ -130,14 +135,14 @@ def _chain(path: Path) -> list[str]:
     return [f"{path.name}_{j}" for j in range(0 if path.old else 1, path.order + 1)] if path.order else []
 
 
-def _path(path: Path, found: dict[str, float], first: bool) -> list:
+def _path(path: Path, found: dict[str, float], first: bool) -> list[Statement]:
     """Statements of a chain of lags and the gains on its differences."""
     name, n, upper = path.name, path.order, path.name.upper()
     weighted = {1.0: "reference - measured", 0.0: "0.0 - measured"}.get(
         path.weight, f"{upper}_WEIGHT * reference - measured"
     )
     lags = f": {n} equal lag{'s' if n > 1 else ''}" if n else ""
-    body: list = [Note(name.replace("_", " ") + " part" + lags), Set("entering", weighted)]
+    body: list[Statement] = [Note(name.replace("_", " ") + " part" + lags), Set("entering", weighted)]
     level = ["entering", *(f"{name}_{j}" for j in range(1, n + 1))]
     if n:
         body.append(If("not started", [Set(x, "entering") for x in _chain(path)]))
@@ -170,9 +175,9 @@ def _path(path: Path, found: dict[str, float], first: bool) -> list:
     return body
 
 
-def _tracking(k: DigitalController, found: dict[str, float]) -> list:
+def _tracking(k: DigitalController, found: dict[str, float]) -> list[Statement]:
     """Statements that take up a signal that acted in place of ours."""
-    inside: list = []
+    inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral", "integral + TRACKED * (track_value - control)"))
     if k.from_signal and _remembers(k):
@@ -184,7 +189,7 @@ def _tracking(k: DigitalController, found: dict[str, float]) -> list:
     ]
 
 
-def _with_integral(k: DigitalController, found: dict[str, float]) -> list:
+def _with_integral(k: DigitalController, found: dict[str, float]) -> list[Statement]:
     """Statements of modes, integral, limits and anti-windup."""
     source = "action" if k.from_signal else "error"
     shares = (("INTEGRAL_NEW", source), ("INTEGRAL_OLD", "old"))
@@ -196,7 +201,7 @@ def _with_integral(k: DigitalController, found: dict[str, float]) -> list:
         Set("integral", f"limited{_less_bias(found)} - action"),
         Set("carry", "0.0"),
     ]
-    keep: list = [Set("carry", "added - (grown - integral)"), Set("integral", "grown")]
+    keep: list[Statement] = [Set("carry", "added - (grown - integral)"), Set("integral", "grown")]
     if "TAKEN_BACK" in found:
         correction = [
             Set("added", "TAKEN_BACK * (limited - wanted) + carry"),
@@ -222,7 +227,7 @@ def _with_integral(k: DigitalController, found: dict[str, float]) -> list:
         *_limited(found),
         *keep,
     ]
-    body: list = [
+    body: list[Statement] = [
         Note("manual, or the first sample: it starts with the signal it has"),
         Set("forced", "manual"),
     ]
@@ -248,9 +253,9 @@ def _wanted(found: dict[str, float], integral: str = "") -> Set:
     )
 
 
-def _limited(found: dict[str, float]) -> list:
+def _limited(found: dict[str, float]) -> list[Statement]:
     """Statements that limit the signal in rate, then in range."""
-    body: list = [Set("limited", "wanted")]
+    body: list[Statement] = [Set("limited", "wanted")]
     rules = (
         ("LARGEST_CHANGE", ">", "control + LARGEST_CHANGE"),
         ("LARGEST_CHANGE", "<", "control - LARGEST_CHANGE"),
@@ -262,7 +267,7 @@ def _limited(found: dict[str, float]) -> list:
     ]
 
 
-def _targets(body: list) -> set[str]:
+def _targets(body: Sequence[Statement]) -> set[str]:
     """Names that statements assign to."""
     found: set[str] = set()
     for one in body:

@@ -172,7 +172,7 @@ def margins_sampled(loop: Loop, k: DigitalController) -> dict[str, Any]:
     }
 
 
-def _crossings(function: Callable, w: Array, values: Array) -> Array:
+def _crossings(function: Callable[[Any], Any], w: Array, values: Array) -> Array:
     """Return the zeros of a function between the frequencies at which its sign changes."""
     i = np.flatnonzero(
         (np.sign(values[:-1]) * np.sign(values[1:]) < 0) & np.isfinite(values[:-1] + values[1:])
@@ -180,7 +180,7 @@ def _crossings(function: Callable, w: Array, values: Array) -> Array:
     return np.array([brentq(function, w[j], w[j + 1], xtol=1e-15 * w[j + 1], rtol=1e-13) for j in i])
 
 
-def _peak(function: Callable, w: Array) -> tuple[float, float]:
+def _peak(function: Callable[[Any], Any], w: Array) -> tuple[float, float]:
     """Return the largest value of a function over the frequencies, and where it lies."""
     heights = function(w)
     best = int(np.argmax(heights))

@@ -399,10 +399,10 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
 
 def _pida(
     model: Process,
-    table: Callable[[SecondOrder], tuple],
+    table: Callable[[SecondOrder], tuple[float, ...]],
     alpha_d: float,
     alpha_a: float,
-    share: Callable[[Process], tuple],
+    share: Callable[[Process], tuple[float, float]],
 ) -> NonInteractivePIDA:
     if not callable(share):
         raise TypeError(f"factors must be a function of the model that returns f_d and f_a, found {share!r}")

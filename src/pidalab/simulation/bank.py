@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +34,7 @@ class Bank(NamedTuple):
     den: list[Array]
 
     @staticmethod
-    def of(loop: Loop, parameters: Mapping[str, ArrayLike], prefilter: tuple | None) -> Bank:
+    def of(loop: Loop, parameters: Mapping[str, ArrayLike], prefilter: tuple[Any, Any] | None) -> Bank:
         """Collect the parameters of a loop and what differs; complain about names, types and shapes."""
         if not hasattr(parameters, "__getitem__") or not hasattr(parameters, "keys"):
             raise TypeError(
@@ -128,7 +128,7 @@ def _real(name: str, value: ArrayLike) -> Array:
     return array.astype(float, copy=False)
 
 
-def _coefficients(loop: Loop, prefilter: tuple) -> tuple[list[Array], list[Array]]:
+def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], list[Array]]:
     """Check the prefilters that differ."""
     if loop.prefilter is not None:
         raise ValueError(f"prefilter must be given once: the loop has one already, found {loop.prefilter!r}")

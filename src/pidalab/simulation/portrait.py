@@ -210,7 +210,7 @@ def _computed(
         raise TypeError(
             f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}{hint}"
         )
-    futures: dict[Future, slice] = {}
+    futures: dict[Future[Any], slice] = {}
     lost: list[slice] = []
     reason: Exception | None = None
     try:

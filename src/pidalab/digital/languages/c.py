@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pidalab.digital.languages.text import renamed, rows
-from pidalab.digital.program import INPUTS, If, Note, Program, Set
+from pidalab.digital.program import INPUTS, If, Note, Program, Set, Statement, Vector
 
 
-def write(program: Program, head: list[str], vector: dict[str, list], name: str) -> str:
+def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
     """Return C99: a struct of states, an initialisation, a step, and a test under <NAME>_SELFTEST."""
     upper, real = name.upper(), f"{name}_real"
     operators = {"and": "&&", "or": "||", "not": "!", "true": "true", "false": "false"}
@@ -20,7 +22,7 @@ def write(program: Program, head: list[str], vector: dict[str, list], name: str)
             return f"{upper}_{token}"
         return f"s->{token}" if token in program.states else token
 
-    def statements(body: list, indent: str) -> list[str]:
+    def statements(body: Sequence[Statement], indent: str) -> list[str]:
         lines: list[str] = []
         for one in body:
             if isinstance(one, Note):
@@ -88,7 +90,7 @@ def write(program: Program, head: list[str], vector: dict[str, list], name: str)
     return "\n".join([*lines, *_c_test(name, vector)])
 
 
-def _c_test(name: str, vector: dict[str, list]) -> list[str]:
+def _c_test(name: str, vector: Vector) -> list[str]:
     upper, real = name.upper(), f"{name}_real"
     lines = [f"#ifdef {upper}_SELFTEST", "#include <math.h>", "#include <stdio.h>", ""]
     for signal, values in vector.items():

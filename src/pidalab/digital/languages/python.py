@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from pidalab.digital.languages.text import renamed, rows
-from pidalab.digital.program import INPUTS, If, Note, Program, Set
+from pidalab.digital.program import INPUTS, If, Note, Program, Set, Statement, Vector
 
 
-def write(program: Program, head: list[str], vector: dict[str, list], name: str) -> str:
+def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
     """Return a module without imports: a class with a step, and a test."""
 
     def namer(token: str) -> str:
@@ -16,7 +17,7 @@ def write(program: Program, head: list[str], vector: dict[str, list], name: str)
             token, f"self.{token}" if token in program.states else token
         )
 
-    def statements(body: list, indent: str) -> list[str]:
+    def statements(body: Sequence[Statement], indent: str) -> list[str]:
         lines: list[str] = []
         for one in body:
             if isinstance(one, Note):

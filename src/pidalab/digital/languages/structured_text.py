@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pidalab.digital.languages.text import renamed, rows
-from pidalab.digital.program import INPUTS, If, Note, Program, Set
+from pidalab.digital.program import INPUTS, If, Note, Program, Set, Statement, Vector
 
 
-def write(program: Program, head: list[str], vector: dict[str, list], name: str, real: str) -> str:
+def write(program: Program, head: list[str], vector: Vector, name: str, real: str) -> str:
     """Return a FUNCTION_BLOCK of IEC 61131-3, and a second one that tests it."""
     words = {"and": "AND", "or": "OR", "not": "NOT", "true": "TRUE", "false": "FALSE"}
     number = _st_number
@@ -14,7 +16,7 @@ def write(program: Program, head: list[str], vector: dict[str, list], name: str,
     def namer(token: str) -> str:
         return words.get(token, token)
 
-    def statements(body: list, indent: str) -> list[str]:
+    def statements(body: Sequence[Statement], indent: str) -> list[str]:
         lines: list[str] = []
         for one in body:
             if isinstance(one, Note):

@@ -11,8 +11,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.areas import MeasuredAreas
-from pidalab.areas import _power_series as series
+from pidalab.areas import MeasuredAreas, _power_series as series
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, binomial

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from pidalab import _check
-from pidalab.areas import MeasuredAreas
-from pidalab.areas import _power_series as series
+from pidalab.areas import MeasuredAreas, _power_series as series
 from pidalab.process import Process
 from pidalab.rules._design import Design
 from pidalab.rules.magnitude_optimum.design import filtered_noise_gain, tune
