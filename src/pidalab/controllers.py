@@ -267,7 +267,7 @@ class PIDA(Controller):
         Acceleration time constant, in squared time units; not negative; default 0.
     n, m : float, optional
         Ratio of `td` and of `ta` to their filters' time constants, above 0. As printed in the paper, ``ta/m`` is used
-        as a time although `ta` is a time squared; so `m` depends on the time unit.
+        as a time although `ta` is a time squared; so `m` has the unit of time, and 10 belongs to one near the lags.
 
     Raises
     ------

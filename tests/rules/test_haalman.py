@@ -1,6 +1,7 @@
 """Generalized Haalman rule: cancellation, the gain that reaches Ms, the printed numbers, and every refusal."""
 
 import math
+from functools import partial
 
 import control
 import numpy as np
@@ -18,7 +19,7 @@ MODELS = {"third": THIRD, "second": SECOND}
 @pytest.fixture(scope="module")
 def tuned():
     """Controllers by (model, ms); each is computed once."""
-    rules = {"third": haalman.pida, "second": haalman.pid}
+    rules = {"third": partial(haalman.pida, m=10), "second": haalman.pid}
     return {(name, ms): rules[name](MODELS[name], ms=ms) for name in MODELS for ms in (1.4, 2.0)}
 
 
@@ -199,3 +200,27 @@ def test_output_filter_needs_one_gain_crossover():
         haalman.output_filter(light, pidalab.PIDA(1.0, 10.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="the loop must have one gain crossover, found 0"):
         haalman.output_filter(pidalab.lags(2), pidalab.PIDA(0.5, math.inf, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("kind", ["PIDA", "PID", "PI"])
+@pytest.mark.parametrize("unit", [60.0, 1e-3])
+def test_scaling_time_scales_the_design(kind, unit):
+    """Seconds in place of minutes: gains stay, times are multiplied, and the squared time by the square."""
+    poles = [1.0, 2.0, 5.0][: {"PIDA": 3, "PID": 2, "PI": 1}[kind]]
+    den = np.poly(-1 / np.array(poles)) * np.prod(poles)
+    powers = unit ** np.arange(len(poles), -1.0, -1.0)
+    one, other = (
+        haalman.tune(Process([2.0], d, L), 1.6, kind) for d, L in ((den, 1.0), (den * powers, unit))
+    )
+    C, scaled = one.controller, other.controller
+    assert (scaled.kp, scaled.ti / unit, scaled.td / unit) == pytest.approx((C.kp, C.ti, C.td))
+    assert (scaled.ta / unit**2, other.wgc * unit) == pytest.approx((C.ta, one.wgc))
+    assert other.output_filter.time == pytest.approx(one.output_filter.time * unit)
+    s = 1j * np.geomspace(0.01, 100.0, 50)
+    np.testing.assert_allclose(scaled(s / unit), C(s), rtol=1e-7)  # filters, too
+
+
+def test_the_papers_ratio_is_an_argument():
+    assert haalman.pida(THIRD, m=10).m == haalman.tune(THIRD, m=10).controller.m == 10
+    default = haalman.pida(THIRD, n=20)
+    assert default.ta / default.m == pytest.approx(0.905 / (20 * 3.159))

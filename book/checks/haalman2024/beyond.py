@@ -17,7 +17,7 @@ from pidalab.ledger import Ledger, every
 from pidalab.rules import haalman
 from scipy.optimize import brentq
 
-from .work import ORDERS, PAIRS, Case, Work, loop_at_ms, ms_of, once, sigma, work
+from .work import ORDERS, PAIRS, PAPER_M, Case, Work, loop_at_ms, ms_of, once, sigma, work
 
 ORDER = {"pida": 2, "pid": 1}  # of the output filter
 OTHERS = {
@@ -147,7 +147,7 @@ def _other_loops() -> dict[tuple[str, float], pidalab.Loop]:
     t, found = np.linspace(0, 120, 12001), {}
     for (name, process), ms in product(OTHERS.items(), (1.4, 2.0)):
         model = pidalab.identification.three_point(t, pidalab.open_loop_step(process, t).y).process
-        C = haalman.pida(model, ms)
+        C = haalman.pida(model, ms, m=PAPER_M)
         F = haalman.output_filter(model, C).transfer_function()
         found[name, ms] = pidalab.Loop(process, C, F)
     return found

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import product
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ AMPLITUDE = 0.1  # of the noise, sec. 4
 RECORDS = 20  # of noise; each number under noise is a mean over them
 ORDERS = {"ex1": 4, "ex2": 8}  # of the two processes 1/(s + 1)^order, eqs. (11) and (17)
 KINDS = ("pida", "pid")
+PAPER_M = 10.0  # filter ratio of the acceleration, in the paper's unit of time
 EXPERIMENTS = {"setpoint": {"setpoint": 1.0}, "load": {"load": 1.0}}
 
 
@@ -96,7 +98,10 @@ class Work:
     @cached_property
     def designs(self) -> dict[Case, pidalab.PIDA]:
         """Controllers with the exact gain for Ms."""
-        rules = {"pida": haalman.pida, "pid": haalman.pid}
+        rules: dict[str, Callable[..., pidalab.PIDA]] = {
+            "pida": partial(haalman.pida, m=PAPER_M),
+            "pid": haalman.pid,
+        }
         return {case: rules[case.kind](self.model(case), case.ms) for case in CASES}
 
     @cached_property

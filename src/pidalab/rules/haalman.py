@@ -24,7 +24,7 @@ LOWEST, HIGHEST = -25.0, 25.0  # logarithms of the gains between which Ms is sea
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
 
 
-def pida(model: Process, ms: float = 1.4, n: float = 10, m: float = 10) -> PIDA:
+def pida(model: Process, ms: float = 1.4, n: float = 10, m: float | None = None) -> PIDA:
     """PIDA controller for a third-order model with dead time.
 
     The integral, derivative and acceleration times cancel the model's poles, eq. (8):
@@ -48,10 +48,12 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float = 10) -> PIDA:
         Constant numerator, three stable poles, dead time.
     ms : float, optional
         Maximum sensitivity wanted, above 1; 1.4 is cautious, 2.0 fast.
-    n, m : float, optional
-        Filter ratios of the derivative and the acceleration, above 0. As printed, the acceleration's filter time is
-        ``ta/m`` with a squared time above: ``m = 10`` belongs to a time unit near the lags of the process. With
-        seconds and lags of many seconds, give a larger `m` (10 times the lag).
+    n : float, optional
+        Ratio of the derivative time and its filter's, above 0.
+    m : float, optional
+        The same of the acceleration, whose filter time is ``ta/m``, a squared time over this ratio: so it has the unit
+        of time. By default ``n td``, which makes the filter times a2/(n a1) and a3/(n a2), and the design the same in
+        every unit of time. The paper has 10 in a unit near the lags of its processes: ``m=10`` is what it prints.
 
     Returns
     -------
@@ -67,12 +69,13 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float = 10) -> PIDA:
     --------
     >>> import pidalab
     >>> model = pidalab.Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
-    >>> C = pidalab.rules.haalman.pida(model, ms=1.4)
+    >>> C = pidalab.rules.haalman.pida(model, ms=1.4, m=10)
     >>> print(f"kp = {C.kp:.3f}, ti = {C.ti:.3f}, td = {C.td:.3f}, ta = {C.ta:.3f}")
     kp = 1.298, ti = 3.370, td = 0.937, ta = 0.269
     """
     gain, (a3, a2, a1) = lags(model, order=3)
-    return _with_gain(model, PIDA(1 / gain, a1, a2 / a1, a3 / a1, n, m), ms)
+    ratio = _check.real("n", n, above=0.0) * a2 / a1 if m is None else m
+    return _with_gain(model, PIDA(1 / gain, a1, a2 / a1, a3 / a1, n, ratio), ms)
 
 
 def pid(model: Process, ms: float = 1.4, n: float = 10) -> PIDA:
@@ -139,7 +142,9 @@ def pi(model: Process, ms: float = 1.4) -> PIDA:
     return _with_gain(model, PIDA(1 / gain, a1), ms)
 
 
-def tune(model: Process, ms: float = 1.4, kind: str = "PIDA", n: float = 10, m: float = 10) -> Design:
+def tune(
+    model: Process, ms: float = 1.4, kind: str = "PIDA", n: float = 10, m: float | None = None
+) -> Design:
     """Controller with its output filter: `pida`, `pid` or `pi`, then `output_filter`.
 
     Parameters
@@ -151,7 +156,7 @@ def tune(model: Process, ms: float = 1.4, kind: str = "PIDA", n: float = 10, m: 
     kind : {"PIDA", "PID", "PI"}, optional
         Which controller.
     n, m : float, optional
-        Filter ratios of the derivative and of the acceleration, where the controller has them.
+        Filter ratios of the derivative and of the acceleration, where the controller has them; see `pida`.
 
     Returns
     -------
@@ -249,7 +254,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     --------
     >>> import pidalab
     >>> model = pidalab.Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
-    >>> F = pidalab.rules.haalman.output_filter(model, pidalab.rules.haalman.pida(model, ms=1.4))
+    >>> F = pidalab.rules.haalman.output_filter(model, pidalab.rules.haalman.pida(model, ms=1.4, m=10))
     >>> print(f"{F.time:.3f} {F.order} {F.wgc:.3f}")
     0.128 2 0.390
     """
