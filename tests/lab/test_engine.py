@@ -7,6 +7,7 @@ import pytest
 from engine import SCRIPT, Engine, asked
 
 import pidalab
+from pidalab.rules import automatic_reset
 
 LOOPS = 300
 POINTS = 301
@@ -124,6 +125,64 @@ def test_digital_controller_with_limits_and_noise(engine, way):
     run = engine.simulateSampled(**case, antiWindup=way or "none")
     assert distance(run["y"], true.y) < 1e-9
     assert distance(run["u"], true.u) < 1e-9
+
+
+def test_automatic_reset(engine):
+    """The fastest real zero is the reset; the double zero of PIDA_1 counts, and so does one of rounded gains."""
+    process, t = pidalab.ipdt(1.0, delay=1.0), 0.02 * np.arange(1501)
+    own = automatic_reset.tune(process, automatic_reset.PIDA_1, n=4, filter_time=0.2).controller
+    true = pidalab.simulate_sampled(pidalab.Loop(process, own), t, 1.0, limits=(-0.1, 0.1))
+    exact = pidalab.HighOrderPID(list(own.gains()), own.filter_time, own.filter_order)
+    rounded = pidalab.HighOrderPID([round(k, 5) for k in own.gains()], own.filter_time, own.filter_order)
+    for controller, close in ((exact, 1e-6), (rounded, 0.01)):
+        case = asked(process, controller, end=t[-1], sampleTime=0.02, setpoint=1.0)
+        case["controller"]["limits"] = (-0.1, 0.1)
+        run = engine.simulateSampled(**case, antiWindup="reset")
+        assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < close
+    with pytest.raises(ValueError, match="real zero"):
+        engine.simulateSampled(
+            **asked(process, pidalab.HighOrderPID([0.0, 1.0], 0.0, 0)),
+            end=1.0,
+            sampleTime=0.1,
+            antiWindup="reset",
+        )
+
+
+@pytest.mark.parametrize(
+    ("way", "names"),
+    [
+        ("none", {"anti_windup": None}),
+        ("clamping", {"anti_windup": "clamping"}),
+        ("conditioning", {"anti_windup": "reset"}),
+        ("conditioning", {"anti_windup": "back-calculation", "tracking_time": 0.7}),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("h", [0.05, 0.4])
+def test_backward_differences(engine, h, way, names):
+    """Also with a sample time of several filter times."""
+    process, controller = pidalab.lags(3, delay=0.777), pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
+    t = h * np.arange(round(30 / h) + 1)
+    digital = controller.discretise(h, limits=(-0.2, 1.1), **names)
+    true = pidalab.simulate_sampled(pidalab.Loop(process, digital), t, 1.0, -0.3)
+    assert true.u.max() == 1.1
+    case = asked(process, controller, end=t[-1], sampleTime=h, setpoint=1.0, load=-0.3)
+    case["controller"]["limits"] = (-0.2, 1.1)
+    run = engine.simulateSampled(
+        **case, method="backward", antiWindup=way, trackingTime=names.get("tracking_time")
+    )
+    assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-9
+
+
+def test_backward_differences_of_a_reset(engine):
+    process, t = pidalab.ipdt(1.0, delay=1.0), 0.3 * np.arange(101)
+    own = automatic_reset.tune(process, automatic_reset.PID, n=2, filter_time=0.2).controller
+    true = pidalab.simulate_sampled(pidalab.Loop(process, own.discretise(0.3, limits=(-0.1, 0.1))), t, 1.0)
+    controller = pidalab.HighOrderPID(list(own.gains())[:3], own.filter_time, own.filter_order)
+    case = asked(process, controller, end=t[-1], sampleTime=0.3, setpoint=1.0)
+    case["controller"]["limits"] = (-0.1, 0.1)
+    run = engine.simulateSampled(**case, method="backward", antiWindup="reset")
+    assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-9
 
 
 def test_limits_that_bite_hold_and_limits_that_do_not_change_nothing(engine):

@@ -1,19 +1,20 @@
 """The lab's rules against the library's: the same gains, or the same largest gain."""
 
 import pytest
-from engine import SCRIPT, Engine
+from engine import SCRIPT, Engine, asked
 
 import pidalab
 from pidalab.rules import classical
 
 RULE = """pidalabEngine.rule = ({rule, process, design, knob}) =>
     pidalabModel.RULES[rule].apply(process, design, knob);"""
+MARGINS = "pidalabEngine.sampledMargins = pidalabModel.sampledMargins;"
 MODEL = SCRIPT.with_name("model.js")
 
 
 @pytest.fixture(scope="module")
 def model():
-    return Engine("\n".join([*(path.read_text(encoding="utf-8") for path in (SCRIPT, MODEL)), RULE]))
+    return Engine("\n".join([*(path.read_text(encoding="utf-8") for path in (SCRIPT, MODEL)), RULE, MARGINS]))
 
 
 def ruled(model, rule, process, knob, **design):
@@ -77,3 +78,23 @@ def test_cancellation_has_the_zeros_of_the_library(model):
 def test_a_rule_without_ground_says_so(rule, kind, process, words, model):
     with pytest.raises(ValueError, match=words):
         ruled(model, rule, process, 1.4, kind=kind)
+
+
+@pytest.mark.parametrize("h", [0.03, 0.2, 1.0])
+@pytest.mark.parametrize("gains", [[0.25, 0.5], [0.3, 0.8, 0.7, 0.2]], ids=["PI", "PIDA"])
+def test_ms_of_a_digital_controller_is_that_from_sample_to_sample(h, gains, model):
+    process, controller = pidalab.lags(3, delay=1.0), pidalab.HighOrderPID(gains, 0.1, 3)
+    true = pidalab.margins(pidalab.Loop(process, controller.discretise(h)))
+    case = asked(process, controller)
+    found = model.sampledMargins(**case, sampleTime=h, end=40.0)
+    assert found["stable"] is True
+    assert found["ms"] == pytest.approx(true.ms, rel=1e-3)
+
+
+def test_a_sample_time_can_make_a_loop_unstable(model):
+    """And a longer one stable again: at the border the impulse response fades so slowly that it must be followed long."""
+    process, controller = pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.5, 1.0], 0.1, 3)
+    for h, stable in ((0.1, True), (1.0, True), (2.0, False), (4.0, True)):
+        loop = pidalab.Loop(process, controller.discretise(h))
+        found = model.sampledMargins(**asked(process, controller), sampleTime=h, end=40.0)
+        assert found["stable"] is pidalab.is_stable(loop) is stable, h

@@ -625,15 +625,50 @@
     return { A, b, row };
   }
 
+  /* The stabilising controller and the reset time of a series form: (kp + kd s + ka s^2)(1 + time s)/(time s) has the gains
+     of the loop. Of several real zeros the fastest becomes the reset, as in huba2024; two that rounding made a pair count. */
+  function series(loop) {
+    const gains = [loop.ka, loop.kd, loop.kp, loop.ki];
+    const real = loop.ki ? roots(gains).filter(([re, im]) => re < 0 && Math.abs(im) < 0.1 * Math.hypot(re, im)) : [];
+    if (!real.length) fail("an automatic reset needs gains with a real zero left of the axis");
+    const time = -1 / Math.min(...real.map(([re]) => re));
+    // ki (1 + c1 s + c2 s^2)(1 + time s) has these gains: divide from below
+    const kp = loop.ki * time, kd = (loop.kp - kp) * time, ka = loop.ka;
+    return { time, block: { ...loop, ki: 0, kp, kd, ka } };
+  }
+
+  const WAYS = ["none", "clamping", "conditioning", "reset"], METHODS = ["held", "backward"];
+
+  /* What the integral of a sampled controller does: it grows by `error` times the error and by `signal` times what the
+     rest of the controller makes of it, and takes back `tracking` times what a limit cut off. */
+  function integralOf(loop, way, h, backward, trackingTime) {
+    if (way === "reset") {
+      const { time, block } = series(loop), share = -Math.expm1(-h / time);
+      return backward
+        ? { block, error: 0, signal: h / time, tracking: h / (time + h) }
+        : { block, error: 0, signal: share, tracking: share };
+    }
+    const own = { block: loop, error: loop.ki * h, signal: 0, tracking: 0 };
+    if (way !== "conditioning") return own;
+    const time = trackingTime ?? (backward ? loop.kp : loop.kp - loop.ki * loop.time * loop.order) / loop.ki;
+    own.tracking = backward ? h / (time + h) : h / time;
+    if (!(own.tracking > 0 && own.tracking < 1)) fail("conditioning needs a tracking time, by default kp/ki, above the sample time");
+    return own;
+  }
+
   /* The loop with a controller that reads and sets at multiples of the sample time and is held in between: exact for
-     the process. antiWindup is "none", "clamping" (the integral rests while it would drive u further beyond a limit)
-     or "conditioning" (it integrates the error that would have made the limited signal). */
+     the process. antiWindup is "none", "clamping" (the integral rests while it would drive u further beyond a limit),
+     "conditioning" (it integrates the error that would have made the limited signal, or takes back what the limit cut
+     off in trackingTime) or "reset" (automatic reset: the integral is a lag behind the limited signal). method is "held",
+     exact filters for an input that is held, or "backward", differences as in most PLCs, which bear any sample time. */
   function simulateSampled(asked) {
     const loop = readLoop(asked), h = real("sampleTime", asked.sampleTime, 0), end = real("end", asked.end, 0);
-    const way = asked.antiWindup ?? "none", setpoint = asked.setpoint ?? 0, load = asked.load ?? 0;
+    const way = asked.antiWindup ?? "none", method = asked.method ?? "held", setpoint = asked.setpoint ?? 0, load = asked.load ?? 0;
     if (!(h > 0 && h <= end)) fail(`sampleTime must be above 0 and at most end, found ${h}`);
-    if (!["none", "clamping", "conditioning"].includes(way)) fail(`antiWindup must be none, clamping or conditioning, found ${way}`);
-    if (loop.order && loop.time < h * (1 - 1e-9)) fail(`the filter (${loop.time}) is faster than the sample time ${h}: sample faster or filter longer`);
+    if (!WAYS.includes(way)) fail(`antiWindup must be none, clamping, conditioning or reset, found ${way}`);
+    if (!METHODS.includes(method)) fail(`method must be held or backward, found ${method}`);
+    const backward = method === "backward";
+    if (!backward && loop.order && loop.time < h * (1 - 1e-9)) fail(`the filter (${loop.time}) is faster than the sample time ${h}: sample faster or filter longer`);
     const count = Math.round(end / h) + 1;
     if (count > 2e6) fail(`sampleTime ${h} makes ${count} samples; take a longer one`);
     const [low, high] = loop.limits ?? [-Infinity, Infinity];
@@ -645,25 +680,29 @@
     const whole = Math.floor(loop.delay / h + 1e-9), part = loop.delay - whole * h;
     const ways = part < h * 1e-9 ? [[h, whole]] : [[part, whole + 1], [h - part, whole]];
     const steps = ways.map(([time, ago]) => ({ ...held(own, drive, time), ago }));
-    const block = controllerBlock(loop), inside = held(block.A, block.b, h);
-    const tracking = way === "conditioning" ? (loop.ki * h) / (loop.kp - loop.ki * loop.time * loop.order) : 0;
-    if (way === "conditioning" && !(tracking > 0 && tracking < 1)) fail("conditioning needs kp/ki above the sample time");
+    const rule = integralOf(loop, way, h, backward, asked.trackingTime);
+    const block = controllerBlock(rule.block), inside = held(block.A, block.b, h), newest = h / (loop.time + h);
 
     const t = new Float64Array(count), y = new Float64Array(count), u = new Float64Array(count);
     const before = steps[0].ago, v = new Float64Array(count + before);
     let x = new Float64Array(np), z = new Float64Array(loop.order), integral = 0;
+    const limit = (value) => Math.min(Math.max(value, low), high);
     const advance = ({ phi, gamma }, state, input) => Float64Array.from(gamma, (g, i) => g * input + dot(phi[i], state));
     for (let k = 0; k < count; k++) {
       t[k] = k * h;
       y[k] = dot(out, x) + dy * v[k + before - steps[steps.length - 1].ago];
       const error = setpoint - y[k] - (asked.noise ? asked.noise[k] : 0);
-      let wanted = block.row[0] * error + integral;
-      for (let j = 0; j < z.length; j++) wanted += block.row[j + 1] * z[j];
-      u[k] = Math.min(Math.max(wanted, low), high);
-      const growth = loop.ki * h * error, excess = u[k] - wanted;
-      if (!(way === "clamping" && excess * growth < 0)) integral += growth + tracking * excess;
+      // differences see the error of now, filters for a held input that of the samples before
+      if (backward) for (let j = 0; j < z.length; j++) z[j] += newest * ((j ? z[j - 1] : error) - z[j]);
+      let signal = block.row[0] * error;
+      for (let j = 0; j < z.length; j++) signal += block.row[j + 1] * z[j];
+      const growth = rule.error * error + rule.signal * signal;
+      const wanted = signal + integral + (backward ? growth : 0), excess = limit(wanted) - wanted;
+      const rests = way === "clamping" && excess * growth < 0;
+      u[k] = limit(rests ? signal + integral : wanted);
+      if (!rests) integral += growth + rule.tracking * excess;
       v[k + before] = u[k] + load;
-      z = advance(inside, z, error);
+      if (!backward) z = advance(inside, z, error);
       for (const step of steps) x = advance(step, x, v[k + before - step.ago]);
     }
     return { t, y, u };

@@ -128,9 +128,10 @@
 
   /* Draw what there is a place for: places is an object of elements by the name of the plot. */
   function drawPlots(places, process, shown, { ms, record }) {
-    const end = process.end, line = (run, key, kind) => ({ x: run.t, y: run[key], kind });
+    const end = process.end;
     const run = (key, which, share = 1) => ({
-      x: { label: "time", range: [0, end * share] }, y: { range: rangeOf(shown, key, which) }, lines: shown.map((s) => line(s[which], key, s.kind)),
+      x: { label: "time", range: [0, end * share] }, y: { range: rangeOf(shown, key, which) },
+      lines: shown.map((s) => ({ x: s[which].t, y: s[which][key], kind: s.kind, stairs: s.stairs && key === "u" })),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
     const curves = shown.map((s) => ({ ...frequencyResponse({ process, controller: controller(s.design) }), kind: s.kind }));
@@ -166,7 +167,8 @@
   /* What a table may show of a design. */
   const NUMBERS = {
     iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["mks", (s) => s.mks],
-    gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm], peak: ["peak of u", (s) => s.peak],
+    gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm],
+    peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => s.overshoot],
     sigma: ["σ(u) per σ(n)", (s) => s.sigma],
   };
 
@@ -255,7 +257,7 @@
         tick({ label: "limits of the actuator", get: () => this.state.limited, set: (limited) => this.change({ limited }) }),
         this.lowRow = slider({ label: "lowest u", low: -10, high: 0, get: () => this.state.low, set: (low) => this.change({ low: Math.min(low, 0) }) }),
         this.highRow = slider({ label: "highest u", low: 0.1, high: 20, get: () => this.state.high, set: (high) => this.change({ high: Math.max(high, 0.01) }) }),
-        this.windupRow = choice({ label: "anti-windup", options: [["none", "none"], ["clamping", "clamping"], ["conditioning", "conditioning"]], get: () => this.state.antiWindup, set: (antiWindup) => this.change({ antiWindup }) }),
+        this.windupRow = choice({ label: "anti-windup", options: [["none", "none"], ["clamping", "clamping"], ["conditioning", "conditioning"], ["reset", "automatic reset"]], get: () => this.state.antiWindup, set: (antiWindup) => this.change({ antiWindup }) }),
         tick({ label: "digital controller", get: () => this.state.sampled, set: (sampled) => this.change({ sampled }) }),
         this.sampleRow = slider({ label: "sample time", low: 0.005, high: 2, log: true, get: () => this.state.sampleTime, set: (sampleTime) => this.change({ sampleTime }) }),
         tick({ label: "measurement noise", get: () => this.state.noisy, set: (noisy) => this.change({ noisy }) }),

@@ -5,11 +5,11 @@
      designs   list of designs: {kind, kp, ti, td, ta, filterTime, filterOrder}
      names     words for the designs, in their order; by default their kinds
      rule, ms, tc   a rule of the lab that makes each design anew, and its knob
-     conditions     {limits, antiWindup, sampleTime, noise, end}
+     conditions     {limits, antiWindup, trackingTime, sampleTime, noise, end}; a design may have `conditions` of its own
      knobs     list of {key, label, low, high, log, step}; key is one of a design ("kp", "filterTime", …: it is set in all of
                them, or in the one that `design` numbers), "ms", "tc", "plant.delay", or "limits.high", "sampleTime", "noise"
      plots     names out of setpoint, load, control, effort, nyquist, bode, lead, noise
-     numbers   names out of iae, iaeSetpoint, ms, mks, gm, pm, dm, peak, sigma
+     numbers   names out of iae, iaeSetpoint, overshoot, ms, mks, gm, pm, dm, peak, sigma
      caption   a sentence under it; `lab: true` adds a link to the lab with the first design loaded */
 (function () {
   "use strict";
@@ -31,9 +31,12 @@
     places({ key, design }) {
       const { state } = this, [first, second] = key.split(".");
       if (first === "plant") return [[this.process, second]];
-      if (first === "limits") return [[(state.conditions.limits ??= [-1e9, 1e9]), second === "low" ? 0 : 1]];
+      if (first === "limits") { // a knob for both limits turns the lower one the other way
+        const limits = (state.conditions.limits ??= [-1e9, 1e9]), low = { get 0() { return limits[0]; }, set 0(x) { limits[0] = -x; } };
+        return second ? [[limits, second === "low" ? 0 : 1]] : [[limits, 1], [low, 0]];
+      }
       if (key === "ms" || key === "tc") return [[state, key]];
-      if (key === "sampleTime" || key === "noise" || key === "end") return [[state.conditions, key]];
+      if (["trackingTime", "sampleTime", "noise", "end"].includes(key)) return [[state.conditions, key]];
       const designs = design === undefined ? state.designs : [state.designs[design]];
       return designs.map((each) => [each, key]);
     }
@@ -65,7 +68,7 @@
       state.designs.forEach((design, kind) => {
         try {
           const made = rule.apply(this.process, design, state[rule.knob]);
-          shown.push({ ...study(this.process, made, { ...state.conditions, end }), kind, name: state.names?.[kind] ?? design.kind });
+          shown.push({ ...study(this.process, made, { ...state.conditions, end, ...design.conditions }), kind, name: state.names?.[kind] ?? design.kind });
         } catch (error) { trouble.push(`${state.names?.[kind] ?? design.kind}: ${error.message}.`); }
       });
       for (const knob of this.knobs) knob.refresh();
@@ -77,12 +80,22 @@
           element("th", { scope: "row" }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.name}`),
           ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s)))) : [element("td", { colspan: columns.length }, "unstable")]))))));
       if (this.link && shown[0]) {
-        const plant = typeof state.plant === "string" ? { plant: state.plant } : {};
-        this.link.href = `${this.root()}book/lab.html#${write({ ...plant, design: shown[0].design, rule: "hand" })}`;
+        this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       }
       clearTimeout(this.speaking);
       const words = shown.map((s) => `${s.name}: ${s.stable ? columns.map(([name, get]) => `${name} ${digits(get(s))}`).join(", ") : "unstable"}.`);
       this.speaking = setTimeout(() => { this.live.textContent = trouble.join(" "); this.live.setAttribute("aria-label", [...trouble, ...words].join(" ")); }, 250);
+    }
+
+    /* What the lab needs to show the same: the first design as its own, the others as kept ones. */
+    forLab(shown) {
+      const { plant, conditions } = this.state, { limits, sampleTime, noise, antiWindup } = { ...conditions, ...shown[0].design.conditions };
+      const [own, ...kept] = shown.map(({ design: { conditions: _, ...design } }) => design);
+      return {
+        ...(typeof plant === "string" ? { plant } : {}), design: own, kept, rule: "hand",
+        ...(limits ? { limited: true, low: limits[0], high: limits[1] } : {}), ...(antiWindup ? { antiWindup } : {}),
+        ...(sampleTime ? { sampled: true, sampleTime } : {}), ...(noise ? { noisy: true, noise } : {}),
+      };
     }
 
     root() { return document.documentElement.dataset.content_root || "./"; }

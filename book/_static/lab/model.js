@@ -58,30 +58,75 @@
 
   const largest = (values) => values.reduce((top, value) => Math.max(top, Math.abs(value)), 0);
 
-  /* Standard deviation of u for white measurement noise of standard deviation 1, held for the sample time: the root of
-     the sum of squares of what one noisy sample does. */
-  function noiseGain(process, own, sampleTime, end) {
+  /* What one noisy sample does to the measurement, itself included, and to u: the impulse responses of S and of -CS. */
+  function impulses(process, own, sampleTime, end, method) {
     const noise = new Float64Array(Math.round(end / sampleTime) + 1);
     noise[0] = 1;
-    const { u } = simulateSampled({ process, controller: { ...own, limits: null }, sampleTime, end, noise });
-    return Math.sqrt(u.reduce((sum, value) => sum + value * value, 0));
+    const { y, u } = simulateSampled({ process, controller: { ...own, limits: null }, sampleTime, end, noise, method });
+    y[0] += 1;
+    return { s: y, u };
   }
 
-  /* Everything the lab shows of one design on one plant. */
-  function study(process, design, { end, points = 401, limits = null, antiWindup = "clamping", sampleTime = 0, noise = 0 }) {
-    const own = controller(design, limits);
+  /* Standard deviation of u for white measurement noise of standard deviation 1, held for the sample time: the root of
+     the sum of squares of what one noisy sample does. */
+  function noiseGain(process, own, sampleTime, end, method) {
+    return Math.sqrt(impulses(process, own, sampleTime, end, method).u.reduce((sum, value) => sum + value * value, 0));
+  }
+
+  const MOST_SAMPLES = 3e5;
+
+  /* Ms and mks of a loop with a digital controller, from sample to sample: the largest |sum x_k z^-k| of the impulse
+     responses for z on the unit circle. Stable is a loop whose impulse response fades: one that does so slowly is
+     followed for longer, and one of which that cannot be told within 300000 samples is called unstable. */
+  function sampledMargins({ process, controller: own, sampleTime, end }) {
+    const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false };
+    let span = Math.min(3 * end, 8000 * sampleTime), s, u, third;
+    for (;;) {
+      ({ s, u } = impulses(process, own, sampleTime, span, "backward"));
+      third = Math.floor(s.length / 3);
+      const [first, middle, last] = [0, 1, 2].map((k) => largest(s.slice(k * third, (k + 1) * third)));
+      if (last < 0.1 * middle || last < 1e-6 * first) break;
+      if (!(last < middle) || s.length > MOST_SAMPLES) return none;
+      span *= 2;
+    }
+    const gain = (x, w) => {
+      const c = Math.cos(w * sampleTime), d = -Math.sin(w * sampleTime);
+      let re = 0, im = 0; // Horner's scheme in 1/z
+      for (let k = x.length - 1; k >= 0; k--) [re, im] = [re * c - im * d + x[k], re * d + im * c];
+      return Math.hypot(re, im);
+    };
+    const top = (x) => {
+      let low = Math.log(Math.PI / (sampleTime * third)), high = Math.log(Math.PI / sampleTime), best = 0;
+      for (const count of [120, 16, 16]) { // closer each time
+        const each = (high - low) / count;
+        let at = low;
+        for (let k = 0; k <= count; k++) {
+          const value = gain(x, Math.exp(low + k * each));
+          if (value > best) { best = value; at = low + k * each; }
+        }
+        [low, high] = [at - each, Math.min(at + each, Math.log(Math.PI / sampleTime))];
+      }
+      return best;
+    };
+    return { ...none, ms: top(s), mks: top(u), stable: true };
+  }
+
+  /* Everything the lab shows of one design on one plant. A digital controller has differences for a sample time. */
+  function study(process, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) {
+    const own = controller(design, limits), digital = { sampleTime: sampleTime || end / 4000, method: "backward" };
     const steps = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
-    const record = noise ? uniform(noise, Math.round(end / (sampleTime || end / 4000)) + 1) : null;
+    const record = noise ? uniform(noise, Math.round(end / digital.sampleTime) + 1) : null;
     const runs = steps.map((step) =>
       sampleTime || noise
-        ? simulateSampled({ process, controller: own, end, sampleTime: sampleTime || end / 4000, antiWindup, noise: record, ...step })
-        : simulate({ process, controller: own, end, points, antiWindup, ...step }));
-    const found = margins({ process, controller: own });
+        ? simulateSampled({ process, controller: own, end, ...digital, antiWindup, trackingTime, noise: record, ...step })
+        : simulate({ process, controller: own, end, points, antiWindup, trackingTime, ...step }));
+    const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
     const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
     return {
-      design, setpoint: runs[0], load: runs[1], ...found, sampleTime: h,
+      design, setpoint: runs[0], load: runs[1], ...found, sampleTime: h, stairs: sampleTime > 0,
       iae: iae(runs[1].t, runs[1].y, 0), iaeSetpoint: iae(runs[0].t, runs[0].y, 1), peak: largest(runs[0].u),
-      sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h)) : NaN,
+      overshoot: 100 * Math.max(0, runs[0].y.reduce((top, value) => Math.max(top, value), 0) - 1),
+      sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h), sampleTime ? "backward" : "held") : NaN,
     };
   }
 
@@ -210,5 +255,5 @@
     try { return JSON.parse(decodeURIComponent(atob(text.slice(PREFIX.length).replace(/_/g, "+").replace(/-/g, "/")))); } catch { return null; }
   }
 
-  globalThis.pidalabModel = { write, read, PLANTS, RULES, ORDER, ownPlant, controller, study, iae, gainForMs, halfRule, uniform };
+  globalThis.pidalabModel = { write, read, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, iae, gainForMs, halfRule, uniform };
 })();

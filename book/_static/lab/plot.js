@@ -1,7 +1,7 @@
 /* Line plots as plain SVG: axes, lines that differ in dash as well as in colour, nothing else.
 
    pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element
-   `host`; a second call draws anew. `kind` 0, 1, 2 … takes the colour and dash of that design, "mark" a thin grey line,
+   `host`; a second call draws anew. A line with `stairs` holds each value until the next. `kind` 0, 1, 2 … takes the colour and dash of that design, "mark" a thin grey line,
    "dots" a record. All colours come from the style sheet, so that both themes fit. */
 (function () {
   "use strict";
@@ -93,7 +93,9 @@
       let path = "", pen = "M";
       for (let k = 0; k < line.x.length; k++) {
         if (!Number.isFinite(line.x[k] + line.y[k]) || (x.log && line.x[k] <= 0) || (y.log && line.y[k] <= 0)) { pen = "M"; continue; }
-        path += `${pen}${limit(px(line.x[k])).toFixed(1)} ${limit(py(line.y[k])).toFixed(1)}`;
+        const at = limit(px(line.x[k])).toFixed(1);
+        if (line.stairs && pen === "L") path += `H${at}`;
+        path += `${pen}${at} ${limit(py(line.y[k])).toFixed(1)}`;
         pen = "L";
       }
       make("path", { d: path, class: `lab-line lab-${line.kind}` }, inside);
