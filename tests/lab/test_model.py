@@ -92,7 +92,7 @@ def test_ms_of_a_digital_controller_is_that_from_sample_to_sample(h, gains, mode
 
 
 def test_a_sample_time_can_make_a_loop_unstable(model):
-    """And a longer one stable again: at the border the impulse response fades so slowly that it must be followed long."""
+    """And a longer one stable again; near the border the impulse response fades slowly."""
     process, controller = pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.5, 1.0], 0.1, 3)
     for h, stable in ((0.1, True), (1.0, True), (2.0, False), (4.0, True)):
         loop = pidalab.Loop(process, controller.discretise(h))

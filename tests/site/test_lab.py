@@ -76,6 +76,34 @@ def test_three_kinds_by_a_rule(lab):
     assert sorted(iae, reverse=True) == iae
 
 
+LIMITED = """{plant: "huba-ipdt", rule: "hand", limited: true, low: -0.1, high: 0.1, antiWindup: "%s",
+    design: {kind: "PIDA", kp: 0.611044, ti: 5.48577, td: 0.740416, ta: 0.148083, filterTime: 0.2, filterOrder: 4}}"""
+
+
+def test_four_ways_at_a_limit(lab):
+    page, iae = lab(), []
+    for way in ("none", "conditioning", "clamping", "reset"):
+        page.evaluate(f"() => {{ location.hash = pidalabModel.write({LIMITED % way}) }}")
+        page.wait_for_timeout(500)
+        assert page.get_by_label("anti-windup", exact=True).input_value() == way
+        iae.append(float(page.evaluate(COLUMNS)[0][2]))
+    assert sorted(iae, reverse=True) == iae
+    assert iae[-1] < iae[0] / 2
+
+
+def test_a_digital_controller_may_be_slower_than_its_filter(lab):
+    page = lab()
+    page.get_by_label("digital controller").check()
+    box, ms = page.get_by_label("sample time, number"), []
+    for h in ("0.05", "0.5", "1"):
+        box.fill(h)
+        page.keyboard.press("Enter")
+        page.wait_for_timeout(500)
+        ms.append(float(page.evaluate(COLUMNS)[0][3]))
+    assert sorted(ms) == ms
+    assert ms[-1] > 1.2 * ms[0]
+
+
 def test_a_dropped_record_becomes_a_plant(lab):
     page = lab()
     t = np.arange(0, 20, 0.1)

@@ -143,7 +143,7 @@
     const PLOTS = {
       setpoint: () => ({ title: "Output y, step of the set point", ...run("y", "setpoint") }),
       load: () => ({ title: "Output y, step of the load", ...run("y", "load") }),
-      control: () => ({ title: "Control signal u, step of the set point", ...run("u", "setpoint", 1 / 3) }),
+      control: () => ({ title: "Control signal u, step of the set point", ...run("u", "setpoint", shown.some((s) => s.limited) ? 1 : 1 / 3) }),
       effort: () => ({ title: "Control signal u, step of the load", ...run("u", "load") }),
       nyquist: () => ({
         title: "Nyquist curve of L, and the circle 1/Ms around −1", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
