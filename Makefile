@@ -8,9 +8,9 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 ENV := .venv/.installed
 SITE := _build/.built
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/vendored.py tools/vendored.toml $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks claims faults lint bench study release lock clean
+.PHONY: help env book test notebooks claims faults lint bench study release archive lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -56,6 +56,9 @@ study: $(ENV)  ## find the optimal controllers of heo2023 again (many hours)
 
 release: $(ENV)  ## build wheel and source archive in dist, install the wheel into an empty environment, use it (a minute)
 	$(BIN)/python tools/release.py
+
+archive: $(SITE)  ## the built site as one file in dist that opens from the disk
+	$(BIN)/python tools/archive.py
 
 lock: $(ENV)  ## write requirements.txt from pyproject.toml, keeping the versions it already has
 	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import vendored
 from notebooks import execute_all, notebooks
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,7 +41,10 @@ def main() -> int:
         "-n",
         "--keep-going",
     ]
-    return subprocess.run([*command, "--path-output", ROOT, SOURCE], check=False).returncode
+    status = subprocess.run([*command, "--path-output", ROOT, SOURCE], check=False).returncode
+    if status == 0:
+        vendored.write(vendored.SITE)
+    return status
 
 
 if __name__ == "__main__":

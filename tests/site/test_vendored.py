@@ -1,0 +1,74 @@
+"""Every file of others that the site carries has its project, its version and its licence; the archive is whole."""
+
+import importlib.util
+import json
+import re
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+TOOLS = Path(__file__).parents[2] / "tools"
+
+
+def loaded(name):
+    spec = importlib.util.spec_from_file_location(name, TOOLS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+vendored = loaded("vendored")
+archive = loaded("archive")
+
+
+def test_the_bill_of_the_site_is_that_of_its_files(site):
+    found = vendored.components(vendored.table(), site)
+    written = json.loads((site / vendored.BILL).read_text())
+    assert written == json.loads(vendored.bill(found, site))
+    assert (site / vendored.NOTICE).read_text() == vendored.notice(found)
+    listed = {file["name"] for one in written["components"] for file in one["components"]}
+    assert listed == set(vendored.carried(site))
+    assert all(re.fullmatch(r"[\d.]+", one["version"]) for one in written["components"])
+
+
+@pytest.fixture
+def small(tmp_path):
+    """A site with one file of others, and the row for it."""
+    (tmp_path / "_static").mkdir()
+    (tmp_path / "_static" / "other.js").write_text("// other 1.2\n")
+    (tmp_path / "index.html").write_text("")
+    names = {"name": "other", "url": "https://example.org", "purl": "pkg:npm/other", "licence": "MIT"}
+    where = {"file": "_static/other.js", "pattern": r"other ([\d.]+)"}
+    return tmp_path, names | {"copyright": "2026 A", "files": ["_static/other*"], "version": where}
+
+
+def test_a_file_that_nobody_claims(small):
+    site, row = small
+    assert [one.version for one in vendored.components([row], site)] == ["1.2"]
+    (site / "_static" / "stray.js").write_text("")
+    with pytest.raises(ValueError, match=r"_static/stray\.js belongs to nobody"):
+        vendored.components([row], site)
+
+
+def test_a_project_that_is_gone_and_a_version_that_is_not_found(small):
+    site, row = small
+    with pytest.raises(ValueError, match="gone has no files"):
+        vendored.components([row, row | {"name": "gone", "files": ["_static/gone.js"]}], site)
+    with pytest.raises(ValueError, match="finds no version"):
+        vendored.components([row | {"version": row["version"] | {"pattern": "v([0-9])"}}], site)
+    with pytest.raises(ValueError, match="belongs to other and twin"):
+        vendored.components([row, row | {"name": "twin"}], site)
+
+
+def test_an_archive_has_the_same_bytes_each_time_and_all_that_pages_ask_for(small, tmp_path):
+    site, _ = small
+    (site / "_static" / "other.js.map").write_text("")
+    first, second = tmp_path / "1" / "book.zip", tmp_path / "2" / "book.zip"
+    for made in (first, second):
+        made.parent.mkdir()
+        archive.pack(site / "_static", made)
+    assert first.read_bytes() == second.read_bytes()
+    assert zipfile.ZipFile(first).namelist() == ["book/other.js"]
