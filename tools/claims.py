@@ -89,11 +89,14 @@ def look(paper: str, disturbance: str, wanted: list[str]) -> dict[str, Any]:
         if "matplotlib.pyplot" in sys.modules:
             sys.modules["matplotlib.pyplot"].close("all")
         owners[section.__name__] = [id for id in book.entries if id not in before]
-    red = []
+    red, reworded = [], []
     for id, entry in book.entries.items():
-        if not entry.is_note and any("note '" not in line for line in drift(book.rows[id], entry)):
+        drifts = drift(book.rows[id], entry)
+        if not entry.is_note and any("note '" not in line for line in drifts):
             red.append(id)
-    return {"red": red, "owners": owners, "stopped": stopped}
+        elif drifts:
+            reworded.append(id)
+    return {"red": red, "reworded": reworded, "owners": owners, "stopped": stopped}
 
 
 def looked(paper: str, disturbance: str, wanted: list[str]) -> dict[str, Any]:
@@ -105,9 +108,14 @@ def looked(paper: str, disturbance: str, wanted: list[str]) -> dict[str, Any]:
             command, capture_output=True, text=True, timeout=TIMEOUT, env={**os.environ, **threads}
         )
     except subprocess.TimeoutExpired:
-        return {"red": [], "owners": {}, "stopped": {"": f"longer than {TIMEOUT:g} s"}}
+        return {"red": [], "reworded": [], "owners": {}, "stopped": {"": f"longer than {TIMEOUT:g} s"}}
     if done.returncode:
-        return {"red": [], "owners": {}, "stopped": {"": done.stderr.strip().splitlines()[-1][:300]}}
+        return {
+            "red": [],
+            "reworded": [],
+            "owners": {},
+            "stopped": {"": done.stderr.strip().splitlines()[-1][:300]},
+        }
     return json.loads(done.stdout.splitlines()[-1])
 
 

@@ -59,3 +59,12 @@ def test_faults_still_have_their_place():
         text = (ROOT / "src" / "pidalab" / fault.file).read_text(encoding="utf-8")
         for old, _ in fault.changes:
             assert text.count(old) == 1, f"{fault.name}: {old!r}"
+
+
+def test_every_fault_is_noticed():
+    """`make faults` writes the table: a chapter that stands on a part turns red when the part is wrong."""
+    from faults import FAULTS
+
+    lines = table("faults")
+    assert {line["fault"] for line in lines} == {fault.name for fault in FAULTS}
+    assert [line for line in lines if not line["one of them"]] == []

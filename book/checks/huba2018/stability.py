@@ -120,18 +120,18 @@ def growth(run: pidalab.Response, start: float, end: float, window: float = 10.0
 
 def sampled(book: Ledger) -> pd.DataFrame:
     """Figs 5 and 7 with a digital controller: the loop with the model, sampled as in the experiments."""
-    rates, rows = {}, {}
+    rates, simulated, rows = {}, {}, {}
     t = SAMPLE * np.arange(10_001)
     for name in EXPERIMENTS:
         loop = experiment(name)
         by_method = {method: _sampled_rate(loop, method) for method in ("zoh", "bilinear")}
         run = pidalab.simulate_sampled(loop, t, setpoint=1.0)
-        rates[name] = by_method["zoh"]
+        rates[name], simulated[name] = by_method["zoh"], growth(run, 100.0, 190.0, 5.0)
         rows[name] = {
             "rightmost pole, continuous": f"{pidalab.rightmost_poles(loop)[0].real:+.4f}",
             "sampled, held inputs": f"{by_method['zoh']:+.4f}",
             "sampled, Tustin": f"{by_method['bilinear']:+.4f}",
-            "simulated, 100 to 190 s": f"{growth(run, 100.0, 190.0, 5.0):+.4f}",
+            "simulated, 100 to 190 s": f"{simulated[name]:+.4f}",
             "doubles in, s": f"{math.log(2) / by_method['zoh']:.1f}",
         }
     book.statement(
@@ -148,11 +148,11 @@ def sampled(book: Ledger) -> pd.DataFrame:
     )
     book.statement(
         "st.conclusion.realtime",
-        *every({name: (math.exp(rate), 1.0) for name, rate in rates.items()}, "<"),
-        left_name="growth in a second",
+        *every({name: (math.exp(rate), 1.0) for name, rate in simulated.items()}, "<"),
+        left_name="growth in a second, simulated",
         right_name="none",
-        note=f"On the model with {USED_DELAY:g} s both sampled loops grow. Real-time control of the laboratory "
-        "plant did not; its measurements are not published as numbers.",
+        note=f"On the model with {USED_DELAY:g} s both sampled loops grow when simulated. Real-time control of the "
+        "laboratory plant did not; its measurements are not published as numbers.",
     )
     return pd.DataFrame(rows)
 
