@@ -74,6 +74,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "simulation/many": ("test_many.py", "one test for both engines"),
     "optimal/_problem": ("optimal/test_design.py", "what a design is worth"),
     "optimal/_solver": ("optimal/test_design.py", "what finds it"),
+    "reporting/page": ("test_reporting.py", "the report that it draws"),
     "comparison/candidates": ("test_comparison.py", "every rule is a row"),
     "rules/_models": ("rules/test_itae.py", "the models that rules refuse"),
     "rules/magnitude_optimum/design": ("rules/test_magnitude_optimum.py", "one rule, one test file"),

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from pidalab.plants import AsymmetricPlant as AsymmetricPlant
     from pidalab.process import Process as Process, fopdt as fopdt, ipdt as ipdt, lags as lags, sopdt as sopdt
     from pidalab.record import Record as Record
+    from pidalab.reporting import Report as Report, report as report
     from pidalab.response import Response as Response
     from pidalab.robustness.many import margins_many as margins_many
     from pidalab.robustness.margins import (
@@ -82,6 +83,7 @@ HOMES = {
     "plants": ("AsymmetricPlant",),
     "process": ("Process", "fopdt", "ipdt", "lags", "sopdt"),
     "record": ("Record",),
+    "reporting": ("Report", "report"),
     "response": ("Response",),
     "robustness.margins": ("Margins", "gain_crossovers", "margins", "max_sensitivity", "phase_crossovers"),
     "robustness.many": ("margins_many",),

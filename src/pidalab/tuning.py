@@ -100,7 +100,7 @@ def tune(
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
     _doubt_unknown_dynamics(designed, kind, doubts)
     loop = Loop(process, made.controller, _in_series(made.output_filter, output_filter), made.prefilter)
-    info = {**_measured(loop), **_worst(loop, _plants(model, process, spread)), "doubts": tuple(doubts)}
+    info = {**_measured(loop), **_worst(loop, plants_within(model, process, spread)), "doubts": tuple(doubts)}
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
 
 
@@ -205,7 +205,8 @@ def _load_iae(loop: Loop) -> float:
     return settled(load_response, loop, 12.0 / slowest + 10.0 * loop.process.delay).iae(horizon=math.inf)
 
 
-def _plants(model: Process | Fit, process: Process, spread: float | None) -> list[Process]:
+def plants_within(model: Process | Fit, process: Process, spread: float | None) -> list[Process]:
+    """Return plants in which the model may be wrong: by a share, or as the record of a fit leaves them."""
     if spread is None:
         return model.spread(SPREAD) if isinstance(model, Fit) else []
     share = _check.real("spread", spread, above=0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -96,7 +97,7 @@ class Fit:
         """
         count = _check.integer("count", count, at_least=1)
         values = np.delete(self._found.values, LEVEL)
-        models = [(self._found.shape, values), *rivals(self._data, self._found)]
+        models = [(self._found.shape, values), *self._rivals]
         # drawn as logarithms, so that a time stays positive; the dead time as a share of all times
         scale = np.abs(values)
         scale[-1] = sum(values[1:]) or 1.0
@@ -112,6 +113,10 @@ class Fit:
             drawn[-1] = max(0.0, centre[-1] + draw[-1] * scale[-1]) + earlier[k]
             plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1])))
         return plants
+
+    @cached_property
+    def _rivals(self) -> tuple[tuple[Shape, Array], ...]:
+        return rivals(self._data, self._found)
 
     def plot(self, ax: Axes) -> None:
         """Draw recorded and simulated output.
