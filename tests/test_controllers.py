@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.controllers import IdealGains
+from pidalab.forms import IdealGains
 
 RNG = np.random.default_rng(2)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,14 @@ from pidalab.digital import DigitalController
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, quotient, rational
 
+if TYPE_CHECKING:  # only who asks for a frequency response waits for python-control
+    import control
+
+POINTS = 1000  # of a frequency response, before the dead time asks for more
+TURN, TURNED = (
+    0.1,
+    4 * np.pi,
+)  # rad by which the dead time turns the phase between two of them, and altogether
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
 
@@ -311,6 +319,129 @@ class Loop:
         if output == "e":
             return (1.0 if source == "r" else 0.0) - y
         return y if output == "y" else u
+
+    def frequency_response(self, frequencies: ArrayLike | None = None) -> control.FrequencyResponseData:
+        """Return L on a grid of frequencies for python-control, which knows no dead time: here it is exact.
+
+        Parameters
+        ----------
+        frequencies : array_like, optional
+            In rad per time unit, rising, above 0; by default a decade beyond the corners of L on both sides, and dense
+            enough to follow the phase, but no farther than the dead time turns it twice around.
+
+        Returns
+        -------
+        control.FrequencyResponseData
+            For its plots, and what else takes frequency responses.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a loop with a digital controller, and for frequencies that are not finite, rising and above 0.
+
+        Examples
+        --------
+        >>> import control, pidalab
+        >>> L = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).frequency_response()
+        >>> gain_margin, phase_margin, *_ = control.stability_margins(L)
+        >>> print(f"{gain_margin:.4f} {phase_margin:.3f}")
+        3.1416 61.352
+        """
+        w = self._frequencies() if frequencies is None else _check.vector("frequencies", frequencies)
+        if w[0] <= 0 or np.any(np.diff(w) <= 0):
+            raise ValueError(f"frequencies must rise and be above 0, found {w[0]:g} to {w[-1]:g}")
+        import control
+
+        return control.FrequencyResponseData(self.L(1j * w), w, name="L")
+
+    def _frequencies(self) -> _check.Array:
+        """Frequencies around the corners of L, at which the dead time turns the phase in small steps."""
+        corners = np.abs(np.concatenate([np.roots(part) for part in self.open_loop]))
+        delay = self.process.delay
+        corners = np.append(corners[corners > 0], 1 / delay if delay else [])
+        low, high = (float(np.min(corners)), float(np.max(corners))) if corners.size else (1.0, 1.0)
+        low, high = 0.1 * low, 10 * high
+        if not delay:
+            return np.geomspace(low, high, POINTS)
+        high = min(high, TURNED / delay)
+        return np.union1d(np.geomspace(low, high, POINTS), np.arange(low, high, TURN / delay))
+
+    def bode(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
+        """Draw L with python-control's Bode plot, dead time exact.
+
+        Parameters
+        ----------
+        frequencies : array_like, optional
+            As for `frequency_response`.
+        **options : optional
+            Of ``control.bode_plot``, such as ``dB=True`` or ``display_margins=True``.
+
+        Returns
+        -------
+        control.ControlPlot
+            With its figure and axes.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).bode(dB=True).axes.shape
+        (2, 1)
+        """
+        import control
+
+        return control.bode_plot(self.frequency_response(frequencies), **options)
+
+    def nyquist(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
+        """Draw L with python-control's Nyquist plot, dead time exact.
+
+        Parameters
+        ----------
+        frequencies : array_like, optional
+            As for `frequency_response`.
+        **options : optional
+            Of ``control.nyquist_plot``, such as ``ms_circles=[1.6]``.
+
+        Returns
+        -------
+        control.ControlPlot
+            With its figure and axes.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).nyquist(ms_circles=[1.6]).axes.shape
+        (1, 1)
+        """
+        import control
+
+        # the curve has an end, so its turns are no whole number; is_stable counts them
+        options.setdefault("warn_encirclements", False)
+        return control.nyquist_plot(self.frequency_response(frequencies), **options)
+
+    def nichols(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
+        """Draw L with python-control's Nichols chart, dead time exact.
+
+        Parameters
+        ----------
+        frequencies : array_like, optional
+            As for `frequency_response`.
+        **options : optional
+            Of ``control.nichols_plot``.
+
+        Returns
+        -------
+        control.ControlPlot
+            With its figure and axes.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).nichols(grid=False).axes.shape
+        (1, 1)
+        """
+        import control
+
+        return control.nichols_plot(self.frequency_response(frequencies), **options)
 
     def __repr__(self) -> str:
         extras = "".join(

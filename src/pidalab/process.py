@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
+from pidalab.algebra import Block, of_control
 
 if TYPE_CHECKING:  # python-control takes longer to import than most sessions take: only who uses it waits
     import control
@@ -17,7 +18,7 @@ if TYPE_CHECKING:  # python-control takes longer to import than most sessions ta
 SMALLEST = 1e-150  # time whose square is still a number
 
 
-class Process:
+class Process(Block):
     r"""A single-input, single-output process :math:`P(s) = \frac{b(s)}{a(s)} e^{-s\,\mathrm{delay}}`.
 
     Parameters
@@ -43,10 +44,15 @@ class Process:
     Process(num=[1], den=[0.905, 3.159, 3.37, 1], delay=0.826)
     >>> complex(P(1j * 0.0))
     (1+0j)
+
+    Products are those of blocks in series; nothing is cancelled:
+
+    >>> 2 * pidalab.ipdt(1.0, delay=0.5) * pidalab.fopdt(1.0, lag=3.0, delay=1.0)
+    Process(num=[2], den=[3, 1, 0], delay=1.5)
     """
 
     def __init__(self, num: ArrayLike, den: ArrayLike, delay: float = 0.0) -> None:
-        if _from_control(num):
+        if of_control(num):
             raise TypeError(
                 "num must be coefficients, found a python-control system; use Process.from_control(sys, delay)"
             )
@@ -106,6 +112,21 @@ class Process:
         """
         num, den = rational("sys", sys)
         return cls(num, den, delay)
+
+    def _scaled(self, factor: float) -> Process:
+        return Process(factor * self.num, self.den, self.delay)
+
+    def _in_series(self, system: Any) -> Process:
+        num, den = rational("the factor", system)
+        return Process(np.convolve(self.num, num), np.convolve(self.den, den), self.delay)
+
+    def __mul__(self, other: Any) -> Process:
+        if isinstance(other, Process):
+            product = np.convolve(self.num, other.num), np.convolve(self.den, other.den)
+            return Process(*product, self.delay + other.delay)
+        return super().__mul__(other)
+
+    __rmul__ = __mul__
 
     def __call__(self, s: ArrayLike) -> Any:
         """Evaluate P at complex frequencies s (an array of any shape), dead time exact."""
@@ -194,18 +215,11 @@ def binomial(lag: float, order: int) -> _check.Array:
     return polynomial
 
 
-def _from_control(system: Any) -> bool:
-    """Whether something is a system of python-control, which need not be imported to tell."""
-    return type(system).__name__ in ("TransferFunction", "StateSpace") and type(system).__module__.startswith(
-        "control"
-    )
-
-
 def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
     """Return (num, den) of a number, a controller or a proper continuous SISO python-control system."""
     if hasattr(system, "fraction"):
         num, den = system.fraction()
-    elif _from_control(system):
+    elif of_control(system):
         import control
 
         if isinstance(system, control.StateSpace):

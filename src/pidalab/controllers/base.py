@@ -1,0 +1,219 @@
+"""What all controllers share: evaluation, products, other forms, and the digital controller."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.algebra import Block
+from pidalab.forms import FilteredGains, IdealGains
+from pidalab.process import quotient
+
+if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
+    import control
+
+    from pidalab.digital import DigitalController
+    from pidalab.vendor import VendorForms
+
+Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
+
+
+class AutomaticReset(NamedTuple):
+    """Integral action as a lag behind the limited control signal, fed back positively around a stabilising controller.
+
+    Attributes
+    ----------
+    time : float
+        Time constant of the lag.
+    stabiliser : ndarray
+        Polynomial of the stabilising controller, descending powers of s.
+    filter_time, filter_order : float, int
+        Its binomial filter.
+    """
+
+    time: float
+    stabiliser: Array
+    filter_time: float
+    filter_order: int
+
+
+class Controller(Block):
+    """What all controllers share: evaluation, products, and printing themselves in every form."""
+
+    proportional: tuple[
+        str, ...
+    ] = ()  # attributes that a factor multiplies; limits are the actuator's, and stay
+
+    limits: tuple[float, float] = (-math.inf, math.inf)  # of the control signal
+
+    def automatic_reset(self) -> AutomaticReset | None:
+        """Return the reset that makes the integral action, None where an integrator does.
+
+        Returns
+        -------
+        AutomaticReset or None
+            What a simulation with limits has to run.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.SeriesPIDA(1.0, 0.5, 0.0, ti=2.0, filter_time=0.1, filter_order=1).automatic_reset().time
+        2.0
+        >>> pidalab.PIDA(kp=1.0, ti=2.0).automatic_reset() is None
+        True
+        """
+        return None
+
+    def transfer_function(self) -> control.TransferFunction:
+        """Return the filtered controller as an object of python-control.
+
+        Returns
+        -------
+        control.TransferFunction
+            From error to control; the factors of absent actions are left out.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.0).transfer_function()
+        >>> C.den[0][0].round(6).tolist()
+        [0.4, 4.0, 0.0]
+        """
+        import control
+
+        return control.TransferFunction(*self.fraction())
+
+    def _scaled(self, factor: float) -> Any:
+        if not self.proportional:
+            return super()._scaled(factor)
+        return replace(self, **{name: factor * getattr(self, name) for name in self.proportional})  # type: ignore
+
+    def _in_series(self, system: Any) -> control.TransferFunction:
+        return self.transfer_function() * system
+
+    def fraction(self) -> Fraction:
+        """Return numerator and denominator of the filtered controller, descending powers of s."""
+        raise TypeError(f"{type(self).__name__} must define fraction")
+
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return the parts whose sum is the filtered controller, each with gains and a filter."""
+        raise TypeError(f"{type(self).__name__} must define parts")
+
+    def vendor_forms(self, time_unit: str = "s") -> VendorForms:
+        """Return the gains without filters as controllers on the market take them, or say where no form exists.
+
+        Parameters
+        ----------
+        time_unit : {"s", "min", "h"}, optional
+            Unit of the model's time.
+
+        Returns
+        -------
+        VendorForms
+            Ideal, series and parallel form, with times in seconds and minutes.
+
+        Raises
+        ------
+        ValueError
+            For another unit, and for derivatives that no form of a PIDA holds.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> print(pidalab.PIDA(kp=2.0, ti=120.0).vendor_forms("s"))
+        ideal:    Kc = 2, Ti [s] = 120, Ti [min] = 2, repeats/min = 0.5, Td [s] = 0, Td [min] = 0
+        series:   Kc = 2, Ti [s] = 120, Ti [min] = 2, repeats/min = 0.5, Td [s] = 0, Td [min] = 0
+        parallel: Kp = 2, Ki [1/s] = 0.016667, Ki [1/min] = 1, Kd [s] = 0, Kd [min] = 0
+        """
+        from pidalab.vendor import vendor_forms
+
+        return vendor_forms(self.gains(), time_unit)
+
+    def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
+        """Return the digital controller for a sample time: difference equations, and the code they write.
+
+        Parameters
+        ----------
+        sample_time : float
+            Time from sample to sample, above 0.
+        method : {"backward", "tustin", "zoh"}, optional
+            How integral and filters become differences; see `pidalab.digital.discretise`.
+        **options : optional
+            Weights of the set point, limits, rate limit, anti-windup, deadband, bias and engineering units, as in
+            `pidalab.digital.discretise`. Limits of the controller hold unless others are given.
+
+        Returns
+        -------
+        DigitalController
+            With ``step``, ``c()``, ``structured_text()``, ``python()`` and ``json()``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a value outside its range, and for a sample time with which the method is of no use.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> k = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0).discretise(0.1, limits=(0.0, 100.0), bias=40.0)
+        >>> k.step(r=1.0, y=1.0), k.step(r=1.0, y=0.9)
+        (40.0, 41.205)
+        """
+        from pidalab.digital import discretise
+
+        native, reset = None, self.automatic_reset()
+        if reset is not None:
+            gains = (0.0, *reset.stabiliser[::-1].tolist())
+            native = FilteredGains("stabiliser", gains, reset.filter_time, reset.filter_order), reset.time
+        if options.get("limits") is None:
+            bias, span = (
+                _check.real(name, options.get(name, usual)) for name, usual in (("bias", 0), ("u_span", 1))
+            )
+            options["limits"] = tuple(bias + span * limit for limit in self.limits)
+        options.setdefault("source", repr(self))
+        return discretise(self.parts(), sample_time, method, reset=native, **options)
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered controller."""
+        raise TypeError(f"{type(self).__name__} must define gains")
+
+    def __call__(self, s: ArrayLike) -> Any:
+        """Evaluate the filtered controller at complex s."""
+        num, den = self.fraction()
+        at = _check.complex_array("s", s)
+        return quotient(np.polyval(num, at), np.polyval(den, at))
+
+    def __str__(self) -> str:
+        lines = [repr(self)]
+        gains = self.gains()
+        for name, form in (
+            ("standard", gains.standard),
+            ("parallel", lambda: gains),
+            ("non-interactive", gains.non_interactive),
+            ("series", gains.series),
+        ):
+            try:
+                text = ", ".join(f"{key} = {value:.5g}" for key, value in form()._asdict().items())
+            except ValueError as reason:
+                text = str(reason)
+            lines.append(f"  {name + ':':17}{text}")
+        return "\n".join(lines)
+
+
+def stored(controller: Controller, names: Sequence[str], **bounds: float) -> None:
+    """Check attributes of a frozen controller and store them as plain floats."""
+    for name in names:
+        object.__setattr__(controller, name, _check.real(name, getattr(controller, name), **bounds))
+
+
+def without_common_s(num: ArrayLike, den: ArrayLike) -> Fraction:
+    """Return num/den; without integral action both end in a zero, and the common s is dropped."""
+    num, den = _check.polynomial("gains", num), np.asarray(den, dtype=float)
+    return (num[:-1], den[:-1]) if num.size > 1 and num[-1] == 0 else (num, den)

@@ -1,0 +1,395 @@
+"""Sums of proportional, integral and derivative parts: the controllers of haalman2024, heo2023 and vrancic2021."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pidalab import _check
+from pidalab.controllers.base import Controller, Fraction, stored, without_common_s
+from pidalab.forms import FilteredGains, IdealGains
+from pidalab.process import binomial
+
+
+def _separate(
+    gains: IdealGains, derivative_filter: float, acceleration_filter: float
+) -> tuple[FilteredGains, ...]:
+    """Return parts of which each derivative has a filter of its own, without absent ones."""
+    ki, kp, kd, ka = gains
+    parts = [FilteredGains("proportional", (ki, kp))]
+    if kd:
+        parts.append(FilteredGains("derivative", (0.0, 0.0, kd), derivative_filter, 1))
+    if ka:
+        parts.append(FilteredGains("acceleration", (0.0, 0.0, 0.0, ka), acceleration_filter, 2))
+    return tuple(parts)
+
+
+def _sum(terms: Sequence[tuple[list[float], list[float] | _check.Array]]) -> Fraction:
+    """Add fractions num/den that share no factor worth cancelling."""
+    num: Any = np.zeros(1)
+    den: Any = np.ones(1)
+    for n, d in terms:
+        num = np.polyadd(np.convolve(num, np.array(d)), np.convolve(np.array(n), den))
+        den = np.convolve(den, np.array(d))
+    return _check.polynomial("num", num), den
+
+
+@dataclass(frozen=True)
+class PIDA(Controller):
+    r"""PIDA controller in standard form with separate filters (haalman2024, eq. (2)).
+
+    .. math:: C(s) = k_p \left(1 + \frac{1}{t_i s} + \frac{t_d s}{\frac{t_d}{n} s + 1}
+              + \frac{t_a s^2}{\left(\frac{t_a}{m} s + 1\right)^2}\right)
+
+    With ``ta = 0`` it is a PID, with ``td = ta = 0`` a PI controller. On a process of first order the filtered
+    acceleration makes a hump of \\|L\\| of about kp m/2 (unit gain and lag) at m/ta, far above the crossover: look at
+    `pidalab.margins`, which see it.
+
+    ============  =======================
+    haalman2024   argument
+    ============  =======================
+    K_p           `kp`
+    T_i           `ti`
+    T_d           `td`
+    T_a           `ta`
+    N             `n`
+    M             `m`
+    ============  =======================
+
+    Parameters
+    ----------
+    kp : float
+        Proportional gain, in units of u per unit of y; not 0.
+    ti : float
+        Integral time, above 0; ``math.inf`` for no integral action.
+    td : float, optional
+        Derivative time, not negative; default 0.
+    ta : float, optional
+        Acceleration time constant, in squared time units; not negative; default 0.
+    n, m : float, optional
+        Ratio of `td` and of `ta` to their filters' time constants, above 0. As printed in the paper, ``ta/m`` is used
+        as a time although `ta` is a time squared; so `m` has the unit of time, and 10 belongs to one near the lags.
+
+    Raises
+    ------
+    ValueError
+        For a value outside the range above.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> print(pidalab.PIDA(kp=1.31, ti=3.37, td=0.938, ta=0.269))
+    PIDA(kp=1.31, ti=3.37, td=0.938, ta=0.269, n=10.0, m=10.0)
+      standard:        kp = 1.31, ti = 3.37, td = 0.938, ta = 0.269
+      parallel:        ki = 0.38872, kp = 1.31, kd = 1.2288, ka = 0.35239
+      non-interactive: kc = 1.31, tau_i = 3.37, tau_d = 0.938, tau_a = 0.73348
+      series:          kp = 0.79153, kd = 1.0557, ka = 0.35239, ti = 2.0362
+    """
+
+    proportional = ("kp",)
+
+    kp: float
+    ti: float
+    td: float = 0.0
+    ta: float = 0.0
+    n: float = 10
+    m: float = 10
+
+    def __post_init__(self) -> None:
+        stored(self, ("kp",))
+        stored(self, ("n", "m") if self.ti == math.inf else ("ti", "n", "m"), above=0.0)
+        stored(self, ("td", "ta"), at_least=0.0)
+        if self.kp == 0:
+            raise ValueError("kp must not be 0, found 0")
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered controller, eq. (1).
+
+        Returns
+        -------
+        IdealGains
+            ki, kp, kd, ka.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.5).gains()
+        IdealGains(ki=0.5, kp=2.0, kd=2.0, ka=1.0)
+        """
+        return IdealGains(self.kp / self.ti, self.kp, self.kp * self.td, self.kp * self.ta)
+
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return proportional and integral part, and the filtered derivatives, eq. (2).
+
+        Returns
+        -------
+        tuple of FilteredGains
+            Without absent actions.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> [part.name for part in pidalab.PIDA(kp=2.0, ti=4.0, td=1.0).parts()]
+        ['proportional', 'derivative']
+        """
+        return _separate(self.gains(), self.td / self.n, self.ta / self.m)
+
+    def fraction(self) -> Fraction:
+        """Return the filtered controller, eq. (2).
+
+        Returns
+        -------
+        num, den : ndarray
+            Descending powers of s; the factors of absent actions are left out.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> num, den = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.0).fraction()
+        >>> den.round(6).tolist()
+        [0.4, 4.0, 0.0]
+        """
+        ki, kp, kd, ka = self.gains()
+        terms: list[tuple[list[float], list[float] | _check.Array]] = [([kp], [1.0])]
+        if ki:
+            terms.append(([kp], [self.ti, 0.0]))
+        if kd:
+            terms.append(([kd, 0.0], binomial(self.td / self.n, 1)))
+        if ka:
+            terms.append(([ka, 0.0, 0.0], binomial(self.ta / self.m, 2)))
+        return _sum(terms)
+
+
+@dataclass(frozen=True)
+class NonInteractivePIDA(Controller):
+    r"""PIDA controller whose acceleration time has the unit of a time (heo2023, eq. (16)).
+
+    .. math:: C(s) = k_c \left(1 + \frac{1}{\tau_i s} + \frac{\tau_d s}{\alpha_d \tau_d s + 1}
+              + \frac{\tau_a^2 s^2}{2 (\alpha_a \tau_a s + 1)^2}\right)
+
+    Parameters
+    ----------
+    kc : float
+        Proportional gain; not 0.
+    tau_i : float
+        Integral time, above 0.
+    tau_d, tau_a : float
+        Derivative and acceleration time, not negative.
+    alpha_d, alpha_a : float, optional
+        Filter time constants as a share of `tau_d` and `tau_a`, above 0.
+
+    Raises
+    ------
+    ValueError
+        For a value outside the range above.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.NonInteractivePIDA(kc=2.0, tau_i=4.0, tau_d=1.0, tau_a=1.0)
+    >>> C.gains()
+    IdealGains(ki=0.5, kp=2.0, kd=2.0, ka=1.0)
+    >>> print(f"{abs(C(1e9j)) / 2.0:.1f}")
+    821.0
+    """
+
+    proportional = ("kc",)
+
+    kc: float
+    tau_i: float
+    tau_d: float
+    tau_a: float
+    alpha_d: float = 0.05
+    alpha_a: float = 0.025
+
+    def __post_init__(self) -> None:
+        stored(self, ("kc",))
+        stored(self, ("tau_i", "alpha_d", "alpha_a"), above=0.0)
+        stored(self, ("tau_d", "tau_a"), at_least=0.0)
+        if self.kc == 0:
+            raise ValueError("kc must not be 0, found 0")
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered controller, eq. (6).
+
+        Returns
+        -------
+        IdealGains
+            ki, kp, kd, ka.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.NonInteractivePIDA(kc=1.0, tau_i=2.0, tau_d=0.5, tau_a=2.0).gains()
+        IdealGains(ki=0.5, kp=1.0, kd=0.5, ka=2.0)
+        """
+        return IdealGains(self.kc / self.tau_i, self.kc, self.kc * self.tau_d, self.kc * self.tau_a**2 / 2)
+
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return proportional and integral part, and the filtered derivatives, eq. (16).
+
+        Returns
+        -------
+        tuple of FilteredGains
+            Without absent actions.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> [part.name for part in pidalab.NonInteractivePIDA(1.0, 2.0, 0.0, 1.0).parts()]
+        ['proportional', 'acceleration']
+        """
+        return _separate(self.gains(), self.alpha_d * self.tau_d, self.alpha_a * self.tau_a)
+
+    def fraction(self) -> Fraction:
+        """Return the filtered controller, eq. (16).
+
+        Returns
+        -------
+        num, den : ndarray
+            Descending powers of s; the factors of absent actions are left out.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> num, den = pidalab.NonInteractivePIDA(kc=1.0, tau_i=2.0, tau_d=0.0, tau_a=0.0).fraction()
+        >>> num.tolist(), den.tolist()
+        ([2.0, 1.0], [2.0, 0.0])
+        """
+        _, kc, kd, ka = self.gains()
+        terms: list[tuple[list[float], list[float] | _check.Array]] = [
+            ([kc], [1.0]),
+            ([kc], [self.tau_i, 0.0]),
+        ]
+        if kd:
+            terms.append(([kd, 0.0], binomial(self.alpha_d * self.tau_d, 1)))
+        if ka:
+            terms.append(([ka, 0.0, 0.0], binomial(self.alpha_a * self.tau_a, 2)))
+        return _sum(terms)
+
+
+@dataclass(frozen=True)
+class HighOrderPID(Controller):
+    r"""PID with derivatives up to order m behind one binomial filter of order n (vrancic2021, eq. (1)).
+
+    .. math:: C(s) = \frac{K_{-1} s^{-1} + K_0 + K_1 s + \dots + K_m s^m}{(1 + T_F s)^n}
+
+    Parameters
+    ----------
+    gains : sequence of float
+        :math:`K_{-1}, K_0, \dots, K_m`; at least two values.
+    filter_time : float
+        Time constant of the filter, above 0; with ``filter_order=0`` it is 0.
+    filter_order : int
+        Order of the filter, at least m.
+
+    Raises
+    ------
+    ValueError
+        For fewer than two gains, a filter order below m, a filter time that is not positive, and one without filter.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.HighOrderPID([0.5, 2.0, 1.0, 0.25], filter_time=0.1, filter_order=2)
+    >>> C.gains()
+    IdealGains(ki=0.5, kp=2.0, kd=1.0, ka=0.25)
+    """
+
+    coefficients: tuple[float, ...]
+    filter_time: float
+    filter_order: int
+
+    def __init__(self, gains: Sequence[float], filter_time: float, filter_order: int) -> None:
+        coefficients = _check.vector("gains", gains, minimum_length=2)
+        order = _check.integer("filter_order", filter_order, at_least=coefficients.size - 2)
+        time = _check.real("filter_time", filter_time, at_least=0.0)
+        if order and not time:
+            raise ValueError(
+                f"filter_time must be above 0 for a filter of order {order}, found {filter_time!r}"
+            )
+        if time and not order:
+            raise ValueError(
+                f"filter_time must be 0 without a filter (filter_order=0), found {filter_time!r}"
+            )
+        object.__setattr__(self, "coefficients", tuple(coefficients.tolist()))
+        object.__setattr__(self, "filter_time", time)
+        object.__setattr__(self, "filter_order", order)
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered controller up to the second derivative.
+
+        Returns
+        -------
+        IdealGains
+            ki, kp, kd, ka.
+
+        Raises
+        ------
+        ValueError
+            For derivatives of order 3 or more, which no PIDA form holds.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.HighOrderPID([0.5, 2.0], filter_time=0.0, filter_order=0).gains()
+        IdealGains(ki=0.5, kp=2.0, kd=0.0, ka=0.0)
+        """
+        if any(self.coefficients[4:]):
+            raise ValueError(
+                f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}"
+            )
+        return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
+
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return the controller as it is: one filter for all gains, eq. (1).
+
+        Returns
+        -------
+        tuple of FilteredGains
+            One.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.HighOrderPID([0.5, 2.0], filter_time=0.1, filter_order=1).parts()[0].gains
+        (0.5, 2.0)
+        """
+        return (FilteredGains("filtered", self.coefficients, self.filter_time, self.filter_order),)
+
+    def fraction(self) -> Fraction:
+        """Return the filtered controller, eq. (1).
+
+        Returns
+        -------
+        num, den : ndarray
+            Descending powers of s.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> num, den = pidalab.HighOrderPID([0.5, 2.0, 1.0], filter_time=0.5, filter_order=1).fraction()
+        >>> num.tolist(), den.tolist()
+        ([1.0, 2.0, 0.5], [0.5, 1.0, 0.0])
+        """
+        den = np.convolve(binomial(self.filter_time, self.filter_order), [1.0, 0.0])
+        return without_common_s(self.coefficients[::-1], den)
+
+    def _scaled(self, factor: float) -> HighOrderPID:
+        return HighOrderPID(
+            [factor * gain for gain in self.coefficients], self.filter_time, self.filter_order
+        )
+
+    def __repr__(self) -> str:
+        return (
+            f"HighOrderPID(gains={list(self.coefficients)}, filter_time={self.filter_time}, "
+            f"filter_order={self.filter_order})"
+        )
+
+    def __str__(self) -> str:
+        names = ", ".join(f"K_{k} = {value:.5g}" for k, value in enumerate(self.coefficients, start=-1))
+        return super().__str__() if not any(self.coefficients[4:]) else f"{self!r}\n  {names}"

@@ -1,0 +1,172 @@
+"""A stabilising controller with automatic reset: the controller of huba2024."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.controllers.base import AutomaticReset, Controller, Fraction, stored, without_common_s
+from pidalab.forms import FilteredGains, IdealGains
+from pidalab.process import binomial
+
+
+@dataclass(frozen=True)
+class SeriesPIDA(Controller):
+    r"""Series PIDA: a filtered PDA controller with automatic reset (huba2024, Fig. 1, eqs. (4), (5), (9)).
+
+    .. math:: C(s) = \frac{k_p + k_d s + k_a s^2}{(T_f s + 1)^n} \cdot \frac{1 + t_i s}{t_i s}
+
+    The reset is positive feedback of the limited control signal, so the linear transfer function holds while the limits
+    are not reached. `pidalab.simulate_sampled` and `pidalab.portrait` run the reset itself, with its limits.
+
+    Parameters
+    ----------
+    kp, kd, ka : float
+        Gains of the stabilising controller.
+    ti : float
+        Time constant of the automatic reset, above 0.
+    filter_time : float
+        Time constant of the filter, above 0.
+    filter_order : int
+        Order of the filter, at least that of the highest derivative.
+    limits : tuple of float, optional
+        Lower and upper limit of the control signal.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a value outside the range above, and limits that are not two numbers in order.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> C = pidalab.SeriesPIDA(kp=2.0, kd=2.0, ka=0.0, ti=2.0, filter_time=0.1, filter_order=2)
+    >>> C.gains()
+    IdealGains(ki=1.0, kp=3.0, kd=2.0, ka=0.0)
+    """
+
+    proportional = ("kp", "kd", "ka")
+
+    kp: float
+    kd: float
+    ka: float
+    ti: float
+    filter_time: float
+    filter_order: int
+    limits: tuple[float, float] = (-math.inf, math.inf)
+
+    def __post_init__(self) -> None:
+        stored(self, ("kp", "kd", "ka"))
+        stored(self, ("ti", "filter_time"), above=0.0)
+        _check.integer("filter_order", self.filter_order, at_least=2 if self.ka else 1 if self.kd else 0)
+        object.__setattr__(self, "limits", _check.limits(self.limits))
+
+    def gains(self) -> IdealGains:
+        """Return the gains of the unfiltered, unlimited controller, eq. (5) multiplied out.
+
+        Returns
+        -------
+        IdealGains
+            ki, kp, kd, ka.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).gains()
+        IdealGains(ki=0.5, kp=1.0, kd=0.0, ka=0.0)
+        """
+        return IdealGains(
+            self.kp / self.ti, self.kp + self.kd / self.ti, self.kd + self.ka / self.ti, self.ka
+        )
+
+    def parts(self) -> tuple[FilteredGains, ...]:
+        """Return the controller between its limits, eq. (5) multiplied out: one filter for all gains.
+
+        Returns
+        -------
+        tuple of FilteredGains
+            One.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).parts()[0].gains
+        (0.5, 1.0, 0.0, 0.0)
+        """
+        return (FilteredGains("filtered", tuple(self.gains()), self.filter_time, self.filter_order),)
+
+    def fraction(self) -> Fraction:
+        """Return the filtered controller between its limits.
+
+        Returns
+        -------
+        num, den : ndarray
+            Descending powers of s.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> num, den = pidalab.SeriesPIDA(2.0, 0.0, 0.0, ti=4.0, filter_time=0.5, filter_order=1).fraction()
+        >>> num.tolist(), den.tolist()
+        ([8.0, 2.0], [2.0, 4.0, 0.0])
+        """
+        den = np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0])
+        return without_common_s(np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]), den)
+
+    def automatic_reset(self) -> AutomaticReset:
+        """Return the reset: eqs. (3) and (4).
+
+        Returns
+        -------
+        AutomaticReset
+            Of time constant ti around the PDA controller.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.SeriesPIDA(kp=1.0, kd=0.5, ka=0.0, ti=2.0, filter_time=0.1, filter_order=1)
+        >>> C.automatic_reset().stabiliser.tolist()
+        [0.5, 1.0]
+        """
+        stabiliser = _check.polynomial("gains", [self.ka, self.kd, self.kp])
+        return AutomaticReset(self.ti, stabiliser, self.filter_time, self.filter_order)
+
+    def reset_signal(self, u: ArrayLike, sample_time: float) -> Array:
+        """State of the automatic reset, a lag behind the limited control signal: eq. (3).
+
+        With an integrating process at rest it is the load with its sign changed, so its negative estimates the load.
+
+        Parameters
+        ----------
+        u : array_like, shape (n,)
+            Limited control signal, held from each sample to the next; it rests at 0 before the first.
+        sample_time : float
+            Time from sample to sample, above 0.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The state at the samples, without error for a held signal.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a signal that is not a vector of finite numbers, and a sample time that is not above 0.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> C = pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1)
+        >>> C.reset_signal([1.0, 1.0, 1.0], sample_time=2.0)
+        array([0.   , 0.632, 0.865])
+        """
+        u = _check.vector("u", u)
+        new = -math.expm1(-_check.real("sample_time", sample_time, above=0.0) / self.ti)
+        from scipy.signal import lfilter
+
+        return np.asarray(lfilter([0.0, new], [1.0, new - 1.0], u))

@@ -1,0 +1,124 @@
+"""Products of blocks, and loops in the plots of python-control: equal to what the parts say, or refused by name."""
+
+import control
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab import PIDA, HighOrderPID, Loop, NonInteractivePIDA, Process, SeriesPIDA
+
+S = 1j * np.geomspace(0.01, 100.0, 30)
+P = pidalab.fopdt(2.0, lag=3.0, delay=0.5)
+LAG = control.tf([1.0], [0.2, 1.0])
+CONTROLLERS = [
+    PIDA(1.5, 4.0, 1.0, 0.3),
+    NonInteractivePIDA(1.5, 4.0, 1.0, 1.0),
+    HighOrderPID([0.4, 1.3, 1.0], 0.1, 2),
+    SeriesPIDA(1.0, 0.5, 0.1, ti=2.0, filter_time=0.1, filter_order=2, limits=(-1.0, 2.0)),
+]
+LOOP = Loop(pidalab.lags(3, delay=1.0), PIDA(1.0, 3.0, 1.0, 0.3))
+
+
+@pytest.mark.parametrize("block", [P, *CONTROLLERS], ids=lambda block: type(block).__name__)
+def test_a_number_multiplies_the_gain_and_nothing_else(block):
+    for made, factor in ((2 * block, 2), (block * np.float64(2), 2), (block / 4, 0.25), (-block, -1)):
+        assert type(made) is type(block)
+        np.testing.assert_allclose(made(S), factor * block(S), rtol=1e-13)
+        assert getattr(made, "limits", None) == getattr(block, "limits", None)  # the actuator's
+
+
+def test_processes_in_series():
+    product = P * pidalab.ipdt(0.5, delay=1.0)
+    assert product == Process([1.0], [3.0, 1.0, 0.0], delay=1.5)
+    np.testing.assert_allclose((P * P)(S), P(S) ** 2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("system", [LAG, control.ss(LAG)], ids=["tf", "ss"])
+def test_products_with_python_control(system):
+    lagged = 1 / (0.2 * S + 1)
+    for product in (system * P, P * system):
+        assert (type(product), product.delay) == (Process, 0.5)
+        np.testing.assert_allclose(product(S), P(S) * lagged, rtol=1e-12)
+    for C in CONTROLLERS:
+        for product in (LAG * C, C * LAG):
+            assert isinstance(product, control.TransferFunction)
+            np.testing.assert_allclose(product(S), C(S) * lagged, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("product", "error", "message"),
+    [
+        (lambda: P * CONTROLLERS[0], TypeError, r"a Process .* found PIDA; blocks meet in a loop"),
+        (lambda: CONTROLLERS[0] * P, TypeError, r"a PIDA .* found Process; blocks meet in a loop"),
+        (
+            lambda: CONTROLLERS[0] * CONTROLLERS[1],
+            TypeError,
+            "a PIDA can be multiplied by a number or .* found NonInt",
+        ),
+        (lambda: np.array([1.0, 2.0]) * CONTROLLERS[0], TypeError, "found ndarray"),
+        (lambda: P * "2", TypeError, "a Process can be multiplied by a number or .* found str"),
+        (lambda: P * np.nan, ValueError, "the factor must be finite, found nan"),
+        (lambda: P * True, TypeError, "the factor must be a real number, found True"),
+        (lambda: P / 0, ValueError, "the divisor must not be 0"),
+        (lambda: 0 * CONTROLLERS[0], ValueError, "kp must not be 0"),
+        (lambda: P * control.tf([1], [1, 1], 0.1), ValueError, r"continuous in time, found sample time 0\.1"),
+        (lambda: P * control.tf([[[1], [1]]], [[[1, 1], [1, 1]]]), ValueError, "one input and one output"),
+    ],
+)
+def test_what_has_no_product_is_said(product, error, message):
+    with pytest.raises(error, match=message):
+        product()
+
+
+def test_frequency_response_has_the_dead_time_exactly():
+    response = LOOP.frequency_response()
+    w = response.omega
+    np.testing.assert_allclose(response.frdata[0, 0], LOOP.L(1j * w), rtol=0)
+    found, gm_pm = pidalab.margins(LOOP), control.stability_margins(response)[:2]
+    assert gm_pm == pytest.approx((found.gm, found.pm), rel=1e-6)
+    # the phase can be unwrapped, and both crossovers are well inside
+    assert np.max(np.abs(np.diff(np.unwrap(np.angle(LOOP.L(1j * w)))))) < 0.5
+    assert w[0] < found.wgc / 3
+    assert w[-1] > 3 * found.wpc
+    assert LOOP.frequency_response([0.5, 1.0]).omega.tolist() == [0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    "process", [pidalab.ipdt(1.0, 1e3), pidalab.lags(3), Process([1.0], [1.0], 1.0), Process([1.0], [1.0])]
+)
+def test_frequencies_of_other_loops(process):
+    w = Loop(process, 0.5).frequency_response().omega
+    assert 100 < w.size < 2000
+    assert np.all(np.diff(w) > 0)
+
+
+@pytest.mark.parametrize(("name", "shape"), [("bode", (2, 1)), ("nyquist", (1, 1)), ("nichols", (1, 1))])
+def test_plots_of_python_control(name, shape):
+    options = {"nichols": {"grid": False}}.get(name, {})
+    drawn = getattr(LOOP, name)(np.geomspace(0.1, 3.0, 50), **options)
+    assert drawn.axes.shape == shape
+    if name == "nyquist":
+        expected = LOOP.L(1j * np.geomspace(0.1, 3.0, 50))
+        curves = [np.ma.filled(x.get_xdata(), np.nan) for x in drawn.axes[0, 0].lines]
+        assert any(x.size == 50 and np.allclose(x, expected.real) for x in curves)
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("loop", "frequencies", "error", "message"),
+    [
+        (LOOP, [1.0, 0.5], ValueError, "frequencies must rise and be above 0"),
+        (LOOP, [0.0, 0.5], ValueError, "frequencies must rise and be above 0"),
+        (LOOP, [1.0, np.inf], ValueError, "frequencies must be finite"),
+        (
+            Loop(P, CONTROLLERS[0].discretise(0.1)),
+            None,
+            TypeError,
+            "digital with sample time 0.1: it has no transfer",
+        ),
+    ],
+)
+def test_frequency_responses_that_do_not_exist(loop, frequencies, error, message):
+    with pytest.raises(error, match=message):
+        loop.frequency_response(frequencies)
