@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pidalab import (
         areas as areas,
         digital as digital,
+        heater as heater,
         identification as identification,
         ledger as ledger,
         optimal as optimal,
@@ -67,6 +68,7 @@ if TYPE_CHECKING:
 ROOMS = (
     "areas",
     "digital",
+    "heater",
     "identification",
     "ledger",
     "optimal",

@@ -22,6 +22,7 @@ from pidalab.record import Record
 MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
 MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over neighbours
 BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
+NONE = 1e-3  # dead time in samples that counts as none
 LEVEL = 1  # place of the output's level among the parameters
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
 
@@ -139,6 +140,8 @@ def _refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> F
         max_nfev=200,
     )
     p = times(found.x)
+    # the search stops a hair above the edge; no record tells so short a dead time from none
+    p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
     residuals, (gain, level) = _projected(data, shape, p)
     return Found(shape, np.array([gain, level, *p]), residuals, _sensitivity(data, shape, gain, p))
 
