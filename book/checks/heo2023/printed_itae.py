@@ -255,23 +255,24 @@ def proposed_values(book: Ledger) -> pd.DataFrame:
     return (100 * pd.DataFrame(rows).T).map("{:+.2f} %".format)
 
 
-MARKS = {"reproduced": "✓", "last-digit": "≈", "differs": "≠"}
+MARKS = {"reproduced": "", "last-digit": "°", "differs": "†"}
 NAMES = {"gain": "kc", "integral": "taui", "derivative": "taud", "acceleration": "taua"}
 
 
 def glance(book: Ledger) -> pd.DataFrame:
-    """The proposed rule in Tables 4 to 6 and in sec. 3: what is printed, its verdict as a mark, what is computed."""
+    """The proposed rule in Tables 4 to 6 and in sec. 3: printed / computed, and a mark if the two do not agree."""
     rows = {}
     for k, kind in ENDS:
         C, key = tuned()[k, "proposed", kind], (k, "proposed", kind)
         ids = [f"table{k + 3}.proposed.{kind}.{letter}" for letter in NAMES.values()] + [row(key)]
         values = [C.kc, C.tau_i, C.tau_d, C.tau_a, sampled(key)]
         shown = [_beside(book, id, value) for id, value in zip(ids, values, strict=True)]
-        rows[experiment(k, kind)] = dict(zip([*NAMES, "ITAE"], shown, strict=True))
+        rows[experiment(k, kind).replace("Example", "Ex.")] = dict(zip([*NAMES, "ITAE"], shown, strict=True))
     return pd.DataFrame(rows).T
 
 
 def _beside(book: Ledger, id: str, value: float) -> str:
-    """A printed number, the mark of its verdict and, with one digit more, the computed one."""
+    """A printed number, the computed one with one digit more, and a mark unless they agree."""
     printed = book.row(id).printed
-    return f"{printed} {MARKS[book.row(id).verdict]} {value:.{len(printed.partition('.')[2]) + 1}f}"
+    computed = f"{value:.{len(printed.partition('.')[2]) + 1}f}"
+    return f"{printed} / {computed}{MARKS[book.row(id).verdict]}"
