@@ -133,8 +133,8 @@ def printed_loops(book: Ledger) -> pd.DataFrame:
         {
             name: {
                 "unstable poles": str(poles),
-                "bears times its gain": f"{ratio:.2f}",
-                "at most, with one lag": f"{lagged:.2f}",
+                "bears a factor of": f"{ratio:.2f}",
+                "with one lag, at most": f"{lagged:.2f}",
             }
             for name, (poles, ratio, lagged) in found.items()
         }
