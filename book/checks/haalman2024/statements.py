@@ -239,5 +239,7 @@ def eight_loops(book: Ledger) -> Figure:
         ax.set_title(f"{ORDERS[first.example]} lags, $M_s = {first.ms}$")
     for ax in axes[:, 0]:
         ax.set_ylabel("output y")
+    for ax in axes[0]:
+        ax.set_xlabel("")
     axes[0, 0].legend(loc="lower right")
     return once(figure)
