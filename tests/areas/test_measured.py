@@ -268,3 +268,35 @@ def test_refusals(change, text):
     t, u, y = RECORD
     with pytest.raises(ValueError, match=text):
         areas.from_record(**({"t": t, "u": u, "y": y, "count": 4} | change))
+
+
+def test_a_record_gives_the_areas_of_its_arrays():
+    t = 0.02 * np.arange(3001)
+    u = np.where(t < 4.0, 40.0, 45.0)
+    y = 55.0 + driven(G2, t, u - 40.0)
+    expected = areas.from_record(t, u, y, 6)
+    assert areas.from_record(pidalab.Record(1000.0 + t, u, y), count=6).values == pytest.approx(
+        expected.values, rel=1e-6
+    )
+    # irregular times, and an input that is measured with noise
+    rng = np.random.default_rng(0)
+    moved = np.sort(t + 0.009 * rng.uniform(-1.0, 1.0, t.size))
+    messy = pidalab.Record(
+        moved, np.where(moved < 4.0, 40.0, 45.0) + rng.uniform(-0.001, 0.001, t.size), np.interp(moved, t, y)
+    )
+    assert areas.from_record(messy, count=3).values == pytest.approx(expected.values[:3], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            (pidalab.Record(np.arange(40.0), np.arange(40.0) > 5, np.arange(40.0)), np.ones(40)),
+            "left out with a Record",
+        ),
+        ((np.arange(40.0), np.ones(40)), "u and y must be given, unless t is a Record"),
+    ],
+)
+def test_a_record_has_its_own_signals(arguments, message):
+    with pytest.raises(TypeError, match=message):
+        areas.from_record(*arguments, count=4)

@@ -352,3 +352,66 @@ def test_a_record_that_oscillates_is_refused():
     wave = 1 - np.exp(-0.3 * T) * np.cos(T)
     with pytest.raises(ValueError, match=r"overshoots its final value by .* a model with real poles cannot"):
         three_point(T, wave)
+
+
+PLANT = pidalab.Process([2.3], np.convolve([20.0, 1.0], np.convolve([6.0, 1.0], [3.0, 1.0])), 8.0)
+
+
+def historian(h=0.5, noise=0.0, irregular=0.0, plant=PLANT, end=220.0):
+    """A valve from 40 to 47 % at 37 s of a clock that started at 1000 s; the output rests at 55."""
+    rng = np.random.default_rng(3)
+    t = h * np.arange(round(end / h))
+    moved = np.sort(t + irregular * h * rng.uniform(-0.5, 0.5, t.size))
+    fine = 0.01 * np.arange(round((end + 1) / 0.01))
+    y = np.interp(moved - 37.0, fine, pidalab.open_loop_step(plant, fine).y, left=0.0)
+    return pidalab.Record(
+        1000 + moved, np.where(moved < 37.0, 40.0, 47.0), 55.0 + 7.0 * y + rng.normal(0.0, noise, t.size)
+    )
+
+
+def fields(model):
+    return model.gain, model.apparent_delay, model.alpha, model.tau
+
+
+def test_a_record_gives_the_model_of_its_arrays():
+    t = 0.5 * np.arange(366)
+    y = pidalab.open_loop_step(PLANT, t).y
+    assert fields(three_point(historian())) == pytest.approx(fields(three_point(t, y)), rel=1e-4)
+    for rule in (ipdt_tangent, ipdt_least_squares):
+        found, expected = rule(historian()), rule(t, y)
+        assert (found.num[0], found.delay) == pytest.approx((expected.num[0], expected.delay), rel=1e-3)
+
+
+def test_a_messy_record_gives_nearly_the_same_model():
+    messy = historian(noise=0.03, irregular=0.8)  # 0.2 % of the change
+    assert fields(three_point(messy)) == pytest.approx(fields(three_point(historian())), rel=0.06)
+    # the step is known to a sample interval only, the longest of which is 0.9
+    clean, found = ipdt_least_squares(historian()), ipdt_least_squares(messy)
+    assert found.num[0] == pytest.approx(clean.num[0], rel=0.03)
+    assert found.delay == pytest.approx(clean.delay, abs=0.9)
+    # a line over a third of the rise is less steep than the tangent, by the curvature
+    clean, found = ipdt_tangent(historian()), ipdt_tangent(messy)
+    assert (found.num[0], found.delay) == pytest.approx((clean.num[0], clean.delay), rel=0.1)
+    single = ipdt_tangent(messy, span=0.5)  # the steepest sample is noise
+    assert abs(single.num[0] - clean.num[0]) > abs(found.num[0] - clean.num[0])
+
+
+def test_noise_that_misleads_single_samples_is_said():
+    with pytest.warns(
+        pidalab.areas.RecordWarning, match=r"the noise of the record is .* identification\.fit"
+    ):
+        three_point(historian(noise=0.3))
+
+
+@pytest.mark.parametrize("rule", [three_point, ipdt_tangent, ipdt_least_squares])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((historian(), T), "y and step must be left out with a Record"),
+        ((historian(), None, 7.0), "y and step must be left out with a Record"),
+        ((T,), "y must be given, unless t is a Record"),
+    ],
+)
+def test_a_record_has_its_own_output_and_step(rule, arguments, message):
+    with pytest.raises(TypeError, match=message):
+        rule(*arguments)

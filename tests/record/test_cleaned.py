@@ -89,3 +89,32 @@ def test_a_word_among_numbers_is_refused():
 
 def test_the_package_offers_it():
     assert pidalab.Record is Record
+
+
+def test_uniform_keeps_a_uniform_record_and_puts_the_step_of_another_on_the_grid():
+    t, u, y = step_record()
+    again = Record(500.0 + t, u, y).uniform()
+    assert again[0] == pytest.approx(t)
+    assert again[1].tolist() == u.tolist()
+    assert again[2] == pytest.approx(y)
+    rng = np.random.default_rng(5)
+    moved = np.sort(np.delete(t, [30, 31, 90]) + rng.uniform(-0.1, 0.1, t.size - 3))
+    record = Record(
+        moved,
+        np.where(moved < 20.0, 40.0, 47.0) + rng.uniform(-0.02, 0.02, moved.size),
+        np.interp(moved, t, y),
+    )
+    grid, held, output = record.uniform()
+    k = int(np.argmax(held > 43.0))
+    assert np.all(held[:k] == record.step.before)
+    assert grid[k] + moved[0] == pytest.approx(record.step.time, abs=record.sampling)
+    assert grid == pytest.approx(record.sampling * np.arange(grid.size))
+    assert output[0] == pytest.approx(300.0)
+
+
+def test_the_step_that_matters_has_to_be_one():
+    t, u, y = step_record()
+    twice = np.where(t > 60.0, 40.0, u)
+    with pytest.raises(ValueError, match="the input changes again after the step"):
+        _ = Record(t, twice, y).step
+    assert Record(t, twice, y, step=50.0).step.after == 40.0

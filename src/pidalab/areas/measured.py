@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 from warnings import warn
 
 import numpy as np
@@ -21,6 +21,9 @@ from scipy.special import bernoulli, factorial
 
 from pidalab import _check
 from pidalab._check import Array
+
+if TYPE_CHECKING:
+    from pidalab.record import Record
 
 PIECES = 16  # of a steady state, whose means are compared; in four quarters of four
 LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # in pieces, of the transients that are looked for in it
@@ -34,7 +37,7 @@ UNCERTAIN = 0.05  # share of an area beyond which its uncertainty is worth a war
 
 
 class RecordWarning(UserWarning):
-    """A record that is too short or too noisy for the areas asked of it."""
+    """A record that is too short or too noisy for what is asked of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +80,10 @@ class MeasuredAreas:
 
 
 def from_record(
-    t: ArrayLike,
-    u: ArrayLike,
-    y: ArrayLike,
-    count: int,
+    t: ArrayLike | Record,
+    u: ArrayLike | None = None,
+    y: ArrayLike | None = None,
+    count: int | None = None,
     start: tuple[float, float] | None = None,
     settled_from: float | None = None,
     between: Literal["held", "linear"] = "held",
@@ -98,9 +101,9 @@ def from_record(
 
     Parameters
     ----------
-    t : array_like, shape (n,)
-        Uniform times from 0.
-    u, y : array_like, shape (n,)
+    t : array_like, shape (n,), or Record
+        Uniform times from 0. Or a `pidalab.Record`, with `count` as the only other argument that is needed.
+    u, y : array_like, shape (n,), optional
         Input and output, at rest at the beginning (or see `start`) and at rest again at the end.
     count : int
         How many areas, at least 1. A controller of order m needs 2m + 4.
@@ -121,9 +124,9 @@ def from_record(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         For an input that never moves, or ends where it began; signals of another length; fewer than 16 samples in the
-        steady state.
+        steady state; signals beside a Record, which has its own.
 
     Warns
     -----
@@ -161,8 +164,7 @@ def from_record(
     >>> pidalab.areas.from_record(t, u, y, count=6).values.round(4).tolist()
     [1.0, 4.0, 10.0, 20.0, 35.0, 56.0]
     """
-    t = _check.uniform_time("t", t)
-    u, y = _check.signal("u", u, t.size), _check.signal("y", y, t.size)
+    t, u, y = _signals(t, u, y)
     count = _check.integer("count", count, at_least=1)
     if between not in ("held", "linear"):
         raise ValueError(f"between must be 'held' or 'linear', found {between!r}")
@@ -194,6 +196,18 @@ def from_record(
     )
     _warn(result)
     return result
+
+
+def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, Array, Array]:
+    """Check times, input and output, which a Record has on a uniform grid."""
+    if hasattr(t, "uniform"):
+        if u is not None or y is not None:
+            raise TypeError("u and y must be left out with a Record: it has its own")
+        t, u, y = t.uniform()
+    elif u is None or y is None:
+        raise TypeError("u and y must be given, unless t is a Record")
+    t = _check.uniform_time("t", t)
+    return t, _check.signal("u", u, t.size), _check.signal("y", y, t.size)
 
 
 def _beginning(

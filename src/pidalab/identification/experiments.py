@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, Literal
+from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,9 @@ from scipy.signal import lfilter
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab.areas import RecordWarning
 from pidalab.process import Process, ipdt
+from pidalab.record import Record
 
 LEVELS = (0.05, 0.353, 0.853)
 OVERSHOOT = (
@@ -22,6 +25,7 @@ MOST_ENDS = 400  # stretches of a record to which a ramp is fitted
 STILL_MOVING = (
     0.01  # change of the mean between the last two tenths of a record, relative to the whole change
 )
+NOISY = 0.01  # noise of a record, relative to the whole change, beyond which single samples mislead
 
 
 @dataclass(frozen=True)
@@ -68,9 +72,9 @@ class ThreePointModel:
 
 
 def three_point(
-    t: ArrayLike,
-    y: ArrayLike,
-    step: float = 1.0,
+    t: ArrayLike | Record,
+    y: ArrayLike | None = None,
+    step: float | None = None,
     levels: tuple[float, float, float] = LEVELS,
     crossing: Literal["interpolated", "sampled"] = "interpolated",
 ) -> ThreePointModel:
@@ -78,12 +82,13 @@ def three_point(
 
     Parameters
     ----------
-    t : array_like, shape (n,)
-        Uniform times; the step of the input is at t = 0.
-    y : array_like, shape (n,)
+    t : array_like, shape (n,), or Record
+        Uniform times; the step of the input is at t = 0. Or a `Record`, which knows its output, its step and its level
+        of rest.
+    y : array_like, shape (n,), optional
         Output, from rest to rest. Its first sample is the rest value, the mean of its last tenth the final value.
     step : float, optional
-        Change of the input, not 0.
+        Change of the input, not 0; by default 1.
     levels : tuple of float, optional
         The three shares of the change. The method's formulas belong to 5 %, 35.3 % and 85.3 %; with others the model
         is another one, and usually a worse one.
@@ -97,22 +102,26 @@ def three_point(
 
     Notes
     -----
-    Prepare a plant record first: cut it at the step, subtract that time, and resample if the times are not uniform::
+    A plant record is cut at its step, and resampled if its times are not uniform, by `pidalab.Record`::
 
-        h = 0.1
-        grid = np.arange(0.0, t[-1] - t_step, h)
-        y = np.interp(grid + t_step, t, y)
-        model = three_point(grid, y, step=u_after - u_before)
+        model = three_point(pidalab.Record(t, u, y))
 
-    An offset of y does no harm. Noise does: the rest value is one sample and each level is where the record first
-    reaches it. Up to about 1 % of the change the model stays useful; smooth a noisier record first.
+    An offset of y does no harm. Noise does: of arrays the rest value is one sample, and each level is where the record
+    first reaches it. Up to about 1 % of the change the model stays useful; for a noisier record take
+    `pidalab.identification.fit`, which uses all samples.
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         For a record that never moves, still moves at its end, already moves at its beginning, or overshoots by more
         than 10 %; for levels out of order; for a shape that the model does not fit (alpha outside
-        [0, 1], or a time constant that is not positive).
+        [0, 1], or a time constant that is not positive); for a Record without a step, or with arguments beside it that
+        it has itself.
+
+    Warns
+    -----
+    RecordWarning
+        If the noise of a Record is above 1 % of the change.
 
     References
     ----------
@@ -127,8 +136,9 @@ def three_point(
     >>> print(f"{model.apparent_delay:.3f} {model.alpha:.3f} {model.tau:.3f}")
     2.148 0.382 2.041
     """
+    t, y, step = _experiment(t, y, step)
     t, (t5, t35, t85), change = _levels_reached(t, y, levels, crossing)
-    gain = change / _step(step)
+    gain = change / step
     apparent_delay = 1.3 * t35 - 0.29 * t85
     tau = 0.67 * (t85 - t35)
     if apparent_delay <= 0 or tau <= 0 or t5 <= 0:
@@ -146,7 +156,12 @@ def three_point(
     return ThreePointModel(float(gain), float(apparent_delay), float(alpha), float(tau), (t5, t35, t85))
 
 
-def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | None = None) -> Process:
+def ipdt_tangent(
+    t: ArrayLike | Record,
+    y: ArrayLike | None = None,
+    step: float | None = None,
+    span: float | None = None,
+) -> Process:
     r"""Approximate the steepest segment of a step response by an integrator with dead time.
 
     The straight line through the segment has the slope K step, and meets the level of rest after the dead time L:
@@ -161,18 +176,20 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
 
     Parameters
     ----------
-    t : array_like, shape (n,)
-        Uniform times; the step of the input is at t = 0.
-    y : array_like, shape (n,)
+    t : array_like, shape (n,), or Record
+        Uniform times; the step of the input is at t = 0. Or a `Record`, which knows its output, its step and its level
+        of rest.
+    y : array_like, shape (n,), optional
         Output; its first sample is the level of rest.
     step : float, optional
-        Change of the input, not 0.
+        Change of the input, not 0; by default 1.
     span : float, optional
         Length of the segment in time. By default one sample interval, right for a clean record; the slope and the dead
         time then miss those of the tangent by a share in the order of the squared sample time (of the sample time, if
         the record is steepest at a corner). In a noisy record the
         steepest short segment is noise: take a longer one, along which a line is fitted by least squares, such as a
-        third of the time in which the record rises. It is rounded to whole steps of t.
+        third of the time in which the record rises, the default for a Record with noise. It is rounded to whole steps
+        of t.
 
     Returns
     -------
@@ -181,9 +198,9 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         For a record that ends where it began, a span longer than the record, and a line that meets the level of rest
-        before the step.
+        before the step; for a Record without a step, or with arguments beside it that it has itself.
 
     References
     ----------
@@ -197,10 +214,12 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
     >>> pidalab.identification.ipdt_tangent(t, y)
     Process(num=[0.36787], den=[1, 0], delay=1.28171)
     """
-    t = _check.uniform_time("t", t)
-    y = _check.signal("y", y, t.size)
+    noisy = isinstance(t, Record) and t.noise.deviation > 0
+    t, y, step = _experiment(t, y, step)
     h = float(t[-1] / (t.size - 1))
     change = _whole_change(y)
+    if noisy and span is None:
+        span = max(_rise_time(t, y) / 3, h)
     width = 1 if span is None else round(_check.real("span", span, above=0.0) / h)
     if width < 1:
         raise ValueError(f"span must be at least one step of t ({h:g}), found {span:g}")
@@ -218,7 +237,7 @@ def ipdt_tangent(t: ArrayLike, y: ArrayLike, step: float = 1.0, span: float | No
             "y does not fit an integrator with dead time: the line along its steepest segment, around "
             f"t = {middle:.4g}, meets the level of rest at t = {delay:.4g}, before the step"
         )
-    return ipdt(float(slopes[i]) / _step(step), max(0.0, float(delay)))
+    return ipdt(float(slopes[i]) / step, max(0.0, float(delay)))
 
 
 def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_order: int) -> Array:
@@ -269,7 +288,9 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     return chain[-1] + y[0]
 
 
-def ipdt_least_squares(t: ArrayLike, y: ArrayLike, step: float = 1.0, rise: float = 0.2) -> Process:
+def ipdt_least_squares(
+    t: ArrayLike | Record, y: ArrayLike | None = None, step: float | None = None, rise: float = 0.2
+) -> Process:
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
     The model :math:`K e^{-Ls}/s` answers a step with a level line and, from L on, a ramp. Both are fitted together to
@@ -285,12 +306,13 @@ def ipdt_least_squares(t: ArrayLike, y: ArrayLike, step: float = 1.0, rise: floa
 
     Parameters
     ----------
-    t : array_like, shape (n,)
-        Uniform times; the step of the input is at t = 0.
-    y : array_like, shape (n,)
+    t : array_like, shape (n,), or Record
+        Uniform times; the step of the input is at t = 0. Or a `Record`, which knows its output, its step and its level
+        of rest.
+    y : array_like, shape (n,), optional
         Output; its first sample is the level of rest. Of a noisy record put the mean from before the step there.
     step : float, optional
-        Change of the input, not 0.
+        Change of the input, not 0; by default 1.
     rise : float, optional
         The shortest stretch 0 ... t_1 ends where the output has last been below this share of its whole change,
         between 0 and 1. It must be large against the noise; a small one lets the gain come near to that of the
@@ -303,9 +325,9 @@ def ipdt_least_squares(t: ArrayLike, y: ArrayLike, step: float = 1.0, rise: floa
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         For a record that ends where it began, one that is too short, a share outside its range, and a record in which
-        no ramp fits.
+        no ramp fits; for a Record without a step, or with arguments beside it that it has itself.
 
     Notes
     -----
@@ -320,8 +342,7 @@ def ipdt_least_squares(t: ArrayLike, y: ArrayLike, step: float = 1.0, rise: floa
     >>> pidalab.identification.ipdt_least_squares(t, y)
     Process(num=[0.34489], den=[1, 0], delay=1.22681)
     """
-    t = _check.uniform_time("t", t)
-    y = _check.signal("y", y, t.size)
+    t, y, step = _experiment(t, y, step)
     change = _whole_change(y)
     rise = _check.real("rise", rise, above=0.0)
     if rise >= 1:
@@ -336,7 +357,7 @@ def ipdt_least_squares(t: ArrayLike, y: ArrayLike, step: float = 1.0, rise: floa
         raise ValueError(
             "y does not fit an integrator with dead time: no ramp in the direction of its change"
         )
-    return ipdt(slope / _step(step), delay)
+    return ipdt(slope / step, delay)
 
 
 def _hinge(t: Array, y: Array) -> tuple[float, float]:
@@ -373,18 +394,43 @@ def _whole_change(y: Array) -> float:
     return change
 
 
-def _step(step: float) -> float:
-    if _check.real("step", step) == 0:
+def _experiment(t: ArrayLike | Record, y: ArrayLike | None, step: float | None) -> tuple[Array, Array, float]:
+    """Check a step experiment that is given as arrays or as a Record: times from the step on, output, change of u."""
+    if isinstance(t, Record):
+        if y is not None or step is not None:
+            raise TypeError("y and step must be left out with a Record: it has its own")
+        times, response = t.after_step()
+        response[0] = 0.0  # the level of rest is a mean, better than one sample
+        change = abs(float(np.mean(response[-max(1, response.size // 10) :])))
+        noise = t.noise.deviation / abs(t.step.after - t.step.before)
+        if noise > NOISY * change:
+            warn(
+                f"the noise of the record is {100 * noise / change:.2g} % of the whole change, and single samples of "
+                f"it decide; up to {100 * NOISY:g} % this does little harm, identification.fit uses all samples",
+                RecordWarning,
+                stacklevel=3,
+            )
+        return times, response, 1.0
+    if y is None:
+        raise TypeError("y must be given, unless t is a Record")
+    times = _check.uniform_time("t", t)
+    change = 1.0 if step is None else _check.real("step", step)
+    if change == 0:
         raise ValueError("step must not be 0: without a change of the input nothing can be identified")
-    return float(step)
+    return times, _check.signal("y", y, times.size), change
+
+
+def _rise_time(t: Array, y: Array) -> float:
+    """Time in which a record goes from a tenth to nine tenths of its whole change."""
+    share = (y - y[0]) / (np.mean(y[-max(1, y.size // 10) :]) - y[0])
+    before, after = np.flatnonzero(share < 0.1), np.flatnonzero(share > 0.9)
+    return float(t[after[0]] - t[before[before < after[0]][-1]]) if after.size else float(t[-1])
 
 
 def _levels_reached(
-    t: ArrayLike, y: ArrayLike, levels: tuple[float, ...], crossing: str
+    t: Array, y: Array, levels: tuple[float, ...], crossing: str
 ) -> tuple[Array, tuple[float, float, float], float]:
     """Check a step record; return its times, the times at which it reaches the levels, and its whole change."""
-    t = _check.uniform_time("t", t)
-    y = _check.signal("y", y, t.size)
     shares = _check.vector("levels", levels) if np.ndim(levels) == 1 else np.zeros(0)
     if shares.size != 3 or not 0 < shares[0] < shares[1] < shares[2] < 1:
         raise ValueError(f"levels must be three rising shares between 0 and 1, found {levels!r}")

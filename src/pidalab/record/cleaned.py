@@ -184,6 +184,51 @@ class Record:
         """Usual interval between samples: the median."""
         return float(np.median(np.diff(self.t)))
 
+    @property
+    def step(self) -> Step:
+        """The change of the input that matters.
+
+        Raises
+        ------
+        ValueError
+            For a record without one, and for one with a further change after it.
+        """
+        if not self.steps:
+            raise ValueError(
+                "the record has no step of the input from one level to another; fit takes any input"
+            )
+        chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
+        if len(chosen) > 1:
+            raise ValueError(
+                f"the input changes again after the step: {_said(tuple(chosen))}; cut the record before"
+            )
+        return chosen[0]
+
+    def uniform(self) -> tuple[Array, Array, Array]:
+        """Return times, input and output at the usual interval, with the first change of the input on the grid.
+
+        Returns
+        -------
+        t, u, y : ndarray, shape (n,)
+            Times from 0; the input, held, and resting until it first steps; the output, interpolated.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = 100 + np.delete(np.arange(0.0, 30.0), [3, 7])
+        >>> t, u, y = pidalab.Record(t, np.where(t < 110, 0.0, 2.0), np.where(t < 112, 1.0, 5.0)).uniform()
+        >>> t[:3].tolist(), t.size, u[9:11].tolist()
+        ([0.0, 1.0, 2.0], 30, [0.0, 2.0])
+        """
+        h, anchor = self.sampling, self.steps[0].time if self.steps else float(self.t[0])
+        before, after = (int(float(span) / h + 1e-6) for span in (anchor - self.t[0], self.t[-1] - anchor))
+        grid = anchor + h * np.arange(-before, after + 1)
+        u = self.u[np.searchsorted(self.t, grid + 1e-6 * h, side="right") - 1]
+        if self.steps:
+            u[:before] = self.steps[0].before
+        y: Array = np.interp(grid, self.t, self.y)
+        return h * np.arange(grid.size, dtype=float), u, y
+
     def after_step(self) -> tuple[Array, Array]:
         """Return times and output from the step on, as the response to a unit step from rest.
 
@@ -206,16 +251,7 @@ class Record:
         >>> record.after_step()[1][:3].tolist()
         [2.0, 2.0, 2.0]
         """
-        if not self.steps:
-            raise ValueError(
-                "the record has no step of the input from one level to another; fit takes any input"
-            )
-        chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
-        if len(chosen) > 1:
-            raise ValueError(
-                f"the input changes again after the step: {_said(tuple(chosen))}; cut the record before"
-            )
-        first = chosen[0]
+        first = self.step
         span = self.t[-1] - first.time
         t = np.linspace(0.0, span, max(2, round(span / self.sampling) + 1))
         return t, (np.interp(first.time + t, self.t, self.y) - self.rest) / (first.after - first.before)
