@@ -32,6 +32,17 @@ def test_sample_time_and_own_filter_are_part_of_the_design():
     assert filtered.ms <= 1.6 * (1 + 1e-6)
 
 
+def test_a_filter_that_the_sample_time_holds_back_is_said():
+    design = tune(ipdt(1.0, 1.0), "PID", ms=1.4, noise_gain=3.0, sample_time=0.1)
+    assert design.controller.filter_time == pytest.approx(0.1)
+    assert any("as fast as the sample, 0.1" in doubt for doubt in design.doubts)
+
+
+def test_limits_that_nothing_keeps_are_refused():
+    with pytest.raises(ValueError, match=r"no stable controller of order 0 .*; order 1 has some"):
+        tune(pidalab.Process([1.0], [1.0, 1.0, 0.0, 0.0]), "PI")
+
+
 def test_spread_prices_what_the_model_does_not_know():
     design = tune(THIRD, "PI", spread=0.2)
     gains = [tune(THIRD, "PI", spread=share).ms_worst for share in (0.05, 0.1)]

@@ -145,21 +145,14 @@ def _optimal(
         doubts.append(f"no limit for noise was given: mks = {mks:.3g} is allowed")
     elif sample_time is None:
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
-    sampled = (
-        None if noise_gain is None else sample_time
-    )  # without noise the half sample in `designed` is enough
-    try:
-        return optimal.load(designed, ORDER[kind], ms, mks, noise_gain, sampled)
-    except ValueError:
-        if noise_gain is None:
-            raise
-        # a limit that allows filters shorter than the sample; no noise is amplified by more than max |CS|
-        mks = min(noise_gain, LOUDEST * _asked_of_u(designed))
-        found = optimal.load(designed, ORDER[kind], ms, mks)
+    # without noise the half sample in `designed` is enough
+    sampled = None if noise_gain is None else sample_time
+    found = optimal.load(designed, ORDER[kind], ms, mks, noise_gain, sampled)
+    if "sample_time" in found.active:
         doubts.append(
-            f"the limit of noise would allow a filter shorter than the sample: mks = {mks:.3g} is kept instead"
+            f"the filter is as fast as the sample, {sample_time:g}, allows: with faster sampling it would be faster"
         )
-        return found
+    return found
 
 
 def _asked_of_u(process: Process) -> float:

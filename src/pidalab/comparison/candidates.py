@@ -194,21 +194,10 @@ def _with_reset(model: Process, setting: Any) -> Design:
 
 
 def _best(process: Process, ms: float, noise_gain: float, sample_time: float) -> Iterator[Candidate]:
-    for order, kind in enumerate(KINDS):
-        yield "optimal", kind, partial(_optimum, process, order, ms, noise_gain, sample_time)
-
-
-def _optimum(process: Process, order: int, ms: float, noise_gain: float, sample_time: float) -> Design:
-    """Least IAE under both limits; where noise is no limit, the filter may be shorter than the sample."""
     from pidalab import optimal
 
-    try:
-        return optimal.load(process, order, ms, None, noise_gain, sample_time)
-    except ValueError:
-        free = optimal.load(process, order, ms)
-        if sampled_noise(free, process, sample_time)[0] <= noise_gain:
-            return free
-        raise
+    for order, kind in enumerate(KINDS):
+        yield "optimal", kind, partial(optimal.load, process, order, ms, None, noise_gain, sample_time)
 
 
 def sampled_noise(design: Design, process: Process, sample_time: float) -> tuple[float, str]:

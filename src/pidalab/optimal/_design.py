@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.rules import Design
 
+if TYPE_CHECKING:
+    from pidalab.optimal._solver import Found, Limits, Search
+
 HIGHEST = 4  # order of a controller
-CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
 ACTIVE = 1e-3  # share of a limit within which it is called active
 ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is none
 UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
@@ -49,15 +52,16 @@ def load(
         Largest allowed standard deviation of u per unit of that of white measurement noise, sampled and held, as
         `pidalab.noise_gain` has it; by default none.
     sample_time : float, optional
-        Sample time of that noise; with `noise_gain` only.
+        Sample time of that noise; with `noise_gain` only. The filter is then not faster than that, for which there is
+        no sampled controller; where this is what holds the filter back, ``active`` has "sample_time".
 
     Returns
     -------
     Design
         With a `HighOrderPID`, its gains negative for a process with negative gain. Its `info` has ``iae``, ``ms`` and
-        ``mks`` as they are, ``noise_gain`` if that was asked for, ``active`` (the limits that are reached, by name) and
+        ``mks`` as they are, ``noise_gain`` if that was asked for, ``active`` (the limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
-        shorter would be better).
+        shorter would be better) and ``valleys`` (the IAE at the bottom of each valley that was found, the least first).
 
     Raises
     ------
@@ -139,10 +143,9 @@ def _designed(
     noise_gain: float | None,
     sample_time: float | None,
 ) -> Design:
-    from tqdm import tqdm
-
-    from pidalab.optimal._problem import Problem
-    from pidalab.optimal._solver import Limits, search
+    """Check the arguments, search, and say what stands in the way if nothing was found."""
+    from pidalab.optimal._refusal import refusal
+    from pidalab.optimal._solver import Limits
 
     if not isinstance(process, Process):
         hint = "; pass .process" if hasattr(process, "process") else ""
@@ -159,37 +162,48 @@ def _designed(
     if (noise_gain is None) != (sample_time is None):
         missing = "sample_time" if sample_time is None else "noise_gain"
         raise ValueError(f"noise_gain and sample_time go together: {missing} is missing")
-    sign = _sign(process)
-    upright = process if sign > 0 else Process(-process.num, process.den, process.delay)
-    static = upright.gain()
+    static = process.gain()
     if limits.mks is not None and math.isfinite(static) and limits.mks * abs(static) <= 1:
         raise ValueError(
             f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, which integral action makes of |C S| at zero "
             f"frequency, found {mks:g}"
         )
-    best, unit = None, _unit(upright)
-    with tqdm(desc="optimal", delay=2.0, leave=False, disable=None) as bar:
-        for factor in UNITS:
-            problem = Problem(
-                upright, order, (abs(complex(upright(1j / (factor * unit)))), factor * unit), test
-            )
-            found = search(problem, limits, bar)
+    seen: list[Search] = []
+    best = _best(test, process, order, limits, seen)
+    if best is None:
+        raise ValueError(refusal(seen, HIGHEST))
+    return best
+
+
+def _best(test: str, process: Process, order: int, limits: Limits, seen: list[Search]) -> Design | None:
+    """The best design over the units of time; first from starts at hand, and where none serves from approached ones."""
+    from tqdm import tqdm
+
+    from pidalab.optimal._problem import Problem
+    from pidalab.optimal._solver import Search, search
+    from pidalab.optimal._starts import approached, at_once
+    from pidalab.optimal._units import unit_of_time
+
+    sign = _sign(process)
+    upright = process if sign > 0 else Process(-process.num, process.den, process.delay)
+    shortest, best = unit_of_time(upright, limits), None
+    with tqdm(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar:
+        for start, factor in product((at_once, approached), UNITS):
+            if best is not None and factor == UNITS[0]:
+                break
+            unit = factor * shortest
+            problem = Problem(upright, order, (abs(complex(upright(1j / unit))), unit), test)
+            one = Search(problem, limits)
+            seen.append(one)
+            first = start(one)
+            found = None if first is None else search(one, first, bar)
             if found is None:
                 continue
-            design = _design(test, process, sign, problem, found[1], limits)
+            design = _design(test, process, sign, one, found)
             if best is None or design.iae < best.iae:
                 best = design
-            if abs(found[0] * problem.time - design.iae) < SAME * design.iae:
+            if design.iae - found.value * unit < SAME * design.iae:
                 break  # the search has seen all of the response
-    if best is None:
-        wanted = ", ".join(
-            f"{name} <= {value:g}"
-            for name, value in limits._asdict().items()
-            if value is not None and name != "sample_time"
-        )
-        raise ValueError(
-            f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}"
-        )
     return best
 
 
@@ -202,38 +216,16 @@ def _sign(process: Process) -> float:
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
-def _unit(process: Process) -> float:
-    """Unit of time in which a loop around the process has numbers near 1, if nothing but robustness limits it."""
-    from pidalab.roots import roots
-
-    speeds = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
-    speeds = speeds[speeds > 0]
-    corners = np.append(speeds, 1 / process.delay) if process.delay else speeds
-    if not corners.size:
-        raise ValueError(
-            "process must have a lag or a dead time: a gain or an integrator alone has no best controller"
-        )
-    w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
-    phase = np.unwrap(np.angle(process(1j * w)))
-    growing = np.max(roots(process.den).real)
-    if growing > 0:  # between what runs away and what cannot be answered sooner
-        return 1 / math.sqrt(growing * float(corners.max()))
-    turned = phase - 2 * np.pi * np.round(phase[0] / (2 * np.pi)) < CORNER
-    return 1 / float(w[np.argmax(turned)]) if turned.any() else 1 / float(corners.max())
-
-
-def _design(test: str, process: Process, sign: float, problem: Any, x: Array, limits: Any) -> Design:
+def _design(test: str, process: Process, sign: float, one: Search, found: Found) -> Design:
     """Judge what was found, on the process itself."""
-    from pidalab.optimal._solver import FASTEST, SLOWEST
     from pidalab.robustness.control import max_control_sensitivity
     from pidalab.robustness.margins import max_sensitivity
-    from pidalab.simulation.noise import noise_gain
 
+    problem, limits, x = one.problem, one.limits, found.x
     gains, time = problem.controller(x)
     # what an action amounts to at the corner of the filter tells whether there is any
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
-    gains = np.where(amounts < ZERO * amounts.max(), 0.0, gains) if problem.order else gains
-    gains[0] = problem.controller(x)[0][0]
+    gains[1:] = np.where(amounts < ZERO * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign * gains).tolist(), time, problem.order + 1)
     prefilter = None
     if test == "setpoint":
@@ -247,17 +239,26 @@ def _design(test: str, process: Process, sign: float, problem: Any, x: Array, li
         "ms": max_sensitivity(loop)[0],
         "mks": max_control_sensitivity(loop)[0],
     }
-    if limits.noise_gain is not None:
-        info["noise_gain"] = noise_gain(loop, limits.sample_time)
-    limited = {
-        name: limit for name in ("ms", "mks", "noise_gain") if (limit := getattr(limits, name)) is not None
-    }
-    reached = [name for name, limit in limited.items() if info[name] >= limit * (1 - ACTIVE)]
+    if one.noise is not None:
+        info["noise_gain"] = one.true_noise(x)
+    reached = [name for name, limit in limits.named().items() if info[name] >= limit * (1 - ACTIVE)]
+    if one.noise is not None and time <= one.noise.h * (1 + ACTIVE):
+        reached.append("sample_time")
     none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if gains[k] == 0]
-    at = x[problem.gains]
     info["active"] = (*reached, *none)
-    info["edge"] = ("filter_time",) if at < FASTEST + 1e-3 or at > SLOWEST - 1e-3 else ()
+    info["edge"] = _edge(one, x)
+    info["valleys"] = tuple(problem.time * value for value in found.valleys)
     return Design(process, controller, prefilter, source=f"pidalab.optimal.{test}: least IAE", info=info)
+
+
+def _edge(one: Search, x: Array) -> tuple[str, ...]:
+    """What lies at the edge of the search, where no limit of the user's is the edge."""
+    from pidalab.optimal._solver import FASTEST, LARGEST
+
+    at = one.problem.gains
+    slowest = one.bounds[at][1]
+    found = ["filter_time"] if x[at] < FASTEST + 1e-3 or x[at] > slowest - 1e-3 else []
+    return (*found, *(["gains"] if x[:at].max() > LARGEST * (1 - 1e-3) else []))
 
 
 def _iae(loop: Loop, test: str, time: float) -> float:

@@ -19,6 +19,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.process import Process
+from pidalab.roots import roots
 
 SAMPLES = 2048  # of a response
 DAMPING = 3.0  # real part of the line of the transform, times the horizon
@@ -44,11 +45,7 @@ class Problem:
         self.gain, self.time = scale
         # units of the gains K_-1 ... K_m
         self.units = self.time ** np.arange(-1.0, order + 1) / self.gain
-        around = np.geomspace(1e-3, 1e3, 600)
-        if process.delay:  # and where the dead time turns the phase
-            around = np.sort(np.append(around, np.arange(1.0, 400.0) * 0.3 * self.time / process.delay))
-        self.axis = 1j * around / self.time
-        self.plant = process(self.axis)
+        self._characteristic()
         self.gains, self.size = order + 2, order + 3 + (2 if test == "setpoint" else 0)
 
     def controller(self, x: Array) -> tuple[Array, float]:
@@ -124,14 +121,31 @@ class Problem:
         slope[-2], slope[-1] = -time, (1 - weight) * time
         return at_zero / ki + (1 - weight) * time, slope
 
-    def turns(self, x: Array) -> float:
-        """Turn of 1 + L along the axis: another one by 2 pi belongs to other unstable poles."""
+    def _characteristic(self) -> None:
+        r"""Prepare :math:`f = (s\,a + e^{-sL} b\,s\,C)/(s + \sigma)^{n+1}` on the axis, for a process b/a of order n.
+
+        Its zeros are the poles of the loop, its own poles are stable: along the axis f turns by -pi for each unstable
+        one.
+        """
+        process, sigma = self.process, 1 / self.time
+        speeds = np.abs(roots(process.den)) * self.time
+        slowest = float(np.min(speeds[speeds > 0], initial=1.0))
+        around = np.append(0.0, np.geomspace(min(1e-3, max(0.01 * slowest, 1e-8)), 1e3, 600))
+        if process.delay:  # and where the dead time turns the phase
+            around = np.sort(np.append(around, np.arange(1.0, 400.0) * 0.3 * self.time / process.delay))
+        self.axis = s = 1j * around / self.time
+        scale = (s + sigma) ** -len(process.den)
+        self.own = s * np.polyval(process.den, s) * scale
+        self.fed_back = np.polyval(process.num, s) * np.exp(-s * process.delay) * scale
+
+    def unstable(self, x: Array) -> bool:
+        """Whether the characteristic function turns along the axis as that of an unstable loop."""
         gains, tf = self.controller(x)
-        controller = np.polyval(gains[::-1], self.axis) / (
-            self.axis * (1 + tf * self.axis) ** (self.order + 1)
+        actions = np.polyval(gains[::-1], self.axis) / (1 + tf * self.axis) ** (self.order + 1)
+        f = self.own + self.fed_back * actions
+        return (
+            abs(float(np.angle(f[1:] / f[:-1]).sum() + np.angle(self.process.den[0] / f[-1]))) > 0.5 * np.pi
         )
-        back = 1 + self.plant * controller
-        return float(np.angle(back[1:] / back[:-1]).sum())
 
     def limits(self, w: Array, ms: float, mks: float | None) -> Any:
         """Return the function of what is left to the limits of |S| and |C S| at frequencies w, and its gradient."""
@@ -153,28 +167,5 @@ class Problem:
             out = np.concatenate(left), np.zeros((self.size, len(left) * w.size))
             out[1][: self.gains + 1] = np.hstack(slope)
             return out[0], out[1].T
-
-        return value
-
-    def noise(self, sample_time: float) -> Any:
-        """Return the function of the variance of u per unit of held white noise, and its gradient.
-
-        The controller is taken as continuous: what the sampled one makes of it is left to whoever asks.
-        """
-        h = sample_time
-        w = np.concatenate(
-            [np.geomspace(1e-4 / self.time, 0.1 / h, 300), np.linspace(0.1, 20 * np.pi, 400)[1:] / h]
-        )
-        weight = np.gradient(w) * np.sinc(w * h / (2 * np.pi)) ** 2 * h / np.pi
-        s = 1j * w
-        plant = self.process(s)
-
-        def value(x: Array) -> tuple[float, Array]:
-            controller, slopes = self._controller(x, s)
-            sensitivity = 1 / (1 + plant * controller)
-            u = controller * sensitivity
-            slope = np.zeros(self.size)
-            slope[: self.gains + 1] = (2 * np.real(np.conj(u) * sensitivity**2 * slopes)) @ weight
-            return float(np.abs(u) ** 2 @ weight), slope
 
         return value

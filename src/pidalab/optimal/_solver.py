@@ -13,21 +13,24 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import Problem
+from pidalab.optimal._starts import WALL
 from pidalab.robustness.control import max_control_sensitivity
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.robustness.poles import is_stable
 
-RUNGS = np.linspace(1.0, -5.0, 13)  # logarithms of filter times, in units of the process
+TOP, BOTTOM, RUNGS = 1.0, -5.0, 13  # of the ladder: logarithms of filter times, in units of the process
 FASTEST, SLOWEST = -7.0, 3.0  # logarithms of filter times that are allowed
 LARGEST = 1e6  # gain, in units of the process, that is allowed
 HORIZON = 80.0  # of a response, in units of the process
 MISSED = 30.0  # price of a missed limit where starts are compared
-WALL = 1e9  # in place of the IAE of an unstable loop
 SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
 KEPT = 1e-6  # share by which a limit may be missed between two rounds
 ROUNDS = 12  # of the last search, each with the worst frequency of the one before
+APART = 1e-2  # share by which the values of two valleys differ at least
+FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
 BEST, TRIED = 3, 12  # searches that are brought to the end, and tried at most
 
 
@@ -39,9 +42,15 @@ class Limits(NamedTuple):
     noise_gain: float | None
     sample_time: float | None
 
+    def named(self) -> dict[str, float]:
+        """The limits that there are, by name."""
+        return {name: value for name, value in self._asdict().items() if value and name != "sample_time"}
+
 
 class Search:
     """One problem and its limits, at frequencies that grow in number as peaks are found between them."""
+
+    nearest: Array | None = None  # what comes nearest to limits that nothing keeps
 
     def __init__(self, problem: Problem, limits: Limits) -> None:
         self.problem, self.limits = problem, limits
@@ -49,71 +58,61 @@ class Search:
         # dense where the loop crosses over, and fine enough for the turns of the dead time
         delay = problem.process.delay
         turns = np.arange(3.0, 40.0, 0.7) / delay if delay else np.zeros(0)
-        far = np.geomspace(10.0, 2.0 / np.exp(RUNGS[-1]), 16)[1:]
+        far = np.geomspace(10.0, 2.0 / np.exp(BOTTOM), 16)[1:]
         self.w = np.sort(
             np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
         )
         self.w = np.sort(np.append(self.w, turns[turns < self.w[-1]]))
         self.worth = problem.worth(HORIZON * time)
-        self.noise = (
-            problem.noise(limits.sample_time)
-            if limits.noise_gain is not None and limits.sample_time
-            else None
-        )
-        self.aim = limits.noise_gain or 0.0  # for the continuous stand-in of the sampled loop
-        self.bounds = [(1e-6, LARGEST)] + [(0.0, LARGEST)] * (problem.order + 1) + [(FASTEST, SLOWEST)]
+        # sampled noise has a size only behind a filter that is not faster than the sample
+        h = limits.sample_time
+        self.noise = SampledNoise(problem, h) if limits.noise_gain is not None and h is not None else None
+        fastest = FASTEST if h is None else max(FASTEST, float(np.log(h / time)))
+        self.aim = limits.noise_gain or 0.0  # for the quadrature of the noise
+        filters = (fastest, max(SLOWEST, fastest + 2.0))
+        self.rungs = np.linspace(max(TOP, fastest + 1.0), max(BOTTOM, fastest), RUNGS)
+        self.bounds = [(1e-6, LARGEST)] + [(0.0, LARGEST)] * (problem.order + 1) + [filters]
         if problem.test == "setpoint":
             self.bounds += [(0.0, 1.0), (-9.0, 5.0)]
 
-    def start(self) -> Array | None:
-        """The quickest of a few PI or PID controllers that keep all limits; None if none does."""
-        constraints = self._constraints()
-        gains, shares = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4), (0.5, 0.1, 0.02, 0.004)
-        pairs = sorted(((gain * share, gain) for gain in gains for share in shares), reverse=True)
-        for derivative in (0.0, 1.0, 5.0) if self.problem.order else (0.0,):
-            for integral, proportional in pairs:
-                for time in (-4.0, -2.0, 0.0):
-                    x = np.zeros(self.problem.size)
-                    x[: self.problem.gains][:3] = (integral, proportional, derivative * proportional)[
-                        : self.problem.gains
-                    ]
-                    x[self.problem.gains] = time
-                    if self.problem.test == "setpoint":
-                        x[-2] = 1.0
-                    if all(np.min(one["fun"](x)) >= 0 for one in constraints) and _stable(self.loop(x)):
-                        self.turns = self.problem.turns(x)
-                        return x
-        return None
+    def sound(self, x: Array) -> bool:
+        """Whether the loop is stable, with a sampled controller too where that matters."""
+        return _settles(self.loop(x)) and np.isfinite(self.true_noise(x))
 
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
         """The best start at another filter time: the last optimum, perhaps with less derivative, or the first one."""
-        at, constraints = self.problem.gains, self._constraints()
+        at, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
         for start in (first, *(x * _damping(x.size, at, share) for share in (1.0, 0.6, 0.3, 0.1))):
             start = start.copy()
             start[at] = filter_time
-            missed = max(0.0, -min(float(np.min(one["fun"](start))) for one in constraints))
-            value = self._worth(start)[0] * (1 + MISSED * missed)
+            value = self._worth(start)[0] * (1 + MISSED * self.missed(start, constraints))
             if value < least:
                 best, least = start, value
         return best
 
     def _worth(self, x: Array) -> tuple[float, Array]:
         """IAE and gradient; a wall where a step has left the stable loops."""
-        if abs(self.problem.turns(x) - self.turns) > np.pi:
+        if self.problem.unstable(x):
             return WALL, np.zeros(x.size)
         return self.worth(x)
 
-    def _constraints(self) -> list[dict[str, Any]]:
+    def missed(self, x: Array, constraints: list[dict[str, Any]] | None = None) -> float:
+        """By how much the limit is missed that is missed most."""
+        return max(0.0, -min(float(np.min(one["fun"](x))) for one in constraints or self.constraints()))
+
+    def constraints(self) -> list[dict[str, Any]]:
+        """What is left to every limit, not negative where it is kept, for the frequencies looked at so far."""
         mks = None if self.limits.mks is None else self.limits.mks * (1 - SPARE)
         left = _Last(self.problem.limits(self.w, self.limits.ms * (1 - SPARE), mks))
         found = [{"type": "ineq", "fun": left.value, "jac": left.slope}]
         if self.noise is not None:
-            noise, most = self.noise, self.aim**2
+            noise, most = self.noise, self.aim
 
             def margin(x: Array) -> tuple[float, Array]:
                 variance, slope = noise(x)
-                return 1 - variance / most, -slope / most
+                deviation = np.sqrt(variance)
+                return 1 - deviation / most, -slope / (2 * deviation * most)
 
             spare = _Last(margin)
             found.append({"type": "ineq", "fun": spare.value, "jac": spare.slope})
@@ -127,13 +126,13 @@ class Search:
         at = self.problem.gains
         if filter_time is not None:
             x[at], bounds[at] = filter_time, (filter_time, filter_time)
-        constraints = self._constraints()
+        constraints = self.constraints()
         with np.errstate(all="ignore"):
             found = minimize(
                 self._worth, x, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
                 options={"maxiter": 60, "ftol": 1e-8},
             )  # fmt: skip
-            missed = max(0.0, -min(float(np.min(one["fun"](found.x))) for one in constraints))
+            missed = self.missed(found.x, constraints)
         value = float(found.fun)
         return (value, found.x, missed) if value < WALL and np.isfinite(missed) else (np.inf, start, np.inf)
 
@@ -152,17 +151,24 @@ class Search:
         """Descend with a free filter time; take in the worst frequencies until the limits hold at all of them."""
         for _ in range(ROUNDS):
             value, found, missed = self.descend(x)
-            if missed > KEPT or not _stable(self.loop(found)):
-                x = x * _slack(
-                    x.size, self.problem.gains
-                )  # the descent went astray: again, from a little below
+            noise = self.true_noise(found) if missed <= KEPT and _settles(self.loop(found)) else np.inf
+            if not np.isfinite(noise):
+                # the descent went astray: again, from a little below
+                x = x * _slack(x.size, self.problem.gains)
                 continue
             x = found
-            if self._keeps(x):
+            if self._keeps(x, noise):
                 return value, x
         return None
 
-    def _keeps(self, x: Array) -> bool:
+    def true_noise(self, x: Array) -> float:
+        """Noise gain of the sampled loop, 0 where it does not matter, infinite where that loop is unstable."""
+        if self.noise is None:
+            return 0.0
+        fine = SampledNoise(self.problem, self.noise.h, FINER)
+        return np.inf if fine.unstable(x) else float(np.sqrt(fine(x)[0]))
+
+    def _keeps(self, x: Array, noise: float) -> bool:
         """Whether all limits hold; where not, look there from now on."""
         loop, limits = self.loop(x), self.limits
         ms, at = max_sensitivity(loop)
@@ -173,13 +179,8 @@ class Search:
             mks, at = max_control_sensitivity(loop)
             if mks > limits.mks:
                 kept, self.w = False, self._with(at)
-        if limits.noise_gain is not None and limits.sample_time is not None and self.noise is not None:
-            from pidalab.simulation.noise import noise_gain
-
-            true, stand_in = noise_gain(loop, limits.sample_time), float(np.sqrt(self.noise(x)[0]))
-            spent = stand_in > self.aim * (1 - KEPT)
-            if true > limits.noise_gain or (spent and true < limits.noise_gain * (1 - 1e-3)):
-                kept, self.aim = False, stand_in / true * limits.noise_gain * (1 - 1e-4)
+        if limits.noise_gain is not None and noise > limits.noise_gain:
+            kept, self.aim = False, self.aim * limits.noise_gain / noise * (1 - SPARE)
         return kept
 
 
@@ -197,7 +198,7 @@ def _damping(size: int, gains: int, share: float) -> Array:
     return out
 
 
-def _stable(loop: Loop) -> bool:
+def _settles(loop: Loop) -> bool:
     """Whether a loop is stable; one that turns too often to be followed is of no use."""
     try:
         return is_stable(loop)
@@ -225,15 +226,18 @@ class _Last:
         return self._at(x)[1]
 
 
-def search(problem: Problem, limits: Limits, bar: Any) -> tuple[float, Array] | None:
-    """Find the best unknowns, or None where nothing keeps the limits."""
-    one = Search(problem, limits)
-    rungs: list[tuple[float, Array]] = []
-    x = one.start()
-    if x is None:
-        return None
-    first = x
-    for time in [*RUNGS, *RUNGS[::-1]]:
+class Found(NamedTuple):
+    """Result of a search."""
+
+    value: float  # IAE, in units of time of the problem
+    x: Array
+    valleys: tuple[float, ...]  # values at the bottom of all valleys that were found, the least first
+
+
+def search(one: Search, first: Array, bar: Any) -> Found | None:
+    """Find the best unknowns from a first start that keeps all limits; None where no descent ends well."""
+    x, rungs = first, []
+    for time in [*one.rungs, *one.rungs[::-1]]:
         value, found, missed = one.descend(one.near(x, first, float(time)), float(time))
         if missed <= KEPT:
             x = found
@@ -252,7 +256,19 @@ def search(problem: Problem, limits: Limits, bar: Any) -> tuple[float, Array] | 
         finished += [] if last is None else [last]
         if len(finished) == BEST:
             break
-    return min(finished, key=lambda pair: pair[0], default=None)
+    if not finished:
+        return None
+    value, x = min(finished, key=lambda pair: pair[0])
+    return Found(value, x, _valleys([value, *(other for other, _ in free)]))
+
+
+def _valleys(values: list[float]) -> tuple[float, ...]:
+    """Values that differ, each the least of those next to it."""
+    chosen: list[float] = []
+    for value in sorted(values):
+        if not chosen or value > chosen[-1] * (1 + APART):
+            chosen.append(value)
+    return tuple(chosen)
 
 
 def _distinct(rungs: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:

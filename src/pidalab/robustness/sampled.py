@@ -21,6 +21,7 @@ from scipy.optimize import brentq, minimize_scalar
 from pidalab._check import Array
 from pidalab.digital import DigitalController
 from pidalab.loop import Loop
+from pidalab.process import Process
 from pidalab.roots import roots
 from pidalab.statespace import held, pieces, realise
 
@@ -29,13 +30,27 @@ TURN = 0.1  # largest turn of the phase by the dead time between two frequencies
 MOST = 400_000  # frequencies of a grid
 
 
-class SampledLoop(NamedTuple):
-    """A loop from sample to sample."""
+class SampledPlant(NamedTuple):
+    """A process between a hold and a sampler."""
 
     phi: Array
     gammas: list[tuple[Array, int]]  # influence of an input, and how many samples ago it was set
     c: Array
     d: float
+
+    def __call__(self, z: Array) -> Any:
+        """Evaluate G at points z, shape (n,)."""
+        resolvent = np.linalg.solve(
+            (z[:, None, None] * np.eye(self.c.size) - self.phi).transpose(0, 2, 1), self.c
+        )
+        held_by_lags = sum(resolvent @ gamma * z**-ago for gamma, ago in self.gammas)
+        return held_by_lags + self.d * z ** -self.gammas[0][1]
+
+
+class SampledLoop(NamedTuple):
+    """A loop from sample to sample."""
+
+    plant: SampledPlant
     unstable: Any  # poles of L on or outside the unit circle
     controller: DigitalController
 
@@ -43,19 +58,12 @@ class SampledLoop(NamedTuple):
         """Evaluate the loop transfer function at frequencies in rad per time unit."""
         k = self.controller
         z = np.exp(1j * np.atleast_1d(w) * k.sample_time)
-        resolvent = np.linalg.solve(
-            (z[:, None, None] * np.eye(self.c.size) - self.phi).transpose(0, 2, 1), self.c
-        )
-        plant = (
-            sum(resolvent @ gamma * z**-ago for gamma, ago in self.gammas) + self.d * z ** -self.gammas[0][1]
-        )
-        value = plant * k(z) * k.y_span / k.u_span
+        value = self.plant(z) * k(z) * k.y_span / k.u_span
         return value if np.ndim(w) else value[0]
 
 
-def sampled_loop(loop: Loop, k: DigitalController) -> SampledLoop:
-    """Discretise the plant of a loop for its digital controller."""
-    h, process = k.sample_time, loop.process
+def sampled_plant(process: Process, h: float) -> SampledPlant:
+    """Discretise a process for an input that is held, dead time exact."""
     A, b, c, d = realise(process.num, process.den)
     own = pieces(process.delay, h)
     if d and own[0].ago == 0:
@@ -68,9 +76,14 @@ def sampled_loop(loop: Loop, k: DigitalController) -> SampledLoop:
         transition, gamma = held(A, b, piece.time)
         gammas.append((phi @ gamma, piece.ago))
         phi = phi @ transition
-    poles = np.exp(roots(process.den).astype(complex) * h)
+    return SampledPlant(phi, gammas[::-1], c, d)
+
+
+def sampled_loop(loop: Loop, k: DigitalController) -> SampledLoop:
+    """Discretise the plant of a loop for its digital controller."""
+    poles = np.exp(roots(loop.process.den).astype(complex) * k.sample_time)
     unstable = np.append(poles[np.abs(poles) > 1 - 1e-9], np.ones(int(k.integrates)))
-    return SampledLoop(phi, gammas[::-1], c, d, unstable, k)
+    return SampledLoop(sampled_plant(loop.process, k.sample_time), unstable, k)
 
 
 def _grid(loop: SampledLoop, process_den: Array, delay: float) -> Array:

@@ -1,0 +1,120 @@
+"""Where the search starts: controllers that stabilise, drawn from two families, and the way from there to the limits.
+
+The first family are PI and PID controllers behind filters of several speeds. The second has all its zeros in one place
+below a chosen crossover, as plants need that only a derivative or an acceleration stabilises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice, product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.optimal._problem import Problem
+
+if TYPE_CHECKING:
+    from pidalab.optimal._solver import Search
+
+WALL = 1e9  # in place of what is to be small, where a step has left the stable loops
+GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)  # proportional, in units of the process
+SHARES = (0.5, 0.1, 0.02, 0.004)  # integral over proportional gain
+DERIVATIVES = (0.0, 1.0, 5.0)  # over proportional gain
+FILTERS = (-4.0, -2.0, 0.0)  # logarithms of filter times
+CROSSOVERS = np.geomspace(0.02, 5.0, 9)  # of the second family, in units of the process
+BELOW, ABOVE = (
+    (3.0, 8.0, 25.0),
+    (5.0, 30.0, 200.0),
+)  # of its zeros and its filter, as factors of the crossover
+INSIDE = -1e-3  # share of the limits that an approach goes beyond keeping them
+NEAREST = 4  # candidates from which the limits are approached
+TRIED = 60  # candidates that are looked at more closely
+
+
+def at_once(search: Search) -> Array | None:
+    """The quickest candidate that keeps all limits; None if none does."""
+    kept = (x for x in _ranked(search) if search.missed(x) == 0 and search.sound(x))
+    return next(kept, None)
+
+
+def approached(search: Search) -> Array | None:
+    """A start that keeps all limits, from candidates that do not; the nearest of all is left in the search."""
+    least = np.inf
+    for start in islice(stabilising(search), NEAREST):
+        x = _relaxed(search, start)
+        missed = search.missed(x)
+        if missed < least and search.sound(x):
+            search.nearest, least = x, missed
+        if least == 0:
+            return x
+    return None
+
+
+def stabilising(search: Search) -> Iterator[Array]:
+    """Candidates that stabilise the process, those that keep the limits best first, and of equals the quickest."""
+    return (x for x in _ranked(search) if search.sound(x))
+
+
+def _ranked(search: Search) -> list[Array]:
+    """Candidates that turn as stable loops do, the nearest to the limits first, and of equals the quickest."""
+    problem, constraints = search.problem, search.constraints()
+    likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))
+    ranked = [(search.missed(x, constraints), -x[0], x) for x in likely]
+    ranked.sort(key=lambda entry: entry[:2])
+    return [x for _, _, x in ranked[:TRIED]]
+
+
+def _relaxed(search: Search, start: Array) -> Array:
+    """Go from a start to where the limits are kept, or missed by least."""
+    from scipy.optimize import minimize
+
+    constraints = search.constraints()
+    only_slack = np.append(np.zeros(start.size), 1.0)
+
+    def slack(z: Array) -> tuple[float, Array]:
+        astray = search.problem.unstable(z[:-1])
+        return (WALL, np.zeros(z.size)) if astray else (float(z[-1]), only_slack)
+
+    def with_slack(one: dict[str, Any]) -> dict[str, Any]:
+        def slope(z: Array) -> Array:
+            rows = np.atleast_2d(one["jac"](z[:-1]))
+            return np.hstack([rows, np.ones((rows.shape[0], 1))])
+
+        return {"type": "ineq", "fun": lambda z: np.atleast_1d(one["fun"](z[:-1])) + z[-1], "jac": slope}
+
+    with np.errstate(all="ignore"):
+        found = minimize(
+            slack, np.append(start, search.missed(start, constraints)), jac=True, method="SLSQP",
+            bounds=[*search.bounds, (INSIDE, None)], constraints=[with_slack(one) for one in constraints],
+            options={"maxiter": 80, "ftol": 1e-7},
+        ).x[:-1]  # fmt: skip
+        better = search.missed(found, constraints) < search.missed(start, constraints)
+    return found if better else start
+
+
+def _candidates(problem: Problem, fastest: float, slowest: float) -> list[Array]:
+    """Both families, each with every filter that is allowed."""
+    found = []
+    for gain, share, derivative in product(GAINS, SHARES, DERIVATIVES if problem.order else (0.0,)):
+        action = np.array([gain * share, gain, derivative * gain])[: problem.gains]
+        times = {float(np.clip(time, fastest, slowest)) for time in FILTERS}
+        found += [_unknowns(problem, action, time) for time in sorted(times)]
+    for w, below, zeros in product(CROSSOVERS, BELOW, range(1, problem.gains)):
+        action = np.poly(np.full(zeros, -w / below))[::-1]
+        action = action / abs(np.polyval(action[::-1], 1j * w) * problem.process(1j * w / problem.time))
+        action *= w / problem.gain
+        times = {float(np.clip(-np.log(w * above), fastest, slowest)) for above in ABOVE}
+        found += [_unknowns(problem, action, time) for time in sorted(times)]
+    return found
+
+
+def _unknowns(problem: Problem, action: Array, time: float) -> Array:
+    """Vector of unknowns of some of the gains and the logarithm of the filter time; no prefilter."""
+    x = np.zeros(problem.size)
+    x[: action.size], x[problem.gains] = action, time
+    x[0] = max(x[0], 1e-6)
+    if problem.test == "setpoint":
+        x[-2] = 1.0
+    return x

@@ -1,0 +1,46 @@
+"""The unit of time of a search, in which the loop around a process has numbers near 1."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pidalab.optimal._solver import Limits
+from pidalab.process import Process
+from pidalab.roots import roots
+
+CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
+TURN = 0.25 * math.pi  # the same, after what several integrators turn it by
+SHARE = 0.1  # of the noise that is allowed, proportional action in that unit, where nothing else sets it
+
+
+def unit_of_time(process: Process, limits: Limits) -> float:
+    """Unit of time in which a loop around the process has numbers near 1, if nothing but robustness limits it."""
+    poles = roots(process.den)
+    integrators = int(np.sum(poles == 0))
+    speeds = np.abs(np.concatenate([poles, roots(process.num)]))
+    speeds = speeds[speeds > 0]
+    corners = np.append(speeds, 1 / process.delay) if process.delay else speeds
+    if not corners.size:
+        return _by_noise(process, integrators, limits)
+    growing = np.max(poles.real)
+    if growing > 0:  # between what runs away and what cannot be answered sooner
+        return 1 / math.sqrt(growing * float(corners.max()))
+    w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
+    phase = np.unwrap(np.angle(process(1j * w)))
+    at_rest = -0.5 * np.pi * integrators
+    turned = phase + (at_rest - phase[0]) < min(CORNER, at_rest - TURN)
+    return 1 / float(w[np.argmax(turned)]) if turned.any() else 1 / float(corners.max())
+
+
+def _by_noise(process: Process, integrators: int, limits: Limits) -> float:
+    """The unit for integrators alone, around which nothing but noise limits a loop."""
+    loudest = limits.mks or limits.noise_gain
+    if not integrators or loudest is None:
+        raise ValueError(
+            "process must have a lag or a dead time: a gain alone has no best controller, and integrators alone have "
+            "one only under a limit of noise (mks, or noise_gain with sample_time)"
+        )
+    gain = abs(float(process.num[-1] / process.den[0]))
+    return float((gain * SHARE * loudest) ** (-1 / integrators))
