@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/vendored.py tools/vendored.toml $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks claims faults lint bench study release archive lock clean
+.PHONY: help env book test notebooks slides claims faults lint bench study release archive lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -36,6 +36,9 @@ test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, 
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 	$(BIN)/python tools/notebooks.py
+
+slides: $(ENV)  ## make slides of the lectures in _build/slides, each in one file
+	$(BIN)/python tools/slides.py
 
 claims: $(ENV)  ## disturb what the claims stand on and see each one fail (long)
 	$(BIN)/python tools/claims.py

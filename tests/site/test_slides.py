@@ -1,0 +1,100 @@
+"""Slides of the lectures: whole in one file, readable without a network, moved by keys."""
+
+import importlib.util
+import re
+
+import pytest
+from looking import NARROW, OVERFLOW, WIDE, barriers
+
+COUNT = "() => document.querySelectorAll('.slide').length"
+SHOWN = (
+    "() => [...document.querySelectorAll('.slide')].findIndex((slide) => slide.classList.contains('now')) + 1"
+)
+TYPESET = "() => document.documentElement.dataset.typeset"
+LOADS = re.compile(r"""<(?:script|img|link|iframe)\b[^>]*\b(?:src|href)="(?!data:)[^"]*""")
+
+
+@pytest.fixture(scope="module")
+def tool(root):
+    spec = importlib.util.spec_from_file_location("slides", root / "tools" / "slides.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def made(tool, tmp_path_factory):
+    return {path.stem: path for path in tool.main(tmp_path_factory.mktemp("slides"))}
+
+
+def missing(text):
+    """What the slides of a lecture lack, and what they would load."""
+    text = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
+    wanted = {  # by its mark
+        "a question": "The question.",
+        "a figure": "data:image/svg+xml",
+        "a live figure": 'class="pidalab-live"',
+        "a recipe": "<h2>The recipe</h2>",
+        "formulas": r"\(",
+        "a project": "<h2>Project</h2>",
+    }
+    wrong = [f"without {what}" for what, mark in wanted.items() if mark not in text]
+    exercises, answers = text.count("<h2>Exercise: "), text.count("<summary>Answer</summary>")
+    if exercises < 6 or answers != exercises:
+        wrong.append(f"{exercises} exercises, {answers} answers")
+    return wrong + [f"loads {found}" for found in LOADS.findall(text)]
+
+
+def test_every_lecture_has_slides_with_all_its_parts(made, root):
+    assert sorted(made) == sorted(path.stem for path in root.glob("book/learn/*.ipynb"))
+    assert {name: missing(path.read_text(encoding="utf-8")) for name, path in made.items()} == {
+        name: [] for name in made
+    }
+
+
+def test_slides_are_moved_by_keys_and_fit(made, visit):
+    for name, path in made.items():
+        page, wrong = visit(path.as_uri(), viewport=WIDE)
+        page.wait_for_function(TYPESET)
+        for number in range(1, page.evaluate(COUNT) + 1):
+            assert page.evaluate(SHOWN) == number, name
+            assert page.evaluate("() => document.querySelector('.now').scrollWidth") <= WIDE["width"]
+            page.keyboard.press("PageDown")
+        assert page.locator("mjx-merror").count() == 0, name
+        assert page.locator("mjx-container").count() > 10, name
+        assert page.locator(".pidalab-live .lab-plots svg").count() >= 1, name
+        assert wrong == [], name
+
+
+def test_slides_in_the_dark_on_a_phone(made, visit):
+    page, wrong = visit(made["what-acceleration-does"].as_uri() + "#4", "dark", NARROW)
+    page.wait_for_function(TYPESET)
+    assert page.evaluate(SHOWN) == 4
+    assert page.evaluate(OVERFLOW) <= 1
+    assert page.locator("html").get_attribute("data-theme") == "dark"
+    page.keyboard.press("n")
+    assert page.locator(".now .notes").is_visible()
+    page.keyboard.press("d")
+    assert page.locator("html").get_attribute("data-theme") == "light"
+    page.keyboard.press("Home")
+    page.get_by_role("button", name="On", exact=True).click()
+    assert page.evaluate(SHOWN) == 2
+    assert wrong + barriers(page, runOnly=["color-contrast", "image-alt", "button-name"]) == []
+
+
+def test_a_slider_keeps_its_keys(made, visit):
+    page, _ = visit(made["what-acceleration-does"].as_uri())
+    page.wait_for_function(TYPESET)
+    while not page.locator(".now .pidalab-live").count():
+        page.keyboard.press("ArrowRight")
+    before = page.evaluate(SHOWN)
+    page.locator(".now input[type=range]").first.press("ArrowRight")
+    assert page.evaluate(SHOWN) == before
+
+
+def test_what_is_missing_is_found(made):
+    text = made["what-acceleration-does"].read_text(encoding="utf-8")
+    assert missing(text.replace("<h2>Exercise: ", "<h2>", 1)) == ["5 exercises, 6 answers"]
+    assert missing(text.replace("<h2>The recipe</h2>", "")) == ["without a recipe"]
+    (found,) = missing(text + '<script src="https://far.example/x.js"></script>')
+    assert "far.example" in found

@@ -1,0 +1,264 @@
+"""Make slides of the lectures: one HTML file each, which needs no network, no other file and no notebook.
+
+The source is the lecture itself, with its stored outputs: `python tools/slides.py` writes _build/slides. What a slide
+shows is a heading with its formulas, lists, figures, live figures and results; running text and code become notes,
+which the key N shows. An exercise is a slide of its own, with its answer folded.
+"""
+
+import base64
+import re
+import sys
+from collections.abc import Iterator
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+import nbformat
+from markdown_it import MarkdownIt
+from mdit_py_plugins.dollarmath import dollarmath_plugin
+
+ROOT = Path(__file__).resolve().parents[1]
+HERE, LAB = Path(__file__).parent, ROOT / "book" / "_static" / "lab"
+SCRIPTS = ("engine", "model", "plot", "lab", "live")
+SHOWN = {"list", "formula", "figure", "live", "result", "table", "shown"}  # on the slide; the rest are notes
+PICTURES = {"figure", "live"}
+CODE_SHOWN = "The recipe"  # heading under which code is no note
+FENCE = re.compile(r"\{([a-z:-]+)\}\s*(.*)")
+LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]*)\)")
+LEAD = re.compile(r"<p><strong>(.*?)</strong>")
+ROLE = re.compile(r"\{cite\}`([^`]*)`")
+
+
+class Block(NamedTuple):
+    """A piece of a lecture: what kind it is, and its HTML; a heading and an exercise have their text instead."""
+
+    kind: str
+    html: str
+
+
+def markdown() -> MarkdownIt:
+    """A reader of the lectures' Markdown that leaves formulas to MathJax."""
+
+    def formula(tex: str, options: dict) -> str:
+        return (r"\[{}\]" if options["display_mode"] else r"\({}\)").format(escape(tex))
+
+    own = MarkdownIt("commonmark", {"html": True}).enable("table")
+    return own.use(dollarmath_plugin, renderer=formula, allow_labels=False)
+
+
+# --- from cells to blocks --------------------------------------------------------------------------------------------
+
+
+def titles(folder: Path) -> dict[str, str]:
+    """First headings of chapters and lectures by their names, for links without words."""
+    found = {}
+    for path in [*folder.glob("*.ipynb"), *folder.glob("learn/*.ipynb")]:
+        cell = next((c for c in nbformat.read(path, as_version=4).cells if c.cell_type == "markdown"), None)
+        heading = re.search(r"^# (.*)$", cell.source, re.MULTILINE) if cell else None
+        if heading:
+            found[path.stem] = heading[1]
+    return found
+
+
+def plain(text: str, names: dict[str, str]) -> str:
+    """Text without links and citations: a slide leads nowhere."""
+    text = LINK.sub(lambda link: link[1] or f"*{names.get(Path(link[2]).stem, Path(link[2]).stem)}*", text)
+    return ROLE.sub("", text).replace(" .", ".")
+
+
+def blocks_of_text(own: MarkdownIt, text: str) -> Iterator[Block]:
+    """Blocks of a Markdown cell."""
+    tokens = own.parse(text)
+    start = depth = 0
+    for i, token in enumerate(tokens):
+        depth += token.nesting
+        if depth:
+            continue
+        piece, start = tokens[start : i + 1], i + 1
+        html = own.renderer.render(piece, own.options, {})
+        kind = piece[0].type
+        if kind == "heading_open":
+            yield Block(piece[0].tag, own.renderer.renderInline(piece[1].children, own.options, {}))
+        elif kind == "fence":
+            yield from fenced(own, piece[0].info, piece[0].content)
+        elif kind.startswith("math_block"):
+            yield Block("formula", html)
+        elif kind in ("bullet_list_open", "ordered_list_open"):
+            yield Block("list", html)
+        else:
+            yield Block({"table_open": "table"}.get(kind, "text"), html)
+
+
+def fenced(own: MarkdownIt, info: str, content: str) -> Iterator[Block]:
+    """Blocks of a directive, or of plain code."""
+    directive = FENCE.match(info)
+    name, title = (directive[1], directive[2]) if directive else ("", "")
+    content = re.sub(r"^(:[\w-]+:.*\n)+", "", content)
+    if name == "raw":
+        yield Block("live", content.replace('"lab": true', '"lab": false'))
+    elif name == "exercise":
+        yield Block("exercise", f"<h2>Exercise: {escape(title)}</h2>{own.render(content)}")
+    elif name in ("solution-start", "solution-end"):
+        yield Block(name, "")
+    elif name:
+        yield Block("list", f"<div class='box'><strong>{escape(title)}</strong>{own.render(content)}</div>")
+    else:
+        yield Block("code", f"<pre><code>{escape(content)}</code></pre>")
+
+
+def blocks_of_code(cell, darkened) -> Iterator[Block]:
+    """Code of a cell, its figure in both inks, and what it prints."""
+    tags = set(cell.metadata.get("tags", []))
+    if not tags & {"remove-input", "remove-cell"}:
+        yield Block("code", f"<pre><code>{escape(cell.source)}</code></pre>")
+    for output in cell.outputs:
+        data = output.get("data", {})
+        if "scrapbook" in output.get("metadata", {}):
+            continue
+        if "image/svg+xml" in data:
+            yield Block("figure", figure("".join(data["image/svg+xml"]), cell.metadata["mystnb"], darkened))
+        elif "text/html" in data:
+            yield Block("table", "".join(data["text/html"]))
+        else:
+            text = output.get("text") or data.get("text/plain", "")
+            yield Block("result", f"<pre>{escape(''.join(text))}</pre>")
+
+
+def figure(svg: str, words, darkened) -> str:
+    """A figure as two images that are part of the page: as drawn, and in the inks of a dark page."""
+    alt = escape(words["image"]["alt"])
+    images = [
+        f'<img class="{theme}" alt="{alt}" src="data:image/svg+xml;base64,{base64.b64encode(own.encode()).decode()}">'
+        for theme, own in (("only-light", svg), ("only-dark", darkened(svg)))
+    ]
+    caption = re.sub(r"\$([^$]*)\$", r"\\(\1\\)", escape(words["figure"]["caption"]))
+    return f"<figure>{''.join(images)}<figcaption>{caption}</figcaption></figure>"
+
+
+# --- from blocks to slides -------------------------------------------------------------------------------------------
+
+
+def slides(blocks: list[Block]) -> Iterator[str]:
+    """Group blocks into slides, by headings and exercises."""
+    heading, pile = "", []
+    answer: list[Block] | None = None
+    question = ""
+    for block in [*blocks, Block("h2", "")]:
+        if answer is not None:
+            if block.kind == "solution-end":
+                inner = "".join(each.html for each in answer)
+                yield slide("", f"{question}<details><summary>Answer</summary>{inner}</details>", "")
+                answer = None
+            else:
+                answer.append(block)
+        elif block.kind in ("h1", "h2", "h3"):
+            yield from section(heading, pile)
+            heading, pile = (f"<h1>{block.html}</h1>" if block.kind == "h1" else f"<h2>{block.html}</h2>"), []
+        elif block.kind == "exercise":
+            yield from section(heading, pile)
+            heading, pile, question = "", [], block.html
+        elif block.kind == "solution-start":
+            answer = []
+        else:
+            pile.append(block)
+
+
+def section(heading: str, pile: list[Block]) -> Iterator[str]:
+    """Slides of one heading: a figure has one of its own, and text is shown where there is nothing else."""
+    pile = ready(heading, pile)
+    shown: list[str] = []
+    notes: list[str] = []
+    alone = False  # what is on the slide is a figure, perhaps with results
+    for block in pile:
+        if shown and (block.kind in PICTURES or (alone and block.kind in SHOWN - {"result"})):
+            yield slide(heading, "".join(shown), "".join(notes))
+            shown, notes, alone = [], [], False
+        (shown if block.kind in SHOWN else notes).append(block.html)
+        alone = alone or block.kind in PICTURES
+    if shown:
+        yield slide(heading, "".join(shown), "".join(notes))
+
+
+def ready(heading: str, pile: list[Block]) -> list[Block]:
+    """Blocks of a heading with the kinds that decide where they go."""
+    if heading.startswith("<h1>"):  # the question and what one can do then; results wait for the figure
+        first = next((k for k, b in enumerate(pile) if b.kind in PICTURES), 0)
+        for k, block in enumerate(pile):
+            if block.kind == "text" and k < first:
+                pile[k] = Block("shown", block.html)
+            elif block.kind == "result" and k < first:
+                pile[k] = Block("note", block.html)
+    elif CODE_SHOWN in heading:
+        pile = [Block("result", b.html) if b.kind == "code" else b for b in pile]
+    elif not any(block.kind in SHOWN for block in pile):
+        pile = [Block("shown", b.html) if b.kind == "text" else b for b in pile]
+    led = []
+    for block in pile:  # of a paragraph that begins in bold, that is shown
+        lead = LEAD.match(block.html) if block.kind == "text" else None
+        led += [Block("shown", f"<h3>{lead[1].rstrip('.')}</h3>"), block] if lead else [block]
+    return led
+
+
+def slide(heading: str, shown: str, notes: str) -> str:
+    """HTML of a slide."""
+    aside = f'<aside class="notes">{notes}</aside>' if notes else ""
+    return f'<section class="slide"><div class="inner">{heading}{shown}{aside}</div></section>'
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def lectures(toc: Path) -> list[Path]:
+    """Notebooks under book/learn, in the order of the table of contents."""
+    names = re.findall(r"file: (book/learn/[\w-]+)", toc.read_text(encoding="utf-8"))
+    return [path for name in names if (path := toc.parent / f"{name}.ipynb").is_file()]
+
+
+def page(path: Path, names: dict[str, str]) -> str:
+    """The whole HTML file of a lecture."""
+    sys.path.insert(0, str(ROOT / "book" / "_ext"))
+    from figures_for_dark import darkened
+
+    own, blocks = markdown(), []
+    for cell in nbformat.read(path, as_version=4).cells:
+        if cell.cell_type == "markdown":
+            blocks += blocks_of_text(own, plain(cell.source, names))
+        elif cell.cell_type == "code":
+            blocks += blocks_of_code(cell, darkened)
+    made = list(slides(blocks))
+    title = next(block.html for block in blocks if block.kind == "h1")
+    mathjax = files("sphinx-mathjax-offline") / "static" / "mathjax" / "tex-svg.js"
+    live = [LAB / f"{name}.js" for name in SCRIPTS] if any("pidalab-live" in each for each in made) else []
+    styles = [LAB / "lab.css", HERE / "slides.css"]
+    scripts = [HERE / "slides.js", *live, mathjax]
+    return "".join(
+        [
+            f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            *(f"<style>{each.read_text(encoding='utf-8')}</style>" for each in styles),
+            f"</head><body><main>{''.join(made)}</main>",
+            *(f"<script>{inside(each.read_text(encoding='utf-8'))}</script>" for each in scripts),
+            "</body></html>\n",
+        ]
+    )
+
+
+def inside(script: str) -> str:
+    """A script that may stand inside a page."""
+    return script.replace("</script", r"<\/script")
+
+
+def main(target: Path = ROOT / "_build" / "slides") -> list[Path]:
+    """Write the slides of all lectures."""
+    target.mkdir(parents=True, exist_ok=True)
+    names, made = titles(ROOT / "book"), []
+    for path in lectures(ROOT / "_toc.yml"):
+        made.append(target / f"{path.stem}.html")
+        made[-1].write_text(page(path, names), encoding="utf-8")
+        print(made[-1])
+    return made
+
+
+if __name__ == "__main__":
+    main()
