@@ -5,6 +5,7 @@ After `use_book_style` lines differ in dash as well as in colour, so that figure
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pidalab._check import Array
+from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.response import Response
 from pidalab.robustness._infimum import LinearPart
@@ -411,6 +413,73 @@ def popov_plot(
             )
     ax.plot([-1], [0], "+", color="#808080", markersize=9)
     ax.set(xlabel="real part of G", ylabel="frequency times imaginary part of G")
+
+
+class _LiveFigure:
+    """What a live figure of the book shows: JSON in a script, which the page's own scripts read; made by `live`."""
+
+    def __init__(self, state: Mapping[str, Any]) -> None:
+        self.state = dict(state)
+
+    def __repr__(self) -> str:
+        return f"live figure: {', '.join(self.state['names'])}"
+
+    def _repr_html_(self) -> str:
+        text = json.dumps(self.state, ensure_ascii=False).replace("<", "\\u003c")
+        return f'<script type="application/json">{text}</script>'
+
+
+def live(plant: str, controllers: Mapping[str, HighOrderPID], **more: Any) -> _LiveFigure:
+    """Hand controllers to a live figure of the book.
+
+    It belongs into a cell inside ``<div class="pidalab-live">``, which becomes a figure with knobs; a picture that the
+    cell draws stands there for readers without JavaScript.
+
+    Parameters
+    ----------
+    plant : str
+        Name of a plant of the lab, such as "lags3".
+    controllers : mapping of str to HighOrderPID
+        PI, PID or PIDA by the names to show; their numbers are handed over with six digits.
+    **more : Any
+        What else the figure is told: ``knobs``, ``plots``, ``numbers``, ``rule``, ``ms``, ``conditions``, ``lab``; the
+        head of book/_static/lab/live.js describes them.
+
+    Returns
+    -------
+    object
+        For the notebook to show; its ``state`` is what the figure is told.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For anything but controllers of class HighOrderPID by their names, with integral action and at most an
+        acceleration.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> pi = pidalab.HighOrderPID([0.5, 1.0], filter_time=0.1, filter_order=1)
+    >>> pidalab.plots.live("lags3", {"PI": pi}, plots=["load"]).state["designs"][0]["ti"]
+    2.0
+    """
+    _require_by_label("controllers", controllers, HighOrderPID)
+    designs = [_design(name, controller) for name, controller in controllers.items()]
+    return _LiveFigure({"plant": plant, "designs": designs, "names": list(controllers), **more})
+
+
+def _design(name: str, controller: HighOrderPID) -> dict[str, Any]:
+    """Write a controller as the lab does: standard form and binomial filter."""
+    gains = controller.coefficients
+    if not 2 <= len(gains) <= 4 or gains[0] == 0 or gains[1] == 0:
+        raise ValueError(
+            f"controllers[{name!r}] must have 2 to 4 gains, the first two not 0, found {list(gains)}"
+        )
+    ki, kp, kd, ka = [*gains, 0.0, 0.0][:4]
+    values = {"kp": kp, "ti": kp / ki, "td": kd / kp, "ta": ka / kp, "filterTime": controller.filter_time}
+    rounded = {key: float(f"{value:.6g}") for key, value in values.items()}
+    kind = ("PI", "PID", "PIDA")[len(gains) - 2]
+    return {"kind": kind, **rounded, "filterOrder": controller.filter_order}
 
 
 def _require_by_label(name: str, values: Any, kind: type) -> None:

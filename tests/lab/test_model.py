@@ -1,20 +1,25 @@
 """The lab's rules against the library's: the same gains, or the same largest gain."""
 
+import numpy as np
 import pytest
 from engine import SCRIPT, Engine, asked
 
 import pidalab
-from pidalab.rules import classical
+from pidalab.rules import classical, mrdp
 
 RULE = """pidalabEngine.rule = ({rule, process, design, knob}) =>
     pidalabModel.RULES[rule].apply(process, design, knob);"""
 MARGINS = "pidalabEngine.sampledMargins = pidalabModel.sampledMargins;"
+BEYOND = """pidalabEngine.beyond = ({process, controller}) =>
+    pidalabModel.beyondCrossover(process, controller);"""
 MODEL = SCRIPT.with_name("model.js")
 
 
 @pytest.fixture(scope="module")
 def model():
-    return Engine("\n".join([*(path.read_text(encoding="utf-8") for path in (SCRIPT, MODEL)), RULE, MARGINS]))
+    return Engine(
+        "\n".join([*(path.read_text(encoding="utf-8") for path in (SCRIPT, MODEL)), RULE, MARGINS, BEYOND])
+    )
 
 
 def ruled(model, rule, process, knob, **design):
@@ -98,3 +103,30 @@ def test_a_sample_time_can_make_a_loop_unstable(model):
         loop = pidalab.Loop(process, controller.discretise(h))
         found = model.sampledMargins(**asked(process, controller), sampleTime=h, end=40.0)
         assert found["stable"] is pidalab.is_stable(loop) is stable, h
+
+
+@pytest.mark.parametrize("te", [0.02, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("m", [2, 3])
+def test_what_lies_beyond_the_crossover(m, te, model):
+    design = mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m, m + 1, te)
+    # the lab knows no third derivative: PIDA, with the filter of that order
+    controller = pidalab.HighOrderPID(
+        design.controller.coefficients[:4], design.controller.filter_time, m + 1
+    )
+    loop = pidalab.Loop(design.model, controller)
+    found = model.beyond(**asked(loop.process, controller))
+    w = np.geomspace(0.1, 1e4, 400_001)
+    value = loop.L(1j * w)
+    below = int(np.argmax(np.abs(value) < 1))
+    size = np.abs(value[below:])
+    rises = np.diff(size) > 0
+    assert found["first"] == pytest.approx(180 + np.angle(value[below], deg=True), abs=0.01)
+    top = size[int(np.argmax(rises)) :].max() if rises.any() else 0
+    assert found["hump"] == pytest.approx(top, rel=1e-4)
+
+
+def test_nothing_lies_beyond_a_loop_that_only_falls(model):
+    loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.3, 1.0], 0.1, 1))
+    assert model.beyond(**asked(loop.process, loop.controller))["hump"] == 0
+    never = pidalab.HighOrderPID([0.0, 0.5], 0.1, 1)  # without an integral the gain begins at a half
+    assert np.isnan(model.beyond(**asked(loop.process, never))["hump"])

@@ -8,7 +8,7 @@
 
   const START = {
     plant: "lags3", own: { gain: 1, t1: 1, t2: 1, t3: 1, damping: 1, zero: 0, delay: 1, integrating: false },
-    record: null,
+    given: null, record: null,
     design: { kind: "PIDA", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3 },
     rule: "cancellation", ms: 1.4, tc: 1,
     limited: false, low: -1, high: 3, antiWindup: "clamping", sampled: false, sampleTime: 0.1, noisy: false, noise: 0.02,
@@ -146,9 +146,9 @@
       control: () => ({ title: "Control signal u, step of the set point", ...run("u", "setpoint", shown.some((s) => s.limited) ? 1 : 1 / 3) }),
       effort: () => ({ title: "Control signal u, step of the load", ...run("u", "load") }),
       nyquist: () => ({
-        title: "Nyquist curve of L, and the circle 1/Ms around −1", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
+        title: "Nyquist curve; unit circle, circle 1/Ms around −1", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
         lines: [{ x: turn.map((a) => -1 + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" },
-          { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...curves.map((c) => ({ x: c.re, y: c.im, kind: c.kind }))],
+          { x: turn.map(Math.cos), y: turn.map(Math.sin), kind: "mark" }, { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...curves.map((c) => ({ x: c.re, y: c.im, kind: c.kind }))],
       }),
       bode: () => ({
         title: "Loop gain |L|", x: bode, y: { log: true, range: [1e-3, 1e2] },
@@ -164,12 +164,15 @@
     }
   }
 
-  /* What a table may show of a design. */
+  /* What a table may show of a design: a name, the number, and whether an unstable loop has it, too. */
+  const degrees = (radians) => (radians * 180) / Math.PI;
   const NUMBERS = {
     iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["mks", (s) => s.mks],
     gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm],
     peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => s.overshoot],
     sigma: ["σ(u) per σ(n)", (s) => s.sigma],
+    gmLeast: ["at least Ms/(Ms−1)", (s) => s.ms / (s.ms - 1)], pmLeast: ["at least 2 asin 1/(2Ms), °", (s) => degrees(2 * Math.asin(0.5 / s.ms))],
+    first: ["phase margin at the first crossover, °", (s) => s.first, true], hump: ["top of |L| beyond it", (s) => s.hump, true],
   };
 
   // --- one lab ------------------------------------------------------------------------------------------------------
@@ -194,7 +197,8 @@
     }
 
     get process() {
-      return this.state.plant === "own" ? ownPlant(this.state.own) : PLANTS[this.state.plant] ?? PLANTS.lags3;
+      const { plant, own, given } = this.state;
+      return plant === "own" ? ownPlant(own) : plant === "given" && given ? given : PLANTS[plant] ?? PLANTS.lags3;
     }
 
     get conditions() {
@@ -239,7 +243,7 @@
 
       this.rows = [
         choice({
-          label: "plant", options: [...Object.entries(PLANTS).map(([key, plant]) => [key, plant.name]), ["own", "my own"]],
+          label: "plant", options: [...Object.entries(PLANTS).map(([key, plant]) => [key, plant.name]), ["given", "the plant of the link"], ["own", "my own"]],
           get: () => this.state.plant, set: (plant) => this.change({ plant, record: plant === "own" ? this.state.record : null }),
         }),
         ...this.ownRows.children,
@@ -339,6 +343,7 @@
       const { state } = this, rule = RULES[state.rule] ?? RULES.hand, order = ORDER[state.design.kind];
       const visible = (row, yes) => { row.hidden = !yes; };
       visible(this.ownRows, state.plant === "own");
+      visible(this.rows[0].querySelector("option[value=given]"), state.given);
       visible(this.msRow, rule.knob === "ms"); visible(this.tcRow, rule.knob === "tc");
       visible(this.tdRow, order > 0); visible(this.taRow, order > 1);
       for (const row of [this.lowRow, this.highRow, this.windupRow]) visible(row, state.limited);

@@ -1,5 +1,7 @@
-/* Live figures: a <div class="pidalab-live" data-live='{…}'> of a page becomes a figure with knobs, made of the lab's
-   parts. What stands inside it, a static figure, stays for readers without JavaScript and on paper. data-live holds
+/* Live figures: a <div class="pidalab-live"> of a page becomes a figure with knobs, made of the lab's parts. What stands
+   inside it is for readers without JavaScript; if that is a figure with a caption, the knobs and plots take the place of its
+   picture, and number and caption stay. What it shows is JSON, in the attribute data-live or in a script inside the div
+   (`pidalab.plots.live` writes one):
 
      plant     key of a plant, or {num, den, delay, end}
      designs   list of designs: {kind, kp, ti, td, ta, filterTime, filterOrder}
@@ -9,8 +11,9 @@
      knobs     list of {key, label, low, high, log, step}; key is one of a design ("kp", "filterTime", …: it is set in all of
                them, or in the one that `design` numbers), "ms", "tc", "plant.delay", or "limits.high", "sampleTime", "noise"
      plots     names out of setpoint, load, control, effort, nyquist, bode, lead, noise
-     numbers   names out of iae, iaeSetpoint, overshoot, ms, mks, gm, pm, dm, peak, sigma
-     caption   a sentence under it; `lab: true` adds a link to the lab with the first design loaded */
+     numbers   names out of iae, iaeSetpoint, overshoot, ms, mks, gm, gmLeast, pm, pmLeast, dm, peak, sigma; first and hump
+               (which stand for unstable loops, too, so they come last)
+     caption   a sentence under it; `lab: true` adds a link to the lab with these designs loaded */
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
@@ -19,7 +22,7 @@
   class Live {
     constructor(host) {
       this.host = host;
-      this.state = JSON.parse(host.dataset.live);
+      this.state = JSON.parse(host.dataset.live ?? host.querySelector("script[type='application/json']").textContent);
       const { plant } = this.state;
       this.process = { ...(typeof plant === "string" ? PLANTS[plant] : plant) };
       this.state.conditions ??= {};
@@ -55,8 +58,12 @@
       this.live = element("p", { class: "lab-live", role: "status" });
       const caption = element("p", { class: "lab-caption" }, state.caption ?? "");
       if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
-      this.host.replaceChildren(
-        element("div", { class: "lab-knobs" }, ...this.knobs), this.live, element("div", { class: "lab-plots" }, ...Object.values(this.plots)), this.table, caption);
+      const parts = [element("div", { class: "lab-knobs" }, ...this.knobs), this.live, element("div", { class: "lab-plots" }, ...Object.values(this.plots)), this.table];
+      const figure = this.host.querySelector("figure");
+      if (!figure) return this.host.replaceChildren(...parts, caption);
+      for (const picture of figure.querySelectorAll("img")) picture.remove();
+      figure.prepend(...parts);
+      this.host.append(caption);
     }
 
     later() { if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); }); }
@@ -78,21 +85,31 @@
         element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "loop"), ...columns.map(([name]) => element("th", { scope: "col" }, name)))),
         element("tbody", {}, ...shown.map((s) => element("tr", {},
           element("th", { scope: "row" }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.name}`),
-          ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s)))) : [element("td", { colspan: columns.length }, "unstable")]))))));
-      if (this.link && shown[0]) {
-        this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
-      }
+          ...this.cells(s, columns))))));
+      if (this.link && shown[0]) this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       clearTimeout(this.speaking);
-      const words = shown.map((s) => `${s.name}: ${s.stable ? columns.map(([name, get]) => `${name} ${digits(get(s))}`).join(", ") : "unstable"}.`);
+      const words = shown.map((s) => `${s.name}: ${s.stable ? "" : "unstable, "}${this.known(s, columns).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
       this.speaking = setTimeout(() => { this.live.textContent = trouble.join(" "); this.live.setAttribute("aria-label", [...trouble, ...words].join(" ")); }, 250);
     }
 
-    /* What the lab needs to show the same: the first design as its own, the others as kept ones. */
+    /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */
+    known(s, columns) { return s.stable ? columns : columns.filter(([, , always]) => always); }
+
+    cells(s, columns) {
+      const known = this.known(s, columns), missing = columns.length - known.length;
+      return [
+        ...(missing ? [element("td", { colspan: missing }, "unstable")] : []), ...known.map(([, get]) => element("td", {}, digits(get(s)))),
+      ];
+    }
+
+    /* What the lab needs to show the same: the first design as its own, the others as kept ones, on the plant as the knobs
+       left it. */
     forLab(shown) {
-      const { plant, conditions } = this.state, { limits, sampleTime, noise, antiWindup } = { ...conditions, ...shown[0].design.conditions };
+      const { limits, sampleTime, noise, antiWindup } = { ...this.state.conditions, ...shown[0].design.conditions };
       const [own, ...kept] = shown.map(({ design: { conditions: _, ...design } }) => design);
+      const { num, den, delay, end } = this.process, untouched = PLANTS[this.state.plant]?.delay === delay;
       return {
-        ...(typeof plant === "string" ? { plant } : {}), design: own, kept, rule: "hand",
+        ...(untouched ? { plant: this.state.plant } : { plant: "given", given: { num, den, delay, end } }), design: own, kept, rule: "hand",
         ...(limits ? { limited: true, low: limits[0], high: limits[1] } : {}), ...(antiWindup ? { antiWindup } : {}),
         ...(sampleTime ? { sampled: true, sampleTime } : {}), ...(noise ? { noisy: true, noise } : {}),
       };

@@ -16,8 +16,10 @@
   /* Plants of the papers; `end` is a time by which a good loop is at rest. */
   const PLANTS = {
     "lags3": { name: "1/(s+1)³, dead time 1", num: [1], den: lags(3), delay: 1, end: 40 },
+    "unequal": { name: "1/((5s+1)(s+1)(0.5s+1)), dead time 0.5", num: [1], den: multiply([5, 1], multiply([1, 1], [0.5, 1])), delay: 0.5, end: 40 },
     "haalman-1": { name: "haalman2024, example 1: 1/(s+1)⁴", num: [1], den: lags(4), delay: 0, end: 30 },
     "haalman-2": { name: "haalman2024, example 2: 1/(s+1)⁸", num: [1], den: lags(8), delay: 0, end: 70 },
+    "heo-1": { name: "heo2023, example 1: e^(−0.2s)/(s+1)³", num: [1], den: lags(3), delay: 0.2, end: 20 },
     "vrancic-3": { name: "vrancic2021, G_P3 as computed: e^(−0.5s)/(s+1)³", num: [1], den: lags(3), delay: 0.5, end: 30 },
     "vrancic-6": { name: "vrancic2021, G_P6: 1/((s+1)(s+3)(s+6))", num: [1], den: multiply([1, 1], multiply([1, 3], [1, 6])), delay: 0, end: 12 },
     "huba-ipdt": { name: "huba2018, huba2024: e^(−s)/s", num: [1], den: [1, 0], delay: 1, end: 30 },
@@ -111,6 +113,33 @@
     return { ...none, ms: top(s), mks: top(u), stable: true };
   }
 
+  /* Phase margin where the loop gain first falls through 1, in degrees, and the top of |L| where it has risen again beyond:
+     what a look at the usual frequencies tells, and what it misses. Both are read between the points of a grid, closer
+     each time. */
+  function beyondCrossover(process, own) {
+    const response = (w) => {
+      const { re, im } = frequencyResponse({ process, controller: own, w });
+      return { size: w.map((_, k) => Math.hypot(re[k], im[k])), phase: w.map((_, k) => (Math.atan2(im[k], re[k]) * 180) / Math.PI) };
+    };
+    const between = (a, b) => Array.from({ length: 41 }, (_, k) => a * Math.pow(b / a, k / 40));
+    const closer = (w, pick) => {
+      let found, grid = w;
+      for (let round = 0; round < 4; round++) {
+        const { size, phase } = response(grid), k = pick(size);
+        found = { size: size[k], phase: phase[k] };
+        grid = between(grid[Math.max(k - 1, 0)], grid[Math.min(k + 1, grid.length - 1)]);
+      }
+      return found;
+    };
+    const { w } = frequencyResponse({ process, controller: own }), { size } = response(w);
+    const below = size.findIndex((x, k) => k && x < 1 && size[k - 1] >= 1);
+    if (below < 0) return { first: NaN, hump: NaN };
+    const crossover = closer(w.slice(below - 1, below + 1), (sizes) => Math.max(sizes.findIndex((x) => x < 1), 1));
+    const valley = size.findIndex((x, k) => k >= below && x < size[k + 1]);
+    const top = valley < 0 ? { size: 0 } : closer(w.slice(valley), (sizes) => sizes.indexOf(Math.max(...sizes)));
+    return { first: crossover.phase > 0 ? crossover.phase - 180 : crossover.phase + 180, hump: top.size };
+  }
+
   /* Everything the lab shows of one design on one plant. A digital controller has differences for a sample time. */
   function study(process, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) {
     const own = controller(design, limits), digital = { sampleTime: sampleTime || end / 4000, method: "backward" };
@@ -123,7 +152,7 @@
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
     const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
     return {
-      design, setpoint: runs[0], load: runs[1], ...found, sampleTime: h, stairs: sampleTime > 0, limited: limits !== null,
+      design, setpoint: runs[0], load: runs[1], ...found, ...(sampleTime ? {} : beyondCrossover(process, own)), sampleTime: h, stairs: sampleTime > 0, limited: limits !== null,
       iae: iae(runs[1].t, runs[1].y, 0), iaeSetpoint: iae(runs[0].t, runs[0].y, 1), peak: largest(runs[0].u),
       overshoot: 100 * Math.max(0, runs[0].y.reduce((top, value) => Math.max(top, value), 0) - 1),
       sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h), sampleTime ? "backward" : "held") : NaN,
@@ -255,5 +284,5 @@
     try { return JSON.parse(decodeURIComponent(atob(text.slice(PREFIX.length).replace(/_/g, "+").replace(/-/g, "/")))); } catch { return null; }
   }
 
-  globalThis.pidalabModel = { write, read, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, iae, gainForMs, halfRule, uniform };
+  globalThis.pidalabModel = { write, read, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
 })();
