@@ -1,6 +1,6 @@
 """The command line: a record becomes code that compiles; what is wrong is one line and an exit status."""
 
-import json
+import re
 import subprocess
 
 import numpy as np
@@ -9,18 +9,25 @@ from click.testing import CliRunner
 
 import pidalab
 from pidalab.cli import main
+from pidalab.digital import from_json
+
+TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
 
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory):
-    """A step of a plant with three lags, with noise, in a file."""
-    t = np.arange(0.0, 80.0, 0.25)
-    y = np.interp(t - 10.0, t, pidalab.open_loop_step(pidalab.lags(3, delay=2.0), t).y, left=0.0)
-    y = 20.0 + 10.0 * y + np.random.default_rng(1).normal(0.0, 0.02, t.size)
-    u = np.where(t < 10.0, 40.0, 45.0)
+    """A historian's file of a plant with three lags: decimal commas, a late start, a gap, missing values, doublets."""
+    rng, fine = np.random.default_rng(8), np.linspace(0.0, 400.0, 8001)
+    t = np.sort(1000.0 + np.cumsum(rng.uniform(0.6, 1.4, 330)))
+    t = t[(t < 1150.0) | (t > 1162.0)]
+    stepped = t[0] + 37.0
+    y = 310.0 + 7.0 * np.interp(t - stepped, fine, pidalab.open_loop_step(TRUE, fine).y, left=0.0)
+    y = np.round((y + rng.normal(0.0, 0.08, t.size)) / 0.05) * 0.05
+    rows = [f"{a:.2f};{b};{c:.2f}" for a, b, c in zip(t, np.where(t < stepped, 40, 47), y, strict=True)]
+    rows[50] = f"{t[50]:.2f};47;"
+    rows.insert(100, rows[99])
     path = tmp_path_factory.mktemp("plant") / "step.csv"
-    rows = [f"{a},{b},{c}" for a, b, c in zip(t.tolist(), u.tolist(), y.tolist(), strict=True)]
-    path.write_text("\n".join(["time,valve,level", *rows]))
+    path.write_text("\n".join(["time;valve;temperature", *rows]).replace(".", ","))
     return path
 
 
@@ -28,44 +35,73 @@ def run(*arguments):
     return CliRunner().invoke(main, [str(one) for one in arguments])
 
 
-def test_a_record_becomes_code_that_compiles_and_a_report(record, tmp_path):
-    columns = ("--time", "time", "--u", "valve", "--y", "level")
+def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust_as_was_said(
+    record, tmp_path
+):
+    columns = ("--time", "time", "--u", "valve", "--y", "temperature")
+    limits = ("--u-min", 0, "--u-max", 100)
     result = run(
-        "tune",
-        record,
-        *columns,
-        "--kind",
-        "PID",
-        "--sample-time",
-        0.2,
-        "--u-min",
-        0,
-        "--u-max",
-        100,
-        "--out",
-        tmp_path,
-    )
+        "tune", record, *columns, "--kind", "PIDA", "--ms", 1.6, "--sample-time", 0.2, *limits, "--out", tmp_path
+    )  # fmt: skip
     assert result.exit_code == 0, result.output
-    for said in (
-        "Record",
-        "Model",
-        "Controller",
-        "Margins, continuous",
-        "Margins, sampled every 0.2",
-        "worst Ms",
-    ):
+    for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
         assert said in result.stdout
+    worst = float(re.search(r"worst Ms within it, sampled: (\S+)", result.stdout)[1])
+    controller = from_json((tmp_path / "controller.json").read_text())
+    assert 1.6 < pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst < 2.0
     program = tmp_path / "test"
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-DPIDA_SELFTEST"]
     subprocess.run(["gcc", *flags, "-o", program, tmp_path / "controller.c", "-lm"], check=True)
     subprocess.run([program], check=True)
     compile((tmp_path / "controller.py").read_text(), "controller.py", "exec")
     assert "FUNCTION_BLOCK" in (tmp_path / "controller.st").read_text()
-    assert json.loads((tmp_path / "controller.json").read_text())
     report = (tmp_path / "report.html").read_text()
     assert report.count("<svg") == 1
     assert "<script" not in report
     assert "src=" not in report
+    # what was written runs in the next command
+    plant = ("--num", "2.3", "--den", "360,198,29,1", "--delay", 8)
+    found = run("simulate", *plant, "--controller", tmp_path / "controller.json", "--until", 300)
+    assert "Ms = 1." in found.stdout
+    assert "output at the end 1" in found.stdout or "output at the end 0.99" in found.stdout
+
+
+def test_report_sets_candidates_side_by_side(record, tmp_path):
+    page = tmp_path / "report.html"
+    result = run("report", record, "--rule", "simc", "--sample-time", 0.2, "--out", page)
+    assert result.exit_code == 0, result.output
+    assert "PID against PI" in result.stdout
+    assert "none of them knows acceleration" in result.stdout
+    assert "PI, PID and PIDA for step.csv" in page.read_text()
+
+
+def test_simulate_is_the_engine(tmp_path):
+    out = tmp_path / "response.csv"
+    plant = ("--den", "1,3,3,1", "--delay", 1)
+    result = run("simulate", *plant, "--kp", 1.3, "--ti", 3, "--until", 20, "--out", out)
+    assert result.exit_code == 0, result.output
+    t, _, y, u = np.loadtxt(out, delimiter=",", skiprows=1).T
+    loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.3, 3.0))
+    response = pidalab.step_response(loop, t)
+    assert np.allclose([y, u], [response.y, response.u], atol=1e-9)
+    assert f"IAE {response.iae():.6g}" in result.stdout
+    assert f"Ms = {pidalab.margins(loop).ms:.4g}" in result.stdout
+    limited = run(
+        "simulate", *plant, "--kp", 1.3, "--ti", 3, "--until", 20, "--sample-time", 0.1, "--u-max", 1.1
+    )
+    assert "largest |u| 1.1" in limited.stdout
+
+
+def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
+    def quick(*arguments, **options):
+        return pidalab.report(*arguments, kinds="PI", **options)
+
+    monkeypatch.setattr("pidalab.reporting.report", quick)
+    result = run("tclab", "--duration", 600, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "Closed loops, simulated" in result.stdout
+    assert np.loadtxt(tmp_path / "PI.csv", delimiter=",", skiprows=1).shape == (1201, 5)
+    assert "<svg" in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.parametrize(
@@ -87,8 +123,34 @@ def test_usage_is_status_2_and_help_has_an_example(record):
     assert run("tune", record).exit_code == 2
     assert run("tune", "nowhere.csv", "--sample-time", 1).exit_code == 2
     assert run("compare", "--num", "one", "--den", "1,1").exit_code == 2
-    for command in ("tune", "compare"):
-        assert f"pidalab {command} " in run(command, "--help").stdout.split("Example:")[1]
+    assert run("simulate", "--den", "1,1", "--until", 9).exit_code == 2
+    assert run("simulate", "--den", "1,1", "--kp", 1, "--until", 9, "--u-max", 1).exit_code == 2
+    for command in ("tune", "report", "compare", "simulate", "tclab"):
+        assert re.search(rf"Examples?:\n\s+pidalab {command}\b", run(command, "--help").stdout)
+
+
+def test_a_bad_row_is_named(record, tmp_path):
+    lines = record.read_text().splitlines()
+    bad = tmp_path / "bad.csv"
+    bad.write_text("\n".join([*lines[:60], lines[60].replace(";", ";x"), *lines[61:]]))
+    result = run("tune", bad, "--sample-time", 0.2)
+    assert result.exit_code == 1
+    assert "row 61" in result.stderr
+
+
+def test_a_controller_changed_by_hand_is_refused(tmp_path):
+    path = tmp_path / "controller.json"
+    path.write_text(pidalab.PIDA(2.0, 4.0).discretise(0.5).json().replace('"new": 0.25', '"new": 0.26'))
+    result = run("simulate", "--den", "1,1", "--controller", path, "--until", 9)
+    assert result.exit_code == 1
+    assert "changed by hand" in result.stderr
+
+
+def test_no_board_is_one_line(monkeypatch):
+    monkeypatch.setattr("tclab.tclab.list_ports.comports", lambda: [])
+    result = run("tclab", "--connected")
+    assert result.exit_code == 1
+    assert result.stderr.strip() == "Error: No Arduino device found."
 
 
 def test_compare_prints_the_table(monkeypatch):

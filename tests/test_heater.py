@@ -95,6 +95,16 @@ def test_a_second_run_goes_on_where_the_first_one_ended():
     )
 
 
+def test_hold_warms_up_and_cools_down(board):
+    lab = Lab(connected=True)
+    lab.hold(50.0, 600.0)
+    warm = board.T1
+    lab.hold(duration=1200.0)
+    assert warm > 45.0
+    assert board.T1 < 24.0
+    assert board.clock.now == pytest.approx(5.0 + 1800.0)
+
+
 def test_a_board_behind_the_same_calls(board):
     with Lab(connected=True) as lab:
         record = lab.step_test(duration=200.0, rest=20.0)
@@ -121,6 +131,7 @@ def test_without_the_package(monkeypatch):
     ("call", "error", "message"),
     [
         (lambda lab: lab.step_test(after=101.0), ValueError, "after must be a power from 0 to 100"),
+        (lambda lab: lab.hold(-1.0), ValueError, "power must be a power from 0 to 100"),
         (lambda lab: lab.step_test(rest=0.0), ValueError, "rest must be above 0"),
         (lambda lab: lab.step_test(sample_time=700.0), ValueError, "at least two samples"),
         (lambda lab: lab.closed_loop(pidalab.PIDA(1.0, 2.0), 40.0), TypeError, "discretise"),

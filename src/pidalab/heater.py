@@ -84,6 +84,30 @@ class Lab:
         with contextlib.nullcontext() if self.connected else _silent():
             self._device.close()
 
+    def hold(self, power: float = 0.0, duration: float = 1200.0) -> None:
+        """Leave heater 1 at a power and heater 2 off, to warm up or to cool down.
+
+        Parameters
+        ----------
+        power : float, optional
+            In per cent.
+        duration : float, optional
+            Seconds.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a power outside 0 to 100, or a time that is not above 0.
+
+        Examples
+        --------
+        >>> from pidalab.heater import Lab
+        >>> Lab().hold(30.0, duration=600.0)
+        """
+        _require_power("power", power)
+        duration = _check.real("duration", duration, above=0.0)
+        self._run(np.array([0.0, duration / 2]), lambda k, measured: power, np.zeros(2))
+
     def step_test(
         self,
         after: float = 50.0,
@@ -122,9 +146,8 @@ class Lab:
         >>> print(Lab().step_test(duration=300.0).y.size)
         361
         """
-        for name, power in (("before", before), ("after", after)):
-            if not 0 <= _check.real(name, power) <= FULL:
-                raise ValueError(f"{name} must be a power from 0 to 100 per cent, found {power!r}")
+        _require_power("before", before)
+        _require_power("after", after)
         rest = _check.real("rest", rest, above=0.0)
         t = _times(sample_time, rest + _check.real("duration", duration, above=0.0))
         powers = np.where(t < rest, before, after)
@@ -210,6 +233,11 @@ class Lab:
         finally:
             self._random = random.getstate()
             random.setstate(others)
+
+
+def _require_power(name: str, power: float) -> None:
+    if not 0 <= _check.real(name, power) <= FULL:
+        raise ValueError(f"{name} must be a power from 0 to 100 per cent, found {power!r}")
 
 
 def _times(sample_time: float, duration: float) -> Array:

@@ -1,0 +1,78 @@
+"""What commands share: refusals on one line, options, and how text is set out."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+KINDS = ("PI", "PID", "PIDA")
+
+
+def one_line(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn what the library refuses into one line on stderr, and exit status 1."""
+
+    @functools.wraps(command)
+    def guarded(**options: Any) -> None:
+        try:
+            command(**options)
+        except (ValueError, TypeError, OSError, ImportError, RuntimeError) as refusal:
+            raise click.ClickException(" ".join(str(refusal).split())) from refusal
+
+    return guarded
+
+
+def together(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """Put several options on a command, in this order."""
+
+    def put(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return put
+
+
+def numbers(ctx: click.Context, param: click.Parameter, value: str) -> list[float]:
+    """Read numbers with commas between them; an entry that is none names the option."""
+    try:
+        return [float(part) for part in value.replace(",", " ").split()]
+    except ValueError:
+        raise click.BadParameter(f"must be numbers with commas between them, found {value!r}") from None
+
+
+def column(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
+    """Take digits alone for the number of a column, anything else for its name."""
+    return int(value) if value.isdecimal() else value
+
+
+ms = click.option("--ms", default=1.6, show_default=True, help="Largest maximum sensitivity.")
+limits = together(
+    click.option("--u-min", default=-math.inf, help="Lower limit of u."),
+    click.option("--u-max", default=math.inf, help="Upper limit of u."),
+)
+plant = together(
+    click.option(
+        "--num", default="1", show_default=True, callback=numbers, help="Numerator, highest power first."
+    ),
+    click.option(
+        "--den", required=True, callback=numbers, help="Denominator, highest power first: '1,3,3,1'."
+    ),
+    click.option("--delay", default=0.0, show_default=True, help="Dead time."),
+)
+out = click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Folder to write to.")
+
+
+def indented(text: str) -> str:
+    """Return text two characters to the right."""
+    return "\n".join(f"  {line}" for line in text.splitlines())
+
+
+def show(sections: Sequence[tuple[str, str]]) -> None:
+    """Print headings and texts."""
+    for head, text in sections:
+        click.echo(f"{head}\n{indented(text)}\n")

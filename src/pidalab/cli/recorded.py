@@ -1,0 +1,219 @@
+"""Commands that start from a plant record: three candidates side by side, or one with its code."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from pidalab.cli.parts import KINDS, column, limits, ms, one_line, out, show, together
+
+if TYPE_CHECKING:
+    from pidalab.digital import DigitalController
+    from pidalab.identification import Fit
+    from pidalab.record import Record
+    from pidalab.reporting import Candidate
+    from pidalab.rules import Design
+
+MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt")
+CODE = {
+    "controller.c": "c",
+    "controller.st": "structured_text",
+    "controller.py": "python",
+    "controller.json": "json",
+}
+
+
+record = together(
+    click.argument("record", type=click.Path(exists=True, dir_okay=False, path_type=Path)),
+    click.option(
+        "--time", default="0", show_default=True, callback=column, help="Its name, or its number from 0."
+    ),
+    click.option("--u", default="1", show_default=True, callback=column, help="Column of the plant's input."),
+    click.option(
+        "--y", default="2", show_default=True, callback=column, help="Column of the measured output."
+    ),
+    click.option("--step", type=float, help="Time of the step that matters, if there are several."),
+    click.option(
+        "--model", default="auto", show_default=True, type=click.Choice(MODELS), help="Model to fit."
+    ),
+)
+design = together(
+    click.option("--rule", default="optimal", show_default=True, help="The optimum, or a rule by its name."),
+    ms,
+    click.option(
+        "--noise-gain", type=float, help="Largest gain from noise to u; by default from the record."
+    ),
+    click.option(
+        "--spread", type=float, help="Share by which the model may be wrong; by default from the record."
+    ),
+    click.option(
+        "--sample-time", type=float, required=True, help="Of the controller, in the record's unit of time."
+    ),
+)
+
+
+class Result(NamedTuple):
+    """What `pidalab tune` found: all that it prints and writes comes from here."""
+
+    fit: Fit
+    design: Design
+    digital: DigitalController
+    candidate: Candidate
+    sections: list[tuple[str, str]]
+
+
+@click.command("report")
+@record
+@design
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="HTML file to write.")
+@one_line
+def report_command(out: Path | None, model: str, **options: Any) -> None:
+    """Set PI, PID and PIDA for the plant of a RECORD side by side, with the same limits.
+
+    \b
+    Example:
+      pidalab report step.csv --time time --u valve --y level --sample-time 0.2 --out report.html
+    """
+    from pidalab.identification import fit
+    from pidalab.reporting import report
+
+    name = options["record"].name
+    read = _read(options)
+    found = report(fit(read, model), **options)
+    show([("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))])
+    if out is not None:
+        click.echo(f"written: {found.html(out, f'PI, PID and PIDA for {name}')}")
+
+
+@click.command("tune")
+@record
+@click.option("--kind", default="PIDA", show_default=True, type=click.Choice(KINDS))
+@design
+@limits
+@out
+@one_line
+def tune_command(out: Path | None, **options: Any) -> None:
+    """Tune a controller from a plant RECORD, a delimited text file with an open-loop step.
+
+    Prints the model, the controller, margins and doubts; with --out also writes controller.c, controller.st,
+    controller.py, controller.json and report.html.
+
+    \b
+    Example:
+      pidalab tune step.csv --time time --u valve --y level --kind PIDA --ms 1.6 --sample-time 0.2 --out folder
+    """
+    title = f"{options['kind']} controller for {options['record'].name}"
+    result = _tuned(_read(options), **options)
+    show(result.sections)
+    if out is not None:
+        for path in _written(result, title, options["ms"], options["spread"], out):
+            click.echo(f"written: {path}")
+
+
+# --- from the record to the controller --------------------------------------------------------------------------------
+
+
+def _read(options: dict[str, Any]) -> Record:
+    """Read the record, and take what says how out of the options."""
+    from pidalab.record import Record
+
+    path = options.pop("record")
+    return Record.read_csv(path, **{name: options.pop(name) for name in ("time", "u", "y", "step")})
+
+
+def _tuned(
+    read: Record,
+    model: str,
+    kind: str,
+    rule: str,
+    ms: float,
+    noise_gain: float | None,
+    spread: float | None,
+    sample_time: float,
+    u_min: float,
+    u_max: float,
+) -> Result:
+    from pidalab.identification import fit
+    from pidalab.loop import Loop
+    from pidalab.reporting import judged
+    from pidalab.robustness.margins import margins
+    from pidalab.tuning import tune
+
+    found = fit(read, model)
+    design = tune(found, kind, ms, noise_gain, sample_time, rule, spread)
+    for name in ("output_filter", "prefilter"):
+        if getattr(design, name) is not None:
+            raise ValueError(
+                f"--rule {rule} makes a controller with a filter beside it ({name.replace('_', ' ')}), which the code "
+                "would lack; take another rule, or the library itself"
+            )
+    # the working point of the record: model and controller count from there
+    rest = float(read.steps[0].before) if read.steps else float(read.u[0])
+    digital = design.controller.discretise(
+        sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest
+    )
+    sampled = margins(Loop(found.process, digital))
+    sections = [
+        ("Record", str(read)),
+        ("Model", f"{found.process!r}\n{found}"),
+        ("Controller", f"{design.controller}\n{_vendors(design)}"),
+        ("Margins, continuous", str(margins(design.loop(found.process)))),
+        (f"Margins, sampled every {sample_time:g}", str(sampled)),
+        ("Expected", _expected(design, worst_sampled(found, digital, spread))),
+        ("Doubts", "\n".join([*design.doubts, *_stability(sampled.stable)]) or "none found"),
+    ]
+    return Result(found, design, digital, judged(design, kind, found, sample_time), sections)
+
+
+def worst_sampled(found: Fit, digital: DigitalController, spread: float | None) -> float:
+    """Return the worst Ms of the sampled loop with the plants that the record does not rule out."""
+    from pidalab.loop import Loop
+    from pidalab.robustness.margins import margins
+    from pidalab.tuning import plants_within
+
+    judged = [margins(Loop(plant, digital)) for plant in plants_within(found, found.process, spread)]
+    return max((each.ms if each.stable else math.inf for each in judged), default=math.nan)
+
+
+def _vendors(design: Design) -> str:
+    """Forms of vendors, or why there are none."""
+    try:
+        return f"in seconds, if that is the record's unit of time:\n{design.controller.vendor_forms('s')}"
+    except ValueError as refusal:
+        return f"no vendor's form: {refusal}"
+
+
+def _expected(design: Design, sampled: float) -> str:
+    names = {
+        "iae": "IAE of a unit load step",
+        "iae_worst": "worst IAE within the uncertainty of the model",
+        "ms": "Ms",
+        "ms_worst": "worst Ms within the uncertainty of the model",
+        "mks": "largest gain from noise to u",
+    }
+    lines = [f"{said}: {design.info[name]:.5g}" for name, said in names.items() if name in design.info]
+    return "\n".join([*lines, f"worst Ms within it, sampled: {sampled:.5g}"])
+
+
+def _stability(stable: bool) -> list[str]:
+    return [] if stable else ["the sampled loop is unstable: take a shorter sample time"]
+
+
+# --- what is written --------------------------------------------------------------------------------------------------
+
+
+def _written(result: Result, title: str, ms: float, spread: float | None, out: Path) -> list[Path]:
+    """Write code and report into a folder."""
+    from pidalab.loop import Loop
+    from pidalab.reporting import gathered
+    from pidalab.robustness.margins import margins
+
+    out.mkdir(parents=True, exist_ok=True)
+    sampled = margins(Loop(result.fit.process, result.digital))
+    for name, language in CODE.items():
+        (out / name).write_text(getattr(result.digital, language)(margins=sampled), encoding="utf-8")
+    page = gathered(result.fit, ms, [result.candidate], spread)
+    return [*(out / name for name in CODE), page.html(out / "report.html", title, result.sections)]
