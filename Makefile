@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/vendored.py tools/vendored.toml $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides claims faults lint bench study release archive lock clean
+.PHONY: help env book test notebooks slides claims faults lint bench study release archive pdf lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -62,6 +62,9 @@ release: $(ENV)  ## build wheel and source archive in dist, install the wheel in
 
 archive: $(SITE)  ## the built site as one file in dist that opens from the disk
 	$(BIN)/python tools/archive.py
+
+pdf: $(SITE)  ## print the built site as one PDF in dist, with Chromium (about 2 minutes)
+	$(BIN)/python tools/pdf.py
 
 lock: $(ENV)  ## write requirements.txt from pyproject.toml, keeping the versions it already has
 	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \

@@ -9,3 +9,12 @@ addEventListener("load", () => {
     if (page && !summary.textContent.trim()) summary.setAttribute("aria-label", `Pages under ${page.textContent.trim()}`);
   }
 });
+
+/* On paper nothing can be unfolded: notes and outputs are open while the page is printed, folded code is left out. */
+const folds = () => document.querySelectorAll("article details:not(.above-input)");
+addEventListener("beforeprint", () => {
+  for (const fold of folds()) { fold.dataset.was = fold.open; fold.open = true; }
+});
+addEventListener("afterprint", () => {
+  for (const fold of folds()) fold.open = fold.dataset.was === "true";
+});

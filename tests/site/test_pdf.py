@@ -1,0 +1,58 @@
+"""The document that is printed: its links lead to places in it, its pictures are there, answers stand at the end."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+from bs4 import BeautifulSoup
+
+SPEC = importlib.util.spec_from_file_location("pdf", Path(__file__).parents[2] / "tools" / "pdf.py")
+pdf = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(pdf)
+
+PAGES = {"book/a", "book/audit/b"}
+
+
+@pytest.mark.parametrize(
+    ("address", "target"),
+    [
+        ("#x", "#book/a--x"),
+        ("audit/b.html", "#book/audit/b"),
+        ("audit/b.html#x%20y", "#book/audit/b--x y"),
+        ("../genindex.html", None),
+        ("https://example.org/a.html", "https://example.org/a.html"),
+    ],
+)
+def test_links_stay_in_the_document_or_go(address, target):
+    assert pdf.inside("book/a", address, PAGES) == target
+
+
+def test_a_fold_is_open_on_paper():
+    fold = "<details><summary>a</summary><p>why</p></details>"
+    row = f"<table><tr><td class='verdict'>holds</td><th>{fold}</th></tr></table>"
+    claim = BeautifulSoup(row, "html.parser")
+    pdf.unfold(claim.details)
+    assert claim.th.get_text(" ") == "a why"
+    whole = BeautifulSoup(f"<details><summary>All rows</summary>{row}</details>", "html.parser")
+    pdf.unfold(whole.details)
+    assert whole.get_text() == "All rows stand in the audit."
+
+
+def test_the_joined_document(site, monkeypatch):
+    some = ["book/learn/what-acceleration-does", "book/lab"]
+    monkeypatch.setattr(pdf, "parts", lambda: [("", ["book/intro"]), ("Learn", some)])
+    soup = pdf.joined("1.2.3")
+    assert pdf.faults(soup) == []
+    anchors = {place["id"] for place in soup.select("[id]")}
+    assert {"book/intro", *some, "answers"} <= anchors
+    assert soup.select("details, .only-dark, button, article script") == []
+    answers = soup.select("div.solution")
+    assert answers
+    assert all(answer.find_parent(id="answers") for answer in answers)
+
+
+def test_a_link_without_a_place_and_a_picture_without_a_file(site):
+    bad = BeautifulSoup(
+        "<a href='#gone'>x</a><img src='gone.svg'><p id='here'><a href='#here'>y</a></p>", "html.parser"
+    )
+    assert pdf.faults(bad) == ["#gone leads nowhere", "gone.svg is not there"]
