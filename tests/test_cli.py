@@ -109,7 +109,6 @@ def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
     [
         (("--y", "pressure"), "pressure"),
         (("--ms", 0.9), "ms must be"),
-        (("--rule", "haalman", "--model", "sopdt", "--kind", "PID"), "output filter"),
     ],
 )
 def test_what_is_refused_is_one_line_and_status_1(record, options, said):
@@ -117,6 +116,17 @@ def test_what_is_refused_is_one_line_and_status_1(record, options, said):
     assert result.exit_code == 1
     assert said in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_design_with_an_output_filter_becomes_code_and_one_with_a_prefilter_is_refused(record, monkeypatch):
+    options = ("--sample-time", 0.2, "--model", "sopdt", "--kind", "PID")
+    kept = run("tune", record, *options, "--rule", "haalman")
+    assert kept.exit_code == 0, kept.output
+    design = pidalab.rules.mrdp.tune(pidalab.ipdt(0.1, 2.0), 1, 2, te=1.0)
+    monkeypatch.setattr("pidalab.tuning.tune", lambda *_, **__: design)
+    refused = run("tune", record, *options)
+    assert refused.exit_code == 1
+    assert "prefilter of the set point" in refused.stderr
 
 
 def test_usage_is_status_2_and_help_has_an_example(record):

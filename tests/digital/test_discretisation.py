@@ -2,12 +2,14 @@
 
 import math
 
+import control
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 import pidalab
 from pidalab import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
+from pidalab.rules.haalman import OutputFilter
 
 CONTROLLERS = {
     "pi": PIDA(1.3, 3.3),
@@ -146,3 +148,67 @@ def test_integral_time_of_a_sum():
     assert taken["back-calculation"] == pytest.approx(h / (math.sqrt(ti * td) + h))
     assert taken[None] == 0.0
     assert pidalab.PIDA(1.0, 2.0).discretise(h, anti_windup="back-calculation").taken_back == taken["reset"]
+
+
+FILTERS = {  # time constants apart from those of the parts, equal to one of them; one lag and two
+    "pi": OutputFilter(0.2, 1, math.nan),
+    "pida": OutputFilter(0.4, 2, math.nan),
+    "non-interactive": OutputFilter(0.1, 2, math.nan),
+    "high order": OutputFilter(1.2, 2, math.nan),
+    "filtered I": OutputFilter(0.3, 1, math.nan),
+    "series": OutputFilter(0.6, 1, math.nan),
+}
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_an_output_filter_becomes_a_part(name):
+    C, F = CONTROLLERS[name], FILTERS[name]
+    for method, s in (("backward", (1 - 1 / Z) / H), ("tustin", 2 / H * (Z - 1) / (Z + 1))):
+        k = C.discretise(H, method, F, anti_windup="clamping")
+        np.testing.assert_allclose(k(Z), C(s) / (F.time * s + 1) ** F.order, rtol=1e-9, atol=1e-12)
+    # what a weight c of 0 leaves of the set point has no derivative in it
+    split = C.discretise(H, "backward", F, anti_windup="clamping", c=0.0)
+    assert {path.weight for path in split.paths} <= {0.0, 1.0}
+    np.testing.assert_allclose(split(Z), C.discretise(H, "backward", F, anti_windup="clamping")(Z), rtol=1e-9)
+
+
+def test_set_point_of_a_filtered_pida_without_derivatives_of_it():
+    """With c = 0 a step of the set point passes the filtered PI, whatever the derivatives are split into."""
+    F = OutputFilter(0.4, 2, math.nan)
+    whole = CONTROLLERS["pida"].discretise(H, "backward", F, c=0.0, b=0.5)
+    plain = CONTROLLERS["pi"].discretise(H, "backward", F, b=0.5)
+    for k in (whole, plain):
+        k.reset(r=0.0, y=0.0)
+    steps = [[k.step(r=1.0, y=0.0) for _ in range(40)] for k in (whole, plain)]
+    np.testing.assert_allclose(*steps, rtol=1e-9)
+
+
+def test_filtered_design_with_held_inputs_is_sampled_as_the_continuous_one():
+    """simulate_sampled discretises controller and output filter together, for held inputs: zoh does the same."""
+    design = pidalab.rules.haalman.tune(pidalab.lags(3, delay=1.0), ms=1.6)
+    h = 0.02
+    t = h * np.arange(500)
+    expected = pidalab.simulate_sampled(design.loop(), t, setpoint=1.0)
+    found = pidalab.simulate_sampled(pidalab.Loop(design.model, design.discretise(h, "zoh")), t, setpoint=1.0)
+    np.testing.assert_allclose(found.u, expected.u, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("output_filter", "message"),
+    [
+        (control.tf([1.0], [1.0, 0.5, 1.0]), r"equal lags of gain 1, .* found \[1\] / \[1, 0.5, 1\]"),
+        (control.tf([2.0], [1.0, 1.0]), "equal lags of gain 1"),
+        (control.tf([0.1, 1.0], [1.0, 1.0]), "equal lags of gain 1"),
+        (
+            OutputFilter(0.18001, 1, math.nan),
+            "constant 0.18001 and that of the derivative part, 0.18, are too near",
+        ),
+    ],
+)
+def test_output_filters_that_become_no_part(output_filter, message):
+    with pytest.raises(ValueError, match=message):
+        CONTROLLERS["pida"].discretise(H, "backward", output_filter)
+
+
+def test_a_gain_of_one_is_no_filter():
+    assert CONTROLLERS["pida"].discretise(H, "backward", 1.0).paths == CONTROLLERS["pida"].discretise(H).paths

@@ -126,3 +126,16 @@ def test_choices(call, message):
 def test_errors_say_what_to_pass(call, message):
     with pytest.raises(TypeError, match=message):
         call(TUNES["haalman PID"]())
+
+
+def test_a_prefilter_is_no_part_of_the_digital_controller():
+    with pytest.raises(ValueError, match="this design has a prefilter of the set point"):
+        TUNES["mrdp"]().discretise(0.1)
+
+
+def test_vendor_forms_name_the_filters_beside_them():
+    forms = TUNES["haalman PID"]().vendor_forms("min")
+    assert forms.ideal["Td [s]"] == pytest.approx(60 * TUNES["haalman PID"]().controller.td)
+    assert forms.filters.startswith("derivative ")
+    assert "; output filter OutputFilter(time=" in forms.filters
+    assert "prefilter [" in TUNES["mrdp"]().vendor_forms().filters

@@ -144,17 +144,14 @@ def _tuned(
 
     found = fit(read, model)
     design = tune(found, kind, ms, noise_gain, sample_time, rule, spread)
-    for name in ("output_filter", "prefilter"):
-        if getattr(design, name) is not None:
-            raise ValueError(
-                f"--rule {rule} makes a controller with a filter beside it ({name.replace('_', ' ')}), which the code "
-                "would lack; take another rule, or the library itself"
-            )
+    if design.prefilter is not None:
+        raise ValueError(
+            f"--rule {rule} makes a controller with a prefilter of the set point beside it, which the code would lack; "
+            "take another rule, or the library itself"
+        )
     # the working point of the record: model and controller count from there
     rest = float(read.steps[0].before) if read.steps else float(read.u[0])
-    digital = design.controller.discretise(
-        sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest
-    )
+    digital = design.discretise(sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest)
     sampled = margins(Loop(found.process, digital))
     sections = [
         ("Record", str(read)),
@@ -181,7 +178,7 @@ def worst_sampled(found: Fit, digital: DigitalController, spread: float | None) 
 def _vendors(design: Design) -> str:
     """Forms of vendors, or why there are none."""
     try:
-        return f"in seconds, if that is the record's unit of time:\n{design.controller.vendor_forms('s')}"
+        return f"in seconds, if that is the record's unit of time:\n{design.vendor_forms('s')}"
     except ValueError as refusal:
         return f"no vendor's form: {refusal}"
 

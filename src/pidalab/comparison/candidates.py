@@ -208,11 +208,9 @@ def sampled_noise(design: Design, process: Process, sample_time: float) -> tuple
         return noise_gain(design.loop(process), sample_time), ""
     except ValueError as refusal:
         reason = " ".join(str(refusal).split())
-    if design.output_filter is not None:
-        return math.nan, f"no noise gain: {reason}"
     # a filter faster than the sample: as a PLC would run it
     try:
-        digital = Loop(process, design.controller.discretise(sample_time, "backward"))
+        digital = Loop(process, design.controller.discretise(sample_time, "backward", design.output_filter))
         return noise_gain(digital, sample_time), "noise gain of backward differences"
     except ValueError:
         return math.nan, f"no noise gain: {reason}"

@@ -127,16 +127,19 @@ class Controller(Block):
         Examples
         --------
         >>> import pidalab
-        >>> print(pidalab.PIDA(kp=2.0, ti=120.0).vendor_forms("s"))
-        ideal:    Kc = 2, Ti [s] = 120, Ti [min] = 2, repeats/min = 0.5, Td [s] = 0, Td [min] = 0
-        series:   Kc = 2, Ti [s] = 120, Ti [min] = 2, repeats/min = 0.5, Td [s] = 0, Td [min] = 0
-        parallel: Kp = 2, Ki [1/s] = 0.016667, Ki [1/min] = 1, Kd [s] = 0, Kd [min] = 0
+        >>> print(pidalab.PIDA(kp=2.0, ti=120.0, td=30.0).vendor_forms("s"))
+        ideal:    Kc = 2, Ti [s] = 120, Ti [min] = 2, repeats/min = 0.5, Td [s] = 30, Td [min] = 0.5
+        series:   Kc = 1, Ti [s] = 60, Ti [min] = 1, repeats/min = 1, Td [s] = 60, Td [min] = 1
+        parallel: Kp = 2, Ki [1/s] = 0.016667, Ki [1/min] = 1, Kd [s] = 60, Kd [min] = 1
+        filters:  derivative 3 s
         """
         from pidalab.vendor import vendor_forms
 
-        return vendor_forms(self.gains(), time_unit)
+        return vendor_forms(self.gains(), self.parts(), time_unit)
 
-    def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
+    def discretise(
+        self, sample_time: float, method: str = "backward", output_filter: Any = None, **options: Any
+    ) -> DigitalController:
         """Return the digital controller for a sample time: difference equations, and the code they write.
 
         Parameters
@@ -145,6 +148,9 @@ class Controller(Block):
             Time from sample to sample, above 0.
         method : {"backward", "tustin", "zoh"}, optional
             How integral and filters become differences; see `pidalab.digital.discretise`.
+        output_filter : OutputFilter or control.TransferFunction, optional
+            A filter behind the controller that becomes a part of it: equal lags of gain 1. `Design.discretise` gives
+            that of the design.
         **options : optional
             Weights of the set point, limits, rate limit, anti-windup, deadband, bias and engineering units, as in
             `pidalab.digital.discretise`. Limits of the controller hold unless others are given.
@@ -157,7 +163,8 @@ class Controller(Block):
         Raises
         ------
         TypeError, ValueError
-            For a value outside its range, and for a sample time with which the method is of no use.
+            For a value outside its range, a sample time with which the method is of no use, and an output filter of
+            another kind, or too near a filter of the controller to be taken apart.
 
         Examples
         --------
@@ -168,8 +175,12 @@ class Controller(Block):
         """
         from pidalab.digital import discretise
 
-        native, reset = None, self.automatic_reset()
-        if reset is not None:
+        parts, native, reset = self.parts(), None, self.automatic_reset()
+        if output_filter is not None:
+            from pidalab.digital.behind import behind
+
+            parts = behind(parts, output_filter)
+        elif reset is not None:
             gains = (0.0, *reset.stabiliser[::-1].tolist())
             native = FilteredGains("stabiliser", gains, reset.filter_time, reset.filter_order), reset.time
         if options.get("limits") is None:
@@ -177,8 +188,10 @@ class Controller(Block):
                 _check.real(name, options.get(name, usual)) for name, usual in (("bias", 0), ("u_span", 1))
             )
             options["limits"] = tuple(bias + span * limit for limit in self.limits)
-        options.setdefault("source", repr(self))
-        return discretise(self.parts(), sample_time, method, reset=native, **options)
+        options.setdefault(
+            "source", repr(self) + (f" and {output_filter!r}" if output_filter is not None else "")
+        )
+        return discretise(parts, sample_time, method, reset=native, **options)
 
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller."""

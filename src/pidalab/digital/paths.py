@@ -138,6 +138,8 @@ def lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
 def _by_weight(part: FilteredGains, b: float, c: float) -> list[tuple[str, float, tuple[float, ...]]]:
     """Split gains by the weight that the set point has with them; one entry where all are 1."""
     ki, kp, *rest = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
+    if part.derivative:
+        return [("", c, part.gains)]
     if b == c == 1.0 or part.filter_order == 0:
         return [("", b if kp and not part.filter_order else 1.0, part.gains)]
     # the integral beside a filter needs lags of its own: what it has not seen yet

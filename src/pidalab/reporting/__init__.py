@@ -357,9 +357,11 @@ def _sampled(design: Design, process: Process, sample_time: float) -> tuple[floa
     """Ms of the loop with backward differences, or why there is none."""
     from pidalab.robustness.margins import margins
 
-    if design.output_filter is not None or design.prefilter is not None:
-        return math.nan, "no sampled Ms: the design has a filter beside the controller"
-    found = margins(Loop(process, design.controller.discretise(sample_time)))
+    try:
+        digital = design.controller.discretise(sample_time, "backward", design.output_filter)
+    except ValueError as refusal:
+        return math.nan, f"no sampled Ms: {' '.join(str(refusal).split())}"
+    found = margins(Loop(process, digital))
     return (found.ms, "") if found.stable else (math.inf, "the sampled loop is unstable: sample faster")
 
 

@@ -6,11 +6,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pidalab.controllers import Controller
 from pidalab.loop import Loop
 from pidalab.process import Process, rational
+
+if TYPE_CHECKING:
+    from pidalab.digital import DigitalController
+    from pidalab.vendor import VendorForms
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,6 +111,86 @@ class Design:
         return Loop(
             self.model if process is None else process, self.controller, self.output_filter, self.prefilter
         )
+
+    def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
+        """Return the digital controller for a sample time, with the output filter as a part of it.
+
+        The lag of a sensor that was told to `pidalab.tune` as an output filter is none of the controller's: take
+        ``design.controller.discretise`` then.
+
+        Parameters
+        ----------
+        sample_time : float
+            Time from sample to sample, above 0.
+        method : {"backward", "tustin", "zoh"}, optional
+            As in `pidalab.digital.discretise`.
+        **options : optional
+            Limits, weights of the set point, and so on, as in `pidalab.digital.discretise`.
+
+        Returns
+        -------
+        DigitalController
+            With ``step``, ``c()``, ``structured_text()``, ``python()`` and ``json()``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As ``controller.discretise``; and for a design with a prefilter, which is no part of a controller that sees
+            set point and measurement in one difference.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> design = pidalab.rules.haalman.tune(pidalab.lags(3, lag=20.0, delay=10.0), ms=1.6)
+        >>> digital = design.discretise(0.5)
+        >>> z = np.exp(0.5j * 0.1)  # ω = 0.1
+        >>> smooth = design.loop().block("output_filter", (1 - 1 / z) / 0.5)
+        >>> bool(np.isclose(digital(z), design.controller((1 - 1 / z) / 0.5) * smooth))
+        True
+        """
+        if self.prefilter is not None:
+            raise ValueError(
+                "this design has a prefilter of the set point, which its digital controller would lack: take "
+                "design.controller.discretise, and filter the set point before it, as in "
+                "Loop(process, digital, prefilter=design.prefilter)"
+            )
+        return self.controller.discretise(sample_time, method, self.output_filter, **options)
+
+    def vendor_forms(self, time_unit: str = "s") -> VendorForms:
+        """Return the controller in the forms of vendors, and all filters of the design beside them.
+
+        Parameters
+        ----------
+        time_unit : {"s", "min", "h"}, optional
+            Unit of the model's time.
+
+        Returns
+        -------
+        VendorForms
+            Ideal, series and parallel form, with times in seconds and minutes, or why they do not exist.
+
+        Raises
+        ------
+        ValueError
+            For another unit.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> design = pidalab.rules.haalman.tune(pidalab.fopdt(1.0, lag=60.0, delay=20.0), ms=1.6, kind="PI")
+        >>> print(design.vendor_forms("s"))
+        ideal:    Kc = 1.5171, Ti [s] = 60, Ti [min] = 1, repeats/min = 1, Td [s] = 0, Td [min] = 0
+        series:   Kc = 1.5171, Ti [s] = 60, Ti [min] = 1, repeats/min = 1, Td [s] = 0, Td [min] = 0
+        parallel: Kp = 1.5171, Ki [1/s] = 0.025284, Ki [1/min] = 1.5171, Kd [s] = 0, Kd [min] = 0
+        filters:  none; output filter OutputFilter(time=1.97752, order=1, wgc=0.0252842) in units of the model
+        """
+        forms = self.controller.vendor_forms(time_unit)
+        beside = [
+            f"; {name.replace('_', ' ')} {_block(getattr(self, name))} in units of the model"
+            for name in ("output_filter", "prefilter")
+            if getattr(self, name) is not None
+        ]
+        return forms._replace(filters=forms.filters + "".join(beside))
 
     def __repr__(self) -> str:
         return f"Design({self.model!r}, {self.controller!r}, source={self.source!r})"
