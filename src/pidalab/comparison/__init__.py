@@ -229,7 +229,7 @@ def judged(rule: str, kind: str, make: Callable[[], Design], process: Process, s
     """
     try:
         return _measured(rule, kind, make(), process, sample_time)
-    except ValueError as refusal:
+    except (ValueError, ArithmeticError) as refusal:
         return _without(rule, kind, str(refusal))
 
 

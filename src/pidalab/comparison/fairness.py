@@ -19,6 +19,7 @@ KEPT = 1e-6  # share by which Ms may be missed
 ROUNDS = 8  # of looking where the peak is
 SLOWEST = 1e4  # filter time that is tried, in sample times
 CLOSE = 1e-5  # share to which the filter time is found
+TOO_LOUD = 3.0  # logarithm of a noise gain over its limit: more is no worse
 SMALLEST = 0.01  # factor of the gains: with less of it nearly any loop is robust, and does nothing
 
 
@@ -115,25 +116,23 @@ def _peak(loop: Loop) -> tuple[float, float]:
 
 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
-    """The shortest filter with which the noise stays within its limit, by bisection in the logarithm of its time."""
-    last = scaled(0.0)
-    if last[0] <= most:
-        return last
+    """The shortest filter with which the noise stays within its limit, found in the logarithm of its time."""
+    from scipy.optimize import brentq
+
+    def excess(log_time: float) -> float:
+        noise = scaled(log_time)[0]
+        return min(math.log(noise / most), TOO_LOUD)
+
     low, high = 0.0, 1.0
-    while (found := scaled(high))[0] > most:
+    if excess(low) <= 0:
+        return scaled(low)
+    while excess(high) > 0:
         low, high = high, high + 1.0
         if high > math.log(SLOWEST):
             raise ValueError(
                 f"no filter time keeps noise_gain = {most:g} with the proportions of this design"
             )
-    while high - low > CLOSE:
-        middle = 0.5 * (low + high)
-        tried = scaled(middle)
-        if tried[0] <= most:
-            high, found = middle, tried
-        else:
-            low = middle
-    return found
+    return scaled(brentq(excess, low, high, xtol=CLOSE))
 
 
 def _largest_gain(process: Process, gains: Array, time: float, ms: float) -> float:

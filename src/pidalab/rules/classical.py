@@ -278,7 +278,12 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
 
     one_of("kind", kind, KINDS)
     require_process("process", process)
-    w = _oscillation(process) if process.den[-1] == 0 else ultimate_frequency(process)
+    try:
+        w = ultimate_frequency(process)
+    except ValueError:
+        if process.den[-1] != 0:
+            raise
+        w = _oscillation(process)  # several integrators have borders of other turns
     ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, _sign(process)), 2 * math.pi / w
     if kind == "PI":
         controller = PIDA(0.45 * ultimate, period / 1.2)
