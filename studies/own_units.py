@@ -1,0 +1,139 @@
+"""Plants in their own units, and tables that a study can be stopped and resumed with.
+
+A loop around a plant can hardly be faster than the plant's ultimate period Pu, and its controller hardly stronger than
+the ultimate gain Ku. In these units plants compare that are a thousand times faster or slower than each other:
+
+=================  ===============  ========================================================
+quantity           unit             so that
+=================  ===============  ========================================================
+time               Pu               noise is sampled a hundred times in a period: Pu/100
+gain of noise      Ku               1 is as loud as the proportional controller that makes the loop oscillate
+IAE, load step     Pu/Ku            y moves by about 1/Ku, for about a period
+IAE, set point     Pu
+=================  ===============  ========================================================
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pidalab
+from pidalab import Process
+from pidalab.reduction import ultimate_frequency
+from pidalab.tuning import corners
+
+DATA = Path(__file__).parents[1] / "book" / "data"
+SAMPLES = 100  # of the noise, in an ultimate period
+OFF = 0.2  # what the model may be wrong by: gain, time scale, dead time
+HORIZON = 24.0  # of a first response, in ultimate periods
+DIGITS = 5
+
+
+class Units(NamedTuple):
+    """Ultimate gain and period of a plant."""
+
+    gain: float
+    period: float
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time of the noise."""
+        return self.period / SAMPLES
+
+
+def units(process: Process) -> Units:
+    """Ultimate gain and period."""
+    w = ultimate_frequency(process)
+    return Units(1 / float(abs(process(1j * w))), 2 * math.pi / w)
+
+
+OPTIMUM = ("plant", "order", "ms_limit", "noise_limit", "iae", "ms", "mks", "noise_gain", "filter_time")
+GAINS = tuple(f"k{k}" for k in range(-1, 4))
+WORST = ("ms_worst", "iae_worst")
+COLUMNS = (*OPTIMUM, *GAINS, *WORST, "active", "reason")
+
+
+def optimum(name: str, process: Process, order: int, ms: float, noise: float) -> dict[str, Any]:
+    """Least IAE under both limits as a row, in the plant's units; why there is none, where there is none."""
+    own = units(process)
+    row: dict[str, Any] = {"plant": name, "order": order, "ms_limit": ms, "noise_limit": noise}
+    try:
+        found = pidalab.optimal.load(process, order, ms, None, noise * own.gain, own.sample_time)
+    except (ValueError, ArithmeticError) as refusal:
+        return row | {"reason": one_line(refusal)}
+    gains = found.controller.coefficients
+    row |= {
+        "iae": found.iae * own.gain / own.period,
+        "ms": found.ms,
+        "mks": found.mks / own.gain,
+        "noise_gain": found.noise_gain / own.gain,
+        "filter_time": found.controller.filter_time / own.period,
+        "active": " ".join((*found.active, *found.edge)).replace(" = 0", "=0"),
+    }
+    row |= {f"k{k}": gain / (own.gain * own.period**k) for k, gain in enumerate(gains, start=-1)}
+    return row | worst(found.loop(process), process, own)
+
+
+def worst(loop: pidalab.Loop, process: Process, own: Units) -> dict[str, float]:
+    """Largest Ms and IAE over the eight plants that are off; infinite where one of their loops is unstable."""
+    from pidalab.simulation.settling import settled
+
+    largest, error = 0.0, 0.0
+    for plant in corners(process, OFF):
+        other = pidalab.Loop(plant, loop.controller, loop.output_filter)
+        if not pidalab.is_stable(other):
+            return {"ms_worst": math.inf, "iae_worst": math.inf}
+        largest = max(largest, pidalab.max_sensitivity(other)[0])
+        response = settled(pidalab.load_response, other, HORIZON * own.period)
+        error = max(error, response.iae(horizon=math.inf))
+    return {"ms_worst": largest, "iae_worst": error * own.gain / own.period}
+
+
+def one_line(refusal: Exception) -> str:
+    """Message of an error."""
+    return " ".join(str(refusal).split())
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def written(value: Any) -> Any:
+    """A number with few digits, for a file that people read."""
+    return f"{value:.{DIGITS}g}" if isinstance(value, float) else value
+
+
+def resume(
+    file: str,
+    columns: Sequence[str],
+    tasks: Iterable[tuple[Any, ...]],
+    key: Sequence[str],
+    work: Callable[..., list[dict[str, Any]]],
+    workers: int | None = None,
+) -> None:
+    """Do the tasks that the file does not hold yet, on all cores; the rows of a task are written when it is done.
+
+    A task is known by the values of the columns `key`, with which it begins.
+    """
+    from tqdm import tqdm
+
+    path = DATA / file
+    if not path.exists():
+        path.write_text(",".join(columns) + "\n", encoding="utf-8")
+    with path.open(encoding="utf-8", newline="") as old:
+        done = {tuple(row[name] for name in key) for row in csv.DictReader(old)}
+    left = [task for task in tasks if tuple(str(written(value)) for value in task[: len(key)]) not in done]
+    with (
+        ProcessPoolExecutor(workers or os.cpu_count()) as pool,
+        path.open("a", encoding="utf-8", newline="") as out,
+    ):
+        writer = csv.DictWriter(out, columns, lineterminator="\n")
+        runs = [pool.submit(work, *task) for task in left]
+        for run in tqdm(as_completed(runs), total=len(runs), desc=file, unit="task"):
+            writer.writerows({name: written(value) for name, value in row.items()} for row in run.result())
+            out.flush()
