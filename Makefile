@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/vendored.py tools/vendored.toml $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides claims faults lint bench study release archive pdf lock clean
+.PHONY: help env book test notebooks slides claims faults lint bench studies study release archive pdf lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -53,6 +53,10 @@ lint: $(ENV)  ## style and types
 
 bench: $(ENV)  ## compare speed and accuracy with other libraries
 	$(BIN)/python -m benchmarks.run
+
+studies: $(ENV)  ## compare all rules on 134 plants, and find the frontier (stops and resumes)
+	$(BIN)/python studies/comparison.py
+	$(BIN)/python studies/frontier.py
 
 study: $(ENV)  ## find the optimal controllers of heo2023 again (many hours)
 	$(BIN)/python studies/itae_optima.py

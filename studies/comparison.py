@@ -136,14 +136,14 @@ def measures(row: Row, process: Process, own: Units, off: bool = True) -> dict[s
 
 
 def fair(design: Design, noise: float, process: Process, own: Units) -> dict[str, Any]:
-    """A design at equal terms, measured."""
+    """A design at equal terms, measured; its prefilter is gone, so that its set-point response says nothing."""
     try:
         made = at_equal_terms(design, process, MS, noise * own.gain, own.sample_time)
         row = judged("", "", lambda: made, process, own.sample_time)
         known = measures(row, process, own, off=noise == TERMS["loud"])
     except (ValueError, ArithmeticError) as refusal:
         return {"reason": one_line(refusal)}
-    known.pop("iae_setpoint", None)  # the prefilter is gone: it says nothing
+    known.pop("iae_setpoint", None)
     return known | {"factor": made.factor, "filter_time": round(made.controller.filter_time / own.period, 12)}
 
 

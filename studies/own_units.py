@@ -26,11 +26,15 @@ from typing import Any, NamedTuple
 import pidalab
 from pidalab import Process
 from pidalab.reduction import ultimate_frequency
+from pidalab.simulation import noise
 from pidalab.tuning import corners
 
 DATA = Path(__file__).parents[1] / "book" / "data"
 SAMPLES = 100  # of the noise, in an ultimate period
 OFF = 0.2  # what the model may be wrong by: gain, time scale, dead time
+noise.FADED = (
+    1e-7  # of the squares of a response to noise: five digits need no more, and slow loops take long
+)
 HORIZON = 24.0  # of a first response, in ultimate periods
 DIGITS = 5
 

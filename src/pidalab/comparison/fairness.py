@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ KEPT = 1e-6  # share by which Ms may be missed
 ROUNDS = 8  # of looking where the peak is
 SLOWEST = 1e4  # filter time that is tried, in sample times
 CLOSE = 1e-5  # share to which the filter time is found
+DENSITY = 4  # of the frequencies over which noise is summed: good for six digits
 TOO_LOUD = 3.0  # logarithm of a noise gain over its limit: more is no worse
 SMALLEST = 0.01  # factor of the gains: with less of it nearly any loop is robust, and does nothing
 
@@ -75,12 +77,12 @@ def at_equal_terms(
     most = _check.real("noise_gain", noise_gain, above=0.0)
     shortest = _check.real("sample_time", sample_time, above=0.0)
     gains = _gains(design.controller)
+    noise_of = _noise(process, gains.size, shortest)
 
     def scaled(log_time: float) -> tuple[float, float, HighOrderPID]:
         time = shortest * math.exp(log_time)
         factor = _largest_gain(process, gains, time, limit)
-        controller = _filtered(factor * gains, time)
-        return _noise(Loop(process, controller), shortest), factor, controller
+        return noise_of(factor * gains, time), factor, _filtered(factor * gains, time)
 
     noise, factor, controller = _quiet_enough(scaled, most)
     reached = _peak(Loop(process, controller))[0]
@@ -99,14 +101,20 @@ def _filtered(gains: Array, time: float) -> HighOrderPID:
     return HighOrderPID(gains.tolist(), time, gains.size - 1)
 
 
-def _noise(loop: Loop, sample_time: float) -> float:
-    """Noise gain; infinite where the loop does not bear to be sampled."""
-    from pidalab.simulation.noise import noise_gain
+def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, float], float]:
+    """Return the function that gives the noise gain; infinite where the loop does not bear to be sampled."""
+    from pidalab.comparison.candidates import time_scale
+    from pidalab.optimal._noise import SampledNoise
+    from pidalab.optimal._problem import Problem
 
-    try:
-        return noise_gain(loop, sample_time)
-    except ValueError:
-        return math.inf
+    problem = Problem(process, size - 2, (1.0, time_scale(process)), "load")
+    variance = SampledNoise(problem, sample_time, DENSITY)
+
+    def noise_of(gains: Array, time: float) -> float:
+        x = np.append(gains / problem.units, math.log(time / problem.time))
+        return math.inf if variance.unstable(x) else math.sqrt(variance(x)[0])
+
+    return noise_of
 
 
 def _peak(loop: Loop) -> tuple[float, float]:
