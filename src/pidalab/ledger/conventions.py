@@ -30,6 +30,26 @@ def gap(left: float, right: float) -> float:
     return abs(left - right) / larger if larger else 0.0
 
 
+def two_digits(number: float) -> str:
+    """Write a number with two significant digits, and without an exponent where zeros say the same.
+
+    Parameters
+    ----------
+    number : float
+        Any number.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> two_digits(99.97), two_digits(4.76), two_digits(3e-7)
+    ('100', '4.8', '3e-07')
+    """
+    return f"{float(f'{number:.2g}'):g}"
+
+
 def factor(left: float, right: float) -> float:
     """Return how many times the larger magnitude is the smaller; infinite for a zero and for different signs.
 
@@ -196,7 +216,7 @@ class Convention:
         ('a factor of 2.5', '4.8 %')
         """
         size = self.measure(left, right)
-        return f"a factor of {size:.2g}" if self.measure is factor else f"{100 * size:.2g} %"
+        return f"a factor of {two_digits(size)}" if self.measure is factor else f"{two_digits(100 * size)} %"
 
     def remark(self, left: float, relation: str, right: float) -> str:
         """Say what the convention asks and what there is, and whether half or twice the limit would turn the verdict.

@@ -10,7 +10,10 @@ from html import escape
 
 # K_-1, PID_2^2, A_(2m+3), (1 + T s)^n: a letter, capitals or a bracket with an index, an exponent, or both
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
-_MATHS = re.compile(rf"((?<![A-Za-z])[a-z]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?")
+_MATHS = re.compile(
+    rf"((?<![A-Za-z])[a-z][\u0300-\u036f]?|[A-Z][\u0300-\u036f]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?"
+)
+_LETTER = re.compile(r"[^\W\d_][\u0300-\u036f]?")  # one letter, perhaps with a bar or hat
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,7 +90,7 @@ def _typeset(found: re.Match[str]) -> str:
     base, index, power = found.groups()
     if index is None and power is None:
         return found.group()
-    slanted = f"<i>{base}</i>" if base.isalpha() and len(base) == 1 else base
+    slanted = f"<i>{base}</i>" if _LETTER.fullmatch(base) else base
     return slanted + _part("sub", index) + _part("sup", power)
 
 

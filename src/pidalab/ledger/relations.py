@@ -9,7 +9,7 @@ from fractions import Fraction
 from math import isfinite, isinf
 from typing import Any
 
-from pidalab.ledger.conventions import CONVENTIONS, IDENTITY, find_convention, gap
+from pidalab.ledger.conventions import CONVENTIONS, IDENTITY, find_convention, gap, two_digits
 from pidalab.ledger.digits import (
     DIGITS,
     agrees,
@@ -419,7 +419,7 @@ class Evidence:
             return ""
         if self.convention:
             return CONVENTIONS[self.convention].said(left, right)
-        return f"by {100 * gap(left, right):.2g} %"
+        return f"by {two_digits(100 * gap(left, right))} %"
 
 
 def _near(old: str, new: str) -> bool:
