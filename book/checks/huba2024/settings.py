@@ -12,7 +12,6 @@ from .tables import tabled
 
 ROUNDING = 1e-9
 NAMES = ("kp", "ti", "td", "kd", "ta2", "ka")
-MARKS = {"last-digit": "°", "differs": "†"}
 
 
 def zero_pair(book: Ledger) -> Display:
@@ -161,21 +160,3 @@ def same_linear_loop(book: Ledger) -> pd.DataFrame:
         f"{100 * moved['load response']:.0f} % of its peak.",
     )
     return pd.DataFrame({"largest change": {name: f"{x:.1%}" for name, x in moved.items()}})
-
-
-@tabled
-def glance(book: Ledger) -> pd.DataFrame:
-    """The six settings of the paper: printed / computed, and a mark if the two do not agree."""
-    first = {name: f"table1.m{m}" for m, name in enumerate(("PI", "PID", "MRDP-PIDA"))}
-    keys = {"κ": "kappa", "τ_i": "tau_i", "τ_D": "tau_d", "τ_A": "tau_a"}
-    rows = {name: {key: f"{at}.{x}" for key, x in keys.items()} for name, at in first.items()}
-    for name, eq in {"PPM-PIDA": 25, "PIDA_1": 30, "PIDA_2": 31}.items():
-        rows[name] = {key: f"eq{eq}.{x}" for key, x in zip(keys, ("kp", "ti", "td", "ta2"), strict=True)}
-    return pd.DataFrame(rows).map(lambda id: _beside(book, id)).T
-
-
-def _beside(book: Ledger, id: str) -> str:
-    """A printed number, the computed one if there is one, and a mark unless they agree."""
-    row = book.row(id)
-    computed = f" / {row.shown()}" if row.shown() else ""  # what is zero by construction is not computed
-    return f"{row.printed}{computed}{MARKS.get(row.verdict, '')}"
