@@ -121,7 +121,7 @@ FAULTS = (
     ),
     Fault(
         "filter of order n - 1 in the controller",
-        "controllers.py",
+        "controllers/parallel.py",
         "HighOrderPID.fraction",
         (
             (
