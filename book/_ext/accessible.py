@@ -4,12 +4,16 @@ import re
 
 EMPTY_HEADER = re.compile(r"<th(\s[^>]*)?>\s*(<p>\s*</p>)?\s*</th>")
 SAME_NAME = ' aria-label="Toggle hidden content"'
+FRAME = re.compile(r'<table[^>]*\bclass="[^"]*\bdataframe\b[^"]*"[^>]*>.*?</table>', re.DOTALL)
+# M_s, ω_gc, PIDA_1: a letter or capitals with an index, as a cell of a table of numbers has them
+INDEX = re.compile(r"(?<![\w.])([^\W\d_][\u0300-\u036f]?|[A-Z]{2,5})_(-?\w+)(?=[^<>]*</t[hd]>)")
 
 
 def repaired(body: str) -> str:
-    """Return the body of a page with folds that say what they hide and without headers of nothing."""
+    """Return the body of a page with folds that say what they hide, no headers of nothing, and indices as such."""
     body = body.replace(SAME_NAME, "")  # the words inside the fold's bar are its name
-    return EMPTY_HEADER.sub("<td></td>", body)
+    body = EMPTY_HEADER.sub("<td></td>", body)
+    return FRAME.sub(lambda table: INDEX.sub(r"\1<sub>\2</sub>", table.group()), body)
 
 
 def repair(app, pagename, templatename, context, doctree):

@@ -39,7 +39,13 @@ HINDRANCES = """() => {
   const all = (selector) => [...document.querySelectorAll(selector)], found = [];
   if (all("mjx-container[tabindex]").length) found.push("formulas are stops of the Tab key");
   for (const fold of all("main [aria-label='Toggle hidden content']")) found.push("a fold without a name");
-  for (const fold of all("main details > summary")) if (!fold.textContent.trim()) found.push("a fold without words");
+  for (const fold of all("main details > summary")) {
+    if (!fold.textContent.trim()) found.push("a fold without words");
+    if (/cell (source|output)/.test(fold.textContent)) found.push("a fold that only names a cell");
+  }
+  const index = /(^|[^\\w.\\p{L}])(\\p{L}\\p{M}?|[A-Z]{2,5})_[-\\p{L}\\d]/u;
+  for (const cell of all("main table.dataframe :is(th, td)"))
+    if (index.test(cell.textContent)) found.push(`an index left raw: ${cell.textContent}`);
   return found;
 }"""
 

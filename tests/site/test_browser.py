@@ -98,6 +98,8 @@ BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</
         ("<p><mjx-container tabindex='0'>x</mjx-container></p>", "formulas are stops of the Tab key"),
         ("<button aria-label='Toggle hidden content'>+</button>", "a fold without a name"),
         ("<details><summary></summary>hidden</details>", "a fold without words"),
+        ("<details><summary>Show code cell source</summary>1</details>", "a fold that only names a cell"),
+        ("<table class='dataframe'><tr><td>K_-1, M_s</td></tr></table>", "an index left raw"),
         ("<div style='width: 200vw'>wide</div>", "px wider than the screen"),
         ("<p style='color: #ccc; background: #fff'>pale</p>", "axe color-contrast"),
     ],
