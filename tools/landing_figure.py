@@ -37,7 +37,7 @@ def draw(made: dict[str, pidalab.Design]) -> plt.Figure:
     plots.use_book_style()
     t = np.linspace(0.0, 25.0, 2501)
     noise = pidalab.uniform_noise(t, NOISE, seed=1, hold=0.05)
-    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
+    figure, axes = plt.subplots(2, 1, figsize=(4.8, 3.9), sharex=True)
     for kind, design in made.items():
         axes[0].plot(t, pidalab.load_response(design.loop(), t).y, label=kind)
         axes[1].plot(*plots.thin(t, pidalab.simulate(design.loop(), t, load=1.0, noise=noise).u, 900), lw=1.2)
