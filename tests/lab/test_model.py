@@ -71,6 +71,15 @@ def test_cancellation_has_the_zeros_of_the_library(model):
     assert found["kp"] == pytest.approx(true.kp, rel=0.05)
 
 
+@pytest.mark.parametrize("kind", ["PI", "PID", "PIDA"])
+@pytest.mark.parametrize("process", [*PLANTS[:2], pidalab.lags(3, delay=1.0)], ids=repr)
+def test_magnitude_optimum_is_that_of_the_library(kind, process, model):
+    m = {"PI": 0, "PID": 1, "PIDA": 2}[kind]
+    found = ruled(model, "magnitude", process, None, kind=kind, filterTime=0.2, filterOrder=m + 1)
+    true = pidalab.rules.magnitude_optimum.tune(process, m=m, n=m + 1, filter_time=0.2).controller
+    assert loop_of(process, found).controller.coefficients == pytest.approx(true.coefficients, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("rule", "kind", "process", "words"),
     [
@@ -78,6 +87,8 @@ def test_cancellation_has_the_zeros_of_the_library(model):
         ("simc", "PID", pidalab.sopdt(1.0, 1.0, 0.3, 0.1), "real, stable lags"),
         ("cancellation", "PID", PLANTS[4], "does not integrate"),
         ("cancellation", "PIDA", pidalab.fopdt(1.0, 1.0, 1.0), "needs a plant with 3 lags"),
+        ("magnitude", "PID", PLANTS[4], "does not integrate"),
+        ("magnitude", "PI", pidalab.sopdt(1.0, 1.0, 0.1, 0.5), "that is stable"),
     ],
 )
 def test_a_rule_without_ground_says_so(rule, kind, process, words, model):

@@ -2,6 +2,8 @@
 
 import re
 import shutil
+from contextlib import redirect_stdout
+from io import StringIO
 
 import numpy as np
 import pytest
@@ -102,6 +104,31 @@ def test_a_digital_controller_may_be_slower_than_its_filter(lab):
         ms.append(float(page.evaluate(COLUMNS)[0][3]))
     assert sorted(ms) == ms
     assert ms[-1] > 1.2 * ms[0]
+
+
+def test_designs_saved_as_files(lab, tmp_path):
+    """As Python it runs and says what the lab says; as JSON it comes back."""
+    page = lab()
+    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody tr').length === 4")
+    before = page.evaluate(COLUMNS)
+    for button, name in (("As a library call", "pida_designs.py"), ("As JSON", "pida_designs.json")):
+        page.get_by_role("button", name=button).click()
+        with page.expect_download() as download:
+            page.get_by_role("button", name=f"Save as {name}").click()
+        download.value.save_as(tmp_path / name)
+    said = StringIO()
+    with redirect_stdout(said):
+        exec((tmp_path / "pida_designs.py").read_text(), {})
+    iae = [float(value) for value in re.findall(r"IAE ([\d.]+)", said.getvalue())]
+    assert iae == pytest.approx([float(row[1]) for row in before], rel=1e-3)
+    again = lab()
+    again.locator("input[type=file]").set_input_files(tmp_path / "pida_designs.json")
+    announced(again, "4 designs read")
+    assert again.evaluate(COLUMNS) == before
+    (tmp_path / "other.json").write_text("{}")
+    again.locator("input[type=file]").set_input_files(tmp_path / "other.json")
+    announced(again, "was not saved by the lab")
 
 
 def test_a_dropped_record_becomes_a_plant(lab):

@@ -235,9 +235,9 @@
         ownValue("dead time", "delay", 0, 10, false),
         tick({ label: "integrating", get: () => this.state.own.integrating, set: (x) => own({ integrating: x }) }));
 
-      const file = element("input", { type: "file", accept: ".csv,.txt,text/csv,text/plain", id: "lab-file", onchange: () => this.take(file.files[0]) });
+      const file = element("input", { type: "file", accept: ".csv,.txt,.json,text/csv,text/plain,application/json", id: "lab-file", onchange: () => this.take(file.files[0]) });
       const drop = element("div", { class: "lab-drop" },
-        element("label", { for: "lab-file" }, "A step record of your own (drop a CSV file: time, output, or time, input, output): "), file);
+        element("label", { for: "lab-file" }, "A step record of your own (drop a CSV file: time, output, or time, input, output), or designs that were saved here (JSON): "), file);
       drop.addEventListener("dragover", (event) => event.preventDefault());
       drop.addEventListener("drop", (event) => { event.preventDefault(); this.take(event.dataTransfer.files[0]); });
 
@@ -278,15 +278,17 @@
       this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Numbers of the designs" });
       this.live = element("p", { class: "lab-live", role: "status" });
       this.out = element("pre", { class: "lab-out", hidden: true });
+      this.saving = button("Save as a file", () => this.save());
+      this.saving.hidden = true;
       const actions = element("div", { class: "lab-actions" },
         button("Keep this design", () => this.keep([this.state.design])),
         button("PI, PID and PIDA by this rule", () => this.threeKinds()),
         button("Forget the kept ones", () => this.change({ kept: [] })),
         button("Copy a link", () => this.copy(location.href, "The link")),
-        button("As a library call", () => this.show(this.call())),
-        button("As JSON", () => this.show(JSON.stringify({ process: this.pick(this.process), controller: controller(this.state.design) }, null, 1))),
+        button("As a library call", () => this.show(this.call(), "pida_designs.py")),
+        button("As JSON", () => this.show(JSON.stringify(this.exported(), null, 1), "pida_designs.json")),
         button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
-      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, this.table, plots, actions, this.out)));
+      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, this.table, plots, actions, this.saving, this.out)));
       this.host.classList.add("lab-ready");
     }
 
@@ -306,22 +308,59 @@
     async take(file) {
       if (!file) return;
       try {
-        const record = readRecord(await file.text());
-        this.change({ plant: "own", own: threePoint(record), record });
-        this.say(`Record of ${record.t.length} samples read; three points give the model shown.`);
+        const text = await file.text();
+        if (file.name.endsWith(".json")) this.takeSaved(text); else this.takeRecord(text);
       } catch (error) { this.say(`${file.name}: ${error.message}.`); }
     }
 
-    call() {
-      const { num, den, delay } = this.process, own = controller(this.state.design), list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`;
-      const gains = own.gains.slice(0, ORDER[this.state.design.kind] + 2);
-      return `import numpy as np\nimport pidalab\n\nprocess = pidalab.Process(${list(num)}, ${list(den)}, delay=${delay})\n` +
-        `controller = pidalab.HighOrderPID(${list(gains)}, filter_time=${own.filterTime}, filter_order=${own.filterOrder})\n` +
-        `loop = pidalab.Loop(process, controller)\nprint(pidalab.margins(loop))\n` +
-        `print(pidalab.load_response(loop, np.linspace(0, ${digits(this.process.end)}, 2001)).iae())\n`;
+    takeRecord(text) {
+      const record = readRecord(text);
+      this.change({ plant: "own", own: threePoint(record), record });
+      this.say(`Record of ${record.t.length} samples read; three points give the model shown.`);
     }
 
-    show(text) { this.out.hidden = false; this.out.textContent = text; this.copy(text, "The text below"); }
+    takeSaved(text) {
+      const saved = JSON.parse(text).lab;
+      if (!saved?.design) throw new RangeError("this JSON was not saved by the lab, it has no design under lab");
+      this.takeOver(saved);
+      this.change({});
+      this.say(`${1 + this.state.kept.length} designs read.`);
+    }
+
+    /* All designs for other programs, and the state for this one. */
+    exported() {
+      const designs = this.designs().map(({ kind, ...design }) => ({ kind, ...controller({ kind, ...design }) }));
+      return { process: this.pick(this.process), designs, lab: this.state };
+    }
+
+    designs() { return [this.state.design, ...this.state.kept]; }
+
+    call() {
+      const { num, den, delay } = this.process, list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`;
+      const lines = this.designs().map((design, k) => {
+        const { gains, filterTime, filterOrder } = controller(design), name = k ? `kept ${k}: ${design.kind}` : design.kind;
+        return `    "${name}": pidalab.HighOrderPID(${list(gains.slice(0, ORDER[design.kind] + 2))}, filter_time=${filterTime}, filter_order=${filterOrder}),\n`;
+      });
+      return `import numpy as np\nimport pidalab\n\nprocess = pidalab.Process(${list(num)}, ${list(den)}, delay=${delay})\n` +
+        `controllers = {\n${lines.join("")}}\nt = np.linspace(0, ${digits(this.process.end)}, 2001)\n` +
+        "for name, controller in controllers.items():\n    loop = pidalab.Loop(process, controller)\n" +
+        "    print(name, pidalab.margins(loop))\n    print(f\"IAE {pidalab.load_response(loop, t).iae():.4g}\")\n";
+    }
+
+    show(text, name) {
+      this.shown = { text, name };
+      this.out.hidden = this.saving.hidden = false;
+      this.out.textContent = text;
+      this.saving.textContent = `Save as ${name}`;
+      this.copy(text, "The text below");
+    }
+
+    save() {
+      const { text, name } = this.shown, link = element("a", { download: name, href: URL.createObjectURL(new Blob([text], { type: "text/plain" })) });
+      link.click();
+      URL.revokeObjectURL(link.href);
+      this.say(`${name} is saved.`);
+    }
 
     copy(text, what) {
       const done = navigator.clipboard?.writeText(text);
@@ -350,7 +389,7 @@
       visible(this.sampleRow, state.sampled); visible(this.noiseRow, state.noisy);
       for (const row of this.rows) if (!row.hidden) row.refresh?.();
 
-      const all = [state.design, ...state.kept], shown = [];
+      const all = this.designs(), shown = [];
       all.forEach((design, k) => {
         try { shown.push({ ...this.studied(design), kind: k }); } catch (error) { if (!k) this.problem = `${error.message}.`; }
       });

@@ -265,10 +265,56 @@
     return { ...shape, kp: gainForMs(process, shape, ms) };
   }
 
+  /* The first terms of P(s)/(1 + filterTime s)^filterOrder as a power series in s. */
+  function series({ num, den, delay }, { filterTime, filterOrder }, count) {
+    const up = (values, k) => values[values.length - 1 - k] ?? 0; // coefficient of s^k of descending powers
+    const terms = [];
+    for (let k = 0; k < count; k++) {
+      let value = up(num, k);
+      for (let j = 1; j <= k; j++) value -= up(den, j) * terms[k - j];
+      terms.push(value / up(den, 0));
+    }
+    const dead = [1];
+    for (let k = 1; k < count; k++) dead.push((dead[k - 1] * -delay) / k);
+    const delayed = terms.map((_, k) => dead.slice(0, k + 1).reduce((sum, d, j) => sum + d * terms[k - j], 0));
+    for (let n = 0; n < filterOrder; n++) for (let k = 1; k < count; k++) delayed[k] -= filterTime * delayed[k - 1];
+    return delayed;
+  }
+
+  /* Solution of a small linear system, by elimination with the largest pivot. */
+  function solve(matrix, right) {
+    const rows = matrix.map((row, i) => [...row, right[i]]), n = rows.length;
+    for (let p = 0; p < n; p++) {
+      const best = rows.reduce((top, row, i) => (i >= p && Math.abs(row[p]) > Math.abs(rows[top][p]) ? i : top), p);
+      [rows[p], rows[best]] = [rows[best], rows[p]];
+      for (let i = 0; i < n; i++) {
+        const share = i === p ? 0 : rows[i][p] / rows[p][p];
+        if (share) for (let j = p; j <= n; j++) rows[i][j] -= share * rows[p][j];
+      }
+    }
+    return rows.map((row, i) => row[n] / row[i]);
+  }
+
+  /* Magnitude optimum (vrancic2021, eqs. (13) to (16)): Re L(jw) stays -1/2 to as high a power of w as there are gains.
+     With L = sum l_n s^n that is l_0 = -1/2 and l_2 = l_4 = ... = 0, linear in the gains; the filter counts as plant. */
+  function magnitudeOptimum(process, design) {
+    if (integratingOf(process)) throw new RangeError("the magnitude optimum needs a plant that does not integrate");
+    const order = ORDER[design.kind], size = order + 2;
+    const { filterTime, filterOrder } = controller(design);
+    const c = series(process, { filterTime, filterOrder }, 2 * size);
+    const time = Math.abs(c[1] / c[0]) || 1, scaled = c.map((value, k) => value / Math.pow(time, k));
+    const rows = Array.from({ length: size }, (_, r) => Array.from({ length: size }, (_, j) => scaled[2 * r - j + 1] ?? 0));
+    const gains = solve(rows, rows.map((_, r) => (r ? 0 : -0.5))).map((gain, j) => gain * Math.pow(time, j - 1));
+    const [ki, kp, kd = 0, ka = 0] = gains, made = { ...design, kp, ti: kp / ki, td: kd / kp, ta: ka / kp };
+    if (!(made.ti > 0) || !margins({ process, controller: controller(made) }).stable) throw new RangeError(`this plant has no magnitude optimum with a ${design.kind} controller that is stable`);
+    return made;
+  }
+
   const RULES = {
     hand: { name: "by hand", knob: null, apply: (process, design) => design },
     gain: { name: "this shape, gain by Ms", knob: "ms", apply: (process, design, ms) => ({ ...design, kp: gainForMs(process, design, ms) }) },
     cancellation: { name: "cancel the lags, gain by Ms (haalman2024)", knob: "ms", apply: cancellation },
+    magnitude: { name: "magnitude optimum (vrancic2021)", knob: null, apply: magnitudeOptimum },
     simc: { name: "SIMC (PI, PID)", knob: "tc", apply: simc },
   };
 
