@@ -1,7 +1,9 @@
 """The command line: a record becomes code that compiles; what is wrong is one line and an exit status."""
 
+import importlib.util
 import re
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,24 +13,23 @@ import pidalab
 from pidalab.cli import main
 from pidalab.digital import from_json
 
-TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
+ROOT = Path(__file__).parents[1]
+SPEC = importlib.util.spec_from_file_location("plant_record", ROOT / "tools" / "plant_record.py")
+plant_record = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(plant_record)
+TRUE = plant_record.TRUE
 
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory):
-    """A historian's file of a plant with three lags: decimal commas, a late start, a gap, missing values, doublets."""
-    rng, fine = np.random.default_rng(8), np.linspace(0.0, 400.0, 8001)
-    t = np.sort(1000.0 + np.cumsum(rng.uniform(0.6, 1.4, 330)))
-    t = t[(t < 1150.0) | (t > 1162.0)]
-    stepped = t[0] + 37.0
-    y = 310.0 + 7.0 * np.interp(t - stepped, fine, pidalab.open_loop_step(TRUE, fine).y, left=0.0)
-    y = np.round((y + rng.normal(0.0, 0.08, t.size)) / 0.05) * 0.05
-    rows = [f"{a:.2f};{b};{c:.2f}" for a, b, c in zip(t, np.where(t < stepped, 40, 47), y, strict=True)]
-    rows[50] = f"{t[50]:.2f};47;"
-    rows.insert(100, rows[99])
+    """A historian's file of a plant with three lags, not the one of the book."""
     path = tmp_path_factory.mktemp("plant") / "step.csv"
-    path.write_text("\n".join(["time;valve;temperature", *rows]).replace(".", ","))
+    path.write_text(plant_record.text(seed=8))
     return path
+
+
+def test_the_record_of_the_book_is_what_its_script_writes():
+    assert plant_record.FILE.read_text() == plant_record.text()
 
 
 def run(*arguments):

@@ -4,6 +4,7 @@ import importlib.util
 import re
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
 
 import pidalab
@@ -23,6 +24,17 @@ def test_code_runs(page, capsys):
     for block in blocks(page):
         exec(compile(block, page.name, "exec"), {})
     assert "series:" in capsys.readouterr().out
+
+
+def test_short_answers_run(capsys):
+    """One after the other, as a reader would type them."""
+    space = {}
+    for block in blocks(ROOT / "book" / "how-do-i.md"):
+        exec(compile(block, "how-do-i.md", "exec"), space)
+    # what the words beside them claim
+    assert space["overshoot"](space["ms"]) == pytest.approx(5.0, abs=0.2)
+    assert space["quiet"].deadband == 0.02
+    plt.close("all")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -71,7 +71,7 @@ def tclab_command(
         with Lab(connected) as lab:
             if connected:
                 lab.hold(0.0, cooling)
-            k = row.design.controller.discretise(sample_time, limits=FULL)
+            k = row.design.discretise(sample_time, limits=FULL)
             runs[row.kind] = lab.closed_loop(k, setpoint, 2 * duration, disturbance)
     where = "at the board" if connected else "simulated"
     show([(f"Closed loops, {where}, after heater 2 went to {load:g} %", _table(runs, duration))])

@@ -93,6 +93,8 @@ def report_command(out: Path | None, model: str, **options: Any) -> None:
 @click.option("--kind", default="PIDA", show_default=True, type=click.Choice(KINDS))
 @design
 @limits
+@click.option("--b", default=1.0, show_default=True, help="Weight of the set point in the proportional part.")
+@click.option("--c", default=1.0, show_default=True, help="Weight of the set point in the derivatives.")
 @out
 @one_line
 def tune_command(out: Path | None, **options: Any) -> None:
@@ -135,6 +137,8 @@ def _tuned(
     sample_time: float,
     u_min: float,
     u_max: float,
+    b: float,
+    c: float,
 ) -> Result:
     from pidalab.identification import fit
     from pidalab.loop import Loop
@@ -151,7 +155,9 @@ def _tuned(
         )
     # the working point of the record: model and controller count from there
     rest = float(read.steps[0].before) if read.steps else float(read.u[0])
-    digital = design.discretise(sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest)
+    digital = design.discretise(
+        sample_time, "backward", b=b, c=c, limits=(u_min, u_max), bias=rest, y_offset=read.rest
+    )
     sampled = margins(Loop(found.process, digital))
     sections = [
         ("Record", str(read)),

@@ -89,7 +89,7 @@ COLUMNS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Report:
     """Candidates on one plant, with the same limits.
 
@@ -141,6 +141,9 @@ class Report:
 
     def _worst(self, old: Candidate, new: Candidate) -> str:
         return "" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} after {old.ms_worst:.2f}"
+
+    def __repr__(self) -> str:
+        return f"Report({', '.join(row.kind for row in self.rows)}; Ms at most {self.ms:g})"
 
     def __str__(self) -> str:
         names = self._columns()
