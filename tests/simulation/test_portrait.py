@@ -2,7 +2,7 @@
 
 import os
 import signal
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
@@ -238,7 +238,8 @@ def test_what_diverges_is_infinite():
     free = Loop(LOOP.process, SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4))
     p = portrait(free, {"kd": [0.45, 50.0]}, 0.1 * np.arange(5000), load=1.0)
     assert p.diverged.tolist() == [False, True]
-    for name, x in zip(p._fields[:-1], p, strict=False):
+    assert not p.missing.any()
+    for name, x in zip(p._fields[:-2], p, strict=False):
         assert np.isfinite(x[0]), name
         assert x[1] == np.inf, name
 
@@ -271,7 +272,7 @@ WIDE = np.ones(3000)
     ("arguments", "error", "message"),
     [
         ({"loop": PDA}, TypeError, "loop must be a pidalab.Loop, found SeriesPIDA"),
-        ({"loop": Loop(LOOP.process, 0.5)}, TypeError, "loop must have a SeriesPIDA and no output filter"),
+        ({"loop": Loop(LOOP.process, 0.5)}, TypeError, "loop must have a SeriesPIDA and no output filter, or digital"),
         ({"loop": Loop(LOOP.process, PDA, control.tf(1, [1, 1]))}, TypeError, "and no output filter"),
         ({"parameters": [1.0]}, TypeError, "parameters must be a mapping or a DataFrame .* found list"),
         ({"parameters": {"Kp": [1.0]}}, ValueError, "parameters must be among kp, kd, .* found 'Kp'"),
@@ -310,3 +311,129 @@ def test_derivatives_need_a_filter():
     own = SeriesPIDA(1.0, 0.0, 0.0, 1.0, 0.1, 1)
     with pytest.raises(ValueError, match="ka needs a filter_order of at least 2, found 1"):
         portrait(Loop(LOOP.process, own), {"ka": [0.1]}, T, load=1.0)
+
+
+def digital_sets():
+    """PI, PID and PIDA as a computer runs them, in other units and with limits of their own."""
+    classes = [pidalab.PIDA(0.3, 6.0), pidalab.PIDA(0.4, 5.0, 0.4, 0.05, n=5, m=1), PDA]
+    usual = {"limits": (-2.0, 0.5), "c": 0.0}
+    units = {
+        "limits": (10.0, 90.0),
+        "bias": 50.0,
+        "u_span": 40.0,
+        "y_span": 2.0,
+        "y_offset": 7.0,
+        "rate_limit": 40.0,
+    }
+    return [[C.discretise(0.05, **options) for C in classes] for options in (usual, units)]
+
+
+DIGITAL = digital_sets()
+STEPS = 0.05 * np.arange(600)
+DIGITAL_LOOP = Loop(LOOP.process, DIGITAL[0][0], prefilter=control.tf([1.0], [0.5, 1.0]))
+TASK = {"loop": DIGITAL_LOOP, "parameters": {"controller": DIGITAL}, "t": STEPS, "setpoint": 0.7, "load": 0.2}
+
+
+def test_digital_controllers_are_those_of_the_response():
+    p = portrait(**TASK, limits=(-0.9, 1.5))
+    assert p.iae.shape == (2, 3)
+    assert not (p.diverged | p.missing).any()
+    for i, j in np.ndindex(2, 3):
+        loop = Loop(LOOP.process, DIGITAL[i][j], prefilter=DIGITAL_LOOP.prefilter)
+        record = simulate_sampled(loop, STEPS, setpoint=0.7, load=0.2, limits=(-0.9, 1.5))
+        for name, value in expected(record, 0.7, -0.2).items():
+            assert getattr(p, name)[i, j] == pytest.approx(value, rel=1e-9, abs=1e-12), name
+    assert_same_bits(portrait(**TASK, limits=(-0.9, 1.5), chunk=1, executor=ThreadPoolExecutor(1)), p)
+    alone = portrait(**(TASK | {"parameters": {}}), limits=(-0.9, 1.5))
+    assert (alone.iae.shape, alone.iae) == ((), p.iae[0, 0])
+
+
+def test_a_digital_loop_that_diverges_is_infinite():
+    wild = pidalab.PIDA(50.0, 1.0).discretise(0.05)
+    p = portrait(
+        Loop(LOOP.process, wild), {"controller": [wild, DIGITAL[0][0]]}, 0.05 * np.arange(6000), setpoint=0.7
+    )
+    assert p.diverged.tolist() == [True, False]
+    assert (p.iae[0], p.tv1_u[0]) == (np.inf, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"parameters": {"kp": [1.0]}}, ValueError, "parameters must be 'controller', .* found 'kp'"),
+        ({"parameters": {"controller": [PDA]}}, TypeError, "found SeriesPIDA at index 0 .* discretise"),
+        ({"parameters": {"controller": []}}, ValueError, "at least one set"),
+        ({"parameters": [1.0]}, TypeError, "parameters must be a mapping, found list"),
+        ({"t": T}, ValueError, "t must have the sample time of the digital controllers, 0.05 at index 0"),
+        ({"prefilter": ([1.0], [1.0, 1.0])}, ValueError, "prefilter must be that of the loop"),
+        ({"limits": (0.1, 1.0)}, ValueError, "hold 0, the control signal at rest"),
+        ({"load": 0.8}, ValueError, "no state of rest: .* need u from -0.8 to -0.8, and the limits are"),
+        ({"resume": __file__}, ValueError, "resume must be a file that portrait wrote"),
+        ({"resume": "nowhere/p"}, ValueError, "resume must be in a folder that exists, found nowhere"),
+    ],
+)  # fmt: skip
+def test_portrait_of_digital_controllers_complains(arguments, error, message):
+    with pytest.raises(error, match=message):
+        portrait(**(TASK | {"limits": (-0.9, 0.6) if "load" not in arguments else (-0.7, 0.6)} | arguments))
+
+
+class Interrupting(ThreadPoolExecutor):
+    """An executor whose third result is a Ctrl-C; it counts the sets that it is given."""
+
+    def __init__(self, at=3):
+        super().__init__(1)
+        self.at, self.tasks, self.sets = at, 0, 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        self.tasks += 1
+        self.sets += args[1].shape[0]
+        future = super().submit(fn, *args, **kwargs)
+        if self.tasks == self.at:
+            future.result()
+            future = Future()
+            future.set_exception(KeyboardInterrupt())
+        return future
+
+
+def test_what_is_interrupted_returns_what_it_has_and_goes_on_from_a_file(many, tmp_path):
+    task, whole = many
+    file = tmp_path / "portrait.npz"
+    with Interrupting() as pool, pytest.warns(UserWarning, match=r"interrupted: \d+ of 500 sets are missing"):
+        p = portrait(**task, executor=pool, resume=file)
+    assert 0 < p.missing.sum() < 500
+    assert not (p.missing & p.diverged).any()
+    for name, x, true in zip(p._fields[:-2], p, whole, strict=False):
+        assert np.isnan(x[p.missing]).all(), name
+        np.testing.assert_array_equal(x[~p.missing], true[~p.missing])
+    # only what is missing is computed, in whole chunks, and the result is the same to the bit
+    with Interrupting(at=0) as pool:
+        assert_same_bits(portrait(**task, executor=pool, resume=str(file)), whole)
+        assert p.missing.sum() <= pool.sets < 500
+        assert_same_bits(portrait(**task, executor=pool, resume=file, chunk=100), whole)
+        assert pool.sets < 500  # nothing more
+    assert [path.name for path in tmp_path.iterdir()] == ["portrait.npz"]
+    for other in ({"load": 1.1}, {"limits": (-2.0, 2.0)}, {"t": T[:-1]}, {"parameters": {"kp": [0.1, 0.2]}}):
+        with pytest.raises(ValueError, match=r"resume: .*portrait\.npz holds another portrait"):
+            portrait(**(task | other), resume=file)
+
+
+def test_what_a_lost_worker_leaves_is_kept(many, tmp_path):
+    class Failing(ThreadPoolExecutor):
+        def submit(self, fn, /, *args, **kwargs):
+            self.tasks = getattr(self, "tasks", 0) + 1
+            return super().submit(int, "x") if self.tasks == 2 else super().submit(fn, *args, **kwargs)
+
+    task, whole = many
+    with Failing(1) as pool, pytest.raises(RuntimeError, match="64 of 500 sets are missing"):
+        portrait(**task, executor=pool, resume=tmp_path / "p")
+    with Interrupting(at=0) as pool:
+        assert_same_bits(portrait(**task, executor=pool, resume=tmp_path / "p"), whole)
+        assert pool.sets == 64
+
+
+def test_digital_portraits_go_on_from_a_file(tmp_path):
+    whole = portrait(**TASK, limits=(-0.9, 1.5), resume=tmp_path / "p")
+    assert_same_bits(portrait(**TASK, limits=(-0.9, 1.5), resume=tmp_path / "p"), whole)
+    other = [[DIGITAL[0][0]] * 3, DIGITAL[1]]
+    with pytest.raises(ValueError, match="holds another portrait"):
+        portrait(**(TASK | {"parameters": {"controller": other}}), limits=(-0.9, 1.5), resume=tmp_path / "p")

@@ -13,7 +13,10 @@ from scipy.special import gammainc
 from pidalab._check import Array
 from pidalab.controllers import SeriesPIDA
 from pidalab.loop import Loop, require_loop
+from pidalab.simulation import lanes
 from pidalab.simulation.lanes import Controllers
+from pidalab.simulation.sampled_controller import require_fine_enough
+from pidalab.simulation.steps import Steps
 
 ALLOWED = {
     "kp": "finite and not 0",
@@ -64,8 +67,8 @@ class Bank(NamedTuple):
         num = [np.zeros(()) for _ in range(len(den) - len(num))] + num
         return Bank(shape, values, own.filter_order, num, den)
 
-    def require_valid(self) -> None:
-        """Raise for a parameter out of its range and for a prefilter that is unstable."""
+    def require_valid(self, h: float) -> None:
+        """Raise for a parameter out of its range, a filter faster than the sample, and a prefilter that is unstable."""
         for name, x in self.values.items():
             bad = ~np.isfinite(x)
             if ALLOWED[name].endswith("above 0"):
@@ -90,14 +93,22 @@ class Bank(NamedTuple):
             poles = np.linalg.eigvals(_companion(den / den[..., :1]))
             if np.any(poles.real >= 0):
                 raise ValueError(f"prefilter must be stable, found a pole at {poles[poles.real >= 0][0]:.4g}")
-
-    def shortest_filter(self) -> float:
-        """Shortest time constant of the filters; infinite without a filter."""
-        return float(np.min(self.values["filter_time"])) if self.order else math.inf
+        require_fine_enough(h, float(np.min(self.values["filter_time"])) if self.order else math.inf)
 
     def static_gain(self) -> Array:
         """Return the static gain of the prefilters."""
         return np.asarray(self.num[-1] / self.den[-1])
+
+    def limits(self, low: float, high: float) -> tuple[Array, Array]:
+        """Return the limits of each set: the same for all."""
+        return np.array(low), np.array(high)
+
+    def measures(
+        self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
+    ) -> Array:
+        """Run the sets, one-dimensional here, and measure them: shape (measures, sets)."""
+        groups = [lanes.run(own, plant, *limits, h, r, d, n) for own in controllers(self, h, lanes.LANES)]
+        return np.concatenate(groups, axis=1)[:, : math.prod(self.shape)]
 
     def part(self, part: slice) -> Bank:
         """Return some of the sets, in flat order."""
@@ -114,7 +125,9 @@ def series_controller(loop: Loop) -> SeriesPIDA:
     """Return the controller whose parameters differ from set to set, or raise."""
     require_loop(loop)
     if not isinstance(loop.controller, SeriesPIDA) or loop.output_filter is not None:
-        raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
+        raise TypeError(
+            f"loop must have a SeriesPIDA and no output filter, or digital controllers, found {loop!r}"
+        )
     return loop.controller
 
 
@@ -155,7 +168,7 @@ def _companion(den: Array) -> Array:
     return A
 
 
-def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
+def controllers(bank: Bank, h: float, width: int) -> Iterator[Controllers]:
     r"""Discretise the sets, one-dimensional here, for the sample time h, in groups of so many lanes.
 
     The filter is a chain of equal lags. Its transition is :math:`e^{-\tau} e^{\tau N}` with N one below the diagonal
@@ -165,7 +178,7 @@ def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
     The last group is filled up with its last set.
     """
     (sets,) = bank.shape
-    size = -(-sets // lanes) * lanes
+    size = -(-sets // width) * width
     kp, kd, ka, ti, time = (_padded(bank.values[name], sets, size) for name in ALLOWED)
     n, tau = bank.order, h / time
     direct, reading = _readings(kp, kd, ka, time, n)
@@ -182,8 +195,8 @@ def controllers(bank: Bank, h: float, lanes: int) -> Iterator[Controllers]:
     new = -np.expm1(-h / ti)
     whole = (stay, move, gamma, c, direct, new, *_prefilter(bank, sets, size, h))
     # cut into groups that lie together in memory
-    for start in range(0, size, lanes):
-        yield Controllers(*(np.ascontiguousarray(x[..., start : start + lanes]) for x in whole))
+    for start in range(0, size, width):
+        yield Controllers(*(np.ascontiguousarray(x[..., start : start + width]) for x in whole))
 
 
 def _readings(kp: Array, kd: Array, ka: Array, time: Array, n: int) -> tuple[Array, Array]:

@@ -133,7 +133,7 @@ def simulate_sampled(
         _check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise))
     )
     h = float(t[-1] / (t.size - 1))
-    at_rest = limits_at_rest(loop, limits)
+    at_rest = limits_at_rest(loop.limits, limits)
     fineness, actuator = _conversion(*at_rest, quanta, pulse_widths)
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
     reference = filtered(discretise(*loop.blocks["prefilter"], h), r)
@@ -172,15 +172,15 @@ def _limited(
     return replace(k, limits=(max(low, k.limits[0]), min(high, k.limits[1])))
 
 
-def limits_at_rest(loop: Loop, limits: tuple[float, float]) -> tuple[float, float]:
-    """Check limits, which may be infinite, against the state of rest; limits of the controller hold too."""
+def limits_at_rest(own: tuple[float, float], limits: tuple[float, float]) -> tuple[float, float]:
+    """Check limits, which may be infinite, against the state of rest; the controller's own hold too."""
     low, high = _check.limits(limits)
-    low, high = max(low, loop.limits[0]), min(high, loop.limits[1])
+    low, high = max(low, own[0]), min(high, own[1])
     if not low <= 0 <= high or low == high:
         raise ValueError(
             "limits must be (lower, upper) with lower < upper, and hold 0, the control signal at rest "
             f"(give them as distances from the state of rest); found {limits!r}"
-            + (f" and {loop.limits!r} of the controller" if np.isfinite(loop.limits).any() else "")
+            + (f" and {own!r} of the controller" if np.isfinite(own).any() else "")
         )
     return low, high
 
