@@ -20,7 +20,7 @@ from mdit_py_plugins.dollarmath import dollarmath_plugin
 
 ROOT = Path(__file__).resolve().parents[1]
 HERE, LAB = Path(__file__).parent, ROOT / "book" / "_static" / "lab"
-SCRIPTS = ("engine", "model", "plot", "lab", "live")
+SCRIPTS = ("engine", "optima", "model", "plot", "lab", "live")
 SHOWN = {"list", "formula", "figure", "live", "result", "table", "shown"}  # on the slide; the rest are notes
 PICTURES = {"figure", "live"}
 CODE_SHOWN = "The recipe"  # heading under which code is no note

@@ -1,6 +1,6 @@
 """Give the pages that hold the lab or a live figure its scripts, and no others."""
 
-SCRIPTS = ("lab/engine.js", "lab/model.js", "lab/plot.js", "lab/lab.js", "lab/live.js")
+SCRIPTS = ("lab/engine.js", "lab/optima.js", "lab/model.js", "lab/plot.js", "lab/lab.js", "lab/live.js")
 MARKS = ('class="pidalab-lab"', 'class="pidalab-live"')
 
 

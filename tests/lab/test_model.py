@@ -5,6 +5,7 @@ import pytest
 from engine import SCRIPT, Engine, asked
 
 import pidalab
+from pidalab.robustness.control import max_control_sensitivity
 from pidalab.rules import classical, mrdp
 
 RULE = """pidalabEngine.rule = ({rule, process, design, knob}) =>
@@ -12,14 +13,14 @@ RULE = """pidalabEngine.rule = ({rule, process, design, knob}) =>
 MARGINS = "pidalabEngine.sampledMargins = pidalabModel.sampledMargins;"
 BEYOND = """pidalabEngine.beyond = ({process, controller}) =>
     pidalabModel.beyondCrossover(process, controller);"""
-MODEL = SCRIPT.with_name("model.js")
+PLANTS_OF_THE_LAB = "pidalabEngine.plants = () => pidalabModel.PLANTS;"
+MODEL, OPTIMA = SCRIPT.with_name("model.js"), SCRIPT.with_name("optima.js")
 
 
 @pytest.fixture(scope="module")
 def model():
-    return Engine(
-        "\n".join([*(path.read_text(encoding="utf-8") for path in (SCRIPT, MODEL)), RULE, MARGINS, BEYOND])
-    )
+    sources = (path.read_text(encoding="utf-8") for path in (SCRIPT, OPTIMA, MODEL))
+    return Engine("\n".join([*sources, RULE, MARGINS, BEYOND, PLANTS_OF_THE_LAB]))
 
 
 def ruled(model, rule, process, knob, **design):
@@ -80,6 +81,29 @@ def test_magnitude_optimum_is_that_of_the_library(kind, process, model):
     assert loop_of(process, found).controller.coefficients == pytest.approx(true.coefficients, rel=1e-6)
 
 
+def plants_of_the_lab(model):
+    return {key: pidalab.Process(p["num"], p["den"], p["delay"]) for key, p in model.plants().items()}
+
+
+def test_optima_in_store_keep_their_limits_and_each_derivative_pays(model):
+    for key, process in plants_of_the_lab(model).items():
+        gain = process.num[-1] / process.den[process.den != 0][-1]
+        iae = []
+        for kind in ("PI", "PID", "PIDA"):
+            loop = loop_of(process, ruled(model, "optimum", process, None, kind=kind))
+            assert pidalab.margins(loop).ms <= 1.4 * (1 + 1e-6), (key, kind)
+            assert max_control_sensitivity(loop)[0] <= 20 / gain * (1 + 1e-6), (key, kind)
+            iae.append(pidalab.load_response(loop, np.linspace(0, 200, 4001)).iae())
+        assert sorted(iae, reverse=True) == iae, key
+
+
+def test_optima_in_store_are_those_of_the_library(model):
+    process = plants_of_the_lab(model)["lags3"]
+    true = pidalab.optimal.load(process, 2, ms=1.4, mks=20.0)
+    loop = loop_of(process, ruled(model, "optimum", process, None, kind="PIDA"))
+    assert pidalab.load_response(loop, np.linspace(0, 200, 4001)).iae() == pytest.approx(true.iae, rel=2e-3)
+
+
 @pytest.mark.parametrize(
     ("rule", "kind", "process", "words"),
     [
@@ -88,6 +112,7 @@ def test_magnitude_optimum_is_that_of_the_library(kind, process, model):
         ("cancellation", "PID", PLANTS[4], "does not integrate"),
         ("cancellation", "PIDA", pidalab.fopdt(1.0, 1.0, 1.0), "needs a plant with 3 lags"),
         ("magnitude", "PID", PLANTS[4], "does not integrate"),
+        ("optimum", "PID", PLANTS[4], "no optimum is in store"),
         ("magnitude", "PI", pidalab.sopdt(1.0, 1.0, 0.1, 0.5), "that is stable"),
     ],
 )

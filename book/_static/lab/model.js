@@ -310,11 +310,21 @@
     return made;
   }
 
+  /* The optimum in store for one of the plants above; see optima.js. */
+  function storedOptimum({ num, den, delay }, design) {
+    const words = (plant) => JSON.stringify([plant.num, plant.den, plant.delay]), wanted = words({ num, den, delay });
+    const key = Object.keys(PLANTS).find((name) => words(PLANTS[name]) === wanted);
+    const stored = globalThis.pidalabOptima?.designs[key]?.[design.kind];
+    if (!stored) throw new RangeError("no optimum is in store for this plant: pidalab.optimal.load looks for one");
+    return { ...design, ...stored };
+  }
+
   const RULES = {
     hand: { name: "by hand", knob: null, apply: (process, design) => design },
     gain: { name: "this shape, gain by Ms", knob: "ms", apply: (process, design, ms) => ({ ...design, kp: gainForMs(process, design, ms) }) },
     cancellation: { name: "cancel the lags, gain by Ms (haalman2024)", knob: "ms", apply: cancellation },
     magnitude: { name: "magnitude optimum (vrancic2021)", knob: null, apply: magnitudeOptimum },
+    optimum: { name: "least IAE: Ms 1.4, noise limit 20/gain (in store)", knob: null, apply: storedOptimum },
     simc: { name: "SIMC (PI, PID)", knob: "tc", apply: simc },
   };
 
