@@ -18,10 +18,11 @@ LONGEST = 6000  # characters kept of a section
 # How much a hit counts, by the beginning of the page's name; the first that fits.
 WEIGHTS = (
     ("book/api", 0.05),
-    ("book/audit", 0.6),
+    ("book/audit", 0.15),
     ("book/scoreboard", 0.5),
     ("book/errata", 0.5),
-    ("book/bibliography", 0.4),
+    ("book/bibliography", 0.1),
+    ("book/learn/index", 0.5),
     ("book/learn", 1.3),
     ("", 1.0),
 )
