@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/vendored.py tools/vendored.toml $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides claims faults lint bench studies study release archive pdf lock clean
+.PHONY: help env book test notebooks slides claims faults fuzz lint bench studies study release archive pdf lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -45,6 +45,9 @@ claims: $(ENV)  ## disturb what the claims stand on and see each one fail (long)
 
 faults: $(ENV)  ## plant gross errors in the library and see every chapter notice (20 minutes)
 	$(BIN)/python tools/faults.py
+
+fuzz: $(ENV)  ## random loops, arguments, records and files against second methods, FUZZ=2000 of each (hours)
+	FUZZ=$${FUZZ:-2000} $(BIN)/pytest -n auto tests/fuzz
 
 lint: $(ENV)  ## style and types
 	$(BIN)/ruff check

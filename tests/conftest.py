@@ -3,4 +3,6 @@
 import sys
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital", "site")]
+sys.path[:0] = [
+    str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz")
+]

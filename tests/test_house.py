@@ -42,7 +42,12 @@ WHOLE = {
     "honesty",
     "sixth_paper",
 }  # about the whole project
-ELSEWHERE = {"site", "lab", "oracle"}  # folders of tests about what is not in src: the pages, their engine
+ELSEWHERE = {
+    "site",
+    "lab",
+    "oracle",
+    "fuzz",
+}  # folders of tests about no module of src: the pages, all modules
 TESTED_WITH = {  # modules whose tests are those of another: path without suffix: test file, and why
     "_check": ("test_process.py", "every module's refusals go through it"),
     "forms": ("test_controllers.py", "controllers convert"),

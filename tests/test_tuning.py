@@ -90,7 +90,7 @@ def test_every_rule_by_name(rule, kind, model):
     [
         (lambda: tune(THIRD, "PIDD"), "kind must be 'PI', 'PID' or 'PIDA'"),
         (lambda: tune(THIRD, "PI", ms=0.9), "ms must be above 1"),
-        (lambda: tune(THIRD, "PI", rule="best"), "rule must be 'optimal' or one of haalman"),
+        (lambda: tune(THIRD, "PI", rule="best"), "rule must be 'optimal', 'haalman', 'simc'"),
         (lambda: tune(THIRD, "PIDA", rule="simc"), "none of them knows acceleration"),
         (lambda: tune(THIRD, "PI", rule="itae"), "kind must be 'PIDA' for the rule 'itae'"),
         (lambda: tune(THIRD, "PI", noise_gain=1.0), "sample_time must be given with noise_gain"),

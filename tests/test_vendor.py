@@ -36,7 +36,7 @@ def test_forms_that_do_not_exist():
     assert pd.ideal == pd.series
     assert pd.ideal["repeats/min"] == 0.0
     assert "series:   no such form" in str(PIDA(1.0, 3.0, 1.0).vendor_forms())
-    with pytest.raises(ValueError, match=r"time_unit must be 's', 'min' or 'h', .* found 'ms'"):
+    with pytest.raises(ValueError, match=r"time_unit must be 's', 'min' or 'h', found 'ms'"):
         PIDA(1.0, 2.0).vendor_forms("ms")
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+LARGEST = 1e150  # size whose square is still a number
+HIGHEST = 400  # order of a lag, a filter or an expansion: beyond it polynomials leave double precision
 
 
 def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf) -> float:
@@ -19,6 +23,8 @@ def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -
         number = float(value)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be a real number, found {value!r}") from None
+    except OverflowError:
+        raise ValueError(f"{name} must be finite, found a number beyond double precision") from None
     allowed = "finite"
     if above > -math.inf:
         allowed = f"above {above:g}" if math.isfinite(number) else f"finite and above {above:g}"
@@ -29,11 +35,26 @@ def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -
     return number
 
 
-def integer(name: str, value: Any, *, at_least: int) -> int:
-    """Return `value` as an int no smaller than `at_least`, or raise naming the argument."""
-    if isinstance(value, bool) or int(real(name, value)) != value or value < at_least:
+def integer(name: str, value: Any, *, at_least: int, at_most: float = math.inf) -> int:
+    """Return `value` as an int from `at_least` to `at_most`, or raise naming the argument."""
+    number = real(name, value)
+    if not number.is_integer() or number < at_least:
         raise ValueError(f"{name} must be a whole number, at least {at_least}, found {value!r}")
+    if number > at_most:
+        raise ValueError(f"{name} must be at most {at_most}, found {value!r}")
     return int(value)
+
+
+def order(name: str, value: Any, *, at_least: int) -> int:
+    """Return `value` as the order of a lag, a filter or an expansion, or raise naming the argument."""
+    return integer(name, value, at_least=at_least, at_most=HIGHEST)
+
+
+def choice(name: str, value: Any, allowed: Iterable[str]) -> None:
+    """Raise for a word that is not offered, and for what is no word."""
+    if not isinstance(value, str) or value not in allowed:
+        *others, last = map(repr, allowed)
+        raise ValueError(f"{name} must be {', '.join(others)} or {last}, found {value!r}")
 
 
 def carrier(value: Any, kind: type) -> str:
@@ -51,7 +72,7 @@ def _real_array(name: str, value: ArrayLike) -> Array:
         if np.iscomplexobj(array) or array.dtype.kind in "USO":
             raise TypeError
         return array.astype(float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = repr(value)
         found = found if len(found) < 80 else f"{type(value).__name__} {found[:60]}..."
         raise TypeError(f"{name} must be a one-dimensional array of real numbers, found {found}") from None
@@ -64,7 +85,7 @@ def complex_array(name: str, value: ArrayLike) -> Any:
         if array.dtype.kind in "USO":
             raise TypeError
         return array.astype(complex)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be complex numbers, found {value!r}") from None
 
 
@@ -130,6 +151,13 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
             f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}"
         )
     return vector(name, array)
+
+
+def squarable(name: str, array: Array) -> None:
+    """Raise for values whose squares leave double precision; nan is passed over."""
+    largest = float(np.nanmax(np.abs(array), initial=0.0))
+    if LARGEST < largest < math.inf:
+        raise ValueError(f"{name} must be below {LARGEST:g}, found {largest:g}")
 
 
 def limits(value: Any) -> tuple[float, float]:

@@ -305,10 +305,8 @@ class Loop:
         >>> loop.transfer("y", "d", 1.0)
         np.complex128(1+0j)
         """
-        if output not in ("y", "u", "e"):
-            raise ValueError(f"output must be 'y', 'u' or 'e', found {output!r}")
-        if source not in ("r", "d", "n"):
-            raise ValueError(f"source must be 'r', 'd' or 'n', found {source!r}")
+        _check.choice("output", output, ("y", "u", "e"))
+        _check.choice("source", source, ("r", "d", "n"))
         sensitivity, process = self.S(s), self.process(s)
         to_control = self.block("controller", s) * self.block("output_filter", s)
         if source == "d":

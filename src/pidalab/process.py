@@ -379,7 +379,7 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
     >>> pidalab.lags(order=4)
     Process(num=[1], den=[1, 4, 6, 4, 1], delay=0)
     """
-    order, lag = _check.integer("order", order, at_least=1), _check.real("lag", lag, above=0.0)
+    order, lag = _check.order("order", order, at_least=1), _check.real("lag", lag, above=0.0)
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         den = binomial(lag, order)
     if not (np.all(np.isfinite(den)) and np.all(den)):

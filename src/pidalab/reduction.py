@@ -214,7 +214,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     >>> print(f"tau = {model.tau:.3f}, damping = {model.damping:.3f}, delay = {model.delay:.3f}")
     tau = 1.490, damping = 0.876, delay = 0.585
     """
-    points = _check.integer("points", points, at_least=3)
+    points = _check.integer("points", points, at_least=3, at_most=1_000_000)
     wu = ultimate_frequency(process)
     x = np.linspace(0.0, 1.0, points)
     g = np.abs(_unit(process)(1j * wu * x)) ** 2

@@ -398,8 +398,7 @@ class Response:
         return float(self.tv(signal, start, end) - abs(2 * extreme - path[0] - path[-1]))
 
     def _path(self, signal: str, start: float, end: float | None) -> Array:
-        if signal not in ("u", "y"):
-            raise ValueError(f"signal must be 'u' or 'y', found {signal!r}")
+        _check.choice("signal", signal, ("u", "y"))
         last = [] if end is None else [_check.real("end", end)]
         return np.concatenate([[_check.real("start", start)], getattr(self, signal), last])
 

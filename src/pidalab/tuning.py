@@ -81,11 +81,9 @@ def tune(
     >>> design.ms <= 1.6 * (1 + 1e-6) < design.ms_worst
     True
     """
-    if kind not in ORDER:
-        raise ValueError(f"kind must be 'PI', 'PID' or 'PIDA', found {kind!r}")
+    _check.choice("kind", kind, ORDER)
     ms = _check.real("ms", ms, above=1.0)
-    if rule != "optimal" and rule not in RULES:
-        raise ValueError(f"rule must be 'optimal' or one of {', '.join(RULES)}, found {rule!r}")
+    _check.choice("rule", rule, ("optimal", *RULES))
     if sample_time is not None:
         sample_time = _check.real("sample_time", sample_time, above=0.0)
     process = model.process if isinstance(model, Fit) else model

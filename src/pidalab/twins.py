@@ -101,7 +101,7 @@ def thermal_plant(
         raise ValueError("velocity_gain must not be 0, found 0")
     apparent_delay = _check.real("apparent_delay", apparent_delay, above=0.0)
     conduction = _check.real("conduction", conduction, above=0.0)
-    lags = _check.integer("lags", lags, at_least=1)
+    lags = _check.order("lags", lags, at_least=1)
     if lags > MOST_LAGS:
         raise ValueError(f"lags must be at most {MOST_LAGS}, found {lags}")
     for name, value, top in (("share", share, 1.0), ("dip", dip, np.nextafter(1.0, 0.0))):

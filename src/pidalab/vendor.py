@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from pidalab import _check
 from pidalab.forms import FilteredGains, IdealGains
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
@@ -46,10 +47,7 @@ class VendorForms(NamedTuple):
 
 def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit: str) -> VendorForms:
     """Return the gains in the forms of vendors, and the filters beside them; `time_unit` is that of the model."""
-    if time_unit not in SECONDS:
-        raise ValueError(
-            f"time_unit must be 's', 'min' or 'h', the unit of the model's time, found {time_unit!r}"
-        )
+    _check.choice("time_unit", time_unit, SECONDS)
     unit = SECONDS[time_unit]
     ideal, series, parallel = _forms(gains, unit)
     return VendorForms(ideal, series, parallel, _filters(parts, unit))

@@ -119,7 +119,7 @@ def test_refusals():
     u, noise = np.where(t < 20, 0.0, 1.0), np.random.default_rng(0).normal(0.0, 1.0, t.size)
     with pytest.raises(ValueError, match="not clearly above"):
         fit(Record(t, u, noise), "fopdt")
-    with pytest.raises(ValueError, match="model must be one of"):
+    with pytest.raises(ValueError, match="model must be 'fopdt', 'sopdt'"):
         fit(historian(0), "arx")
     with pytest.raises(TypeError, match="must be a pidalab"):
         fit(t)

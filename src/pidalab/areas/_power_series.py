@@ -11,10 +11,24 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
+from pidalab._check import Array
+
 
 def fractions(values: Iterable[Any]) -> list[Fraction]:
     """Return the same numbers as fractions."""
     return [Fraction(value) if isinstance(value, Fraction) else Fraction(float(value)) for value in values]
+
+
+def floats(series: Sequence[Fraction]) -> Array:
+    """Return the same numbers in double precision, or raise where they leave it."""
+    try:
+        return np.array(series, dtype=float)
+    except OverflowError:
+        raise ValueError(
+            "areas or gains leave double precision; take a longer unit of time, or lower orders"
+        ) from None
 
 
 def product(first: Sequence[Fraction], second: Sequence[Fraction]) -> list[Fraction]:

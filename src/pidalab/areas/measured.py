@@ -165,9 +165,8 @@ def from_record(
     [1.0, 4.0, 10.0, 20.0, 35.0, 56.0]
     """
     t, u, y = _signals(t, u, y)
-    count = _check.integer("count", count, at_least=1)
-    if between not in ("held", "linear"):
-        raise ValueError(f"between must be 'held' or 'linear', found {between!r}")
+    count = _check.order("count", count, at_least=1)
+    _check.choice("between", between, ("held", "linear"))
     h = float(t[-1] / (t.size - 1))
     first, (u0, y0), rest = _beginning(u, y, start, between)
     last, settled = _end(t, u, y, first, settled_from)
@@ -207,7 +206,10 @@ def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, A
     elif u is None or y is None:
         raise TypeError("u and y must be given, unless t is a Record")
     t = _check.uniform_time("t", t)
-    return t, _check.signal("u", u, t.size), _check.signal("y", y, t.size)
+    u, y = _check.signal("u", u, t.size), _check.signal("y", y, t.size)
+    for name, signal in (("u", u), ("y", y)):
+        _check.squarable(name, signal)
+    return t, u, y
 
 
 def _beginning(

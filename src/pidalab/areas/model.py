@@ -23,8 +23,6 @@ from pidalab._check import Array
 from pidalab.areas import _power_series as series
 from pidalab.process import Process, rational, require_process
 
-MOST = 400  # areas of a model that are computed at a time
-
 
 def from_process(process: Process, count: int) -> Array:
     """Areas of a model, exact but for one rounding each, dead time included (eqs. (2) to (7)).
@@ -54,7 +52,7 @@ def from_process(process: Process, count: int) -> Array:
     >>> pidalab.areas.from_process(pidalab.lags(2, delay=0.5), 4).round(3).tolist()
     [1.0, 2.5, 4.125, 5.771]
     """
-    return np.array(exact(process, count), dtype=float)
+    return series.floats(exact(process, count))
 
 
 def exact(process: Process, count: int) -> list[Fraction]:
@@ -84,11 +82,7 @@ def exact(process: Process, count: int) -> list[Fraction]:
     [Fraction(2, 1), Fraction(3, 2), Fraction(13, 16)]
     """
     require_process("process", process)
-    count = _check.integer("count", count, at_least=1)
-    if count > MOST:
-        raise ValueError(
-            f"count must be at most {MOST}, found {count}: fractions of so many digits take long"
-        )
+    count = _check.order("count", count, at_least=1)
     rest = _stable_series("process", process.num, process.den, count)
     return series.product(rest, series.dead_time(process.delay, count))
 
@@ -122,7 +116,7 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
     """
     values = series.fractions(_check.vector("areas", areas))
     own = _stable_series("block", *rational("block", block), len(values))
-    return np.array(series.product(values, own), dtype=float)
+    return series.floats(series.product(values, own))
 
 
 def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int) -> Array:
@@ -158,8 +152,8 @@ def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int
     """
     values = series.fractions(_check.vector("areas", areas))
     lag = _check.real("filter_time", filter_time, at_least=0.0)
-    order = _check.integer("filter_order", filter_order, at_least=0)
-    return np.array(series.lagged(values, lag, order), dtype=float)
+    order = _check.order("filter_order", filter_order, at_least=0)
+    return series.floats(series.lagged(values, lag, order))
 
 
 def _stable_series(name: str, num: Array, den: Array, count: int) -> list[Fraction]:

@@ -101,7 +101,9 @@ class PIDA(Controller):
 
     def __post_init__(self) -> None:
         stored(self, ("kp",))
-        stored(self, ("n", "m") if self.ti == math.inf else ("ti", "n", "m"), above=0.0)
+        stored(
+            self, ("n", "m") if np.ndim(self.ti) == 0 and self.ti == math.inf else ("ti", "n", "m"), above=0.0
+        )
         stored(self, ("td", "ta"), at_least=0.0)
         if self.kp == 0:
             raise ValueError("kp must not be 0, found 0")
@@ -306,7 +308,7 @@ class HighOrderPID(Controller):
 
     def __init__(self, gains: Sequence[float], filter_time: float, filter_order: int) -> None:
         coefficients = _check.vector("gains", gains, minimum_length=2)
-        order = _check.integer("filter_order", filter_order, at_least=coefficients.size - 2)
+        order = _check.order("filter_order", filter_order, at_least=coefficients.size - 2)
         time = _check.real("filter_time", filter_time, at_least=0.0)
         if order and not time:
             raise ValueError(

@@ -63,7 +63,7 @@ class SeriesPIDA(Controller):
     def __post_init__(self) -> None:
         stored(self, ("kp", "kd", "ka"))
         stored(self, ("ti", "filter_time"), above=0.0)
-        _check.integer("filter_order", self.filter_order, at_least=2 if self.ka else 1 if self.kd else 0)
+        _check.order("filter_order", self.filter_order, at_least=2 if self.ka else 1 if self.kd else 0)
         object.__setattr__(self, "limits", _check.limits(self.limits))
 
     def gains(self) -> IdealGains:

@@ -111,12 +111,9 @@ def discretise(
     method='backward', sample faster or filter longer
     """
     h = _check.real("sample_time", sample_time, above=0.0)
-    if method not in METHODS:
-        raise ValueError(f"method must be 'backward', 'tustin' or 'zoh', found {method!r}")
-    if anti_windup is not None and anti_windup not in ANTI_WINDUP:
-        raise ValueError(
-            f"anti_windup must be 'reset', 'back-calculation', 'clamping' or None, found {anti_windup!r}"
-        )
+    _check.choice("method", method, METHODS)
+    if anti_windup is not None:
+        _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
     if tracking_time is not None and anti_windup != "back-calculation":
         raise ValueError(
             f"tracking_time is of anti_windup='back-calculation', found anti_windup={anti_windup!r}"

@@ -277,7 +277,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     t = _check.uniform_time("t", t)
     y = _check.signal("y", y, t.size)
     h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
-    order = _check.integer("filter_order", filter_order, at_least=1)
+    order = _check.order("filter_order", filter_order, at_least=1)
     # a chain: the slope of a straight stretch drives the input, and the input the lags, one after the other
     across = expm(h * (np.eye(order + 2, k=-1) - np.diag([0.0, 0.0] + [1.0] * order)))
     level = y - y[0]
@@ -434,8 +434,7 @@ def _levels_reached(
     shares = _check.vector("levels", levels) if np.ndim(levels) == 1 else np.zeros(0)
     if shares.size != 3 or not 0 < shares[0] < shares[1] < shares[2] < 1:
         raise ValueError(f"levels must be three rising shares between 0 and 1, found {levels!r}")
-    if crossing not in ("interpolated", "sampled"):
-        raise ValueError(f"crossing must be 'interpolated' or 'sampled', found {crossing!r}")
+    _check.choice("crossing", crossing, ("interpolated", "sampled"))
     if t.size < 30:
         raise ValueError(f"y must have at least 30 samples to judge whether it settles, found {t.size}")
     tenth = t.size // 10

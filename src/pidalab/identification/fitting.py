@@ -188,8 +188,7 @@ def fit(record: Record, model: str = "auto") -> Fit:
         raise TypeError(
             f"record must be a pidalab.Record, found {type(record).__name__}; write Record(t, u, y)"
         )
-    if model not in MODELS:
-        raise ValueError(f"model must be one of {', '.join(MODELS)}, found {model!r}")
+    _check.choice("model", model, MODELS)
     data = prepared(record)
     if model != "auto":
         best = min((search(data, shape) for shape in _candidates(model)), key=lambda found: found.cost)

@@ -150,7 +150,7 @@ def _designed(
     if not isinstance(process, Process):
         hint = "; pass .process" if hasattr(process, "process") else ""
         raise TypeError(f"process must be a pidalab.Process, found {type(process).__name__}{hint}")
-    order = _check.integer("order", order, at_least=0)
+    order = _check.order("order", order, at_least=0)
     if order > HIGHEST:
         raise ValueError(f"order must be at most {HIGHEST}, found {order}")
     limits = Limits(

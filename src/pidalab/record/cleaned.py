@@ -329,10 +329,11 @@ def _column(name: str, value: Any) -> Array:
     """Return an array of floats in which nan is a missing value."""
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be an array of real numbers, found {type(value).__name__}") from None
     if array.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, found shape {array.shape}")
+    _check.squarable(name, array)
     return array
 
 

@@ -143,7 +143,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     [(-0.318132+1.337236j), (-0.318132-1.337236j)]
     """
     require_well_posed(loop)
-    count = _check.integer("count", count, at_least=1)
+    count = _check.order("count", count, at_least=1)
     num, den = open_loop(loop)
     if not loop.process.delay or not np.any(num):
         found = _sorted(np.roots(np.polyadd(num, den)))

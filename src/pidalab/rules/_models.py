@@ -24,12 +24,6 @@ class SecondOrder(NamedTuple):
         return round(self.delay / self.tau, 12)  # so that 0.3/3 is 0.1, and on its side of a break point
 
 
-def one_of(name: str, value: str, allowed: tuple[str, ...]) -> None:
-    """Raise for a choice that is not offered."""
-    if value not in allowed:
-        raise ValueError(f"{name} must be {' or '.join(map(repr, allowed))}, found {value!r}")
-
-
 def lags(model: Process, order: int) -> tuple[float, list[float]]:
     """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), stable, or raise."""
     require_process("model", model)

@@ -95,7 +95,7 @@ def multiple_pole(m: int) -> Setting:
     >>> print(f"{setting.kp:.4f} {setting.kd:.4f} {setting.ti:.4f}")
     0.0598 0.2060 0.2846
     """
-    if _check.integer("m", m, at_least=0) > 2:
+    if _check.order("m", m, at_least=0) > 2:
         raise ValueError(f"m must be 0, 1 or 2, for PI, PID or PIDA; found {m}")
     unit = mrdp.constants(m)
     zeros = np.roots(unit.numerator)
@@ -233,7 +233,7 @@ def tune(
     if not isinstance(setting, Setting):
         raise TypeError(f"setting must be a Setting, such as automatic_reset.PIDA_1, found {setting!r}")
     order = 2 if setting.ka else 1
-    if _check.integer("n", n, at_least=1) < order:
+    if _check.order("n", n, at_least=1) < order:
         raise ValueError(
             f"n must be at least {order} for {setting.name}, or the controller is not proper; found {n}"
         )

@@ -29,7 +29,7 @@ from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.rules._design import Design
-from pidalab.rules._models import integrator, lags, one_of
+from pidalab.rules._models import integrator, lags
 
 KINDS = ("PI", "PID")
 LESS = 0.999  # of the gain at the border, which is to be stable
@@ -83,7 +83,7 @@ def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = Non
     >>> C.kp, C.ti
     (2.0, 4.0)
     """
-    one_of("kind", kind, KINDS)
+    _check.choice("kind", kind, KINDS)
     gain, slow, delay, integrating = _half_rule(model, 2 if kind == "PID" else 1)
     if closed_loop_time is None and delay == 0:
         raise ValueError(
@@ -137,7 +137,7 @@ def amigo(model: Process, kind: str = "PID", n: float = 10) -> Design:
     >>> print(f"{C.kp:.2f} {C.ti:.4f} {C.td:.4f}")
     0.65 1.0909 0.3846
     """
-    one_of("kind", kind, KINDS)
+    _check.choice("kind", kind, KINDS)
     integrating, gain, lag, delay = _lag_or_integrator(model)
     if kind == "PI" and integrating:
         controller = PIDA(0.35 / (gain * delay), 13.4 * delay)
@@ -190,7 +190,7 @@ def lambda_tuning(
     >>> C.kp, C.ti
     (0.375, 3.0)
     """
-    one_of("kind", kind, KINDS)
+    _check.choice("kind", kind, KINDS)
     gain, (lag,) = lags(model, 1)
     wanted = lag if closed_loop_time is None else _check.real("closed_loop_time", closed_loop_time, above=0.0)
     half = model.delay / 2
@@ -234,7 +234,7 @@ def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> De
     >>> print(f"{C.kp:.1f} {C.ti:.1f} {C.td:.1f}")
     4.8 2.0 0.5
     """
-    one_of("kind", kind, KINDS)
+    _check.choice("kind", kind, KINDS)
     integrating, gain, lag, delay = _lag_or_integrator(model)
     slope = gain if integrating else gain / lag
     share = 1 / (slope * delay)
@@ -276,7 +276,7 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
     """
     from pidalab.reduction import ultimate_frequency
 
-    one_of("kind", kind, KINDS)
+    _check.choice("kind", kind, KINDS)
     require_process("process", process)
     try:
         w = ultimate_frequency(process)

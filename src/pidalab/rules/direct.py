@@ -14,7 +14,7 @@ from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
 from pidalab.rules._design import Design
-from pidalab.rules._models import one_of, second_order
+from pidalab.rules._models import second_order
 
 
 def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
@@ -148,7 +148,7 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
     >>> print(f"{pidalab.margins(design.loop()).ms:.2f}")
     2.01
     """
-    one_of("test", test, ("setpoint", "load"))
+    _check.choice("test", test, ("setpoint", "load"))
     controller = (setpoint if test == "setpoint" else load)(model, alpha_d, alpha_a)
     return Design(
         model, controller, source=f"pidalab.rules.direct.{test}: fitted to optima, not from a paper"

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import control
 
 LOWEST, HIGHEST = -25.0, 25.0  # logarithms of the gains between which Ms is searched
+FINEST = 1e100  # largest ratio of a derivative's time to its filter's
+CLOSEST = 1e6  # largest Ms that a gain is searched for
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
 
 
@@ -175,14 +177,13 @@ def tune(
     >>> print(f"{design.controller.kp:.3f} {design.output_filter.time:.4f} {pidalab.margins(design.loop()).ms:.3f}")
     1.039 0.1436 1.461
     """
+    _check.choice("kind", kind, ("PIDA", "PID", "PI"))
     if kind == "PIDA":
         controller, source = pida(model, ms, n, m), "haalman2024, eqs. (2), (8) and (9)"
     elif kind == "PID":
         controller, source = pid(model, ms, n), "haalman2024, eqs. (9) and (10)"
-    elif kind == "PI":
-        controller, source = pi(model, ms), "haalman2024, eqs. (8) and (9), for one lag"
     else:
-        raise ValueError(f"kind must be 'PIDA', 'PID' or 'PI', found {kind!r}")
+        controller, source = pi(model, ms), "haalman2024, eqs. (8) and (9), for one lag"
     smooth = output_filter(model, controller)
     return Design(model, controller, None, smooth, source, {"ms": float(ms), "wgc": smooth.wgc})
 
@@ -271,6 +272,12 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
     """Raise the gain from nothing until Ms is reached; `unit` has the inverse of the model's gain."""
     ms = _check.real("ms", ms, above=1.0)
+    if not 1 / FINEST <= unit.n <= FINEST:
+        raise ValueError(f"n must lie between {1 / FINEST:g} and {FINEST:g}, found {unit.n:g}")
+    if ms > CLOSEST:
+        raise ValueError(
+            f"ms must be at most {CLOSEST:g}: closer to instability no gain can be told, found {ms:g}"
+        )
 
     def controller(log_gain: float) -> PIDA:
         return PIDA(unit.kp * math.exp(log_gain), unit.ti, unit.td, unit.ta, unit.n, unit.m)

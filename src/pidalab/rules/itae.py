@@ -33,7 +33,7 @@ from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
 from pidalab.rules._design import Design
-from pidalab.rules._models import SecondOrder, lags, one_of, second_order
+from pidalab.rules._models import SecondOrder, lags, second_order
 
 
 class Factors(NamedTuple):
@@ -261,8 +261,8 @@ def tune(
     >>> pidalab.rules.itae.tune(model.process, test="load").controller
     NonInteractivePIDA(kc=10.87, tau_i=1.167, tau_d=0.593, tau_a=0.453, alpha_d=0.05, alpha_a=0.025)
     """
-    one_of("test", test, ("setpoint", "load"))
-    one_of("kind", kind, ("PIDA", "PID"))
+    _check.choice("test", test, ("setpoint", "load"))
+    _check.choice("kind", kind, ("PIDA", "PID"))
     table = "Table 2" if test == "setpoint" else "Table 3"
     if kind == "PID":
         return Design(

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 
 HIGHEST = 100  # order of a controller or filter
+LONGEST = 1e150  # power of a dead time whose square is still a number
 
 
 class Constants(NamedTuple):
@@ -95,7 +96,7 @@ def constants(m: int) -> Constants:
     >>> pidalab.rules.mrdp.constants(m=1)
     Constants(pole=-1.267949, gain=0.783612, integral_time=3.732051, derivative_times=(0.262892,))
     """
-    m = _check.integer("m", m, at_least=0)
+    m = _check.order("m", m, at_least=0)
     mu = math.sqrt(m + 2)
     c = [_coefficient(m, j) for j in range(m + 2)]
     return Constants(mu - mu**2, c[1], c[1] / c[0], tuple(value / c[1] for value in c[2:]))
@@ -148,7 +149,7 @@ def filter_ratio(m: int, n: int) -> float:
 
 
 def _orders(m: int, n: int) -> tuple[int, int]:
-    m, n = _check.integer("m", m, at_least=0), _check.integer("n", n, at_least=0)
+    m, n = _check.order("m", m, at_least=0), _check.order("n", n, at_least=0)
     if n > HIGHEST:
         raise ValueError(
             f"m and n must be at most {HIGHEST}, found {m} and {n}: factorials leave double precision"
@@ -269,6 +270,10 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     if bool(n) != bool(te):
         raise ValueError(f"te must be above 0 with a filter and 0 without, found te = {te:g} with n = {n}")
     delay = dead_time + te
+    if delay > LONGEST ** (1 / max(m, 1)):
+        raise ValueError(
+            f"te and the dead time must leave delay^{m} in double precision, found {delay:g}; change units"
+        )
     if not delay:
         raise ValueError("model must have a dead time, or te must be above 0: both are 0")
     unit, weights = constants(m), prefilter_weights(m, m + 1 if cancelled is None else cancelled)

@@ -136,13 +136,13 @@ def _lengths(loop: Loop, h: float) -> list[int]:
         raise ValueError(
             "loop must be stable, found poles in the closed right half-plane, or arbitrarily near it"
         )
-    shortest = math.ceil(ECHOES * loop.process.delay / h)
+    shortest = ECHOES * loop.process.delay / h
     if shortest > MOST:
         raise ValueError(
             f"sample_time must be at least {ECHOES * loop.process.delay / MOST:.3g}, for {ECHOES} dead times in {MOST} "
             f"samples, found {h:g}"
         )
-    lengths = [max(FIRST, shortest)]
+    lengths = [max(FIRST, math.ceil(shortest))]
     while 4 * lengths[-1] <= MOST:
         lengths.append(4 * lengths[-1])
     return lengths

@@ -66,7 +66,7 @@ def gains(areas: ArrayLike, m: int) -> Array:
     >>> pidalab.rules.magnitude_optimum.gains(pidalab.areas.with_binomial_filter(areas, 0.1, 1), m=1)
     array([0.438, 1.295, 1.041])
     """
-    m = _check.integer("m", m, at_least=0)
+    m = _check.order("m", m, at_least=0)
     filtered = areas_of(areas, m)
     result = solved(filtered, m)
     require_digits(sensitivity(filtered, result), filtered, m)
@@ -121,12 +121,12 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     >>> pidalab.rules.magnitude_optimum.tune(pidalab.lags(2, delay=0.5), m=2, n=2, filter_time=0.1).controller
     HighOrderPID(gains=[1.140, 2.578, 1.738, 0.300], filter_time=0.1, filter_order=2)
     """
-    m = _check.integer("m", m, at_least=0)
+    m = _check.order("m", m, at_least=0)
     plain = areas_of(model, m)
-    n = _check.integer("n", n, at_least=m)
+    n = _check.order("n", n, at_least=m)
     filtered = series.lagged(plain, _check.real("filter_time", filter_time, at_least=0.0), n)
     exact_gains = solved(filtered, m)
-    controller = HighOrderPID([float(gain) for gain in exact_gains], filter_time, n)
+    controller = HighOrderPID(series.floats(exact_gains).tolist(), filter_time, n)
     change = sensitivity(filtered, exact_gains)
     require_digits(change, filtered, m)
     unsure = np.zeros(m + 2)

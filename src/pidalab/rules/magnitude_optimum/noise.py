@@ -56,8 +56,8 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
     >>> pidalab.rules.magnitude_optimum.filter_time(0.352, m=3, n=4, noise_gain=10.0, sample_time=0.002)
     0.124
     """
-    m = _check.integer("m", m, at_least=0)
-    n = _check.integer("n", n, at_least=max(m, 1))
+    m = _check.order("m", m, at_least=0)
+    n = _check.order("n", n, at_least=max(m, 1))
     wanted = _check.real("noise_gain", noise_gain, above=0.0)
     band = 2 * math.pi / _check.real("sample_time", sample_time, above=0.0)
     ratio = abs(_check.real("gain", gain)) / wanted
@@ -132,7 +132,7 @@ def tune_for_noise(
     HighOrderPID(gains=[0.844, 2.873, 3.562, 1.885, 0.352], filter_time=0.124, filter_order=4)
     """
     plain = areas_of(model, m)
-    n = _check.integer("n", n, at_least=max(m, 1))
+    n = _check.order("n", n, at_least=max(m, 1))
     scale = time_scale(plain)
     time = start = scale / 20 if first is None else _check.real("first", first, above=0.0)
     for _ in range(ROUNDS if updates is None else _check.integer("updates", updates, at_least=1)):
@@ -191,7 +191,7 @@ def tune_for_exact_noise(
     (0.0745, 10.0)
     """
     plain = areas_of(model, m)
-    n = _check.integer("n", n, at_least=max(m, 1))
+    n = _check.order("n", n, at_least=max(m, 1))
     wanted = _check.real("noise_gain", noise_gain, above=0.0)
 
     def excess(log_time: float) -> float:

@@ -69,8 +69,8 @@ def rank_orders(
     ([(2, 3), (2, 2)], 1.31)
     """
     require_process("process", process)
-    largest_m = _check.integer("largest_m", largest_m, at_least=0)
-    largest_n = _check.integer("largest_n", largest_n, at_least=1)
+    largest_m = _check.order("largest_m", largest_m, at_least=0)
+    largest_n = _check.order("largest_n", largest_n, at_least=1)
     _check.real("noise_gain", noise_gain, above=0.0)
     _check.real("sample_time", sample_time, above=0.0)
     exact(process, 1)  # complains of a process without areas

@@ -19,7 +19,7 @@ LOST = 1e-3  # relative error that rounding the areas may make in a gain
 
 def areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fraction]:
     """Return the 2m + 4 areas that order m needs, as fractions, or raise."""
-    need = 2 * _check.integer("m", m, at_least=0) + 4
+    need = 2 * _check.order("m", m, at_least=0) + 4
     if m > HIGHEST:
         raise ValueError(
             f"m must be at most {HIGHEST}, found {m}: rounding the areas leaves nothing of so many gains"

@@ -1,0 +1,83 @@
+"""Second methods, slow and simple, that share no code with the library's.
+
+A response comes from its Laplace transform, summed as a Fourier series beside the imaginary axis. The number of
+unstable poles comes from the turns that the characteristic function makes along that axis. A sampled loop is
+stepped as one linear system.
+"""
+
+import numpy as np
+from scipy import signal
+
+
+def response(transform, end, growth=0.0, terms=2**17, fading=14.0):
+    """Times and values of f(t) on [0, end] from F(s), for f that grows no faster than e^(growth t).
+
+    Dubner and Abate's series: along Re s = a it has the period 2 end, and what comes back from later periods is damped
+    by e^-fading. The terms fade out towards the last, so that the cut of the series does not ring.
+    """
+    period, n = 2 * end, 2 * terms
+    a = max(growth, 0.0) + fading / period
+    w = 2 * np.pi * np.arange(terms + 1) / period
+    values = transform(a + 1j * w) * np.cos(0.5 * np.pi * w / w[-1]) ** 2
+    t = period * np.arange(terms + 1) / n
+    return t, np.exp(a * t) * (np.fft.irfft(values, n) * n / period)[: terms + 1]
+
+
+def unstable_poles(process, controller):
+    """Unstable poles of a loop whose L vanishes at infinite frequency; None where the turns cannot be counted."""
+    (b, a), (bc, ac) = (process.num, process.den), controller.fraction()
+    opened, closed = np.polymul(a, ac), np.polymul(b, bc)
+    roots = np.roots(opened)
+
+    def characteristic(w):
+        return np.polyval(opened, 1j * w) + np.polyval(closed, 1j * w) * np.exp(-1j * w * process.delay)
+
+    # up to a frequency beyond which |L| stays so small that the rational part alone turns the function
+    largest = 10 * max(1.0, np.abs(roots).max())
+    while abs(np.polyval(closed, 1j * largest) / np.polyval(opened, 1j * largest)) > 1e-3:
+        largest *= 3
+    step = 0.1 / process.delay if process.delay else largest
+    if largest / step > 1e6:
+        return None
+    w = np.union1d(np.geomspace(1e-7, largest, 20_000), np.arange(0, largest, step))
+    for _ in range(20):
+        f = characteristic(w)
+        if np.any(np.abs(f) < 1e-9 * np.abs(np.polyval(opened, 1j * w))):
+            return None
+        turn = np.angle(f[1:] / f[:-1])
+        coarse = np.abs(turn) > 0.5
+        if not coarse.any():
+            break
+        w = np.sort(np.concatenate([w, 0.5 * (w[1:] + w[:-1])[coarse]]))
+    else:
+        return None
+    # from the last frequency to infinity each factor jw - p of the rational part turns on to pi / 2
+    on = np.sum(0.5 * np.pi - np.angle(1j * w[-1] - roots))
+    on -= np.angle(f[-1] / np.polyval(opened, 1j * w[-1]))
+    count = 0.5 * roots.size - (np.sum(turn) + on) / np.pi
+    return round(count) if abs(count - round(count)) < 0.05 else None
+
+
+def sampled_pulse(process, waits, digital, sample_time, samples):
+    """Control signal after one sample of noise of height 1, in the loop of a held process and a digital controller.
+
+    The dead time is `waits` samples. Sample by sample: y, then u of the measurement, then the process takes u.
+    """
+    a, b, c, d, _ = signal.cont2discrete(signal.tf2ss(process.num, process.den), sample_time, "zoh")
+    ac, bc, cc, dc = signal.tf2ss(*digital)
+    x, z, late = np.zeros(len(a)), np.zeros(len(ac)), [0.0] * waits
+    u = np.zeros(samples)
+    for k in range(samples):
+        if not waits and d.any():
+            raise ValueError("the process must wait or have no direct part")
+        reaches = late[k % waits] if waits else None
+        y = (c @ x)[0] + (d[0, 0] * reaches if waits else 0.0)
+        e = -y - (1.0 if k == 0 else 0.0)
+        u[k] = (cc @ z)[0] + dc[0, 0] * e
+        z = ac @ z + bc[:, 0] * e
+        if waits:
+            late[k % waits] = u[k]
+        x = a @ x + b[:, 0] * (reaches if waits else u[k])
+        if k > 100 and max(abs(x).max(), abs(z[:-1]).max(initial=0.0)) > 1e6:
+            break
+    return u

@@ -1,0 +1,96 @@
+"""Random loops, stable or not: responses, poles and margins against second methods."""
+
+import math
+
+import drawn
+import numpy as np
+import second
+from hypothesis import assume, given, strategies as st
+
+import pidalab
+
+NEAR = 1e-3  # share of the largest value by which a response may differ from the slow series
+
+
+def characteristic_turns(loop, gain=1.0, later=0.0):
+    """Whether the loop is stable with its gain changed and its dead time longer, by the second method."""
+    p = loop.process
+    count = second.unstable_poles(pidalab.Process(gain * p.num, p.den, p.delay + later), loop.controller)
+    assume(count is not None)
+    return count == 0
+
+
+@drawn.cases(5)
+@given(drawn.loops())
+def test_responses(loop):
+    """y and u after a step of the load, over a time in which the loop does something."""
+    fastest = float(np.max(pidalab.rightmost_poles(loop).real))
+    end = 30 * max(loop.process.delay, 0.5)
+    assume(fastest * end < 12)
+    t, y = second.response(lambda s: loop.transfer("y", "d", s) / s, end, fastest)
+    u = second.response(lambda s: loop.transfer("u", "d", s) / s, end, fastest)[1]
+    at = np.linspace(0, end, 301)
+    response = pidalab.load_response(loop, at)
+    for found, expected in ((response.y, y), (response.u, u)):
+        allowed = NEAR * max(np.abs(expected).max(), 1e-12)
+        np.testing.assert_allclose(found, np.interp(at, t, expected), rtol=0, atol=allowed)
+
+
+@drawn.cases(15)
+@given(drawn.loops())
+def test_unstable_poles(loop):
+    count = second.unstable_poles(loop.process, loop.controller)
+    assume(count is not None)
+    assert pidalab.unstable_poles(loop) == count
+    assert pidalab.is_stable(loop) == (count == 0)
+    rightmost = float(np.max(pidalab.rightmost_poles(loop).real))
+    assert rightmost > 0 if count else rightmost < 1e-9
+
+
+@drawn.cases(6)
+@given(drawn.loops())
+def test_margins(loop):
+    """Within its margins a loop is stable, beyond them not; no frequency has a larger sensitivity."""
+    found = pidalab.margins(loop)
+    assert found.stable == characteristic_turns(loop)
+    if not found.stable:
+        assert math.isnan(found.ms)
+        assert math.isnan(found.gm)
+        return
+    inside, beyond = 1 - 1e-3, 1 + 1e-3
+    if math.isfinite(found.gm):
+        assert characteristic_turns(loop, 1 + (found.gm - 1) * inside)
+        assert not characteristic_turns(loop, 1 + (found.gm - 1) * beyond)
+    if found.gm_low > 0:
+        assert not characteristic_turns(loop, found.gm_low * inside)
+        assert characteristic_turns(loop, found.gm_low * beyond)
+    if math.isfinite(found.dm):
+        assert characteristic_turns(loop, later=found.dm * inside)
+        assert not characteristic_turns(loop, later=found.dm * beyond)
+    w = np.geomspace(1e-5, 1e4, 20_000)
+    assert np.abs(loop.S(1j * w)).max() <= found.ms * (1 + 1e-9)
+    assert np.abs(loop.T(1j * w)).max() <= found.mt * (1 + 1e-9)
+    for height, where, of in ((found.ms, found.wms, loop.S), (found.mt, found.wmt, loop.T)):
+        if 0 < where < math.inf:
+            assert math.isclose(abs(of(1j * where)), height, rel_tol=1e-6)
+
+
+@drawn.cases(4)
+@given(drawn.loops(drawn.stable), st.integers(0, 40), drawn.decades(-1.5, -0.5))
+def test_noise_gain(loop, waits, sample_time):
+    """The sum of squares of what u does after one held sample of noise, from the difference equation of the loop."""
+    p = loop.process
+    controller = loop.controller.discretise(sample_time)
+    try:
+        found = pidalab.noise_gain(
+            pidalab.Loop(pidalab.Process(p.num, p.den, waits * sample_time), controller), sample_time
+        )
+    except ValueError as refused:
+        found, said = None, str(refused)
+    if found is None:
+        assert "stable" in said, said
+        return
+    digital = controller.transfer_function()
+    u = second.sampled_pulse(p, waits, (digital.num[0][0], digital.den[0][0]), sample_time, 20_000)
+    assume(abs(u[-1]) < 1e-9)
+    assert math.isclose(found, math.sqrt(np.sum(u**2)), rel_tol=1e-5)
