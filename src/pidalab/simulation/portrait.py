@@ -263,13 +263,19 @@ def _computed(
                 futures[executor.submit(_work, task, bank.part(part))] = part
             except RuntimeError as broken:  # a pool whose worker died takes no more
                 lost, reason = [*lost, part], reason or broken
-        for future in as_completed(futures):
+        for future in as_completed(list(futures)):
             try:
                 measures = future.result()
             except Exception as failure:
                 lost, reason = [*lost, futures[future]], failure
             else:
-                yield futures[future], measures
+                yield futures.pop(future), measures
+    except KeyboardInterrupt:
+        # what has been done by now counts, too
+        for future, part in futures.items():
+            if future.done() and not future.cancelled() and future.exception() is None:
+                yield part, future.result()
+        raise
     finally:
         for future in futures:
             future.cancel()
