@@ -50,20 +50,19 @@ def markdown() -> MarkdownIt:
 # --- from cells to blocks --------------------------------------------------------------------------------------------
 
 
-def titles(folder: Path) -> dict[str, str]:
-    """First headings of chapters and lectures by their names, for links without words."""
-    found = {}
-    for path in [*folder.glob("*.ipynb"), *folder.glob("learn/*.ipynb")]:
-        cell = next((c for c in nbformat.read(path, as_version=4).cells if c.cell_type == "markdown"), None)
-        heading = re.search(r"^# (.*)$", cell.source, re.MULTILINE) if cell else None
-        if heading:
-            found[path.stem] = heading[1]
-    return found
+def title(path: Path) -> str:
+    """First heading of a page, for links without words."""
+    if path.suffix == ".ipynb":
+        cells = nbformat.read(path, as_version=4).cells
+        text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    else:
+        text = path.read_text(encoding="utf-8")
+    return re.search(r"^# (.*)$", text, re.MULTILINE)[1]
 
 
-def plain(text: str, names: dict[str, str]) -> str:
+def plain(text: str, folder: Path) -> str:
     """Text without links and citations: a slide leads nowhere."""
-    text = LINK.sub(lambda link: link[1] or f"*{names.get(Path(link[2]).stem, Path(link[2]).stem)}*", text)
+    text = LINK.sub(lambda link: link[1] or f"*{title(folder / link[2])}*", text)
     return ROLE.sub("", text).replace(" .", ".")
 
 
@@ -96,7 +95,7 @@ def fenced(own: MarkdownIt, info: str, content: str) -> Iterator[Block]:
     name, title = (directive[1], directive[2]) if directive else ("", "")
     content = re.sub(r"^(:[\w-]+:.*\n)+", "", content)
     if name == "raw":
-        yield Block("live", content.replace('"lab": true', '"lab": false'))
+        yield Block("live", content)
     elif name == "exercise":
         yield Block("exercise", f"<h2>Exercise: {escape(title)}</h2>{own.render(content)}")
     elif name in ("solution-start", "solution-end"):
@@ -134,6 +133,21 @@ def figure(svg: str, words, darkened) -> str:
     ]
     caption = re.sub(r"\$([^$]*)\$", r"\\(\1\\)", escape(words["figure"]["caption"]))
     return f"<figure>{''.join(images)}<figcaption>{caption}</figcaption></figure>"
+
+
+def whole(blocks: list[Block]) -> Iterator[Block]:
+    """Live figures in one piece: what one block opens and a later one closes, with all between, but for code."""
+    inside: list[str] | None = None
+    for block in blocks:
+        if block.kind == "live" and inside is None:
+            inside = []
+        if inside is None or block.kind == "code":
+            yield block
+            continue
+        inside.append(block.html)
+        if block.kind == "live" and "</div>" in block.html:  # a link to the lab would lead nowhere
+            yield Block("live", "".join(inside).replace('"lab": true', '"lab": false'))
+            inside = None
 
 
 # --- from blocks to slides -------------------------------------------------------------------------------------------
@@ -215,7 +229,7 @@ def lectures(toc: Path) -> list[Path]:
     return [path for name in names if (path := toc.parent / f"{name}.ipynb").is_file()]
 
 
-def page(path: Path, names: dict[str, str]) -> str:
+def page(path: Path) -> str:
     """The whole HTML file of a lecture."""
     sys.path.insert(0, str(ROOT / "book" / "_ext"))
     from figures_for_dark import darkened
@@ -223,18 +237,18 @@ def page(path: Path, names: dict[str, str]) -> str:
     own, blocks = markdown(), []
     for cell in nbformat.read(path, as_version=4).cells:
         if cell.cell_type == "markdown":
-            blocks += blocks_of_text(own, plain(cell.source, names))
+            blocks += blocks_of_text(own, plain(cell.source, path.parent))
         elif cell.cell_type == "code":
             blocks += blocks_of_code(cell, darkened)
-    made = list(slides(blocks))
-    title = next(block.html for block in blocks if block.kind == "h1")
+    made = list(slides(list(whole(blocks))))
+    name = next(block.html for block in blocks if block.kind == "h1")
     mathjax = files("sphinx-mathjax-offline") / "static" / "mathjax" / "tex-svg.js"
     live = [LAB / f"{name}.js" for name in SCRIPTS] if any("pidalab-live" in each for each in made) else []
     styles = [LAB / "lab.css", HERE / "slides.css"]
     scripts = [HERE / "slides.js", *live, mathjax]
     return "".join(
         [
-            f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>',
+            f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{name}</title>',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             *(f"<style>{each.read_text(encoding='utf-8')}</style>" for each in styles),
             f"</head><body><main>{''.join(made)}</main>",
@@ -252,10 +266,10 @@ def inside(script: str) -> str:
 def main(target: Path = ROOT / "_build" / "slides") -> list[Path]:
     """Write the slides of all lectures."""
     target.mkdir(parents=True, exist_ok=True)
-    names, made = titles(ROOT / "book"), []
+    made = []
     for path in lectures(ROOT / "_toc.yml"):
         made.append(target / f"{path.stem}.html")
-        made[-1].write_text(page(path, names), encoding="utf-8")
+        made[-1].write_text(page(path), encoding="utf-8")
         print(made[-1])
     return made
 
