@@ -165,7 +165,9 @@ class Report:
             span = "" if row.applies else f" colspan='{len(names)}'"
             inner = "".join(f"<td{span}>{html.escape(cell)}</td>" for cell in cells)
             body.append(f"<tr><td>{row.kind}</td>{inner}</tr>")
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+        return (
+            f"<table class='dataframe'><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+        )
 
     def _columns(self) -> list[str]:
         """Names of the columns in which any candidate has a number."""
