@@ -94,8 +94,10 @@ def test_simulate_is_the_engine(tmp_path):
 
 
 def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
+    report = pidalab.report  # taken before its home is patched, wherever it was first used
+
     def quick(*arguments, **options):
-        return pidalab.report(*arguments, kinds="PI", **options)
+        return report(*arguments, kinds="PI", **options)
 
     monkeypatch.setattr("pidalab.reporting.report", quick)
     result = run("tclab", "--duration", 600, "--out", tmp_path)

@@ -286,7 +286,7 @@ def test_least_squares_stays_right_in_noise():
     clean = ipdt_least_squares(T, FOURTH)
     rng = np.random.default_rng(3)
     fits = []
-    for _ in range(40):
+    for _ in range(12):
         noisy = FOURTH + rng.normal(scale=0.01, size=T.size)
         noisy[0] = 0.0
         fits.append(ipdt_least_squares(T, noisy))
