@@ -8,9 +8,10 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 ENV := .venv/.installed
 SITE := _build/.built
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/vendored.py tools/vendored.toml $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tests/claims/*.csv) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides claims faults fuzz lint bench studies study release archive pdf lock clean
+.PHONY: help env book test notebooks slides claims faults fuzz lint bench studies study release archive pdf versions twice \
+	shuffle lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -72,6 +73,17 @@ archive: $(SITE)  ## the built site as one file in dist that opens from the disk
 
 pdf: $(SITE)  ## print the built site as one PDF in dist, with Chromium (about 2 minutes)
 	$(BIN)/python tools/pdf.py
+
+versions: $(ENV)  ## test with the lowest and newest versions of the dependencies, on each Python found (an hour)
+	$(BIN)/python tools/versions.py
+
+twice: $(ENV)  ## build the site of the last commit twice and compare every byte (5 minutes)
+	$(BIN)/python tools/twice.py
+
+shuffle: $(SITE)  ## the tests ten times, each time in another order (half an hour)
+	for seed in 1 2 3 4 5 6 7 8 9 10; do \
+		$(BIN)/pytest tests -n auto --dist loadfile --random-order-bucket=module --random-order-seed=$$seed || exit 1; \
+	done
 
 lock: $(ENV)  ## write requirements.txt from pyproject.toml, keeping the versions it already has
 	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
