@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import evidence
 import vendored
 from notebooks import execute_all, notebooks
 
@@ -31,6 +32,7 @@ def copy() -> None:
 def main() -> int:
     """Return the exit status of Jupyter Book; every warning is an error."""
     copy()
+    evidence.fill(SOURCE / "book" / "how-we-know.md")
     execute_all(notebooks(SOURCE))
     command = [
         Path(sys.executable).with_name("jupyter-book"),

@@ -1,0 +1,129 @@
+"""Fill the tables of the page *How we know* while the site is built, from the files that the evidence leaves behind.
+
+A line ``<!-- evidence: name -->`` becomes the table of that name. Nothing of it is stored, so no figure grows old.
+"""
+
+import csv
+import json
+import re
+from collections import defaultdict
+from collections.abc import Callable
+from math import floor, log10
+from pathlib import Path
+
+from pidalab.ledger import load_all
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / "book" / "data"
+CLAIMS = ROOT / "tests" / "claims"
+ORACLES = ROOT / "tests" / "oracle"
+MARK = re.compile(r"^<!-- evidence: (.+) -->$", flags=re.MULTILINE)
+
+NUMBER = re.compile(r"[\d.]+(e[+-]\d+)?|no digit")
+
+Line = list[str]
+
+
+def table(head: Line, lines: list[Line]) -> str:
+    """Return a table in Markdown; columns that end in a number stand to the right."""
+    rule = ["--:" if NUMBER.fullmatch(cell) else "---" for cell in lines[-1]]
+    return "\n".join("| " + " | ".join(line) + " |" for line in [head, rule, *lines])
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """Read a table with names of columns; lines that begin with # say who made it."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def rows() -> str:
+    """Rows of the ledgers by what they stand on, and how many of them a disturbance was seen to turn red."""
+    lines = []
+    for paper, book in load_all(ROOT / "book" / "ledger").items():
+        basis = [row.basis for row in book.rows.values()]
+        red = len(read(CLAIMS / f"{paper}.csv"))
+        counts = [basis.count(name) for name in ("computed", "from-print", "reading")]
+        lines.append([paper, *map(str, counts), str(red)])
+    sums = [str(sum(int(line[i]) for line in lines)) for i in range(1, 5)]
+    return table(["paper", "computed", "from print", "reading", "seen to fail"], [*lines, ["all", *sums]])
+
+
+def faults() -> str:
+    """Gross errors planted in the library, and the papers that noticed: by a red row, or else by a note or a stop."""
+    red: dict[str, list[str]] = defaultdict(list)
+    other: dict[str, list[str]] = defaultdict(list)
+    for row in read(CLAIMS / "faults.csv"):
+        found = red if int(row["red rows"]) else other
+        found[row["fault"]].append(row["paper"])
+    names = dict.fromkeys([*red, *other])
+    lines = [[name, ", ".join(red[name]) or "none", ", ".join(other[name]) or "none"] for name in names]
+    return table(["planted error", "a row turns red in", "a note drifts or the run stops in"], lines)
+
+
+def oracles() -> str:
+    """Reference responses, by file."""
+    lines = []
+    for path in sorted(ORACLES.glob("*.json")):
+        found = json.loads(path.read_text(encoding="utf-8"))
+        lines.append(
+            [
+                f"`{path.name}`",
+                str(len(found["cases"])),
+                str(found.get("digits") or floor(-log10(found["agreement"]))),
+            ]
+        )
+    return table(["file", "loops", "digits"], lines)
+
+
+def engine() -> str:
+    """Largest error of each method at its best setting, over the loops of the comparison that have digits."""
+    worst: dict[str, float] = {}
+    loops: dict[tuple[str, str, str], dict[str, float]] = defaultdict(dict)
+    for row in read(DATA / "engine_comparison.csv"):
+        if row["error"]:
+            found = loops[row["m"], row["n"], row["te"]]
+            found[row["method"]] = min(found.get(row["method"], float("inf")), float(row["error"]))
+    for errors in loops.values():
+        for method, error in errors.items():
+            worst[method] = max(worst.get(method, 0.0), error)
+    shown = {method: f"{error:.0e}" if error < 1 else "no digit" for method, error in worst.items()}
+    return table(["method", f"largest error over {len(loops)} loops"], [[*pair] for pair in shown.items()])
+
+
+def optima() -> str:
+    """How the optimiser compares with a search that shares nothing with it but the engine."""
+    ratios = [float(row["ratio"]) for row in read(DATA / "optimal_check.csv")]
+    found = [
+        ["plants", str(len(ratios))],
+        ["the other search found a better controller", str(sum(ratio > 1 for ratio in ratios))],
+        ["largest ratio of the two errors", f"{max(ratios):.3f}"],
+    ]
+    return table(["second search for the optimum", ""], found)
+
+
+def versions() -> str:
+    """What the tests of the library ran with."""
+    found = read(DATA / "versions.csv")
+    shown = [name for name in found[0] if name != "date"]
+    return table(shown, [[row[name] for name in shown] for row in found])
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    made.__name__: made for made in (rows, faults, oracles, engine, optima, versions)
+}
+
+
+def filled(text: str) -> str:
+    """Return the page with its tables.
+
+    Raises
+    ------
+    KeyError
+        If a mark names a table that does not exist.
+    """
+    return MARK.sub(lambda found: TABLES[found[1]](), text)
+
+
+def fill(path: Path) -> None:
+    """Fill a page in place."""
+    path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8")
