@@ -17,8 +17,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pidalab._check import Array
-from pidalab.controllers import HighOrderPID
+from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
+from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.robustness._infimum import LinearPart
 
@@ -429,7 +430,7 @@ class _LiveFigure:
         return f'<script type="application/json">{text}</script>'
 
 
-def live(plant: str, controllers: Mapping[str, HighOrderPID], **more: Any) -> _LiveFigure:
+def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
     """Hand controllers to a live figure of the book.
 
     It belongs into a cell inside ``<div class="pidalab-live">``, which becomes a figure with knobs; a picture that the
@@ -437,8 +438,8 @@ def live(plant: str, controllers: Mapping[str, HighOrderPID], **more: Any) -> _L
 
     Parameters
     ----------
-    plant : str
-        Name of a plant of the lab, such as "lags3".
+    plant : str or Process
+        Name of a plant of the lab, such as "lags3", or a process; with one, ``conditions`` must have an ``end``.
     controllers : mapping of str to HighOrderPID
         PI, PID or PIDA by the names to show; their numbers are handed over with six digits.
     **more : Any
@@ -454,7 +455,7 @@ def live(plant: str, controllers: Mapping[str, HighOrderPID], **more: Any) -> _L
     ------
     TypeError, ValueError
         For anything but controllers of class HighOrderPID by their names, with integral action and at most an
-        acceleration.
+        acceleration, and for a process without the end of the time axis.
 
     Examples
     --------
@@ -465,10 +466,14 @@ def live(plant: str, controllers: Mapping[str, HighOrderPID], **more: Any) -> _L
     """
     _require_by_label("controllers", controllers, HighOrderPID)
     designs = [_design(name, controller) for name, controller in controllers.items()]
+    if isinstance(plant, Process):
+        _require_end(more)
+        numbers = {"num": plant.num.tolist(), "den": plant.den.tolist(), "delay": plant.delay}
+        more["plant"] = {name: _six_digits(value) for name, value in numbers.items()}
     return _LiveFigure({"plant": plant, "designs": designs, "names": list(controllers), **more})
 
 
-def _design(name: str, controller: HighOrderPID) -> dict[str, Any]:
+def _design(name: str, controller: Any) -> dict[str, Any]:
     """Write a controller as the lab does: standard form and binomial filter."""
     gains = controller.coefficients
     if not 2 <= len(gains) <= 4 or gains[0] == 0 or gains[1] == 0:
@@ -477,9 +482,20 @@ def _design(name: str, controller: HighOrderPID) -> dict[str, Any]:
         )
     ki, kp, kd, ka = [*gains, 0.0, 0.0][:4]
     values = {"kp": kp, "ti": kp / ki, "td": kd / kp, "ta": ka / kp, "filterTime": controller.filter_time}
-    rounded = {key: float(f"{value:.6g}") for key, value in values.items()}
+    rounded = {key: _six_digits(value) for key, value in values.items()}
     kind = ("PI", "PID", "PIDA")[len(gains) - 2]
     return {"kind": kind, **rounded, "filterOrder": controller.filter_order}
+
+
+def _six_digits(value: Any) -> Any:
+    """Round a number, or each of a list, so that a stored page is the same on every machine."""
+    return [_six_digits(each) for each in value] if isinstance(value, list) else float(f"{value:.6g}")
+
+
+def _require_end(more: Mapping[str, Any]) -> None:
+    """Raise unless the conditions say how long the time axis is."""
+    if not more.get("conditions", {}).get("end", 0) > 0:
+        raise ValueError("conditions must have an end above 0 with a process: the lab knows none for it")
 
 
 def _require_by_label(name: str, values: Any, kind: type) -> None:

@@ -208,7 +208,7 @@ def test_a_live_figure_takes_the_place_of_a_picture_and_keeps_its_caption(root, 
     page, wrong = visit((tmp_path / "index.html").as_uri())
     assert undrawn(page) + wrong == []
     assert page.locator("#fig img").count() == 0
-    assert page.locator("#fig figcaption").inner_text() == "Words."
+    assert page.locator("#fig figcaption").inner_text() == "Words. Open in the lab."
     assert page.locator("#fig svg").count() == 1
 
 

@@ -139,7 +139,9 @@
       const inside = c.w.map((w, k) => [w, f(c, k)]).filter(([w]) => w > bode.range[0] && w < bode.range[1]);
       return { x: inside.map(([w]) => w), y: inside.map(([, v]) => v), kind: c.kind };
     });
-    const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90), radius = 1 / (ms || 1.4);
+    const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90);
+    const circle = (radius, middle = 0) => ({ x: turn.map((a) => middle + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" });
+    const around = (Array.isArray(ms) ? ms : [ms]).filter(Number.isFinite);
     const PLOTS = {
       setpoint: () => ({ title: "Output y, step of the set point", ...run("y", "setpoint") }),
       load: () => ({ title: "Output y, step of the load", ...run("y", "load") }),
@@ -147,12 +149,15 @@
       effort: () => ({ title: "Control signal u, step of the load", ...run("u", "load") }),
       nyquist: () => ({
         title: "Nyquist curve; unit circle, circle 1/Ms around −1", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
-        lines: [{ x: turn.map((a) => -1 + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" },
-          { x: turn.map(Math.cos), y: turn.map(Math.sin), kind: "mark" }, { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...curves.map((c) => ({ x: c.re, y: c.im, kind: c.kind }))],
+        lines: [...around.map((each) => circle(1 / each, -1)), circle(1), { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...curves.map((c) => ({ x: c.re, y: c.im, kind: c.kind }))],
       }),
       bode: () => ({
         title: "Loop gain |L|", x: bode, y: { log: true, range: [1e-3, 1e2] },
         lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over((c, k) => Math.hypot(c.re[k], c.im[k]))],
+      }),
+      closed: () => ({
+        title: "From set point to output: |T|", x: { ...bode, range: [bode.range[0], bode.range[1] / 50] }, y: { range: [0, 1.5] },
+        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over((c, k) => Math.hypot(c.re[k], c.im[k]) / Math.hypot(1 + c.re[k], c.im[k]))],
       }),
       lead: () => ({ title: "Phase of the controller, degrees", x: bode, y: { range: [-95, 185] }, lines: [{ x: bode.range, y: [0, 0], kind: "mark" }, ...over((c, k) => c.lead[k])] }),
       noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: over((c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k])) }),

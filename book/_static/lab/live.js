@@ -1,19 +1,19 @@
 /* Live figures: a <div class="pidalab-live"> of a page becomes a figure with knobs, made of the lab's parts. What stands
    inside it is for readers without JavaScript; if that is a figure with a caption, the knobs and plots take the place of its
-   picture, and number and caption stay. What it shows is JSON, in the attribute data-live or in a script inside the div
+   picture, and the number stays, and the caption unless there is one of their own. What it shows is JSON, in the attribute data-live or in a script inside the div
    (`pidalab.plots.live` writes one):
 
      plant     key of a plant, or {num, den, delay, end}
      designs   list of designs: {kind, kp, ti, td, ta, filterTime, filterOrder}
      names     words for the designs, in their order; by default their kinds
-     rule, ms, tc   a rule of the lab that makes each design anew, and its knob
+     rule, ms, tc   a rule of the lab that makes each design anew, and its knob; a design may have an `ms` or `tc` of its own
      conditions     {limits, antiWindup, trackingTime, sampleTime, noise, end}; a design may have `conditions` of its own
      knobs     list of {key, label, low, high, log, step}; key is one of a design ("kp", "filterTime", …: it is set in all of
                them, or in the one that `design` numbers), "ms", "tc", "plant.delay", or "limits.high", "sampleTime", "noise"
-     plots     names out of setpoint, load, control, effort, nyquist, bode, lead, noise
+     plots     names out of setpoint, load, control, effort, nyquist, bode, closed, lead, noise
      numbers   names out of iae, iaeSetpoint, overshoot, ms, mks, gm, gmLeast, pm, pmLeast, dm, peak, sigma; first and hump
                (which stand for unstable loops, too, so they come last)
-     caption   a sentence under it; `lab: true` adds a link to the lab with these designs loaded */
+     caption   the caption of the live figure; `lab: true` adds a link to the lab with these designs loaded */
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
@@ -38,7 +38,7 @@
         const limits = (state.conditions.limits ??= [-1e9, 1e9]), low = { get 0() { return limits[0]; }, set 0(x) { limits[0] = -x; } };
         return second ? [[limits, second === "low" ? 0 : 1]] : [[limits, 1], [low, 0]];
       }
-      if (key === "ms" || key === "tc") return [[state, key]];
+      if ((key === "ms" || key === "tc") && design === undefined) return [[state, key]];
       if (["trackingTime", "sampleTime", "noise", "end"].includes(key)) return [[state.conditions, key]];
       const designs = design === undefined ? state.designs : [state.designs[design]];
       return designs.map((each) => [each, key]);
@@ -63,7 +63,9 @@
       if (!figure) return this.host.replaceChildren(...parts, caption);
       for (const picture of figure.querySelectorAll("img")) picture.remove();
       figure.prepend(...parts);
-      this.host.append(caption);
+      const words = figure.querySelector(".caption-text") ?? figure.querySelector("figcaption");
+      if (state.caption && words) words.textContent = state.caption;
+      if (words && this.link) words.append(" ", this.link);
     }
 
     later() { if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); }); }
@@ -74,12 +76,12 @@
       this.process.end = end;
       state.designs.forEach((design, kind) => {
         try {
-          const made = rule.apply(this.process, design, state[rule.knob]);
+          const made = rule.apply(this.process, design, design[rule.knob] ?? state[rule.knob]);
           shown.push({ ...study(this.process, made, { ...state.conditions, end, ...design.conditions }), kind, name: state.names?.[kind] ?? design.kind });
         } catch (error) { trouble.push(`${state.names?.[kind] ?? design.kind}: ${error.message}.`); }
       });
       for (const knob of this.knobs) knob.refresh();
-      drawPlots(this.plots, this.process, shown, { ms: rule.knob === "ms" ? state.ms : shown[0]?.ms });
+      drawPlots(this.plots, this.process, shown, { ms: shown.map((s) => s.design.ms ?? (rule.knob === "ms" ? state.ms : s.ms)) });
       const columns = (state.numbers ?? ["iae", "ms", "sigma"]).map((key) => NUMBERS[key]);
       this.table.replaceChildren(element("table", {},
         element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "loop"), ...columns.map(([name]) => element("th", { scope: "col" }, name)))),
