@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from pidalab.ledger import Ledger
 
+from . import live
 from .beyond import captions, equal_ms, other_responses, others, price
 from .controllers import coarse_grids, crossovers, gains, other_ways, times, which_loop
 from .errors import amplitude, horizons, iae, readings

@@ -1,6 +1,6 @@
 """Checks of the chapter on heo2023: one function for each section of its audit."""
 
-from . import beyond, figures
+from . import beyond, figures, live
 from .equations import example3, filters, form
 from .errata import formulas, gains, readings, rounding, switches, text
 from .examples import responses, table4, table5, table6
@@ -55,6 +55,7 @@ __all__ = [
     "facts",
     "figures",
     "glance",
+    "live",
     "rounding",
     "windows",
     *(section.__name__ for section in SECTIONS),

@@ -1,6 +1,6 @@
 """Checks of huba2018, PID of any derivative order for an integrator with dead time; a function for each section."""
 
-from . import equations, figures, plant, robustness, setpoint, stability, tables
+from . import equations, figures, live, plant, robustness, setpoint, stability, tables
 
 SECTIONS = (
     tables.controllers,

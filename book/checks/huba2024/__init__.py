@@ -12,6 +12,7 @@ from . import (
     figure2,
     figure3,
     linear,
+    live,
     loops,
     multiple_pole,
     optimum,
