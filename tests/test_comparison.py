@@ -53,8 +53,12 @@ def test_rows_are_measured_on_the_process_itself(monkeypatch):
     assert (found.ms, found.delay_margin) == pytest.approx((margins.ms, margins.dm))
     assert found.noise_gain == pytest.approx(pidalab.noise_gain(loop, 0.05))
     assert found.tv == pytest.approx(load.tv("u"), rel=1e-3)
-    # a filter faster than the sample is judged as a PLC runs it, and that is said
+    # a filter faster than the sample is judged as a PLC runs it, and that is said; with its output filter, too
     assert "backward" in row(table, "itae setpoint", "PIDA").reason
+    filtered = row(table, "haalman", "PIDA")
+    assert "backward" in filtered.reason
+    digital = pidalab.Loop(process, filtered.design.discretise(0.05))
+    assert filtered.noise_gain == pytest.approx(pidalab.noise_gain(digital, 0.05))
 
 
 def test_reaction_curve_of_two_equal_lags():

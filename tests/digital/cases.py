@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from pidalab import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
+from pidalab.rules.haalman import OutputFilter
 
 RANGE = {"limits": (-4.0, 6.0), "bias": 0.5}
 STANDARD = PIDA(1.3, 3.3, 0.9, 0.27, n=4, m=2)
@@ -21,6 +22,7 @@ CASES = {
     "reset": SERIES.discretise(0.1, rate_limit=50.0, **RANGE),
     "reset_tustin": SERIES.discretise(0.1, "tustin", deadband=0.01, **RANGE),
     "reset_zoh": SERIES.discretise(0.1, "zoh", **RANGE),
+    "behind": STANDARD.discretise(0.1, output_filter=OutputFilter(0.4, 2, math.nan), b=0.8, c=0.0, **RANGE),
     "reset_weights": SERIES.discretise(0.1, b=0.6, c=0.0, **RANGE),
 }  # fmt: skip
 

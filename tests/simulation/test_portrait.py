@@ -368,6 +368,7 @@ def test_a_digital_loop_that_diverges_is_infinite():
         ({"prefilter": ([1.0], [1.0, 1.0])}, ValueError, "prefilter must be that of the loop"),
         ({"limits": (0.1, 1.0)}, ValueError, "hold 0, the control signal at rest"),
         ({"load": 0.8}, ValueError, "no state of rest: .* need u from -0.8 to -0.8, and the limits are"),
+        ({"resume": 3}, TypeError, "resume must be the path of a file, found 3"),
         ({"resume": __file__}, ValueError, "resume must be a file that portrait wrote"),
         ({"resume": "nowhere/p"}, ValueError, "resume must be in a folder that exists, found nowhere"),
     ],

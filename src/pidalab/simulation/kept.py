@@ -23,6 +23,8 @@ class Kept:
     """Measures and missing sets of one portrait in a file; without a path, nothing is read or written."""
 
     def __init__(self, path: str | os.PathLike[str] | None, *what: Any) -> None:
+        if path is not None and not isinstance(path, (str, os.PathLike)):
+            raise TypeError(f"resume must be the path of a file, found {path!r}")
         self.path = None if path is None else Path(path)
         self.digest = digest(what) if self.path else ""
         self.written = time.monotonic()
