@@ -1,7 +1,9 @@
 """The optimum: limits kept at all frequencies, the better valley, monotone in its limits, beside brute force."""
 
 import csv
+import importlib
 import math
+import random
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,8 @@ def test_the_better_of_two_valleys():
     assert pida.iae == pytest.approx(2.654, rel=2e-3)
     assert pida.active == ("ms", "mks")
     assert pida.edge == ()
+    assert pida.valleys[0] == pytest.approx(pida.iae, rel=2e-3)
+    assert any(other == pytest.approx(3.41, rel=0.02) for other in pida.valleys)  # the one near the PID
     response = pidalab.load_response(pida.loop(), np.linspace(0.0, 200.0, 8001))
     assert pida.iae == pytest.approx(response.iae(), rel=1e-6)
 
@@ -43,6 +47,8 @@ def test_less_noise_or_more_robustness_costs_error():
     assert pidalab.optimal.load(THIRD, 2, ms=1.4, mks=4.0).iae > base > 2.654
     assert pidalab.optimal.load(THIRD, 2, ms=1.25, mks=10.0).iae > base
     assert pidalab.optimal.load(THIRD, 2, ms=2.0, mks=10.0).iae < base
+    quiet, loud = (pidalab.optimal.load(THIRD, 2, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0))
+    assert 2.654 < loud < quiet
 
 
 def test_pi_beside_brute_force():
@@ -116,11 +122,28 @@ def test_a_limit_of_noise_that_makes_a_loop_slow():
                 assert design.iae <= pidalab.load_response(loop, t).iae()
 
 
-def test_a_double_integrator_needs_derivative_action():
-    process = pidalab.Process([1.0], [1.0, 0.0, 0.0], 1.0)
-    with pytest.raises(ValueError, match="no stable controller of order 0"):
-        pidalab.optimal.load(process, 0, ms=2.0)
-    assert keeps(pidalab.optimal.load(process, 1, ms=2.0, mks=10.0), 2.0, 10.0)
+@pytest.mark.parametrize(
+    ("den", "delay", "order"),
+    [([1.0, 0.0, 0.0], 1.0, 1), ([1.0, 0.0, 0.0, 0.0], 0.1, 2), ([1.0, 0.0, 1.0], 0.2, 1)],
+    ids=["double", "triple", "undamped"],
+)
+def test_plants_that_only_a_derivative_or_acceleration_stabilises(den, delay, order):
+    process = pidalab.Process([1.0], den, delay)
+    with pytest.raises(
+        ValueError, match=f"no stable controller of order {order - 1} .*; order {order} has some"
+    ):
+        pidalab.optimal.load(process, order - 1, ms=1.6)
+    design = pidalab.optimal.load(process, order, ms=1.6, mks=100.0)
+    assert keeps(design, 1.6, 100.0)
+    assert {"ms", "mks"} <= set(design.active)
+
+
+def test_integrators_alone_are_limited_by_noise_only():
+    process = pidalab.Process([1.0], [1.0, 0.0, 0.0])
+    one, other = (pidalab.optimal.load(process, 1, mks=m) for m in (20.0, 80.0))
+    assert keeps(one, 1.4, 20.0)
+    # time counts in the root of the gain: four times the noise, half of the time, a quarter of the gain to hold
+    assert one.iae / other.iae == pytest.approx(8.0, rel=1e-3)
 
 
 def test_setpoint_with_the_best_prefilter():
@@ -174,17 +197,41 @@ def test_iae_of_the_search_is_that_of_the_engine():
             ValueError,
             "no stable controller of order 1 .* whatever its ms",
         ),
+        (
+            lambda: pidalab.optimal.load(pidalab.Process([1.0], [1.0, -1.0], 0.9), 1, ms=2.0),
+            ValueError,
+            "keeps ms <= 2; the nearest has ms = 4.0",
+        ),
+        (
+            lambda: pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, noise_gain=1e-5, sample_time=0.1),
+            ValueError,
+            "too slow to be followed",
+        ),
     ],
-    ids=["loop", "order", "negative", "ms", "mks", "noise", "sample", "zero", "bare", "unstable"],
+    ids=["loop", "order", "negative", "ms", "mks", "noise", "sample", "zero", "bare", "unstable", "nearest", "slow"],
 )  # fmt: skip
 def test_what_cannot_be_is_refused(call, error, message):
     with pytest.raises(error, match=message):
         call()
 
 
-def test_the_second_optimiser_found_nothing_better():
-    """Rows of studies/optimal_check.py, as far as it has run; the second optimiser stops at four or five digits."""
+def stored():
+    """Rows of studies/optimal_check.py, as far as it has run."""
     with (Path(__file__).parents[2] / "book" / "data" / "optimal_check.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) >= 14
-    assert max(float(row["iae"]) / float(row["iae_second"]) for row in rows) <= 1.001
+        return list(csv.DictReader(file))
+
+
+def test_the_second_optimiser_found_nothing_better():
+    """It stops at three or four digits."""
+    assert len(stored()) >= 14
+    assert max(float(row["iae"]) / float(row["iae_second"]) for row in stored()) <= 1.001
+
+
+def test_a_random_tenth_of_the_stored_optima_again(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "studies")
+    plants = importlib.import_module("optimal_check").PLANTS
+    rows = stored()
+    for row in random.sample(rows, -(-len(rows) // 10)):
+        process, mks = plants[row["plant"]]
+        again = pidalab.optimal.load(process, int(row["order"]), ms=float(row["ms"]), mks=mks).iae
+        assert again == pytest.approx(float(row["iae"]), rel=1e-3), row["plant"]

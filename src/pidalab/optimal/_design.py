@@ -22,6 +22,7 @@ HIGHEST = 4  # order of a controller
 ACTIVE = 1e-3  # share of a limit within which it is called active
 ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is none
 UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
+SLOW = 100.0  # largest sample time, in the shortest unit
 SAME = (
     0.02  # difference of the IAE of the search from that of the engine, beyond which the unit was too short
 )
@@ -61,7 +62,8 @@ def load(
         With a `HighOrderPID`, its gains negative for a process with negative gain. Its `info` has ``iae``, ``ms`` and
         ``mks`` as they are, ``noise_gain`` if that was asked for, ``active`` (the limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
-        shorter would be better) and ``valleys`` (the IAE at the bottom of each valley that was found, the least first).
+        shorter would be better) and ``valleys`` (what the descents from different starts ended with: the least IAE
+        first, then others up to twice of it, as the search has them).
 
     Raises
     ------
@@ -187,6 +189,11 @@ def _best(test: str, process: Process, order: int, limits: Limits, seen: list[Se
     sign = _sign(process)
     upright = process if sign > 0 else Process(-process.num, process.den, process.delay)
     shortest, best = unit_of_time(upright, limits), None
+    if limits.sample_time is not None and limits.sample_time > SLOW * shortest:
+        raise ValueError(
+            f"sample_time must be at most {SLOW * shortest:.4g} for this process, found {limits.sample_time:g}: no "
+            "loop needs to be that slow"
+        )
     with tqdm(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar:
         for start, factor in product((at_once, approached), UNITS):
             if best is not None and factor == UNITS[0]:
@@ -195,8 +202,8 @@ def _best(test: str, process: Process, order: int, limits: Limits, seen: list[Se
             problem = Problem(upright, order, (abs(complex(upright(1j / unit))), unit), test)
             one = Search(problem, limits)
             seen.append(one)
-            first = start(one)
-            found = None if first is None else search(one, first, bar)
+            starts = start(one)
+            found = search(one, starts, bar) if starts else None
             if found is None:
                 continue
             design = _design(test, process, sign, one, found)
@@ -267,4 +274,9 @@ def _iae(loop: Loop, test: str, time: float) -> float:
     from pidalab.simulation.settling import settled
 
     simulate = load_response if test == "load" else step_response
-    return settled(simulate, loop, 80.0 * time).iae(horizon=math.inf)
+    try:
+        return settled(simulate, loop, 80.0 * time).iae(horizon=math.inf)
+    except ValueError as reason:
+        raise ValueError(
+            f"the limits leave only loops too slow to be followed for this process: {reason}"
+        ) from None

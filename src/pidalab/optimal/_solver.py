@@ -13,6 +13,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.optimal._descent import Last, Scaled
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import Problem
 from pidalab.optimal._starts import WALL
@@ -28,8 +29,13 @@ MISSED = 30.0  # price of a missed limit where starts are compared
 SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
 KEPT = 1e-6  # share by which a limit may be missed between two rounds
+ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
+AGAIN, LONG = (
+    4,
+    0.2,
+)  # descents one after the other at most, and the logarithm of the gain after which one is long
 ROUNDS = 12  # of the last search, each with the worst frequency of the one before
-APART = 1e-2  # share by which the values of two valleys differ at least
+APART, FAR = 1e-2, 2.0  # share by which the values of two valleys differ at least, factor by which at most
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
 BEST, TRIED = 3, 12  # searches that are brought to the end, and tried at most
 
@@ -86,16 +92,17 @@ class Search:
         for start in (first, *(x * _damping(x.size, at, share) for share in (1.0, 0.6, 0.3, 0.1))):
             start = start.copy()
             start[at] = filter_time
-            value = self._worth(start)[0] * (1 + MISSED * self.missed(start, constraints))
+            value = self._worth(start)[0] + np.log1p(MISSED * self.missed(start, constraints))
             if value < least:
                 best, least = start, value
         return best
 
     def _worth(self, x: Array) -> tuple[float, Array]:
-        """IAE and gradient; a wall where a step has left the stable loops."""
+        """Logarithm of the IAE and gradient; a wall where a step has left the stable loops."""
         if self.problem.unstable(x):
             return WALL, np.zeros(x.size)
-        return self.worth(x)
+        value, slope = self.worth(x)
+        return float(np.log(value)), slope / value
 
     def missed(self, x: Array, constraints: list[dict[str, Any]] | None = None) -> float:
         """By how much the limit is missed that is missed most."""
@@ -104,7 +111,7 @@ class Search:
     def constraints(self) -> list[dict[str, Any]]:
         """What is left to every limit, not negative where it is kept, for the frequencies looked at so far."""
         mks = None if self.limits.mks is None else self.limits.mks * (1 - SPARE)
-        left = _Last(self.problem.limits(self.w, self.limits.ms * (1 - SPARE), mks))
+        left = Last(self.problem.limits(self.w, self.limits.ms * (1 - SPARE), mks))
         found = [{"type": "ineq", "fun": left.value, "jac": left.slope}]
         if self.noise is not None:
             noise, most = self.noise, self.aim
@@ -114,11 +121,13 @@ class Search:
                 deviation = np.sqrt(variance)
                 return 1 - deviation / most, -slope / (2 * deviation * most)
 
-            spare = _Last(margin)
+            spare = Last(margin)
             found.append({"type": "ineq", "fun": spare.value, "jac": spare.slope})
         return found
 
-    def descend(self, start: Array, filter_time: float | None = None) -> tuple[float, Array, float]:
+    def descend(
+        self, start: Array, filter_time: float | None = None, effort: tuple[int, float] = ROUGH
+    ) -> tuple[float, Array, float]:
         """Sequential quadratic programming from a start: value, unknowns, and by how much a limit is missed."""
         from scipy.optimize import minimize
 
@@ -126,15 +135,26 @@ class Search:
         at = self.problem.gains
         if filter_time is not None:
             x[at], bounds[at] = filter_time, (filter_time, filter_time)
-        constraints = self.constraints()
+        low, high = np.transpose(bounds)
+        constraints, value = self.constraints(), self._worth(x)[0]
         with np.errstate(all="ignore"):
-            found = minimize(
-                self._worth, x, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
-                options={"maxiter": 60, "ftol": 1e-8},
-            )  # fmt: skip
-            missed = self.missed(found.x, constraints)
-        value = float(found.fun)
-        return (value, found.x, missed) if value < WALL and np.isfinite(missed) else (np.inf, start, np.inf)
+            for _ in range(AGAIN):
+                scaled = Scaled(x, at)
+                found = minimize(
+                    *scaled.objective(self._worth, x), method="SLSQP", jac=True,
+                    bounds=list(zip(scaled(low), scaled(high), strict=True)),
+                    constraints=[scaled.constraint(one) for one in constraints],
+                    options=dict(zip(("maxiter", "ftol"), effort, strict=True)),
+                )  # fmt: skip
+                end = np.clip(scaled.back(found.x), low, high)
+                before, value = value, float(found.fun)
+                missed = self.missed(end, constraints)
+                # a long way may have ended early: what was learnt of the curvature at its start is of no use at its end
+                if not (np.isfinite(missed) and missed <= KEPT and value < before - LONG):
+                    break
+                x = end
+        ok = value < WALL and np.isfinite(missed)
+        return (float(np.exp(value)), end, missed) if ok else (np.inf, start, np.inf)
 
     def _with(self, peak: float) -> Array:
         """The frequencies, and those around a peak between them."""
@@ -150,7 +170,7 @@ class Search:
     def finish(self, x: Array) -> tuple[float, Array] | None:
         """Descend with a free filter time; take in the worst frequencies until the limits hold at all of them."""
         for _ in range(ROUNDS):
-            value, found, missed = self.descend(x)
+            value, found, missed = self.descend(x, effort=FINE)
             noise = self.true_noise(found) if missed <= KEPT and _settles(self.loop(found)) else np.inf
             if not np.isfinite(noise):
                 # the descent went astray: again, from a little below
@@ -206,36 +226,17 @@ def _settles(loop: Loop) -> bool:
         return False
 
 
-class _Last:
-    """A function that gives value and slope at once, for those who ask for one after the other."""
-
-    def __init__(self, both: Any) -> None:
-        self.both, self.x = both, np.zeros(0)
-
-    def _at(self, x: Array) -> tuple[Any, Any]:
-        if not np.array_equal(x, self.x):
-            self.x, self.last = x.copy(), self.both(x)
-        return self.last
-
-    def value(self, x: Array) -> Any:
-        """Value at x."""
-        return self._at(x)[0]
-
-    def slope(self, x: Array) -> Any:
-        """Slope at x."""
-        return self._at(x)[1]
-
-
 class Found(NamedTuple):
     """Result of a search."""
 
     value: float  # IAE, in units of time of the problem
     x: Array
-    valleys: tuple[float, ...]  # values at the bottom of all valleys that were found, the least first
+    valleys: tuple[float, ...]  # the least value, and what other descents ended with up to FAR times it
 
 
-def search(one: Search, first: Array, bar: Any) -> Found | None:
-    """Find the best unknowns from a first start that keeps all limits; None where no descent ends well."""
+def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
+    """Find the best unknowns from starts that keep all limits; None where no descent ends well."""
+    first = starts[0]
     x, rungs = first, []
     for time in [*one.rungs, *one.rungs[::-1]]:
         value, found, missed = one.descend(one.near(x, first, float(time)), float(time))
@@ -243,9 +244,9 @@ def search(one: Search, first: Array, bar: Any) -> Found | None:
             x = found
             rungs.append((value, found))
         bar.update()
-    # the filter time set free: from every rung, then to the end from the best
+    # the filter time set free: from every rung and the other starts, then to the end from the best
     free = []
-    for _, start in _distinct(rungs, len(rungs)):
+    for start in [*(x for _, x in _distinct(rungs, len(rungs))), *starts[1:]]:
         value, found, missed = one.descend(start)
         if missed <= KEPT:
             free.append((value, found))
@@ -266,7 +267,7 @@ def _valleys(values: list[float]) -> tuple[float, ...]:
     """Values that differ, each the least of those next to it."""
     chosen: list[float] = []
     for value in sorted(values):
-        if not chosen or value > chosen[-1] * (1 + APART):
+        if not chosen or chosen[-1] * (1 + APART) < value < FAR * chosen[0]:
             chosen.append(value)
     return tuple(chosen)
 

@@ -29,17 +29,31 @@ BELOW, ABOVE = (
     (5.0, 30.0, 200.0),
 )  # of its zeros and its filter, as factors of the crossover
 INSIDE = -1e-3  # share of the limits that an approach goes beyond keeping them
+TRIED = 60  # candidates whose stability is looked at closely
+STARTS, APART = 6, np.log(4.0)  # starts at most, and how far they are apart
 NEAREST = 4  # candidates from which the limits are approached
-TRIED = 60  # candidates that are looked at more closely
 
 
-def at_once(search: Search) -> Array | None:
-    """The quickest candidate that keeps all limits; None if none does."""
-    kept = (x for x in _ranked(search) if search.missed(x) == 0 and search.sound(x))
-    return next(kept, None)
+def at_once(search: Search) -> list[Array]:
+    """Candidates that keep all limits and differ, the one with the least IAE first."""
+    constraints = search.constraints()
+    kept = [x for x in _ranked(search) if search.missed(x, constraints) == 0]
+    chosen: list[Array] = []
+    for x in sorted(kept, key=lambda x: search.worth(x)[0]):
+        if all(_apart(x, other, search.problem.gains) for other in chosen) and search.sound(x):
+            chosen.append(x)
+        if len(chosen) == STARTS:
+            break
+    return chosen
 
 
-def approached(search: Search) -> Array | None:
+def _apart(one: Array, other: Array, gains: int) -> bool:
+    """Whether integral gain, largest action or filter differ by more than a factor."""
+    differences = np.log([one[0] / other[0], one[:gains].max() / other[:gains].max()])
+    return bool(max(np.abs(differences).max(), abs(one[gains] - other[gains])) > APART)
+
+
+def approached(search: Search) -> list[Array]:
     """A start that keeps all limits, from candidates that do not; the nearest of all is left in the search."""
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
@@ -48,13 +62,13 @@ def approached(search: Search) -> Array | None:
         if missed < least and search.sound(x):
             search.nearest, least = x, missed
         if least == 0:
-            return x
-    return None
+            return [x]
+    return []
 
 
 def stabilising(search: Search) -> Iterator[Array]:
     """Candidates that stabilise the process, those that keep the limits best first, and of equals the quickest."""
-    return (x for x in _ranked(search) if search.sound(x))
+    return (x for x in _ranked(search)[:TRIED] if search.sound(x))
 
 
 def _ranked(search: Search) -> list[Array]:
@@ -63,7 +77,7 @@ def _ranked(search: Search) -> list[Array]:
     likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))
     ranked = [(search.missed(x, constraints), -x[0], x) for x in likely]
     ranked.sort(key=lambda entry: entry[:2])
-    return [x for _, _, x in ranked[:TRIED]]
+    return [x for _, _, x in ranked]
 
 
 def _relaxed(search: Search, start: Array) -> Array:
@@ -104,7 +118,7 @@ def _candidates(problem: Problem, fastest: float, slowest: float) -> list[Array]
     for w, below, zeros in product(CROSSOVERS, BELOW, range(1, problem.gains)):
         action = np.poly(np.full(zeros, -w / below))[::-1]
         action = action / abs(np.polyval(action[::-1], 1j * w) * problem.process(1j * w / problem.time))
-        action *= w / problem.gain
+        action *= w * problem.gain
         times = {float(np.clip(-np.log(w * above), fastest, slowest)) for above in ABOVE}
         found += [_unknowns(problem, action, time) for time in sorted(times)]
     return found

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from pidalab._check import Array
 from pidalab.optimal._solver import Limits
 from pidalab.process import Process
 from pidalab.roots import roots
@@ -28,10 +29,21 @@ def unit_of_time(process: Process, limits: Limits) -> float:
     if growing > 0:  # between what runs away and what cannot be answered sooner
         return 1 / math.sqrt(growing * float(corners.max()))
     w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
-    phase = np.unwrap(np.angle(process(1j * w)))
     at_rest = -0.5 * np.pi * integrators
-    turned = phase + (at_rest - phase[0]) < min(CORNER, at_rest - TURN)
+    turned = at_rest + _turn(process, w) < min(CORNER, at_rest - TURN)
     return 1 / float(w[np.argmax(turned)]) if turned.any() else 1 / float(corners.max())
+
+
+def _turn(process: Process, w: Array) -> Array:
+    """Phase less that at rest; poles on the axis count as stable ones."""
+    total = -process.delay * w
+    for sign, found in ((1, roots(process.num)), (-1, roots(process.den))):
+        for root in found[found != 0]:
+            # seen from the side of the root where its angle does not jump
+            side = -1.0 if root.real > 0 else 1.0
+            seen = root if root.real else root - 1e-9 * abs(root)
+            total = total + sign * (np.angle(side * (1j * w - seen)) - np.angle(-side * seen))
+    return total
 
 
 def _by_noise(process: Process, integrators: int, limits: Limits) -> float:
