@@ -103,6 +103,12 @@ def test_refusals(call, message):
         call()
 
 
+def test_a_spread_out_of_range_is_refused_before_the_search(monkeypatch):
+    monkeypatch.setattr("pidalab.optimal.load", lambda *_: pytest.fail("searched"))
+    with pytest.raises(ValueError, match="spread must be a share below 1"):
+        tune(THIRD, "PI", spread=2.0)
+
+
 def test_what_is_no_model_says_what_to_pass():
     with pytest.raises(TypeError, match="model"):
         tune(1.0, "PI")

@@ -88,6 +88,8 @@ def tune(
         sample_time = _check.real("sample_time", sample_time, above=0.0)
     process = model.process if isinstance(model, Fit) else model
     require_process("model", process)
+    # before the search, so that a spread out of range is refused at once
+    plants = plants_within(model, process, spread)
     doubts: list[str] = []
     designed = _seen_by_the_controller(process, sample_time, output_filter)
     if rule == "optimal":
@@ -98,7 +100,7 @@ def tune(
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
     _doubt_unknown_dynamics(designed, kind, doubts)
     loop = Loop(process, made.controller, _in_series(made.output_filter, output_filter), made.prefilter)
-    info = {**_measured(loop), **_worst(loop, plants_within(model, process, spread)), "doubts": tuple(doubts)}
+    info = {**_measured(loop), **_worst(loop, plants), "doubts": tuple(doubts)}
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
 
 

@@ -66,9 +66,11 @@ def read_columns(
         For a file without such columns, or with an entry that is neither a number nor a word for a missing one.
     """
     lines = _lines(path)
+    if not any(line.strip() for line in lines):
+        raise ValueError(f"{path.name} is empty")
     mark = delimiter or _delimiter(lines)
     table = list(csv.reader(lines, delimiter=mark))
-    header, first = _header(table, mark)
+    header, first = _header(table, mark, path)
     places = [_place(name, header, path) for name in wanted]
     comma = decimal == "," if decimal is not None else _has_decimal_commas(table[first:], places, mark)
     columns: list[list[float]] = [[] for _ in places]
@@ -99,8 +101,6 @@ def _lines(path: Path) -> list[str]:
 def _delimiter(lines: Sequence[str]) -> str:
     """Return the delimiter that stands equally often in the most of the first lines."""
     sample = [line for line in lines[:50] if line.strip()]
-    if not sample:
-        raise ValueError("the file is empty")
 
     def steady(mark: str) -> tuple[int, int]:
         counts = [line.count(mark) for line in sample]
@@ -110,14 +110,14 @@ def _delimiter(lines: Sequence[str]) -> str:
     return max(DELIMITERS, key=steady)
 
 
-def _header(table: Sequence[Sequence[str]], mark: str) -> tuple[list[str], int]:
+def _header(table: Sequence[Sequence[str]], mark: str, path: Path) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
     for index, row in enumerate(table[:50]):
         entries = [entry.strip() for entry in row]
         if len(entries) > 1 and all(_is_value(entry) for entry in entries):
             names = [entry.strip().strip('"') for entry in table[index - 1]] if index else []
             return names, index
-    raise ValueError(f"no row of numbers in the first 50 lines (columns divided by {mark!r})")
+    raise ValueError(f"{path.name} has no row of numbers in its first 50 lines (columns divided by {mark!r})")
 
 
 def _is_value(entry: str) -> bool:
