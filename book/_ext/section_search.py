@@ -5,15 +5,17 @@ search page loads beside MiniSearch. A script, not a data file, because a page o
 """
 
 import json
+import re
+from html.parser import HTMLParser
 from pathlib import Path
 
-from bs4 import BeautifulSoup, Tag
-
-HEADINGS = ("h1", "h2", "h3", "h4")
+HEADINGS = {"h1", "h2", "h3", "h4"}
 # Code, formulas' source and buttons are not what a reader looks for.
-LEFT_OUT = (
-    "script, style, .cell_input, summary, .headerlink, button, .toctree-wrapper, table.dataframe, .only-dark"
-)
+LEFT_OUT = {"script", "style", "summary", "button"}
+LEFT_OUT_CLASSES = {"cell_input", "headerlink", "toctree-wrapper", "dataframe", "only-dark"}
+MATHS = re.compile(r"\\[()\[\]]")
+VOID = {"br", "col", "hr", "img", "input", "link", "meta", "source", "wbr"}  # elements that never end
+TASKS = 0.4  # of a page's weight: exercises mention everything and explain nothing
 LONGEST = 6000  # characters kept of a section
 # How much a hit counts, by the beginning of the page's name; the first that fits.
 WEIGHTS = (
@@ -28,33 +30,81 @@ WEIGHTS = (
 )
 
 
+class Sections(HTMLParser):
+    """Reads a page once, and keeps of each section its anchor, its title and its own text.
+
+    A section is also what the reference says of one name: a definition list whose first term has an anchor.
+    """
+
+    def __init__(self):
+        super().__init__()
+        self.found = []  # in the order of the page: anchor, words of the title, words of the text
+        self.open = []  # elements that have begun: tag, and the section that they are
+        self.left_out = self.title = (
+            0  # how many are open where an element is left out, or a title; 0 for none
+        )
+
+    def section(self):
+        """Return the innermost section that has a title."""
+        return next((section for _, section in reversed(self.open) if section and section[1]), None)
+
+    def handle_starttag(self, tag, attrs):
+        if tag in VOID:
+            return
+        given = dict(attrs)
+        section = None
+        if not self.left_out:
+            parent = self.open[-1][1] if self.open else None
+            if tag in LEFT_OUT or LEFT_OUT_CLASSES.intersection((given.get("class") or "").split()):
+                self.left_out = len(self.open) + 1
+            elif tag == "section":
+                section = (given.get("id", ""), [], [])
+            elif tag in HEADINGS and parent and not parent[1]:
+                self.title, self.heading = len(self.open) + 1, parent
+            elif tag == "dt" and "id" in given and self.open and self.open[-1] == ("dl", None):
+                entry = (given["id"], [given["id"]], [])
+                self.open[-1] = ("dl", entry)
+                self.found.append(entry)
+                self.left_out = len(self.open) + 1  # the signature
+        if section:
+            self.found.append(section)
+        self.open.append((tag, section))
+
+    def handle_endtag(self, tag):
+        if tag not in (name for name, _ in self.open):
+            return
+        while self.open.pop()[0] != tag:
+            pass
+        if len(self.open) < self.left_out:
+            self.left_out = 0
+        if len(self.open) < self.title:
+            self.title = 0
+
+    def handle_data(self, data):
+        # a formula as text, without the marks that tell where it begins and ends
+        words = MATHS.sub("", data).strip()
+        if not words or self.left_out:
+            return
+        if self.title:
+            self.heading[1].append(words)
+        elif section := self.section():
+            section[2].append(words)
+
+
 def sections(body: str) -> list[tuple[str, str, str]]:
     """Return (anchor, title, text) of each section of a page; a section's text is without its subsections'."""
-    page = BeautifulSoup(body, "html.parser")
-    for element in page.select(LEFT_OUT):
-        element.decompose()
-    for formula in page.select(
-        ".math"
-    ):  # a formula as text, without the marks that tell where it begins and ends
-        formula.string = formula.get_text().strip().removeprefix("\\(").removesuffix("\\)")
-    found = []
-    for section in page.find_all(["section", "dl"]):
-        heading = (
-            section.find(HEADINGS, recursive=False)
-            if section.name == "section"
-            else section.find("dt", id=True)
-        )
-        if heading is None:
-            continue
-        anchor = section.get("id") or heading.get("id") or ""
-        own = [
-            child.get_text(" ", strip=True) if isinstance(child, Tag) else str(child).strip()
-            for child in section.children
-            if child is not heading and not (isinstance(child, Tag) and child.name == "section")
-        ]
-        title = heading.get_text(" ", strip=True) if section.name == "section" else anchor
-        found.append((anchor, title, " ".join(filter(None, own))[:LONGEST]))
-    return found
+    page = Sections()
+    page.feed(body)
+    page.close()
+    return [
+        (anchor, " ".join(title), " ".join(text)[:LONGEST]) for anchor, title, text in page.found if title
+    ]
+
+
+def words_of(html: str) -> str:
+    """Return a line of HTML as plain text."""
+    ((_, title, _),) = sections(f"<section><h1>{html}</h1></section>")
+    return title
 
 
 def collect(app, pagename, templatename, context, doctree):
@@ -70,7 +120,7 @@ def collect(app, pagename, templatename, context, doctree):
         return
     weight = next(value for start, value in WEIGHTS if pagename.startswith(start))
     page = context.get("title", pagename)
-    page = BeautifulSoup(page, "html.parser").get_text()
+    page = words_of(page)
     for anchor, title, text in sections(context["body"]):
         app.section_index.append(
             {
@@ -78,7 +128,7 @@ def collect(app, pagename, templatename, context, doctree):
                 "page": page,
                 "title": title,
                 "text": text,
-                "weight": weight,
+                "weight": weight * (TASKS if title == "Exercises" else 1.0),
             }
             | {"url": app.builder.get_target_uri(pagename) + (f"#{anchor}" if anchor else "")}
         )
