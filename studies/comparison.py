@@ -2,7 +2,8 @@
 
 Three tables in book/data, each resumed where it stopped:
 
-* ``processes.csv``: the plants, their ultimate gain and period, normalised dead time and roll-off;
+* ``processes.csv``: the plants and those of the frontier, their ultimate gain and period, normalised dead time and
+  roll-off;
 * ``comparison.csv``: a row for each plant, rule and terms; a rule that does not apply is a row with its message;
 * ``optima.csv``: the best PI, PID and PIDA of each plant at the same terms.
 
@@ -20,7 +21,8 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
 
 import numpy as np
-from own_units import COLUMNS, SAMPLES, Units, one_line, optimum, resume, units, worst
+from frontier import PLANTS, mapped
+from own_units import COLUMNS, SAMPLES, Units, least_robust, one_line, optimum, resume, units
 from processes import batch
 
 from pidalab import Process
@@ -51,7 +53,7 @@ MEASURES = (
     "tv",
     "delay_margin",
     "ms_worst",
-    "iae_worst",
+    "iae_least_robust",
 )
 RULES = ("plant", "rule", "kind", "terms", *MEASURES, "factor", "filter_time", "reason")
 
@@ -131,7 +133,7 @@ def measures(row: Row, process: Process, own: Units, off: bool = True) -> dict[s
         "delay_margin": row.delay_margin / own.period,
     }
     known = {key: value for key, value in found.items() if not math.isnan(value)}
-    known |= worst(row.design.loop(process), process, own) if off else {}
+    known |= least_robust(row.design.loop(process), process, own) if off else {}
     return known | {"reason": row.reason}
 
 
@@ -156,8 +158,10 @@ def main(tables: list[str], workers: int | None) -> None:
     """Go on with the tables."""
     cases = list(batch())[::-1]  # those with hardly a lag take longest, and are the first of the batch
     if "processes" in tables:
-        plants = [(case.name, case.family, case.process) for case in cases]
-        resume("processes.csv", PROCESS, plants[::-1], ("plant",), process_row, workers)
+        plants = [(case.name, case.family, case.process) for case in cases[::-1]]
+        plants += [(name, "frontier", process) for name, process in PLANTS.items()]
+        plants += [(name, "map", process) for name, process in mapped().items()]
+        resume("processes.csv", PROCESS, plants, ("plant",), process_row, workers)
     if "rules" in tables:
         resume(
             "comparison.csv",

@@ -86,17 +86,33 @@ def optimum(name: str, process: Process, order: int, ms: float, noise: float) ->
 
 def worst(loop: pidalab.Loop, process: Process, own: Units) -> dict[str, float]:
     """Largest Ms and IAE over the eight plants that are off; infinite where one of their loops is unstable."""
+    loops = off(loop, process)
+    if not all(pidalab.is_stable(other) for other in loops):
+        return {"ms_worst": math.inf, "iae_worst": math.inf}
+    largest = max(pidalab.max_sensitivity(other)[0] for other in loops)
+    error = max(load_iae(other, own) for other in loops)
+    return {"ms_worst": largest, "iae_worst": error * own.gain / own.period}
+
+
+def least_robust(loop: pidalab.Loop, process: Process, own: Units) -> dict[str, float]:
+    """Largest Ms over the eight plants that are off, and the IAE on the plant that has it; one response, not eight."""
+    loops = off(loop, process)
+    if not all(pidalab.is_stable(other) for other in loops):
+        return {"ms_worst": math.inf, "iae_least_robust": math.inf}
+    largest, which = max((pidalab.max_sensitivity(other)[0], i) for i, other in enumerate(loops))
+    return {"ms_worst": largest, "iae_least_robust": load_iae(loops[which], own) * own.gain / own.period}
+
+
+def off(loop: pidalab.Loop, process: Process) -> list[pidalab.Loop]:
+    """The same controller around the plants that are off."""
+    return [pidalab.Loop(plant, loop.controller, loop.output_filter) for plant in corners(process, OFF)]
+
+
+def load_iae(loop: pidalab.Loop, own: Units) -> float:
+    """IAE of a load step."""
     from pidalab.simulation.settling import settled
 
-    largest, error = 0.0, 0.0
-    for plant in corners(process, OFF):
-        other = pidalab.Loop(plant, loop.controller, loop.output_filter)
-        if not pidalab.is_stable(other):
-            return {"ms_worst": math.inf, "iae_worst": math.inf}
-        largest = max(largest, pidalab.max_sensitivity(other)[0])
-        response = settled(pidalab.load_response, other, HORIZON * own.period)
-        error = max(error, response.iae(horizon=math.inf))
-    return {"ms_worst": largest, "iae_worst": error * own.gain / own.period}
+    return settled(pidalab.load_response, loop, HORIZON * own.period).iae(horizon=math.inf)
 
 
 def one_line(refusal: Exception) -> str:

@@ -163,11 +163,18 @@ def _imc(model: Process) -> Design:
 
 
 def _by_areas(process: Process, noise_gain: float, sample_time: float) -> Iterator[Candidate]:
+    for m, kind in enumerate(KINDS):
+        yield "magnitude optimum", kind, partial(_by_areas_quiet_enough, process, m, noise_gain, sample_time)
+
+
+def _by_areas_quiet_enough(process: Process, m: int, noise_gain: float, sample_time: float) -> Design:
+    """The filter as short as the sample; longer where that is too loud."""
     from pidalab.rules import magnitude_optimum
 
-    for m, kind in enumerate(KINDS):
-        limited = partial(magnitude_optimum.tune_for_exact_noise, process, m, m + 1, noise_gain, sample_time)
-        yield "magnitude optimum", kind, limited
+    shortest = magnitude_optimum.tune(process, m, m + 1, sample_time)
+    if sampled_noise(shortest, process, sample_time)[0] <= noise_gain:
+        return shortest
+    return magnitude_optimum.tune_for_exact_noise(process, m, m + 1, noise_gain, sample_time)
 
 
 def _multiple_poles(models: _Models) -> Iterator[Candidate]:
