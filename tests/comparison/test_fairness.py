@@ -49,6 +49,17 @@ def test_the_gain_is_the_largest_with_this_sensitivity():
     assert shares[np.flatnonzero(kept).max()] == pytest.approx(1.0, abs=5e-3)
 
 
+def test_noise_is_kept_where_the_gain_jumps():
+    """On this plant a longer filter takes the largest allowed gain from one range to another, far below."""
+    process = pidalab.Process([1.0], np.convolve([10.0, 1.0], [0.9, 1.0]), 0.1)
+    model = pidalab.ipdt(0.0788086, delay=0.692509)
+    design = pidalab.rules.mrdp.tune(model, 2, 3, 0.173127)
+    w = pidalab.reduction.ultimate_frequency(process)
+    noise, sample = 1.5 / abs(process(1j * w)), 2 * np.pi / w / 100
+    fair = at_equal_terms(design, process, ms=1.4, noise_gain=noise, sample_time=sample)
+    assert fair.noise_gain <= noise * 1.001
+
+
 def test_proportions_that_never_reach_the_sensitivity_are_refused():
     """Integral action far too fast for an integrating plant: small gains do not help, large ones neither."""
     design = pidalab.rules.Design(BALANCED, pidalab.PIDA(1.0, 1.0))

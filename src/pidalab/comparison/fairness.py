@@ -140,7 +140,14 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
             raise ValueError(
                 f"no filter time keeps noise_gain = {most:g} with the proportions of this design"
             )
-    return scaled(brentq(excess, low, high, xtol=CLOSE))
+    found = scaled(brentq(excess, low, high, xtol=CLOSE))
+    if found[0] <= most * (1 + 10 * CLOSE):
+        return found
+    # the gain jumps there from one range of allowed gains to another: stay on the side that is quiet enough
+    while high - low > CLOSE:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return scaled(high)
 
 
 def _largest_gain(process: Process, gains: Array, time: float, ms: float) -> float:
