@@ -133,8 +133,13 @@ def measures(row: Row, process: Process, own: Units, off: bool = True) -> dict[s
         "delay_margin": row.delay_margin / own.period,
     }
     known = {key: value for key, value in found.items() if not math.isnan(value)}
-    known |= least_robust(row.design.loop(process), process, own) if off else {}
-    return known | {"reason": row.reason}
+    reasons = [row.reason]
+    if off:
+        try:
+            known |= least_robust(row.design.loop(process), process, own)
+        except (ValueError, ArithmeticError) as refusal:
+            reasons.append(f"plants that are off: {one_line(refusal)}")
+    return known | {"reason": "; ".join(filter(None, reasons))}
 
 
 def fair(design: Design, noise: float, process: Process, own: Units) -> dict[str, Any]:
