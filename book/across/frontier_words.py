@@ -1,0 +1,119 @@
+"""Sentences and tables of the page on the frontier, from the tables of its study."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from IPython.display import Markdown
+
+import tables
+
+SHOWN = (
+    "lag-dominated",
+    "lag-dominated, two lags",
+    "balanced, one lag",
+    "balanced, three lags",
+    "integrating with a lag",
+    "eight lags",
+)
+KINDS = ("PI", "PID", "PIDA", "m = 3")
+WORTH = 0.1  # share of the IAE that a step must save to be worth its parameter
+
+
+def curves() -> pd.DataFrame:
+    """The frontier at Ms 1.4."""
+    return tables.read("frontier").query("ms_limit == @tables.MS")
+
+
+def coverage() -> Markdown:
+    """How much of the study is there."""
+    table = curves()
+    none = table[table["iae"].isna()]
+    named = ", ".join(f"{row.plant}, {KINDS[row.order]} at {row.noise_limit:g}" for row in none.itertuples())
+    lost = f" No controller keeps the limits for: {named}." if named else ""
+    return Markdown(
+        f"{table['plant'].nunique()} plants, {len(table)} designs at {table['noise_limit'].nunique()} limits of noise."
+        + lost
+    )
+
+
+def steps() -> pd.DataFrame:
+    """For each plant what the next kind saves at the loudest noise, and from which noise on it saves a tenth."""
+    wide = curves().pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
+    rows = {}
+    for plant, table in wide.groupby(level="plant", sort=False):
+        row = {}
+        for order in (1, 2, 3):
+            saves = (1 - table[order] / table[order - 1]).droplevel("plant")
+            enough = saves[saves >= WORTH]
+            row[f"{KINDS[order]} saves"] = f"{saves.iloc[-1]:.0%}"
+            always = enough.size == saves.size
+            first = "all noise" if always else f"noise {enough.index[0]:g}" if enough.size else "never"
+            row[f"a tenth from {KINDS[order]}"] = first
+        rows[plant] = row
+    return pd.DataFrame(rows).T
+
+
+def third_derivative() -> Markdown:
+    """Whether one more derivative is worth it."""
+    wide = curves().pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
+    saves = (1 - wide[3] / wide[2]).dropna()
+    plant, noise = saves.idxmax()
+    many = (saves.groupby(level="plant").max() >= WORTH).sum()
+    return Markdown(
+        f"The third derivative saves {saves.median():.0%} in the median and at most {saves.max():.0%} ({plant}, noise "
+        f"gain {noise:g}); it reaches a tenth on {many} of {saves.index.get_level_values(0).nunique()} plants."
+    )
+
+
+def mapped() -> dict[str, pd.DataFrame]:
+    """Shares that acceleration saves, a table for each family: dead time downwards, noise to the right."""
+    wide = tables.read("acceleration_map").pivot_table(
+        index=["plant", "noise_limit"], columns="order", values="iae"
+    )
+    saves = (1 - wide[2] / wide[1]).rename("saves").reset_index()
+    parts = saves["plant"].str.extract(r"^(?P<family>.*?) ?delay=(?P<delay>[0-9.]+)$")
+    saves = saves.join(parts).dropna(subset=["delay"])
+    saves["delay"] = saves["delay"].astype(float)
+    names = {"lags3": "three equal lags"}
+    out = {}
+    for family, rows in saves.groupby("family"):
+        title = names.get(family, family.replace("sopdt damping=", "a pair of poles, damping "))
+        out[title] = rows.pivot_table(index="delay", columns="noise_limit", values="saves")
+    return out
+
+
+def law() -> Markdown:
+    """The law in words: where acceleration pays, from all plants of the frontier and the map, and its exceptions."""
+    both = pd.concat([curves(), tables.read("acceleration_map")])
+    wide = both.pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
+    saves = (1 - wide[2] / wide[1]).dropna().rename("saves").reset_index()
+    saves = saves.merge(tables.read("processes")[["plant", "rolloff", "dead_time"]], on="plant")
+    order = saves["rolloff"]
+    left = np.column_stack([np.ones(order.size), order, order * np.log(saves["noise_limit"])])
+    start, a, b = np.linalg.lstsq(left, saves["saves"], rcond=None)[0]
+    off = saves["saves"] - left @ (start, a, b)
+    far = (
+        saves.assign(off=off)
+        .loc[off.abs().sort_values(ascending=False).index]
+        .drop_duplicates("plant")
+        .head(4)
+    )
+    named = ", ".join(
+        f"{row.plant} at {row.noise_limit:g} ({100 * row.off:+.0f} points)" for row in far.itertuples()
+    )
+    pays = saves.groupby("plant").agg(rolloff=("rolloff", "first"), most=("saves", "max"))
+    little = pays[(pays["rolloff"] < 1) & (pays["most"] >= WORTH)]
+    steep = pays[(pays["rolloff"] >= 2) & (pays["most"] < WORTH)]
+    return Markdown(
+        f"**At a noise gain of 1 acceleration saves about {100 * a:.0f} % of the IAE for each order of roll-off, from "
+        f"{100 * start:+.0f} % at none, and {100 * b * np.log(2):.1f} % more for each order and doubling of noise.** "
+        f"That is right to {100 * off.std():.0f} points in the mean square over {len(saves)} pairs of designs. "
+        f"Farthest off: {named}.\n\n"
+        f"Exceptions to *below one order it never saves a tenth*: {_named(little)}. "
+        f"Exceptions to *from two orders on it always does, if noise may be loud*: {_named(steep)}."
+    )
+
+
+def _named(table: pd.DataFrame) -> str:
+    return ", ".join(f"{plant} ({row.most:.0%})" for plant, row in table.iterrows()) or "none in the study"

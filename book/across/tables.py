@@ -1,0 +1,166 @@
+"""What the pages across the papers read from the tables of the studies: joined, counted, put into words.
+
+All numbers are in units of a plant's own ultimate gain and period, see ``studies/own_units.py`` and the README beside
+the tables.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+DATA = Path(__file__).parents[1] / "data"
+KINDS = ("PI", "PID", "PIDA")
+MS = 1.4  # of all that is compared at equal terms
+NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gain over ultimate gain
+NEAR = 1.2  # times the least IAE: as good as the best for most purposes
+SERVES = 0.75  # share of a class of plants that a rule must serve to be recommended for it
+CLASSES = (
+    "integrating",
+    "lag-dominated",
+    "balanced",
+    "delay-dominated",
+)  # thirds of the normalised dead time
+REACHES = "no gain above"  # how the message of a rule begins that cannot be made as robust as the others
+
+
+def read(name: str) -> pd.DataFrame:
+    """A table of a study."""
+    return pd.read_csv(DATA / f"{name}.csv", keep_default_na=True)
+
+
+def plants() -> pd.DataFrame:
+    """The 134 plants with their class."""
+    table = read("processes").query("family not in ('frontier', 'map')")
+    dead = table["dead_time"]
+    names = np.select([dead == 0, dead < 1 / 3, dead < 2 / 3], CLASSES[:3], CLASSES[3])
+    return table.assign(**{"class": pd.Categorical(names, CLASSES)})
+
+
+def optima(ms: float = MS) -> pd.DataFrame:
+    """The best controllers, with the names of kinds and terms."""
+    table = read("optima").query("ms_limit == @ms")
+    terms = {noise: name for name, noise in NOISE.items()}
+    kinds = dict(enumerate(KINDS))
+    return table.assign(kind=table["order"].map(kinds), terms=table["noise_limit"].map(terms))
+
+
+def frontier() -> pd.DataFrame:
+    """Least IAE of each plant, a row for each of the terms and a column for each kind."""
+    found = optima().pivot_table(index=["plant", "terms"], columns="kind", values="iae")
+    return found[[kind for kind in KINDS if kind in found]]
+
+
+def compared(terms: str) -> pd.DataFrame:
+    """Every rule at equal terms: its IAE over the least of its own kind, and over the least of all kinds."""
+    rules = read("comparison").query("terms == @terms")
+    least = frontier().xs(terms, level="terms")
+    of_kind = least.stack().rename("least_of_kind").reset_index()
+    out = rules.merge(of_kind, on=["plant", "kind"], how="left")
+    out = out.merge(least.min(axis=1).rename("least").reset_index(), on="plant", how="left")
+    out = out.merge(plants()[["plant", "family", "class", "rolloff"]], on="plant")
+    return out.assign(of_kind=out["iae_load"] / out["least_of_kind"], of_best=out["iae_load"] / out["least"])
+
+
+def name(row: Any) -> str:
+    """Name of a rule with its kind."""
+    rule = row.rule.replace("Ziegler-Nichols", "ZN").replace("automatic reset", "reset")
+    return rule if rule.endswith(row.kind) else f"{rule} {row.kind}"
+
+
+def served() -> pd.DataFrame:
+    """What became of every rule on every plant, counted: no row of the study is left out."""
+    own = read("comparison").query("terms == 'own'")
+    fate = np.select(
+        [own["ms"].notna() & (own["ms"] > 0), own["reason"].str.contains("unstable", na=False)],
+        ["stable", "unstable loop"],
+        "refused",
+    )
+    counted = own.assign(fate=fate).groupby(["rule", "kind"])["fate"].value_counts().unstack(fill_value=0)
+    loud = compared("loud")
+    reached = loud[loud["iae_load"].notna()].groupby(["rule", "kind"]).size().rename("reaches Ms")
+    return counted.join(reached).fillna(0).astype(int)
+
+
+def ranking(terms: str = "loud") -> pd.DataFrame:
+    """Rules by the median of their distance to the frontier of all kinds at equal terms."""
+    table = compared(terms).dropna(subset=["of_best"])
+    groups = table.groupby(["rule", "kind"])
+    out = pd.DataFrame(
+        {
+            "plants": groups.size(),
+            "of the best of its kind": groups["of_kind"].median(),
+            "of the best of all": groups["of_best"].median(),
+            "worst tenth beyond": groups["of_best"].quantile(0.9),
+            f"within {NEAR - 1:.0%}": groups["of_kind"].apply(lambda x: (x <= NEAR).mean()),
+        }
+    )
+    return out.sort_values("of the best of all")
+
+
+def own_settings() -> pd.DataFrame:
+    """Rules as they come: what robustness and noise their authors' settings have, and the worst of a wrong model."""
+    own = read("comparison").query("terms == 'own'").dropna(subset=["ms"])
+    groups = own.groupby(["rule", "kind"])
+    return pd.DataFrame(
+        {
+            "plants": groups.size(),
+            "Ms": groups["ms"].median(),
+            "Ms, 9 of 10 below": groups["ms"].quantile(0.9),
+            "noise gain": groups["noise_gain"].median(),
+            "unstable if wrong": groups["ms_worst"].apply(lambda x: np.isinf(x).sum()),
+        }
+    )
+
+
+def best_rules(terms: str = "loud") -> pd.DataFrame:
+    """For each class of plants and kind of controller the rule nearest to the frontier of that kind."""
+    return nearest(terms, ["class", "kind"], "of_kind")
+
+
+def best_of_all(terms: str = "loud") -> pd.DataFrame:
+    """For each class of plants the rule nearest to the best of all kinds."""
+    return nearest(terms, ["class"], "of_best")
+
+
+def nearest(terms: str, among: list[str], distance: str) -> pd.DataFrame:
+    """The rule with the smallest median distance among those that serve enough of a class."""
+    count = plants().groupby("class", observed=True).size()
+    table = compared(terms).dropna(subset=[distance])
+    groups = table.groupby(["class", "kind", "rule"], observed=True)[distance]
+    found = pd.DataFrame(
+        {"plants": groups.size(), "median": groups.median(), "worst": groups.max()}
+    ).reset_index()
+    found["of"] = found["class"].map(count).astype(int)
+    found = found[found["plants"] >= SERVES * found["of"]].sort_values("median")
+    return found.groupby(among, observed=True).first()
+
+
+def pays() -> pd.DataFrame:
+    """What acceleration saves on every plant, at both terms: 1 - IAE of PIDA over that of PID."""
+    least = frontier().reset_index()
+    return least.assign(saves=1 - least["PIDA"] / least["PID"], pid=1 - least["PID"] / least["PI"]).merge(
+        plants(), on="plant"
+    )
+
+
+def own_rule() -> pd.DataFrame:
+    """The constants of the rule fitted to the optima, with its parameters in units of the plant."""
+    return read("own_rule_constants").set_index(["kind", "parameter"])
+
+
+def own_rule_by_class() -> pd.DataFrame:
+    """Where the fitted rule fails: the judged half by class, at equal terms."""
+    table = read("own_rule").query("half == 'judged'").merge(plants()[["plant", "class"]], on="plant")
+    groups = table.groupby(["class", "kind"], observed=True)["over_best_at_equal_terms"]
+    return pd.DataFrame(
+        {
+            "designs": groups.size(),
+            "cannot reach Ms": groups.apply(lambda x: int(x.isna().sum())),
+            "median": groups.median(),
+            "within 10 %": groups.apply(lambda x: (x <= 1.1).mean()),
+        }
+    ).unstack()

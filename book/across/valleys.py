@@ -1,0 +1,71 @@
+"""The two valleys: the best PIDA with a given filter time, walked down from slow filters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pidalab
+from IPython.display import Markdown
+from pidalab.optimal._problem import Problem
+from pidalab.optimal._solver import KEPT, Limits, Search
+from pidalab.optimal._starts import at_once
+from pidalab.optimal._units import unit_of_time
+
+MS, MKS = 1.4, 20.0
+RUNGS = np.linspace(0.0, -4.7, 34)  # logarithms of filter times, in units of the problem
+PROCESS = pidalab.lags(3, delay=1.0)
+
+
+class Walk(NamedTuple):
+    """Optima along a ladder of filter times."""
+
+    filter_time: np.ndarray
+    iae: np.ndarray
+    acceleration: np.ndarray
+
+
+def over_filter_time() -> Walk:
+    """Walk down the ladder, each time from the optimum before; a rung where the limits were missed is left out."""
+    limits = Limits(MS, MKS, None, None)
+    unit = unit_of_time(PROCESS, limits)
+    search = Search(Problem(PROCESS, 2, (abs(complex(PROCESS(1j / unit))), unit), "load"), limits)
+    return walk(search, at_once(search), RUNGS)
+
+
+def walk(search: Search, x: np.ndarray, rungs: np.ndarray) -> Walk:
+    """One walk."""
+    found = []
+    for rung in rungs:
+        start = x.copy()
+        start[search.problem.gains] = rung
+        value, reached, missed = search.descend(start, float(rung))
+        if missed <= KEPT:
+            x = reached
+            gains, time = search.problem.controller(x)
+            found.append((time, value * search.problem.time, gains[3]))
+    return Walk(*np.array(found).T)
+
+
+def figure(one: Walk) -> None:
+    """IAE above, acceleration below."""
+    _, (above, below) = plt.subplots(2, 1, figsize=(6.4, 4.6), sharex=True)
+    above.plot(one.filter_time, one.iae, marker="o", markersize=3.5)
+    below.plot(one.filter_time, one.acceleration, marker="o", markersize=3.5)
+    above.set(xscale="log", ylabel="IAE (y × time)")
+    below.set(xlabel="filter time (time)", ylabel="ka (u/y × time²)")
+
+
+def sentence(one: Walk) -> Markdown:
+    """What the walk finds, beside the search."""
+    pid, pida = (pidalab.optimal.load(PROCESS, order, ms=MS, mks=MKS) for order in (1, 2))
+    bottom = int(np.argmin(one.iae))
+    return Markdown(
+        "Fast filters leave hardly any acceleration: there the best PIDA is the best PID, with an IAE of "
+        f"{pid.iae:.2f}, and the curve is level. The deep valley is at a filter "
+        f"{one.filter_time[bottom] / pid.controller.filter_time:.0f} times as slow, with an IAE of {pida.iae:.2f}. "
+        "Bottoms that the search of the library met on its way: "
+        + ", ".join(f"{value:.2f}" for value in pida.valleys)
+        + "."
+    )

@@ -1,0 +1,69 @@
+"""The pages across the papers: what they say follows from the tables, and a table that drifts stops them."""
+
+import importlib
+import sys
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def pages(root):
+    """The modules beside the pages."""
+    sys.path.insert(0, str(root / "book" / "across"))
+    yield {name: importlib.import_module(name) for name in ("tables", "words", "recompute", "frontier_words")}
+    sys.path.remove(str(root / "book" / "across"))
+
+
+def test_a_row_that_drifts_stops_the_page(pages, monkeypatch):
+    tables, recompute = pages["tables"], pages["recompute"]
+    assert "agree" in recompute.drift(rules=3, optima=0, seed=1)
+    honest = tables.read
+
+    def drifted(name):
+        table = honest(name)
+        return table.assign(iae_load=table["iae_load"] * 1.01) if name == "comparison" else table
+
+    monkeypatch.setattr(tables, "read", drifted)
+    with pytest.raises(AssertionError, match=r"iae_load is .* \(seed 1\)"):
+        recompute.drift(rules=3, optima=0, seed=1)
+
+
+def test_every_plant_of_the_batch_has_a_class(pages):
+    table = pages["tables"].plants()
+    assert len(table) == 134
+    assert table["class"].notna().all()
+    assert (table[table["family"] == "P6"]["class"] == "integrating").all()
+
+
+def test_nothing_is_left_out_in_silence(pages):
+    """Every rule on every plant is a row: judged, unstable or refused with a reason."""
+    tables = pages["tables"]
+    counts = tables.served()[["refused", "stable", "unstable loop"]].sum(axis=1)
+    assert set(counts) == {tables.read("comparison")["plant"].nunique()}
+    rows = tables.read("comparison")
+    assert rows[rows["iae_load"].isna()]["reason"].notna().all()
+
+
+def test_at_equal_terms_nothing_is_better_than_the_optimum_of_its_kind(pages):
+    for terms in ("quiet", "loud"):
+        assert pages["tables"].compared(terms)["of_kind"].min() > 0.995
+
+
+def test_conclusions_follow_from_the_numbers(pages, monkeypatch):
+    """With optima whose acceleration saves nothing the page says so."""
+    tables, words = pages["tables"], pages["words"]
+    assert "pays" in words.acceleration().data
+    honest = tables.frontier()
+    monkeypatch.setattr(tables, "frontier", lambda: honest.assign(PIDA=honest["PID"]))
+    text = words.acceleration().data
+    assert text.count("does not pay") == 3
+    assert "saves 0%" in text
+
+
+def test_the_best_orders_never_lose(pages):
+    """On the frontier a higher order is never worse, and more noise never hurts, but for the search's last digits."""
+    table = pages["frontier_words"].curves()
+    wide = table.pivot_table(index=["plant", "noise_limit"], columns="order", values="iae").dropna()
+    assert (wide[[1, 2, 3]].to_numpy() <= 1.01 * wide[[0, 1, 2]].to_numpy()).all()
+    for _, curve in table.dropna(subset=["iae"]).sort_values("noise_limit").groupby(["plant", "order"]):
+        assert (curve["iae"].to_numpy()[1:] <= 1.01 * curve["iae"].to_numpy()[:-1]).all()
