@@ -1,6 +1,7 @@
 """What is published is whole and agrees with itself; `make release` also installs it and uses it."""
 
 import importlib.util
+import json
 import re
 import tarfile
 import tomllib
@@ -115,3 +116,14 @@ def test_constraints_are_the_locked_versions(tmp_path):
     lines = release.locked(tmp_path).read_text().splitlines()
     assert all(re.match(r"[\w.-]+==\S+( ; .+)?$", line) for line in lines)
     assert {"numpy", "numba", "scipy"} <= {line.partition("==")[0] for line in lines}
+
+
+def test_what_colab_is_given_runs(capsys, monkeypatch):
+    """Its first cell fetches the repository that pyproject.toml names; the others run in a clone."""
+    cells = json.loads((ROOT / "colab.ipynb").read_text(encoding="utf-8"))["cells"]
+    first, *others = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    assert f"clone --quiet --depth 1 {PROJECT['urls']['Repository']}\n" in first
+    monkeypatch.chdir(ROOT / "book")
+    for source in others:
+        exec(compile(source, "colab.ipynb", "exec"), {})
+    assert "gain margin" in capsys.readouterr().out
