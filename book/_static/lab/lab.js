@@ -148,7 +148,7 @@
       control: () => ({ title: "Control signal u, step of the set point", ...run("u", "setpoint", shown.some((s) => s.limited) ? 1 : 1 / 3) }),
       effort: () => ({ title: "Control signal u, step of the load", ...run("u", "load") }),
       nyquist: () => ({
-        title: "Nyquist curve; unit circle, circle 1/Ms around −1", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
+        title: "Nyquist curve, unit circle, circle 1/Ms", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
         lines: [...around.map((each) => circle(1 / each, -1)), circle(1), { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...curves.map((c) => ({ x: c.re, y: c.im, kind: c.kind }))],
       }),
       bode: () => ({
@@ -179,6 +179,8 @@
     gmLeast: ["at least Ms/(Ms−1)", (s) => s.ms / (s.ms - 1)], pmLeast: ["at least 2 asin 1/(2Ms), °", (s) => degrees(2 * Math.asin(0.5 / s.ms))],
     first: ["phase margin at the first crossover, °", (s) => s.first, true], hump: ["top of |L| beyond it", (s) => s.hump, true],
   };
+
+  const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
 
   // --- one lab ------------------------------------------------------------------------------------------------------
 
@@ -410,7 +412,7 @@
     }
 
     drawTable(shown) {
-      const columns = Object.values(NUMBERS);
+      const columns = COLUMNS.map((key) => NUMBERS[key]);
       const row = (s) => element("tr", {},
         element("th", { scope: "row" }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.kind ? "kept: " : ""}${s.design.kind}`),
         ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s), 4))) : [element("td", { colspan: columns.length }, "unstable: it has no margins")]),
