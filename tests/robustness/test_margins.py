@@ -291,3 +291,13 @@ def test_a_dead_time_of_a_hundred_thousand_lags():
 def test_margins_complain(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_all_phase_crossovers_of_a_dead_time_of_many_lags():
+    """Half a gain, a lag of 1 and a dead time of 1000: L is real and negative where 1000 w + atan(w) = (2 k + 1) pi."""
+    found = pidalab.margins(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 1000.0), 0.5)).phase_crossovers
+    expected = (2 * np.arange(5000) + 1) * np.pi / 1000.0
+    for _ in range(20):
+        expected = ((2 * np.arange(5000) + 1) * np.pi - np.arctan(expected)) / 1000.0
+    expected = expected[0.5 / np.hypot(1.0, expected) >= 0.1]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)

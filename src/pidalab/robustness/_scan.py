@@ -19,6 +19,9 @@ TURNED = 0.8  # largest turn of the characteristic function between two points, 
 ON_AXIS = (
     1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
 )
+NEAR_AXIS = (
+    0.5  # cosine of the angle to the positive axis below which a sign change may be at the negative one
+)
 REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding
 GAIN, IMAGINARY, SENSITIVITY, COMPLEMENTARY, LOUD, QUIET = range(6)  # functions of frequency
 
@@ -124,14 +127,15 @@ def _value(kind, x, gain, zeros, poles, reference, delay):
 @compiled
 def _zero(kind, a, b, fa, fb, gain, zeros, poles, reference, delay):
     """Zero between a and b, where the signs differ: secant steps kept in a shrinking bracket (Illinois)."""
-    side = 0
+    side, last = 0, np.inf
     for i in range(200):
         x = (a * fb - b * fa) / (fb - fa)
         if i % 4 == 3 or not min(a, b) < x < max(a, b):
             x = 0.5 * (a + b)
         fx = _value(kind, x, gain, zeros, poles, reference, delay)
-        if fx == 0.0 or abs(b - a) <= 4e-16 * max(1.0, abs(x)):
+        if fx == 0.0 or min(abs(b - a), abs(x - last)) <= 4e-16 * max(1.0, abs(x)):
             return x
+        last = x
         if (fx > 0.0) == (fb > 0.0):
             b, fb = x, fx
             if side == 1:
@@ -212,7 +216,7 @@ def gain_crossings(w, size, gain, zeros, poles, reference):
 def phase_crossings(w, parts, floor, gain, zeros, poles, reference, delay):
     """Frequencies where L is real and negative, of at least a size."""
     found = [0.0 for _ in range(0)]
-    before, at = np.nan, w[0]
+    before, ahead, at = np.nan, True, w[0]
     for i in range(parts.size):
         for k in range(parts[i] + (1 if i == parts.size - 1 else 0)):
             point = w[i] + (w[i + 1] - w[i]) * k / parts[i]
@@ -221,7 +225,9 @@ def phase_crossings(w, parts, floor, gain, zeros, poles, reference, delay):
             value = product.imag / abs(product)
             if not abs(value) >= REAL:  # rounding of a real L, not a crossing
                 continue
-            if before * value < 0.0:
+            # where L lies near the positive axis on both sides, it crosses that one
+            positive = product.real > NEAR_AXIS * abs(product)
+            if before * value < 0.0 and not (positive and ahead):
                 x = _zero(
                     IMAGINARY, np.log(at), np.log(point), before, value, gain, zeros, poles, reference, delay
                 )  # fmt: skip
@@ -229,7 +235,7 @@ def phase_crossings(w, parts, floor, gain, zeros, poles, reference, delay):
                 crossing = num / den  # the phase also jumps at poles and zeros on the axis
                 if crossing.real < 0.0 and max(floor, 1e-300) <= abs(crossing) < 1e9:
                     found.append(np.exp(x))
-            before, at = value, point
+            before, ahead, at = value, positive, point
     return np.array(found)
 
 
