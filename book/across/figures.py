@@ -88,11 +88,12 @@ def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
                 ax.text(
                     j,
                     i,
-                    f"{value:.0f}",
+                    f"{round(value)}",
                     ha="center",
                     va="center",
                     fontsize=9,
                     color="w" if value < 28 else "k",
+                    gid="as-drawn",
                 )
         ax.set_xticks(range(table.shape[1]), [f"{x:g}" for x in table.columns], fontsize=SMALL)
         ax.set_yticks(range(table.shape[0]), [f"{y:.2f}" for y in table.index], fontsize=SMALL)

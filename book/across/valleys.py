@@ -31,7 +31,7 @@ def over_filter_time() -> Walk:
     limits = Limits(MS, MKS, None, None)
     unit = unit_of_time(PROCESS, limits)
     search = Search(Problem(PROCESS, 2, (abs(complex(PROCESS(1j / unit))), unit), "load"), limits)
-    return walk(search, at_once(search), RUNGS)
+    return walk(search, at_once(search)[0], RUNGS)
 
 
 def walk(search: Search, x: np.ndarray, rungs: np.ndarray) -> Walk:
