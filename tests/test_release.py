@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+import sys
 import tarfile
 import tomllib
 import zipfile
@@ -127,3 +128,13 @@ def test_what_colab_is_given_runs(capsys, monkeypatch):
     for source in others:
         exec(compile(source, "colab.ipynb", "exec"), {})
     assert "gain margin" in capsys.readouterr().out
+
+
+def test_what_is_done_with_the_installed_library(tmp_path, monkeypatch):
+    """`make release` does the same in an empty environment."""
+    exercise = loaded(ROOT / "tools" / "exercise.py")
+    monkeypatch.setattr(exercise, "COMMAND", [sys.executable, "-m", "pidalab.cli"])
+    monkeypatch.chdir(tmp_path)
+    assert "Haalman" in exercise.loop()
+    assert "controller.c" in exercise.command_line()
+    assert "come with a clone" in exercise.ledger()

@@ -13,7 +13,7 @@ import numpy as np
 import pidalab
 from pidalab.ledger import Ledger, LedgerError
 
-COMMAND = Path(sys.executable).with_name("pidalab")
+COMMAND = [str(Path(sys.executable).with_name("pidalab"))]
 
 
 def package() -> str:
@@ -46,14 +46,16 @@ def command_line() -> str:
     table = np.column_stack([t, np.where(t < 5.0, 0.0, 1.0), y])
     np.savetxt("step.csv", table, delimiter=",", header="time,u,y", comments="")
     options = ["--model", "fopdt", "--rule", "simc", "--kind", "PI", "--sample-time", "0.2", "--out", "code"]
-    subprocess.run([COMMAND, "tune", "step.csv", *options], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([*COMMAND, "tune", "step.csv", *options], check=True, stdout=subprocess.DEVNULL)
     written = sorted(path.name for path in Path("code").iterdir())
     assert {"controller.c", "controller.st", "controller.py", "controller.json", "report.html"} <= set(
         written
     )
-    refused = subprocess.run([COMMAND, "compare", "--num", "x", "--den", "1"], capture_output=True, text=True)
+    refused = subprocess.run(
+        [*COMMAND, "compare", "--num", "x", "--den", "1"], capture_output=True, text=True
+    )
     assert refused.returncode == 2, refused
-    assert "--num must be numbers" in refused.stderr, refused.stderr
+    assert "numbers with commas between them, found 'x'" in refused.stderr, refused.stderr
     return f"pidalab tune: {', '.join(written)}"
 
 
