@@ -60,12 +60,10 @@ def article(page: str, pages: set[str]) -> Tag:
     """Return what a page says, with links that stay within the document and pictures found from its folder."""
     soup = BeautifulSoup((SITE / f"{page}.html").read_text(encoding="utf-8"), "html.parser")
     body = soup.select_one("article.bd-article")
+    for live in body.select(".pidalab-live"):
+        still(live)
     for gone in body.select(", ".join(UNPRINTED)):
         gone.decompose()
-    for live in body.select(".pidalab-live"):
-        live.string = (
-            f"In the online book a live figure stands here: {json.loads(live['data-live'])['caption']}"
-        )
     for fold in body.select("details"):
         unfold(fold)
     for place in body.select("[id]"):
@@ -84,6 +82,15 @@ def article(page: str, pages: set[str]) -> Tag:
             head.name = f"h{level + 1}"
     body["id"] = anchor(page)
     return body
+
+
+def still(live: Tag) -> None:
+    """Leave the picture of a live figure; where it has none, its caption."""
+    if live.select_one("img") is None:
+        state = live.get("data-live") or live.select_one("script[type='application/json']").string
+        live.string = (
+            f"In the online book a live figure stands here. {json.loads(state).get('caption', '')}".strip()
+        )
 
 
 def unfold(fold: Tag) -> None:

@@ -38,6 +38,25 @@ def test_a_fold_is_open_on_paper():
     assert whole.get_text() == "All rows stand in the audit."
 
 
+@pytest.mark.parametrize(
+    ("inside", "left"),
+    [
+        ("<div class='pidalab-live' data-live='{\"caption\": \"Two.\"}'><p>x</p></div>", " Two."),
+        ("<div class='pidalab-live'><script type='application/json'>{\"a\": 1}</script></div>", ""),
+    ],
+)
+def test_a_live_figure_without_a_picture_leaves_its_caption(inside, left):
+    live = BeautifulSoup(inside, "html.parser").div
+    pdf.still(live)
+    assert live.get_text() == "In the online book a live figure stands here." + left
+
+
+def test_a_live_figure_with_a_picture_leaves_it():
+    live = BeautifulSoup("<div class='pidalab-live'><img src='a.svg'></div>", "html.parser").div
+    pdf.still(live)
+    assert live.img is not None
+
+
 def test_the_joined_document(site, monkeypatch):
     some = ["book/learn/what-acceleration-does", "book/lab"]
     monkeypatch.setattr(pdf, "parts", lambda: [("", ["book/intro"]), ("Learn", some)])
