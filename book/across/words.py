@@ -77,27 +77,30 @@ def simplest() -> pd.DataFrame:
     return out.merge(tables.read("processes")[["plant", "rolloff", "dead_time"]], on="plant")
 
 
-def answer() -> pd.DataFrame:
+def answer() -> Markdown:
     """The answer on one page: for each class of plants the rules nearest to the frontier, and what each step buys."""
     best, of_all = tables.best_rules("loud"), tables.best_of_all("loud")
     saved = tables.pays().groupby(["class", "terms"], observed=True)[["pid", "saves"]].median()
-    rows = []
-    for plant_class in tables.CLASSES:
-        row: dict[str, str] = {"plants": plant_class}
-        for kind in tables.KINDS:
-            known = (plant_class, kind) in best.index
-            found = best.loc[(plant_class, kind)] if known else None
-            row[f"nearest {kind} rule"] = (
-                "none serves" if found is None else f"{found['rule']} ({found['median']:.2f})"
-            )
-        if plant_class in of_all.index:
-            found = of_all.loc[plant_class]
-            row["nearest of all"] = f"{found['rule']} {found['kind']} ({found['median']:.2f})"
-        for step, value in (("PID saves", "pid"), ("PIDA saves", "saves")):
-            shares = [saved[value].get((plant_class, term), np.nan) for term in ("quiet", "loud")]
-            row[step] = ", ".join(share(x) for x in shares) if np.isfinite(shares).all() else "?"
-        rows.append(row)
-    return pd.DataFrame(rows).set_index("plants")
+    counts = tables.plants().groupby("class", observed=True).size()
+    lines = []
+    for plants in tables.CLASSES:
+        rules = "; ".join(_nearest(best, (plants, kind), kind) for kind in tables.KINDS)
+        quiet, loud = saved.loc[(plants, "quiet")], saved.loc[(plants, "loud")]
+        lines.append(
+            f"* **{plants.capitalize()}** ({counts[plants]} plants). Nearest to the best of their kind: {rules}. "
+            f"Nearest to the best of all: {of_all.loc[plants]['rule']} {of_all.loc[plants]['kind']} "
+            f"({of_all.loc[plants]['median']:.2f}). PID saves {share(quiet['pid'])} of the IAE of the best PI where "
+            f"noise must be quiet and {share(loud['pid'])} where it may be loud, PIDA another "
+            f"{share(quiet['saves'])} and {share(loud['saves'])} of what is left."
+        )
+    return Markdown("\n".join(lines))
+
+
+def _nearest(best: pd.DataFrame, key: tuple[str, str], kind: str) -> str:
+    """One rule with its distance."""
+    if key not in best.index:
+        return f"{kind}, none serves"
+    return f"{kind}, {best.loc[key]['rule']} ({best.loc[key]['median']:.2f})"
 
 
 def wrong(kind: str, table: pd.DataFrame) -> str:
