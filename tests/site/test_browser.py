@@ -94,6 +94,19 @@ def test_focus_is_seen(home, visit):
     assert outlines == {"solid"}
 
 
+def test_print_unfolds_all_but_answers(home, visit):
+    page, _ = visit(f"{home}/book/huba2018.html")
+    page.emulate_media(media="print")
+    page.evaluate("() => { dispatchEvent(new Event('beforeprint')) }")
+    folds = page.locator(".admonition.dropdown")
+    seen = {
+        fold.get_by_role("paragraph").nth(1).is_visible()
+        for fold in folds.and_(page.locator(".solution")).all()
+    }
+    assert seen == {False}
+    assert page.locator(".admonition.dropdown:not(.solution) table").is_visible()
+
+
 BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</main></html>"""
 
 
