@@ -141,29 +141,31 @@ def _rows(C, direct, c, d, levels, run, rungs, base):
     while have < wide:  # as many again, one rung later
         rung = rungs[p]
         reach = rung.shape[1] // order
-        longer = np.zeros((order, min(levels, ages + reach - 1), wide))
+        more = min(have, wide - have)
+        longer = np.zeros((order, min(levels, ages + reach - 1), have + more))
         for i in range(order):
             for age in range(ages):
                 for m in range(have):
                     longer[i, age, m] = rows[i, age, m]
+                for m in range(more):
                     longer[i, age, have + m] += rows[i, age, m]
             for k in range(min(reach, longer.shape[1])):
                 for j in range(order):
                     factor = rung[i, k * order + j]
                     if factor != 0.0:
                         for age in range(min(ages, longer.shape[1] - k)):
-                            for m in range(have):
+                            for m in range(more):
                                 longer[i, k + age, have + m] += factor * rows[j, age, m]
         # drop ages that do not matter
         size = np.zeros(longer.shape[1])
         for i in range(order):
             for age in range(size.size):
-                for m in range(2 * have):
+                for m in range(have + more):
                     size[age] = max(size[age], abs(longer[i, age, m]))
         ages = size.size
         while ages > 1 and size[ages - 1] <= FADED * size.max():
             ages -= 1
-        rows, have, p = longer[:, :ages].copy(), 2 * have, p + 1
+        rows, have, p = longer[:, :ages].copy(), have + more, p + 1
     return rows
 
 
@@ -241,9 +243,7 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
     for i in range(n):
         count = count + 1 if i > 0 and interval[i] == interval[i - 1] else 1
         most_in_one = max(most_in_one, count)
-    run = 1
-    while run < min(most_in_one, RUN):
-        run *= 2
+    run = min(most_in_one, RUN)
     rows = _rows(C, direct, c, d, levels, run, rungs, -low)
 
     out = np.zeros(3 * run)
