@@ -28,6 +28,16 @@ def test_a_row_that_drifts_stops_the_page(pages, monkeypatch):
         recompute.drift(rules=3, optima=0, seed=1)
 
 
+def test_an_optimum_that_is_another_stops_the_page(pages, monkeypatch):
+    tables, recompute = pages["tables"], pages["recompute"]
+    honest = tables.optima()
+    monkeypatch.setattr(recompute, "optimum", lambda row, plant: row.iae)
+    assert "optima: 2" in recompute.drift(rules=0, optima=2, seed=1)
+    monkeypatch.setattr(tables, "optima", lambda: honest.assign(k0=1.05 * honest["k0"]))
+    with pytest.raises(AssertionError, match=r"iae is .* stored"):
+        recompute.drift(rules=0, optima=2, seed=1)
+
+
 def test_every_plant_of_the_batch_has_a_class(pages):
     table = pages["tables"].plants()
     assert len(table) == 134
