@@ -51,7 +51,7 @@ class _Announcer(event.Listener):
         function = event.data["dispatcher"].py_func
         if not self.said and function.__module__.startswith("pidalab."):
             self.said = True
-            LOG.warning("pidalab: compiling for this machine; later runs find it done (some seconds)")
+            LOG.warning("pidalab: compiling for this machine; later runs find it done (up to a minute)")
 
     def on_end(self, event: event.Event) -> None:
         """Say nothing."""
