@@ -93,6 +93,14 @@ def test_frequencies_of_other_loops(process):
     assert np.all(np.diff(w) > 0)
 
 
+@pytest.mark.parametrize("name", ["bode", "nyquist", "nichols"])
+def test_plots_of_python_control_in_a_book_of_another_layout(name):
+    """python-control lays out its figures itself; the book's setting would only be overruled, with a warning."""
+    with plt.rc_context({"figure.constrained_layout.use": True}):
+        getattr(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5), name)()
+    plt.close("all")
+
+
 @pytest.mark.parametrize(("name", "shape"), [("bode", (2, 1)), ("nyquist", (1, 1)), ("nichols", (1, 1))])
 def test_plots_of_python_control(name, shape):
     options = {"nichols": {"grid": False}}.get(name, {})

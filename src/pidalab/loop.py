@@ -364,6 +364,13 @@ class Loop:
         high = min(high, TURNED / delay)
         return np.union1d(np.geomspace(low, high, POINTS), np.arange(low, high, TURN / delay))
 
+    def _drawn(self, plot: Any, frequencies: ArrayLike | None, options: dict[str, Any]) -> Any:
+        """Draw with a plot of python-control, which lays out its figures in its own way."""
+        import matplotlib.pyplot as plt
+
+        with plt.rc_context({"figure.constrained_layout.use": False}):
+            return plot(self.frequency_response(frequencies), **options)
+
     def bode(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
         """Draw L with python-control's Bode plot, dead time exact.
 
@@ -387,7 +394,7 @@ class Loop:
         """
         import control
 
-        return control.bode_plot(self.frequency_response(frequencies), **options)
+        return self._drawn(control.bode_plot, frequencies, options)
 
     def nyquist(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
         """Draw L with python-control's Nyquist plot, dead time exact.
@@ -414,7 +421,7 @@ class Loop:
 
         # the curve has an end, so its turns are no whole number; is_stable counts them
         options.setdefault("warn_encirclements", False)
-        return control.nyquist_plot(self.frequency_response(frequencies), **options)
+        return self._drawn(control.nyquist_plot, frequencies, options)
 
     def nichols(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
         """Draw L with python-control's Nichols chart, dead time exact.
@@ -439,7 +446,7 @@ class Loop:
         """
         import control
 
-        return control.nichols_plot(self.frequency_response(frequencies), **options)
+        return self._drawn(control.nichols_plot, frequencies, options)
 
     def __repr__(self) -> str:
         extras = "".join(

@@ -1,17 +1,16 @@
 """The pages across the papers: what they say follows from the tables, and a table that drifts stops them."""
 
 import importlib
-import sys
 
 import pytest
 
 
 @pytest.fixture(scope="module")
-def pages(root):
+def pages():
     """The modules beside the pages."""
-    sys.path.insert(0, str(root / "book" / "across"))
-    yield {name: importlib.import_module(name) for name in ("tables", "words", "recompute", "frontier_words")}
-    sys.path.remove(str(root / "book" / "across"))
+    return {
+        name: importlib.import_module(name) for name in ("tables", "words", "recompute", "frontier_words")
+    }
 
 
 def test_a_row_that_drifts_stops_the_page(pages, monkeypatch):
