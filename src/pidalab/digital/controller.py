@@ -344,8 +344,7 @@ class DigitalController:
         >>> "FUNCTION_BLOCK level" in code
         True
         """
-        if precision not in ("LREAL", "REAL"):
-            raise ValueError(f"precision must be 'LREAL' or 'REAL', found {precision!r}")
+        _check.choice("precision", precision, ("LREAL", "REAL"))
         return self._written("structured_text", name, margins, note, real=precision)
 
     def python(self, name: str = "pida", margins: Any = None, note: str = "") -> str:
