@@ -98,6 +98,20 @@ def test_plots_of_python_control_in_a_book_of_another_layout(name):
     """python-control lays out its figures itself; the book's setting would only be overruled, with a warning."""
     with plt.rc_context({"figure.constrained_layout.use": True}):
         getattr(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5), name)()
+        plt.close("all")
+        book = plt.figure()  # of the book, and the one drawn last
+        drawn = getattr(LOOP, name)()
+        assert drawn.figure is not book
+        assert getattr(LOOP, name)().figure is drawn.figure  # as python-control has it: curves upon curves
+    assert not book.axes
+    plt.close("all")
+
+
+def test_a_plot_of_python_control_goes_where_it_is_told():
+    with plt.rc_context({"figure.constrained_layout.use": False}):
+        _, ax = plt.subplots(2, 1)
+        plt.figure()
+        assert LOOP.bode(ax=ax).axes[0, 0] is ax[0]
     plt.close("all")
 
 

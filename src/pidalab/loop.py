@@ -365,10 +365,17 @@ class Loop:
         return np.union1d(np.geomspace(low, high, POINTS), np.arange(low, high, TURN / delay))
 
     def _drawn(self, plot: Any, frequencies: ArrayLike | None, options: dict[str, Any]) -> Any:
-        """Draw with a plot of python-control, which lays out its figures in its own way."""
+        """Draw with a plot of python-control, which lays out its figures in its own way.
+
+        It draws into the current figure, but for one of constrained layout, which it would lay out anew with a warning.
+        """
         import matplotlib.pyplot as plt
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
         with plt.rc_context({"figure.constrained_layout.use": False}):
+            taken = plt.gcf().get_layout_engine()
+            if options.get("ax") is None and isinstance(taken, ConstrainedLayoutEngine):
+                plt.figure()
             return plot(self.frequency_response(frequencies), **options)
 
     def bode(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
