@@ -5,6 +5,7 @@ below, every check also meets a bad sample and must name what is wrong with it.
 """
 
 import re
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urldefrag, urlsplit
@@ -14,10 +15,6 @@ import pytest
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 # --- notebooks ---------------------------------------------------------------
-
-
-def pages_not_built(pages: list[str], site: Path) -> list[str]:
-    return [f"{page}: not in the built site" for page in pages if not (site / f"{page}.html").is_file()]
 
 
 def notebooks(root: Path) -> list[Path]:
@@ -81,11 +78,15 @@ class Page(HTMLParser):
         super().__init__()
         self.anchors, self.links, self.loads, self.images, self.classes = set(), [], [], [], set()
         self.in_style = False
+        self.open = {"article": 0, "h1": 0, "p": 0, "td": 0}
+        self.heading = self.words = ""  # of the article: its title, and what stands in paragraphs and tables
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
         attrs = {name: value or "" for name, value in attrs}
         self.in_style = tag == "style"
+        if tag in self.open:
+            self.open[tag] += 1
         self.anchors |= {attrs[key] for key in ("id", "name") if key in attrs}
         self.classes |= set(attrs.get("class", "").split())
         self.loads += CSS_URL.findall(attrs.get("style", ""))
@@ -98,9 +99,17 @@ class Page(HTMLParser):
         if tag == "meta" and attrs.get("http-equiv", "").lower() == "refresh":
             self.links.append(attrs["content"].partition("url=")[2])
 
+    def handle_endtag(self, tag):
+        if tag in self.open:
+            self.open[tag] -= 1
+
     def handle_data(self, data):
         if self.in_style:
             self.loads += CSS_URL.findall(data)
+        elif self.open["article"] and self.open["h1"]:
+            self.heading += data.strip(" #\n")
+        elif self.open["article"] and (self.open["p"] or self.open["td"]):
+            self.words += data.strip()
 
 
 def is_external(address: str) -> bool:
@@ -109,8 +118,11 @@ def is_external(address: str) -> bool:
 
 def read_pages(site: Path) -> dict[Path, Page]:
     return {
-        path: Page(path.read_text()) for path in sorted(site.rglob("*.html")) if "_static" not in path.parts
+        path: parsed(path.read_text()) for path in sorted(site.rglob("*.html")) if "_static" not in path.parts
     }
+
+
+parsed = cache(Page)  # several checks look at the same pages
 
 
 def broken_links(site: Path) -> list[str]:
@@ -160,6 +172,18 @@ def tracebacks(site: Path) -> list[str]:
         for path, page in read_pages(site).items()
         if "traceback" in page.classes
     ]
+
+
+def pages_not_built(pages: list[str], site: Path) -> list[str]:
+    """Pages of the table of contents that are not there, or of which nothing but the frame is there."""
+    built, wrong = read_pages(site), []
+    for name in pages:
+        page = built.get(site / f"{name}.html")
+        if page is None:
+            wrong.append(f"{name}: not in the built site")
+        elif not (page.heading and page.words):
+            wrong.append(f"{name}: {'no text' if page.heading else 'no heading'}")
+    return wrong
 
 
 # --- the book is good --------------------------------------------------------
@@ -222,6 +246,24 @@ def test_good_notebook_passes(tmp_path):
     path = tmp_path / "good.ipynb"
     nbformat.write(new_notebook(cells=[cell(shown(), **WORDS), new_code_cell("")]), path)
     assert notebook_problems(path) == []
+
+
+@pytest.mark.parametrize(
+    ("html", "problem"),
+    [
+        ("", "no heading"),
+        ("<h1>Title</h1><p>Words outside of the article.</p>", "no heading"),
+        ("<article><p>Words.</p></article>", "no heading"),
+        ("<article><h1><a>#</a></h1><p>Words.</p></article>", "no heading"),
+        ("<article><h1>Title<a>#</a></h1></article><p>A footer.</p>", "no text"),
+        ("<article><h1>Title</h1><p> </p></article>", "no text"),
+    ],
+)
+def test_an_empty_page_is_caught(html, problem, tmp_path):
+    (tmp_path / "page.html").write_text(html)
+    assert pages_not_built(["page"], tmp_path) == [f"page: {problem}"]
+    (tmp_path / "page.html").write_text("<article><h1>Title<a>#</a></h1><table><td>7</td></table></article>")
+    assert pages_not_built(["page"], tmp_path) == []
 
 
 def test_missing_page_and_stray_notebook_are_caught(tmp_path):
