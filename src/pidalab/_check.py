@@ -50,9 +50,9 @@ def order(name: str, value: Any, *, at_least: int) -> int:
     return integer(name, value, at_least=at_least, at_most=HIGHEST)
 
 
-def choice(name: str, value: Any, allowed: Iterable[str]) -> None:
-    """Raise for a word that is not offered, and for what is no word."""
-    if not isinstance(value, str) or value not in allowed:
+def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
+    """Raise for a word that is not offered, and for what is no word; None may be one of the words."""
+    if not isinstance(value, str | None) or value not in allowed:
         *others, last = map(repr, allowed)
         raise ValueError(f"{name} must be {', '.join(others)} or {last}, found {value!r}")
 

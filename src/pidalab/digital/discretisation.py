@@ -9,7 +9,7 @@ from pidalab.digital.controller import DigitalController
 from pidalab.digital.paths import METHODS, SHARES, paths
 from pidalab.forms import FilteredGains
 
-ANTI_WINDUP = ("reset", "clamping", "back-calculation")
+ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
 
 
 def discretise(
@@ -112,8 +112,7 @@ def discretise(
     """
     h = _check.real("sample_time", sample_time, above=0.0)
     _check.choice("method", method, METHODS)
-    if anti_windup is not None:
-        _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
+    _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
     if tracking_time is not None and anti_windup != "back-calculation":
         raise ValueError(
             f"tracking_time is of anti_windup='back-calculation', found anti_windup={anti_windup!r}"

@@ -1,4 +1,4 @@
-r"""SampledController controllers: a linear block and an integral that may hear of the limits.
+r"""Sampled controllers: a linear block and an integral that may hear of the limits.
 
 Every controller here computes, from its difference :math:`\varepsilon_k`,
 
@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import AutomaticReset, Controller
 from pidalab.loop import Loop
@@ -33,7 +34,7 @@ from pidalab.process import binomial
 from pidalab.roots import roots
 from pidalab.statespace import StateSpace, discretise
 
-ANTI_WINDUP = ("clamping", "conditioning")
+ANTI_WINDUP = (None, "clamping", "conditioning")
 
 
 class SampledController(NamedTuple):
@@ -48,8 +49,7 @@ class SampledController(NamedTuple):
 
 def sampled_controller(loop: Loop, h: float, anti_windup: str | None) -> SampledController:
     """Discretise the controller of a loop, its output filter included, for the sample time h."""
-    if anti_windup is not None and anti_windup not in ANTI_WINDUP:
-        raise ValueError(f"anti_windup must be None, 'clamping' or 'conditioning', found {anti_windup!r}")
+    _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
         if anti_windup is not None:
