@@ -99,11 +99,51 @@ class Controller(Block):
         return self.transfer_function() * system
 
     def fraction(self) -> Fraction:
-        """Return numerator and denominator of the filtered controller, descending powers of s."""
+        """Return the filtered controller, between its limits where it has any.
+
+        Returns
+        -------
+        num, den : ndarray
+            Descending powers of s; the factors of absent actions are left out.
+
+        Raises
+        ------
+        TypeError
+            For a class of controllers that does not define it.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> num, den = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.0).fraction()
+        >>> den.round(6).tolist()
+        [0.4, 4.0, 0.0]
+        >>> num, den = pidalab.HighOrderPID([0.5, 2.0, 1.0], filter_time=0.5, filter_order=1).fraction()
+        >>> num.tolist(), den.tolist()
+        ([1.0, 2.0, 0.5], [0.5, 1.0, 0.0])
+        """
         raise TypeError(f"{type(self).__name__} must define fraction")
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return the parts whose sum is the filtered controller, each with gains and a filter."""
+        """Return the parts whose sum is the filtered controller, each with gains and a filter.
+
+        Returns
+        -------
+        tuple of FilteredGains
+            Without absent actions; one part where all gains have the same filter.
+
+        Raises
+        ------
+        TypeError
+            For a class of controllers that does not define it.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> [part.name for part in pidalab.PIDA(kp=2.0, ti=4.0, td=1.0).parts()]
+        ['proportional', 'derivative']
+        >>> pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).parts()[0].gains
+        (0.5, 1.0, 0.0, 0.0)
+        """
         raise TypeError(f"{type(self).__name__} must define parts")
 
     def vendor_forms(self, time_unit: str = "s") -> VendorForms:

@@ -125,36 +125,9 @@ class PIDA(Controller):
         return IdealGains(self.kp / self.ti, self.kp, self.kp * self.td, self.kp * self.ta)
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return proportional and integral part, and the filtered derivatives, eq. (2).
-
-        Returns
-        -------
-        tuple of FilteredGains
-            Without absent actions.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> [part.name for part in pidalab.PIDA(kp=2.0, ti=4.0, td=1.0).parts()]
-        ['proportional', 'derivative']
-        """
         return _separate(self.gains(), self.td / self.n, self.ta / self.m)
 
     def fraction(self) -> Fraction:
-        """Return the filtered controller, eq. (2).
-
-        Returns
-        -------
-        num, den : ndarray
-            Descending powers of s; the factors of absent actions are left out.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> num, den = pidalab.PIDA(kp=2.0, ti=4.0, td=1.0, ta=0.0).fraction()
-        >>> den.round(6).tolist()
-        [0.4, 4.0, 0.0]
-        """
         ki, kp, kd, ka = self.gains()
         terms: list[tuple[list[float], list[float] | _check.Array]] = [([kp], [1.0])]
         if ki:
@@ -232,36 +205,9 @@ class NonInteractivePIDA(Controller):
         return IdealGains(self.kc / self.tau_i, self.kc, self.kc * self.tau_d, self.kc * self.tau_a**2 / 2)
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return proportional and integral part, and the filtered derivatives, eq. (16).
-
-        Returns
-        -------
-        tuple of FilteredGains
-            Without absent actions.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> [part.name for part in pidalab.NonInteractivePIDA(1.0, 2.0, 0.0, 1.0).parts()]
-        ['proportional', 'acceleration']
-        """
         return _separate(self.gains(), self.alpha_d * self.tau_d, self.alpha_a * self.tau_a)
 
     def fraction(self) -> Fraction:
-        """Return the filtered controller, eq. (16).
-
-        Returns
-        -------
-        num, den : ndarray
-            Descending powers of s; the factors of absent actions are left out.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> num, den = pidalab.NonInteractivePIDA(kc=1.0, tau_i=2.0, tau_d=0.0, tau_a=0.0).fraction()
-        >>> num.tolist(), den.tolist()
-        ([2.0, 1.0], [2.0, 0.0])
-        """
         _, kc, kd, ka = self.gains()
         terms: list[tuple[list[float], list[float] | _check.Array]] = [
             ([kc], [1.0]),
@@ -348,36 +294,9 @@ class HighOrderPID(Controller):
         return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return the controller as it is: one filter for all gains, eq. (1).
-
-        Returns
-        -------
-        tuple of FilteredGains
-            One.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> pidalab.HighOrderPID([0.5, 2.0], filter_time=0.1, filter_order=1).parts()[0].gains
-        (0.5, 2.0)
-        """
         return (FilteredGains("filtered", self.coefficients, self.filter_time, self.filter_order),)
 
     def fraction(self) -> Fraction:
-        """Return the filtered controller, eq. (1).
-
-        Returns
-        -------
-        num, den : ndarray
-            Descending powers of s.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> num, den = pidalab.HighOrderPID([0.5, 2.0, 1.0], filter_time=0.5, filter_order=1).fraction()
-        >>> num.tolist(), den.tolist()
-        ([1.0, 2.0, 0.5], [0.5, 1.0, 0.0])
-        """
         den = np.convolve(binomial(self.filter_time, self.filter_order), [1.0, 0.0])
         return without_common_s(self.coefficients[::-1], den)
 

@@ -85,36 +85,9 @@ class SeriesPIDA(Controller):
         )
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return the controller between its limits, eq. (5) multiplied out: one filter for all gains.
-
-        Returns
-        -------
-        tuple of FilteredGains
-            One.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).parts()[0].gains
-        (0.5, 1.0, 0.0, 0.0)
-        """
         return (FilteredGains("filtered", tuple(self.gains()), self.filter_time, self.filter_order),)
 
     def fraction(self) -> Fraction:
-        """Return the filtered controller between its limits.
-
-        Returns
-        -------
-        num, den : ndarray
-            Descending powers of s.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> num, den = pidalab.SeriesPIDA(2.0, 0.0, 0.0, ti=4.0, filter_time=0.5, filter_order=1).fraction()
-        >>> num.tolist(), den.tolist()
-        ([8.0, 2.0], [2.0, 4.0, 0.0])
-        """
         den = np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0])
         return without_common_s(np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]), den)
 
