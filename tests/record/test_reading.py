@@ -1,5 +1,8 @@
 """Files as historians write them; an error names the row."""
 
+import time
+from datetime import datetime, timedelta
+
 import pytest
 
 from pidalab import Record
@@ -32,12 +35,39 @@ def rows(mark=",", number=str, stamp=str, count=40):
         ),
         (rows(stamp=lambda k: f"2026-03-01T12:00:{k:02d}"), {}),
         ("t,u,y\n" + rows(stamp=lambda k: f"01.03.2026 12:00:{k:02d}"), {"time": "t"}),
+        (
+            "t;u;y\n"
+            + rows(";", lambda x: str(x).replace(".", ","), lambda k: f"2026-03-01 12:00:{k:02d}.000"),
+            {"time": "t"},
+        ),
+        ("t,u,y\n" + rows(stamp=lambda k: f"03/01/2026 02:10:{k:02d} PM"), {"time": "t"}),
     ],
 )
 def test_files_as_historians_write_them(text, columns, tmp_path):
     record = Record.read_csv(write(tmp_path, text), **columns)
     assert record.t.tolist() == list(range(40))
     assert record.steps == ((10.0, 40.0, 47.0),)
+
+
+@pytest.mark.parametrize("order", ["%d/%m/%Y", "%m/%d/%Y", "%d.%m.%Y"])
+def test_day_and_month_are_told_apart_by_a_record_past_midnight(order, tmp_path):
+    def stamp(k):
+        return f"{datetime(2026, 3, 5, 23, 59, 40) + timedelta(seconds=k):{order} %H:%M:%S}"
+
+    assert Record.read_csv(write(tmp_path, "t,u,y\n" + rows(stamp=stamp)), time="t").t.tolist() == list(
+        range(40)
+    )
+
+
+def test_a_clock_that_is_set_forward_leaves_no_gap(tmp_path, monkeypatch):
+    """A record through the night in which the clocks of Berlin change, in a time without a change."""
+    monkeypatch.setenv("TZ", "Europe/Berlin")
+    time.tzset()
+    text = "t,u,y\n" + rows(stamp=lambda k: f"2026-03-29 0{1 if k < 20 else 2}:{(40 + k) % 60:02d}:00")
+    found = Record.read_csv(write(tmp_path, text), time="t").t
+    monkeypatch.undo()
+    time.tzset()
+    assert found.tolist() == [60.0 * k for k in range(40)]
 
 
 def test_an_error_names_the_row_and_words_for_missing_values_are_known(tmp_path):

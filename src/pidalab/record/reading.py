@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +28,15 @@ MISSING = {
     "i/o timeout",
     "?",
 }
+ISO = "ISO 8601"
 STAMPS = (
+    ISO,
     "%d.%m.%Y %H:%M:%S.%f",
     "%d.%m.%Y %H:%M:%S",
     "%d.%m.%Y %H:%M",
     "%d/%m/%Y %H:%M:%S",
+    "%m/%d/%Y %H:%M:%S",
+    "%m/%d/%Y %I:%M:%S %p",
     "%H:%M:%S.%f",
     "%H:%M:%S",
 )
@@ -73,21 +77,27 @@ def read_columns(
     header, first = _header(table, mark, path)
     places = [_place(name, header, path) for name in wanted]
     comma = decimal == "," if decimal is not None else _has_decimal_commas(table[first:], places, mark)
-    columns: list[list[float]] = [[] for _ in places]
-    for number, row in enumerate(table[first:], start=first + 1):
-        if not any(entry.strip() for entry in row):
-            continue
-        for k, place in enumerate(places):
-            if place >= len(row):
-                raise ValueError(
-                    f"{path.name}, row {number}: expected {place + 1} columns or more, found {len(row)}"
-                )
-            columns[k].append(
-                _value(row[place], k == 0, comma, f"{path.name}, row {number}, column {wanted[k]!r}")
+    rows = [(k, row) for k, row in enumerate(table[first:], start=first + 1) if any(x.strip() for x in row)]
+    for number, row in rows:
+        if max(places) >= len(row):
+            raise ValueError(
+                f"{path.name}, row {number}: expected {max(places) + 1} columns or more, found {len(row)}"
             )
-    if not columns[0]:
-        raise ValueError(f"{path.name}: no row of data below the header")
-    return tuple(np.array(column) for column in columns)
+    pattern = _pattern([row[places[0]].strip() for _, row in rows], comma)
+    return tuple(
+        np.array(
+            [
+                _value(
+                    row[place],
+                    comma,
+                    pattern if k == 0 else None,
+                    f"{path.name}, row {number}, column {name!r}",
+                )
+                for number, row in rows
+            ]
+        )
+        for k, (name, place) in enumerate(zip(wanted, places, strict=True))
+    )
 
 
 def _lines(path: Path) -> list[str]:
@@ -145,24 +155,27 @@ def _place(name: str | int, header: Sequence[str], path: Path) -> int:
 
 
 def _has_decimal_commas(rows: Sequence[Sequence[str]], places: Sequence[int], mark: str) -> bool:
-    entries = [row[place] for row in rows[:200] for place in places if place < len(row)]
+    """Whether commas stand in the numbers and points in none; dates may have either."""
+    entries = [row[place].strip() for row in rows[:200] for place in places if place < len(row)]
     return (
         mark != ","
-        and any("," in entry for entry in entries)
-        and not any("." in entry for entry in entries[1::2])
+        and any("," in entry and not math.isnan(_number(entry.replace(",", "."))) for entry in entries)
+        and not any("." in entry and not math.isnan(_number(entry)) for entry in entries)
     )
 
 
-def _value(entry: str, is_time: bool, comma: bool, where: str) -> float:
+def _value(entry: str, comma: bool, pattern: str | None, where: str) -> float:
     text = entry.strip()
     if text.lower() in MISSING:
         return math.nan
     number = _number(text.replace(",", ".") if comma else text)
     if not math.isnan(number):
         return number
-    stamp = _stamp(text) if is_time else None
+    stamp = None if pattern is None else _read(text, pattern)
     if stamp is None:
-        raise ValueError(f"{where}: expected a number{' or a date' if is_time else ''}, found {entry!r}")
+        raise ValueError(
+            f"{where}: expected a number{'' if pattern is None else ' or a date'}, found {entry!r}"
+        )
     return stamp
 
 
@@ -175,14 +188,33 @@ def _number(text: str) -> float:
 
 
 def _stamp(text: str) -> float | None:
+    """Return a date and time in seconds, by the first pattern that reads it."""
+    return next((value for value in (_read(text, pattern) for pattern in STAMPS) if value is not None), None)
+
+
+def _pattern(entries: Sequence[str], comma: bool) -> str:
+    """Return how the times are written: of the patterns that read the most, the one that makes the least span.
+
+    Day and month may stand either way around; a record that runs past midnight tells by its span.
+    """
+    texts = [
+        x
+        for x in entries
+        if x.lower() not in MISSING and math.isnan(_number(x.replace(",", ".") if comma else x))
+    ]
+
+    def merit(pattern: str) -> tuple[int, float]:
+        read = [value for value in (_read(text, pattern) for text in texts) if value is not None]
+        return len(read), min(read, default=0.0) - max(read, default=0.0)
+
+    return max(STAMPS, key=merit) if texts else STAMPS[0]
+
+
+def _read(text: str, pattern: str) -> float | None:
     """Return a date and time in seconds; only differences are used, so its zero means nothing."""
     try:
-        return datetime.fromisoformat(text).timestamp()
+        found = datetime.fromisoformat(text) if pattern == ISO else datetime.strptime(text, pattern)
     except ValueError:
-        pass
-    for pattern in STAMPS:
-        try:
-            return datetime.strptime(text, pattern).timestamp()
-        except (ValueError, OverflowError, OSError):
-            continue
-    return None
+        return None
+    # without a zone as in universal time, which no clock is set forward in
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
