@@ -51,6 +51,37 @@ HINDRANCES = """() => {
 
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
+# Formulas as empty boxes of their size: axe-core is not to look at their thousands of parts.
+EMPTY_FORMULAS = """() => {
+  const all = [...document.querySelectorAll("mjx-container")], sizes = all.map((one) => one.getBoundingClientRect());
+  all.forEach((one, k) => {
+    one.replaceChildren();
+    one.style.cssText = `display: inline-block; width: ${sizes[k].width}px; height: ${sizes[k].height}px`;
+  });
+}"""
+
+# A few visible texts of each kind, from all over the page: what contrast depends on is the same for all of a kind, but
+# axe-core does not judge a single letter, nor a text that something else covers in part.
+MARK_KINDS = """(most) => {
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), texts = new Set(), kinds = new Map();
+  while (walker.nextNode())
+    if (walker.currentNode.data.trim().length > 1) texts.add(walker.currentNode.parentElement);
+  for (const text of texts) {
+    if (!text.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
+    const { color, fontSize, fontWeight, textShadow } = getComputedStyle(text);
+    const kind = [color, fontSize, fontWeight, textShadow];
+    for (let one = text; one; one = one.parentElement) {
+      const { backgroundColor, backgroundImage, opacity } = getComputedStyle(one);
+      const ground = [backgroundColor, backgroundImage, opacity].join();
+      if (ground !== "rgba(0, 0, 0, 0),none,1") kind.push(ground);
+    }
+    kinds.set(kind.join("|"), [...(kinds.get(kind.join("|")) ?? []), text]);
+  }
+  for (const marked of document.querySelectorAll("[data-kind]")) marked.removeAttribute("data-kind");
+  for (const same of kinds.values())
+    for (let k = 0; k < most; k++) same[Math.floor(k * (same.length - 1) / (most - 1))].dataset.kind = "";
+}"""
+
 
 def problems(page: Page) -> list[str]:
     """What a reader would stumble over on an open page."""
@@ -62,14 +93,32 @@ def problems(page: Page) -> list[str]:
     return wrong
 
 
-def barriers(page: Page, **more) -> list[str]:
+def barriers(page: Page, **options) -> list[str]:
     """What axe-core finds on an open page, less what is accepted."""
+    page.evaluate(MARK_KINDS, 8)
+    if not page.evaluate("() => 'axe' in window"):
+        page.evaluate(Axe().axe_script)
+        page.evaluate("() => axe.configure({ rules: [{ id: 'color-contrast', selector: '[data-kind]' }] })")
     # Without preload: axe would ask for stylesheets itself, and look for some in the wrong place.
-    options = {"resultTypes": ["violations"], "preload": False, **more}
-    findings = Axe().run(page, {"exclude": [["mjx-container"]]}, options).response["violations"]
+    options = {"resultTypes": ["violations"], "preload": False, **options}
+    run = "async (options) => (await axe.run({ exclude: [['mjx-container']] }, options)).violations"
     return [
         f"axe {finding['id']}: {node['html']}"
-        for finding in findings
+        for finding in page.evaluate(run, options)
         for node in finding["nodes"]
         if not any(finding["id"] == rule and mark in node["html"] for rule, mark in ACCEPTED)
     ]
+
+
+def looked_over(page: Page) -> list[str]:
+    """What is wrong with a page that was opened in light: wide, narrow and in the dark."""
+    page.set_viewport_size(WIDE)
+    wrong = problems(page)
+    page.set_viewport_size(NARROW)
+    wrong += [f"narrow: {problem}" for problem in problems(page)]
+    page.set_viewport_size(WIDE)
+    page.evaluate(EMPTY_FORMULAS)
+    wrong += barriers(page)
+    page.add_style_tag(content="* { transition: none !important }")  # halfway between themes a colour is none
+    page.evaluate("() => { document.documentElement.dataset.theme = 'dark' }")
+    return wrong + [f"dark: {text}" for text in barriers(page, runOnly=["color-contrast"])]
