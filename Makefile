@@ -33,7 +33,7 @@ $(SITE): $(ENV) $(SOURCES)
 	touch $@
 
 test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site (about 5 minutes)
-	$(BIN)/pytest -n auto --dist loadfile --nbval --nbval-current-env
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --nbval --nbval-current-env
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 	$(BIN)/python tools/notebooks.py

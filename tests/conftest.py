@@ -1,8 +1,21 @@
-"""Modules of these folders are imported by name: pytest's importlib mode adds no path."""
+"""What all tests share: which modules are imported by name, and what runs first."""
 
 import sys
 from pathlib import Path
 
+import pytest
+
+# pytest's importlib mode adds no path
 sys.path[:0] = [
     str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz")
 ]
+
+LONG = ("tests/site/", "book/")  # pages in a browser, then notebooks
+
+
+@pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them
+def pytest_collection_modifyitems(items):
+    """Long files first: one that starts last keeps one processor busy and the others waiting."""
+    items.sort(
+        key=lambda item: next((k for k, path in enumerate(LONG) if item.nodeid.startswith(path)), len(LONG))
+    )
