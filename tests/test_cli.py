@@ -121,15 +121,14 @@ def test_what_is_refused_is_one_line_and_status_1(record, options, said):
     assert len(result.stderr.strip().splitlines()) == 1
 
 
-def test_a_design_with_an_output_filter_becomes_code_and_one_with_a_prefilter_is_refused(record, monkeypatch):
-    options = ("--sample-time", 0.2, "--model", "sopdt", "--kind", "PID")
-    kept = run("tune", record, *options, "--rule", "haalman")
+def test_designs_with_an_output_filter_and_with_a_prefilter_become_code(record, tmp_path):
+    options = ("--sample-time", 0.2, "--kind", "PID")
+    kept = run("tune", record, *options, "--model", "sopdt", "--rule", "haalman")
     assert kept.exit_code == 0, kept.output
-    design = pidalab.rules.mrdp.tune(pidalab.ipdt(0.1, 2.0), 1, 2, te=1.0)
-    monkeypatch.setattr("pidalab.tuning.tune", lambda *_, **__: design)
-    refused = run("tune", record, *options)
-    assert refused.exit_code == 1
-    assert "prefilter of the set point" in refused.stderr
+    filtered = run("tune", record, *options, "--model", "ipdt", "--rule", "mrdp", "--out", tmp_path)
+    assert filtered.exit_code == 0, filtered.output
+    assert "Prefilter of the set point: [" in (tmp_path / "controller.c").read_text()
+    assert pidalab.digital.from_json((tmp_path / "controller.json").read_text()).prefilter is not None
 
 
 def test_usage_is_status_2_and_help_has_an_example(record):

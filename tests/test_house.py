@@ -68,7 +68,6 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "simulation/noise": ("rules/test_magnitude_optimum.py", "the rule whose noise gain it proves"),
     "statespace": ("simulation/test_sampled.py", "a part of the sampled engine"),
     "simulation/kernels": ("simulation/test_sampled.py", "a part of the sampled engine"),
-    "digital/behind": ("digital/test_discretisation.py", "what it takes apart is discretised"),
     "digital/paths": ("digital/test_discretisation.py", "only together they are a discretisation"),
     "digital/stepping": ("digital/test_controller.py", "what the controller steps through"),
     "digital/program": ("digital/test_code.py", "what languages print"),

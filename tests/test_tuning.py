@@ -93,6 +93,10 @@ def test_every_rule_by_name(rule, kind, model):
         (lambda: tune(THIRD, "PI", rule="best"), "rule must be 'optimal', 'haalman', 'simc'"),
         (lambda: tune(THIRD, "PIDA", rule="simc"), "none of them knows acceleration"),
         (lambda: tune(THIRD, "PI", rule="itae"), "kind must be 'PIDA' for the rule 'itae'"),
+        (
+            lambda: tune(pidalab.ipdt(1.0, 0.0), rule="mrdp"),
+            "model must have a dead time for the rule 'mrdp'",
+        ),
         (lambda: tune(THIRD, "PI", noise_gain=1.0), "sample_time must be given with noise_gain"),
         (lambda: tune(THIRD, "PI", rule="simc", spread=1.0), "spread must be a share below 1"),
         (lambda: tune(THIRD, "PI", sample_time=0.0), "sample_time must be above 0"),

@@ -48,15 +48,12 @@ class FilteredGains(NamedTuple):
         :math:`K_{-1}, K_0, K_1, \dots`
     filter_time, filter_order : float, int
         Time constant and number of the lags.
-    derivative : bool
-        Whether all of it belongs to a derivative, whatever power of s its gains have.
     """
 
     name: str
     gains: tuple[float, ...]
     filter_time: float = 0.0
     filter_order: int = 0
-    derivative: bool = False
 
 
 class IdealGains(NamedTuple):

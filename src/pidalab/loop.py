@@ -118,6 +118,11 @@ class Loop:
                 "output_filter must be None with a digital controller: a filter behind its hold is a part of the "
                 f"process, found {output_filter!r}"
             )
+        if digital and controller.prefilter is not None and prefilter is not None:
+            raise ValueError(
+                f"prefilter must be None with a digital controller that has one, {controller.prefilter}, found "
+                f"{prefilter!r}"
+            )
         blocks = {} if digital else {"controller": _rational("controller", controller, Controller)}
         blocks |= {
             "process": (process.num, process.den),

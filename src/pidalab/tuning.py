@@ -312,6 +312,10 @@ def _mrdp(process: Process, kind: str, ms: float) -> Design:
     from pidalab.rules import mrdp
 
     m = ORDER[kind]
+    if process.delay == 0:
+        raise ValueError(
+            "model must have a dead time for the rule 'mrdp', whose times are shares of it, found none"
+        )
     return mrdp.tune(
         process, m, m + 1, max(0.25 * process.delay, 1.2 * mrdp.smallest_te(m, m + 1) * process.delay)
     )

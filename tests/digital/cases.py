@@ -2,6 +2,7 @@
 
 import math
 
+import control
 import numpy as np
 
 from pidalab import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
@@ -10,6 +11,8 @@ from pidalab.rules.haalman import OutputFilter
 RANGE = {"limits": (-4.0, 6.0), "bias": 0.5}
 STANDARD = PIDA(1.3, 3.3, 0.9, 0.27, n=4, m=2)
 SERIES = SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4)
+LEAD = control.tf([0.3, 1.0], [0.6, 1.0])
+RINGING = control.tf([0.5, 1.0], [0.2, 0.4, 1.1, 1.0])
 CASES = {
     "pi": PIDA(1.3, 3.3).discretise(0.1, **RANGE),
     "pd": PIDA(1.3, math.inf, 0.9).discretise(0.1, rate_limit=60.0, **RANGE),
@@ -23,6 +26,12 @@ CASES = {
     "reset_tustin": SERIES.discretise(0.1, "tustin", deadband=0.01, **RANGE),
     "reset_zoh": SERIES.discretise(0.1, "zoh", **RANGE),
     "behind": STANDARD.discretise(0.1, output_filter=OutputFilter(0.4, 2, math.nan), b=0.8, c=0.0, **RANGE),
+    "near": STANDARD.discretise(0.1, "tustin", OutputFilter(0.23, 2, math.nan), c=0.0, **RANGE),
+    "near_zoh": STANDARD.discretise(0.1, "zoh", OutputFilter(0.23, 1, math.nan), **RANGE),
+    "prefilter": STANDARD.discretise(0.1, prefilter=LEAD, deadband=0.01, y_offset=3.0, y_span=2.0, **RANGE),
+    "prefilter_tustin": PIDA(1.3, 3.3).discretise(0.1, "tustin", prefilter=RINGING, b=0.5, **RANGE),
+    "prefilter_zoh": SERIES.discretise(0.1, "zoh", prefilter=RINGING, rate_limit=50.0, **RANGE),
+    "reset_behind": SERIES.discretise(0.1, output_filter=OutputFilter(0.3, 1, math.nan), **RANGE),
     "reset_weights": SERIES.discretise(0.1, b=0.6, c=0.0, **RANGE),
 }  # fmt: skip
 

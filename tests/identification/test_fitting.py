@@ -123,3 +123,11 @@ def test_refusals():
         fit(historian(0), "arx")
     with pytest.raises(TypeError, match="must be a pidalab"):
         fit(t)
+
+
+def test_plants_drawn_around_an_integrator_without_dead_time_have_a_lag_within_a_sample():
+    t = np.arange(0.0, 60.0, 2.0)
+    y = 0.1 * np.maximum(t - 9.0, 0.0) + np.random.default_rng(0).normal(0.0, 0.05, t.size)
+    fitted = fit(Record(t, np.where(t < 10.0, 0.0, 1.0), y), "ipdt")
+    assert fitted.process.delay == 0.0
+    assert {len(plant.den) - 1 for plant in fitted.spread(9)} == {1, 2}

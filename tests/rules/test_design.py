@@ -128,9 +128,12 @@ def test_errors_say_what_to_pass(call, message):
         call(TUNES["haalman PID"]())
 
 
-def test_a_prefilter_is_no_part_of_the_digital_controller():
-    with pytest.raises(ValueError, match="this design has a prefilter of the set point"):
-        TUNES["mrdp"]().discretise(0.1)
+@pytest.mark.parametrize("name", ["mrdp", "automatic_reset"])
+def test_a_prefilter_is_a_part_of_the_digital_controller(name):
+    design = TUNES[name]()
+    z = np.exp(0.1j * np.array([0.1, 1.0]))
+    expected = design.loop().block("prefilter", (1 - 1 / z) / 0.1)
+    np.testing.assert_allclose(design.discretise(0.1).prefilter(z), expected, rtol=1e-12)
 
 
 def test_vendor_forms_name_the_filters_beside_them():

@@ -148,11 +148,6 @@ def _tuned(
 
     found = fit(read, model)
     design = tune(found, kind, ms, noise_gain, sample_time, rule, spread)
-    if design.prefilter is not None:
-        raise ValueError(
-            f"--rule {rule} makes a controller with a prefilter of the set point beside it, which the code would lack; "
-            "take another rule, or the library itself"
-        )
     # the working point of the record: model and controller count from there
     rest = float(read.steps[0].before) if read.steps else float(read.u[0])
     digital = design.discretise(

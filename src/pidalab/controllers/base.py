@@ -204,7 +204,7 @@ class Controller(Block):
         ------
         TypeError, ValueError
             For a value outside its range, a sample time with which the method is of no use, and an output filter of
-            another kind, or too near a filter of the controller to be taken apart.
+            another kind.
 
         Examples
         --------
@@ -216,11 +216,7 @@ class Controller(Block):
         from pidalab.digital import discretise
 
         parts, native, reset = self.parts(), None, self.automatic_reset()
-        if output_filter is not None:
-            from pidalab.digital.behind import behind
-
-            parts = behind(parts, output_filter)
-        elif reset is not None:
+        if reset is not None:
             gains = (0.0, *reset.stabiliser[::-1].tolist())
             native = FilteredGains("stabiliser", gains, reset.filter_time, reset.filter_order), reset.time
         if options.get("limits") is None:
@@ -231,7 +227,7 @@ class Controller(Block):
         options.setdefault(
             "source", repr(self) + (f" and {output_filter!r}" if output_filter is not None else "")
         )
-        return discretise(parts, sample_time, method, reset=native, **options)
+        return discretise(parts, sample_time, method, output_filter=output_filter, reset=native, **options)
 
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller."""

@@ -46,6 +46,7 @@ def head(k: DigitalController, margins: Any, note: str) -> list[str]:
         f"Limits: {k.limits[0]!r} to {k.limits[1]!r}, rate limit: {k.rate_limit!r}, deadband: {k.deadband!r}",
         f"Working point: u = {k.bias!r}, y = {k.y_offset!r}{units}",
     ]
+    lines += [] if k.prefilter is None else [f"Prefilter of the set point: {k.prefilter}"]
     if margins is not None:
         lines += [
             f"Margins: {line}" if i == 0 else f"  {line}" for i, line in enumerate(str(margins).splitlines())
@@ -100,9 +101,10 @@ def as_json(k: DigitalController, margins: Any, note: str) -> str:
         "working_point": {"u": k.bias, "y": k.y_offset},
         "units": {"u": k.u_span, "y": k.y_span},
         "paths": [
-            {"name": p.name, "weight": p.weight, "new": p.new, "old": p.old, "gains": list(p.gains)}
+            {"name": p.name, "weight": p.weight, "new": p.new, "old": p.old, "gains": p.gains}
             for p in k.paths
         ],
+        "prefilter": None if k.prefilter is None else k.prefilter._asdict(),
         "integral": {
             "acts": k.integrates,
             "grows_by": "signal of the paths" if k.from_signal else "error",

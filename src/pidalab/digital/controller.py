@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.digital.paths import Path
+from pidalab.digital.prefilter import Prefilter
 from pidalab.digital.stepping import Numbers, advance, fresh
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
@@ -64,6 +65,8 @@ class DigitalController:
         the sizes of a unit of the model.
     source : str
         What was discretised.
+    prefilter : Prefilter or None
+        Filter of the set point.
 
     Examples
     --------
@@ -94,6 +97,7 @@ class DigitalController:
     y_span: float
     u_span: float
     source: str
+    prefilter: Prefilter | None = None
     _states: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -107,15 +111,18 @@ class DigitalController:
     @cached_property
     def numbers(self) -> Numbers:
         """Everything that a step needs, as numbers and arrays."""
-        widest = max((path.order for path in self.paths), default=0) + 1
-        gain = np.zeros((len(self.paths), widest))
+        before = self.prefilter or Prefilter((), (), 0.0, 0.0, (), ())
+        widest = max([path.order for path in self.paths] + [len(before.out)])
+        new, old, gain = (np.zeros((len(self.paths), widest + one)) for one in (0, 0, 1))
         for i, path in enumerate(self.paths):
+            new[i, : path.order], old[i, : path.order] = path.new, path.old
             gain[i, : path.order + 1] = path.gains
-        weight, new, old = (
-            np.array([getattr(path, x) for path in self.paths], float) for x in Path._fields[1:4]
-        )
         return Numbers(
-            weight=weight,
+            before_new=before.new,
+            before_old=before.old,
+            before_move=np.array(before.move).reshape(len(before.out), len(before.out)),
+            before_out=np.array(before.out, float),
+            weight=np.array([path.weight for path in self.paths], float),
             new=new,
             old=old,
             order=np.array([path.order for path in self.paths], np.int64),
@@ -240,7 +247,10 @@ class DigitalController:
         return float(advance(self.numbers, self._states, *signals))
 
     def __call__(self, z: ArrayLike) -> Any:
-        """Evaluate the transfer function from -y to u at complex z, in the units of the signals."""
+        """Evaluate the transfer function from -y to u at complex z, in the units of the signals.
+
+        A prefilter is none of it: ``k.prefilter(z)``.
+        """
         z = np.asarray(z, dtype=complex)
         signal = sum((path(z) for path in self.paths), np.zeros_like(z))
         if not self.integrates:
@@ -251,7 +261,8 @@ class DigitalController:
     def transfer_function(self) -> control.TransferFunction:
         """Return the controller within its limits, from the error to the control signal, with b = c = 1.
 
-        That is also the way from the measurement, with the sign changed, whatever the weights of the set point are.
+        That is also the way from the measurement, with the sign changed, whatever weights and prefilter of the set
+        point are.
 
         Returns
         -------
@@ -421,6 +432,7 @@ class DigitalController:
             "y_offset": (self.y_offset, 0.0),
             "y_span": (self.y_span, 1.0),
             "u_span": (self.u_span, 1.0),
+            "prefilter": (self.prefilter, None),
         }
         extras = "".join(f", {name}={value!r}" for name, (value, usual) in options.items() if value != usual)
         return f"{self.source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
 
 from pidalab import _check
 from pidalab.digital.controller import DigitalController
 from pidalab.digital.paths import METHODS, SHARES, paths
+from pidalab.digital.prefilter import discrete
 from pidalab.forms import FilteredGains
+from pidalab.process import binomial, rational
 
 ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
 
@@ -28,6 +33,8 @@ def discretise(
     y_offset: float = 0.0,
     y_span: float = 1.0,
     u_span: float = 1.0,
+    prefilter: Any = None,
+    output_filter: Any = None,
     reset: tuple[FilteredGains, float] | None = None,
     source: str = "",
 ) -> DigitalController:
@@ -84,6 +91,11 @@ def discretise(
     y_span, u_span : float, optional
         Units of the measurement in a unit of the model's y, and of the control signal in a unit of the model's u,
         above 0. Gains are in units of the model, limits, deadband and bias in those of the signals.
+    prefilter : control.TransferFunction, optional
+        Filter of the set point, stable and of static gain 1, discretised with the same method. It works in manual mode,
+        too, and starts at rest at the first set point.
+    output_filter : OutputFilter or control.TransferFunction, optional
+        A filter behind the controller that becomes a part of it: equal lags of gain 1.
     reset : tuple of FilteredGains and float, optional
         Stabilising controller and time constant of an automatic reset.
     source : str, optional
@@ -124,15 +136,16 @@ def discretise(
     bias = _check.real("bias", bias)
     if not low <= bias <= high:
         raise ValueError(f"bias must be within the limits ({low:g}, {high:g}), found {bias:g}")
+    behind = equal_lags(output_filter)
     ki = sum(part.gains[0] for part in parts)
     native = anti_windup == "reset" and reset is not None and b == c == 1.0
     if native and reset is not None:
         stabiliser, ti = reset
-        own = paths((stabiliser,), h, method, b, c)
+        own = paths((stabiliser,), behind, h, method, b, c)
         growth, taken_back = _reset_growth(h, ti, method)
         tracked = taken_back
     else:
-        own = paths(parts, h, method, b, c)
+        own = paths(parts, behind, h, method, b, c)
         growth = (ki * h * scale * SHARES[method][0], ki * h * scale * SHARES[method][1])
         taken_back = _taken_back(parts, h, anti_windup, tracking_time) if ki else 0.0
         tracked = taken_back or 1.0
@@ -155,7 +168,22 @@ def discretise(
         y_span=y_span,
         u_span=u_span,
         source=source,
+        prefilter=None if prefilter is None else discrete(*rational("prefilter", prefilter), h, method),
     )
+
+
+def equal_lags(output_filter: Any) -> tuple[float, int]:
+    """Return time constant and order of a filter, which has to be equal lags of gain 1; none for None."""
+    num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
+    order = den.size - 1
+    time = float(den[-2] / den[-1]) / order if order and den[-1] else 0.0
+    lags = binomial(time, order) * den[-1]
+    if num.size > 1 or not np.allclose(lags, den, rtol=1e-9, atol=0.0) or abs(num[0] / den[-1] - 1) > 1e-9:
+        raise ValueError(
+            "output_filter must be equal lags of gain 1, 1/(T s + 1)^n, to become a part of a digital controller, "
+            f"found [{', '.join(f'{c:.6g}' for c in num)}] / [{', '.join(f'{c:.6g}' for c in den)}]"
+        )
+    return time, order
 
 
 def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float], float]:

@@ -1,4 +1,4 @@
-r"""Filtered gains as difference equations: chains of equal discrete lags, and gains on their differences.
+r"""Filtered gains as difference equations: chains of discrete lags, and gains on their differences.
 
 Every lag :math:`q(s) = 1/(1 + T_F s)` of a filter becomes, with any of the methods, a lag of static gain 1,
 
@@ -6,12 +6,13 @@ Every lag :math:`q(s) = 1/(1 + T_F s)` of a filter becomes, with any of the meth
           q(z) = \frac{g_0 z + g_1}{z - 1 + g_0 + g_1},
 
 which keeps its static gain in single precision, too. Derivatives are differences along the chain: with
-:math:`s = (1 - q)/(T_F q)`,
+:math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-the j-th difference of the last states. That holds for a substitution of s, which is what *backward* and *tustin* are.
-*zoh*, exact for an input that is held, has the same differences with other gains.
+the j-th difference of the last states. Lags of different time constants, as of a part behind an output filter, make the
+same chain, with differences of lower order beside it. That holds for a substitution of s, which is what *backward* and
+*tustin* are. *zoh*, exact for an input that is held, has the same differences with other gains.
 
 =========  =======================  =====================  =======================================
 method     :math:`g_0`              :math:`g_1`            integral of e over a sample
@@ -25,6 +26,8 @@ zoh        0                        1 - exp(-h/T_F)        :math:`h\,e_{k-1}`
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,7 +41,9 @@ SHARES = {
     "tustin": (0.5, 0.5),
     "zoh": (0.0, 1.0),
 }  # of e_k and e_{k-1} in the integral
-TERMS = 60  # of the series for what a held input fills into a chain; what is left out is below 1/60!
+TERMS = (
+    60  # of the series for what a held input makes of a chain in a sample; what is left out is below 1/50!
+)
 
 
 class Path(NamedTuple):
@@ -50,60 +55,83 @@ class Path(NamedTuple):
         What it is called in code.
     weight : float
         Weight of the set point.
-    new, old : float
-        g_0 and g_1 of the lags.
+    new, old : tuple of float
+        g_0 and g_1 of each lag.
     gains : tuple of float
         Gains on the last state and on the differences of order 1 to n that end there; n lags.
     """
 
     name: str
     weight: float
-    new: float
-    old: float
+    new: tuple[float, ...]
+    old: tuple[float, ...]
     gains: tuple[float, ...]
 
     @property
     def order(self) -> int:
         """Number of lags."""
-        return len(self.gains) - 1
+        return len(self.new)
 
     def __call__(self, z: Any) -> Any:
         """Evaluate from the path's input to its share of the control signal, at complex z."""
-        q = (self.new * z + self.old) / (z - 1 + self.new + self.old)
-        # 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1), without cancellation at low frequencies
-        one_less_q = (1 - self.new) * (z - 1) / (z - 1 + self.new + self.old)
-        return sum(gain * q ** (self.order - k) * one_less_q**k for k, gain in enumerate(self.gains))
+        states: list[Any] = [np.ones_like(z)]
+        for new, old in zip(self.new, self.old, strict=True):
+            states.append(states[-1] * (new * z + old) / (z - 1 + new + old))
+        # a first difference without cancellation at low frequencies: 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1)
+        level: list[Any] = [
+            x * (1 - new) * (z - 1) / (z - 1 + new + old)
+            for x, new, old in zip(states, self.new, self.old, strict=False)
+        ]
+        total = self.gains[0] * states[-1]
+        for gain in self.gains[1:]:
+            total = total + gain * level[-1]
+            level = [before - after for before, after in pairwise(level)]
+        return total
 
     def fraction(self) -> tuple[Array, Array]:
         """Return numerator and denominator, descending powers of z."""
-        lag, rest = np.array([self.new, self.old]), (1 - self.new) * np.array([1.0, -1.0])
-        den: Any = np.ones(1)
-        for _ in range(self.order):
-            den = np.convolve(den, [1.0, self.new + self.old - 1.0])
+        poles = [np.array([1.0, new + old - 1.0]) for new, old in zip(self.new, self.old, strict=True)]
+        lags = [np.array([new, old]) for new, old in zip(self.new, self.old, strict=True)]
+        # numerators of the states over the common denominator, then of their differences
+        level: list[Any] = [product([*lags[:j], *poles[j:]]) for j in range(self.order + 1)]
         num: Any = np.zeros(1)
-        for k, gain in enumerate(self.gains):
-            term = np.array([gain])
-            for factor in [lag] * (self.order - k) + [rest] * k:
-                term = np.convolve(term, factor)
-            num = np.polyadd(num, term)
-        return num, den
+        for gain in self.gains:
+            num = np.polyadd(num, gain * level[-1])
+            level = [np.polysub(before, after) for before, after in pairwise(level)]
+        return num, product(poles)
 
 
-def paths(parts: tuple[FilteredGains, ...], h: float, method: str, b: float, c: float) -> tuple[Path, ...]:
-    """Discretise parts; integral, error and derivatives see the set point with the weights 1, b and c."""
-    found: dict[tuple[float, float, int], tuple[str, Array]] = {}
+def product(factors: Sequence[Array]) -> Array:
+    """Multiply polynomials."""
+    result: Any = np.ones(1)
+    for factor in factors:
+        result = np.convolve(result, factor)
+    return np.asarray(result)
+
+
+def paths(
+    parts: tuple[FilteredGains, ...], behind: tuple[float, int], h: float, method: str, b: float, c: float
+) -> tuple[Path, ...]:
+    """Discretise parts; integral, error and derivatives see the set point with the weights 1, b and c.
+
+    All of them are behind so many more lags of one time constant.
+    """
+    require_useful("filter behind the controller", *behind, h, method)
+    found: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
     for part in parts:
-        require_useful(part, h, method)
-        for suffix, weight, gains in _by_weight(part, b, c):
-            key = (weight, part.filter_time if part.filter_order else 0.0, part.filter_order)
-            name, before = found.get(key, (part.name + suffix, 0.0))
-            found[key] = name, before + _on_states(gains, part.filter_time, part.filter_order)
+        require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)
+        # the fastest lag first: what is added up below has one sign then
+        lags = tuple(sorted([part.filter_time] * part.filter_order + [behind[0]] * behind[1]))
+        for suffix, weight, gains in _by_weight(part, bool(lags), b, c):
+            name, before = found.get((weight, lags), (part.name + suffix, 0.0))
+            found[weight, lags] = name, before + _on_differences(gains, np.array(lags))
     result = []
-    for (weight, time, order), (name, on_states) in found.items():
-        if np.any(on_states):
-            new, old = lag_shares(time, h, method) if order else (0.0, 0.0)
-            held = _held(on_states, h / time) if order and method == "zoh" else on_states
-            result.append(Path(name, weight, new, old, tuple(_on_differences(held).tolist())))
+    for (weight, lags), (name, summed) in found.items():
+        if np.any(summed):
+            shares = [lag_shares(time, h, method) for time in lags]
+            new, old = (tuple(share[i] for share in shares) for i in (0, 1))
+            held = _held(summed, np.array(lags), h) if lags and method == "zoh" else summed
+            result.append(Path(name, weight, new, old, tuple(held.tolist())))
     names = [path.name for path in result]
     return tuple(
         path._replace(name=f"{path.name}_{i}") if names.count(path.name) > 1 else path
@@ -111,18 +139,17 @@ def paths(parts: tuple[FilteredGains, ...], h: float, method: str, b: float, c: 
     )
 
 
-def require_useful(part: FilteredGains, h: float, method: str) -> None:
+def require_useful(what: str, time: float, order: int, h: float, method: str) -> None:
     """Raise for a filter that is too fast for the sample time and the method."""
     most = {"backward": math.inf, "tustin": 2.0, "zoh": 1.0}[method]
-    if part.filter_order and h > most * part.filter_time * (1 + 1e-9):
-        what = {
+    if order and h > most * time * (1 + 1e-9):
+        because = {
             "tustin": "its lags would ring, with a pole at z below 0",
             "zoh": "a derivative behind it would have forgotten each step at the next sample",
         }[method]
         raise ValueError(
-            f"sample_time must be at most {most * part.filter_time:.6g} with method={method!r}, found {h:.6g}: the "
-            f"filter of the {part.name} part has the time constant {part.filter_time:.6g}, and {what}; take "
-            "method='backward', sample faster or filter longer"
+            f"sample_time must be at most {most * time:.6g} with method={method!r}, found {h:.6g}: the {what} has the "
+            f"time constant {time:.6g}, and {because}; take method='backward', sample faster or filter longer"
         )
 
 
@@ -135,13 +162,13 @@ def lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
     return 0.0, -math.expm1(-h / time)
 
 
-def _by_weight(part: FilteredGains, b: float, c: float) -> list[tuple[str, float, tuple[float, ...]]]:
+def _by_weight(
+    part: FilteredGains, filtered: bool, b: float, c: float
+) -> list[tuple[str, float, tuple[float, ...]]]:
     """Split gains by the weight that the set point has with them; one entry where all are 1."""
     ki, kp, *rest = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
-    if part.derivative:
-        return [("", c, part.gains)]
-    if b == c == 1.0 or part.filter_order == 0:
-        return [("", b if kp and not part.filter_order else 1.0, part.gains)]
+    if b == c == 1.0 or not filtered:
+        return [("", b if kp and not filtered else 1.0, part.gains)]
     # the integral beside a filter needs lags of its own: what it has not seen yet
     split = [
         ("_integral", 1.0, (ki,)),
@@ -153,50 +180,54 @@ def _by_weight(part: FilteredGains, b: float, c: float) -> list[tuple[str, float
     ]
 
 
-def _on_states(gains: tuple[float, ...], time: float, n: int) -> Array:
-    """Return the weights of the states 0 (the input) to n that make the gains, but for a pure integral K_-1/s."""
+def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
+    """Return the gains on the differences that make the gains on powers of s, but for a pure integral K_-1/s."""
     ki, *rest = gains
-    weights = np.zeros(n + 1)
-    # K_-1/(s (1 + T s)^n) is K_-1/s less T K_-1 times the sum of all states
-    weights[1:] -= ki * time
-    # K_k s^k: the k-th difference that ends at the last state
+    n = lags.size
+    result = np.zeros(n + 1)
+    # K_-1/(s prod (1 + T_i s)) is K_-1/s less K_-1 times the sum of T_i x_i; and x_i is (1 + difference)^(n - i) x_n
+    for i, time in enumerate(lags, start=1):
+        result[: n - i + 1] -= ki * time * np.array([math.comb(n - i, m) for m in range(n - i + 1)])
+    # s x_i = (x_(i-1) - x_i)/T_i, with times in units of the first; rows: (T_1 s)^k x_i as differences that end at x_i
+    level = np.eye(1, n + 1).repeat(n + 1, axis=0)
     for k, gain in enumerate(rest):
         if gain:
-            for i in range(k + 1):
-                weights[n - k + i] += gain / time**k * (-1) ** i * math.comb(k, i) if k else gain
-    return weights
+            result += gain / (lags[0] ** k if n else 1.0) * level[-1]
+        before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))  # that end at x_(i-1) end at x_i
+        level = (before - level[1:]) * (lags[0] / lags[k:])[:, np.newaxis] if k < n else level
+    return result
 
 
-def _on_differences(weights: Array) -> Array:
-    """Turn weights of the states 0 to n into gains on the differences of order 0 to n that end at state n.
+def _held(gains: Array, lags: Array, h: float) -> Array:
+    r"""Return gains on differences of *discrete* lags that make what a held input makes of those of the chain.
 
-    From q^j = q^j (q + (1 - q))^(n - j).
+    Both chains have the poles :math:`p_i = e^{-h/T_i}`. The states x of the one at the samples are T times those of the
+    other: the columns of T follow from each other by what the held input does to a state in a sample, less p.
     """
-    n = weights.size - 1
-    gains = np.zeros(n + 1)
-    for j, weight in enumerate(weights):
-        for i in range(n - j + 1):
-            gains[i] += weight * math.comb(n - j, i)
-    return gains
-
-
-def _held(weights: Array, tau: float) -> Array:
-    """Return weights of the states of a chain of *discrete* lags that make what a held input makes of the weights.
-
-    With N one below the diagonal the chain has the transition p exp(tau N), p = exp(-tau), and p is all its poles: so
-    its transfer function is a sum of powers of 1/(z - p), and (1 - p)/(z - p) is the discrete lag.
-    """
-    n, p = weights.size - 1, math.exp(-tau)
-    # what a held input of 1 makes of state j in a sample: an incomplete gamma function, by its series
-    poisson = [p * tau**k / math.factorial(k) for k in range(TERMS)]
-    filling = np.array([math.fsum(poisson[j:]) for j in range(1, n + 1)])
-    # transition less p: strictly below the diagonal
-    rest = np.zeros((n, n))
-    for j in range(n):
-        for k in range(1, n - j):
-            rest[j + k, j] = poisson[k]
-    held, share = weights.copy(), -math.expm1(-tau)
-    for i in range(1, n + 1):
-        held[i] = weights[1:] @ filling / share**i
-        filling = rest @ filling
-    return held
+    n, poles, shares = lags.size, np.exp(-h / lags), -np.expm1(-h / lags)
+    # generator of the states and the input; with its diagonal lifted to 0 or above, the series has no cancellation
+    rates = np.concatenate([[0.0], h / lags])
+    lifted = np.diag(rates[1:], -1) + np.diag(rates.max() - rates)
+    transition, term = np.eye(n + 1), np.eye(n + 1)
+    for k in range(1, TERMS):
+        term = lifted @ term / k
+        transition = transition + term
+    transition *= math.exp(-rates.max())
+    to_states, column = np.zeros((n + 1, n + 1)), transition[1:, 0]
+    to_states[0, 0] = 1.0
+    for i in range(n):
+        to_states[1:, i + 1] = column / shares[i]
+        # the differences of the other poles to that of a faster lag are not negative
+        rest = np.tril(transition[1:, 1:], -1) - np.diag(poles * np.expm1(h / lags - h / lags[i]))
+        column = rest @ to_states[1:, i + 1]
+    # gains on the states of the chain, on those of discrete lags, on differences of these
+    on_states = np.zeros(n + 1)
+    for m, gain in enumerate(gains):
+        for j in range(m + 1):
+            on_states[n - m + j] += (-1) ** j * math.comb(m, j) * gain
+    result = np.zeros(n + 1)
+    for j, weight in enumerate(to_states.T @ on_states):
+        for m in range(n - j + 1):
+            result[m] += math.comb(n - j, m) * weight
+    result[0] = gains[0]  # the static gain
+    return result

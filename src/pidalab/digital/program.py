@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from pidalab.digital.paths import Path
+from pidalab.digital.prefilter import Prefilter
 
 if TYPE_CHECKING:
     from pidalab.digital.controller import DigitalController
@@ -71,14 +72,16 @@ class Program(NamedTuple):
 def constants(k: DigitalController) -> dict[str, float]:
     """Return the constants of a controller by name; those that nothing needs are left out."""
     found: dict[str, float] = {}
+    if k.prefilter is not None:
+        for i, row in enumerate(k.prefilter.move, start=1):
+            found |= {f"PREFILTER_MOVE_{i}_{j}": x for j, x in enumerate(row, start=1) if x}
+        found |= {f"PREFILTER_OUT_{i}": x for i, x in enumerate(k.prefilter.out, start=1) if x}
     for path in k.paths:
         name = path.name.upper()
         if path.weight not in (0.0, 1.0):
             found[f"{name}_WEIGHT"] = path.weight
-        if path.order and path.new:
-            found[f"{name}_NEW"] = path.new
-        if path.order and path.old:
-            found[f"{name}_OLD"] = path.old
+        for kind, shares in (("NEW", path.new), ("OLD", path.old)):
+            found |= {_share(path, kind, j): share for j, share in enumerate(shares, start=1) if share}
         found |= {f"{name}_GAIN_{i}": gain for i, gain in enumerate(path.gains) if gain}
     if k.integrates:
         found |= {f"INTEGRAL_{x}": share for x, share in zip(("NEW", "OLD"), k.growth, strict=True) if share}
@@ -94,7 +97,16 @@ def program(k: DigitalController) -> Program:
     """Write the step of a controller as statements."""
     found = constants(k)
     states: dict[str, float | bool] = {"started": False}
-    body: list[Statement] = _signals(found, compares=k.integrates and not k.from_signal)
+    offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
+    body: list[Statement] = [
+        Note("signals" + (", from the working point" if offset else "")),
+        Set("reference", f"setpoint{offset}"),
+        Set("measured", f"measurement{offset}"),
+    ]
+    if k.prefilter is not None:
+        states |= dict.fromkeys(_kept(k.prefilter), 0.0)
+        body += _before(k.prefilter, found)
+    body += _error(found, compares=k.integrates and not k.from_signal)
     for path in k.paths:
         states |= dict.fromkeys(_chain(path), 0.0)
         body += _path(path, found, first=path is k.paths[0])
@@ -111,14 +123,38 @@ def program(k: DigitalController) -> Program:
     return Program(found, {**states, "control": k.bias}, variables, body)
 
 
-def _signals(found: dict[str, float], compares: bool) -> list[Statement]:
-    """Statements that make the error, from the working point, with its deadband."""
-    offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
+def _kept(prefilter: Prefilter) -> list[str]:
+    """Names of the states of a prefilter: the last set point, where it is needed, and those that move."""
+    return [f"prefilter_{j}" for j in range(0 if prefilter.old else 1, len(prefilter.out) + 1)]
+
+
+def _before(prefilter: Prefilter, found: dict[str, float]) -> list[Statement]:
+    """Statements that filter the set point."""
+    n = len(prefilter.out)
+    shares = ((prefilter.new, "reference"), (prefilter.old, "prefilter_0"))
+    aim = " + ".join(x if share == 1.0 else f"{share!r} * {x}" for share, x in shares if share)
     body: list[Statement] = [
-        Note("signals" + (", from the working point" if offset else "")),
-        Set("reference", f"setpoint{offset}"),
-        Set("measured", f"measurement{offset}"),
+        Note("prefilter: its states move towards the set point"),
+        If("not started", [Set(x, "reference") for x in _kept(prefilter)]),
+        Set("aim", aim),
+        *([Set("prefilter_0", "reference")] if prefilter.old else []),
+        *(Set(f"distance_{j}", f"prefilter_{j} - aim") for j in range(1, n + 1)),
     ]
+    for i in range(1, n + 1):
+        name, x = f"PREFILTER_MOVE_{i}_", f"prefilter_{i}"
+        terms = [f"{name}{j} * distance_{j}" for j in range(1, n + 1) if f"{name}{j}" in found]
+        body += [Set(x, f"{x} + ({' + '.join(terms)})")] if terms else []
+    terms = [
+        f"PREFILTER_OUT_{i} * (prefilter_{i} - reference)"
+        for i in range(1, n + 1)
+        if f"PREFILTER_OUT_{i}" in found
+    ]
+    return body + ([Set("reference", f"reference + ({' + '.join(terms)})")] if terms else [])
+
+
+def _error(found: dict[str, float], compares: bool) -> list[Statement]:
+    """Statements that make the error with its deadband, where something needs it."""
+    body: list[Statement] = []
     body += [Set("error", "reference - measured")] if compares or "DEADBAND" in found else []
     if "DEADBAND" in found:
         inside = If("error < -DEADBAND", [Set("error", "error + DEADBAND")], [Set("error", "0.0")])
@@ -132,7 +168,14 @@ def _signals(found: dict[str, float], compares: bool) -> list[Statement]:
 
 def _chain(path: Path) -> list[str]:
     """Names of the states of a path: its input, where lags need that of one sample ago, and its lags."""
-    return [f"{path.name}_{j}" for j in range(0 if path.old else 1, path.order + 1)] if path.order else []
+    return (
+        [f"{path.name}_{j}" for j in range(0 if any(path.old) else 1, path.order + 1)] if path.order else []
+    )
+
+
+def _share(path: Path, kind: str, j: int) -> str:
+    """Name of a share of the j-th lag: one name for equal lags."""
+    return f"{path.name.upper()}_{kind}" + ("" if len({*path.new}) == len({*path.old}) == 1 else f"_{j}")
 
 
 def _path(path: Path, found: dict[str, float], first: bool) -> list[Statement]:
@@ -141,26 +184,28 @@ def _path(path: Path, found: dict[str, float], first: bool) -> list[Statement]:
     weighted = {1.0: "reference - measured", 0.0: "0.0 - measured"}.get(
         path.weight, f"{upper}_WEIGHT * reference - measured"
     )
-    lags = f": {n} equal lag{'s' if n > 1 else ''}" if n else ""
+    equal = " equal" if len({*path.new}) == len({*path.old}) == 1 else ""
+    lags = f": {n}{equal} lag{'s' if n > 1 else ''}" if n else ""
     body: list[Statement] = [Note(name.replace("_", " ") + " part" + lags), Set("entering", weighted)]
     level = ["entering", *(f"{name}_{j}" for j in range(1, n + 1))]
     if n:
         body.append(If("not started", [Set(x, "entering") for x in _chain(path)]))
-    if n and path.new and path.old:
+    if any(path.new) and any(path.old):
         body += [Set("before", f"{name}_0")]
         for j in range(1, n + 1):
             x = f"{name}_{j}"
-            step = f"{x} + ({upper}_NEW * ({level[j - 1]} - {x}) + {upper}_OLD * (before - {x}))"
+            new, old = (_share(path, kind, j) for kind in ("NEW", "OLD"))
+            step = f"{x} + ({new} * ({level[j - 1]} - {x}) + {old} * (before - {x}))"
             body += [Set("after", step), Set("before", x), Set(x, "after")]
-    elif n and path.new:
+    elif any(path.new):
         for j in range(1, n + 1):
             x = f"{name}_{j}"
-            body.append(Set(x, f"{x} + {upper}_NEW * ({level[j - 1]} - {x})"))
+            body.append(Set(x, f"{x} + {_share(path, 'NEW', j)} * ({level[j - 1]} - {x})"))
     elif n:  # the last lag first: each takes what the one before it was
         for j in range(n, 0, -1):
             x = f"{name}_{j}"
-            body.append(Set(x, f"{x} + {upper}_OLD * ({name}_{j - 1} - {x})"))
-    body += [Set(f"{name}_0", "entering")] if n and path.old else []
+            body.append(Set(x, f"{x} + {_share(path, 'OLD', j)} * ({name}_{j - 1} - {x})"))
+    body += [Set(f"{name}_0", "entering")] if any(path.old) else []
     # differences that end at the last state, of one order after the other
     highest = max((i for i, gain in enumerate(path.gains) if gain), default=0)
     for k in range(highest + 1):

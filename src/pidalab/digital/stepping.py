@@ -1,7 +1,7 @@
 """One step of a digital controller: plain Python, which the simulation compiles, and which the written code repeats.
 
-In this order: the deadband; the chains of lags; what an external signal corrects; the growth of the integral; the
-limits of rate and range; what these take back from the integral.
+In this order: the prefilter; the deadband; the chains of lags; what an external signal corrects; the growth of the
+integral; the limits of rate and range; what these take back from the integral.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import numpy as np
 
 from pidalab._check import Array
 
-# places in the array of states; behind them for each path its last input and its lags, then room for differences
+# places in the array of states; behind them the last set point and the states of a prefilter, for each path its last
+# input and its lags, then room for differences
 STARTED, INTEGRAL, CARRY, OLD, CONTROL, PATHS = range(6)
 
 
@@ -21,8 +22,14 @@ class Numbers(NamedTuple):
 
     Attributes
     ----------
-    weight, new, old : ndarray, shape (paths,)
-        Weight of the set point, and the shares g_0 and g_1 of the lags.
+    before_new, before_old : float
+        Shares of the set point now and one sample ago in what the states of a prefilter move towards.
+    before_move, before_out : ndarray, shape (states, states) and (states,)
+        How they move with their distances from it, and what these add to the set point; none without a prefilter.
+    weight : ndarray, shape (paths,)
+        Weight of the set point.
+    new, old : ndarray, shape (paths, largest order)
+        Shares g_0 and g_1 of the lags.
     order : ndarray of int, shape (paths,)
         Number of lags.
     gain : ndarray, shape (paths, largest order + 1)
@@ -45,6 +52,10 @@ class Numbers(NamedTuple):
         In the units of the signals.
     """
 
+    before_new: float
+    before_old: float
+    before_move: Array
+    before_out: Array
     weight: Array
     new: Array
     old: Array
@@ -67,8 +78,10 @@ class Numbers(NamedTuple):
 
 def fresh(numbers: Numbers, u: float) -> Array:
     """Return the states of a controller that will start with the control signal u."""
-    places = PATHS + int(np.sum(numbers.order + 1)) + int(np.max(numbers.order, initial=0)) + 1
-    states = np.zeros(places)
+    before = numbers.before_out.size
+    states = np.zeros(
+        PATHS + before + min(before, 1) + int(np.sum(numbers.order + 1)) + numbers.new.shape[1] + 1
+    )
     states[CONTROL] = u
     return states
 
@@ -76,6 +89,30 @@ def fresh(numbers: Numbers, u: float) -> Array:
 def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: float) -> float:
     """Advance the states by one sample and return the control signal; nan stands for no `manual` and no `track`."""
     r, y = r - n.y_offset, y - n.y_offset
+    starts = s[STARTED] == 0.0
+    s[STARTED] = 1.0
+    at, room = PATHS, s.size - n.new.shape[1] - 1
+
+    # the prefilter: its states move towards the set point
+    m = n.before_out.size
+    if m:
+        if starts:
+            s[at : at + m + 1] = r
+        aim = n.before_new * r + n.before_old * s[at]
+        s[at] = r
+        for i in range(m):
+            s[room + i] = s[at + 1 + i] - aim
+        for i in range(m):
+            moved = 0.0
+            for j in range(m):
+                moved += n.before_move[i, j] * s[room + j]
+            s[at + 1 + i] += moved
+        added = 0.0
+        for i in range(m):
+            added += n.before_out[i] * (s[at + 1 + i] - r)
+        r += added
+        at += m + 1
+
     error = r - y
     if n.deadband > 0.0:
         if error > n.deadband:
@@ -85,12 +122,9 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
         else:
             error = 0.0
         y = r - error
-    starts = s[STARTED] == 0.0
-    s[STARTED] = 1.0
 
     # chains of lags, and the differences that end at their last states
-    p, at = 0.0, PATHS
-    room = s.size - n.gain.shape[1]
+    p = 0.0
     for i in range(n.order.size):
         order = n.order[i]
         now = n.weight[i] * r - y
@@ -100,7 +134,7 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
         s[at] = s[room] = now
         for j in range(1, order + 1):
             x = s[at + j]
-            now = x + (n.new[i] * (now - x) + n.old[i] * (before - x))
+            now = x + (n.new[i, j - 1] * (now - x) + n.old[i, j - 1] * (before - x))
             before = x
             s[at + j] = s[room + j] = now
         for k in range(order + 1):

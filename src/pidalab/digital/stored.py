@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 from pidalab.digital.code import vector
 from pidalab.digital.controller import DigitalController
 from pidalab.digital.paths import Path
+from pidalab.digital.prefilter import Prefilter
 
 
 def from_json(text: str) -> DigitalController:
@@ -43,7 +45,8 @@ def from_json(text: str) -> DigitalController:
             sample_time=stored["sample_time"],
             method=stored["method"],
             paths=tuple(
-                Path(p["name"], p["weight"], p["new"], p["old"], tuple(p["gains"])) for p in stored["paths"]
+                Path(p["name"], p["weight"], *(tuple(p[x]) for x in ("new", "old", "gains")))
+                for p in stored["paths"]
             ),
             integrates=integral["acts"],
             from_signal=integral["grows_by"] != "error",
@@ -60,6 +63,7 @@ def from_json(text: str) -> DigitalController:
             y_span=stored["units"]["y"],
             u_span=stored["units"]["u"],
             source=stored["controller"],
+            prefilter=None if stored["prefilter"] is None else _prefilter(**stored["prefilter"]),
         )
         expected, found = stored["test"]["control"], vector(k)["control"]
     except (KeyError, TypeError, ValueError) as wrong:
@@ -67,3 +71,9 @@ def from_json(text: str) -> DigitalController:
     if found != expected:
         raise ValueError("text was changed by hand: the controller in it does not repeat its own test vector")
     return k
+
+
+def _prefilter(move: list[list[float]], **others: Any) -> Prefilter:
+    """Return a prefilter with tuples for the lists of JSON."""
+    rest: dict[str, Any] = {name: tuple(x) if isinstance(x, list) else x for name, x in others.items()}
+    return Prefilter(move=tuple(tuple(row) for row in move), **rest)

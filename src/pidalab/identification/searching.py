@@ -162,7 +162,8 @@ def _sensitivity(data: Data, shape: Shape, gain: float, p: Sequence[float]) -> A
 def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:
     """Return models with one lag more that the record does not rule out: the longest such lag, and a middle one."""
     *times, delay = found.values[2:].tolist()
-    whole = sum(times) + delay
+    # of an integrator that shows no dead time, a lag within a sample is hidden too
+    whole = max(sum(times) + delay, float(np.median(np.diff(data.t))))
     span = data.t[-1] - float(data.moments[0])
     left = []
     for lag in whole * HIDDEN:

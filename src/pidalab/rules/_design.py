@@ -113,7 +113,7 @@ class Design:
         )
 
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
-        """Return the digital controller for a sample time, with the output filter as a part of it.
+        """Return the digital controller for a sample time, with output filter and prefilter as parts of it.
 
         The lag of a sensor that was told to `pidalab.tune` as an output filter is none of the controller's: take
         ``design.controller.discretise`` then.
@@ -135,8 +135,7 @@ class Design:
         Raises
         ------
         TypeError, ValueError
-            As ``controller.discretise``; and for a design with a prefilter, which is no part of a controller that sees
-            set point and measurement in one difference.
+            As ``controller.discretise``.
 
         Examples
         --------
@@ -148,12 +147,7 @@ class Design:
         >>> bool(np.isclose(digital(z), design.controller((1 - 1 / z) / 0.5) * smooth))
         True
         """
-        if self.prefilter is not None:
-            raise ValueError(
-                "this design has a prefilter of the set point, which its digital controller would lack: take "
-                "design.controller.discretise, and filter the set point before it, as in "
-                "Loop(process, digital, prefilter=design.prefilter)"
-            )
+        options = {"prefilter": self.prefilter} | options
         return self.controller.discretise(sample_time, method, self.output_filter, **options)
 
     def vendor_forms(self, time_unit: str = "s") -> VendorForms:

@@ -1,0 +1,113 @@
+"""Filters of the set point as part of a digital controller."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+from scipy import signal
+
+import pidalab
+from pidalab import PIDA
+
+Z = np.exp(1j * np.array([1e-4, 0.01, 0.3, 1.0, 3.0])) * np.array([1.0, 1.0, 1.0, 1.05, 0.9])
+H = 0.07
+FILTERS = {
+    "lag": ([1.0], [0.5, 1.0]),
+    "lead": ([0.8, 1.0], [0.5, 1.0]),
+    "pair": ([1.0], [0.25, 0.1, 1.0]),
+    "four equal lags": ([1.0], np.poly([-5.0] * 4) / 5.0**4),
+    "far apart": ([3.0, 2.0, 1.0], np.polymul([40.0, 1.0], np.polymul([0.1, 1.0], [0.2, 0.1, 1.0]))),
+    "another scale": ([6.0], [3.0, 6.0]),
+}
+PID = PIDA(1.3, 3.3, 0.9)
+
+
+def made(name, method, h=H):
+    return PID.discretise(h, method, prefilter=control.tf(*FILTERS[name])).prefilter
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_methods(name):
+    num, den = FILTERS[name]
+    for method, s in (("backward", (1 - 1 / Z) / H), ("tustin", 2 / H * (Z - 1) / (Z + 1))):
+        expected = np.polyval(num, s) / np.polyval(den, s)
+        np.testing.assert_allclose(made(name, method)(Z), expected, rtol=1e-12, atol=1e-13)
+    A, B, C, D, _ = signal.cont2discrete(signal.tf2ss(num, den), H, "zoh")
+    expected = [(C @ np.linalg.solve(z * np.eye(len(A)) - A, B) + D).item() for z in Z]
+    np.testing.assert_allclose(made(name, "zoh")(Z), expected, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["backward", "tustin", "zoh"])
+@pytest.mark.parametrize("name", FILTERS)
+def test_the_static_gain_is_one_exactly(name, method):
+    assert made(name, method)(1.0) == 1.0
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_a_digital_loop_runs_it(name):
+    """The simulation discretises a prefilter of the loop for a held set point, as zoh does here."""
+    process, t = pidalab.lags(3, delay=0.5), H * np.arange(400)
+    filters = control.tf(*FILTERS[name])
+    r = np.where(t < 10.0, 1.0, -0.5)
+    plain = PIDA(1.3, 3.3).discretise(H, "zoh")
+    expected = pidalab.simulate_sampled(pidalab.Loop(process, plain, prefilter=filters), t, setpoint=r)
+    own = PIDA(1.3, 3.3).discretise(H, "zoh", prefilter=filters)
+    found = pidalab.simulate_sampled(pidalab.Loop(process, own), t, setpoint=r)
+    np.testing.assert_allclose(found.y, expected.y, rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(found.u, expected.u, rtol=1e-9, atol=1e-10)
+
+
+def test_a_design_takes_its_prefilter_along():
+    """huba2024: three lags and a lead before an automatic reset; the loop is that of the continuous design."""
+    rule = pidalab.rules.automatic_reset
+    design = rule.tune(pidalab.ipdt(1.0, delay=1.0), rule.PIDA_1, n=4, filter_time=0.2)
+    h = 0.01
+    t = h * np.arange(2000)
+    k = design.discretise(h, "zoh", limits=(-math.inf, math.inf))
+    found = pidalab.simulate_sampled(pidalab.Loop(design.model, k), t, setpoint=1.0)
+    expected = pidalab.simulate_sampled(design.loop(), t, setpoint=1.0)
+    np.testing.assert_allclose(found.y, expected.y, atol=1e-9)
+    left = design.discretise(h, "zoh", prefilter=None, limits=(-math.inf, math.inf))
+    assert left.prefilter is None
+    assert "prefilter" not in repr(left)
+
+
+def test_it_starts_at_rest_and_works_in_manual_mode():
+    k = PIDA(1.0, math.inf).discretise(0.5, prefilter=control.tf([1.0], [0.5, 1.0]))
+    assert [k.step(r, 0.0) for r in (1.0, 2.0, 2.0)] == [1.0, 1.5, 1.75]
+    k.reset()
+    assert [k.step(r, 0.0, m) for r, m in ((1.0, None), (2.0, 9.0), (2.0, None))] == [1.0, 9.0, 1.75]
+
+
+def test_a_gain_of_one_is_no_prefilter():
+    assert PID.discretise(H, prefilter=1.0) == PID.discretise(H)
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "method", "message"),
+    [
+        (
+            [2.0],
+            [1.0, 1.0],
+            "backward",
+            "static gain 1, or the output would rest beside the set point, found 2",
+        ),
+        ([1.0], [1.0, 0.0], "backward", "static gain 1, .* found inf"),
+        ([1.0], [-1.0, 1.0], "backward", "prefilter must be stable, found a pole at 1"),
+        ([1.0], [0.03, 1.0], "tustin", r"at most 0\.06 with method='tustin', found 0\.07: the prefilter has"),
+        ([1.0, 1.0, 1.0], [1.0, 1.0], "backward", "prefilter must be proper"),
+    ],
+    ids=["gain", "integrator", "unstable", "ringing", "improper"],
+)
+def test_prefilters_that_are_refused(num, den, method, message):
+    with pytest.raises(ValueError, match=message):
+        PID.discretise(H, method, prefilter=control.tf(num, den))
+
+
+def test_a_loop_takes_one_prefilter():
+    k = PID.discretise(H, prefilter=control.tf([1.0], [1.0, 1.0]))
+    with pytest.raises(
+        ValueError, match=r"prefilter must be None with a digital controller that has one, \[1\] / "
+    ):
+        pidalab.Loop(pidalab.lags(3), k, prefilter=control.tf([1.0], [2.0, 1.0]))
