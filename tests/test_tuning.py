@@ -124,3 +124,29 @@ def test_a_derivative_without_a_lag_to_work_on_is_doubted():
         for doubt in tune(fopdt(1.0, 2.0, 1.0), "PIDA", rule="magnitude optimum").doubts
     )
     assert not any("leans on" in doubt for doubt in tune(THIRD, "PID", rule="simc").doubts)
+
+
+@pytest.mark.parametrize(
+    ("lag", "sample_time"), [(1.0, None), (3600.0, None), (1.0, 0.1)], ids=["noise", "hours", "sampled"]
+)
+def test_a_dead_time_that_no_loop_can_notice_is_left_out_and_said(lag, sample_time):
+    process = pidalab.fopdt(1.0, lag, 1e-9)
+    design = tune(process, "PI", sample_time=sample_time)
+    assert "the dead time of 1e-09 is left out" in design.doubts[0]
+    assert design.model.delay == 0.0
+    assert pidalab.margins(design.loop(process)).ms == pytest.approx(design.ms, rel=1e-3)
+    assert math.isfinite(design.iae)
+
+
+def test_the_default_limit_of_noise_does_not_depend_on_the_unit_of_time():
+    """An integrator with a dead time of a second and of 10^7; the gain from noise to u goes with its inverse."""
+    second, long = (tune(pidalab.ipdt(1.0, delay), "PI") for delay in (1.0, 1e7))
+    assert long.mks * 1e7 == pytest.approx(second.mks, rel=1e-3)
+    assert long.controller.gains().kp * 1e7 == pytest.approx(second.controller.gains().kp, rel=1e-3)
+
+
+def test_an_integrator_alone_needs_a_limit():
+    with pytest.raises(
+        ValueError, match="noise_gain and sample_time must be given for integrators without lag"
+    ):
+        tune(pidalab.ipdt(1.0, 0.0), "PI")

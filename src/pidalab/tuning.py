@@ -14,6 +14,7 @@ from pidalab._check import Array
 from pidalab.identification import Fit
 from pidalab.loop import Loop
 from pidalab.process import Process, rational, require_process
+from pidalab.roots import roots
 from pidalab.rules import Design
 
 ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
@@ -21,6 +22,7 @@ LOUDEST = (
     10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 )
 QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
+UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 
 
@@ -88,9 +90,15 @@ def tune(
         sample_time = _check.real("sample_time", sample_time, above=0.0)
     process = model.process if isinstance(model, Fit) else model
     require_process("model", process)
+    doubts: list[str] = []
+    if 0 < process.delay * _fastest(process, rule, noise_gain, sample_time) < UNSEEN:
+        doubts.append(
+            f"the dead time of {process.delay:.3g} is left out: where the loop can act, it turns the phase by less "
+            f"than {UNSEEN:g} rad"
+        )
+        process = Process(process.num, process.den)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
-    doubts: list[str] = []
     designed = _seen_by_the_controller(process, sample_time, output_filter)
     if rule == "optimal":
         made = _optimal(model, designed, kind, ms, noise_gain, sample_time, doubts)
@@ -155,12 +163,38 @@ def _optimal(
     return found
 
 
+def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time: float | None) -> float:
+    """Return the highest frequency at which a loop can act: by its sampling, or by the default limit of noise."""
+    if sample_time is not None:
+        return 1 / sample_time
+    plain = Process(process.num, process.den)
+    corners = _corners(plain)
+    if rule != "optimal" or noise_gain is not None or not corners.size:
+        return math.inf
+    # |T| is at most |P| times the gain from noise to u
+    w = np.geomspace(1e-4 * corners.min(), 1e4 * corners.max(), 4801)
+    acts = LOUDEST * _asked_of_u(plain) * np.abs(plain(1j * w)) >= 1
+    return math.inf if acts[-1] else float(w[np.flatnonzero(acts).max(initial=0)])
+
+
+def _corners(process: Process) -> Array:
+    """Return the frequencies of poles and zeros, and that of the dead time."""
+    found = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
+    return np.append(found[found > 0], [1 / process.delay] if process.delay else [])
+
+
 def _asked_of_u(process: Process) -> float:
-    """Return 1/|P| where the phase has fallen by 90 degrees from rest, or at rest for a process that settles."""
+    """Return 1/|P| where the phase has fallen by 45 degrees from rest, or at rest for a process that settles."""
     gain = process.gain()
     if math.isfinite(gain):
         return 1 / abs(gain)
-    w = np.geomspace(1e-6, 1e6, 4801)
+    corners = _corners(process)
+    if not corners.size:
+        raise ValueError(
+            "noise_gain and sample_time must be given for integrators without lag and dead time: nothing else limits "
+            "the speed of their loop"
+        )
+    w = np.geomspace(1e-4 * corners.min(), 1e4 * corners.max(), 4801)
     value = process(1j * w)
     turned = np.unwrap(np.angle(value))
     k = int(np.argmax(turned <= turned[0] - np.pi / 4))
