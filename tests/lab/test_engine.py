@@ -196,6 +196,19 @@ def test_limits_that_bite_hold_and_limits_that_do_not_change_nothing(engine):
     assert tight["y"][-1] == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.parametrize("delay", [0.0, 1.0])
+def test_a_kick_between_two_points_is_seen_and_meets_the_limits(engine, delay):
+    """A filter of 0.02 and points 0.1 apart: the peak is over before the first of them."""
+    process, controller = pidalab.lags(3, delay=delay), pidalab.HighOrderPID([0.36, 0.73, 0.8], 0.02, 2)
+    case = asked(process, controller, end=40.0, points=401, setpoint=1.0)
+    fine = engine.simulate(**case)["fine"]
+    peak = pidalab.step_response(pidalab.Loop(process, controller), np.linspace(0.0, 1.0, 10_001)).u.max()
+    assert max(fine["u"]) == pytest.approx(peak, rel=1e-3)
+    assert np.all(np.diff(fine["t"]) > 0)
+    case["controller"]["limits"] = (-1.0, 3.0)
+    assert max(engine.simulate(**case)["fine"]["u"]) == 3.0 < peak
+
+
 BAD = [
     ({"process": {"num": [1.0], "den": [0.0], "delay": 0.0}}, "process.den must not be 0"),
     ({"process": {"num": [1.0, 0.0, 0.0], "den": [1.0, 1.0], "delay": 0.0}}, "process must be proper"),

@@ -99,3 +99,18 @@ def visit(browser):
     yield visit
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def lab(site, visit):
+    """Open the lab, with what an address may hold; nothing may go wrong on the page."""
+    opened = []
+
+    def open_lab(address=None, **how):
+        page, wrong = visit(address or (site / "book" / "lab.html").as_uri(), **how)
+        page.locator(".lab-ready").wait_for()
+        opened.append(wrong)
+        return page
+
+    yield open_lab
+    assert [wrong for wrong in opened if wrong] == []

@@ -1,7 +1,6 @@
 """The lab and the live figures as a reader uses them: opened from a folder, without server or network."""
 
 import re
-import shutil
 from contextlib import redirect_stdout
 from io import StringIO
 
@@ -19,21 +18,6 @@ FOLLOW = """() => new Promise((done) => {
   addEventListener("hashchange", () => requestAnimationFrame(done), { once: true });
   %s;
 })"""
-
-
-@pytest.fixture
-def lab(site, visit):
-    """Open the lab, with what an address may hold; nothing may go wrong on the page."""
-    opened = []
-
-    def open_lab(address=None, **how):
-        page, wrong = visit(address or (site / "book" / "lab.html").as_uri(), **how)
-        page.locator(".lab-ready").wait_for()
-        opened.append(wrong)
-        return page
-
-    yield open_lab
-    assert [wrong for wrong in opened if wrong] == []
 
 
 def announced(page, words=f"IAE {NUMBER}"):
@@ -164,99 +148,3 @@ def test_dark_on_a_phone(lab):
     assert page.evaluate(OVERFLOW) <= 1
     assert page.locator(".lab-plots svg").count() == 6
     assert barriers(page, runOnly=["color-contrast"]) == []
-
-
-def undrawn(page):
-    """Live figures of an open page without a plot, or with a loop that could not be made."""
-    page.wait_for_timeout(500)
-    return page.evaluate(
-        """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host, k) => [
-          ...(host.querySelectorAll(".lab-plots svg").length ? [] : [`figure ${k}: no plot`]),
-          ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
-          ...[host.querySelector(".lab-live")?.textContent].filter(Boolean),
-        ])"""
-    )
-
-
-def test_live_figures_draw_and_follow_their_knobs(site, visit):
-    pages = [
-        path for path in sorted(site.glob("book/**/*.html")) if 'class="pidalab-live"' in path.read_text()
-    ]
-    for path in pages:
-        page, wrong = visit(path.as_uri(), viewport=NARROW)
-        assert undrawn(page) + wrong == [], path.name
-        assert page.evaluate(OVERFLOW) <= 1, path.name
-        for k in range(page.locator(".pidalab-live").count()):
-            host = page.locator(".pidalab-live").nth(k)
-            before = host.locator(".lab-plots").inner_html()
-            host.locator("input[type=range]").first.press("ArrowRight")
-            page.wait_for_timeout(300)
-            assert host.locator(".lab-plots").inner_html() != before, path.name
-
-
-SCRIPTS = "".join(
-    f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "plot", "lab", "live")
-)
-LIVE_STATE = """{"plant": "lags3", "names": ["one"], "lab": true, "plots": ["bode"], "numbers": ["ms", "first", "hump"],
- "designs": [{"kind": "PIDA", "kp": 1, "ti": 3, "td": 1, "ta": 0.3, "filterTime": 0.1, "filterOrder": 3}],
- "knobs": [{"key": "kp", "label": "gain", "low": 0.1, "high": 10},
-  {"key": "plant.delay", "label": "dead time", "low": 0, "high": 4}]}"""
-CAPTIONED = """<!doctype html><html lang="en" data-content_root="./"><title>Live</title><div class="pidalab-live">
-<figure id="fig"><img alt="still" src="data:,"><figcaption>Words.</figcaption></figure>
-<script type="application/json">%s</script></div>%s</html>"""
-
-
-def test_a_live_figure_takes_the_place_of_a_picture_and_keeps_its_caption(root, tmp_path, visit):
-    shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")
-    (tmp_path / "index.html").write_text(CAPTIONED % (LIVE_STATE, SCRIPTS), encoding="utf-8")
-    page, wrong = visit((tmp_path / "index.html").as_uri())
-    assert undrawn(page) + wrong == []
-    assert page.locator("#fig img").count() == 0
-    assert page.locator("#fig figcaption").inner_text() == "Words. Open in the lab."
-    assert page.locator("#fig svg").count() == 1
-
-
-def test_what_stands_for_an_unstable_loop(root, tmp_path, visit):
-    shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")
-    loud = LIVE_STATE.replace('"kp": 1', '"kp": 9')
-    (tmp_path / "index.html").write_text(CAPTIONED % (loud, SCRIPTS), encoding="utf-8")
-    page, _ = visit((tmp_path / "index.html").as_uri())
-    name, verdict, first, hump = page.locator("tbody tr").first.locator("th, td").all_inner_texts()
-    assert (name.strip(), verdict) == ("one", "unstable")
-    assert re.fullmatch(r"-?[\d.]+", first)
-    assert re.fullmatch(r"[\d.]+", hump)
-
-
-def test_the_link_of_a_live_figure_brings_its_loops_to_the_lab(lab, root, tmp_path, visit):
-    shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")
-    (tmp_path / "index.html").write_text(CAPTIONED % (LIVE_STATE, SCRIPTS), encoding="utf-8")
-    page, _ = visit((tmp_path / "index.html").as_uri())
-    link = page.get_by_role("link", name="Open in the lab.")
-    state = "() => pidalabModel.read(new URL(document.querySelector('a').href).hash)"
-    assert page.evaluate(state)["plant"] == "lags3"
-    page.get_by_label("dead time, number").fill("2.5")
-    page.keyboard.press("Enter")
-    page.wait_for_function(f"() => ({state})().plant === 'given'")
-    there = lab(f"{lab().url.partition('#')[0]}#{link.get_attribute('href').partition('#')[2]}")
-    assert there.get_by_label("plant", exact=True).input_value() == "given"
-    ms = float(page.evaluate(COLUMNS)[0][1])
-    assert float(there.evaluate(COLUMNS)[0][3]) == pytest.approx(ms, abs=0.01)
-
-
-BAD = """<!doctype html><html lang="en"><title>Bad</title><div class="pidalab-live" data-live='%s'></div>%s</html>"""
-LIVE = '{"plant": "%s", "rule": "%s", "designs": [{"kind": "PIDA", "kp": 1, "ti": 3}], "plots": ["load"]}'
-
-
-@pytest.mark.parametrize(
-    ("html", "found"),
-    [
-        (BAD % (LIVE % ("lags3", "hand"), SCRIPTS.replace("engine", "gone")), "script"),
-        (BAD % (LIVE % ("lags3", "simc"), SCRIPTS), "SIMC has no PIDA"),
-        (BAD % (LIVE % ("nowhere", "hand"), SCRIPTS), "no loop"),
-    ],
-)
-def test_a_bad_live_figure_is_caught(html, found, root, tmp_path, visit):
-    shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")
-    (tmp_path / "index.html").write_text(html, encoding="utf-8")
-    page, wrong = visit((tmp_path / "index.html").as_uri())
-    assert any(found in problem for problem in wrong + undrawn(page))

@@ -3,11 +3,12 @@
    A classic script, so that it also runs in a page opened from disk. It sets globalThis.pidalabEngine to
 
      simulate({process: {num, den, delay}, controller: {gains: [ki, kp, kd, ka], filterTime, filterOrder, limits},
-               end, points, setpoint, load})  ->  {t, y, u}
+               end, points, setpoint, load})  ->  {t, y, u, fine: {t, u}}
      margins({process, controller})           ->  {ms, mks, gm, pm, dm, stable}
 
    The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control;
-   polynomials have descending powers of s. Nothing here is approximated by a rational function: see `march`. */
+   polynomials have descending powers of s. `fine` is u at those times and at others, close together where derivatives kick.
+   Nothing here is approximated by a rational function: see `march`. */
 (function () {
   "use strict";
 
@@ -573,11 +574,12 @@
     const w = cu.map((c) => c / (1 - du));
     w[one] += load / (1 - du);
     const matrix = A.map((row, i) => row.map((x, j) => x + b[i] * w[j]));
-    const step = exponential(matrix, times[1] - times[0]);
     const y = new Float64Array(times.length), u = new Float64Array(times.length);
-    let x = new Float64Array(size);
+    let x = new Float64Array(size), length = 0, step;
     x[one] = 1;
     for (let k = 0; k < times.length; k++) {
+      const time = k && times[k] - times[k - 1];
+      if (Math.abs(time - length) > 1e-10 * time) step = exponential(matrix, length = time);
       if (k) x = applied(step, x);
       y[k] = dot(cy, x) + dy * dot(w, x);
       u[k] = dot(cu, x) + du * dot(w, x);
@@ -591,10 +593,26 @@
     if (!Number.isInteger(points)) fail(`points must be an integer, found ${points}`);
     const setpoint = real("setpoint", asked.setpoint ?? 0), load = real("load", asked.load ?? 0);
     const t = Float64Array.from({ length: points }, (_, k) => (end * k) / (points - 1));
-    const space = stateSpace(loop, setpoint);
-    const found = loop.delay ? march(loop, factors(loop), space, load, t) : closed(space, load, t);
-    if (loop.limits && found.u.some((u) => u < loop.limits[0] || u > loop.limits[1])) return limited(asked, loop, t);
-    return { t, ...found };
+    const space = stateSpace(loop, setpoint), all = finer(loop, t);
+    const { y, u } = loop.delay ? march(loop, factors(loop), space, load, all) : closed(space, load, all);
+    if (loop.limits && u.some((value) => value < loop.limits[0] || value > loop.limits[1])) return limited(asked, loop, t);
+    const even = new Set(t), pick = (signal) => signal.filter((_, k) => even.has(all[k]));
+    return { t, y: pick(y), u: pick(u), fine: { t: all, u } };
+  }
+
+  /* Where derivatives kick, as pairs of times: some filter times after the step, and after the first dead times, when the
+     kick has gone round the loop. */
+  const kicks = ({ order, time, delay }) => (order ? Array.from({ length: delay ? 4 : 1 }, (_, k) => [k * delay, k * delay + (order + 4) * time]) : []);
+
+  /* Evenly spaced times and, where derivatives kick, others at most a sixteenth of the filter time apart. */
+  function finer(loop, times) {
+    const end = times[times.length - 1], even = times[1], parts = Math.ceil((16 * even) / loop.time), all = [...times];
+    if (!(parts > 1 && parts < Infinity)) return times;
+    const other = (time) => Math.abs(time / even - Math.round(time / even)) > 1e-6 && time < end;
+    for (const [from, to] of kicks(loop)) {
+      for (let k = 0, time = from; time < to; time = from + (++k * even) / parts) if (other(time)) all.push(time);
+    }
+    return Float64Array.from(all).sort();
   }
 
   // --- a digital controller, its limits, noise ----------------------------------------------------------------------
@@ -714,8 +732,9 @@
     const share = Math.ceil(Math.max(end / finest, 4000) / (times.length - 1));
     const sampleTime = end / (share * (times.length - 1));
     const run = simulateSampled({ antiWindup: "clamping", ...asked, sampleTime });
-    const pick = (signal) => Float64Array.from(times, (_, k) => signal[k * share]);
-    return { t: times, y: pick(run.y), u: pick(run.u) };
+    const pick = (signal) => Float64Array.from(times, (_, k) => signal[k * share]), places = kicks(loop);
+    const close = (_, k) => k % share === 0 || places.some(([from, to]) => from <= run.t[k] && run.t[k] <= to);
+    return { t: times, y: pick(run.y), u: pick(run.u), fine: { t: run.t.filter(close), u: run.u.filter(close) } };
   }
 
   globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, roots };

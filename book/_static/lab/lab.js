@@ -116,12 +116,15 @@
 
   // --- the plots ----------------------------------------------------------------------------------------------------
 
+  /* The control signal has more times than the output where derivatives kick. */
+  const signals = (s, key, which) => (key === "u" && s[which].fine) || s[which];
+
   /* Range of a signal of all runs, from 0, in which an unstable loop does not squeeze the others. */
   function rangeOf(shown, key, which) {
     const calm = shown.filter((s) => s.stable);
     let low = 0, high = 0;
     for (const s of calm.length ? calm : shown) {
-      for (const v of s[which][key]) { low = Math.min(low, Math.max(v, -50)); high = Math.max(high, Math.min(v, 50)); }
+      for (const v of signals(s, key, which)[key]) { low = Math.min(low, Math.max(v, -50)); high = Math.max(high, Math.min(v, 50)); }
     }
     return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
   }
@@ -131,12 +134,15 @@
     const end = process.end;
     const run = (key, which, share = 1) => ({
       x: { label: "time", range: [0, end * share] }, y: { range: rangeOf(shown, key, which) },
-      lines: shown.map((s) => ({ x: s[which].t, y: s[which][key], kind: s.kind, stairs: s.stairs && key === "u" })),
+      lines: shown.map((s) => {
+        const run = signals(s, key, which);
+        return { x: run.t, y: run[key], kind: s.kind, stairs: s.stairs && key === "u" };
+      }),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
     const curves = shown.map((s) => ({ ...frequencyResponse({ process, controller: controller(s.design) }), kind: s.kind }));
     const over = (f) => curves.map((c) => {
-      const inside = c.w.map((w, k) => [w, f(c, k)]).filter(([w]) => w > bode.range[0] && w < bode.range[1]);
+      const inside = c.w.map((w, k) => [w, f(c, k)]).filter(([w]) => w > 0.8 * bode.range[0] && w < 1.25 * bode.range[1]); // to the edge of the frame, which cuts it
       return { x: inside.map(([w]) => w), y: inside.map(([, v]) => v), kind: c.kind };
     });
     const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90);

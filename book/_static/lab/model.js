@@ -153,7 +153,7 @@
     const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
     return {
       design, setpoint: runs[0], load: runs[1], ...found, ...(sampleTime ? {} : beyondCrossover(process, own)), sampleTime: h, stairs: sampleTime > 0, limited: limits !== null,
-      iae: iae(runs[1].t, runs[1].y, 0), iaeSetpoint: iae(runs[0].t, runs[0].y, 1), peak: largest(runs[0].u),
+      iae: iae(runs[1].t, runs[1].y, 0), iaeSetpoint: iae(runs[0].t, runs[0].y, 1), peak: largest((runs[0].fine ?? runs[0]).u),
       overshoot: 100 * Math.max(0, runs[0].y.reduce((top, value) => Math.max(top, value), 0) - 1),
       sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h), sampleTime ? "backward" : "held") : NaN,
     };

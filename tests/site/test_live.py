@@ -1,0 +1,314 @@
+"""Live figures: each knob of each page turned, and what the figures show held against the library."""
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+from drawn import plots
+from looking import NARROW, OVERFLOW
+
+import pidalab
+from pidalab.digital import DigitalController
+from pidalab.robustness.control import max_control_sensitivity
+
+HEARD = (
+    """() => [...document.querySelectorAll(".pidalab-live .lab-live")].every((words) => words.ariaLabel)"""
+)
+UNDRAWN = """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host, k) => [
+  ...(host.querySelectorAll(".lab-plots svg").length ? [] : [`figure ${k}: no plot`]),
+  ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
+  ...[host.querySelector(".lab-live")?.textContent].filter(Boolean),
+])"""
+SHOWN = "host => host.querySelector('.lab-plots').innerHTML + host.querySelector('.lab-table').innerHTML"
+CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
+# What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
+EXPECTED = """([told, turned]) => {
+  const { PLANTS, RULES, study } = pidalabModel, { NUMBERS } = pidalabLab;
+  const plant = structuredClone(PLANTS[told.plant] ?? told.plant), conditions = { end: plant.end, ...told.conditions };
+  const rule = RULES[told.rule ?? "hand"], designs = structuredClone(told.designs);
+  for (const [{ key, design }, value] of turned) {
+    if (key === "plant.delay") plant.delay = value;
+    else if (key === "limits") conditions.limits = [-value, value];
+    else if (key === "limits.low") conditions.limits = [value, conditions.limits[1]];
+    else if (["trackingTime", "sampleTime"].includes(key)) conditions[key] = value;
+    else if (key === "ms" && design === undefined) told.ms = value;
+    else for (const one of designs.filter((_, k) => design === undefined || k === design)) one[key] = value;
+  }
+  return designs.map((design) => {
+    const made = rule.apply(plant, design, design[rule.knob] ?? told[rule.knob]);
+    const found = study(plant, made, { ...conditions, ...design.conditions });
+    const known = (key) => found.stable || ["first", "hump"].includes(key);
+    return told.numbers.map((key) => (known(key) ? String(NUMBERS[key][1](found)) : null));
+  });
+}"""
+
+
+def undrawn(page):
+    """Live figures of an open page without a plot, with a loop that could not be made, or without words for it."""
+    page.wait_for_function(HEARD, timeout=5000)
+    return page.evaluate(UNDRAWN)
+
+
+def told(path):
+    """What the live figures of a built page are told, from its source."""
+    found = re.findall(
+        r'class="pidalab-live".*?<script type="application/json">(.*?)</script>', path.read_text(), re.DOTALL
+    )
+    return [json.loads(text) for text in found]
+
+
+def rows(host):
+    """Cells of the table without its head, names aside."""
+    return [row[1:] for row in host.evaluate(CELLS)[1:]]
+
+
+def as_shown(numbers):
+    """Numbers of a loop with three digits; what an unstable one lacks is one cell."""
+    known = [f"{float(text):.3g}" for text in numbers if text is not None]
+    return [*(["unstable"] if len(known) < len(numbers) else []), *known]
+
+
+def as_read(row):
+    return [
+        f"{float(text.replace('∞', 'inf')):.3g}" if text[-1].isdigit() or text == "∞" else text
+        for text in row
+    ]
+
+
+def turn(page, host, knob):
+    """Move a knob by one key; returns its new value once the figure has changed."""
+    before = host.evaluate(SHOWN)
+    row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
+    bar = row.locator("input[type=range]")
+    bar.press("ArrowRight")
+    page.wait_for_function(
+        f"([host, before]) => ({SHOWN})(host) !== before", arg=[host.element_handle(), before], timeout=5000
+    )
+    value = row.locator("input[type=number]").input_value()
+    assert bar.get_attribute("aria-valuetext").startswith(f"{knob['label']} ")
+    return float(value)
+
+
+def pages_with_figures(site):
+    return [
+        path for path in sorted(site.glob("book/**/*.html")) if 'class="pidalab-live"' in path.read_text()
+    ]
+
+
+def test_every_knob_of_every_page_does_what_it_says(site, visit):
+    for path in pages_with_figures(site):
+        page, wrong = visit(path.as_uri(), viewport=NARROW)
+        assert undrawn(page) + wrong == [], path.name
+        assert page.evaluate(OVERFLOW) <= 1, path.name
+        figures = told(path)
+        assert page.locator(".pidalab-live").count() == len(figures) > 0
+        for k, figure in enumerate(figures):
+            host, turned = page.locator(".pidalab-live").nth(k), []
+            for knob in figure["knobs"]:
+                turned.append((knob, turn(page, host, knob)))
+                expected = page.evaluate(EXPECTED, [figure, turned])
+                assert [as_read(row) for row in rows(host)] == [as_shown(row) for row in expected], (
+                    path.name,
+                    knob,
+                )
+            assert len(plots(host)) == len(figure["plots"])
+        assert wrong == [], path.name
+
+
+SCRIPTS = "".join(
+    f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "plot", "lab", "live")
+)
+LIVE_STATE = """{"plant": "lags3", "names": ["one"], "lab": true, "plots": ["bode"], "numbers": ["ms", "first", "hump"],
+ "designs": [{"kind": "PIDA", "kp": 1, "ti": 3, "td": 1, "ta": 0.3, "filterTime": 0.1, "filterOrder": 3}],
+ "knobs": [{"key": "kp", "label": "gain", "low": 0.1, "high": 10},
+  {"key": "plant.delay", "label": "dead time", "low": 0, "high": 4}]}"""
+CAPTIONED = """<!doctype html><html lang="en" data-content_root="./"><meta charset="utf-8"><title>Live</title>
+<div class="pidalab-live">
+<figure id="fig"><img alt="still" src="data:,"><figcaption>Words.</figcaption></figure>
+<script type="application/json">%s</script></div>%s</html>"""
+
+
+@pytest.fixture
+def open_figure(root, tmp_path, visit):
+    """Open a page of one live figure, of the scripts as they are in the book."""
+
+    def open_figure(html):
+        shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")
+        (tmp_path / "index.html").write_text(html, encoding="utf-8")
+        return visit((tmp_path / "index.html").as_uri())
+
+    return open_figure
+
+
+PROCESS, END = pidalab.Process([1.0, 1.2], [8.0, 14.0, 7.0, 1.0], delay=1.0), 40.0
+CONTROLLERS = {
+    "PI": pidalab.HighOrderPID([0.12, 0.7], filter_time=0.5, filter_order=1),
+    "PID": pidalab.HighOrderPID([0.3, 1.5, 2.5], filter_time=0.1, filter_order=2),
+    "PIDA": pidalab.HighOrderPID([0.4, 2.2, 4.4, 3.0], filter_time=0.1, filter_order=3),
+}
+PLOTS = ["setpoint", "load", "control", "effort", "nyquist", "bode", "closed", "lead", "noise"]
+NUMBERS = {  # names of the table by their keys
+    "iae": "IAE load",
+    "iaeSetpoint": "IAE set point",
+    "ms": "Ms",
+    "mks": "mks",
+    "gm": "gain margin",
+    "pm": "phase margin, °",
+    "dm": "delay margin",
+    "peak": "peak of u",
+    "overshoot": "overshoot, %",
+    "sigma": "σ(u) per σ(n)",
+    "gmLeast": "at least Ms/(Ms−1)",
+    "pmLeast": "at least 2 asin 1/(2Ms), °",
+    "first": "phase margin at the first crossover, °",
+    "hump": "top of |L| beyond it",
+}
+OF_RESPONSES = ["iae", "iaeSetpoint", "peak", "overshoot"]
+
+
+def responses(loop, **how):
+    """Numbers and curves of the steps of set point and load."""
+    own = loop.controller if isinstance(loop.controller, DigitalController) else None
+    t = np.arange(0.0, END + 1e-9, own.sample_time if own else 0.01)
+    simulate = pidalab.simulate_sampled if own or how else pidalab.simulate
+    setpoint, load = simulate(loop, t, 1.0, 0.0, **how), simulate(loop, t, 0.0, 1.0, **how)
+    numbers = {
+        "iae": load.iae(),
+        "iaeSetpoint": setpoint.iae(),
+        "peak": np.abs(setpoint.u).max(),
+        "overshoot": 100 * max(setpoint.y.max() - 1, 0),
+    }
+    curves = {
+        "Output y, step of the set point": (t, setpoint.y),
+        "Output y, step of the load": (t, load.y),
+        "Control signal u, step of the set point": (t, setpoint.u),
+        "Control signal u, step of the load": (t, load.u),
+    }
+    return numbers, curves
+
+
+def frequencies(loop):
+    """Numbers and curves of a loop's frequency responses."""
+    w = np.geomspace(0.8 / END, 16_000 / END, 20_001)
+    open_loop, found = loop.L(1j * w), pidalab.margins(loop)
+    size, control = np.abs(open_loop), open_loop / loop.process(1j * w)
+    below = int(np.argmax(size < 1))
+    rising = np.flatnonzero(np.diff(size[below:]) > 0)
+    t = min(loop.controller.filter_time, END / 1000) * np.arange(4001)  # noise is held for the first of these
+    noisy = pidalab.simulate_sampled(loop, t, noise=(t == 0).astype(float))
+    numbers = {
+        **{key: getattr(found, key) for key in ("ms", "gm", "pm", "dm")},
+        "mks": max_control_sensitivity(loop)[0],
+        "sigma": np.sqrt((noisy.u**2).sum()),
+        "gmLeast": 1 / (1 - 1 / found.ms),
+        "pmLeast": np.degrees(2 * np.arcsin(1 / (2 * found.ms))),
+        "first": 180 + np.degrees(np.angle(open_loop[below])),
+        "hump": size[below:][rising[0] :].max() if len(rising) else 0.0,
+    }
+    curves = {
+        "Nyquist curve, unit circle, circle 1/Ms": (open_loop.real, open_loop.imag),
+        "Loop gain |L|": (w, size),
+        "From set point to output: |T|": (w, size / np.abs(1 + open_loop)),
+        "Phase of the controller, degrees": (w, np.degrees(np.unwrap(np.angle(control)))),
+        "From measurement noise to u: |C S|": (w, np.abs(control / (1 + open_loop))),
+    }
+    return numbers, curves
+
+
+def stairs(curve):
+    """A curve that holds each value until the next."""
+    t, y = curve
+    return np.repeat(t, 2)[1:], np.repeat(y, 2)[:-1]
+
+
+def shown(open_figure, **more):
+    """Numbers and plots of a live figure of the three loops."""
+    page, wrong = open_figure(
+        CAPTIONED % (json.dumps(pidalab.plots.live(PROCESS, CONTROLLERS, **more).state), SCRIPTS)
+    )
+    assert undrawn(page) + wrong == []
+    host = page.locator(".pidalab-live")
+    head, *rows = host.evaluate(CELLS)
+    assert [row[0] for row in rows] == list(CONTROLLERS)
+    assert head[1:] == [NUMBERS[key] for key in more["numbers"]]
+    found = [[float(text.replace("∞", "inf")) for text in row[1:]] for row in rows]
+    assert page.locator(".lab-live").get_attribute("aria-label").count(" IAE load ") == 3
+    return [dict(zip(more["numbers"], row, strict=True)) for row in found], plots(host)
+
+
+def test_numbers_and_curves_of_linear_loops_are_those_of_the_library(open_figure):
+    found, drawn = shown(open_figure, plots=PLOTS, numbers=list(NUMBERS), conditions={"end": END})
+    assert len(drawn) == len(PLOTS)
+    for k, controller in enumerate(CONTROLLERS.values()):
+        loop = pidalab.Loop(PROCESS, controller)
+        (ours, signals), (others, curves) = responses(loop), frequencies(loop)
+        assert found[k] == pytest.approx({**ours, **others}, rel=6e-3)
+        for title, curve in {**signals, **curves}.items():
+            assert drawn[title].apart(f"lab-{k}", *curve) < 1.0, (title, k)
+
+
+@pytest.mark.parametrize("way", ["none", "clamping", "conditioning"])
+def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
+    h, limits, names = 0.25, (-0.4, 0.5), {"none": None, "conditioning": "reset"}
+    found, drawn = shown(
+        open_figure,
+        plots=PLOTS[:4],
+        numbers=[*OF_RESPONSES, "ms"],
+        conditions={"end": END, "sampleTime": h, "limits": limits, "antiWindup": way},
+    )
+    for k, controller in enumerate(CONTROLLERS.values()):
+        loop = pidalab.Loop(PROCESS, controller.discretise(h, limits=limits, anti_windup=names.get(way, way)))
+        ours, signals = responses(loop)
+        assert found[k] == pytest.approx({**ours, "ms": pidalab.margins(loop).ms}, rel=6e-3)
+        for title, curve in signals.items():
+            expected = stairs(curve) if title.startswith("Control") else curve
+            assert drawn[title].apart(f"lab-{k}", *expected) < 1.0, (title, k)
+
+
+def test_a_live_figure_takes_the_place_of_a_picture_and_keeps_its_caption(open_figure):
+    page, wrong = open_figure(CAPTIONED % (LIVE_STATE, SCRIPTS))
+    assert undrawn(page) + wrong == []
+    assert page.locator("#fig img").count() == 0
+    assert page.locator("#fig figcaption").inner_text() == "Words. Open in the lab."
+    assert page.locator("#fig svg").count() == 1
+
+
+def test_what_stands_for_an_unstable_loop(open_figure):
+    page, _ = open_figure(CAPTIONED % (LIVE_STATE.replace('"kp": 1', '"kp": 9'), SCRIPTS))
+    ((verdict, first, hump),) = rows(page.locator(".pidalab-live"))
+    assert verdict == "unstable"
+    assert re.fullmatch(r"-?[\d.]+", first)
+    assert re.fullmatch(r"[\d.]+", hump)
+
+
+def test_the_link_of_a_live_figure_brings_its_loops_to_the_lab(lab, open_figure):
+    page, _ = open_figure(CAPTIONED % (LIVE_STATE, SCRIPTS))
+    link = page.get_by_role("link", name="Open in the lab.")
+    state = "() => pidalabModel.read(new URL(document.querySelector('a').href).hash)"
+    assert page.evaluate(state)["plant"] == "lags3"
+    page.get_by_label("dead time, number").fill("2.5")
+    page.keyboard.press("Enter")
+    page.wait_for_function(f"() => ({state})().plant === 'given'")
+    there = lab(f"{lab().url.partition('#')[0]}#{link.get_attribute('href').partition('#')[2]}")
+    assert there.get_by_label("plant", exact=True).input_value() == "given"
+    ((ms, *_),) = rows(page.locator(".pidalab-live"))
+    assert float(rows(there.locator(".pidalab-lab"))[0][2]) == pytest.approx(float(ms), abs=0.01)
+
+
+BAD = """<!doctype html><html lang="en"><title>Bad</title><div class="pidalab-live" data-live='%s'></div>%s</html>"""
+LIVE = '{"plant": "%s", "rule": "%s", "designs": [{"kind": "PIDA", "kp": 1, "ti": 3}], "plots": ["load"]}'
+
+
+@pytest.mark.parametrize(
+    ("html", "found"),
+    [
+        (BAD % (LIVE % ("lags3", "hand"), SCRIPTS.replace("engine", "gone")), "script"),
+        (BAD % (LIVE % ("lags3", "simc"), SCRIPTS), "SIMC has no PIDA"),
+        (BAD % (LIVE % ("nowhere", "hand"), SCRIPTS), "no loop"),
+    ],
+)
+def test_a_bad_live_figure_is_caught(html, found, open_figure):
+    page, wrong = open_figure(html)
+    assert any(found in problem for problem in wrong + undrawn(page))
