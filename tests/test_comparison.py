@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 import pidalab
 from pidalab.comparison import candidates
@@ -81,3 +82,13 @@ def test_an_integrator_with_a_lag_has_its_reaction_curve():
 def test_limits_out_of_range(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         pidalab.compare(pidalab.lags(2), **wrong)
+
+
+@pytest.mark.parametrize("lag", [0.01, 0.2, 1.0, 500.0])
+def test_what_is_read_off_a_step_response_does_not_depend_on_the_dead_time(lag):
+    """Two equal lags are steepest after one of them, with the slope 1/(e lag) at a height of 1 - 2/e."""
+    model = candidates._Models(pidalab.lags(2, lag=lag, delay=1.0)).reaction
+    delay = 1.0 + lag - (np.e - 2) * lag
+    reached = 1.0 + lag * optimize.brentq(lambda x: (1 + x) * np.exp(-x) - np.exp(-1), 1.0, 4.0)
+    assert model.delay == pytest.approx(delay, rel=1e-5)
+    assert model.den[0] / model.den[1] == pytest.approx(reached - delay, rel=1e-5)

@@ -35,10 +35,13 @@ class _Models:
             return self.integrator
         if len(self.process.den) == 2 and len(self.process.num) == 1:
             return self.process
-        t, y = self._step
+        t, y = self._response(self._undelayed, 15 * time_scale(self._undelayed))
         gain, delay = self.process.gain(), self.integrator.delay
-        reached = t[np.argmax(y / gain >= 1 - math.exp(-1))]
-        return fopdt(gain, reached - delay, delay)
+        left = y / gain - (1 - math.exp(-1))
+        i = int(np.argmax(left >= 0))
+        # between the samples along a straight line
+        reached = t[i] - (t[i] - t[i - 1]) * left[i] / (left[i] - left[i - 1])
+        return fopdt(gain, reached + self.process.delay - delay, delay)
 
     @cached_property
     def first_order(self) -> Process:
@@ -68,27 +71,34 @@ class _Models:
         itself = len(self.process.den) == 2 and self.process.den[-1] == 0
         if not itself and np.any(roots(self.process.den).real > 0):
             raise ValueError("process must not be unstable: the integrator is read off its step response")
-        return self.process if itself else ipdt_tangent(*self._rise)
+        if itself:
+            return self.process
+        tangent = ipdt_tangent(*self._rise)
+        return Process(tangent.num, tangent.den, tangent.delay + self.process.delay)
 
     @cached_property
     def _step(self) -> tuple[Array, Array]:
         """The step response until it has settled."""
-        return self._response(15 * time_scale(self.process))
+        return self._response(self.process, 15 * time_scale(self.process))
 
     @cached_property
     def _rise(self) -> tuple[Array, Array]:
-        """The beginning of the step response: the largest lag hardly matters to where it is steepest."""
+        """The beginning of the step response without dead time: the largest lag hardly matters to its slope."""
         lags = np.sort(_lags(self.process))
         small = lags[:-1] if self._settles() else lags
-        return self._response(
-            10 * (float(np.sum(small)) + self.process.delay) or 15 * time_scale(self.process)
-        )
+        return self._response(self._undelayed, 10 * float(np.sum(small)) or 15 * time_scale(self._undelayed))
 
-    def _response(self, end: float) -> tuple[Array, Array]:
+    @cached_property
+    def _undelayed(self) -> Process:
+        """The process without its dead time, which only shifts what is read off: short lags need a fine grid."""
+        return Process(self.process.num, self.process.den)
+
+    @staticmethod
+    def _response(process: Process, end: float) -> tuple[Array, Array]:
         from pidalab.simulation.exact import open_loop_step
 
         t = np.linspace(0.0, end, 8001)
-        return t, open_loop_step(self.process, t).y
+        return t, open_loop_step(process, t).y
 
     def _settles(self) -> bool:
         return bool(np.all(roots(self.process.den).real < 0))
