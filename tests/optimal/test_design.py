@@ -27,8 +27,8 @@ def keeps(design, ms, mks=math.inf):
     )
 
 
-def test_the_better_of_two_valleys():
-    """One valley of PIDA lies near the PID, at 3.41; acceleration with a slower filter takes a fifth off."""
+def test_the_valley_and_not_the_shelf_near_the_pid():
+    """A PIDA near the PID stays at 3.41; acceleration with a slower filter takes a fifth off."""
     pid, pida = (pidalab.optimal.load(THIRD, order, ms=1.4, mks=20.0) for order in (1, 2))
     assert keeps(pid, 1.4, 20.0)
     assert keeps(pida, 1.4, 20.0)
@@ -40,6 +40,24 @@ def test_the_better_of_two_valleys():
     assert any(other == pytest.approx(3.41, rel=0.02) for other in pida.valleys)  # the one near the PID
     response = pidalab.load_response(pida.loop(), np.linspace(0.0, 200.0, 8001))
     assert pida.iae == pytest.approx(response.iae(), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("process", "most", "h", "gains", "filter_time"),
+    [
+        (pidalab.lags(4), 1.0589, 0.0628, [0.49291, 2.1694, 3.458, 2.6981, 0.22122], 0.43036),
+        (pidalab.lags(2, delay=1.0), 0.2867, 0.0481, [0.38954, 1.0558, 1.0306, 0.0998], 0.4052),
+    ],
+)
+def test_the_valley_of_the_order_below_is_not_passed_by(process, most, h, gains, filter_time):
+    """Rivals with little of the highest derivative, which a ladder of filter times alone did not lead to."""
+    order = len(gains) - 2
+    rival = Loop(process, HighOrderPID(gains, filter_time, order + 1))
+    assert pidalab.max_sensitivity(rival)[0] <= 2.0
+    assert pidalab.noise_gain(rival, h) <= most
+    design = pidalab.optimal.load(process, order, ms=2.0, noise_gain=most, sample_time=h)
+    response = pidalab.load_response(rival, np.linspace(0.0, 100.0, 8001))
+    assert design.iae <= response.iae() * (1 + 1e-4)
 
 
 def test_less_noise_or_more_robustness_costs_error():

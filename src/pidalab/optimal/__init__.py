@@ -6,8 +6,9 @@ with free filter time, so that controller and filter are designed at once. The I
 subject to :math:`\max |S| \le M_s` and to :math:`\max |C S| \le M_{ks}`, or to a standard deviation of u per unit of
 white measurement noise, over all frequencies and with exact dead time.
 
-The problem is not convex and has several valleys: a PIDA near the PID, and a true PIDA with a slower filter. The search
-goes down and up a ladder of filter times and from all of its rungs to the bottom: see `pidalab.optimal._solver`.
+The problem is not convex. A PIDA near the PID and a true PIDA with a slower filter can both be local optima, or the
+first a shelf above the second. The search goes down and up a ladder of filter times, once more without the highest
+derivative, and from all rungs to the bottom: see `pidalab.optimal._solver`.
 """
 
 from pidalab.optimal._design import load, setpoint

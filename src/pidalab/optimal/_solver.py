@@ -1,8 +1,9 @@
 """The search behind `pidalab.optimal`: down and up a ladder of filter times, then from the best rungs to the bottom.
 
-For third-order plants a PIDA has two valleys: one near the PID, with hardly any acceleration and a fast filter, and a
-true PIDA with a slower one. Along a ladder of filter times, each start being the optimum of the rung before, both are
-walked through, from above and from below.
+A PIDA near the PID, with hardly any acceleration, and a true PIDA with a slower filter can each be the best there is
+nearby; on some plants the first is a valley of its own, on others a shelf above the second. Along a ladder of filter
+times, each start being the optimum of the rung before, both are walked through: from above, from below, and once more
+without the highest derivative, which keeps to the first.
 """
 
 from __future__ import annotations
@@ -126,15 +127,23 @@ class Search:
         return found
 
     def descend(
-        self, start: Array, filter_time: float | None = None, effort: tuple[int, float] = ROUGH
+        self,
+        start: Array,
+        filter_time: float | None = None,
+        highest: float = LARGEST,
+        effort: tuple[int, float] = ROUGH,
     ) -> tuple[float, Array, float]:
-        """Sequential quadratic programming from a start: value, unknowns, and by how much a limit is missed."""
+        """Sequential quadratic programming from a start: value, unknowns, and by how much a limit is missed.
+
+        The filter time may be held, and the gain of the highest derivative bounded.
+        """
         from scipy.optimize import minimize
 
         bounds, x = list(self.bounds), start.copy()
         at = self.problem.gains
         if filter_time is not None:
             x[at], bounds[at] = filter_time, (filter_time, filter_time)
+        x[at - 1], bounds[at - 1] = min(x[at - 1], highest), (0.0, highest)
         low, high = np.transpose(bounds)
         constraints, value = self.constraints(), self._worth(x)[0]
         with np.errstate(all="ignore"):
@@ -238,12 +247,15 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     """Find the best unknowns from starts that keep all limits; None where no descent ends well."""
     first = starts[0]
     x, rungs = first, []
-    for time in [*one.rungs, *one.rungs[::-1]]:
-        value, found, missed = one.descend(one.near(x, first, float(time)), float(time))
-        if missed <= KEPT:
-            x = found
-            rungs.append((value, found))
-        bar.update()
+    down, up = one.rungs, one.rungs[::-1]
+    # down, up, and down once more without the highest derivative: the valley of the order below
+    for ladder, highest in ((down, LARGEST), (up, LARGEST), (down, 0.0)):
+        for time in ladder:
+            value, found, missed = one.descend(one.near(x, first, float(time)), float(time), highest)
+            if missed <= KEPT:
+                x = found
+                rungs.append((value, found))
+            bar.update()
     # the filter time set free: from every rung and the other starts, then to the end from the best
     free = []
     for start in [*(x for _, x in _distinct(rungs, len(rungs))), *starts[1:]]:
