@@ -127,13 +127,14 @@ PID = PIDA(1.0, 2.0, 0.5)
         (PID, {"limits": (1.0, 2.0)}, ValueError, r"bias must be within the limits \(1, 2\), found 0"),
         (PID, {"rate_limit": 0.0}, ValueError, "rate_limit must be above 0"),
         (PID, {"deadband": -1.0}, ValueError, "deadband must be at least 0"),
+        (PIDA(1.0, math.inf, 0.5), {"b": 0.0, "c": 0.0}, ValueError, "b must not be 0 with c = 0 without integral"),
         (PID, {"b": math.nan}, ValueError, "b must be finite"),
         (PID, {"y_span": 0.0}, ValueError, "y_span must be above 0"),
         (PID, {"bias": "0"}, TypeError, "bias must be a real number"),
         (PID, {"filter": 1.0}, TypeError, "unexpected keyword argument 'filter'"),
     ],
     ids=["sample", "method", "tustin", "zoh", "series", "way", "tracking", "time", "sign", "limits", "bias", "rate",
-         "deadband", "nan", "span", "text", "unknown"],
+         "deadband", "no set point", "nan", "span", "text", "unknown"],
 )  # fmt: skip
 def test_discretise_complains(controller, arguments, error, message):
     with pytest.raises(error, match=message):

@@ -21,6 +21,7 @@ from pidalab import (
     NonInteractivePIDA,
     SeriesPIDA,
     areas,
+    digital,
     identification,
     reduction,
     robustness,
@@ -31,6 +32,7 @@ PLANT = pidalab.lags(3, delay=1.0)
 MODEL = pidalab.sopdt(1.0, 1.0, 1.0, 0.5)
 LINEAR = Loop(PLANT, PIDA(1.0, 3.0, 1.0, 0.3, n=5, m=5))
 TIMES = np.linspace(0, 40, 401)
+FILTER = pidalab.lags(1, 0.4).rational_part()
 RISE = np.interp(TIMES, [0, 5, 20, 40], [0, 0, 2, 2])
 RAMP = np.maximum(TIMES - 2, 0)
 
@@ -92,7 +94,57 @@ CALLS = {
         n=3,
         filter_time=0.3,
     ),
-    "discretise": partial(PIDA(1.0, 3.0, 1.0, 0.3).discretise, sample_time=0.1, method="backward"),
+    "discretise": partial(
+        digital.discretise,
+        parts=PIDA(1.0, 3.0, 1.0, 0.3).parts(),
+        sample_time=0.1,
+        method="backward",
+        **{"b": 0.5, "c": 0.0, "limits": (-9.0, 9.0), "rate_limit": 9.0, "deadband": 0.1, "bias": 1.0},
+        **{"y_offset": 2.0, "y_span": 2.0, "u_span": 2.0},
+        **{
+            "anti_windup": "back-calculation",
+            "tracking_time": 2.0,
+            "prefilter": FILTER,
+            "output_filter": FILTER,
+        },
+    ),
+    "DigitalController.step": partial(
+        PIDA(1.0, 3.0, 1.0, 0.3).discretise(0.1).step, r=1.0, y=0.0, manual=1.0, track=2.0
+    ),
+    "DigitalController.c": partial(PIDA(1.0, 3.0).discretise(0.1).c, name="level", note="a note"),
+    "from_json": partial(digital.from_json, text=PIDA(1.0, 3.0).discretise(0.1).json()),
+    "tune": partial(
+        pidalab.tune,
+        model=PLANT,
+        kind="PI",
+        ms=1.6,
+        noise_gain=4.0,
+        sample_time=0.1,
+        rule="simc",
+        spread=0.1,
+        output_filter=FILTER,
+    ),
+    "report": partial(pidalab.report, model=PLANT, ms=1.6, sample_time=0.1, rule="simc", kinds=("PI",)),
+    "portrait": partial(
+        pidalab.portrait,
+        loop=Loop(pidalab.ipdt(1.0, 1.0), SeriesPIDA(0.5, 0.2, 0.02, 9.0, 0.2, 3)),
+        parameters={"kp": [0.4, 0.5]},
+        t=0.1 * np.arange(401),
+        setpoint=1.0,
+        load=0.0,
+        noise=0.0,
+        limits=(-9.0, 9.0),
+        prefilter=([1.0], [1.0, 1.0]),
+        chunk=2,
+        memory=1e9,
+    ),
+    "portrait of digital ones": partial(
+        pidalab.portrait,
+        loop=Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.4, 9.0).discretise(0.1)),
+        parameters={"controller": [PIDA(0.4, 9.0).discretise(0.1)]},
+        t=0.1 * np.arange(401),
+        load=1.0,
+    ),
     "vendor_forms": partial(PIDA(1.0, 3.0, 1.0).vendor_forms, time_unit="s"),
 }
 FROM_BELOW = re.compile(

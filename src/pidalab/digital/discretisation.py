@@ -146,6 +146,10 @@ def discretise(
         tracked = taken_back
     else:
         own = paths(parts, behind, h, method, b, c)
+        if not ki and not any(path.weight for path in own):
+            raise ValueError(
+                f"b must not be {b:g} with c = {c:g} without integral action: the set point would have no effect"
+            )
         growth = (ki * h * scale * SHARES[method][0], ki * h * scale * SHARES[method][1])
         taken_back = _taken_back(parts, h, anti_windup, tracking_time) if ki else 0.0
         tracked = taken_back or 1.0

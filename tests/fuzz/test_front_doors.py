@@ -1,0 +1,230 @@
+"""Random plants and controllers through the front doors: tune, report, compare, portrait, and the code at the end.
+
+What comes out keeps what it says, by a second calculation; or the door refuses, in words of ours.
+"""
+
+import math
+import subprocess
+
+import control
+import drawn
+import numpy as np
+import pytest
+from cases import record, reference
+from hypothesis import assume, given, strategies as st
+from st import Instance, Parser
+
+import pidalab
+from pidalab import PIDA, Loop, NonInteractivePIDA, SeriesPIDA
+from pidalab.rules.haalman import OutputFilter
+from pidalab.tuning import RULES
+
+METHODS = st.sampled_from(["backward", "tustin", "zoh"])
+KINDS = st.sampled_from(["PI", "PID", "PIDA"])
+
+
+def answer(call, *words):
+    """Return what a call answers, or None where it refuses, which it has to do with one of these words."""
+    try:
+        return call()
+    except ValueError as error:
+        refusal = str(error)
+    assert any(word in refusal for word in words), refusal
+    return None
+
+
+@st.composite
+def any_controllers(draw):
+    """A controller of each class; its times are of the order of 1."""
+    kp, ti = draw(drawn.gains), draw(drawn.decades(-0.3, 1))
+    td, ta = draw(st.just(0.0) | drawn.decades(-1, 0)), draw(st.just(0.0) | drawn.decades(-1.5, 0))
+    kind = draw(st.sampled_from(["standard", "non-interactive", "series", "high order"]))
+    if kind == "standard":
+        return PIDA(kp, draw(st.just(math.inf) | st.just(ti)), td, ta, draw(drawn.decades(0, 1.5)), 5)
+    if kind == "non-interactive":
+        return NonInteractivePIDA(kp, ti, td, math.sqrt(ta))
+    filter_time = draw(drawn.decades(-1.5, 0))
+    if kind == "series":
+        return SeriesPIDA(kp, kp * td, kp * ta, ti, filter_time, draw(st.integers(2, 5)))
+    return draw(drawn.controllers(pidalab.fopdt(math.copysign(1.0, kp), 1.0, 0.5), proper=False))
+
+
+@st.composite
+def prefilters(draw):
+    """None, or lags and a pair of poles with a zero."""
+    if not draw(st.booleans()):
+        return None
+    num, den = [1.0], [1.0]
+    for time in draw(st.lists(drawn.decades(-1.5, 1), min_size=1, max_size=3)):
+        den = np.polymul(den, [time, 1.0])
+    if draw(st.booleans()):
+        time = draw(drawn.decades(-1, 0.5))
+        den = np.polymul(den, [time**2, 2 * draw(drawn.decades(-1, 0)) * time, 1.0])
+    if draw(st.booleans()):
+        num = [draw(drawn.decades(-1, 1)), 1.0]
+    return control.tf(num, den)
+
+
+@st.composite
+def digital_ones(draw):
+    """A controller, its digital form, and what was asked for; refusals are left out by `assume`."""
+    controller, method, h = draw(any_controllers()), draw(METHODS), draw(drawn.decades(-2.5, 0))
+    order = draw(st.integers(0, 3))
+    behind = OutputFilter(draw(drawn.decades(-1.5, 1)), order, math.nan) if order else None
+    options = {
+        "b": draw(st.sampled_from([0.0, 0.4, 1.0])),
+        "c": draw(st.sampled_from([0.0, 1.0])),
+        "limits": draw(st.sampled_from([(-math.inf, math.inf), (-4.0, 6.0), (0.0, math.inf)])),
+        "rate_limit": draw(st.sampled_from([math.inf, 40.0])),
+        "deadband": draw(st.sampled_from([0.0, 0.03])),
+        "y_offset": draw(st.sampled_from([0.0, 3.0])),
+        "y_span": draw(st.sampled_from([1.0, 2.5])),
+        "u_span": draw(st.sampled_from([1.0, 0.3])),
+        "bias": draw(st.sampled_from([0.0, 0.5])),
+        "anti_windup": draw(st.sampled_from(["reset", "clamping", None])),
+        "prefilter": draw(prefilters()),
+    }
+    k = answer(
+        lambda: controller.discretise(h, method, behind, **options),
+        "sample_time must be at most",
+        "goes by the integral time",
+        "the set point would have no effect",
+    )
+    assume(k is not None)
+    return controller, behind, options["prefilter"], k
+
+
+@drawn.cases(20)
+@given(digital_ones())
+def test_digital_controllers_are_what_was_discretised(drawing):
+    controller, behind, prefilter, k = drawing
+    z = np.exp(1j * np.array([1e-3, 0.03, 0.3, 1.0, 3.0])) * np.array([1.0, 1.0, 1.0, 1.05, 0.95])
+    h = k.sample_time
+    s = {"backward": (1 - 1 / z) / h, "tustin": 2 / h * (z - 1) / (z + 1)}.get(k.method)
+    if s is not None:
+        expected = controller(s) * k.u_span / k.y_span
+        if behind is not None:
+            expected = expected / (behind.time * s + 1) ** behind.order
+        # what is far below the largest gain is lost in its digits
+        scale = np.sum([np.abs(path.gains).sum() for path in k.paths]) + sum(np.abs(k.growth))
+        np.testing.assert_allclose(k(z), expected, rtol=1e-9, atol=1e-13 * scale)
+    if k.prefilter is not None:
+        num, den = prefilter.num[0][0], prefilter.den[0][0]
+        if s is not None:
+            expected = np.polyval(num, s) / np.polyval(den, s)
+            np.testing.assert_allclose(k.prefilter(z), expected, rtol=1e-8, atol=1e-10)
+        assert k.prefilter(1.0) == 1.0
+
+
+@drawn.cases(12)
+@given(digital_ones(), st.integers(0, 99))
+def test_code_in_every_language_is_the_reference(tmp_path_factory, drawing, seed):
+    k = drawing[-1]
+    rows = record(k, seed, 200)
+    expected = reference(k, rows)
+    assume(np.all(np.isfinite(expected)) and np.max(np.abs(expected)) < 1e9)
+    assert pidalab.digital.from_json(k.json()) == k
+    space = {}
+    exec(k.python("pida"), space)
+    controller, block = space["Pida"](), Instance(Parser(k.structured_text("pida")).blocks, "pida")
+    columns = list(zip(*(x.tolist() for x in rows.values()), strict=True))
+    np.testing.assert_array_equal([controller.step(*row) for row in columns], expected)
+    found = [block(**dict(zip(rows, row, strict=True)))["control"] for row in columns]
+    np.testing.assert_array_equal(found, expected)
+    folder = tmp_path_factory.mktemp("code")
+    (folder / "pida.c").write_text(k.c("pida"))
+    command = [
+        "gcc",
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-pedantic",
+        "-ffp-contract=off",
+        "-DPIDA_SELFTEST",
+    ]
+    subprocess.run([*command, "pida.c", "-o", "pida", "-lm"], cwd=folder, check=True)
+    subprocess.run(["./pida"], cwd=folder, check=True, capture_output=True)
+
+
+@drawn.cases(3, share=0.3)
+@given(drawn.processes, KINDS, st.sampled_from([1.3, 1.6, 2.0]), st.booleans())
+def test_a_design_keeps_what_it_promises(process, kind, ms, sampled):
+    limits = {"sample_time": 0.1, "noise_gain": 5.0} if sampled else {}
+    design = answer(
+        lambda: pidalab.tune(process, kind, ms, **limits),
+        "no stable controller",
+        "too slow to be followed",
+        "nothing else limits",
+    )
+    if design is None:
+        return
+    loop = design.loop(process)
+    found = pidalab.margins(loop)
+    assert found.stable
+    assert found.ms <= ms * (1 + 2e-3)  # with the dead time that a design may leave out
+    assert design.ms == pytest.approx(found.ms, rel=2e-3)
+    # the IAE is at least the error's integral, which the integral gain gives
+    ki = design.controller.gains().ki
+    assert design.iae >= (1 - 1e-6) * abs(1 / ki)
+    if sampled:
+        assert pidalab.noise_gain(loop, 0.1) <= 5.0 * (1 + 1e-3)
+
+
+@drawn.cases(12)
+@given(drawn.processes, st.sampled_from(sorted(RULES)), KINDS)
+def test_a_rule_by_its_name_designs_or_refuses(process, rule, kind):
+    design = answer(lambda: pidalab.tune(process, kind, rule=rule, sample_time=0.05), " must ", "found")
+    if design is None:
+        return
+    found = pidalab.margins(design.loop())
+    assert found.stable == math.isfinite(design.ms)
+    if found.stable:
+        assert design.ms == pytest.approx(found.ms, rel=1e-6)
+    k = design.discretise(0.05)
+    assert (k.prefilter is None) == (design.prefilter is None)
+
+
+@drawn.cases(2, share=0.15)
+@given(drawn.stable, st.sampled_from([1.4, 1.8]))
+def test_a_report_is_of_its_candidates(tmp_path_factory, process, ms):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    found = pidalab.report(process, ms, sample_time=0.05, rule="haalman", kinds=("PI", "PID"))
+    text = found.html(path).read_text(encoding="utf-8")
+    for row in found.rows:
+        assert row.kind in text
+        assert row.design is None or row.ms == pytest.approx(pidalab.margins(row.design.loop()).ms, rel=1e-6)
+        assert row.design is not None or row.reason
+
+
+@drawn.cases(1, share=0.03)
+@given(drawn.stable)
+def test_a_comparison_keeps_its_limits(process):
+    found = pidalab.compare(process, ms=1.6, noise_gain=10.0, sample_time=0.05)
+    for row in found.rows:
+        if not row.applies:
+            assert row.reason
+        elif found.keeps(row):
+            assert pidalab.margins(row.design.loop()).ms <= 1.6 * (1 + 1e-3)
+
+
+@drawn.cases(8)
+@given(
+    drawn.decades(-1, 0.3), drawn.decades(0.3, 1.5), drawn.decades(-1, 0), st.integers(1, 4), st.booleans()
+)
+def test_a_portrait_is_made_of_runs(kp, ti, filter_time, order, limited):
+    process, t = pidalab.ipdt(1.0, 0.7), 0.1 * np.arange(301)
+    own = SeriesPIDA(kp, 0.1 * kp, 0.0, ti, filter_time, order)
+    limits = (-0.5, 0.7) if limited else (-math.inf, math.inf)
+    grid = {"kp": [kp, 0.5 * kp], "ti": [ti, 2 * ti]}
+    found = pidalab.portrait(Loop(process, own), grid, t, setpoint=1.0, load=0.1, limits=limits)
+    for i in range(2):
+        one = SeriesPIDA(grid["kp"][i], 0.1 * kp, 0.0, grid["ti"][i], filter_time, order)
+        loop = Loop(process, one)
+        run = answer(
+            lambda loop=loop: pidalab.simulate_sampled(loop, t, setpoint=1.0, load=0.1, limits=limits),
+            "unstable loop",
+        )
+        if run is not None and np.abs(run.y).max() < 1e6:
+            assert found.iae[i] == pytest.approx(run.iae(), rel=1e-8)
+            assert found.tv_u[i] == pytest.approx(run.tv("u"), rel=1e-6)
