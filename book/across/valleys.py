@@ -1,4 +1,4 @@
-"""The two valleys: the best PIDA with a given filter time, walked down from slow filters."""
+"""A shelf and a valley: the best PIDA with a given filter time, walked down from slow filters."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def sentence(one: Walk) -> Markdown:
     bottom = int(np.argmin(one.iae))
     return Markdown(
         "Fast filters leave hardly any acceleration: there the best PIDA is the best PID, with an IAE of "
-        f"{pid.iae:.2f}, and the curve is level. The deep valley is at a filter "
+        f"{pid.iae:.2f}, and the curve is level: the shelf. The valley is at a filter "
         f"{one.filter_time[bottom] / pid.controller.filter_time:.0f} times as slow, with an IAE of {pida.iae:.2f}. "
-        "Bottoms that the search of the library met on its way: "
+        "Local searches of all parameters at once, from different starts, end at either; those of the library at "
         + ", ".join(f"{value:.2f}" for value in pida.valleys)
         + "."
     )

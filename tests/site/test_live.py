@@ -47,7 +47,7 @@ EXPECTED = """([told, turned]) => {
 
 def undrawn(page):
     """Live figures of an open page without a plot, with a loop that could not be made, or without words for it."""
-    page.wait_for_function(HEARD, timeout=5000)
+    page.wait_for_function(HEARD, timeout=20_000)
     return page.evaluate(UNDRAWN)
 
 
@@ -78,14 +78,12 @@ def as_read(row):
 
 
 def turn(page, host, knob):
-    """Move a knob by one key; returns its new value once the figure has changed."""
-    before = host.evaluate(SHOWN)
+    """Move a knob by a tenth of its range; returns its new value once the figure has followed."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
     bar = row.locator("input[type=range]")
-    bar.press("ArrowRight")
-    page.wait_for_function(
-        f"([host, before]) => ({SHOWN})(host) !== before", arg=[host.element_handle(), before], timeout=5000
-    )
+    figure = [host.element_handle(), host.evaluate(SHOWN)]
+    bar.press("PageUp")
+    page.wait_for_function(f"([host, before]) => ({SHOWN})(host) !== before", arg=figure, timeout=20_000)
     value = row.locator("input[type=number]").input_value()
     assert bar.get_attribute("aria-valuetext").startswith(f"{knob['label']} ")
     return float(value)
