@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
+from pidalab._check import Array
 from pidalab.loop import Loop, require_well_posed
 from pidalab.robustness._grid import grid
 
 QUIET = 1e-4  # |L| below which the turns of the dead time no longer show in |C S|
+REACH, FEW = 1.5, 12  # share by which |C| may grow between points; peaks that are looked at closely, at most
 
 
 def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
@@ -40,8 +44,6 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     >>> print(f"{mks:.4f} {w:.2f}")
     4.0109 19.75
     """
-    from scipy.optimize import minimize_scalar
-
     require_well_posed(loop)
 
     def gain(w: np.ndarray) -> np.ndarray:
@@ -50,16 +52,46 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     w = grid(loop, QUIET)
     height = gain(w)
     best = int(np.nanargmax(height))
+    found, at = float(height[best]), float(w[best])
+    for i in _hills(loop, w, height):
+        top = _top(gain, np.log(w[max(i - 1, 0)]), np.log(w[min(i + 1, w.size - 1)]))
+        found, at = max((found, at), top)
     # at zero frequency C S is 1/P, or C where it does not integrate
     static = loop.process.gain()
     for value, where in ((abs(1 / static) if static else math.inf, 0.0), (height[-1], math.inf)):
-        if _approached(loop, where) and value >= height[best] * (1 - 1e-7):
+        if _approached(loop, where) and value >= found * (1 - 1e-7):
             return float(value), where
-    around = np.log(w[max(best - 1, 0)]), np.log(w[min(best + 1, w.size - 1)])
+    return found, at
+
+
+def _hills(loop: Loop, w: Array, height: Array) -> list[int]:
+    """Points of the grid beside which the highest peak may lie: those whose surroundings are looked at closely."""
+    own = np.nan_to_num(height, nan=0.0, posinf=np.finfo(float).max)
+    beside = np.concatenate([[0.0], own, [0.0]])
+    hills = np.flatnonzero((own >= beside[:-2]) & (own >= beside[2:]) & (own > 0))
+    # beside a point L cannot come closer to -1 than the way to the next one allows
+    L = loop.L(1j * w)
+    way = np.abs(np.diff(L, prepend=L[:1], append=L[-1:]))
+    closest = np.abs(1 + L[hills]) - np.fmax(way[hills], way[hills + 1])
+    hills = hills[~(closest * own.max() > REACH * own[hills] * np.abs(1 + L[hills]))]
+    if hills.size <= FEW:
+        return hills.tolist()
+    # many ripples of a dead time: a parabola through three points tells which are the highest
+    inner = np.clip(hills, 1, w.size - 2)
+    before, here, after = own[inner - 1], own[inner], own[inner + 1]
+    bend, lean = 2 * here - before - after, np.abs(after - before)
+    estimate = here + lean**2 / (8 * np.maximum(bend, lean) + 1e-300)
+    return hills[np.argsort(estimate)[-FEW:]].tolist()
+
+
+def _top(gain: Callable[[Any], Any], low: float, high: float) -> tuple[float, float]:
+    """Highest value between two logarithms of frequencies, and where it lies."""
+    from scipy.optimize import minimize_scalar
+
     found = minimize_scalar(
-        lambda x: -float(gain(np.exp(x))), bounds=around, method="bounded", options={"xatol": 1e-10}
+        lambda x: -float(gain(np.exp(x))), bounds=(low, high), method="bounded", options={"xatol": 1e-10}
     )
-    return max((-float(found.fun), float(np.exp(found.x))), (float(height[best]), float(w[best])))
+    return -float(found.fun), float(np.exp(found.x))
 
 
 def _approached(loop: Loop, end: float) -> bool:
