@@ -165,8 +165,9 @@ def margins_sampled(loop: Loop, k: DigitalController) -> dict[str, Any]:
     at, size = candidates[real], np.abs(there[real])
     lag = np.mod(np.angle(sampled.L(wgc)) + np.pi, 2 * np.pi) if wgc.size else np.zeros(0)
     rotation = np.minimum(lag, 2 * np.pi - lag)
-    ms, wms = _peak(lambda x: np.abs(1 / (1 + sampled.L(x))), w)
-    mt, wmt = _peak(lambda x: np.abs(1 / (1 + 1 / sampled.L(x))), w)
+    still = _static(loop.process, sampled, w[0])
+    ms, wms = _peak(lambda x: np.abs(1 / (1 + sampled.L(x))), w, 1 / abs(1 + still))
+    mt, wmt = _peak(lambda x: np.abs(1 / (1 + 1 / sampled.L(x))), w, 1 / abs(1 + 1 / still) if still else 0.0)
     small, large = size[size < 1], size[size > 1]
     return {
         "stable": True,
@@ -193,12 +194,22 @@ def _crossings(function: Callable[[Any], Any], w: Array, values: Array) -> Array
     return np.array([brentq(function, w[j], w[j + 1], xtol=1e-15 * w[j + 1], rtol=1e-13) for j in i])
 
 
-def _peak(function: Callable[[Any], Any], w: Array) -> tuple[float, float]:
+def _static(process: Process, sampled: SampledLoop, lowest: float) -> float:
+    """Return L at zero frequency, infinite with an integrator; where one is cancelled, L at the lowest frequency."""
+    integrators = int(sampled.controller.integrates) + int(process.den[-1] == 0)
+    if integrators and process.num[-1] != 0:
+        return math.inf
+    return float(sampled.L(lowest if integrators else 0.0).real)
+
+
+def _peak(function: Callable[[Any], Any], w: Array, at_zero: float) -> tuple[float, float]:
     """Return the largest value of a function over the frequencies, and where it lies."""
     heights = function(w)
     best = int(np.argmax(heights))
-    if best in (0, w.size - 1):
-        return float(heights[best]), 0.0 if best == 0 else float(w[-1])
+    if best == 0:
+        return at_zero, 0.0
+    if best == w.size - 1:
+        return float(heights[best]), float(w[-1])
     around, fine = (w[best - 1], w[best + 1]), {"xatol": 1e-9 * w[best]}
     found = minimize_scalar(lambda x: -float(function(x)), bounds=around, method="bounded", options=fine)
     return max((float(heights[best]), float(w[best])), (-float(found.fun), float(found.x)))
