@@ -65,7 +65,6 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "simulation/digital_bank": ("simulation/test_portrait.py", "a part of the portrait"),
     "simulation/kept": ("simulation/test_portrait.py", "a part of the portrait"),
     "simulation/lanes": ("simulation/test_portrait.py", "a part of the portrait"),
-    "simulation/noise": ("rules/test_magnitude_optimum.py", "the rule whose noise gain it proves"),
     "statespace": ("simulation/test_sampled.py", "a part of the sampled engine"),
     "simulation/kernels": ("simulation/test_sampled.py", "a part of the sampled engine"),
     "digital/paths": ("digital/test_discretisation.py", "only together they are a discretisation"),

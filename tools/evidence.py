@@ -61,18 +61,22 @@ def faults() -> str:
 
 
 def oracles() -> str:
-    """Reference responses, by file."""
+    """Reference values by file; what they are stands in the list beside them."""
+    content = dict(
+        re.findall(r"^\| `(\S+)` \| (.+?) \|", (ORACLES / "README.md").read_text("utf-8"), re.MULTILINE)
+    )
     lines = []
     for path in sorted(ORACLES.glob("*.json")):
         found = json.loads(path.read_text(encoding="utf-8"))
         lines.append(
             [
                 f"`{path.name}`",
+                content[path.name],
                 str(len(found["cases"])),
                 str(found.get("digits") or floor(-log10(found["agreement"]))),
             ]
         )
-    return table(["file", "loops", "digits"], lines)
+    return table(["file", "what", "loops", "digits"], lines)
 
 
 def engine() -> str:

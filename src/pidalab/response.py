@@ -20,6 +20,11 @@ class Response:
     Between samples `r`, `d` and `n` are held, and the control error is taken as the parabola through its two end values
     with the exact area (`area`). So IE is exact, and IAE, ISE and ITAE resolve sign changes inside a sample.
 
+    With a small step h, and with what a dead time breaks on the samples, the error of IAE is at most
+    :math:`\frac{h^4}{192} \sum |\dddot e|` over the sign changes of e. Those of ISE and ITAE fall with the fourth power
+    of h, too, that of the overshoot with the third, those of total variation, rise time and settling time with the
+    second.
+
     Parameters
     ----------
     t : ndarray, shape (k,)

@@ -1,4 +1,4 @@
-"""The exact engine held against the oracles."""
+"""Loops of the oracles, and the exact engine held against them."""
 
 import json
 from pathlib import Path
@@ -22,10 +22,19 @@ def oracle_loop(case):
     """The loop of a case, with the coefficients of the file."""
 
     def block(name):
-        return control.tf(case[name]["num"], case[name]["den"]) if case[name] else None
+        return control.tf(case[name]["num"], case[name]["den"]) if case.get(name) else None
 
     process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
     return pidalab.Loop(process, block("controller") or 1.0, block("output_filter"), block("prefilter"))
+
+
+def sampled_oracle_loop(case, digital=True):
+    """The loop of a case of sampled_loops.json, with its digital controller or the continuous one."""
+    process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
+    controller = getattr(pidalab, case["controller"])(**case["arguments"])
+    if digital:
+        controller = controller.discretise(case["sample_time"], case["method"], anti_windup=None)
+    return pidalab.Loop(process, controller)
 
 
 def worst_error(case, points):

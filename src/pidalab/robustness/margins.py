@@ -204,7 +204,8 @@ def margins(loop: Loop) -> Margins:
     Returns
     -------
     Margins
-        Named values. For an unstable loop ``stable`` is False and the margins are NaN.
+        Named values, right to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False and
+        the margins are NaN.
 
     Raises
     ------
