@@ -7,24 +7,20 @@ Set-up, the compilation for JiTCDDE, is apart from them.
 
 from __future__ import annotations
 
-import csv
-import platform
 import time
 import warnings
 from collections.abc import Callable
-from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 
 import pidalab
 from benchmarks import peers
-from benchmarks.measure import case_loop, duration, error, limit, median_time, oracle_cases
+from benchmarks.measure import case_loop, duration, error, limit, median_time, oracle_cases, write
 
 LOOPS = [(1, 2, 0.005), (2, 4, 0.2), (4, 6, 0.5), (2, 3, 0.02)]  # m, n, T_e; the last one is unstable
 HORIZON = 20.0  # dead times; the unstable response is below 1e8 then
 CAP = 30  # seconds of CPU time for one row
-RESULTS = Path(__file__).parents[1] / "book" / "data" / "engine_comparison.csv"
+RESULTS = "engine_comparison"  # in book/data
 COLUMNS = (
     "m",
     "n",
@@ -38,7 +34,6 @@ COLUMNS = (
     "setup_seconds",
     "note",
 )
-PACKAGES = ("pidalab", "numpy", "scipy", "control", "jitcdde", "ddeint")
 
 Peer = Callable[..., peers.Task]
 METHODS: dict[str, tuple[Peer, str, tuple]] = {
@@ -108,18 +103,6 @@ def show(rows: list[dict]) -> None:
         print(f"{name}{numbers}  {row['note']}")
 
 
-def write(rows: list[dict]) -> None:
-    """Write all rows to the file that the book reads, the versions in a comment above."""
-    used = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    RESULTS.parent.mkdir(exist_ok=True)
-    with RESULTS.open("w", newline="") as file:
-        file.write(f"# Made by `make bench` with Python {platform.python_version()}, {used}\n")
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({key: f"{x:.3g}" if isinstance(x, float) else x for key, x in row.items()})
-
-
 def main() -> None:
     """Compare the methods loop by loop, print and write."""
     results = []
@@ -127,7 +110,7 @@ def main() -> None:
         rows = compare(*design)
         show(rows)
         results += rows
-    write(results)
+    write(RESULTS, COLUMNS, results)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,22 @@
-"""Durations, a limit for tasks that take too long, and errors against the high-precision oracles of the tests."""
+"""Durations, a limit for tasks that take too long, errors, and the tables that the book reads.
+
+Errors are against the high-precision oracles of the tests where there is one for the loop.
+"""
 
 from __future__ import annotations
 
+import csv
 import json
 import math
+import os
+import platform
+import re
 import signal
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,6 +28,8 @@ import pidalab
 T = TypeVar("T")
 
 ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
+DATA = Path(__file__).parents[1] / "book" / "data"
+PACKAGES = ("pidalab", "numpy", "scipy", "numba", "control", "jitcdde", "ddeint", "mini-racer")
 
 
 def oracle_cases(name: str) -> list[dict]:
@@ -53,8 +63,9 @@ def median_time(task: Callable[[], object], repeats: int = 5) -> float:
 
     Each of the repeats is as many runs as take a tenth of a second, since some clocks tick only every few milliseconds.
     """
-    first = duration(task)[0]
-    runs = min(50, math.ceil(0.1 / max(first, 1e-3)))
+    start = time.perf_counter()
+    task()
+    runs = math.ceil(0.1 / max(time.perf_counter() - start, 1e-4))
     return statistics.median(duration(task, runs)[0] for _ in range(repeats))
 
 
@@ -97,3 +108,24 @@ def error(t: np.ndarray, y: np.ndarray, case: dict) -> float:
     on_grid = np.abs(t[i] - times) < 1e-12 * t[-1]
     worst = np.max(np.abs(y[i] - exact)[on_grid] / scale[on_grid])
     return float(worst) if np.isfinite(worst) else np.inf
+
+
+def machine() -> str:
+    """Return Python, the packages that take part, and the processors."""
+    told = Path("/proc/cpuinfo")  # other systems say it less readably
+    found = re.search(r"^model name\s*: (.*)$", told.read_text() if told.exists() else "", flags=re.MULTILINE)
+    processor = found[1] if found else platform.processor() or platform.machine()
+    speed = re.search(r"^cpu MHz\s*: (.*)$", told.read_text(), flags=re.MULTILINE) if found else None
+    clock = f" at {float(speed[1]) / 1e3:.1f} GHz" if speed else ""
+    used = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return f"Python {platform.python_version()}, {used}; {os.cpu_count()} processors {processor}{clock}"
+
+
+def write(name: str, columns: Iterable[str], rows: Iterable[dict]) -> None:
+    """Write a table that the book reads: the machine in a comment above it, three digits of each number."""
+    with (DATA / f"{name}.csv").open("w", newline="") as file:
+        file.write(f"# Made by `make bench` with {machine()}\n")
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({key: f"{x:.3g}" if isinstance(x, float) else x for key, x in row.items()})

@@ -15,12 +15,17 @@ the states of the exact engine.
 from __future__ import annotations
 
 import contextlib
+import json
 import tempfile
 from collections.abc import Callable
+from functools import reduce
+from operator import mul
+from pathlib import Path
 from typing import NamedTuple
 
 import control
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm, matrix_balance
 from scipy.signal import tf2ss
@@ -31,6 +36,7 @@ Array = NDArray[np.float64]
 Task = Callable[[], tuple[Array, Array]]
 
 GRID = 500  # points per dead time for those that compute at any times asked
+LAB = Path(__file__).parents[1] / "book" / "_static" / "lab" / "engine.js"
 
 
 class DelayEquation(NamedTuple):
@@ -79,23 +85,26 @@ def grid(loop: pidalab.Loop, horizon: float, per_delay: int = GRID) -> Array:
     return np.linspace(0.0, horizon, round(horizon / loop.process.delay * per_delay) + 1)
 
 
-def exact(loop: pidalab.Loop, horizon: float, setting: None = None) -> Task:
+def exact(loop: pidalab.Loop, horizon: float, setting: None = None, per_delay: int = GRID) -> Task:
     """Return pidalab's own engine; it has no setting."""
-    t = grid(loop, horizon)
+    t = grid(loop, horizon, per_delay)
     return lambda: (t, pidalab.step_response(loop, t).y)
 
 
-def pade(loop: pidalab.Loop, horizon: float, order: int) -> Task:
-    """Return python-control with a Padé approximation of the dead time, in state space throughout.
+def pade(loop: pidalab.Loop, horizon: float, order: int, per_delay: int = GRID) -> Task:
+    """Return python-control with a Padé approximation of the dead time, in state space throughout."""
+    t, closed = grid(loop, horizon, per_delay), control.feedback(pade_chain(loop, order), 1)
+    closed *= _system(*loop.blocks["prefilter"])
+    return lambda: (t, control.step_response(closed, t).outputs)
+
+
+def pade_chain(loop: pidalab.Loop, order: int) -> control.StateSpace:
+    """Return the open loop of `pade`.
 
     The states are balanced: those that python-control makes of a Padé approximation of order 20 overflow here.
     """
-    t = grid(loop, horizon)
-    blocks = {name: _system(*ratio) for name, ratio in loop.blocks.items()}
-    delay = _system(*control.pade(loop.process.delay, order))
-    chain = delay * blocks["process"] * blocks["output_filter"] * blocks["controller"]
-    closed = control.feedback(chain, 1) * blocks["prefilter"]
-    return lambda: (t, control.step_response(closed, t).outputs)
+    blocks = [loop.blocks[name] for name in ("process", "output_filter", "controller")]
+    return reduce(mul, (_system(*ratio) for ratio in (control.pade(loop.process.delay, order), *blocks)))
 
 
 def _system(num: Array, den: Array) -> control.StateSpace:
@@ -113,42 +122,28 @@ def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
         step = expm(
             np.block([[A, b[:, None], e[:, None]], [np.zeros((2, d + 2))]]) * equation.delay / per_delay
         )
-        Phi, gamma, constant = step[:d, :d], step[:d, d], step[:d, d + 1]
-        x, v = np.zeros((1, d)), np.zeros(per_delay + 1)
-        y = [np.zeros(1)]
-        while len(y) <= t.size // per_delay:
-            x = recurrence(Phi, x[-1], np.outer(v[:-1], gamma) + constant)
-            v = x @ equation.c_v
-            y.append(x[1:] @ equation.c_y)
-        return t, np.concatenate(y)
+        shares = np.stack([step[:d, d], np.zeros(d), np.zeros(d)])
+        return t, _march(equation, step[:d, :d], shares, step[:d, d + 1], per_delay, t.size)
 
     return task
 
 
 def runge_kutta(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return the classical Runge–Kutta method, dead time by dead time (method of steps): fourth order.
+    """Return the classical Runge–Kutta method, compiled: fourth order.
 
     The step divides the dead time, so that no kink lies inside a step. In the middle of a step the past comes from the
-    cubic Hermite interpolant.
+    cubic Hermite interpolant. The loop is linear, so what a step does is a matrix, and it is computed once.
     """
     equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
 
     def task() -> tuple[Array, Array]:
-        A, b, e, c_v, c_y, delay = equation
-        step, one, none = delay / per_delay, np.eye(b.size), np.zeros_like(A)
+        A, b, e, *_ = equation
+        step, one, none = equation.delay / per_delay, np.eye(b.size), np.zeros_like(A)
         R = _runge_kutta_step(A, step, one, none, none, none)
-        first, middle, last = (
-            _runge_kutta_step(A, step, none, *(one if i == j else none for j in range(3))) for i in range(3)
+        parts = np.stack(
+            [_runge_kutta_step(A, step, none, *(one if i == j else none for j in range(3))) for i in range(3)]
         )
-        x, v, slope = np.zeros((1, b.size)), np.zeros(per_delay + 1), np.zeros(per_delay + 1)
-        y = [np.zeros(1)]
-        while len(y) <= t.size // per_delay:
-            w, halfway = v, (v[:-1] + v[1:]) / 2 + step / 8 * (slope[:-1] - slope[1:])
-            forcing = np.outer(w[:-1], first @ b) + np.outer(halfway, middle @ b) + np.outer(w[1:], last @ b)
-            x = recurrence(R, x[-1], forcing + (first + middle + last) @ e)
-            v, slope = x @ c_v, (x @ A.T + np.outer(w, b) + e) @ c_v
-            y.append(x[1:] @ c_y)
-        return t, np.concatenate(y)
+        return t, _march(equation, R, parts @ b, parts.sum(axis=0) @ e, per_delay, t.size)
 
     return task
 
@@ -162,20 +157,47 @@ def _runge_kutta_step(A: Array, step: float, x: Array, first: Array, middle: Arr
     return x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-def recurrence(M: Array, x: Array, forcing: Array) -> Array:
-    """Return all x_k of x_{k+1} = M x_k + forcing_k.
-
-    After pass p, row k holds the share of the last 2^p rows: a few large products in place of many small ones, which
-    in Python is much faster.
-    """
-    rows, power, reach = np.vstack([x, forcing]), M, 1
-    while reach < len(rows):
-        rows[reach:] += rows[:-reach] @ power.T
-        power, reach = power @ power, 2 * reach
-    return rows
+def _march(
+    equation: DelayEquation, R: Array, shares: Array, constant: Array, each: int, points: int
+) -> Array:
+    """Go through all steps x -> R x + shares of the past at start, middle and end + constant; return y."""
+    A, b, e, c_v, c_y, delay = equation
+    slope = (c_v @ A, c_v @ b, c_v @ e)  # of v, for the interpolant
+    return march(R, shares, constant, c_v, c_y, slope, delay / each, each, points)
 
 
-def jitcdde(loop: pidalab.Loop, horizon: float, tolerance: float, output: bool = True) -> Task:
+@njit(cache=True)
+def march(R, shares, constant, c_v, c_y, slope, step, each, points):  # pragma: no cover
+    """The compiled loop over the steps of `_march`, `each` of them in a dead time."""
+    d = constant.size
+    of_x, of_past, start = slope
+    x, new, y = np.zeros(d), np.zeros(d), np.zeros(points)
+    v, dv = np.zeros(points), np.zeros(points)
+    dv[0] = start
+    for k in range(1, points):
+        p, q = k - 1 - each, k - each  # the past at both ends of the step
+        if p >= 0:
+            first, last = v[p], v[q]
+            middle = (first + last) / 2 + step / 8 * (dv[p] - dv[q])
+        else:
+            first = middle = last = 0.0
+        for i in range(d):
+            total = constant[i] + shares[0, i] * first + shares[1, i] * middle + shares[2, i] * last
+            for j in range(d):
+                total += R[i, j] * x[j]
+            new[i] = total
+        x, new = new, x
+        dv[k] = start + of_past * last
+        for i in range(d):
+            v[k] += c_v[i] * x[i]
+            dv[k] += of_x[i] * x[i]
+            y[k] += c_y[i] * x[i]
+    return y
+
+
+def jitcdde(
+    loop: pidalab.Loop, horizon: float, tolerance: float, per_delay: int = GRID, output: bool = True
+) -> Task:
     """Return JiTCDDE, compiled: adaptive Bogacki–Shampine steps with cubic Hermite interpolation of the past.
 
     Its manual offers several ways around the kinks that a step sends through the loop; two are used here.
@@ -186,7 +208,7 @@ def jitcdde(loop: pidalab.Loop, horizon: float, tolerance: float, output: bool =
     from jitcdde import jitcdde, t, y
 
     A, b, e, c_v, c_y, delay = delay_equation(loop)
-    times = grid(loop, horizon)
+    times = grid(loop, horizon, per_delay)
 
     def combined(row: Array, time: object) -> object:
         return sum(float(row[i]) * y(i, time) for i in np.flatnonzero(row))
@@ -208,8 +230,8 @@ def jitcdde(loop: pidalab.Loop, horizon: float, tolerance: float, output: bool =
         solver.step_on_discontinuities()
         if not output:
             return times[-1:], np.array([solver.integrate(times[-1]) @ c_y])
-        states = np.array([solver.integrate(time) for time in times[GRID + 1 :]])
-        return times, np.concatenate([np.zeros(GRID + 1), states @ c_y])
+        states = np.array([solver.integrate(time) for time in times[per_delay + 1 :]])
+        return times, np.concatenate([np.zeros(per_delay + 1), states @ c_y])
 
     return task
 
@@ -227,3 +249,50 @@ def ddeint(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
         return A @ x(time) + b * (c_v @ x(time - delay)) + e
 
     return lambda: (t, ddeint(derivative, lambda time: np.zeros(b.size), t) @ c_y)
+
+
+def lab(loop: pidalab.Loop, horizon: float, setting: None = None, per_delay: int = GRID) -> Task:
+    """Return the engine of the book's lab, JavaScript in an interpreter of its own; it has no setting."""
+    t = grid(loop, horizon, per_delay)
+    asked = lab_loop(loop) | {"end": t[-1], "points": t.size, "setpoint": 1}
+    run = lab_engine("pidalabEngine.simulate(asked).y.buffer", asked)
+    return lambda: (t, np.frombuffer(run(), dtype=float))
+
+
+def lab_engine(expression: str, asked: dict) -> Callable[[], object]:
+    """Return a task that lets the lab's engine evaluate an expression of what is asked."""
+    from py_mini_racer import MiniRacer
+
+    context = MiniRacer()
+    context.eval(LAB.read_text(encoding="utf-8"))
+    run = context.eval(f"const asked = {json.dumps(asked)}; () => {expression}")
+    return lambda keep=context: run()  # a function outlives its interpreter, and then fails
+
+
+def lab_loop(loop: pidalab.Loop) -> dict:
+    """Return what the lab's engine is told of a loop; its controllers are gains over one filter of equal lags.
+
+    Raises
+    ------
+    ValueError
+        For a loop that it does not have.
+    """
+    num, den = loop.blocks["controller"]
+    order = den.size - 2
+    time = den[-3] / den[-2] / order if order else 0.0
+    lags = np.append(np.poly(np.full(order, -1 / time)) * time**order if order else 1.0, 0.0)
+    others = (loop.blocks[name] for name in ("output_filter", "prefilter"))
+    if den[-1] or not np.allclose(den / den[-2], lags) or any(len(one) > 1 for _, one in others):
+        raise ValueError("the lab's engine has no such controller")
+    return {
+        "process": {
+            "num": loop.process.num.tolist(),
+            "den": loop.process.den.tolist(),
+            "delay": loop.process.delay,
+        },
+        "controller": {
+            "gains": (num[::-1] / den[-2]).tolist(),
+            "filterTime": float(time),
+            "filterOrder": order,
+        },
+    }

@@ -8,18 +8,15 @@ all of them is extrapolated. The results go to book/data/portrait_comparison.csv
 
 from __future__ import annotations
 
-import csv
 import os
-import platform
 import time
 from collections.abc import Callable
-from importlib.metadata import version
-from pathlib import Path
 
 import control
 import numpy as np
 
 import pidalab
+from benchmarks.measure import write
 from pidalab import Loop, SeriesPIDA
 
 AROUND = {"kp": 0.17 / 1.8, "kd": 0.45, "ka": 0.1157 * 1.8, "ti": 0.36 * 1.8}  # T_d = 1.8
@@ -31,8 +28,8 @@ LOOP = Loop(
     pidalab.ipdt(1.0, delay=1.0), SeriesPIDA(**AROUND, filter_time=0.2, filter_order=4, limits=LIMITS)
 )
 T = 0.001 * np.arange(60_000)
-RESULTS = Path(__file__).parents[1] / "book" / "data" / "portrait_comparison.csv"
-PACKAGES = ("pidalab", "numpy", "numba", "scipy", "control")
+RESULTS = "portrait_comparison"  # in book/data
+COLUMNS = ("method", "sets", "seconds", "cpu_seconds", "seconds_for_all", "ratio", "iae_difference")
 
 
 def grid() -> dict[str, np.ndarray]:
@@ -110,16 +107,7 @@ def main() -> None:
         print(
             f"{method:40}{count:7}{numbers[0]:10.2f}{numbers[1]:9.2f}{numbers[2]:12.1f}{numbers[3]:9.0f}{worst:12.0e}"
         )
-    with RESULTS.open("w", newline="") as file:
-        used = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-        file.write(
-            f"# Made by `make bench` with Python {platform.python_version()}, {used}, {os.cpu_count()} processors\n"
-        )
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(
-            ("method", "sets", "seconds", "cpu_seconds", "seconds_for_all", "ratio", "iae_difference")
-        )
-        writer.writerows([[f"{x:.3g}" if isinstance(x, float) else x for x in row] for row in rows])
+    write(RESULTS, COLUMNS, (dict(zip(COLUMNS, row, strict=True)) for row in rows))
 
 
 if __name__ == "__main__":

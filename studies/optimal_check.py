@@ -70,8 +70,8 @@ PLANTS: dict[str, tuple[Process, float]] = {  # with the limit of |C S|
 class Judge:
     """IAE of a load step, with a price on what a loop must not do; counts how often it is asked."""
 
-    def __init__(self, process: Process, mks: float) -> None:
-        self.process, self.mks, self.asked = process, mks, 0
+    def __init__(self, process: Process, mks: float, order: int = ORDER) -> None:
+        self.process, self.mks, self.order, self.asked = process, mks, order, 0
         corners = np.abs(np.concatenate([np.roots(process.den), np.roots(process.num)]))
         self.time = float(process.delay + np.sum(1 / corners[corners > 0]))
         self.t = np.linspace(0.0, 40.0 * self.time, 1201)
@@ -80,10 +80,10 @@ class Judge:
 
     def loop(self, z: np.ndarray) -> Loop:
         """The loop of logarithms of gains and filter time, in units of the process."""
-        units = self.time ** np.arange(-1.0, ORDER + 1) / self.gain
+        units = self.time ** np.arange(-1.0, self.order + 1) / self.gain
         return Loop(
             self.process,
-            HighOrderPID((np.exp(z[:-1]) * units).tolist(), self.time * math.exp(z[-1]), ORDER + 1),
+            HighOrderPID((np.exp(z[:-1]) * units).tolist(), self.time * math.exp(z[-1]), self.order + 1),
         )
 
     def peaks(self, z: np.ndarray) -> np.ndarray:

@@ -1,0 +1,194 @@
+"""Responses and margins of a few loops, thousands of them at once, and what horizon, dead time and order cost.
+
+Every function returns rows of the table that the book reads; `value` is what the quantity varies.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from functools import reduce
+
+import control
+import mpmath
+import numpy as np
+
+import pidalab
+from benchmarks import peers
+from benchmarks.measure import case_loop, error, limit, median_time, oracle_cases
+from pidalab.rules import classical
+
+COLUMNS = ("quantity", "loop", "value", "method", "seconds", "ratio", "error", "note")
+Rows = Iterator[dict]
+
+METHODS: dict[str, tuple[Callable[..., peers.Task], object]] = {
+    "pidalab": (peers.exact, None),
+    "python-control, Padé 3": (peers.pade, 3),
+    "python-control, Padé 10": (peers.pade, 10),
+    "Runge–Kutta 4, numba": (peers.runge_kutta, None),
+    "JiTCDDE": (peers.jitcdde, 1e-7),
+    "lab's engine": (peers.lab, None),
+}
+DELAYS = 20  # horizon of a response
+EACH = (25, 100, 500)  # points in a dead time
+LOOPS = ("third_order_pida", "ten_states", "twelve_states", "ipdt_pida_stable")
+MANY = 2_000
+CAP = 30  # seconds of CPU time for one task
+HORIZONS = (5, 10, 20, 50, 100, 200, 500)  # dead times
+DEAD_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
+FILTER = 0.1  # time constant of the filter of second order
+FINE = 16  # steps of the reference in one of the comparison
+
+
+def cases() -> dict[str, dict]:
+    """Return the oracle's cases by name."""
+    return {case["name"]: case for case in oracle_cases("delay_loops.json")}
+
+
+def with_ratios(rows: list[dict]) -> list[dict]:
+    """Add the ratio of each time to that of the first row, which is pidalab's."""
+    own = rows[0]["seconds"]
+    return [row | {"ratio": row["seconds"] / own if row["seconds"] else ""} for row in rows]
+
+
+def all_methods(
+    loop: pidalab.Loop, horizon: float, each: int, judge: Callable[[np.ndarray, np.ndarray], float]
+) -> list[dict]:
+    """Return time and error of a set-point step by every method, on the same grid."""
+    rows = []
+    for name, (peer, setting) in METHODS.items():
+        row = {"method": name, "seconds": "", "error": "", "note": ""}
+        arguments = (each,) if peer is peers.runge_kutta else (setting, each)
+        try:
+            with limit(CAP), np.errstate(all="ignore"):
+                task = peer(loop, horizon, *arguments)
+                found = judge(*task())
+                row |= {"seconds": median_time(task, 3), "error": found}
+        except (ValueError, TimeoutError) as reason:
+            row["note"] = str(reason)
+        rows.append(row)
+    return with_ratios(rows)
+
+
+def responses() -> Rows:
+    """Set-point steps of loops of the oracle, over the number of points."""
+    for name in LOOPS:
+        case = cases()[name]
+        loop = case_loop(case)
+        for each in EACH:
+            found = all_methods(loop, DELAYS * case["delay"], each, lambda t, y, case=case: error(t, y, case))
+            for row in found:
+                yield {"quantity": "response", "loop": name, "value": DELAYS * each + 1} | row
+
+
+def true_margins(loop: pidalab.Loop) -> np.ndarray:
+    """Return gain margin, phase margin in degrees and Ms, to 30 digits but for the last rounding.
+
+    The crossings are found from pidalab's frequencies; that none is missed is tested elsewhere.
+    """
+    near = pidalab.margins(loop)
+    with mpmath.workdps(30):
+        blocks = [
+            [mpmath.matrix(part.tolist()) for part in loop.blocks[name]]
+            for name in ("process", "controller", "output_filter")
+        ]
+
+        def L(w: mpmath.mpf) -> mpmath.mpc:
+            s = mpmath.mpc(0, w)
+            ratios = (mpmath.polyval(list(num), s) / mpmath.polyval(list(den), s) for num, den in blocks)
+            return mpmath.fprod(ratios) * mpmath.exp(-s * loop.process.delay)
+
+        gm = -1 / L(mpmath.findroot(lambda w: L(w).imag, near.wpc)).real
+        crossing = mpmath.findroot(lambda w: abs(L(w)) ** 2 - 1, near.wgc)
+        pm = mpmath.degrees(mpmath.arg(-L(crossing)))
+        peak = mpmath.findroot(lambda w: mpmath.diff(lambda x: abs(1 + L(x)) ** 2, w), near.wms)
+        return np.array([gm, pm, 1 / abs(1 + L(peak))], dtype=float)
+
+
+def margins() -> Rows:
+    """Gain margin, phase margin and Ms; of python-control Ms is one over the least distance from -1."""
+    for name in LOOPS:
+        loop = case_loop(cases()[name])
+        tasks: dict[str, Callable[[], object]] = {"pidalab": lambda loop=loop: pidalab.margins(loop)}
+        for order in (3, 10):
+            chain = peers.pade_chain(loop, order)
+            tasks[f"python-control, Padé {order}"] = lambda chain=chain: control.stability_margins(chain)
+        if name == "ipdt_pida_stable":
+            told = "(m => [m.gm, m.pm, m.ms].join())(pidalabEngine.margins(asked))"
+            tasks["lab's engine"] = peers.lab_engine(told, peers.lab_loop(loop))
+        rows, true = [], true_margins(loop)
+        for method, task in tasks.items():
+            off = np.max(np.abs(three(method, task()) / true - 1))
+            rows.append({"method": method, "seconds": median_time(task, 3), "error": float(off)})
+        for row in with_ratios(rows):
+            yield {"quantity": "margins", "loop": name, "value": "", "note": ""} | row
+
+
+def three(method: str, found: object) -> np.ndarray:
+    """Return gain margin, phase margin and Ms of what a method returns."""
+    if method == "pidalab":
+        return np.array([found.gm, found.pm, found.ms])
+    if method == "lab's engine":
+        return np.array([float(x) for x in found.split(",")])
+    gm, pm, distance = found[:3]
+    return np.array([gm, pm, 1 / distance])
+
+
+def together() -> Rows:
+    """Thousands of loops in one call and one by one, by the clock: one call uses all processors."""
+    case = cases()["third_order_pida"]
+    process, t = case_loop(case).process, np.linspace(0, DELAYS * case["delay"], 2_001)
+    loops = [
+        pidalab.Loop(process, pidalab.PIDA(kp, 3.37, 0.938, 0.269)) for kp in np.linspace(0.5, 1.3, MANY)
+    ]
+    pairs = {
+        "responses": (
+            lambda: np.array([r.y for r in pidalab.simulate_many(loops, t, load=1.0)]),
+            lambda: np.array([pidalab.load_response(loop, t).y for loop in loops]),
+        ),
+        "margins": (
+            lambda: np.array([m.ms for m in pidalab.margins_many(loops)]),
+            lambda: np.array([pidalab.margins(loop).ms for loop in loops]),
+        ),
+    }
+    for name, tasks in pairs.items():
+        rows, results = [], []
+        for method, task in zip(("one call", "one by one"), tasks, strict=True):
+            start = time.perf_counter()
+            results.append(task())
+            off = float(np.max(np.abs(results[-1] - results[0])))
+            rows.append({"method": method, "seconds": time.perf_counter() - start, "error": off})
+        for row in with_ratios(rows):
+            yield {"quantity": f"many {name}", "loop": case["name"], "value": MANY, "note": ""} | row
+
+
+def family(order: int, delay: float) -> pidalab.Loop:
+    """Return lags of 1, 0.8, 0.64 … and dead time under SIMC's PI controller, which a filter makes strictly proper."""
+    lags = reduce(np.polymul, ([0.8**k, 1.0] for k in range(order)))
+    plant = pidalab.Process([1.0], lags, delay)
+    pi = classical.simc(plant, "PI").controller
+    return pidalab.Loop(plant, pidalab.HighOrderPID([pi.kp / pi.ti, pi.kp], FILTER, 2))
+
+
+def extrapolated(loop: pidalab.Loop, horizon: float, each: int) -> np.ndarray:
+    """Return a reference response: Runge–Kutta with two fine steps, the leading error taken away."""
+    coarse, fine = (peers.runge_kutta(loop, horizon, k * each)()[1][::k] for k in (FINE // 2, FINE))
+    return fine + (fine - coarse) / 15
+
+
+def scaling() -> Rows:
+    """The same response over a longer horizon, with another dead time, of a higher order."""
+    plans = [("horizon", x, family(3, 1.0), float(x), 100) for x in HORIZONS]
+    plans += [("dead time", x, family(3, x), 60.0, round(100 * x)) for x in DEAD_TIMES]
+    plans += [("order", x, family(x, 1.0), 20.0, 100) for x in ORDERS]
+    for quantity, value, loop, horizon, each in plans:
+        true = extrapolated(loop, horizon, each)
+
+        def judge(t: np.ndarray, y: np.ndarray, true: np.ndarray = true) -> float:
+            worst = np.max(np.abs(y - true) / np.maximum(1, np.abs(true)))
+            return float(worst) if math.isfinite(worst) else math.inf
+
+        for row in all_methods(loop, horizon, each, judge):
+            yield {"quantity": quantity, "loop": "SIMC PI", "value": value} | row
