@@ -55,7 +55,7 @@ lint: $(ENV)  ## style and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(ENV)  ## compare speed and accuracy with other libraries
+bench: $(ENV)  ## time and error beside other libraries, for the page on speed (8 minutes)
 	$(BIN)/python -m benchmarks.run
 
 studies: $(ENV)  ## compare all rules on 134 plants, and find the frontier (stops and resumes)

@@ -256,7 +256,7 @@ def lab(loop: pidalab.Loop, horizon: float, setting: None = None, per_delay: int
     t = grid(loop, horizon, per_delay)
     asked = lab_loop(loop) | {"end": t[-1], "points": t.size, "setpoint": 1}
     run = lab_engine("pidalabEngine.simulate(asked).y.buffer", asked)
-    return lambda: (t, np.frombuffer(run(), dtype=float))
+    return lambda: (t, np.frombuffer(run(), dtype=float).copy())  # the interpreter frees its own
 
 
 def lab_engine(expression: str, asked: dict) -> Callable[[], object]:

@@ -9,14 +9,12 @@ all of them is extrapolated. The results go to book/data/portrait_comparison.csv
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable
 
 import control
 import numpy as np
 
 import pidalab
-from benchmarks.measure import write
+from benchmarks.measure import clocked, write
 from pidalab import Loop, SeriesPIDA
 
 AROUND = {"kp": 0.17 / 1.8, "kd": 0.45, "ka": 0.1157 * 1.8, "ti": 0.36 * 1.8}  # T_d = 1.8
@@ -75,18 +73,11 @@ def plain(own: SeriesPIDA, t: np.ndarray) -> pidalab.Response:
     return pidalab.Response(t, r=0.0, d=1.0, n=0.0, y=out.outputs[0], u=out.outputs[1])
 
 
-def timed(task: Callable[[], object]) -> tuple[float, float, object]:
-    """Return the time by the clock, CPU time of all threads, and the result."""
-    clock, cpu = time.perf_counter(), time.process_time()
-    result = task()
-    return time.perf_counter() - clock, time.process_time() - cpu, result
-
-
 def main() -> None:
     """Time and compare, print and write."""
     pidalab.portrait(LOOP, {}, T[:100], load=1.0)  # compiles
     sets = EACH**4
-    clock, cpu, portrait = timed(lambda: pidalab.portrait(LOOP, grid(), T, load=1.0))
+    clock, cpu, portrait = clocked(lambda: pidalab.portrait(LOOP, grid(), T, load=1.0))
     iae = portrait.iae.ravel()
     rows = [("portrait", sets, clock, cpu, clock, 1.0, 0.0)]
     for method, simulate in (
@@ -94,7 +85,7 @@ def main() -> None:
         ("python-control, input_output_response", lambda own: plain(own, T)),
     ):
         simulate(one_set(FEW[0]))
-        few, few_cpu, records = timed(lambda simulate=simulate: [simulate(one_set(i)) for i in FEW])
+        few, few_cpu, records = clocked(lambda simulate=simulate: [simulate(one_set(i)) for i in FEW])
         worst = max(abs(r.iae() / iae[i] - 1) for r, i in zip(records, FEW, strict=True))
         rows.append(
             (method, len(FEW), few, few_cpu, few / len(FEW) * sets, few / len(FEW) * sets / clock, worst)

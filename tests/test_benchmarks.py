@@ -1,6 +1,10 @@
 """The benchmarks, as far as they do not depend on time: independent methods approach the exact engine."""
 
 import csv
+import importlib.util
+import json
+import re
+import shutil
 import sys
 from itertools import pairwise, product
 from pathlib import Path
@@ -12,8 +16,12 @@ import pidalab
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # pytest's importlib mode does not add it
 
-from benchmarks import dead_time, measure, peers, portraits
+from benchmarks import dead_time, loops, measure, optimum, peers, portraits, run
 
+SPEED = Path(__file__).parents[1] / "book" / "speed"
+SPEC = importlib.util.spec_from_file_location("shown", SPEED / "shown.py")
+shown = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(shown)
 HORIZON = 8.0  # dead times
 STIFF, STABLE, LARGE, UNSTABLE = (measure.case_loop(dead_time.case_of(*design)) for design in dead_time.LOOPS)
 
@@ -49,6 +57,28 @@ def test_fixed_steps_converge_to_the_exact_engine(peer, order, loop, per_delay):
 def test_padé_gets_better_with_its_order(loop):
     errors = [difference(peers.pade, loop, order) for order in (3, 5, 10, 20)]
     assert all(worse > better for worse, better in pairwise(errors))
+
+
+def test_the_reference_of_the_costs_is_the_exact_engine():
+    for order in (1, 12):
+        loop = loops.family(order, 1.0)
+        _, y = peers.exact(loop, HORIZON, None, 100)()
+        np.testing.assert_allclose(loops.extrapolated(loop, HORIZON, 100), y, rtol=0, atol=1e-11)
+
+
+def test_the_labs_engine_is_told_the_same_loop():
+    _, y = peers.lab(loops.family(3, 1.0), HORIZON, None, 25)()
+    _, exact = peers.exact(loops.family(3, 1.0), HORIZON, None, 25)()
+    np.testing.assert_allclose(y, exact, rtol=0, atol=1e-7)
+    with pytest.raises(ValueError, match="no such controller"):
+        peers.lab_loop(STIFF)
+
+
+def test_true_margins_are_those_of_an_integrator():
+    """K/s e^{-s} under a gain k: gain margin π/2k, phase margin 90° less k rad."""
+    gm, pm, _ = loops.true_margins(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))
+    assert gm == pytest.approx(np.pi, rel=1e-15)
+    assert pm == pytest.approx(90 - np.degrees(0.5), rel=1e-15)
 
 
 def table(name):
@@ -96,3 +126,81 @@ def test_python_control_simulates_the_loops_of_the_portrait():
         assert record.iae() == pytest.approx(sampled.iae(), rel=0.003)
     first, last = (portraits.one_set(i).ti / portraits.AROUND["ti"] for i in (0, -1))
     assert (first, last) == pytest.approx((0.8, 1.2))
+
+
+def asked():
+    """Quantity, loop and value of every case that `make bench` goes through, and by how many methods."""
+    every = len(loops.METHODS)
+    yield from ((("response", n, str(20 * k + 1)), every) for n, k in product(loops.LOOPS, loops.EACH))
+    yield from ((("margins", n, ""), 4 if n == "ipdt_pida_stable" else 3) for n in loops.LOOPS)
+    yield from (((f"many {x}", "third_order_pida", str(loops.MANY)), 2) for x in ("responses", "margins"))
+    plans = {"horizon": loops.HORIZONS, "dead time": loops.DEAD_TIMES, "order": loops.ORDERS}
+    yield from (((name, "SIMC PI", str(x)), every) for name, values in plans.items() for x in values)
+    yield from ((("optimum", n, str(m)), 2) for n, m in product(optimum.NAMES, optimum.ORDERS))
+
+
+def test_the_table_of_speed_has_every_case():
+    rows = table(run.RESULTS)
+    cases = {}
+    for row in rows:
+        cases.setdefault((row["quantity"], row["loop"], row["value"]), []).append(row)
+    assert {case: len(some) for case, some in cases.items()} == dict(asked())
+    for some in cases.values():
+        own = float(some[0]["seconds"])
+        assert some[0]["method"] in ("pidalab", "one call")
+        for row in some:
+            assert row["note"] if not row["seconds"] else float(row["error"]) >= 0
+            if row["seconds"]:
+                assert float(row["ratio"]) == pytest.approx(float(row["seconds"]) / own, rel=0.01)
+
+
+def test_the_page_on_speed_types_no_number():
+    cells = json.loads((SPEED / "how-fast.ipynb").read_text())["cells"]
+    text = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    prose = re.sub(r"\]\([^)]*\)|huba2018", "", text)
+    assert len(prose) > 2000
+    assert re.findall(r".*\d.*", prose) == []
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """The tables in another place, where they may be changed."""
+    for name in shown.FILES:
+        shutil.copy(shown.DATA / f"{name}.csv", tmp_path)
+    monkeypatch.setattr(shown, "DATA", tmp_path)
+    return tmp_path
+
+
+def test_the_page_on_speed_shows_what_is_in_the_tables(elsewhere):
+    """With another number in each table the page shows another number."""
+    functions = ("machine", "headline", "responses", "fixed", "faster", "margins", "together", "optimum")
+
+    def page():
+        results = [getattr(shown, name)() for name in (*functions, "engines", "portraits")]
+        return [getattr(one, "data", None) or one.to_string() for one in results]
+
+    before = page()
+    for name in shown.FILES:
+        path = elsewhere / f"{name}.csv"
+        head, columns, *lines = path.read_text().replace("processors", "processors, slow").splitlines()
+        rows = list(csv.DictReader([columns, *lines]))
+        for row in rows:
+            for key in row.keys() & {"seconds", "seconds_for_all", "ratio", "error"}:
+                row[key] = row[key] and str(0.37 * float(row[key]))
+        with path.open("w", newline="") as file:
+            file.write(head + "\n")
+            writer = csv.DictWriter(file, rows[0])
+            writer.writeheader()
+            writer.writerows(rows)
+    assert [a == b for a, b in zip(before, page(), strict=True)] == [False] * len(before)
+
+
+def test_a_method_that_is_nearer_to_the_truth_is_said_to_be(elsewhere):
+    path = elsewhere / f"{shown.FILES[0]}.csv"
+    assert " none came nearer" in shown.headline().data
+    lines = path.read_text().splitlines()
+    i = next(i for i, line in enumerate(lines) if line.startswith("response") and "JiTCDDE" in line)
+    cells = next(csv.reader([lines[i]]))
+    lines[i] = ",".join(f'"{cell}"' for cell in [*cells[:6], "1e-17", ""])
+    path.write_text("\n".join(lines))
+    assert " 1 came nearer" in shown.headline().data
