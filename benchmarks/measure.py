@@ -59,13 +59,14 @@ def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
 
 
 def median_time(task: Callable[[], object], repeats: int = 5) -> float:
-    """Return the median duration after one run that does not count.
+    """Return the median duration after runs that do not count.
 
     Each of the repeats is as many runs as take a tenth of a second, since some clocks tick only every few milliseconds.
     """
-    start = time.perf_counter()
-    task()
-    runs = math.ceil(0.1 / max(time.perf_counter() - start, 1e-4))
+    runs = 1
+    while (once := duration(task, runs)[0]) * runs < 0.02:
+        runs *= 4
+    runs = math.ceil(0.1 / once)
     return statistics.median(duration(task, runs)[0] for _ in range(repeats))
 
 

@@ -135,7 +135,7 @@ def asked():
     yield from ((("margins", n, ""), 4 if n == "ipdt_pida_stable" else 3) for n in loops.LOOPS)
     yield from (((f"many {x}", "third_order_pida", str(loops.MANY)), 2) for x in ("responses", "margins"))
     plans = {"horizon": loops.HORIZONS, "dead time": loops.DEAD_TIMES, "order": loops.ORDERS}
-    yield from (((name, "SIMC PI", str(x)), every) for name, values in plans.items() for x in values)
+    yield from (((name, "SIMC PI", f"{x:g}"), every) for name, values in plans.items() for x in values)
     yield from ((("optimum", n, str(m)), 2) for n, m in product(optimum.NAMES, optimum.ORDERS))
 
 
