@@ -270,3 +270,17 @@ def test_unknown_names_are_refused():
         _ = pidalab.nonsense
     assert set(dir(pidalab)) >= set(pidalab.__all__)
     assert pidalab.__version__
+
+
+def test_helpers_have_names_of_their_own():
+    """The folders that tests import from stand on one path: of two modules of one name the first hides the other."""
+    text = (TESTS / "conftest.py").read_text()
+    folders = re.search(r"for folder in \(([^)]*)\)", text)[1]
+    names = [
+        path.stem
+        for folder in re.findall(r'"(\w+)"', folders)
+        for path in (TESTS / folder).glob("*.py")
+        if not path.stem.startswith(("test_", "conftest", "__"))
+    ]
+    assert len(names) > 9
+    assert sorted(names) == sorted({*names})

@@ -6,8 +6,8 @@ import shutil
 
 import numpy as np
 import pytest
-from drawn import plots
 from looking import NARROW, OVERFLOW
+from pictured import plots
 
 import pidalab
 from pidalab.digital import DigitalController
