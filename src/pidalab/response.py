@@ -301,12 +301,21 @@ class Response:
 
     def _absolute(self, horizon: float | None, base: float, slope: float) -> float:
         """Integrate |e| times the weight base + slope t."""
-        (c0, c1, c2), end, start = self._pieces(horizon)
-        cuts = np.sort(np.clip(np.vstack([np.zeros_like(end), _roots(c0, c1, c2), end]), 0.0, end), axis=0)
-        plain = cuts * (c0 + cuts * (c1 / 2 + cuts * c2 / 3))
-        rising = cuts**2 * (c0 / 2 + cuts * (c1 / 3 + cuts * c2 / 4))
-        weight = base + slope * start
-        pieces = weight * np.abs(np.diff(plain, axis=0)) + slope * self.step * np.abs(np.diff(rising, axis=0))
+        curve, end, start = self._pieces(horizon)
+
+        def integrals(curve: Array, start: Array, cuts: Array) -> Array:
+            (c0, c1, c2), s = curve, cuts
+            plain = np.diff(s * (c0 + s * (c1 / 2 + s * c2 / 3)), axis=0)
+            rising = np.diff(s**2 * (c0 / 2 + s * (c1 / 3 + s * c2 / 4)), axis=0)
+            weighted = (base + slope * start) * np.abs(plain) + slope * self.step * np.abs(rising)
+            return np.asarray(np.sum(weighted, axis=0))
+
+        pieces = integrals(curve, start, np.stack([np.zeros_like(end), end]))
+        # where e can change its sign, the integral is cut at its zeros
+        few = np.abs(curve[0]) <= np.abs(curve[1]) + np.abs(curve[2])
+        ends = np.stack([np.zeros(few.sum()), end[few]])
+        cuts = np.sort(np.clip(np.vstack([ends, _roots(*curve[:, few])]), 0.0, ends[1]), axis=0)
+        pieces[few] = integrals(curve[:, few], start[few], cuts)
         return float(self.step * np.sum(pieces))
 
     def ise(self, horizon: float | None = None) -> float:
