@@ -26,12 +26,12 @@ def test_scoreboard(project):
     write_rows(project / "book" / "ledger" / "another.csv", [replace(KP, id="another.kp")])
     board = scoreboard()
     lines = [line.split() for line in repr(board).splitlines()]
-    assert lines[0] == ["basis", "verdict", "another", "demo", "total"]
-    assert lines[1] == ["computed", "reproduced", "1", "1", "2"]
-    assert ["from-print", "as-read", "0", "1", "1"] in lines
-    assert ["reading", "not-computable", "0", "1", "1"] in lines
-    assert lines[-1] == ["claims", "1", "10", "11"]
-    assert sum(int(line[-1]) for line in lines[1:-1]) == 11
+    assert lines[0] == ["basis", "verdict", "total", "another", "demo"]
+    assert lines[1] == ["computed", "reproduced", "2", "1", "1"]
+    assert ["from-print", "as-read", "1", "0", "1"] in lines
+    assert ["reading", "not-computable", "1", "0", "1"] in lines
+    assert lines[-1] == ["claims", "11", "1", "10"]
+    assert sum(int(line[2]) for line in lines[1:-1]) == 11
     assert board._repr_html_().count('role="img"') == 3
 
 
@@ -44,6 +44,7 @@ def test_errata_keeps_misprints_and_readings_apart(project):
     assert "demo.t2" not in page.text
     assert page.html.count("<h3>On PIDA (demo)</h3>") == 2
     lines = repr(page).splitlines()
+    assert "—" not in page.html  # a misprint that nothing computed shows has no line for it
     assert lines[4].split()[-10:-6] == ["(Table", "1)", "12", "0.120"]
 
 

@@ -114,10 +114,11 @@ def scoreboard(folder: Path | str | None = None) -> Display:
     claims           0
     """
     books = load_all(folder)
-    rows = {paper: [*book.rows.values()] for paper, book in books.items()}
-    rows["total"] = [row for book in books.values() for row in book.rows.values()]
+    # the total first: a narrow screen shows it without scrolling
+    rows = {"total": [row for book in books.values() for row in book.rows.values()]}
+    rows |= {paper: [*book.rows.values()] for paper, book in books.items()}
     body = [_count(rows, basis, verdict) for basis in BASES for verdict in VERDICTS]
-    body = [line for line in body if line[-1].text != "0"]
+    body = [line for line in body if line[2].text != "0"]
     body.append([words(""), words("claims"), *(number(str(len(part))) for part in rows.values())])
     table = grid("scoreboard", ("basis", "verdict", *rows), body, heading=1)
     bars = scorebar("all papers", score(rows["total"])).html if rows["total"] else ""
@@ -218,15 +219,14 @@ def errata(folder: Path | str | None = None) -> Display:
 
 def _corrections(rows: list[Row]) -> Display:
     """One table of rows that are printed, or read, otherwise than they follow."""
+
+    def middle(row: Row) -> tuple[Cell, ...]:
+        if row.is_number:
+            return number(row.printed), number(row.shown())
+        return (evidence(row, span=2) if row.evidence else Cell("", "", "evidence text", 2),)
+
     header = ("claim", "printed, as read", "follows", "why")
-    cells = [
-        [
-            claim(row, row.where, unfold=False),
-            *((number(row.printed), number(row.shown())) if row.is_number else (evidence(row, span=2),)),
-            words(row.note),
-        ]
-        for row in rows
-    ]
+    cells = [[claim(row, row.where, unfold=False), *middle(row), words(row.note)] for row in rows]
     return grid("errata", header, cells)
 
 
