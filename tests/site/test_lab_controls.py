@@ -1,0 +1,150 @@
+"""Each switch and button of the lab does what it says, and what it cannot do is said."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from drawn import plots
+
+import pidalab
+
+ROWS = "() => document.querySelectorAll('.lab-table tbody tr').length"
+CONTROL = "Control signal u, step of the set point"
+
+
+def press(page, name):
+    page.get_by_role("button", name=name).click()
+
+
+def enter(page, label, value):
+    page.get_by_label(f"{label}, number", exact=True).fill(str(value))
+    page.keyboard.press("Enter")
+
+
+def says(page, words):
+    """Wait until the lab says these words."""
+    page.wait_for_function(
+        "words => document.querySelector('.lab-live').textContent.includes(words)", arg=words
+    )
+
+
+def test_keep_forget_and_start_anew(lab):
+    page = lab()
+    press(page, "Keep this design")
+    page.wait_for_function(f"() => ({ROWS})() === 2")
+    press(page, "Forget the kept ones")
+    page.wait_for_function(f"() => ({ROWS})() === 1")
+    start = page.get_by_label("kp, number", exact=True).input_value()
+    enter(page, "kp", 9)
+    says(page, "the loop is unstable")
+    assert page.get_by_label("rule", exact=True).input_value() == "hand"
+    press(page, "Start anew")
+    says(page, "IAE")
+    assert page.get_by_label("kp, number", exact=True).input_value() == start
+
+
+def test_a_link_is_copied(lab):
+    page = lab()
+    page.evaluate("""() => Object.defineProperty(navigator, "clipboard", {
+        value: { writeText: async (text) => { globalThis.copied = text; } } })""")
+    press(page, "Copy a link")
+    says(page, "The link is copied.")
+    assert page.evaluate("() => copied") == page.url
+
+
+@pytest.mark.parametrize("damping", [0.4, 1.0])
+def test_a_plant_of_ones_own_and_a_rule_without_ground(lab, damping):
+    page = lab()
+    page.get_by_label("plant", exact=True).select_option("own")
+    values = {
+        "gain": 2,
+        "lag T1": 3,
+        "lag T2": 1.5,
+        "lag T3": 0.5,
+        "damping": damping,
+        "zero": -0.7,
+        "dead time": 0.8,
+    }
+    for label, value in values.items():
+        enter(page, label, value)
+    page.get_by_label("integrating", exact=True).check()
+    says(page, "needs a plant that does not integrate")
+    press(page, "As a library call")
+    call = re.search(r"pidalab\.Process\(.*\)", page.locator(".lab-out").text_content())[0]
+    s = 1j * np.geomspace(0.01, 10, 50)
+    pair = 9 * s**2 + 6 * damping * s + 1 if damping < 1 else (3 * s + 1) * (1.5 * s + 1)
+    expected = 2 * (1 - 0.7 * s) * np.exp(-0.8 * s) / (pair * (0.5 * s + 1) * s)
+    assert np.allclose(eval(call, {"pidalab": pidalab})(s), expected, rtol=1e-6)
+
+
+def test_limits_and_noise_show_in_the_control_signal(lab):
+    page = lab()
+    page.get_by_label("limits of the actuator").check()
+    enter(page, "lowest u", -0.2)
+    enter(page, "highest u", 1.5)
+
+    def reached():
+        plot = plots(page.locator(".pidalab-lab"))[CONTROL]
+        low, high = plot.y.place([-0.2, 1.5])
+        heights = plot.line("lab-0")[:, 1]
+        assert heights.max() < low + 0.2
+        assert heights.min() > high - 0.2
+        return np.sum(heights > low - 0.2), np.sum(heights < high + 0.2)
+
+    page.wait_for_function(
+        "() => document.querySelector('.lab-table tbody td:nth-of-type(8)').textContent === '1.5'"
+    )
+    calm = reached()
+    before = page.locator(".lab-plots").inner_html()
+    page.get_by_label("measurement noise", exact=True).check()
+    enter(page, "noise, ±", 0.2)
+    page.wait_for_function("before => document.querySelector('.lab-plots').innerHTML !== before", arg=before)
+    noisy = reached()
+    assert min(calm + noisy) > 0
+    assert noisy[1] > 5 * calm[1]  # the kick meets the upper limit once, the noise again and again
+
+
+def test_each_anti_windup_by_its_switch(lab):
+    state = """{plant: "huba-ipdt", rule: "hand", limited: true, low: -0.1, high: 0.1, antiWindup: "none",
+        design: {kind: "PIDA", kp: 0.611, ti: 5.486, td: 0.7404, ta: 0.1481, filterTime: 0.2, filterOrder: 4}}"""
+    page = lab()
+    page = lab(page.url.partition("#")[0] + page.evaluate(f"() => '#' + pidalabModel.write({state})"))
+    cell = "() => document.querySelector('.lab-table tbody td:nth-of-type(2)').textContent"
+    iae = [page.evaluate(cell)]
+    for way in ("conditioning", "clamping", "reset"):
+        page.get_by_label("anti-windup", exact=True).select_option(way)
+        page.wait_for_function(f"before => ({cell})() !== before", arg=iae[-1])
+        iae.append(page.evaluate(cell))
+    assert sorted(map(float, iae), reverse=True) == list(map(float, iae))
+
+
+def test_what_is_exported_names_every_design(lab):
+    page = lab()
+    press(page, "PI, PID and PIDA by this rule")
+    page.wait_for_function(f"() => ({ROWS})() === 4")
+    press(page, "As JSON")
+    saved = json.loads(page.locator(".lab-out").text_content())
+    assert [design["kind"] for design in saved["designs"]] == ["PIDA", "PI", "PID", "PIDA"]
+    process = pidalab.Process(**saved["process"])
+    for design in saved["designs"]:
+        gains = design["gains"][: {"PI": 2, "PID": 3, "PIDA": 4}[design["kind"]]]
+        own = pidalab.HighOrderPID(gains, design["filterTime"], design["filterOrder"])
+        assert pidalab.margins(pidalab.Loop(process, own)).ms == pytest.approx(1.4, rel=1e-3)
+    with page.expect_download() as download:
+        press(page, "Save as pida_designs.json")
+    assert download.value.suggested_filename == "pida_designs.json"
+
+
+def test_a_record_with_its_input_is_read_and_drawn(lab):
+    """Two units of input from 2 to 4 at time 5: gain 1.5."""
+    page, t = lab(), np.arange(0, 40, 0.1)
+    late = np.maximum(t - 6.0, 0.0)
+    y = 7.0 + 3.0 * (1 - np.exp(-late) * (1 + late + late**2 / 2))
+    rows = (f"{a:.2f};{2 + 2 * (a >= 5)};{b:.6f}" for a, b in zip(t, y, strict=True))
+    record = {"name": "step.csv", "mimeType": "text/csv", "buffer": "\n".join(rows).encode()}
+    page.locator("input[type=file]").set_input_files(record)
+    says(page, "Record of ")
+    assert float(page.get_by_label("gain, number").input_value()) == pytest.approx(1.5, rel=0.01)
+    page.wait_for_function("() => document.querySelector('.lab-plots .lab-dots')")
+    assert len(plots(page.locator(".pidalab-lab"))["Output y, step of the set point"].line("lab-dots")) > 300
