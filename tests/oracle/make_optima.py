@@ -1,0 +1,117 @@
+"""Make optima.json: the largest integral gain of a PI controller under a limit of Ms, to 30 digits.
+
+After a step of the load |IE| = 1/ki, and IAE is never less than |IE|. So no PI controller that keeps the limit has an
+IAE below 1/ki of the largest ki that keeps it; and one that comes up to this bound is the optimum, in all valleys.
+The controller is (kp + ki/s)/(T s + 1); T is given: the shortest filter that the search of the library allows.
+
+How the values are made.  At the largest ki one frequency touches the limit: |1 + L| = 1/Ms, and its slopes by frequency
+and by kp are 0. Newton's method solves the three equations with 60 digits.
+
+Why they can be trusted.
+  * Nothing is shared with the program under test: no response, no search, no gradient of an integral.
+  * By make_margins.py the loop is stable and the highest peak of |S| is Ms, for the next doubles of the gains to 1e-12.
+  * For 2001 other kp, from 0 to four times that of the optimum, the largest ki is found from the other side: at a
+    frequency the limit is a quadratic equation in ki, and the least of its roots over 20001 frequencies bounds ki. Not
+    one is larger, to 1e-4, which is what these frequencies can tell.
+The script fails if one of these checks fails.  Run: python tests/oracle/make_optima.py
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from delay_loop_cases import poly, rational
+from make_margins import AxisFunctions, all_margins, unstable_poles
+from mpmath import diff, exp, fabs, findroot, mp, mpc, mpf, nstr
+
+DIGITS, PRECISION = 30, 60
+
+
+def cases():
+    """Name, plant, dead time, Ms, filter time, where to begin: gains and frequency."""
+    lag = rational([1.0], [1.0, 1.0])
+    yield "lag", lag, 1.0, 1.2, 0.0006488610125612514, (0.217, 0.206, 1.6)
+    yield (
+        "four_lags",
+        rational([1.0], poly(*[[1.0, 1.0]] * 4)),
+        0.0,
+        1.4,
+        0.0013637423427817967,
+        (0.431, 0.192, 0.7),
+    )
+    yield (
+        "four_lags_robust",
+        rational([1.0], poly(*[[1.0, 1.0]] * 4)),
+        0.0,
+        1.2,
+        0.0013637423427817967,
+        (0.25, 0.105, 0.7),
+    )
+
+
+def largest_gain(process, delay, ms, time, start):
+    """kp, ki and the frequency that touches the limit."""
+    num, den = ([mpf(x) for x in process[k]] for k in ("num", "den"))
+
+    def distance(kp, ki, w):
+        s = mpc(0, w)
+        plant = mp.polyval(num, s) / mp.polyval(den, s) * exp(-mpf(delay) * s) / (mpf(time) * s + 1)
+        return fabs(1 + plant * (kp + ki / s)) ** 2
+
+    def equations(kp, ki, w):
+        by_kp = diff(lambda x: distance(x, ki, w), kp)
+        return distance(kp, ki, w) * mpf(ms) ** 2 - 1, by_kp, diff(lambda x: distance(kp, ki, x), w)
+
+    return findroot(equations, start, tol=mpf(10) ** -80, maxsteps=50)
+
+
+def bound(process, delay, ms, time, top):
+    """Largest ki over many kp, by the quadratic equation at many frequencies."""
+    w = np.geomspace(1e-3, 1e2, 20001)
+    s = 1j * w
+    plant = (
+        np.polyval(process["num"], s) / np.polyval(process["den"], s) * np.exp(-delay * s) / (time * s + 1)
+    )
+    most = 0.0
+    for kp in np.linspace(0.0, top, 2001):
+        # |a + ki b|^2 = 1/Ms^2, and with ki = 0 the limit must be kept
+        a, b = 1 + plant * kp, plant / s
+        middle, square, rest = (np.conj(a) * b).real, np.abs(b) ** 2, np.abs(a) ** 2 - 1 / ms**2
+        if rest.min() <= 0:
+            continue
+        inside = middle**2 - square * rest
+        roots = (-middle - np.sqrt(np.maximum(inside, 0.0))) / square
+        most = max(most, float(np.min(roots[(inside >= 0) & (roots > 0)], initial=np.inf)))
+    return most
+
+
+def solve(name, process, delay, ms, time, start):
+    kp, ki, w = largest_gain(process, delay, ms, time, start)
+    block = rational([float(kp), float(ki)], [time, 1.0, 0.0])
+    f = AxisFunctions({"process": process, "controller": block, "output_filter": None, "delay": delay})
+    assert unstable_poles(f) == 0
+    assert fabs(all_margins(f)["ms"] / mpf(ms) - 1) < 1e-12
+    most = bound(process, delay, ms, time, 4 * float(kp))
+    assert most < float(ki) * (1 + 1e-4), (most, float(ki))
+    print(f"{name:20s}ki = {nstr(ki, 15)}, from the other side {most:.8f}", flush=True)
+    values = {"kp": kp, "ki": ki, "frequency": w, "iae_at_least": 1 / ki}
+    return {
+        "name": name,
+        "process": process,
+        "delay": delay,
+        "ms": ms,
+        "filter_time": time,
+        "values": {key: nstr(x, DIGITS) for key, x in values.items()},
+    }
+
+
+def main():
+    mp.dps = PRECISION
+    done = [solve(*case) for case in cases()]
+    about = "Made by make_optima.py, which says how; see README.md for the format."
+    path = Path(__file__).with_name("optima.json")
+    path.write_text(json.dumps({"about": about, "digits": DIGITS, "cases": done}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
