@@ -157,6 +157,11 @@ def test_names_that_are_refused(name):
         CASES["pi"].c(name)
 
 
+def test_a_note_is_a_text():
+    with pytest.raises(TypeError, match="note must be a text, found float"):
+        CASES["pi"].json(note=1.0)
+
+
 def test_other_precisions_are_refused():
     with pytest.raises(ValueError, match="precision must be 'LREAL' or 'REAL', found 'DOUBLE'"):
         CASES["pi"].structured_text(precision="DOUBLE")

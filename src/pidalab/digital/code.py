@@ -51,6 +51,8 @@ def head(k: DigitalController, margins: Any, note: str) -> list[str]:
         lines += [
             f"Margins: {line}" if i == 0 else f"  {line}" for i, line in enumerate(str(margins).splitlines())
         ]
+    if not isinstance(note, str):
+        raise TypeError(f"note must be a text, found {type(note).__name__}")
     lines += note.splitlines()
     return [re.sub(r"\*/|\*\)|\"\"\"", "", line) for line in lines]
 
