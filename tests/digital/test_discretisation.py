@@ -125,6 +125,7 @@ PID = PIDA(1.0, 2.0, 0.5)
         (HighOrderPID([1.0, -2.0], 0.1, 1), {}, ValueError, "above 0, found kp/ki = -2; take 'clamping'"),
         (PID, {"limits": (1.0, 0.0)}, ValueError, "limits must be"),
         (PID, {"limits": (1.0, 2.0)}, ValueError, r"bias must be within the limits \(1, 2\), found 0"),
+        (PID, {"rate_limit": np.zeros(3)}, TypeError, "rate_limit must be a real number"),
         (PID, {"rate_limit": 0.0}, ValueError, "rate_limit must be above 0"),
         (PID, {"deadband": -1.0}, ValueError, "deadband must be at least 0"),
         (PIDA(1.0, math.inf, 0.5), {"b": 0.0, "c": 0.0}, ValueError, "b must not be 0 with c = 0 without integral"),
@@ -133,8 +134,8 @@ PID = PIDA(1.0, 2.0, 0.5)
         (PID, {"bias": "0"}, TypeError, "bias must be a real number"),
         (PID, {"filter": 1.0}, TypeError, "unexpected keyword argument 'filter'"),
     ],
-    ids=["sample", "method", "tustin", "zoh", "series", "way", "tracking", "time", "sign", "limits", "bias", "rate",
-         "deadband", "no set point", "nan", "span", "text", "unknown"],
+    ids=["sample", "method", "tustin", "zoh", "series", "way", "tracking", "time", "sign", "limits", "bias", "rates",
+         "rate", "deadband", "no set point", "nan", "span", "text", "unknown"],
 )  # fmt: skip
 def test_discretise_complains(controller, arguments, error, message):
     with pytest.raises(error, match=message):
@@ -258,3 +259,10 @@ def test_output_filters_that_become_no_part(output_filter, message):
 
 def test_a_gain_of_one_is_no_filter():
     assert CONTROLLERS["pida"].discretise(H, "backward", 1.0).paths == CONTROLLERS["pida"].discretise(H).paths
+
+
+def test_parts_of_another_kind_are_refused():
+    with pytest.raises(
+        TypeError, match=r"parts must be a tuple of FilteredGains, as controller\.parts\(\) gives"
+    ):
+        pidalab.digital.discretise([1.0], 0.1)

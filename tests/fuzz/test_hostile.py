@@ -136,7 +136,6 @@ CALLS = {
         limits=(-9.0, 9.0),
         prefilter=([1.0], [1.0, 1.0]),
         chunk=2,
-        memory=1e9,
     ),
     "portrait of digital ones": partial(
         pidalab.portrait,

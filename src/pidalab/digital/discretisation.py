@@ -122,6 +122,10 @@ def discretise(
     time constant 0.05, and a derivative behind it would have forgotten each step at the next sample; take
     method='backward', sample faster or filter longer
     """
+    if not isinstance(parts, tuple) or not all(isinstance(part, FilteredGains) for part in parts):
+        raise TypeError(
+            f"parts must be a tuple of FilteredGains, as controller.parts() gives, found {parts!r}"
+        )
     h = _check.real("sample_time", sample_time, above=0.0)
     _check.choice("method", method, METHODS)
     _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
@@ -165,7 +169,9 @@ def discretise(
         anti_windup=anti_windup if native or ki else None,
         weights=(b, c),
         limits=(low, high),
-        rate_limit=math.inf if rate_limit == math.inf else _check.real("rate_limit", rate_limit, above=0.0),
+        rate_limit=math.inf
+        if isinstance(rate_limit, float) and rate_limit == math.inf
+        else _check.real("rate_limit", rate_limit, above=0.0),
         deadband=_check.real("deadband", deadband, at_least=0.0),
         bias=bias,
         y_offset=_check.real("y_offset", y_offset),

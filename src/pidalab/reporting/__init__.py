@@ -297,7 +297,7 @@ def report(
     PI True kind must be 'PI' or 'PID' for a classical rule: none of them knows acceleration
     """
     wanted = [kinds] if isinstance(kinds, str) else list(kinds)
-    if not wanted or not set(wanted) <= set(ORDER):
+    if not wanted or not all(isinstance(kind, str) and kind in ORDER for kind in wanted):
         raise ValueError(f"kinds must be some of 'PI', 'PID' and 'PIDA', found {kinds!r}")
     fitted = fit(model) if isinstance(model, Record) else model
     rows = []
@@ -364,9 +364,9 @@ def _sampled(design: Design, process: Process, sample_time: float) -> tuple[floa
 
     try:
         digital = design.controller.discretise(sample_time, "backward", design.output_filter)
+        found = margins(Loop(process, digital))
     except ValueError as refusal:
         return math.nan, f"no sampled Ms: {' '.join(str(refusal).split())}"
-    found = margins(Loop(process, digital))
     return (found.ms, "") if found.stable else (math.inf, "the sampled loop is unstable: sample faster")
 
 

@@ -28,6 +28,7 @@ from pidalab.statespace import held, pieces, realise
 PER_DECADE = 150  # frequencies of the logarithmic grid
 TURN = 0.1  # largest turn of the phase by the dead time between two frequencies, in rad
 MOST = 400_000  # frequencies of a grid
+LONGEST = 1e6  # samples of a dead time; of half a sample more nothing can be seen
 
 
 class SampledPlant(NamedTuple):
@@ -65,6 +66,12 @@ class SampledLoop(NamedTuple):
 def sampled_plant(process: Process, h: float) -> SampledPlant:
     """Discretise a process for an input that is held, dead time exact."""
     A, b, c, d = realise(process.num, process.den)
+    if process.delay > LONGEST * h:
+        raise ValueError(
+            f"the dead time must be at most {LONGEST:g} samples for the margins of a sampled loop, found "
+            f"{process.delay:.4g} with a sample time of {h:.4g}: so fast a sampling costs nothing, take the continuous "
+            "controller"
+        )
     own = pieces(process.delay, h)
     if d and own[0].ago == 0:
         raise ValueError(
