@@ -233,6 +233,12 @@ def shown(open_figure, **more):
     assert head[1:] == [NUMBERS[key] for key in more["numbers"]]
     found = [[float(text.replace("∞", "inf")) for text in row[1:]] for row in rows]
     assert page.locator(".lab-live").get_attribute("aria-label").count(" IAE load ") == 3
+    noise = (
+        ["σ(u): white noise of standard deviation 1, a sample every 0.04"]
+        if "sigma" in more["numbers"]
+        else []
+    )
+    assert page.locator(".lab-table caption").all_text_contents() == noise
     return [dict(zip(more["numbers"], row, strict=True)) for row in found], plots(host)
 
 

@@ -186,6 +186,8 @@
     first: ["phase margin at the first crossover, °", (s) => s.first, true], hump: ["top of |L| beyond it", (s) => s.hump, true],
   };
 
+  const noiseMeant = (shown) => element("caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}`);
+
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
 
   // --- one lab ------------------------------------------------------------------------------------------------------
@@ -424,7 +426,7 @@
         ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s), 4))) : [element("td", { colspan: columns.length }, "unstable: it has no margins")]),
         element("td", {}, ["kp", "ti", "td", "ta"].slice(0, ORDER[s.design.kind] + 2).map((key) => `${key} ${digits(s.design[key])}`).join(", ")));
       this.table.replaceChildren(element("table", {},
-        element("caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}`),
+        noiseMeant(shown),
         element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "design"), ...columns.map(([name]) => element("th", { scope: "col" }, name)), element("th", { scope: "col" }, "gains"))),
         element("tbody", {}, ...shown.map(row))));
     }
@@ -440,7 +442,7 @@
     }
   }
 
-  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS };
+  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant };
   const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
 })();
