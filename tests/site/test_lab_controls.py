@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from drawn import plots
+from pictured import plots
 
 import pidalab
 
