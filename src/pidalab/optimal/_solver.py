@@ -3,11 +3,12 @@
 A PIDA near the PID, with hardly any acceleration, and a true PIDA with a slower filter can each be the best there is
 nearby; on some plants the first is a valley of its own, on others a shelf above the second. Along a ladder of filter
 times, each start being the optimum of the rung before, both are walked through: from above, from below, and once more
-without the highest derivative, which keeps to the first.
+without the highest derivative, which keeps to the first. Descents from around the best found so far come last.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +40,10 @@ ROUNDS = 12  # of the last search, each with the worst frequency of the one befo
 APART, FAR = 1e-2, 2.0  # share by which the values of two valleys differ at least, factor by which at most
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
 BEST, TRIED = 3, 12  # searches that are brought to the end, and tried at most
+SHAKES = (
+    (0.3, 0.5),
+    (0.8, 1.5),
+) * 20  # deviations of the logarithms of gains and filter time in the last descents
 
 
 class Limits(NamedTuple):
@@ -272,7 +277,26 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     if not finished:
         return None
     value, x = min(finished, key=lambda pair: pair[0])
+    # a last doubt: from places around the best, near and far
+    shaken = [one.descend(start) for start in _shaken(one, x)]
+    better, start, _ = min(
+        (end for end in shaken if end[2] <= KEPT), default=(value, x, 0.0), key=lambda end: end[0]
+    )
+    last = one.finish(start) if better < value else None
+    if last is not None:
+        value, x = min((value, x), last, key=lambda pair: pair[0])
     return Found(value, x, _valleys([value, *(other for other, _ in free)]))
+
+
+def _shaken(one: Search, x: Array) -> Iterator[Array]:
+    """Places around a controller, the same at each run; those whose loop is unstable are left out."""
+    rng, at = np.random.default_rng(0), one.problem.gains
+    for gains, filter_time in SHAKES:
+        start = x.copy()
+        start[:at] *= np.exp(rng.normal(0.0, gains, at))
+        start[at] = np.clip(x[at] + rng.normal(0.0, filter_time), *one.bounds[at])
+        if not one.problem.unstable(start):
+            yield start
 
 
 def _valleys(values: list[float]) -> tuple[float, ...]:
