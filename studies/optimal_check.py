@@ -8,9 +8,6 @@ best of each band then goes to the bottom by the simplex method, its filter time
 Each plant is a row of book/data/optimal_check.csv, written as soon as it is done; what is there is not computed again.
 Plants can be named: ``python studies/optimal_check.py lags3 ipdt``. One takes a minute on a quiet core. With ``own`` as
 the only name, `pidalab.optimal.load` is run again on all plants of the table, beside what the second one found.
-
-Rows with 0 bands are from a weaker second optimiser, simplex from 200 random starts, which fell into the valley of the
-PID where there are two; they count as not done.
 """
 
 from __future__ import annotations
@@ -177,7 +174,7 @@ def main(names: list[str]) -> None:
     unknown = [name for name in names if name not in PLANTS]
     if unknown:
         raise SystemExit(f"no such plant: {', '.join(unknown)}; there are {', '.join(PLANTS)}")
-    done = {one["plant"] for one in rows() if one["bands"] != "0"}
+    done = {one["plant"] for one in rows()}
     for name in tqdm([name for name in names or PLANTS if name not in done], unit="plant"):
         least, asked = second(*PLANTS[name], seed=list(PLANTS).index(name))
         blank = dict(
