@@ -190,7 +190,12 @@ def test_a_rule_by_its_name_designs_or_refuses(process, rule, kind):
 @given(drawn.stable, st.sampled_from([1.4, 1.8]))
 def test_a_report_is_of_its_candidates(tmp_path_factory, process, ms):
     path = tmp_path_factory.mktemp("report") / "report.html"
-    found = pidalab.report(process, ms, sample_time=0.05, rule="haalman", kinds=("PI", "PID"))
+    found = answer(
+        lambda: pidalab.report(process, ms, sample_time=0.05, rule="haalman", kinds=("PI", "PID")),
+        "stable pole",
+    )
+    if found is None:
+        return
     text = found.html(path).read_text(encoding="utf-8")
     for row in found.rows:
         assert row.kind in text
@@ -206,7 +211,7 @@ def test_a_comparison_keeps_its_limits(process):
         if not row.applies:
             assert row.reason
         elif found.keeps(row):
-            assert pidalab.margins(row.design.loop()).ms <= 1.6 * (1 + 1e-3)
+            assert pidalab.margins(row.design.loop(process)).ms <= 1.6 * (1 + 1e-3)
 
 
 @drawn.cases(8)
