@@ -84,9 +84,9 @@ FAULTS = (
         "Response._absolute",
         (
             (
-                "        (c0, c1, c2), end, start = self._pieces(horizon)\n",
-                "        (c0, c1, c2), end, start = self._pieces(horizon)\n"
-                "        return float(self.step * np.sum(np.abs(c0) * end * (base + slope * start)))\n",
+                "        curve, end, start = self._pieces(horizon)\n",
+                "        curve, end, start = self._pieces(horizon)\n"
+                "        return float(self.step * np.sum(np.abs(curve[0]) * end * (base + slope * start)))\n",
             ),
         ),
     ),
