@@ -26,13 +26,10 @@ Why they can be trusted.
 The script fails if one of these checks fails.  Run: python tests/oracle/make_margins.py
 """
 
-import json
-from multiprocessing import Pool
-from pathlib import Path
-
 from margin_cases import cases
 from mpmath import arg, atan, exp, fabs, inf, isinf, isnan, mp, mpc, mpf, nan, nstr, pi, polyroots, sqrt
 from quasipolynomials import Quasi, add, exact, number, on_axis, positive_beyond, scaled, squared, times
+from storing import store
 
 DIGITS, PRECISION, CHECKED = 30, 90, 40
 MOST_TURNS = 500  # rad of the dead time over which |C S| is followed
@@ -311,16 +308,5 @@ def solve(case):
     }, line
 
 
-def main():
-    with Pool(2) as pool:
-        done = []
-        for case, line in pool.imap(solve, cases()):
-            print(line, flush=True)
-            done.append(case)
-    about = "Made by make_margins.py, which says how; see README.md for the format."
-    path = Path(__file__).with_name("margins.json")
-    path.write_text(json.dumps({"about": about, "digits": DIGITS, "cases": done}, indent=1) + "\n")
-
-
 if __name__ == "__main__":
-    main()
+    store(__file__, DIGITS, solve, cases())

@@ -27,14 +27,12 @@ with h small, and breaks of the derivatives on the samples.  `rates` holds these
 Run: python tests/oracle/make_measures.py
 """
 
-import json
 from itertools import pairwise
-from multiprocessing import Pool
-from pathlib import Path
 
 from delay_loop_cases import ideal_pida, lag_filter, pida, poly, rational
 from delay_loop_values import reference
 from mpmath import fabs, mp, mpf, nstr
+from storing import store
 
 DIGITS, PRECISION, CUT, AGREE = 25, 60, 45, 30
 BAND, LOW, HIGH = mpf("0.02"), mpf("0.1"), mpf("0.9")
@@ -333,16 +331,5 @@ def solve(case):
     return case | out, line
 
 
-def main():
-    with Pool(2) as pool:
-        done = []
-        for case, line in pool.imap(solve, list(cases())):
-            print(line, flush=True)
-            done.append(case)
-    about = "Made by make_measures.py, which says how; see README.md for the format."
-    path = Path(__file__).with_name("measures.json")
-    path.write_text(json.dumps({"about": about, "digits": DIGITS, "cases": done}, indent=1) + "\n")
-
-
 if __name__ == "__main__":
-    main()
+    store(__file__, DIGITS, solve, cases())

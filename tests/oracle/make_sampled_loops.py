@@ -23,16 +23,15 @@ Why they can be trusted.
 The script fails if one of these checks fails.  Run: python tests/oracle/make_sampled_loops.py
 """
 
-import json
 import math
 from fractions import Fraction
 from itertools import pairwise
-from multiprocessing import Pool
-from pathlib import Path
 
+from delay_loop_series import horner
 from mpmath import acos, arg, exp, fabs, inf, matrix, mp, mpc, mpf, nan, nstr, pi, polyroots, sqrt
 from quasipolynomials import Quasi, slope
 from sampled_loop_cases import cases
+from storing import store
 
 DIGITS, PRECISION, CHECKED = 30, 130, 40
 NODES = 400  # of the circles
@@ -53,13 +52,6 @@ def poly(*factors):
 def add(p, q):
     n = max(len(p), len(q))
     return [x + y for x, y in zip([mpf(0)] * (n - len(p)) + p, [mpf(0)] * (n - len(q)) + q, strict=True)]
-
-
-def at(p, z):
-    v = mpf(0)
-    for c in p:
-        v = v * z + c
-    return v
 
 
 def terms(kind, own):
@@ -120,7 +112,7 @@ def step_values(num, den, times):
     total = [mpf(0)] * len(times)
     for j in range(nodes):
         s = 2 * radius * mp.expjpi((mpf(j) + mpf(0.5)) / nodes)
-        value = at(num, s) / at(den, s) / nodes
+        value = horner(num, s) / horner(den, s) / nodes
         for i, t in enumerate(times):
             if t >= 0:
                 total[i] += (value * exp(s * t)).real
@@ -203,7 +195,7 @@ def margins(num, den, h):
 
     def L(w):
         z = exp(mpc(0, w * h))
-        return at(num, z) / at(den, z)
+        return horner(num, z) / horner(den, z)
 
     def frequency(y):
         return acos(1 - y) / h
@@ -326,16 +318,5 @@ def solve(case):
     return case | {"values": found}, line
 
 
-def main():
-    with Pool(2) as pool:
-        done = []
-        for case, line in pool.imap(solve, cases()):
-            print(line, flush=True)
-            done.append(case)
-    about = "Made by make_sampled_loops.py, which says how; see README.md for the format."
-    path = Path(__file__).with_name("sampled_loops.json")
-    path.write_text(json.dumps({"about": about, "digits": DIGITS, "cases": done}, indent=1) + "\n")
-
-
 if __name__ == "__main__":
-    main()
+    store(__file__, DIGITS, solve, cases())
