@@ -92,3 +92,9 @@ def test_what_is_read_off_a_step_response_does_not_depend_on_the_dead_time(lag):
     reached = 1.0 + lag * optimize.brentq(lambda x: (1 + x) * np.exp(-x) - np.exp(-1), 1.0, 4.0)
     assert model.delay == pytest.approx(delay, rel=1e-5)
     assert model.den[0] / model.den[1] == pytest.approx(reached - delay, rel=1e-5)
+
+
+def test_a_step_response_that_jumps_beyond_its_reach_is_there_at_once():
+    """With 80 % of the response in its jump there is no lag to read off."""
+    with pytest.raises(ValueError, match="lag must be above 0"):
+        _ = candidates._Models(pidalab.Process([0.8, 1.0], [1.0, 1.0])).reaction

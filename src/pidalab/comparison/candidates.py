@@ -39,8 +39,8 @@ class _Models:
         gain, delay = self.process.gain(), self.integrator.delay
         left = y / gain - (1 - math.exp(-1))
         i = int(np.argmax(left >= 0))
-        # between the samples along a straight line
-        reached = t[i] - (t[i] - t[i - 1]) * left[i] / (left[i] - left[i - 1])
+        # between the samples along a straight line; a process that jumps may be there at once
+        reached = float(np.interp(0.0, left[i - 1 : i + 1], t[i - 1 : i + 1])) if i else 0.0
         return fopdt(gain, reached + self.process.delay - delay, delay)
 
     @cached_property
