@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import pidalab
 from pidalab import HighOrderPID, Loop
@@ -253,3 +254,18 @@ def test_a_random_tenth_of_the_stored_optima_again(monkeypatch):
         process, mks = plants[row["plant"]]
         again = pidalab.optimal.load(process, int(row["order"]), ms=float(row["ms"]), mks=mks).iae
         assert again == pytest.approx(float(row["iae"]), rel=1e-3), row["plant"]
+
+
+def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
+    """Small matrices handed from thread to thread made a design ten times as long as its work."""
+
+    def threads():
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    inside = []
+    monkeypatch.setattr("pidalab.optimal._solver.search", lambda *_: inside.append(threads()))
+    with threadpool_limits(limits=2, user_api="blas"):
+        with pytest.raises(ValueError, match="ms"):
+            pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0)
+        assert inside[0] == {1}
+        assert threads() == {2}

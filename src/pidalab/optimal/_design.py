@@ -179,6 +179,8 @@ def _designed(
 
 def _best(test: str, process: Process, order: int, limits: Limits, seen: list[Search]) -> Design | None:
     """The best design over the units of time; first from starts at hand, and where none serves from approached ones."""
+    import scipy.optimize  # noqa: F401  # whose own BLAS is to be known when its threads are limited
+    from threadpoolctl import threadpool_limits
     from tqdm import tqdm
 
     from pidalab.optimal._problem import Problem
@@ -194,7 +196,11 @@ def _best(test: str, process: Process, order: int, limits: Limits, seen: list[Se
             f"sample_time must be at most {SLOW * shortest:.4g} for this process, found {limits.sample_time:g}: no "
             "loop needs to be that slow"
         )
-    with tqdm(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar:
+    # the matrices are small: handing them to other threads takes longer than the work, up to ten times in all
+    with (
+        threadpool_limits(limits=1, user_api="blas"),
+        tqdm(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar,
+    ):
         for start, factor in product((at_once, approached), UNITS):
             if best is not None and factor == UNITS[0]:
                 break
