@@ -127,7 +127,7 @@ BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</
         ("<table class='dataframe'><tr><td>K_-1, M_s</td></tr></table>", "an index left raw"),
         ("<div style='width: 200vw'>wide</div>", "px wider than the screen"),
         ("<div style='width: 100%; min-width: 600px'>wide</div>", "narrow: page"),
-        ("<p style='color: #ccc; background: #fff'>pale</p>", "axe color-contrast"),
+        ("<p style='color: #ccc; background: #fff'>pale</p>", "light: axe color-contrast"),
         (
             "<p>good</p>" * 20 + "<p><i style='color: #ccc'>pale</i></p>" + "<p>good</p>" * 20,
             "axe color-contrast",
