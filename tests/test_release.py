@@ -53,13 +53,14 @@ def test_one_place_says_where_the_project_lives():
 
 
 def test_one_version():
-    """It is a semantic one, cited as it is, and its changes are told under its own heading."""
+    """It is a semantic one, cited as it is, and the newest release of the changelog."""
     version = PROJECT["version"]
     assert re.fullmatch(r"\d+\.\d+\.\d+", version)
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == version
     releases = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)
-    assert version in releases
-    numbers = [tuple(map(int, name.split("."))) for name in releases if name != "Unreleased"]
+    released = [name for name in releases if name != "Unreleased"]
+    assert released[0] == version
+    numbers = [tuple(map(int, name.split("."))) for name in released]
     assert numbers == sorted(set(numbers), reverse=True)
     assert "Unreleased" not in releases[1:]
 
