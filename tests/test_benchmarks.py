@@ -204,3 +204,14 @@ def test_a_method_that_is_nearer_to_the_truth_is_said_to_be(elsewhere):
     lines[i] = ",".join(f'"{cell}"' for cell in [*cells[:6], "1e-17", ""])
     path.write_text("\n".join(lines))
     assert " 1 came nearer" in shown.headline().data
+
+
+def test_the_machine_is_named_once_unless_it_was_another(elsewhere):
+    for name, load in zip(shown.FILES, ("0.5", "1.3", "0.5"), strict=True):
+        path = elsewhere / f"{name}.csv"
+        head, _, rest = path.read_text().partition("\n")
+        path.write_text(f"{head.partition(', load average ')[0]}, load average {load}\n{rest}")
+    assert shown.machine().data.count("Made by") == 1
+    assert shown.machine().data.endswith("load average 0.5 to 1.3.")
+    path.write_text(path.read_text().replace("Python 3", "Python 4", 1))
+    assert shown.machine().data.count("Made by") == 2

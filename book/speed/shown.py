@@ -33,9 +33,14 @@ def rows(quantity: str) -> pd.DataFrame:
 
 
 def machine() -> Markdown:
-    """What the tables were made with, from the line above each of them."""
-    heads = {(DATA / f"{name}.csv").read_text(encoding="utf-8").partition("\n")[0] for name in FILES}
-    return Markdown("\n\n".join(f"{head.removeprefix('# ')}." for head in sorted(heads)))
+    """What the tables were made with, from the line above each of them; said once where only the load differs."""
+    heads = ((DATA / f"{name}.csv").read_text(encoding="utf-8").partition("\n")[0] for name in FILES)
+    told: dict[str, list[float]] = {}
+    for head in heads:
+        made, _, load = head.removeprefix("# ").partition(", load average ")
+        told.setdefault(made, []).extend([float(load)] if load else [])
+    busy = {made: f", load average {span(pd.Series(loads))}" if loads else "" for made, loads in told.items()}
+    return Markdown("\n\n".join(f"{made}{load}." for made, load in busy.items()))
 
 
 def number(x: float) -> str:
