@@ -63,6 +63,9 @@ def use_book_style() -> None:
     except ImportError:  # not in a notebook
         return
     set_matplotlib_formats("svg", metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
+    if "inline" in mpl.get_backend():
+        # a cell that ends shows its figures; pyplot's own hook would draw each of them once more before
+        plt.uninstall_repl_displayhook()
 
 
 def thin(t: Array, x: Array, points: int = POINTS) -> tuple[Array, Array]:
