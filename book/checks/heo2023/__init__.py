@@ -1,10 +1,9 @@
 """Checks of the chapter on heo2023: one function for each section of its audit."""
 
-from . import beyond, figures, live
+from . import beyond, facts, figures, live
 from .equations import example3, filters, form
 from .errata import formulas, gains, readings, rounding, switches, text
 from .examples import responses, table4, table5, table6
-from .facts import facts
 from .load3 import load_values
 from .printed_itae import (
     dead_time,

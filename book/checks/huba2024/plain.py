@@ -40,7 +40,7 @@ def controller(own: pidalab.SeriesPIDA, h: float, low: float, high: float) -> Ca
 @tabled
 def against_the_engine() -> pd.DataFrame:
     """A ramp of the set point, a load from t = 40 on, and noise; largest differences from the engine."""
-    own = advice.chosen()[0].controller
+    own = advice.recommended().controller
     assert isinstance(own, pidalab.SeriesPIDA)
     clock = loops.clock(80.0, H)
     w, d = np.minimum(1.0, clock / 5), np.where(clock < 40, 0.0, 0.05)
