@@ -132,7 +132,7 @@ def barriers(page: Page, **options) -> list[str]:
 
 
 def looked_over(page: Page) -> list[str]:
-    """What is wrong with a page that was opened in light: wide, narrow and in the dark."""
+    """What is wrong with a page that was opened in light, wide and narrow; its formulas are emptied."""
     page.set_viewport_size(WIDE)
     wrong = problems(page)
     page.set_viewport_size(NARROW)
@@ -140,13 +140,18 @@ def looked_over(page: Page) -> list[str]:
     page.set_viewport_size(WIDE)
     page.evaluate(EMPTY_FORMULAS)
     page.evaluate(SETTLED)
-    wrong += barriers(page, rules={"color-contrast": {"enabled": False}})
+    return wrong + barriers(page, rules={"color-contrast": {"enabled": False}})
+
+
+def contrasts(page: Page) -> list[str]:
+    """Texts too pale in light or in the dark. Little is left of the page: its own scripts may stumble from now on."""
     page.add_style_tag(content=PLAIN)
     for theme in ("light", "dark"):  # what is one kind in one may be two in the other
         page.evaluate(IN_THEME, theme)
         page.evaluate(MARK_KINDS, MOST)
         page.evaluate(KEEP_MARKED)
     page.evaluate(EMPTY_UNMARKED)
+    wrong = []
     for theme in ("light", "dark"):
         page.evaluate(IN_THEME, theme)
         wrong += [f"{theme}: {text}" for text in barriers(page, runOnly=["color-contrast"])]

@@ -7,7 +7,8 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
-from looking import looked_over
+from looking import contrasts, looked_over
+from turning import astray
 
 from pidalab.ledger import papers
 
@@ -34,14 +35,15 @@ def home(site):
 SCREENS = 12  # of 1400 × 900: a method chapter is read in a sitting
 
 
-def test_page(page_name, home, visit, root):
+def test_page(page_name, home, site, visit, root):
     """A page is loaded once for all that is looked at, since that takes longest."""
     page, wrong = visit(f"{home}/{page_name}.html")
     assert page.locator("html").get_attribute("data-theme") == "light"
     if page_name in chapters(root):
         page.set_viewport_size({"width": 1400, "height": 900})
         assert page.locator("article").bounding_box()["height"] <= SCREENS * 900
-    assert looked_over(page) + wrong == []
+    found = astray(page, site / f"{page_name}.html") + looked_over(page) + wrong
+    assert found + contrasts(page) == []
 
 
 def chapters(root):
@@ -145,4 +147,4 @@ def test_bad_page_is_caught(html, found, tmp_path, visit):
     (tmp_path / "favicon.ico").touch()
     with serve(tmp_path) as address:
         page, wrong = visit(address)
-        assert any(found in problem for problem in looked_over(page) + wrong)
+        assert any(found in problem for problem in looked_over(page) + wrong + contrasts(page))

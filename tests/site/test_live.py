@@ -1,4 +1,4 @@
-"""Live figures: each knob of each page turned, and what the figures show held against the library."""
+"""Live figures: what they show held against the library."""
 
 import json
 import re
@@ -6,114 +6,12 @@ import shutil
 
 import numpy as np
 import pytest
-from looking import NARROW, OVERFLOW
 from pictured import plots
+from turning import CELLS, rows, undrawn
 
 import pidalab
 from pidalab.digital import DigitalController
 from pidalab.robustness.control import max_control_sensitivity
-
-HEARD = (
-    """() => [...document.querySelectorAll(".pidalab-live .lab-live")].every((words) => words.ariaLabel)"""
-)
-UNDRAWN = """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host, k) => [
-  ...(host.querySelectorAll(".lab-plots svg").length ? [] : [`figure ${k}: no plot`]),
-  ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
-  ...[host.querySelector(".lab-live")?.textContent].filter(Boolean),
-])"""
-SHOWN = "host => host.querySelector('.lab-plots').innerHTML + host.querySelector('.lab-table').innerHTML"
-CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
-# What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
-EXPECTED = """([told, turned]) => {
-  const { PLANTS, RULES, study } = pidalabModel, { NUMBERS } = pidalabLab;
-  const plant = structuredClone(PLANTS[told.plant] ?? told.plant), conditions = { end: plant.end, ...told.conditions };
-  const rule = RULES[told.rule ?? "hand"], designs = structuredClone(told.designs);
-  for (const [{ key, design }, value] of turned) {
-    if (key === "plant.delay") plant.delay = value;
-    else if (key === "limits") conditions.limits = [-value, value];
-    else if (key === "limits.low") conditions.limits = [value, conditions.limits[1]];
-    else if (["trackingTime", "sampleTime"].includes(key)) conditions[key] = value;
-    else if (key === "ms" && design === undefined) told.ms = value;
-    else for (const one of designs.filter((_, k) => design === undefined || k === design)) one[key] = value;
-  }
-  return designs.map((design) => {
-    const made = rule.apply(plant, design, design[rule.knob] ?? told[rule.knob]);
-    const found = study(plant, made, { ...conditions, ...design.conditions });
-    const known = (key) => found.stable || ["first", "hump"].includes(key);
-    return told.numbers.map((key) => (known(key) ? String(NUMBERS[key][1](found)) : null));
-  });
-}"""
-
-
-def undrawn(page):
-    """Live figures of an open page without a plot, with a loop that could not be made, or without words for it."""
-    page.wait_for_function(HEARD, timeout=20_000)
-    return page.evaluate(UNDRAWN)
-
-
-def told(path):
-    """What the live figures of a built page are told, from its source."""
-    found = re.findall(
-        r'class="pidalab-live".*?<script type="application/json">(.*?)</script>', path.read_text(), re.DOTALL
-    )
-    return [json.loads(text) for text in found]
-
-
-def rows(host):
-    """Cells of the table without its head, names aside."""
-    return [row[1:] for row in host.evaluate(CELLS)[1:]]
-
-
-def as_shown(numbers):
-    """Numbers of a loop with three digits; what an unstable one lacks is one cell."""
-    known = [f"{float(text):.3g}" for text in numbers if text is not None]
-    return [*(["unstable"] if len(known) < len(numbers) else []), *known]
-
-
-def as_read(row):
-    return [
-        f"{float(text.replace('∞', 'inf')):.3g}" if text[-1].isdigit() or text == "∞" else text
-        for text in row
-    ]
-
-
-def turn(page, host, knob):
-    """Move a knob by a tenth of its range; returns its new value once the figure has followed."""
-    row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
-    bar = row.locator("input[type=range]")
-    figure = [host.element_handle(), host.evaluate(SHOWN)]
-    bar.press("PageUp")
-    page.wait_for_function(f"([host, before]) => ({SHOWN})(host) !== before", arg=figure, timeout=20_000)
-    value = row.locator("input[type=number]").input_value()
-    assert bar.get_attribute("aria-valuetext").startswith(f"{knob['label']} ")
-    return float(value)
-
-
-def pages_with_figures(site):
-    return [
-        path for path in sorted(site.glob("book/**/*.html")) if 'class="pidalab-live"' in path.read_text()
-    ]
-
-
-def test_every_knob_of_every_page_does_what_it_says(site, visit):
-    for path in pages_with_figures(site):
-        page, wrong = visit(path.as_uri(), viewport=NARROW)
-        assert undrawn(page) + wrong == [], path.name
-        assert page.evaluate(OVERFLOW) <= 1, path.name
-        figures = told(path)
-        assert page.locator(".pidalab-live").count() == len(figures) > 0
-        for k, figure in enumerate(figures):
-            host, turned = page.locator(".pidalab-live").nth(k), []
-            for knob in figure["knobs"]:
-                turned.append((knob, turn(page, host, knob)))
-                expected = page.evaluate(EXPECTED, [figure, turned])
-                assert [as_read(row) for row in rows(host)] == [as_shown(row) for row in expected], (
-                    path.name,
-                    knob,
-                )
-            assert len(plots(host)) == len(figure["plots"])
-        assert wrong == [], path.name
-
 
 SCRIPTS = "".join(
     f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "plot", "lab", "live")
