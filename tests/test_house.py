@@ -40,6 +40,7 @@ WHOLE = {
     "release",
     "benchmarks",
     "honesty",
+    "mutants",
     "sixth_paper",
 }  # about the whole project
 ELSEWHERE = {

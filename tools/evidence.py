@@ -19,7 +19,7 @@ CLAIMS = ROOT / "tests" / "claims"
 ORACLES = ROOT / "tests" / "oracle"
 MARK = re.compile(r"^<!-- evidence: (.+) -->$", flags=re.MULTILINE)
 
-NUMBER = re.compile(r"[\d.]+(e[+-]\d+)?|no digit")
+NUMBER = re.compile(r"[\d.]+(e[+-]\d+| %)?|no digit")
 
 Line = list[str]
 
@@ -105,6 +105,23 @@ def optima() -> str:
     return table(["second search for the optimum", ""], found)
 
 
+def mutants() -> str:
+    """What became of the mutants of each part of the library."""
+    parts: dict[str, list[str]] = defaultdict(list)
+    for row in read(DATA / "mutants.csv"):
+        outcome = "equivalent" if row["reason"] else row["outcome"]
+        parts[row["module"].partition("/")[0].removesuffix(".py")].append(outcome)
+    parts = dict(sorted(parts.items())) | {"all": [outcome for found in parts.values() for outcome in found]}
+    lines = []
+    for part, outcomes in parts.items():
+        killed, equal = outcomes.count("killed"), outcomes.count("equivalent")
+        share = f"{100 * killed / (len(outcomes) - equal):.0f} %" if len(outcomes) > equal else ""
+        lines.append([part, *map(str, (len(outcomes), killed, equal, len(outcomes) - killed - equal)), share])
+    return table(
+        ["part", "mutants", "noticed", "equivalent", "not noticed", "noticed of those that differ"], lines
+    )
+
+
 def versions() -> str:
     """What the tests of the library ran with."""
     found = read(DATA / "versions.csv")
@@ -113,7 +130,7 @@ def versions() -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    made.__name__: made for made in (rows, faults, oracles, engine, optima, versions)
+    made.__name__: made for made in (rows, faults, mutants, oracles, engine, optima, versions)
 }
 
 

@@ -1,0 +1,341 @@
+"""Change the library in one small place, and see whether a test notices; the same for many places drawn at random.
+
+cosmic-ray finds the places and makes the changes: another operator or comparison, a number one higher or lower, a loop
+that never runs, a condition turned round. Every place has the same chance, however many changes it allows.
+`tests/test_house.py` says which tests are those of a module; its doctests run with them.
+
+    python tools/mutants.py 70 --seed 1               # a sample
+    python tools/mutants.py 20 --seed 1 simulation    # of modules whose path has this word
+    python tools/mutants.py again                     # what survived so far, with the tests of today
+
+Each mutant is a copy of the library with the machine code of its other folders; numba compiles that of the changed
+folder anew, as the file has another time. The table book/data/mutants.csv keeps what came out. A survivor is equivalent
+once a person has written there why no test can tell it from the library. Places that are no more leave the table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import csv
+import difflib
+import importlib.util
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from xml.etree import ElementTree
+
+ROOT = Path(__file__).resolve().parents[1]
+SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
+TABLE = ROOT / "book" / "data" / "mutants.csv"
+COLUMNS = ("module", "function", "was", "becomes", "outcome", "reason")
+# the search for optima is not among them: tools/optima.py holds it against another one
+WHAT_LOOPS_ARE = ("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace")
+METHODS = ("identification", "record", "reduction", "robustness", "rules", "simulation")
+ROOMS = (*WHAT_LOOPS_ARE, *METHODS, "controllers", "digital", "ledger")
+# an operator of bits on numbers, or `is` on values, falls over anywhere; a cache that is gone changes no result
+WITHOUT = re.compile(
+    r"Operator_(?!Bit)\w+_(Bit\w+|\w+Shift)$|Operator_(?!Is)\w+_Is(Not)?$|Operator_Is(Not)?_(?!Is)|Invert"
+    r"|RemoveDecorator|NoOp"
+)
+QUIET = frozenset("()[]{},.:;=") | {":=", "->", "..."}  # tokens that no operator changes
+SLOW = (
+    "test_book.py",
+    "test_claims.py",
+    "test_honesty.py",
+    "test_pages.py",
+)  # run the papers, as `make claims` does
+OPTIONS = (
+    "-q --no-header --tb=line -p no:cacheprovider -p no:nbval -p no:xdist -o addopts=--import-mode=importlib"
+)
+MEMORY = 8_000_000  # kilobytes that a run may ask for
+PATIENCE, COMPILING = 10.0, 180.0  # times as long as the library; and seconds, as numba compiles
+
+Row = dict[str, str]
+Span = tuple[tuple[int, int], tuple[int, int]]  # lines and columns
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a module can be changed: all changes of the same piece of its text."""
+
+    module: Path  # below src/pidalab
+    function: str
+    start: tuple[int, int]
+    changes: tuple[tuple[str, int], ...]  # operators of cosmic-ray, and which of their places this is
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A changed module."""
+
+    module: Path
+    function: str
+    was: str
+    becomes: str
+    text: str
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What names it in the table."""
+        return str(self.module), self.function, self.was, self.becomes
+
+
+def modules() -> list[Path]:
+    """List the files that are changed."""
+    found = (path.relative_to(SRC) for path in sorted(SRC.rglob("*.py")))
+    return [
+        path for path in found if path.parts[0].removesuffix(".py") in ROOMS and path.name != "__main__.py"
+    ]
+
+
+@cache
+def house() -> dict[str, tuple[str, str]]:
+    """Return the modules that are tested with another one, as the test of the house has them."""
+    spec = importlib.util.spec_from_file_location("house", TESTS / "test_house.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.TESTED_WITH
+
+
+def tests_of(module: Path) -> list[str]:
+    """List the test files of a module: first those that mirror it; for the ledger then all of the ledger."""
+    inner = module.parent if module.name == "__init__.py" else module.with_suffix("")
+    other = house().get(str(inner), (str(inner.parent / f"test_{inner.name.removeprefix('_')}.py"),))[0]
+    found = sorted((TESTS / other).parent.glob(f"{Path(other).stem}*.py"))
+    if module.parts[0] == "ledger" or not found:
+        found += sorted((TESTS / module.parts[0]).glob("test_*.py"))
+    names = (path.relative_to(ROOT).as_posix() for path in found if path.name not in SLOW)
+    return list(dict.fromkeys(names))
+
+
+def types_of(tree: ast.Module) -> Iterator[ast.expr]:
+    """Find the types in a module; nothing computes with them."""
+    for node in ast.walk(tree):
+        yield from filter(None, (getattr(node, "annotation", None), getattr(node, "returns", None)))
+
+
+def places(module: Path) -> list[Place]:
+    """Find where a module can be changed."""
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.ast.ast_query import ASTQuery
+    from cosmic_ray.plugins import get_operator, operator_names
+
+    text = (SRC / module).read_text(encoding="utf-8")
+    types = [
+        ((one.lineno, one.col_offset), (one.end_lineno, one.end_col_offset))
+        for one in types_of(ast.parse(text))
+    ]
+    classes = {name: get_operator(name) for name in operator_names() if not WITHOUT.search(name)}
+    operators = {name: kind() for name, kind in classes.items() if not kind.arguments()}
+    seen = dict.fromkeys(operators, 0)
+    found: dict[Span, list[tuple[str, int]]] = {}
+    functions: dict[Span, str] = {}
+    for node in ast_nodes(get_ast(text)):
+        if node.type == "name" or getattr(node, "value", None) in QUIET:
+            continue
+        for name, operator in operators.items():
+            for span in operator.mutation_positions(node):
+                found.setdefault(span, []).append((name, seen[name]))
+                functions[span] = ASTQuery(node).get_definition_name() or ""
+                seen[name] += 1
+    return [
+        Place(module, functions[span], span[0], tuple(changes))
+        for span, changes in found.items()
+        if not any(first <= span[0] and span[1] <= last for first, last in types)
+    ]
+
+
+def changed(place: Place, change: tuple[str, int]) -> Mutant | None:
+    """Make a change, unless it is none or no program."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    old = (SRC / place.module).read_text(encoding="utf-8")
+    new = mutate_code(old, get_operator(change[0])(), change[1])
+    try:
+        if new is None or ast.dump(ast.parse(new)) == ast.dump(ast.parse(old)):
+            return None
+    except SyntaxError:
+        return None
+    lines = list(difflib.ndiff(old.splitlines(), new.splitlines()))
+    was, becomes = (" ".join(" ".join(x[2:].split()) for x in lines if x.startswith(sign)) for sign in "-+")
+    return Mutant(place.module, place.function, was, becomes, new)
+
+
+def sample(number: int, seed: int, word: str) -> list[Mutant]:
+    """Draw places, and a change of each."""
+    chance = random.Random(seed)
+    every = [place for module in modules() if word in str(module) for place in places(module)]
+    print(f"{len(every)} places", flush=True)
+    found: list[Mutant] = []
+    for place in chance.sample(every, len(every)):
+        if len(found) == number:
+            break
+        mutant = changed(place, chance.choice(place.changes))
+        if mutant is not None:
+            found.append(mutant)
+    return found
+
+
+def survivors(word: str) -> list[Mutant]:
+    """Make those again that the table calls survivors."""
+    wanted = {key(row): row for row in rows() if row["outcome"] == "survived" and word in row["module"]}
+    found: dict[tuple[str, ...], Mutant] = {}
+    for module in sorted({row["module"] for row in wanted.values()}):
+        texts = [row["was"] for row in wanted.values() if row["module"] == module]
+        lines = (SRC / module).read_text(encoding="utf-8").splitlines()
+        for place in places(Path(module)):
+            line = " ".join(lines[place.start[0] - 1].split())
+            if any(line in text or text in line for text in texts):
+                made = (changed(place, change) for change in place.changes)
+                found |= {one.key: one for one in made if one is not None and one.key in wanted}
+    return list(found.values())
+
+
+def run(source: Path, paths: list[str], patience: float, *more: str) -> int | None:
+    """Run tests with a copy of the library; None if they took too long."""
+    own = {"PYTHONPATH": str(source), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg", "PYTHONHASHSEED": "0"}
+    command = [sys.executable, "-m", "pytest", *OPTIONS.split(), *more, *paths]
+    limited = ["sh", "-c", f'ulimit -v {MEMORY}; exec "$@"', "sh", *command]
+    with tempfile.TemporaryFile() as said:
+        try:
+            done = subprocess.run(
+                limited,
+                cwd=ROOT,
+                env=os.environ | own,
+                stdout=said,
+                stderr=said,
+                timeout=patience,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            return None
+        if done.returncode not in (0, 1, 2):  # passed, failed, could not be imported
+            said.seek(0)
+            print(said.read().decode()[-2000:], flush=True)
+    return done.returncode
+
+
+def doctests(source: Path, module: Path) -> list[str]:
+    """Return what makes pytest run the examples of a module of a copy."""
+    return ["--doctest-modules", str(source / "pidalab" / module)]
+
+
+def times(source: Path, chosen: set[Path]) -> dict[str, float]:
+    """Run the tests of all chosen modules with the library as it is; seconds of each file.
+
+    Raises
+    ------
+    SystemExit
+        If a test fails already.
+    """
+    paths = sorted({path for module in chosen for path in tests_of(module)})
+    report = source / "times.xml"
+    if run(source, paths, 3600.0, f"--junitxml={report}") != 0:
+        raise SystemExit("tests fail without any change, or took an hour")
+    seconds = dict.fromkeys(paths, 0.0)
+    for case in ElementTree.parse(report).iter("testcase"):
+        name = (case.get("classname") or "").replace(".", "/")
+        for path in paths:
+            if name.startswith(path.removesuffix(".py")):
+                seconds[path] += float(case.get("time") or 0)
+    return seconds
+
+
+def outcome(base: Path, seconds: dict[str, float], mutant: Mutant) -> str:
+    """Try a mutant in a copy of its own."""
+    paths = tests_of(mutant.module)
+    patience = PATIENCE * sum(seconds[path] for path in paths) + COMPILING
+    begun = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder)
+        shutil.copytree(base / "pidalab", source / "pidalab")
+        (source / "pidalab" / mutant.module).write_text(mutant.text, encoding="utf-8")
+        failed = run(source, [*paths, *doctests(source, mutant.module)], patience, "-x")
+    result = "survived" if failed == 0 else "killed"
+    print(
+        f"{result} {time.monotonic() - begun:.0f} s  {mutant.module} {mutant.function}\n"
+        f"  - {mutant.was}\n  + {mutant.becomes}",
+        flush=True,
+    )
+    return result
+
+
+def key(row: Row) -> tuple[str, ...]:
+    """What names a row of the table."""
+    return tuple(row[column] for column in COLUMNS[:4])
+
+
+def rows() -> list[Row]:
+    """Read the table."""
+    if not TABLE.is_file():
+        return []
+    with TABLE.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def store(found: list[Row]) -> None:
+    """Put rows in the place of older ones of the same change; what they were equivalent for stays with survivors."""
+    old = {key(row): row for row in rows()}
+    for row in found:
+        before = old.get(key(row), {"reason": ""})["reason"]
+        old[key(row)] = row | {"reason": before if row["outcome"] == "survived" else ""}
+    kept = [row for row in old.values() if stands(row)]
+    with TABLE.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(sorted(kept, key=key))
+
+
+def stands(row: Row) -> bool:
+    """Whether the library still has the text that a row changes."""
+    path = SRC / row["module"]
+    return path.is_file() and row["was"] in " ".join(path.read_text(encoding="utf-8").split())
+
+
+def main() -> int:
+    """Try mutants; 1 if one survived that nobody has called equivalent."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("number", help="how many, or the word again")
+    parser.add_argument("word", nargs="?", default="", help="part of the paths of modules; by default all")
+    parser.add_argument("--seed", type=int, default=1, help="of the sample")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="mutants at the same time")
+    given = parser.parse_args()
+    chosen = (
+        survivors(given.word)
+        if given.number == "again"
+        else sample(int(given.number), given.seed, given.word)
+    )
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(given.jobs) as pool:
+        base = Path(folder)
+        shutil.copytree(SRC, base / "pidalab")
+        tried = partial(outcome, base, times(base, {mutant.module for mutant in chosen}))
+        for mutant, result in zip(chosen, pool.map(tried, chosen), strict=True):
+            store([dict(zip(COLUMNS, (*mutant.key, result, ""), strict=True))])
+    keys = {mutant.key for mutant in chosen}
+    found = [row for row in rows() if key(row) in keys]
+    alive = [row for row in found if row["outcome"] == "survived" and not row["reason"]]
+    equal = sum(bool(row["reason"]) for row in found)
+    print(
+        f"{len(found)} mutants: {len(found) - len(alive) - equal} killed, {equal} equivalent, {len(alive)} alive"
+    )
+    return int(bool(alive))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
