@@ -34,3 +34,15 @@ def test_a_peak_between():
     mks, at = max_control_sensitivity(loop)
     assert mks == pytest.approx(gain.max(), rel=1e-9)
     assert at == pytest.approx(w[np.argmax(gain)], rel=1e-4)
+
+
+def test_the_highest_of_many_ripples():
+    """A long dead time makes many peaks, and their heights on the grid do not tell which is the highest."""
+    controller = pidalab.HighOrderPID([0.05, 1.0, 0.73], filter_time=0.14, filter_order=2)
+    loop = pidalab.Loop(pidalab.Process([0.4], [1.0], delay=8.2), controller)
+    w = np.linspace(1.0, 20.0, 1_000_001)
+    gain = np.abs(loop.transfer("u", "n", 1j * w))
+    mks, at = max_control_sensitivity(loop)
+    assert mks == pytest.approx(gain.max(), rel=1e-4)
+    assert mks >= gain.max()
+    assert at == pytest.approx(w[np.argmax(gain)], abs=1e-4)
