@@ -21,12 +21,14 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 def loaded(path):
     spec = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module  # dataclasses look their module up
     spec.loader.exec_module(module)
     return module
 
 
 setup = loaded(ROOT / "setup.py")
 release = loaded(ROOT / "tools" / "release.py")
+vendored = loaded(ROOT / "tools" / "vendored.py")
 
 
 def test_the_readme_stands_on_a_package_index():
@@ -63,6 +65,24 @@ def test_one_version():
     numbers = [tuple(map(int, name.split("."))) for name in released]
     assert numbers == sorted(set(numbers), reverse=True)
     assert "Unreleased" not in releases[1:]
+
+
+def test_every_licence_of_what_the_site_carries_has_its_text(tmp_path):
+    rows = tomllib.loads((ROOT / "tools" / "vendored.toml").read_text())["component"]
+    asked = {name for row in rows for name in row["licence"].split(" AND ")}
+    assert {path.stem for path in vendored.TEXTS.iterdir()} | set(vendored.LINKED) == asked
+    kept = {key: rows[0][key] for key in ("name", "url", "purl", "copyright")}
+    notice = vendored.notice(
+        [vendored.Component(**kept, version="1", licence=" AND ".join(asked), files=("a.js",))]
+    )
+    for words in (
+        "The above copyright notice and this permission notice",
+        "Neither the name of the copyright holder",
+        "TERMS AND CONDITIONS FOR USE, REPRODUCTION, AND DISTRIBUTION",
+        "The OFL allows the licensed fonts to be used",
+    ):
+        assert notice.count(words) == 1
+    assert not re.search("<(year|owner|copyright)", notice)
 
 
 def test_every_paper_of_the_book_is_cited():

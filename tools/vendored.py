@@ -17,10 +17,15 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "tools" / "vendored.toml"
+# named as SPDX does, without the line of the copyright, which each project has
+TEXTS = ROOT / "tools" / "licences"
+# asks for a link, not for its text
+LINKED = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/legalcode"}
 SITE = ROOT / "_build" / "html"
 OWN = ("_static/sections.js",)  # written by the book's extensions
 BILL, NOTICE = "sbom.cdx.json", "third-party.txt"
-HEAD = "Files of others in this site, and their licences. sbom.cdx.json has every file with its hash."
+RULE = f"\n\n{'-' * 72}\n\n"
+HEAD = "Files of others in this site, with their licences; the texts follow. sbom.cdx.json has all files with hashes."
 
 
 @dataclass(frozen=True)
@@ -136,14 +141,23 @@ def digest(path: Path) -> str:
 
 
 def notice(found: list[Component]) -> str:
-    """Return names, licences and copyrights for people to read."""
+    """Return names, licences and copyrights for people to read, and the whole text of each licence that asks for it.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the text of a licence is not at hand.
+    """
     blocks = [
         f"{one.name} {one.version}\n  Copyright {one.copyright}\n  {one.licence}\n  {one.url}\n  {len(one.files)} files"
         for one in found
     ]
     licences = sorted({name for one in found for name in one.licence.split(" AND ")})
-    texts = [f"{name}: https://spdx.org/licenses/{name}.html" for name in licences]
-    return "\n\n".join([HEAD, *blocks, "\n".join(["The texts of the licences", *texts])]) + "\n"
+    texts = [
+        f"{name}\n\n{LINKED.get(name) or (TEXTS / f'{name}.txt').read_text(encoding='utf-8').strip()}"
+        for name in licences
+    ]
+    return RULE.join(["\n\n".join([HEAD, *blocks]), *texts]) + "\n"
 
 
 def write(site: Path) -> None:
