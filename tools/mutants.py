@@ -39,7 +39,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
 TABLE = ROOT / "book" / "data" / "mutants.csv"
 COLUMNS = ("module", "function", "was", "becomes", "outcome", "reason")
-# the search for optima is not among them: tools/optima.py holds it against another one
+# the search for optima is not among them: studies/optimal_check.py holds it against another one
 WHAT_LOOPS_ARE = ("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace")
 METHODS = ("identification", "record", "reduction", "robustness", "rules", "simulation")
 ROOMS = (*WHAT_LOOPS_ARE, *METHODS, "controllers", "digital", "ledger")
