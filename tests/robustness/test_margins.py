@@ -8,6 +8,7 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
+from pidalab.robustness._grid import grid
 
 PAPER = Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
 LIGHT = Process(
@@ -301,3 +302,13 @@ def test_all_phase_crossovers_of_a_dead_time_of_many_lags():
         expected = ((2 * np.arange(5000) + 1) * np.pi - np.arctan(expected)) / 1000.0
     expected = expected[0.5 / np.hypot(1.0, expected) >= 0.1]
     np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_the_grid_follows_the_turns_of_the_dead_time():
+    """A quarter of a radian from point to point, wherever L is not small: no peak between two turns is stepped over."""
+    loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 20.0), pidalab.PIDA(0.3, 20.0))
+    w = grid(loop, 0.01)
+    loud = np.abs(loop.L(1j * w))[:-1] >= 0.01
+    turns = 20.0 * np.diff(w)[loud]
+    assert turns.size > 1000
+    assert turns.max() <= 0.25 * (1 + 1e-9)
