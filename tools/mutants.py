@@ -172,7 +172,7 @@ def changed(place: Place, change: tuple[str, int]) -> Mutant | None:
         return None
     lines = list(difflib.ndiff(old.splitlines(), new.splitlines()))
     was, becomes = (" ".join(" ".join(x[2:].split()) for x in lines if x.startswith(sign)) for sign in "-+")
-    return Mutant(place.module, place.function, was, becomes, new)
+    return Mutant(place.module, place.function, was, re.sub(r"(?<=[(\[]) ", "", becomes), new)
 
 
 def sample(number: int, seed: int, word: str) -> list[Mutant]:
