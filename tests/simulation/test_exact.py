@@ -345,3 +345,25 @@ def test_a_short_dead_time_is_followed():
 def test_an_output_that_leaves_the_range_of_numbers():
     with pytest.raises(ValueError, match="range of numbers"):
         simulate(Loop(pidalab.fopdt(1e300, 1.0, 1.0), 1e300), TIME, setpoint=1.0)
+
+
+@pytest.mark.parametrize("quick", [1e-3, 1e-5, 1e-8, 1e-12])
+def test_a_loop_far_faster_than_its_plant_keeps_its_digits(quick):
+    t = np.linspace(0.0, 60.0, 241)
+    controller = pidalab.PIDA(0.5 / quick, 8.0 * quick)
+    # without dead time a system of second order, in the loop's own time
+    a, b = 0.5 * (quick + 0.5), 0.0625
+    w = np.sqrt(complex(a**2 - b))
+    shape = np.cosh(w * t) + (a - 0.5) * np.sinh(w * t) / w
+    y = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, 0.0), controller), quick * t).y
+    np.testing.assert_allclose(y, 1.0 - np.exp(-a * t) * shape.real, atol=1e-11)
+    # with dead time what it does with an integrator, but for the plant's own return
+    y = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, quick), controller), quick * t).y
+    integrator = Loop(pidalab.ipdt(1.0, 1.0), pidalab.PIDA(0.5, 8.0))
+    np.testing.assert_allclose(y, pidalab.step_response(integrator, t).y, atol=20 * quick + 1e-11)
+    # and of third order
+    gains = [0.002 / quick**3, 0.05 / quick**2, 0.5 / quick]
+    fast = Loop(pidalab.lags(2, delay=quick), pidalab.HighOrderPID(gains, 0.1 * quick, 2))
+    slow = Loop(Process([1.0], [1.0, 0.0, 0.0], 1.0), pidalab.HighOrderPID([0.002, 0.05, 0.5], 0.1, 2))
+    difference = pidalab.step_response(fast, quick * t).y - pidalab.step_response(slow, t).y
+    np.testing.assert_allclose(difference, 0.0, atol=40 * quick + 1e-11)

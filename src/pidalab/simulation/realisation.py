@@ -20,7 +20,8 @@ from pidalab.loop import Loop, require_well_posed
 from pidalab.roots import roots
 from pidalab.simulation.chains import fractions, without_slow
 
-GAP = 10.0  # poles whose speeds differ by more than this factor go to different groups
+GAP = 10.0  # poles whose speeds differ by more than this factor go to different groups,
+LOUD = 100.0  # but for those where the gain of the loop is still above this
 
 
 Ratio = tuple[Array, float, Any]  # numerator, leading coefficient of the denominator, poles by modulus
@@ -74,6 +75,18 @@ def _product(first: Ratio, second: Ratio) -> Ratio:
         first[1] * second[1],
         poles[np.argsort(np.abs(poles), kind="stable")],
     )
+
+
+@compiled
+def _size(num, lead, poles, s):
+    """Return the absolute value of a block."""
+    value = 0.0j
+    for coefficient in num:
+        value = value * s + coefficient
+    size = abs(value / lead)
+    for pole in poles:
+        size /= abs(s - pole)
+    return size
 
 
 @compiled
@@ -242,6 +255,13 @@ def _assembled(p_num, p_lead, p_poles, c_num, c_lead, c_poles, f_num, f_lead, f_
     if not (np.all(np.isfinite(p_num)) and np.all(np.isfinite(c_num)) and np.all(np.isfinite(f_num))):
         unit = np.inf
     speeds *= unit
+    # to a loop far faster than some poles these are all integrators: apart, they would be differences of large numbers
+    slow = 0.0
+    for speed in speeds:
+        s = speed * np.sqrt(1j)
+        if _size(p_num, p_lead, p_poles, s) * _size(c_num, c_lead, c_poles, s) > LOUD:
+            slow = max(slow, speed)
+    speeds = np.maximum(speeds, slow)
     size = speeds.size + inputs.size
     A, b, x0 = np.zeros((size, size)), np.zeros(size), np.zeros((size, inputs.size))
     group = np.zeros(size, dtype=np.int64)
