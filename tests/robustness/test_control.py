@@ -46,3 +46,14 @@ def test_the_highest_of_many_ripples():
     assert mks == pytest.approx(gain.max(), rel=1e-4)
     assert mks >= gain.max()
     assert at == pytest.approx(w[np.argmax(gain)], abs=1e-4)
+
+
+@pytest.mark.parametrize("delay", [1e3, 1e5])
+def test_a_dead_time_far_longer_than_the_lag_is_followed_only_where_it_may_matter(delay):
+    """One of the first turns of thousands is the highest; the lag has not begun there."""
+    loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, delay), pidalab.HighOrderPID([0.0, 0.3], 0.1, 1))
+    w = np.linspace(0.1, 60.0, 600_001) / delay
+    expected = np.abs(loop.transfer("u", "n", 1j * w))
+    mks, at = max_control_sensitivity(loop)
+    assert mks == pytest.approx(expected.max(), rel=1e-8)
+    assert at == pytest.approx(w[np.argmax(expected)], rel=1e-3)

@@ -284,3 +284,11 @@ def test_a_closed_loop_pole_at_the_origin_is_unstable(process):
 
 def test_poles_on_the_axis_are_found_as_such():
     assert unstable_poles(Loop(Process([1.0], [8.0, 4.0, 2.0, 1.0], 0.5), 0.0)) == 2
+
+
+@pytest.mark.parametrize(("order", "lag"), [(5, 1.0), (20, 60.0), (30, 60.0), (60, 1.0), (100, 1.0)])
+def test_many_equal_lags_without_dead_time_have_their_closed_loop_poles(order, lag):
+    """(lag s + 1)^n = -k has its roots on a circle around -1/lag."""
+    found = pidalab.rightmost_poles(Loop(pidalab.lags(order, lag), 0.5), count=4)
+    turns = np.exp(1j * np.pi * np.array([1, -1, 3, -3]) / order)
+    np.testing.assert_allclose(found * lag, 0.5 ** (1 / order) * turns - 1, atol=1e-12)

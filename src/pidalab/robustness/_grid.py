@@ -54,14 +54,16 @@ class Scan(NamedTuple):
     w: Array
     size: Array
 
-    def parts(self, loud: float, turn: float = 0.25) -> Any:
+    def parts(self, loud: float, turn: float = 0.25, size: Array | None = None) -> Any:
         """Into how many pieces the steps of the grid are divided, so that they follow L wherever it is this large.
 
-        The dead time turns the phase in each by `turn`, in rad, at most.
+        The dead time turns the phase in each by `turn`, in rad, at most. Another `size` says where to look.
         """
         from pidalab.robustness import _scan
 
-        parts, total = _scan.pieces(self.w, self.size, loud, self.factors.delay, turn)
+        parts, total = _scan.pieces(
+            self.w, self.size if size is None else size, loud, self.factors.delay, turn
+        )
         if not total <= _scan.MOST_POINTS:
             raise ArithmeticError(
                 f"the dead time turns the phase more than {total * turn / (2 * np.pi):.2g} times while |L| is "
@@ -82,11 +84,14 @@ def scan(loop: Loop) -> Scan:
 def grid(loop: Loop, loud: float) -> Array:
     """Frequencies that follow L everywhere, and the turns of its dead time wherever |L| >= loud."""
     looked = scan(loop)
-    parts = looked.parts(loud)
+    return divided(looked.w, looked.parts(loud))
+
+
+def divided(w: Array, parts: Any) -> Array:
+    """Divide each step between frequencies into so many parts."""
     first = np.repeat(np.cumsum(parts) - parts, parts)
     share = (np.arange(parts.sum()) - first) / np.repeat(parts, parts)
-    start = np.repeat(looked.w[:-1], parts)
-    return np.append(start + share * np.repeat(np.diff(looked.w), parts), looked.w[-1])
+    return np.append(np.repeat(w[:-1], parts) + share * np.repeat(np.diff(w), parts), w[-1])
 
 
 def ends(loop: Loop) -> tuple[float, float]:

@@ -10,9 +10,11 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop, require_well_posed
-from pidalab.robustness._grid import grid
+from pidalab.robustness._grid import divided, scan
 
 QUIET = 1e-4  # |L| below which the turns of the dead time no longer show in |C S|
+LOUD = 0.5  # |L| above which they always are followed,
+TURNS = 500.0  # and below which dead time times frequency, in rad, it is quicker to follow them all
 REACH, FEW = 1.5, 12  # share by which |C| may grow between points; peaks that are looked at closely, at most
 
 
@@ -49,7 +51,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     def gain(w: np.ndarray) -> np.ndarray:
         return np.abs(loop.transfer("u", "n", 1j * w))
 
-    w = grid(loop, QUIET)
+    w = _frequencies(loop, gain)
     height = gain(w)
     best = int(np.nanargmax(height))
     found, at = float(height[best]), float(w[best])
@@ -62,6 +64,25 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
         if _approached(loop, where) and value >= found * (1 - 1e-7):
             return float(value), where
     return found, at
+
+
+def _frequencies(loop: Loop, gain: Callable[[Any], Any]) -> Array:
+    """Return frequencies that follow C S wherever it may be largest."""
+    looked = scan(loop)
+    w, size = looked.w, looked.size
+    if loop.process.delay * w[size >= QUIET].max(initial=0.0) < TURNS:
+        return divided(w, looked.parts(QUIET))
+    least = np.nanmax(gain(divided(w, looked.parts(LOUD))))
+    with np.errstate(all="ignore"):
+        controller = gain(w) * np.abs(1 + loop.L(1j * w))
+        # |C S| is at most |C|/(1 - |L|); as much as |C| changes from point to point it may grow between them
+        low, high = np.fmin(controller[:-1], controller[1:]), np.fmax(controller[:-1], controller[1:])
+        most = high * (high / low) / (1 - np.fmax(size[:-1], size[1:]))
+    here = ~((most < least) & (most > 0))
+    shown = np.zeros(w.size)
+    shown[:-1][here] = size[:-1][here]
+    shown[1:][here] = np.fmax(shown[1:], size[1:])[here]
+    return divided(w, looked.parts(QUIET, size=shown))
 
 
 def _hills(loop: Loop, w: Array, height: Array) -> list[int]:

@@ -11,13 +11,16 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
-from pidalab.robustness._grid import Scan, ends, scan
+from pidalab.robustness._grid import Factors, Scan, ends, factors, scan
 from pidalab.robustness.sampled import unstable_poles_sampled
 
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
 CLUSTER = 8  # more poles than asked for that are returned at most, not to split a cluster of them
 SLOW = 1e-6  # modulus, in 1/dead time, below which a pole is found without dead time first: rounding drowns it with
+
+ABERTH = 100  # steps at most
+SOLVED = 1e-6  # residual, or step relative to the pole, of one that is found
 
 
 def unstable_poles(loop: Loop) -> float:
@@ -144,9 +147,9 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     """
     require_well_posed(loop)
     count = _check.order("count", count, at_least=1)
-    num, den = open_loop(loop)
+    num, _ = open_loop(loop)
     if not loop.process.delay or not np.any(num):
-        found = _sorted(np.roots(np.polyadd(num, den)))
+        found = _sorted(_of_ratio(loop))
         if found.size < count:
             raise ValueError(f"count must be at most the order of the loop, {found.size}, found {count}")
         return found[: _whole_pairs(found, count)]
@@ -169,6 +172,40 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         else f"the chain of poles of this neutral loop at {chain / delay:.4g}"
     )
     raise ArithmeticError(f"the {count} rightmost poles cannot be told from {near}")
+
+
+def _of_ratio(loop: Loop) -> Any:
+    """Poles of a loop without dead time.
+
+    The coefficients of its characteristic polynomial forget what many equal lags made of them. Where their roots do not
+    solve the equation as the factors have it, they are brought there by Aberth's method.
+    """
+    of, (num, den) = factors(loop), open_loop(loop)
+    if not np.any(num):
+        return np.array(of.poles)
+    s = np.roots(np.polyadd(num, den))
+    with np.errstate(all="ignore"):
+        for _ in range(ABERTH):
+            value, step = _newton(s, of)
+            solved = (np.abs(1 + value) <= SOLVED * (1 + np.abs(value))) | (
+                np.abs(step) <= SOLVED * np.abs(s)
+            )
+            if np.all(solved | (s == 0)):
+                return s
+            others = np.sum(1 / (s[:, None] - s[None, :] + np.diag(np.full(s.size, np.inf))), axis=1)
+            s = s - step / (1 - step * others)
+    raise ArithmeticError("the poles of the closed loop cannot be told from their neighbours")
+
+
+def _newton(s: Any, of: Factors) -> tuple[Any, Any]:
+    """L, and the step of Newton's method on D + N, from the factors."""
+    from_zeros, from_poles = s[:, None] - of.zeros, s[:, None] - of.poles
+    # factor by factor, since the products leave the range of numbers
+    pairs = min(of.zeros.size, of.poles.size)
+    value = of.gain * np.prod(from_zeros[:, :pairs] / from_poles[:, :pairs], axis=1)
+    value = value / np.prod(from_poles[:, pairs:], axis=1)
+    slope = np.sum(1 / from_poles, axis=1) + value * np.sum(1 / from_zeros, axis=1)
+    return value, (1 + value) / slope
 
 
 def _all_of_them(loop: Loop, found: Any, last: int, chain: float) -> bool:
