@@ -59,6 +59,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "controllers/parallel": ("test_controllers.py", "one test for all controllers"),
     "controllers/series": ("test_controllers.py", "one test for all controllers"),
     "areas/_power_series": ("areas/test_model.py", "areas are power series"),
+    "rules/_by_name": ("test_tuning.py", "the front door calls them"),
     "robustness/_grid": ("robustness/test_margins.py", "a peak between two points would be missed"),
     "robustness/_scan": ("robustness/test_margins.py", "margins are read off it"),
     "robustness/_infimum": ("robustness/test_limits.py", "the criteria are infima"),

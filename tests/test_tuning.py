@@ -117,6 +117,28 @@ def test_what_is_no_model_says_what_to_pass():
     with pytest.raises(TypeError, match="model"):
         tune(1.0, "PI")
 
+    with pytest.raises(TypeError, match=r"found Record; fit one: identification\.fit\(record\)"):
+        tune(pidalab.Record(np.arange(30.0), np.arange(30) >= 9.0, np.arange(30) >= 12.0), "PI")
+
+
+@pytest.mark.parametrize("call", [tune, pidalab.report, pidalab.compare])
+@pytest.mark.parametrize("num", [[0.0], [1.0, 0.0]])
+def test_a_process_through_which_nothing_can_be_held_is_refused(call, num):
+    with pytest.raises(ValueError, match="must have a static gain other than 0, or an integrator"):
+        call(pidalab.Process(num, [1.0, 1.0], 1.0))
+
+
+@pytest.mark.parametrize("rule", ["simc", "amigo", "lambda", "ziegler-nichols"])
+def test_a_rule_serves_for_any_dead_time(rule):
+    """Its design goes with the dead time: in units of it nothing is left of the lag, or of the dead time."""
+    first, second = (tune(fopdt(1.0, 1.0, delay), "PI", rule=rule) for delay in (1e-8, 1e-12))
+    assert second.ms == pytest.approx(first.ms, rel=1e-6)
+    if rule == "lambda":
+        assert any("the dead time of 1e-12 is left out" in doubt for doubt in second.doubts)
+        assert second.iae == pytest.approx(first.iae, rel=1e-6)
+    else:
+        assert second.iae * 1e8 == pytest.approx(first.iae, rel=1e-6)
+
 
 def test_a_derivative_without_a_lag_to_work_on_is_doubted():
     assert any(

@@ -250,6 +250,16 @@ def require_process(name: str, value: Any) -> None:
         raise TypeError(f"{name} must be a pidalab.Process, found {type(value).__name__}{hint}")
 
 
+def require_gain(name: str, value: Any) -> None:
+    """Raise for what is no Process, and for one through which nothing can be held."""
+    require_process(name, value)
+    if value.num[-1] == 0:
+        raise ValueError(
+            f"{name} must have a static gain other than 0, or an integrator, found {value!r}: nothing can be held "
+            "through it"
+        )
+
+
 def fopdt(gain: float, lag: float, delay: float) -> Process:
     r"""First order plus dead time, :math:`\frac{gain}{lag\,s + 1} e^{-s\,delay}`.
 

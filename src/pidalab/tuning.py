@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -13,11 +12,12 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.identification import Fit
 from pidalab.loop import Loop
-from pidalab.process import Process, rational, require_process
+from pidalab.process import Process, rational, require_gain
+from pidalab.record import Record
 from pidalab.roots import roots
 from pidalab.rules import Design
+from pidalab.rules._by_name import ORDER, RULES
 
-ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
 LOUDEST = (
     10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 )
@@ -90,14 +90,11 @@ def tune(
     if sample_time is not None:
         sample_time = _check.real("sample_time", sample_time, above=0.0)
     process = model.process if isinstance(model, Fit) else model
-    require_process("model", process)
+    if isinstance(process, Record):
+        raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
+    require_gain("model", process)
     doubts: list[str] = []
-    if 0 < process.delay * _fastest(process, rule, noise_gain, sample_time) < UNSEEN:
-        doubts.append(
-            f"the dead time of {process.delay:.3g} is left out: where the loop can act, it turns the phase by less "
-            f"than {UNSEEN:g} rad"
-        )
-        process = Process(process.num, process.den)
+    process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
     designed = _seen_by_the_controller(process, sample_time, output_filter)
@@ -107,6 +104,7 @@ def tune(
         made = RULES[rule](designed, kind, ms)
         if noise_gain is not None:
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
+        process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     _doubt_unknown_dynamics(designed, kind, doubts)
     loop = Loop(process, made.controller, _in_series(made.output_filter, output_filter), made.prefilter)
     info = {**_measured(loop), **_worst(loop, plants), "doubts": tuple(doubts)}
@@ -162,6 +160,24 @@ def _optimal(
             f"the filter is as fast as the sample, {sample_time:g}, allows: with faster sampling it would be faster"
         )
     return found
+
+
+def _without_unseen_delay(process: Process, fastest: float, doubts: list[str]) -> Process:
+    """Leave out a dead time that a loop cannot notice which acts up to a frequency, and say so."""
+    if not 0 < process.delay * fastest < UNSEEN:
+        return process
+    doubts.append(
+        f"the dead time of {process.delay:.3g} is left out: where the loop can act, it turns the phase by less "
+        f"than {UNSEEN:g} rad"
+    )
+    return Process(process.num, process.den)
+
+
+def _highest_crossover(process: Process, made: Design) -> float:
+    """Return the highest frequency at which the gain of a design's loop is 1, 0 if there is none."""
+    from pidalab.robustness.margins import gain_crossovers
+
+    return float(gain_crossovers(Loop(process, made.controller, made.output_filter)).max(initial=0.0))
 
 
 def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time: float | None) -> float:
@@ -286,84 +302,3 @@ def _worst(loop: Loop, plants: list[Process]) -> dict[str, float]:
         _measured(Loop(plant, loop.controller, loop.output_filter, loop.prefilter)) for plant in plants
     ]
     return {f"{name}_worst": max(each[name] for each in measured) for name in ("ms", "iae")}
-
-
-# --- rules by name ----------------------------------------------------------------------------------------------------
-
-
-def _haalman(process: Process, kind: str, ms: float) -> Design:
-    from pidalab.rules import haalman
-
-    return haalman.tune(process, ms, kind)
-
-
-def _classical(name: str) -> Callable[[Process, str, float], Design]:
-    def rule(process: Process, kind: str, ms: float) -> Design:
-        from pidalab.rules import classical
-
-        if kind == "PIDA":
-            raise ValueError(
-                "kind must be 'PI' or 'PID' for a classical rule: none of them knows acceleration"
-            )
-        return getattr(classical, name)(process, kind)
-
-    return rule
-
-
-def _itae(process: Process, kind: str, ms: float) -> Design:
-    from pidalab.rules import itae
-
-    if kind != "PIDA":
-        raise ValueError(f"kind must be 'PIDA' for the rule 'itae', found {kind!r}")
-    return itae.tune(process, "load")
-
-
-def _direct(process: Process, kind: str, ms: float) -> Design:
-    from pidalab.rules import direct
-
-    if kind != "PIDA":
-        raise ValueError(f"kind must be 'PIDA' for the rule 'direct', found {kind!r}")
-    return direct.tune(process, "load")
-
-
-def _magnitude_optimum(process: Process, kind: str, ms: float) -> Design:
-    from pidalab.rules import magnitude_optimum
-
-    order = ORDER[kind]
-    # a filter ten times faster than the process's own time, its area divided by its gain
-    areas = _lag_time(process)
-    return magnitude_optimum.tune(process, order, order + 1, 0.1 * areas / (order + 1))
-
-
-def _lag_time(process: Process) -> float:
-    """Sum of lags and dead time, the first area over the gain."""
-    from pidalab.areas import from_process
-
-    first = from_process(process, 2)
-    return float(first[1] / first[0])
-
-
-def _mrdp(process: Process, kind: str, ms: float) -> Design:
-    from pidalab.rules import mrdp
-
-    m = ORDER[kind]
-    if process.delay == 0:
-        raise ValueError(
-            "model must have a dead time for the rule 'mrdp', whose times are shares of it, found none"
-        )
-    return mrdp.tune(
-        process, m, m + 1, max(0.25 * process.delay, 1.2 * mrdp.smallest_te(m, m + 1) * process.delay)
-    )
-
-
-RULES: dict[str, Callable[[Process, str, float], Design]] = {
-    "haalman": _haalman,
-    "simc": _classical("simc"),
-    "amigo": _classical("amigo"),
-    "lambda": _classical("lambda_tuning"),
-    "ziegler-nichols": _classical("ziegler_nichols_ultimate"),
-    "itae": _itae,
-    "direct": _direct,
-    "magnitude optimum": _magnitude_optimum,
-    "mrdp": _mrdp,
-}

@@ -19,7 +19,7 @@ from pidalab._check import Array
 from pidalab.comparison.candidates import KINDS, judged_rules, sampled_noise, time_scale
 from pidalab.comparison.fairness import at_equal_terms
 from pidalab.loop import Loop
-from pidalab.process import Process, require_process
+from pidalab.process import Process, require_gain
 from pidalab.rules import Design
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def compare(
     >>> print(min((row for row in table.rows if table.keeps(row)), key=lambda row: row.iae_load).kind)
     PIDA
     """
-    require_process("process", process)
+    require_gain("process", process)
     ms = _check.real("ms", ms, above=1.0)
     noise_gain = _check.real("noise_gain", noise_gain, above=0.0)
     sample_time = _check.real("sample_time", sample_time, above=0.0)

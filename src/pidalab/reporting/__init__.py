@@ -20,7 +20,8 @@ from pidalab.process import Process
 from pidalab.record import Record
 from pidalab.response import Response
 from pidalab.rules import Design
-from pidalab.tuning import ORDER, plants_within, tune
+from pidalab.rules._by_name import ORDER
+from pidalab.tuning import plants_within, tune
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

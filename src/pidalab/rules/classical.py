@@ -87,7 +87,8 @@ def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = Non
     gain, slow, delay, integrating = _half_rule(model, 2 if kind == "PID" else 1)
     if closed_loop_time is None and delay == 0:
         raise ValueError(
-            "closed_loop_time must be given: the model has no effective dead time to take it from"
+            "closed_loop_time must be given to classical.simc: the model has no effective dead time to take it from; "
+            "in pidalab.tune give the sample_time, half of which is dead time"
         )
     wanted = (
         delay if closed_loop_time is None else _check.real("closed_loop_time", closed_loop_time, above=0.0)

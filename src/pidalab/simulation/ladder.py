@@ -22,17 +22,21 @@ RUN = 64  # requested times served from one stack
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
 
+class ManyDeadTimes(ValueError):
+    """More dead times than can be followed one after the other."""
+
+
 def responses(cut: Cut, n: int, step: float, delay: float) -> Array:
     """Values of y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n)."""
     step, delay = step / cut.unit, delay / cut.unit
     intervals = (n - 1) * step / delay if delay else 0.0
     if not intervals * cut.x0.size < STORED:
-        raise ValueError(_too_many(intervals))
+        raise ManyDeadTimes(_too_many(intervals))
     result, depth, status = _responses(*cut[:-1], step, delay, n)
     if status == TOO_LARGE:
         raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
     if status == TOO_MANY:
-        raise ValueError(_too_many(intervals))
+        raise ManyDeadTimes(_too_many(intervals))
     if status == TOO_DEEP:
         raise ValueError(
             f"the loop still remembers what happened {depth} dead times ago (|L| is near 1 or above at "

@@ -37,7 +37,8 @@ def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: fl
     Raises
     ------
     ValueError
-        For a horizon that is not above 0, and if the response has not settled after all doublings.
+        For a horizon that is not above 0, if the response has not settled after all doublings, and if it needs too many
+        dead times for that.
 
     Examples
     --------
@@ -47,11 +48,20 @@ def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: fl
     >>> print(f"{settled(pidalab.load_response, loop, 4.0).iae(horizon=math.inf):.4f}")
     1.2500
     """
+    from pidalab.simulation.ladder import ManyDeadTimes  # compiled code: loaded when it is needed
+
     horizon = _check.real("horizon", horizon, above=0.0)
     while horizon <= 2 * loop.process.delay:
         horizon *= 2
     for doubling in range(DOUBLINGS + 1):
-        response = simulate(loop, np.linspace(0.0, horizon * 2.0**doubling, POINTS))
+        end = horizon * 2.0**doubling
+        try:
+            response = simulate(loop, np.linspace(0.0, end, POINTS))
+        except ManyDeadTimes:
+            raise ValueError(
+                f"the loop needs {end:.3g} to come to rest, {end / loop.process.delay:.3g} times the dead time of its "
+                "process: too many to follow one after the other; leave out a dead time as short as that"
+            ) from None
         try:
             response.iae(horizon=math.inf)
         except ValueError:
