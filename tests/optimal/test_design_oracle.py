@@ -1,4 +1,7 @@
-"""The optimum against a bound that no PI controller can pass: within 1e-4, as the search keeps 2e-5 of a limit free."""
+"""The optimum against a bound that no PI controller can pass, and against optima of high precision.
+
+Within 1e-4, as the search keeps 2e-5 of a limit free.
+"""
 
 import pytest
 from engine_errors import oracle
@@ -12,3 +15,10 @@ def test_least_iae(case):
     found, least = pidalab.optimal.load(process, 0, ms=case["ms"]), float(case["values"]["iae_at_least"])
     assert found.controller.filter_time == pytest.approx(case["filter_time"], rel=1e-9)  # its edge
     assert least * (1 - 1e-9) <= found.iae <= least * (1 + 1e-4)
+
+
+@pytest.mark.parametrize("case", oracle("limited_optima.json")["cases"], ids=lambda case: case["name"])
+def test_least_iae_under_limits_of_noise(case):
+    process = pidalab.Process(case["process"]["num"], case["process"]["den"])
+    found = pidalab.optimal.load(process, case["order"], ms=case["ms"], mks=case["mks"])
+    assert found.iae == pytest.approx(float(case["values"]["iae"]), rel=1e-4)
