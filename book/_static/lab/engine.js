@@ -78,7 +78,7 @@
     if (n < 1) return found;
     const scale = Math.pow(Math.abs(c[n] / c[0]), 1 / n);
     const p = c.map((x, i) => (x / c[0]) * Math.pow(scale, -i));
-    const dp = p.slice(0, -1).map((x, i) => x * (n - i));
+    const dp = p.slice(0, -1).map((x, i) => x * (n - i)), sizes = p.map(Math.abs);
     const z = Array.from({ length: n }, (_, k) => {
       const phase = (2 * Math.PI * k) / n + 0.4;
       return [Math.cos(phase), Math.sin(phase)];
@@ -87,7 +87,7 @@
       let change = 0;
       for (let k = 0; k < n; k++) {
         const at = value(p, z[k]);
-        if (modulus(at) === 0) continue;
+        if (modulus(at) <= 1e-16 * value(sizes, [modulus(z[k]), 0])[0]) continue; // rounding says no more of this root
         const newton = over(value(dp, z[k]), at);
         const repelled = z.reduce((sum, other, j) => {
           if (j === k) return sum;
@@ -114,7 +114,11 @@
     const filter = (s) => {
       const x = 1 + loop.time * s[0], y = loop.time * s[1];
       let re = loop.ki ? s[0] : 1, im = loop.ki ? s[1] : 0;
-      for (let k = 0; k < loop.order; k++) [re, im] = [re * x - im * y, re * y + im * x];
+      for (let k = 0; k < loop.order; k++) {
+        const next = re * x - im * y;
+        im = re * y + im * x;
+        re = next;
+      }
       return [re, im];
     };
     const poles = roots(loop.den).concat(Array.from({ length: loop.order }, () => [-1 / loop.time, 0]));
@@ -133,7 +137,23 @@
     };
   }
 
+  /* What several functions need of the same loop, found when first asked for; the last loops are remembered. */
+  const known = new Map(), MOST_KNOWN = 12;
+
+  function prepared(asked) {
+    const loop = readLoop(asked), key = JSON.stringify({ ...loop, limits: null });
+    const once = (make) => { let made; return () => (made ??= make()); };
+    if (!known.has(key)) {
+      const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
+      const open = once(() => grid().map((w) => openLoop(loop, parts(), w))), size = once(() => open().map(modulus));
+      if (known.size >= MOST_KNOWN) known.delete(known.keys().next().value);
+      known.set(key, { parts, grid, open, size, space, motion: once(() => motion(loop, parts(), grid(), size(), space())) });
+    }
+    return { loop, ...known.get(key) };
+  }
+
   const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
+  const TOO_MANY = "the dead time turns the phase too often to follow while |L| is large";
 
   function openLoop(loop, parts, w) {
     const s = [0, w];
@@ -168,28 +188,32 @@
     const fine = [];
     for (let i = 0; i + 1 < w.length; i++) {
       const pieces = matters(i) ? Math.max(1, Math.ceil(((w[i + 1] - w[i]) * delay) / TURN)) : 1;
-      if (fine.length + pieces > MOST) fail("the dead time turns the phase too often to follow while |L| is large");
+      if (fine.length + pieces > MOST) fail(TOO_MANY);
       for (let k = 0; k < pieces; k++) fine.push(w[i] + ((w[i + 1] - w[i]) * k) / pieces);
     }
     fine.push(w[w.length - 1]);
     return fine;
   }
 
-  /* Zero of a function between two points of different sign. */
-  function bisect(f, a, b) {
-    const below = f(a) < 0;
-    for (let k = 0; k < 60 && b - a > 1e-13 * b; k++) {
-      const middle = (a + b) / 2;
-      if ((f(middle) < 0) === below) a = middle; else b = middle;
+  /* Zero of a function between two points of different sign: the Illinois method, false position that halves the value
+     of an end which stays. */
+  function zero(f, a, b) {
+    let fa = f(a), fb = f(b), last = Infinity, kept = 0;
+    for (let k = 0; k < 100; k++) {
+      const c = (a * fb - b * fa) / (fb - fa);
+      if (!(Math.abs(c - last) > 1e-14 * c)) return c;
+      const fc = f(last = c);
+      if (fc === 0) return c;
+      if (fc < 0 === fa < 0) { a = c; fa = fc; if (kept === 1) fb /= 2; kept = 1; } else { b = c; fb = fc; if (kept === -1) fa /= 2; kept = -1; }
     }
-    return (a + b) / 2;
+    return last;
   }
 
   /* Largest value of a smooth function between two points around a local maximum, by the golden section. */
   function summit(f, a, b) {
     const share = (Math.sqrt(5) - 1) / 2;
     let c = b - share * (b - a), d = a + share * (b - a), fc = f(c), fd = f(d);
-    for (let k = 0; k < 45; k++) {
+    for (let k = 0; k < 28; k++) { // the place to a millionth, the value to its square
       if (fc > fd) { b = d; d = c; fd = fc; c = b - share * (b - a); fc = f(c); }
       else { a = c; c = d; fc = fd; d = a + share * (b - a); fd = f(d); }
     }
@@ -198,21 +222,38 @@
 
   const ENOUGH = 2e-5; // share by which a value may exceed the one found without being looked for
 
-  /* Supremum over all frequencies of f, whose limit is `end`, and which lies below bound(w) wherever the dead time is
-     not resolved. */
-  function supremum(w, delay, loud, f, bound, end) {
-    const highest = (heights) => heights.reduce((top, x) => (x > top ? x : top), end);
-    let fine = divided(w, delay, loud);
-    const found = highest(fine.map(f)) * (1 + ENOUGH), bounds = w.map(bound);
-    fine = divided(w, delay, (i) => loud(i) || Math.max(bounds[i], bounds[i + 1]) >= found);
-    const heights = fine.map(f);
-    let best = highest(heights);
-    for (let i = 1; i + 1 < fine.length; i++) {
-      if (heights[i] >= heights[i - 1] && heights[i] >= heights[i + 1] && heights[i] > 0.8 * best) {
-        best = Math.max(best, summit(f, fine[i - 1], fine[i + 1]));
-      }
+  /* Suprema over all frequencies of |S| and |C S|, whose limits are `ends`. Wherever the dead time is not resolved they lie
+     below bounds of |L| alone; an interval whose bound exceeds what was found so far is resolved, too. */
+  function peaks(loop, parts, grid, open, size, ends) {
+    const at = (w, l) => { const s = 1 / Math.hypot(1 + l[0], l[1]); return [w, s, s * modulus(parts.control([0, w]))]; };
+    const look = (w) => at(w, openLoop(loop, parts, w));
+    const known = grid.map((w, i) => at(w, open[i])), found = ends.slice(), inner = [];
+    const heighten = (point) => { for (const k of [0, 1]) found[k] = Math.max(found[k], point[k + 1]); };
+    let count = 0;
+    const resolve = (i) => {
+      const inside = divided([grid[i], grid[i + 1]], loop.delay, () => true).slice(1, -1);
+      if ((count += inside.length) > MOST) fail(TOO_MANY);
+      inner[i] = inside.map(look);
+      inner[i].forEach(heighten);
+    };
+    known.forEach(heighten);
+    for (let i = 0; i + 1 < grid.length; i++) if (Math.max(size[i], size[i + 1]) >= 0.5) resolve(i);
+    const level = found.map((x) => x * (1 + ENOUGH));
+    const bounds = known.map(([, s, cs], i) => { const most = 1 / Math.max(1 - size[i], 1e-3); return [most, (cs / s) * most]; });
+    for (let i = 0; i + 1 < grid.length; i++) {
+      if (!inner[i] && [0, 1].some((k) => Math.max(bounds[i][k], bounds[i + 1][k]) >= level[k])) resolve(i);
     }
-    return best;
+    const fine = known.flatMap((point, i) => [point, ...(inner[i] ?? [])]);
+    return [1, 2].map((k) => {
+      let best = found[k - 1];
+      for (let i = 1; i + 1 < fine.length; i++) {
+        const here = fine[i][k];
+        if (here >= fine[i - 1][k] && here >= fine[i + 1][k] && here > 0.8 * best) {
+          best = Math.max(best, summit((w) => look(w)[k], fine[i - 1][0], fine[i + 1][0]));
+        }
+      }
+      return best;
+    });
   }
 
   // --- stability ----------------------------------------------------------------------------------------------------
@@ -260,11 +301,10 @@
     return Math.abs(count - Math.round(count)) < 0.2 ? Math.round(count) : null;
   }
 
-  function isStable(loop, parts, grid) {
+  function isStable(loop, parts, grid, size) {
     if (!loop.delay && Math.abs(1 + parts.atInfinity) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
     // A neutral loop whose gain does not fall below 1 has a chain of poles that is not stable.
     if (loop.delay && Math.abs(parts.atInfinity) >= 1 - 1e-12) return false;
-    const size = grid.map((w) => modulus(openLoop(loop, parts, w)));
     const w = [0, ...divided(grid, loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.5)];
     for (const lean of [0, 1e-9, 1e-7]) {
       const count = encirclements(loop, parts, w, lean);
@@ -276,37 +316,33 @@
   // --- margins ------------------------------------------------------------------------------------------------------
 
   function margins(asked) {
-    const loop = readLoop(asked), parts = factors(loop), grid = baseGrid(loop, parts);
+    const found = prepared(asked), { loop } = found, parts = found.parts(), grid = found.grid(), size = found.size();
     const L = (w) => openLoop(loop, parts, w);
     const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false };
-    if (!isStable(loop, parts, grid)) return none;
-    const size = grid.map((w) => modulus(L(w)));
+    if (!isStable(loop, parts, grid, size)) return none;
     const louder = (level) => (i) => Math.max(size[i], size[i + 1]) >= level;
 
-    const S = (w) => { const l = L(w); return 1 / Math.hypot(1 + l[0], l[1]); };
-    const C = (w) => modulus(parts.control([0, w]));
-    const apart = (w) => Math.max(1 - modulus(L(w)), 1e-3);
     const farOut = loop.delay ? -Math.abs(parts.atInfinity) : parts.atInfinity; // with dead time every phase occurs
-    const ms = supremum(grid, loop.delay, louder(0.5), S, (w) => 1 / apart(w), 1 / Math.abs(1 + farOut));
-    const last = C(grid[grid.length - 1]) / Math.abs(1 + farOut);
-    const mks = supremum(grid, loop.delay, louder(0.5), (w) => C(w) * S(w), (w) => C(w) / apart(w), last);
+    const least = 1 / Math.abs(1 + farOut), last = modulus(parts.control([0, grid[grid.length - 1]]));
+    const [ms, mks] = peaks(loop, parts, grid, found.open(), size, [least, last * least]);
 
     /* Gain crossovers: the dead time has no part in them, but a gain that only touches 1 needs a closer look. */
     let pm = Infinity, dm = Math.abs(parts.atInfinity) >= 1 ? 0 : Infinity;
     const excess = (w) => Math.log(modulus(L(w)));
-    const marks = grid.slice();
+    const marks = grid.map((w, i) => [w, Math.log(size[i])]);
     for (let i = 1; i + 1 < grid.length; i++) {
       for (const sign of [1, -1]) {
         const [a, b, c] = [size[i - 1], size[i], size[i + 1]].map((x) => sign * Math.log(x));
         if (b < 0 && b > -0.1 && b >= a && b > c && summit((w) => sign * excess(w), grid[i - 1], grid[i + 1]) > 0) {
-          for (let k = 1; k < 50; k++) marks.push(grid[i - 1] + ((grid[i + 1] - grid[i - 1]) * k) / 50);
+          for (let k = 1; k < 50; k++) { const w = grid[i - 1] + ((grid[i + 1] - grid[i - 1]) * k) / 50; marks.push([w, excess(w)]); }
         }
       }
     }
-    marks.sort((a, b) => a - b);
+    marks.sort((a, b) => a[0] - b[0]);
     for (let i = 0; i + 1 < marks.length; i++) {
-      if (excess(marks[i]) * excess(marks[i + 1]) >= 0) continue;
-      const w = bisect(excess, marks[i], marks[i + 1]);
+      const [[from, before], [to, after]] = [marks[i], marks[i + 1]];
+      if (before * after >= 0) continue;
+      const w = zero(excess, from, to);
       const lag = (angle(L(w)) + Math.PI + 4 * Math.PI) % (2 * Math.PI); // what further dead time must add
       pm = Math.min(pm, (Math.min(lag, 2 * Math.PI - lag) * 180) / Math.PI);
       dm = Math.min(dm, lag / w);
@@ -316,15 +352,13 @@
     let loudest = Math.max(farOut < 0 && farOut > -1 ? -farOut : 0, atZero(loop, parts));
     const imaginary = (w) => { const l = L(w); return l[1] / modulus(l); };
     for (let level = 0.1; level > 1e-9 && !loudest; level /= 100) {
-      const fine = divided(grid, loop.delay, louder(level));
-      let before = imaginary(fine[0]);
+      const fine = divided(grid, loop.delay, louder(level)), values = fine.map(L);
       for (let i = 1; i < fine.length; i++) {
-        const after = imaginary(fine[i]);
-        if (before * after < 0 && Math.min(Math.abs(before), Math.abs(after)) > 1e-12) {
-          const l = L(bisect(imaginary, fine[i - 1], fine[i]));
+        const [before, after] = [modulus(values[i - 1]), modulus(values[i])], share = [values[i - 1][1] / before, values[i][1] / after];
+        if (share[0] * share[1] < 0 && Math.min(Math.abs(share[0]), Math.abs(share[1])) > 1e-12 && Math.max(before, after) > 0.5 * loudest) {
+          const l = L(zero(imaginary, fine[i - 1], fine[i]));
           if (l[0] < 0 && modulus(l) < 1) loudest = Math.max(loudest, modulus(l));
         }
-        before = after;
       }
       if (!loop.delay) break;
     }
@@ -340,12 +374,8 @@
 
   /* L(jw) = re + j im, |C(jw)| and the phase of C in degrees at frequencies that follow every turn while |L| is above 0.02, or at those asked for. */
   function frequencyResponse(asked) {
-    const loop = readLoop(asked), parts = factors(loop);
-    let w = asked.w;
-    if (!w) {
-      const grid = baseGrid(loop, parts), size = grid.map((x) => modulus(openLoop(loop, parts, x)));
-      w = divided(grid, loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.02);
-    }
+    const found = prepared(asked), { loop } = found, parts = found.parts(), size = found.size();
+    const w = asked.w ?? divided(found.grid(), loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.02);
     const values = w.map((x) => openLoop(loop, parts, x));
     const control = w.map((x) => parts.control([0, x]));
     return { w, re: values.map((l) => l[0]), im: values.map((l) => l[1]), control: control.map(modulus), lead: control.map((c) => (angle(c) * 180) / Math.PI) };
@@ -384,10 +414,10 @@
 
   // --- the loop, cut at its dead time -------------------------------------------------------------------------------
 
-  /* States: process (in a time unit of its own), lags of the filter, integral of the last of them, the constant 1.
+  /* States: process (in a time unit of its own), lags of the filter, integral of the last of them, the set point.
      x' = A x + b w with w(t) = v(t - delay); y = cy x + dy w, u = cu x + du w, v = u + load. */
-  function stateSpace(loop, setpoint) {
-    const np = loop.den.length - 1, n = loop.order, size = np + n + 2, one = size - 1, integral = size - 2;
+  function stateSpace(loop) {
+    const np = loop.den.length - 1, n = loop.order, size = np + n + 2, step = size - 1, integral = size - 2;
     const speeds = roots(loop.den).map(modulus).filter((speed) => speed > 0);
     const unit = speeds.length ? Math.exp(speeds.reduce((sum, speed) => sum + Math.log(speed), 0) / speeds.length) : 1 / (loop.delay || 1);
     const A = zeros(size, size), b = new Float64Array(size), cy = new Float64Array(size), cu = new Float64Array(size);
@@ -406,7 +436,7 @@
 
     // The error r - y as a row, then the chain of lags that is the filter.
     const error = cy.map((c) => -c);
-    error[one] = setpoint;
+    error[step] = 1;
     const rows = [{ row: error, direct: -dy }];
     for (let k = 0; k < n; k++) {
       const row = new Float64Array(size), before = rows[k];
@@ -429,11 +459,20 @@
       const gain = loop.ka / (loop.time * loop.time);
       add(gain, rows[n - 2]); add(-2 * gain, rows[n - 1]); add(gain, last);
     }
-    return { A, b, cy, dy, cu, du, size, one, np };
+    return { A, b, cy, dy, cu, du, size, step, np };
   }
 
   const dot = (row, x) => { let sum = 0; for (let j = 0; j < row.length; j++) sum += row[j] * x[j]; return sum; };
-  const applied = (matrix, x) => Float64Array.from(matrix, (row) => dot(row, x));
+  const flat = (rows) => Float64Array.from(rows.flatMap((row) => [...row]));
+
+  /* result = matrix x, for a flat matrix: this runs millions of times. */
+  function apply(matrix, x, result) {
+    for (let i = 0, k = 0; i < result.length; i++) {
+      let sum = 0;
+      for (let j = 0; j < x.length; j++, k++) sum += matrix[k] * x[j];
+      result[i] = sum;
+    }
+  }
 
   // --- linear responses ---------------------------------------------------------------------------------------------
 
@@ -464,16 +503,16 @@
     return { exponents, levels, unit: delay / units };
   }
 
-  /* For pieces of one size: states at the nodes from the state at the beginning and w at the nodes. Between the nodes
-     w is the polynomial through them, and for a polynomial the exponential of a larger matrix is exact. */
-  function transitions(space, matrix, length) {
-    const { size } = space, all = size + NODES;
-    const nodes = [];
-    let power = matrix;
+  /* For pieces of one size, from the state at the beginning and w at the nodes: the state at the end, then y and then u at
+     the nodes but the first, as one flat matrix. Between the nodes w is the polynomial through them, and for a polynomial the
+     exponential of a larger matrix is exact. */
+  function transitions({ size, cy, dy, cu, du }, matrix, length) {
+    const outputs = [[], []];
+    let power = matrix, nodal;
     for (let i = 1; i < NODES; i++) {
       if (i > 1) power = product(power, matrix);
       // derivatives of w at the beginning, q! a_q / length^q, from its values at the nodes
-      const nodal = zeros(size, size + NODES);
+      nodal = zeros(size, size + NODES);
       for (let row = 0; row < size; row++) {
         for (let j = 0; j < size; j++) nodal[row][j] = power[row][j];
         let factor = 1;
@@ -483,118 +522,123 @@
           factor *= (q + 1) / length;
         }
       }
-      nodes.push(nodal);
+      [[cy, dy], [cu, du]].forEach(([c, direct], k) => {
+        const [row] = product([c], nodal);
+        row[size + i] += direct;
+        outputs[k].push(row);
+      });
     }
-    return { nodes, all };
+    return flat([...nodal, ...outputs[0], ...outputs[1]]);
   }
 
-  /* Interval by interval of the dead time, piece by piece: w on a piece is v on the same piece one interval before. */
-  function march(loop, parts, space, load, times) {
-    const { A, b, cy, dy, cu, du, size, one } = space;
-    const delay = loop.delay, end = times[times.length - 1];
-    const { shortest, longest } = speeds(loop, parts);
-    const { exponents, levels, unit } = pieces(delay, shortest, longest);
-    const intervals = Math.floor(end / delay + 1e-9) + 1;
-    if (intervals * exponents.length > 300000) fail(`${intervals} dead times are too many to follow; shorten end`);
-
+  /* How the loop moves through one dead time, whatever moves it: its pieces, and a matrix for each of their sizes. */
+  function motion(loop, parts, grid, loudness, space) {
+    const { A, b, size } = space, { shortest, longest } = speeds(loop, parts, grid, loudness);
+    const { exponents, levels, unit } = pieces(loop.delay, shortest, longest);
     // One exponential for the shortest piece (a fifth of it, from node to node), squared for each doubling.
-    const wide = zeros(size + NODES, size + NODES);
+    const wide = zeros(size + NODES, size + NODES), ready = [];
     for (let i = 0; i < size; i++) { wide[i].set(A[i]); wide[i][size] = b[i]; }
     for (let q = 0; q + 1 < NODES; q++) wide[size + q][size + q + 1] = 1;
-    const ready = [];
     let matrix = exponential(wide, unit / (NODES - 1));
     for (let level = 0; level <= levels; level++) {
       if (level) matrix = product(matrix, matrix);
       ready.push(transitions(space, matrix, unit * Math.pow(2, level)));
     }
+    return { exponents, unit, ready };
+  }
+
+  /* Interval by interval of the dead time, piece by piece: w on a piece is v on the same piece one interval before. */
+  function march({ delay }, { cy, dy, cu, du, size, step }, { exponents, unit, ready }, setpoint, load, times) {
+    const end = times[times.length - 1], intervals = Math.floor(end / delay + 1e-9) + 1;
+    if (intervals * exponents.length > 300000) fail(`${intervals} dead times are too many to follow; shorten end`);
 
     const y = new Float64Array(times.length), u = new Float64Array(times.length);
     const delayed = exponents.map(() => new Float64Array(NODES)); // w on each piece of the interval at hand
-    const input = new Float64Array(size + NODES), yNodes = new Float64Array(NODES), uNodes = new Float64Array(NODES);
-    let x = new Float64Array(size), next = 0;
-    x[one] = 1;
+    const input = new Float64Array(size + NODES), after = new Float64Array(size + 2 * (NODES - 1));
+    const x = new Float64Array(size), yNodes = new Float64Array(NODES), uNodes = new Float64Array(NODES);
+    const yPowers = new Float64Array(NODES), uPowers = new Float64Array(NODES);
+    let next = 0;
+    x[step] = setpoint;
     for (let k = 0; k < intervals && next < times.length; k++) {
       let from = k * delay;
       for (let p = 0; p < exponents.length; p++) {
         const length = unit * Math.pow(2, exponents[p]), w = delayed[p];
-        input.set(x); input.set(w, size);
-        yNodes[0] = dot(cy, x) + dy * w[0]; uNodes[0] = dot(cu, x) + du * w[0];
-        const { nodes } = ready[exponents[p]];
-        let state = x;
-        for (let i = 1; i < NODES; i++) {
-          state = applied(nodes[i - 1], input);
-          yNodes[i] = dot(cy, state) + dy * w[i];
-          uNodes[i] = dot(cu, state) + du * w[i];
-        }
+        input.set(x);
+        input.set(w, size);
+        apply(ready[exponents[p]], input, after);
+        yNodes[0] = dot(cy, x) + dy * w[0];
+        uNodes[0] = dot(cu, x) + du * w[0];
+        for (let i = 1; i < NODES; i++) { yNodes[i] = after[size + i - 1]; uNodes[i] = after[size + NODES + i - 2]; }
         const to = p + 1 < exponents.length ? from + length : (k + 1) * delay;
+        const begin = next;
         // A time within rounding of the next piece belongs to that: there a jump has happened.
         for (; next < times.length && times[next] < to - 1e-12 * end - (next + 1 === times.length ? -2e-12 * end : 0); next++) {
+          if (next === begin) { powers(yNodes, yPowers); powers(uNodes, uPowers); }
           const share = (times[next] - from) / (to - from);
-          y[next] = between(yNodes, share); u[next] = between(uNodes, share);
+          y[next] = horner(yPowers, share);
+          u[next] = horner(uPowers, share);
         }
         for (let i = 0; i < NODES; i++) w[i] = uNodes[i] + load;
-        x = state;
+        for (let i = 0; i < size; i++) x[i] = after[i];
         from = to;
       }
     }
     return { y, u };
   }
 
-  /* Value of the polynomial through the nodes. */
-  function between(values, share) {
-    let sum = 0, power = 1;
-    for (let q = 0; q < NODES; q++) {
-      let coefficient = 0;
-      for (let j = 0; j < NODES; j++) coefficient += INVERSE[q][j] * values[j];
-      sum += coefficient * power;
-      power *= share;
-    }
+  /* Coefficients of the polynomial through the nodes, in ascending powers, and its value. */
+  function powers(values, coefficients) {
+    for (let q = 0; q < NODES; q++) coefficients[q] = dot(INVERSE[q], values);
+  }
+  function horner(coefficients, share) {
+    let sum = 0;
+    for (let q = NODES - 1; q >= 0; q--) sum = sum * share + coefficients[q];
     return sum;
   }
 
   /* Lengths of the shortest and the longest piece: the fastest pole, and the fastest motion that lasts. */
-  function speeds(loop, parts) {
+  function speeds(loop, parts, grid, loudness) {
     const fastest = Math.max(1 / loop.delay, ...parts.poles.map(modulus));
     let lasting = 1 / loop.delay;
     for (const [re, im] of parts.poles) {
       if (Math.abs(re) < 0.7 * Math.hypot(re, im) || re > 0) lasting = Math.max(lasting, Math.hypot(re, im));
     }
     // Frequencies at which the loop still answers; a loop that never falls silent is followed at its fastest pole.
-    const grid = baseGrid(loop, parts);
-    let loudest = 0;
-    for (const w of grid) if (modulus(openLoop(loop, parts, w)) > 0.03) loudest = w;
+    const loudest = grid.findLast((_, i) => loudness[i] > 0.03) ?? 0;
     lasting = Math.max(lasting, Math.min(loudest, 2 * fastest));
     return { shortest: 0.5 / fastest, longest: 1.0 / lasting };
   }
 
-  /* Without dead time the loop closes at once, w = v, and one exponential carries it from time to time. */
-  function closed(space, load, times) {
-    const { A, b, cy, dy, cu, du, size, one } = space;
+  /* Without dead time the loop closes at once, w = v, and one exponential carries it from time to time; the load is a
+     state of its own. */
+  function closed({ A, b, cy, dy, cu, du, size, step }, setpoint, load, times) {
     if (Math.abs(1 - du) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
-    const w = cu.map((c) => c / (1 - du));
-    w[one] += load / (1 - du);
-    const matrix = A.map((row, i) => row.map((x, j) => x + b[i] * w[j]));
+    const v = Float64Array.from({ length: size + 1 }, (_, j) => (j < size ? cu[j] : 1) / (1 - du));
+    const matrix = zeros(size + 1, size + 1);
+    for (let i = 0; i < size; i++) for (let j = 0; j <= size; j++) matrix[i][j] = (j < size ? A[i][j] : 0) + b[i] * v[j];
     const y = new Float64Array(times.length), u = new Float64Array(times.length);
-    let x = new Float64Array(size), length = 0, step;
-    x[one] = 1;
+    let x = new Float64Array(size + 1), other = new Float64Array(size + 1), length = 0, ahead;
+    x[step] = setpoint;
+    x[size] = load;
     for (let k = 0; k < times.length; k++) {
       const time = k && times[k] - times[k - 1];
-      if (Math.abs(time - length) > 1e-10 * time) step = exponential(matrix, length = time);
-      if (k) x = applied(step, x);
-      y[k] = dot(cy, x) + dy * dot(w, x);
-      u[k] = dot(cu, x) + du * dot(w, x);
+      if (Math.abs(time - length) > 1e-10 * time) ahead = flat(exponential(matrix, length = time));
+      if (k) { apply(ahead, x, other); [x, other] = [other, x]; }
+      const now = dot(v, x);
+      y[k] = dot(cy, x) + dy * now;
+      u[k] = dot(cu, x) + du * now;
     }
     return { y, u };
   }
 
   function simulate(asked) {
-    const loop = readLoop(asked), end = real("end", asked.end), points = real("points", asked.points, 2);
+    const found = prepared(asked), { loop } = found, end = real("end", asked.end), points = real("points", asked.points, 2);
     if (end <= 0) fail(`end must be above 0, found ${end}`);
     if (!Number.isInteger(points)) fail(`points must be an integer, found ${points}`);
     const setpoint = real("setpoint", asked.setpoint ?? 0), load = real("load", asked.load ?? 0);
     const t = Float64Array.from({ length: points }, (_, k) => (end * k) / (points - 1));
-    const space = stateSpace(loop, setpoint), all = finer(loop, t);
-    const { y, u } = loop.delay ? march(loop, factors(loop), space, load, all) : closed(space, load, all);
+    const all = finer(loop, t);
+    const { y, u } = loop.delay ? march(loop, found.space(), found.motion(), setpoint, load, all) : closed(found.space(), setpoint, load, all);
     if (loop.limits && u.some((value) => value < loop.limits[0] || value > loop.limits[1])) return limited(asked, loop, t);
     const even = new Set(t), pick = (signal) => signal.filter((_, k) => even.has(all[k]));
     return { t, y: pick(y), u: pick(u), fine: { t: all, u } };
@@ -617,12 +661,12 @@
 
   // --- a digital controller, its limits, noise ----------------------------------------------------------------------
 
-  /* What a held input makes of the states x' = A x + b w over a time. */
+  /* What a held input makes of the states x' = A x + b w over a time, as a flat matrix that is applied to [x, w]. */
   function held(A, b, time) {
     const n = b.length, wide = zeros(n + 1, n + 1);
     for (let i = 0; i < n; i++) { wide[i].set(A[i]); wide[i][n] = b[i]; }
     const exact = exponential(wide, time);
-    return { phi: exact.slice(0, n).map((row) => row.slice(0, n)), gamma: Float64Array.from(exact.slice(0, n), (row) => row[n]) };
+    return flat(exact.slice(0, n));
   }
 
   /* The chain of lags of the filter with the error as its input, and the control signal less its integral as a row:
@@ -690,22 +734,22 @@
     const count = Math.round(end / h) + 1;
     if (count > 2e6) fail(`sampleTime ${h} makes ${count} samples; take a longer one`);
     const [low, high] = loop.limits ?? [-Infinity, Infinity];
-    const { A, b, cy, dy, np } = stateSpace(loop, 0);
+    const { A, b, cy, dy, np } = prepared(asked).space();
     if (dy && loop.delay < h * 1e-9) fail("the process answers within the sample");
 
     // Process over the one or two pieces of a sample in which its delayed input is constant.
     const own = A.slice(0, np).map((row) => row.slice(0, np)), drive = b.slice(0, np), out = cy.slice(0, np);
     const whole = Math.floor(loop.delay / h + 1e-9), part = loop.delay - whole * h;
     const ways = part < h * 1e-9 ? [[h, whole]] : [[part, whole + 1], [h - part, whole]];
-    const steps = ways.map(([time, ago]) => ({ ...held(own, drive, time), ago }));
+    const steps = ways.map(([time, ago]) => ({ matrix: held(own, drive, time), ago }));
     const rule = integralOf(loop, way, h, backward, asked.trackingTime);
     const block = controllerBlock(rule.block), inside = held(block.A, block.b, h), newest = h / (loop.time + h);
 
     const t = new Float64Array(count), y = new Float64Array(count), u = new Float64Array(count);
     const before = steps[0].ago, v = new Float64Array(count + before);
-    let x = new Float64Array(np), z = new Float64Array(loop.order), integral = 0;
+    const x = new Float64Array(np), wide = new Float64Array(np + 1), z = new Float64Array(loop.order), input = new Float64Array(loop.order + 1);
+    let integral = 0;
     const limit = (value) => Math.min(Math.max(value, low), high);
-    const advance = ({ phi, gamma }, state, input) => Float64Array.from(gamma, (g, i) => g * input + dot(phi[i], state));
     for (let k = 0; k < count; k++) {
       t[k] = k * h;
       y[k] = dot(out, x) + dy * v[k + before - steps[steps.length - 1].ago];
@@ -720,8 +764,16 @@
       u[k] = limit(rests ? signal + integral : wanted);
       if (!rests) integral += growth + rule.tracking * excess;
       v[k + before] = u[k] + load;
-      if (!backward) z = advance(inside, z, error);
-      for (const step of steps) x = advance(step, x, v[k + before - step.ago]);
+      if (!backward) {
+        input.set(z);
+        input[loop.order] = error;
+        apply(inside, input, z);
+      }
+      for (const { matrix, ago } of steps) {
+        wide.set(x);
+        wide[np] = v[k + before - ago];
+        apply(matrix, wide, x);
+      }
     }
     return { t, y, u };
   }

@@ -94,7 +94,11 @@
     const gain = (x, w) => {
       const c = Math.cos(w * sampleTime), d = -Math.sin(w * sampleTime);
       let re = 0, im = 0; // Horner's scheme in 1/z
-      for (let k = x.length - 1; k >= 0; k--) [re, im] = [re * c - im * d + x[k], re * d + im * c];
+      for (let k = x.length - 1; k >= 0; k--) {
+        const next = re * c - im * d + x[k];
+        im = re * d + im * c;
+        re = next;
+      }
       return Math.hypot(re, im);
     };
     const top = (x) => {
@@ -116,9 +120,8 @@
   /* Phase margin where the loop gain first falls through 1, in degrees, and the top of |L| where it has risen again beyond:
      what a look at the usual frequencies tells, and what it misses. Both are read between the points of a grid, closer
      each time. */
-  function beyondCrossover(process, own) {
-    const response = (w) => {
-      const { re, im } = frequencyResponse({ process, controller: own, w });
+  function beyondCrossover(process, own, whole = frequencyResponse({ process, controller: own })) {
+    const response = (w, { re, im } = frequencyResponse({ process, controller: own, w })) => {
       return { size: w.map((_, k) => Math.hypot(re[k], im[k])), phase: w.map((_, k) => (Math.atan2(im[k], re[k]) * 180) / Math.PI) };
     };
     const between = (a, b) => Array.from({ length: 41 }, (_, k) => a * Math.pow(b / a, k / 40));
@@ -131,7 +134,7 @@
       }
       return found;
     };
-    const { w } = frequencyResponse({ process, controller: own }), { size } = response(w);
+    const { w } = whole, { size } = response(w, whole);
     const below = size.findIndex((x, k) => k && x < 1 && size[k - 1] >= 1);
     if (below < 0) return { first: NaN, hump: NaN };
     const crossover = closer(w.slice(below - 1, below + 1), (sizes) => Math.max(sizes.findIndex((x) => x < 1), 1));
@@ -150,9 +153,10 @@
         ? simulateSampled({ process, controller: own, end, ...digital, antiWindup, trackingTime, noise: record, ...step })
         : simulate({ process, controller: own, end, points, antiWindup, trackingTime, ...step }));
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
+    const curve = frequencyResponse({ process, controller: own });
     const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
     return {
-      design, setpoint: runs[0], load: runs[1], ...found, ...(sampleTime ? {} : beyondCrossover(process, own)), sampleTime: h, stairs: sampleTime > 0, limited: limits !== null,
+      design, setpoint: runs[0], load: runs[1], ...found, ...(sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h, stairs: sampleTime > 0, limited: limits !== null,
       iae: iae(runs[1].t, runs[1].y, 0), iaeSetpoint: iae(runs[0].t, runs[0].y, 1), peak: largest((runs[0].fine ?? runs[0]).u),
       overshoot: 100 * Math.max(0, runs[0].y.reduce((top, value) => Math.max(top, value), 0) - 1),
       sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h), sampleTime ? "backward" : "held") : NaN,
