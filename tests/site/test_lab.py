@@ -13,6 +13,7 @@ COLUMNS = (
     "() => [...document.querySelectorAll('.lab-table tbody tr')].map(r => [...r.cells].map(c => c.innerText))"
 )
 # The lab draws before the next frame; an address is heard of by the lab first, and then here.
+SAVED = "() => location.hash === `#${pidalabModel.write(document.querySelector('.pidalab-lab').lab.state)}`"
 NEXT_FRAME = "() => new Promise(requestAnimationFrame)"
 FOLLOW = """() => new Promise((done) => {
   addEventListener("hashchange", () => requestAnimationFrame(done), { once: true });
@@ -49,7 +50,8 @@ def test_a_link_brings_the_same_loop(lab):
     page.get_by_label("kp, number", exact=True).fill("0.5")
     page.keyboard.press("Enter")
     page.get_by_label("limits of the actuator").check()
-    again = lab(page.url)  # while it opens, the first page has said its last word
+    page.wait_for_function(SAVED)
+    again = lab(page.url)
     assert announced(again, "PID: IAE") == announced(page, "PID: IAE")
     assert again.evaluate(COLUMNS) == page.evaluate(COLUMNS)
     assert again.get_by_label("kp, number", exact=True).input_value() == "0.5"

@@ -3,7 +3,6 @@
 (function () {
   "use strict";
   const { PLANTS, RULES, ORDER, ownPlant, controller, study, write, read } = globalThis.pidalabModel;
-  const { frequencyResponse } = globalThis.pidalabEngine;
   const plot = globalThis.pidalabPlot;
 
   const START = {
@@ -133,14 +132,14 @@
   function drawPlots(places, process, shown, { ms, record }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
-      x: { label: "time", range: [0, end * share] }, y: { range: rangeOf(shown, key, which) },
+      x: { label: "time", range: [0, end * share] }, y: { around: rangeOf(shown, key, which) },
       lines: shown.map((s) => {
         const run = signals(s, key, which);
         return { x: run.t, y: run[key], kind: s.kind, stairs: s.stairs && key === "u" };
       }),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
-    const curves = shown.map((s) => ({ ...frequencyResponse({ process, controller: controller(s.design) }), kind: s.kind }));
+    const curves = shown.map((s) => ({ ...s.curve, kind: s.kind }));
     const over = (f) => curves.map((c) => {
       const inside = c.w.map((w, k) => [w, f(c, k)]).filter(([w]) => w > 0.8 * bode.range[0] && w < 1.25 * bode.range[1]); // to the edge of the frame, which cuts it
       return { x: inside.map(([w]) => w), y: inside.map(([, v]) => v), kind: c.kind };
@@ -229,8 +228,14 @@
       try {
         this.state.design = rule.apply(this.process, this.state.design, this.state[rule.knob]);
       } catch (error) { this.problem = `${rule.name}: ${error.message}.`; }
-      if (store) history.replaceState(null, "", `#${write(this.state)}`);
+      this.unsaved ||= store;
       if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
+    }
+
+    /* Put the state into the address, once the hand rests: a browser bears few changes of it in a second. */
+    save() {
+      if (this.unsaved) history.replaceState(null, "", `#${write(this.state)}`);
+      this.unsaved = false;
     }
 
     byHand(update) { this.change({ rule: this.state.rule === "gain" && !("kp" in update) ? "gain" : "hand", design: { ...this.state.design, ...update } }); }
@@ -293,13 +298,13 @@
       this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Numbers of the designs" });
       this.live = element("p", { class: "lab-live", role: "status" });
       this.out = element("pre", { class: "lab-out", hidden: true });
-      this.saving = button("Save as a file", () => this.save());
+      this.saving = button("Save as a file", () => this.download());
       this.saving.hidden = true;
       const actions = element("div", { class: "lab-actions" },
         button("Keep this design", () => this.keep([this.state.design])),
         button("PI, PID and PIDA by this rule", () => this.threeKinds()),
         button("Forget the kept ones", () => this.change({ kept: [] })),
-        button("Copy a link", () => this.copy(location.href, "The link")),
+        button("Copy a link", () => { this.save(); this.copy(location.href, "The link"); }),
         button("As a library call", () => this.show(this.call(), "pida_designs.py")),
         button("As JSON", () => this.show(JSON.stringify(this.exported(), null, 1), "pida_designs.json")),
         button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
@@ -370,7 +375,7 @@
       this.copy(text, "The text below");
     }
 
-    save() {
+    download() {
       const { text, name } = this.shown, link = element("a", { download: name, href: URL.createObjectURL(new Blob([text], { type: "text/plain" })) });
       link.click();
       URL.revokeObjectURL(link.href);
@@ -431,14 +436,14 @@
         element("tbody", {}, ...shown.map(row))));
     }
 
-    /* Say the result in words, once the hand rests. */
+    /* Say the result in words and save it in the address, once the hand rests. */
     announce() {
       clearTimeout(this.speaking);
       const s = this.current;
       const numbers = !s ? "" : s.stable
         ? `${s.design.kind}: IAE ${digits(s.iae)} for a load step, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
         : `${s.design.kind}: the loop is unstable.`;
-      this.speaking = setTimeout(() => { this.live.textContent = [this.problem, this.message, numbers].filter(Boolean).join(" "); this.message = ""; }, 250);
+      this.speaking = setTimeout(() => { this.live.textContent = [this.problem, this.message, numbers].filter(Boolean).join(" "); this.message = ""; this.save(); }, 250);
     }
   }
 

@@ -1,7 +1,7 @@
 /* Line plots as plain SVG: axes, lines that differ in dash as well as in colour, nothing else.
 
    pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element
-   `host`; a second call draws anew. A line with `stairs` holds each value until the next. `kind` 0, 1, 2 … takes the colour and dash of that design, "mark" a thin grey line,
+   `host`; a second call moves the lines, and draws the axes anew where they changed. An axis has a `range`, or shows what its lines need; `around` says what of them. A line with `stairs` holds each value until the next. `kind` 0, 1, 2 … takes the colour and dash of that design, "mark" a thin grey line,
    "dots" a record. All colours come from the style sheet, so that both themes fit. */
 (function () {
   "use strict";
@@ -54,10 +54,63 @@
     return (Math.abs(text) >= 1e5 ? text.toExponential(0) : String(text)).replace("-", "−");
   };
 
+  /* A range rounded outwards, so that the axis rests while a curve moves a little: to a fifth of the step of its ticks, or to a
+     tenth of a decade. */
+  function rounded([low, high], log) {
+    if (log) return [Math.pow(10, Math.floor(10 * Math.log10(low)) / 10), Math.pow(10, Math.ceil(10 * Math.log10(high)) / 10)];
+    const [first, second] = ticks([low, high]), step = (second - first) / 5;
+    return [Math.floor(low / step) * step, Math.ceil(high / step) * step];
+  }
+
+  /* Points of a line that show: of a run of many within half a unit of width the first, the lowest, the highest, the last. */
+  function visible(across, up) {
+    const kept = [];
+    for (let from = 0, to; from < across.length; from = to) {
+      const column = Math.floor(2 * across[from]);
+      let low = from, high = from;
+      for (to = from + 1; to < across.length && Math.floor(2 * across[to]) === column; to++) {
+        if (up[to] < up[low]) low = to;
+        if (up[to] > up[high]) high = to;
+      }
+      for (const k of [from, Math.min(low, high), Math.max(low, high), to - 1]) if (k !== kept[kept.length - 1]) kept.push(k);
+    }
+    return kept;
+  }
+
+  /* The path of a line. One that holds its values goes along before it goes up. */
+  function path({ x, y, stairs }, px, py) {
+    const limit = (value) => Math.max(-9999, Math.min(9999, value));
+    let drawn = "", pen = "M", across = [], up = [];
+    const finish = () => {
+      for (const k of visible(across, up)) {
+        const at = across[k].toFixed(1);
+        if (stairs && pen === "L") drawn += `H${at}`;
+        drawn += `${pen}${at} ${up[k].toFixed(1)}`;
+        pen = "L";
+      }
+      [pen, across, up] = ["M", [], []];
+    };
+    for (let k = 0; k < x.length; k++) {
+      const h = px(x[k]), v = py(y[k]);
+      if (Number.isFinite(h + v)) { across.push(limit(h)); up.push(limit(v)); } else finish();
+    }
+    finish();
+    return drawn;
+  }
+
+  const places = new WeakMap(); // what was drawn where
+
+  /* The group that holds the lines: that of the last drawing where the axes are the same. */
+  function axes(host, { title, x, y, xRange, yRange, px, py }) {
+    const key = JSON.stringify([title, x.label, x.log, xRange, y.log, yRange]);
+    if (places.get(host)?.key !== key) places.set(host, { key, inside: frame(host, { title, x, y, xRange, yRange, px, py }) });
+    return places.get(host).inside;
+  }
+
   let count = 0;
 
   function draw(host, { title, x, y, lines, equal }) {
-    let xRange = x.range ?? extent(lines, "x", x.log), yRange = y.range ?? extent(lines, "y", y.log);
+    let xRange = x.range ?? extent(lines, "x", x.log), yRange = y.range ?? rounded(y.around ?? extent(lines, "y", y.log), y.log);
     if (equal) { // the same scale on both axes, as a Nyquist plot needs
       const perX = (xRange[1] - xRange[0]) / (WIDTH - LEFT - RIGHT), perY = (yRange[1] - yRange[0]) / (HEIGHT - TOP - BOTTOM);
       const grow = (range, factor) => {
@@ -72,6 +125,17 @@
     };
     const px = along(xRange, x.log, LEFT, WIDTH - RIGHT), py = along(yRange, y.log, HEIGHT - BOTTOM, TOP);
 
+    const inside = axes(host, { title, x, y, xRange, yRange, px, py });
+    while (inside.childElementCount > lines.length) inside.lastChild.remove();
+    lines.forEach((line, k) => {
+      const one = inside.children[k] ?? make("path", {}, inside);
+      one.setAttribute("class", `lab-line lab-${line.kind}`);
+      one.setAttribute("d", path(line, px, py));
+    });
+  }
+
+  /* Title, grid and words of a plot; returns the group for its lines. */
+  function frame(host, { title, x, y, xRange, yRange, px, py }) {
     const clip = `pidalab-clip-${++count}`;
     const svg = make("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title, class: "lab-plot" });
     const frame = make("clipPath", { id: clip }, make("defs", {}, svg));
@@ -88,19 +152,8 @@
     make("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, class: "lab-label", "text-anchor": "middle" }, svg, x.label);
 
     const inside = make("g", { "clip-path": `url(#${clip})` }, svg);
-    const limit = (value) => Math.max(-9999, Math.min(9999, value));
-    for (const line of lines) {
-      let path = "", pen = "M";
-      for (let k = 0; k < line.x.length; k++) {
-        if (!Number.isFinite(line.x[k] + line.y[k]) || (x.log && line.x[k] <= 0) || (y.log && line.y[k] <= 0)) { pen = "M"; continue; }
-        const at = limit(px(line.x[k])).toFixed(1);
-        if (line.stairs && pen === "L") path += `H${at}`;
-        path += `${pen}${at} ${limit(py(line.y[k])).toFixed(1)}`;
-        pen = "L";
-      }
-      make("path", { d: path, class: `lab-line lab-${line.kind}` }, inside);
-    }
     host.replaceChildren(svg);
+    return inside;
   }
 
   globalThis.pidalabPlot = draw;
