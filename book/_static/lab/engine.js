@@ -147,9 +147,10 @@
       const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
       const open = once(() => grid().map((w) => openLoop(loop, parts(), w))), size = once(() => open().map(modulus));
       if (known.size >= MOST_KNOWN) known.delete(known.keys().next().value);
-      known.set(key, { parts, grid, open, size, space, motion: once(() => motion(loop, parts(), grid(), size(), space())) });
+      const own = { loop, parts, grid, open, size, space, motion: once(() => motion(loop, parts(), grid(), size(), space())) };
+      known.set(key, { ...own, margins: once(() => marginsOf(own)), response: once(() => responseOf(own)) });
     }
-    return { loop, ...known.get(key) };
+    return { ...known.get(key), loop };
   }
 
   const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
@@ -195,6 +196,16 @@
     return fine;
   }
 
+  /* Points inside an interval of a grid in which the dead time turns quickly; not too many in all. */
+  function within(grid, delay) {
+    let count = 0;
+    return (i) => {
+      const inside = divided([grid[i], grid[i + 1]], delay, () => true).slice(1, -1);
+      if ((count += inside.length) > MOST) fail(TOO_MANY);
+      return inside;
+    };
+  }
+
   /* Zero of a function between two points of different sign: the Illinois method, false position that halves the value
      of an end which stays. */
   function zero(f, a, b) {
@@ -229,11 +240,9 @@
     const look = (w) => at(w, openLoop(loop, parts, w));
     const known = grid.map((w, i) => at(w, open[i])), found = ends.slice(), inner = [];
     const heighten = (point) => { for (const k of [0, 1]) found[k] = Math.max(found[k], point[k + 1]); };
-    let count = 0;
+    const inside = within(grid, loop.delay);
     const resolve = (i) => {
-      const inside = divided([grid[i], grid[i + 1]], loop.delay, () => true).slice(1, -1);
-      if ((count += inside.length) > MOST) fail(TOO_MANY);
-      inner[i] = inside.map(look);
+      inner[i] = inside(i).map(look);
       inner[i].forEach(heighten);
     };
     known.forEach(heighten);
@@ -265,16 +274,17 @@
     const reference = parts.poles.map((pole) => modulus(pole) || least);
     const characteristic = (x) => {
       const s = [-lean * (x + w[1]), x];
-      let bottom = [1, 0], top = over(parts.top(s), [parts.lead, 0]);
-      parts.poles.forEach((pole, k) => {
-        const scale = [s[0] + reference[k], s[1]];
-        bottom = times(bottom, over([s[0] - pole[0], s[1] - pole[1]], scale));
-        top = over(top, scale);
-      });
+      let bottom = [1, 0], scale = [parts.lead, 0];
+      for (let k = 0; k < reference.length; k++) {
+        const [re, im] = parts.poles[k];
+        bottom = times(bottom, [s[0] - re, s[1] - im]);
+        scale = times(scale, [s[0] + reference[k], s[1]]);
+      }
+      bottom = times(bottom, [parts.lead, 0]);
       const fading = Math.exp(-s[0] * loop.delay);
-      top = times(top, [fading * Math.cos(x * loop.delay), -fading * Math.sin(x * loop.delay)]);
+      const top = times(parts.top(s), [fading * Math.cos(x * loop.delay), -fading * Math.sin(x * loop.delay)]);
       const f = [bottom[0] + top[0], bottom[1] + top[1]];
-      return modulus(f) <= 1e-9 * (modulus(bottom) + modulus(top)) ? null : f;
+      return modulus(f) <= 1e-9 * (modulus(bottom) + modulus(top)) ? null : over(f, scale);
     };
     /* Follow the argument; an interval in which it turns quickly is halved. */
     let total = 0, from = characteristic(w[0]);
@@ -315,8 +325,10 @@
 
   // --- margins ------------------------------------------------------------------------------------------------------
 
-  function margins(asked) {
-    const found = prepared(asked), { loop } = found, parts = found.parts(), grid = found.grid(), size = found.size();
+  const margins = (asked) => ({ ...prepared(asked).margins() });
+
+  function marginsOf(found) {
+    const { loop } = found, parts = found.parts(), grid = found.grid(), size = found.size();
     const L = (w) => openLoop(loop, parts, w);
     const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false };
     if (!isStable(loop, parts, grid, size)) return none;
@@ -352,12 +364,18 @@
     let loudest = Math.max(farOut < 0 && farOut > -1 ? -farOut : 0, atZero(loop, parts));
     const imaginary = (w) => { const l = L(w); return l[1] / modulus(l); };
     for (let level = 0.1; level > 1e-9 && !loudest; level /= 100) {
-      const fine = divided(grid, loop.delay, louder(level)), values = fine.map(L);
-      for (let i = 1; i < fine.length; i++) {
-        const [before, after] = [modulus(values[i - 1]), modulus(values[i])], share = [values[i - 1][1] / before, values[i][1] / after];
-        if (share[0] * share[1] < 0 && Math.min(Math.abs(share[0]), Math.abs(share[1])) > 1e-12 && Math.max(before, after) > 0.5 * loudest) {
-          const l = L(zero(imaginary, fine[i - 1], fine[i]));
-          if (l[0] < 0 && modulus(l) < 1) loudest = Math.max(loudest, modulus(l));
+      const inside = within(grid, loop.delay);
+      for (let i = 0; i + 1 < grid.length; i++) {
+        if (!louder(loop.delay ? level : 0)(i)) continue;
+        let left = grid[i], from = found.open()[i];
+        for (const right of [...inside(i), grid[i + 1]]) {
+          const to = right === grid[i + 1] ? found.open()[i + 1] : L(right), sizes = [modulus(from), modulus(to)];
+          const before = from[1] / sizes[0], after = to[1] / sizes[1];
+          if (before * after < 0 && Math.min(Math.abs(before), Math.abs(after)) > 1e-12 && Math.max(...sizes) > 0.5 * loudest) {
+            const l = L(zero(imaginary, left, right));
+            if (l[0] < 0 && modulus(l) < 1) loudest = Math.max(loudest, modulus(l));
+          }
+          [left, from] = [right, to];
         }
       }
       if (!loop.delay) break;
@@ -373,9 +391,11 @@
   }
 
   /* L(jw) = re + j im, |C(jw)| and the phase of C in degrees at frequencies that follow every turn while |L| is above 0.02, or at those asked for. */
-  function frequencyResponse(asked) {
-    const found = prepared(asked), { loop } = found, parts = found.parts(), size = found.size();
-    const w = asked.w ?? divided(found.grid(), loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.02);
+  const frequencyResponse = (asked) => (asked.w ? responseOf(prepared(asked), asked.w) : { ...prepared(asked).response() });
+
+  function responseOf(found, asked) {
+    const { loop } = found, parts = found.parts(), size = found.size();
+    const w = asked ?? divided(found.grid(), loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.02);
     const values = w.map((x) => openLoop(loop, parts, x));
     const control = w.map((x) => parts.control([0, x]));
     return { w, re: values.map((l) => l[0]), im: values.map((l) => l[1]), control: control.map(modulus), lead: control.map((c) => (angle(c) * 180) / Math.PI) };
@@ -661,7 +681,7 @@
 
   // --- a digital controller, its limits, noise ----------------------------------------------------------------------
 
-  /* What a held input makes of the states x' = A x + b w over a time, as a flat matrix that is applied to [x, w]. */
+  /* What a held input makes of the states x' = A x + b w over a time, as a flat matrix for [x, w]. */
   function held(A, b, time) {
     const n = b.length, wide = zeros(n + 1, n + 1);
     for (let i = 0; i < n; i++) { wide[i].set(A[i]); wide[i][n] = b[i]; }
@@ -697,6 +717,17 @@
     // ki (1 + c1 s + c2 s^2)(1 + time s) has these gains: divide from below
     const kp = loop.ki * time, kd = (loop.kp - kp) * time, ka = loop.ka;
     return { time, block: { ...loop, ki: 0, kp, kd, ka } };
+  }
+
+  /* x becomes matrix [x, w]; `next` is room for it. */
+  function advance(matrix, x, w, next) {
+    const n = x.length;
+    for (let i = 0, k = 0; i < n; i++) {
+      let sum = 0;
+      for (let j = 0; j < n; j++, k++) sum += matrix[k] * x[j];
+      next[i] = sum + matrix[k++] * w;
+    }
+    for (let i = 0; i < n; i++) x[i] = next[i];
   }
 
   const WAYS = ["none", "clamping", "conditioning", "reset"], METHODS = ["held", "backward"];
@@ -747,7 +778,7 @@
 
     const t = new Float64Array(count), y = new Float64Array(count), u = new Float64Array(count);
     const before = steps[0].ago, v = new Float64Array(count + before);
-    const x = new Float64Array(np), wide = new Float64Array(np + 1), z = new Float64Array(loop.order), input = new Float64Array(loop.order + 1);
+    const x = new Float64Array(np), z = new Float64Array(loop.order), next = new Float64Array(Math.max(np, loop.order));
     let integral = 0;
     const limit = (value) => Math.min(Math.max(value, low), high);
     for (let k = 0; k < count; k++) {
@@ -764,16 +795,8 @@
       u[k] = limit(rests ? signal + integral : wanted);
       if (!rests) integral += growth + rule.tracking * excess;
       v[k + before] = u[k] + load;
-      if (!backward) {
-        input.set(z);
-        input[loop.order] = error;
-        apply(inside, input, z);
-      }
-      for (const { matrix, ago } of steps) {
-        wide.set(x);
-        wide[np] = v[k + before - ago];
-        apply(matrix, wide, x);
-      }
+      if (!backward) advance(inside, z, error, next);
+      for (let j = 0; j < steps.length; j++) advance(steps[j].matrix, x, v[k + before - steps[j].ago], next);
     }
     return { t, y, u };
   }
