@@ -41,6 +41,16 @@ def rows(mark=",", number=str, stamp=str, count=40):
             {"time": "t"},
         ),
         ("t,u,y\n" + rows(stamp=lambda k: f"03/01/2026 02:10:{k:02d} PM"), {"time": "t"}),
+        ("t;u;y\n" + rows(";", stamp=lambda k: f"01.03.2026 12:00:{k:02d},000"), {"time": "t"}),
+        ("t,u,y\n" + rows(stamp=lambda k: f"01-Mar-26 12:00:{k:02d}"), {"time": "t"}),
+        ("t,u,y\n" + rows(stamp=lambda k: f"2026/03/01 12:00:{k:02d}.0"), {"time": "t"}),
+        ("t,u,y,status\n" + rows().replace("\n", ",Good\n") + ",Good", {}),
+        (
+            "tag,t,u,y\n" + "\n".join(f"FIC 7,{row}" for row in rows().split("\n")),
+            {"time": "t", "u": "u", "y": "y"},
+        ),
+        ("t,valve,level\ns,%,mm\n" + rows(), {"time": "t", "u": "valve", "y": "level"}),
+        ("rate,1\ntime,u,y\n" + rows(), {}),
     ],
 )
 def test_files_as_historians_write_them(text, columns, tmp_path):

@@ -34,9 +34,19 @@ STAMPS = (
     "%d.%m.%Y %H:%M:%S.%f",
     "%d.%m.%Y %H:%M:%S",
     "%d.%m.%Y %H:%M",
+    "%d/%m/%Y %H:%M:%S.%f",
     "%d/%m/%Y %H:%M:%S",
+    "%d/%m/%Y %H:%M",
+    "%m/%d/%Y %H:%M:%S.%f",
     "%m/%d/%Y %H:%M:%S",
+    "%m/%d/%Y %H:%M",
     "%m/%d/%Y %I:%M:%S %p",
+    "%Y/%m/%d %H:%M:%S.%f",
+    "%Y/%m/%d %H:%M:%S",
+    "%d-%b-%Y %H:%M:%S.%f",
+    "%d-%b-%Y %H:%M:%S",
+    "%d-%b-%y %H:%M:%S.%f",
+    "%d-%b-%y %H:%M:%S",
     "%H:%M:%S.%f",
     "%H:%M:%S",
 )
@@ -74,7 +84,7 @@ def read_columns(
         raise ValueError(f"{path.name} is empty")
     mark = delimiter or _delimiter(lines)
     table = list(csv.reader(lines, delimiter=mark))
-    header, first = _header(table, mark, path)
+    header, first = _header(table, wanted, mark, path)
     places = [_place(name, header, path) for name in wanted]
     comma = decimal == "," if decimal is not None else _has_decimal_commas(table[first:], places, mark)
     rows = [(k, row) for k, row in enumerate(table[first:], start=first + 1) if any(x.strip() for x in row)]
@@ -120,14 +130,31 @@ def _delimiter(lines: Sequence[str]) -> str:
     return max(DELIMITERS, key=steady)
 
 
-def _header(table: Sequence[Sequence[str]], mark: str, path: Path) -> tuple[list[str], int]:
-    """Return the names of the columns, and the index of the first row of data."""
+def _header(
+    table: Sequence[Sequence[str]], wanted: Sequence[str | int], mark: str, path: Path
+) -> tuple[list[str], int]:
+    """Return the names of the columns, and the index of the first row of data.
+
+    Columns of words, such as a status, do not count: those of numbers and dates are told from the rows at the end.
+    """
+    last = [row for row in table if any(entry.strip() for entry in row)][-50:]
+    columns = [
+        k
+        for k in range(max(map(len, last)))
+        if 2 * sum(k < len(row) and _is_value(row[k].strip()) for row in last) > len(last)
+    ]
     for index, row in enumerate(table[:50]):
-        entries = [entry.strip() for entry in row]
-        if len(entries) > 1 and all(_is_value(entry) for entry in entries):
-            names = [entry.strip().strip('"') for entry in table[index - 1]] if index else []
-            return names, index
-    raise ValueError(f"{path.name} has no row of numbers in its first 50 lines (columns divided by {mark!r})")
+        if len(columns) > 1 and max(columns) < len(row) and all(_is_value(row[k].strip()) for k in columns):
+            above = [[entry.strip().strip('"') for entry in names] for names in table[:index]]
+            # a row of units may stand below the names
+            named = [
+                row for row in above if all(isinstance(name, int) or _places(name, row) for name in wanted)
+            ]
+            return (named or above or [[]])[-1], index
+    raise ValueError(
+        f"{path.name} has no row of numbers in its first 50 lines (columns divided by {mark!r}); "
+        f"its first line is {mark.join(table[0])[:60]!r}"
+    )
 
 
 def _is_value(entry: str) -> bool:
@@ -141,17 +168,20 @@ def _is_value(entry: str) -> bool:
 def _place(name: str | int, header: Sequence[str], path: Path) -> int:
     if isinstance(name, int):
         return name
-    if name in header:
-        return header.index(name)
-    close = [
+    places = _places(name, header)
+    if len(places) == 1 or name in header:
+        return places[0]
+    known = ", ".join(map(repr, header)) or "none: give numbers of columns, from 0"
+    raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
+
+
+def _places(name: str, header: Sequence[str]) -> list[int]:
+    """Return the columns of that name; where there is none, those that have it before a unit."""
+    return [k for k, known in enumerate(header) if known == name] or [
         k
         for k, known in enumerate(header)
         if known.lower().split("[")[0].split("(")[0].strip() == name.lower()
     ]
-    if len(close) == 1:
-        return close[0]
-    known = ", ".join(map(repr, header)) or "none: give numbers of columns, from 0"
-    raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
 
 
 def _has_decimal_commas(rows: Sequence[Sequence[str]], places: Sequence[int], mark: str) -> bool:
@@ -213,7 +243,8 @@ def _pattern(entries: Sequence[str], comma: bool) -> str:
 def _read(text: str, pattern: str) -> float | None:
     """Return a date and time in seconds; only differences are used, so its zero means nothing."""
     try:
-        found = datetime.fromisoformat(text) if pattern == ISO else datetime.strptime(text, pattern)
+        point = text.replace(",", ".")
+        found = datetime.fromisoformat(point) if pattern == ISO else datetime.strptime(point, pattern)
     except ValueError:
         return None
     # without a zone as in universal time, which no clock is set forward in
