@@ -123,7 +123,7 @@ def test_the_heaters_are_turned_off_when_a_run_fails(board):
 
 def test_without_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "tclab", None)
-    with pytest.raises(ImportError, match=r"pip install 'pidalab\[tclab\]'"):
+    with pytest.raises(ImportError, match=r"simulated too: pip install tclab"):
         Lab()
 
 

@@ -1,6 +1,6 @@
 """The Temperature Control Lab: a heater on a board, or the simulated one of its package, by the same calls.
 
-The package is ``tclab`` (``pip install "pidalab[tclab]"``). Heater 1 is the control signal, in per cent of its power,
+The package is ``tclab`` (``pip install tclab``). Heater 1 is the control signal, in per cent of its power,
 the first thermistor the output, in degrees Celsius. Heater 2 stands a few centimetres away and warms the first one a
 little: it is the load. A simulated hour takes a fraction of a second, one at the board an hour.
 """
@@ -55,7 +55,7 @@ class Lab:
             import tclab  # type: ignore[import-untyped]
         except ImportError:
             raise ImportError(
-                "the Temperature Control Lab needs the package tclab, simulated too: pip install 'pidalab[tclab]'"
+                "the Temperature Control Lab needs the package tclab, simulated too: pip install tclab"
             ) from None
         self.connected = connected
         self._random = random.Random(_check.integer("seed", seed, at_least=0)).getstate()
