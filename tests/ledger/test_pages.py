@@ -1,5 +1,6 @@
 """Scoreboard, errata, the score of the README, and the commands."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -33,6 +34,8 @@ def test_scoreboard(project):
     assert lines[-1] == ["claims", "11", "1", "10"]
     assert sum(int(line[2]) for line in lines[1:-1]) == 11
     assert board._repr_html_().count('role="img"') == 3
+    headings = re.findall(r'<th scope="row"[^>]*>(.*?)</th>', board._repr_html_())
+    assert [re.sub("<.*?>", "", one) for one in headings] == [line[-4] for line in lines[1:]]
 
 
 def test_errata_keeps_misprints_and_readings_apart(project):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pidalab.ledger import CONVENTIONS, Evidence, LedgerError, every, some
-from pidalab.ledger.conventions import IDENTITY
+from pidalab.ledger.conventions import IDENTITY, factor
 
 INF = float("inf")
 
@@ -101,6 +101,11 @@ def test_a_row_says_that_the_convention_decides(right, near):
         str(Evidence.of(1.0, "within", right, convention="similar")).endswith("factor of two of the limit")
         is near
     )
+
+
+def test_factors_of_equal_sizes():
+    assert factor(-2.0, -2.0) == 1.0
+    assert factor(2.0, -2.0) == factor(0.0, 2.0) == INF
 
 
 def test_every_takes_the_worst_and_some_the_best():
