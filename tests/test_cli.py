@@ -137,6 +137,10 @@ def test_usage_is_status_2_and_help_has_an_example(record):
     assert run("compare", "--num", "one", "--den", "1,1").exit_code == 2
     assert run("simulate", "--den", "1,1", "--until", 9).exit_code == 2
     assert run("simulate", "--den", "1,1", "--kp", 1, "--until", 9, "--u-max", 1).exit_code == 2
+    long = run("simulate", "--den", "1,1", "--kp", 1, "--until", 30, "--sample-time", 1e-9)
+    assert long.exit_code == 2
+    assert "--until must be at most 1e+07 samples of 1e-09, found 30" in long.stderr
+    assert run("tclab", "--power", 500).exit_code == 2
     for command in ("tune", "report", "compare", "simulate", "tclab"):
         assert re.search(rf"Examples?:\n\s+pidalab {command}\b", run(command, "--help").stdout)
 

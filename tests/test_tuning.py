@@ -100,6 +100,7 @@ def test_every_rule_by_name(rule, kind, model):
         (lambda: tune(THIRD, "PI", noise_gain=1.0), "sample_time must be given with noise_gain"),
         (lambda: tune(THIRD, "PI", rule="simc", spread=1.0), "spread must be a share below 1"),
         (lambda: tune(THIRD, "PI", sample_time=0.0), "sample_time must be above 0"),
+        (lambda: tune(THIRD, "PI", sample_time=1e9), "sample_time must be at most 10 for this process"),
     ],
 )
 def test_refusals(call, message):

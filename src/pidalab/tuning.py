@@ -22,6 +22,7 @@ LOUDEST = (
     10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 )
 QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
+AT_REST = 10.0  # longest times of the process that pass until it is at rest: slower sampling sees nothing but its gain
 UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 
@@ -93,6 +94,12 @@ def tune(
     if isinstance(process, Record):
         raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
     require_gain("model", process)
+    slowest = max((1 / speed for speed in _corners(process)), default=math.inf)
+    if sample_time is not None and sample_time > AT_REST * slowest:
+        raise ValueError(
+            f"sample_time must be at most {AT_REST * slowest:.4g} for this process, {AT_REST:g} times its longest time "
+            f"(after which it is at rest), found {sample_time:g}"
+        )
     doubts: list[str] = []
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once

@@ -17,12 +17,22 @@ FULL = (0.0, 100.0)
 
 @click.command("tclab")
 @click.option("--connected", is_flag=True, help="Use the board at a serial port; by default it is simulated.")
-@click.option("--power", default=50.0, show_default=True, help="Power of the step test, in per cent.")
+@click.option(
+    "--power",
+    default=50.0,
+    show_default=True,
+    type=click.FloatRange(0, 100),
+    help="Power of the step test, in per cent.",
+)
 @click.option(
     "--setpoint", default=40.0, show_default=True, help="Set point of the closed loops, in degrees."
 )
 @click.option(
-    "--load", default=60.0, show_default=True, help="Power of the second heater, the load, in per cent."
+    "--load",
+    default=60.0,
+    show_default=True,
+    type=click.FloatRange(0, 100),
+    help="Power of the second heater, the load, in per cent.",
 )
 @click.option("--duration", default=900.0, show_default=True, help="Seconds of each part of the experiment.")
 @click.option(

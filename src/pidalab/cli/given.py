@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pidalab.response import Response
 
 SAMPLES = 2000  # of a response of a continuous controller
+MOST = 1e7  # of a digital one: more would fill the memory
 SIGNALS = ("t", "r", "y", "u")
 
 
@@ -124,6 +125,8 @@ def _response(loop: Loop, until: float, setpoint: float, load: float, low: float
             )
         return simulate(loop, np.linspace(0.0, until, SAMPLES + 1), setpoint=setpoint, load=load)
     h = loop.digital.sample_time
+    if not until / h <= MOST:
+        raise click.UsageError(f"--until must be at most {MOST:g} samples of {h:g}, found {until:g}")
     t = h * np.arange(max(2, round(until / h) + 1))
     return simulate_sampled(loop, t, setpoint=setpoint, load=load, limits=(low, high))
 
