@@ -118,3 +118,23 @@ def test_the_step_that_matters_has_to_be_one():
     with pytest.raises(ValueError, match="the input changes again after the step"):
         _ = Record(t, twice, y).step
     assert Record(t, twice, y, step=50.0).step.after == 40.0
+
+
+def test_an_input_that_creeps_is_no_step():
+    """A controller that jumps and then integrates: its output is no level for the rules that look at a step."""
+    t = np.arange(0.0, 600.0)
+    u = np.where(t < 50, 40.0, 42.5 - np.exp(-(t - 50) / 40))
+    record = Record(t, u, np.interp(t, [0, 55, 120, 600], [0.0, 0.0, 5.0, 5.0]))
+    assert record.steps == ()
+    assert any("does not step between lasting levels" in doubt for doubt in record.doubts)
+    with pytest.raises(ValueError, match="no step of the input from one level to another"):
+        pidalab.identification.three_point(record)
+
+
+def test_a_ramp_between_levels_is_said():
+    t = np.arange(0.0, 300.0)
+    y = np.interp(t, [0, 105, 200, 300], [0.0, 0.0, 5.0, 5.0])
+    ramps = {seconds: Record(t, np.interp(t, [100, 100 + seconds], [40.0, 50.0]), y) for seconds in (3, 40)}
+    assert not any("takes" in doubt for doubt in ramps[3].doubts)
+    assert ramps[40].steps[0].time == 120.0
+    assert any("takes more than 30 to go from 40 to 50" in doubt for doubt in ramps[40].doubts)

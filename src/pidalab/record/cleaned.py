@@ -16,6 +16,8 @@ from pidalab.record.reading import read_columns
 FEWEST = 20  # samples from which something can be said
 GAP = 5.0  # times the usual sampling interval: a longer one is a gap
 COARSE = 20  # levels of y: fewer are worth a word
+CREEP = 0.1  # share of the input's span by which a level may move and still be one
+FEW = 5  # samples between two levels of the input: more are worth a word
 
 
 class Step(NamedTuple):
@@ -297,6 +299,17 @@ class Record:
         if gaps.size:
             k = gaps[np.argmax(intervals[gaps])]
             found.append(f"{gaps.size} gap(s); the longest, {intervals[k]:.3g}, from {self.t[k]:.4g}")
+        for step in self.steps:
+            share = np.abs((self.u - step.before) / (step.after - step.before) - 0.5)
+            near = np.abs(self.t - step.time) <= 0.5 * np.min(
+                np.diff([s.time for s in self.steps]), initial=np.inf
+            )
+            slow = self.t[near & (share < 0.4)]
+            if slow.size > FEW:
+                found.append(
+                    f"the input takes more than {np.ptp(slow):.3g} to go from {step.before:.6g} to {step.after:.6g}: "
+                    "what looks at a step takes it for one at half the way; fit takes the input as it is"
+                )
         if not self.steps:
             found.append("the input does not step between lasting levels: a closed loop, or a test signal")
         elif len(self.steps) > 1:
@@ -367,9 +380,11 @@ def _steps(t: Array, u: Array) -> tuple[Step, ...]:
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
-    runs = [
-        (a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 3
-    ]  # samples a to b are one level
+    runs = [  # samples a to b are one level, unless the input creeps away from it
+        (a, b)
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if b - a >= 3 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
+    ]
     if not runs or sum(b - a for a, b in runs) < 0.7 * (t.size - 1):
         return ()
     levels = [float(np.median(u[a : b + 1])) for a, b in runs]
