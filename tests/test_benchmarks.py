@@ -16,7 +16,7 @@ import pidalab
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # pytest's importlib mode does not add it
 
-from benchmarks import dead_time, loops, measure, optimum, peers, portraits, run
+from benchmarks import dead_time, lab, loops, measure, optimum, peers, portraits, run
 
 SPEED = Path(__file__).parents[1] / "book" / "speed"
 SPEC = importlib.util.spec_from_file_location("shown", SPEED / "shown.py")
@@ -154,6 +154,15 @@ def test_the_table_of_speed_has_every_case():
                 assert float(row["ratio"]) == pytest.approx(float(row["seconds"]) / own, rel=0.01)
 
 
+def test_the_table_of_the_lab_has_every_change():
+    cases = [(row["change"], row["designs"], row["slowed"]) for row in table(lab.RESULTS)]
+    designs = ("1", str(1 + len(lab.KEPT)))
+    assert cases == [
+        (name, count, str(slowed)) for slowed, name, count in product(lab.SLOWED, lab.CHANGES, designs)
+    ]
+    assert all(float(row["seconds"]) > 0 for row in table(lab.RESULTS))
+
+
 def test_the_page_on_speed_types_no_number():
     cells = json.loads((SPEED / "how-fast.ipynb").read_text())["cells"]
     text = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
@@ -176,7 +185,9 @@ def test_the_page_on_speed_shows_what_is_in_the_tables(elsewhere):
     functions = ("machine", "headline", "responses", "fixed", "faster", "margins", "together", "optimum")
 
     def page():
-        results = [getattr(shown, name)() for name in (*functions, "engines", "portraits")]
+        results = [
+            getattr(shown, name)() for name in (*functions, "engines", "portraits", "lab", "within_reach")
+        ]
         return [getattr(one, "data", None) or one.to_string() for one in results]
 
     before = page()
@@ -207,7 +218,7 @@ def test_a_method_that_is_nearer_to_the_truth_is_said_to_be(elsewhere):
 
 
 def test_the_machine_is_named_once_unless_it_was_another(elsewhere):
-    for name, load in zip(shown.FILES, ("0.5", "1.3", "0.5"), strict=True):
+    for name, load in zip(shown.FILES, ("0.5", "1.3", "0.5", "0.7"), strict=True):
         path = elsewhere / f"{name}.csv"
         head, _, rest = path.read_text().partition("\n")
         path.write_text(f"{head.partition(', load average ')[0]}, load average {load}\n{rest}")

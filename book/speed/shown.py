@@ -9,7 +9,7 @@ import pandas as pd
 from IPython.display import Markdown
 
 DATA = Path(__file__).parents[1] / "data"
-FILES = ("speed_comparison", "engine_comparison", "portrait_comparison")
+FILES = ("speed_comparison", "engine_comparison", "portrait_comparison", "lab_comparison")
 OWN, PADE = "pidalab", "python-control, Padé 10"
 STYLES = {  # mark, line and colour of each method
     OWN: ("*", "-", "#1f5fa8"),
@@ -207,3 +207,40 @@ def portraits() -> pd.DataFrame:
             "IAE differs by": table["iae_difference"].map("{:.0e}".format),
         }
     ).set_index(table["method"].rename(None))
+
+
+BUDGET = 0.05  # seconds: what follows a hand sooner than that seems to follow at once
+
+
+def _of_lab() -> tuple[pd.DataFrame, int]:
+    """Seconds of the changes in the lab by designs and by how far the page was slowed down, and the farthest."""
+    table = read(FILES[3])
+    wide = table.pivot(index="change", columns=["slowed", "designs"], values="seconds")
+    return wide.loc[table["change"].unique()], int(table["slowed"].max())
+
+
+def _designs(count: int) -> str:
+    return f"{count} designs" if count > 1 else f"{count} design"
+
+
+def lab() -> pd.DataFrame:
+    """What each kind of change costs, with one design and with several."""
+    wide, _ = _of_lab()
+    columns = [f"{_designs(n)}{f', slowed {k} times' if k > 1 else ''}, ms" for k, n in wide.columns]
+    return (1e3 * wide).map(number).set_axis(columns, axis=1)
+
+
+def within_reach() -> Markdown:
+    """How many changes stay within the budget, and the longest, in sentences."""
+    wide, slowed = _of_lab()
+    lines = []
+    for rate in (1, slowed):
+        some = wide[rate].stack()
+        where, designs = some.idxmax()
+        lines.append(
+            f"* {f'Slowed {rate} times' if rate > 1 else 'As the machine is'}, {int((some < BUDGET).sum())} of "
+            f"{len(some)} changes take less than {1e3 * BUDGET:.0f} ms; the longest, {where} with "
+            f"{_designs(designs)}, takes {1e3 * some.max():.0f} ms."
+        )
+    browser = read(FILES[3])["browser"].iloc[0]
+    return Markdown("\n".join([*lines, f"* The browser is Chromium {browser}."]))

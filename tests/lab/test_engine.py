@@ -196,6 +196,26 @@ def test_limits_that_bite_hold_and_limits_that_do_not_change_nothing(engine):
     assert tight["y"][-1] == pytest.approx(1.0, abs=0.01)
 
 
+def test_loops_that_differ_in_one_number_are_not_mistaken_for_each_other(engine):
+    """What was found for a loop is remembered; an engine that knows no other loop finds the same."""
+    case = asked(pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.5, 1.0, 0.3, 0.05], 0.1, 2))
+    changed = [
+        ("process", {key: value}) for key, value in (("num", [1.1]), ("den", [1, 2.1, 1]), ("delay", 0.6))
+    ]
+    gains = [
+        [k * (1.1 if i == j else 1) for j, k in enumerate(case["controller"]["gains"])] for i in range(4)
+    ]
+    changed += [("controller", {"gains": each}) for each in gains]
+    changed += [("controller", {"filterTime": 0.11}), ("controller", {"filterOrder": 3})]
+    run = {"end": 10.0, "points": 11, "setpoint": 1.0}
+    before = engine.margins(**case), engine.simulate(**case, **run)["y"]
+    for key, change in changed:
+        other = {**case, key: {**case[key], **change}}
+        found = engine.margins(**other), engine.simulate(**other, **run)["y"]
+        assert found == ((fresh := Engine()).margins(**other), fresh.simulate(**other, **run)["y"]), change
+        assert found != before, change
+
+
 @pytest.mark.parametrize("delay", [0.0, 1.0])
 def test_a_kick_between_two_points_is_seen_and_meets_the_limits(engine, delay):
     """A filter of 0.02 and points 0.1 apart: the peak is over before the first of them."""

@@ -1,5 +1,7 @@
 """The lab's rules against the library's: the same gains, or the same largest gain."""
 
+import json
+
 import numpy as np
 import pytest
 from engine import SCRIPT, Engine, asked
@@ -27,6 +29,50 @@ def ruled(model, rule, process, knob, **design):
     plant = {"num": process.num.tolist(), "den": process.den.tolist(), "delay": process.delay}
     start = {"kind": "PID", "kp": 1.0, "ti": 1.0, "td": 0.0, "ta": 0.0, "filterTime": 0.05, "filterOrder": 3}
     return model.rule(rule=rule, process=plant, design={**start, **design}, knob=knob)
+
+
+# What a study does most often: look at the loop at a frequency, go on by a piece of the dead time or by a sample.
+WORK = {
+    "frequencies": "function openLoop(loop, parts, w) {",
+    "pieces": "function apply(matrix, x, result) {",
+    "samples": "function advance(matrix, x, w, next) {",
+}
+STUDY = """pidalabEngine.work = ({plant, design, conditions, changed}) => {
+    const process = pidalabModel.PLANTS[plant], study = (more) =>
+        pidalabModel.study(process, design, {end: process.end, ...conditions, ...more});
+    study({});
+    Object.keys(count).forEach((key) => { count[key] = 0; });
+    design = {...design, ...changed.design};
+    study(changed.conditions);
+    return count;
+};"""
+
+
+@pytest.fixture
+def counting():
+    """The lab's engine and model, which count what they do and remember no loop yet."""
+    source = SCRIPT.read_text(encoding="utf-8")
+    for name, head in WORK.items():
+        assert source.count(head) == 1
+        source = source.replace(head, f"{head} count.{name}++;")
+    more = (path.read_text(encoding="utf-8") for path in (OPTIMA, MODEL))
+    zeros = json.dumps(dict.fromkeys(WORK, 0))
+    return Engine("\n".join([f"const count = {zeros};", source, *more, STUDY]))
+
+
+@pytest.mark.parametrize(
+    "conditions", [{}, {"limits": [-0.3, 0.9]}, {"noise": 0.02}, {"sampleTime": 0.05}], ids=str
+)
+@pytest.mark.parametrize("plant", ["lags3", "haalman-2", "huba-ipdt", "oscillating"])
+def test_a_change_costs_little_work(plant, conditions, counting):
+    """50 ms on a slow laptop are 50,000 of these steps, if each takes a microsecond and nothing else took time."""
+    design = {"kind": "PIDA", "kp": 0.3, "ti": 4, "td": 1, "ta": 0.3, "filterTime": 0.1, "filterOrder": 3}
+    asked = {"plant": plant, "design": design, "conditions": conditions}
+    by_gain = counting.work(**asked, changed={"design": {"kp": 0.31}})
+    assert 0 < sum(by_gain.values()) < 50_000
+    by_noise = counting.work(**asked, changed={"conditions": {"noise": 0.03}})
+    if "sampleTime" not in conditions:
+        assert by_noise["frequencies"] < by_gain["frequencies"] / 2  # margins and curves stay
 
 
 def loop_of(process, found):
@@ -95,6 +141,28 @@ def test_optima_in_store_keep_their_limits_and_each_derivative_pays(model):
             assert max_control_sensitivity(loop)[0] <= 20 / gain * (1 + 1e-6), (key, kind)
             iae.append(pidalab.load_response(loop, np.linspace(0, 200, 4001)).iae())
         assert sorted(iae, reverse=True) == iae, key
+
+
+def test_optima_in_store_stand_at_their_limits_and_no_near_design_is_better(model):
+    """A little more or less of each time, with the gain that has Ms 1.4 again: more noise, or a larger error."""
+    t = np.linspace(0, 200, 2001)
+    for key, process in plants_of_the_lab(model).items():
+        noise = 20 * process.den[process.den != 0][-1] / process.num[-1]
+        for kind, times in (("PI", ["ti"]), ("PID", ["ti", "td"]), ("PIDA", ["ti", "td", "ta"])):
+            best = ruled(model, "optimum", process, None, kind=kind)
+            loop = loop_of(process, best)
+            least = pidalab.load_response(loop, t).iae()
+            assert pidalab.margins(loop).ms == pytest.approx(1.4, rel=1e-3), (key, kind)
+            for name in times:
+                for factor in (0.95, 1.05):
+                    near = {**best, name: factor * best[name]}
+                    try:
+                        other = loop_of(process, ruled(model, "gain", process, 1.4, **near))
+                    except ValueError:  # too near a neutral loop to have a gain
+                        continue
+                    if max_control_sensitivity(other)[0] <= noise * (1 + 1e-6):
+                        iae = pidalab.load_response(other, t).iae()
+                        assert iae > least * (1 - 1e-3), (key, kind, name, factor)
 
 
 def test_optima_in_store_are_those_of_the_library(model):

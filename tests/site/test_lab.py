@@ -7,6 +7,7 @@ from io import StringIO
 import numpy as np
 import pytest
 from looking import NARROW, OVERFLOW, barriers
+from pictured import plots
 
 NUMBER = r"(\d[\d.]*)"
 COLUMNS = (
@@ -56,6 +57,80 @@ def test_a_link_brings_the_same_loop(lab):
     assert again.evaluate(COLUMNS) == page.evaluate(COLUMNS)
     assert again.get_by_label("kp, number", exact=True).input_value() == "0.5"
     assert again.get_by_label("limits of the actuator").is_checked()
+
+
+COUNT = """() => {
+  const { lab } = document.querySelector(".pidalab-lab"), count = { drawn: 0, saved: 0, studied: lab.cache.size };
+  const draw = lab.draw, replaceState = history.replaceState;
+  lab.draw = function () { count.drawn++; draw.call(this); };
+  history.replaceState = function (...how) { count.saved++; replaceState.apply(this, how); };
+  globalThis.counted = () => ({ ...count, studied: lab.cache.size - count.studied });
+}"""
+DRAG = """async (bar) => {
+  const axes = () => [...document.querySelectorAll(".lab-plots svg")], before = axes();
+  for (let k = 0; k < 10; k++) {
+    bar.valueAsNumber += 0.001;
+    bar.dispatchEvent(new Event("input"));
+  }
+  await new Promise(requestAnimationFrame);
+  await new Promise(requestAnimationFrame);
+  return { ...counted(), kept: axes().filter((svg, k) => svg === before[k]).length };
+}"""
+
+
+def test_a_drag_studies_one_design_and_moves_its_lines(lab):
+    """Ten changes before a frame are drawn once; kept designs and axes stay; the address waits until the hand rests."""
+    page = lab()
+    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody tr').length === 4")
+    page.wait_for_function(SAVED)
+    page.evaluate(COUNT)
+    bar = page.get_by_label("kp", exact=True)
+    lines = "() => [...document.querySelectorAll('.lab-plots .lab-0')].map(line => line.getAttribute('d'))"
+    before = page.evaluate(lines)
+    found = bar.evaluate(DRAG)
+    assert {key: found[key] for key in ("drawn", "saved", "studied")} == {
+        "drawn": 1,
+        "saved": 0,
+        "studied": 1,
+    }
+    assert found["kept"] >= 4
+    assert all(a != b for a, b in zip(before, page.evaluate(lines), strict=True))
+    page.wait_for_function(SAVED)
+    assert page.evaluate("() => counted().saved") == 1
+
+
+LOADED = """() => {
+  const { t, y } = document.querySelector(".pidalab-lab").lab.current.load;
+  return [[...t], [...y]];
+}"""
+
+
+def test_what_is_drawn_of_many_samples_is_what_shows(lab):
+    """8001 samples of a digital controller under noise: a few points for each unit of width, and all extremes."""
+    page = lab()
+    for label in ("digital controller", "measurement noise"):
+        page.get_by_label(label, exact=True).check()
+    page.get_by_label("sample time, number").fill("0.005")
+    page.keyboard.press("Enter")
+    page.evaluate(NEXT_FRAME)
+    page.wait_for_function(SAVED)
+    t, y = map(np.array, page.evaluate(LOADED))
+    plot = plots(page.locator(".pidalab-lab"))["Output y, step of the load"]
+    line, (_, top, width, height) = plot.line("lab-0"), plot.frame
+    assert len(t) == 8001
+    assert len(line) <= 4 * (width + 1)
+    low, high = min(y.min(), 0), y.max()
+    air = 0.06 * (high - low)
+    bottom, ceiling = plot.y.place([low - air, high + air])
+    assert top - 0.1 < ceiling < bottom < top + height + 0.1
+    places = np.column_stack([plot.x.place(t), plot.y.place(y)])
+    for left in np.arange(plot.frame[0], plot.frame[0] + width, 4):
+        here, drawn = (
+            p[(p[:, 0] >= left - r) & (p[:, 0] <= left + 4 + r), 1] for p, r in ((places, 0), (line, 0.1))
+        )
+        assert drawn.min() < here.min() + 0.2, left
+        assert drawn.max() > here.max() - 0.2, left
 
 
 def test_three_kinds_by_a_rule(lab):

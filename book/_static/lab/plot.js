@@ -62,13 +62,13 @@
     return [Math.floor(low / step) * step, Math.ceil(high / step) * step];
   }
 
-  /* Points of a line that show: of a run of many within half a unit of width the first, the lowest, the highest, the last. */
+  /* Points of a line that show: of a run of many within a unit of width the first, the lowest, the highest, the last. */
   function visible(across, up) {
     const kept = [];
     for (let from = 0, to; from < across.length; from = to) {
-      const column = Math.floor(2 * across[from]);
+      const column = Math.floor(across[from]);
       let low = from, high = from;
-      for (to = from + 1; to < across.length && Math.floor(2 * across[to]) === column; to++) {
+      for (to = from + 1; to < across.length && Math.floor(across[to]) === column; to++) {
         if (up[to] < up[low]) low = to;
         if (up[to] > up[high]) high = to;
       }
