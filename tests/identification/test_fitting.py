@@ -131,3 +131,17 @@ def test_plants_drawn_around_an_integrator_without_dead_time_have_a_lag_within_a
     fitted = fit(Record(t, np.where(t < 10.0, 0.0, 1.0), y), "ipdt")
     assert fitted.process.delay == 0.0
     assert {len(plant.den) - 1 for plant in fitted.spread(9)} == {1, 2}
+
+
+def test_unequal_lags_that_pass_for_equal_ones_are_among_the_plants():
+    """The gain of the true plant where a loop acts lies beyond that of equal lags with whatever further lag."""
+    true = pidalab.Process([2.3], np.poly([-1 / 5, -1 / 14, -1 / 33]) * 5 * 14 * 33, 17.7)
+    t = np.linspace(0.0, 390.0, 600)
+    u = np.where(t < 60.0, 40.0, 47.0)
+    y = 7 * np.interp(t - 60.0, t, pidalab.open_loop_step(true, t).y, left=0.0)
+    found = fit(Record(t, u, y + np.random.default_rng(1).normal(0.0, 0.16, t.size)), "lags")
+    w = np.geomspace(0.04, 0.07, 9)
+    ratios = [np.abs(plant(1j * w) / found.process(1j * w)) for plant in found.spread(20)]
+    actual = np.abs(true(1j * w) / found.process(1j * w))
+    assert np.all(actual > 1.0)
+    assert np.all(np.max(ratios, axis=0) >= actual)

@@ -67,9 +67,10 @@ class Fit:
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return plants that the record does not rule out: other parameters, and a lag that the model does not have.
 
-        A third is drawn from the joint uncertainty of the parameters. The others are drawn so around models with a
+        They are drawn from the joint uncertainty of the parameters, around the model and, in turn, around models with a
         further lag, fitted anew: the longest whose residuals are not 3 % larger, and one of a middle length. What such
         a lag does to a record a little dead time does nearly as well; what it does to a loop can be quite different.
+        Beside equal lags stand two unequal ones with a further lag as well.
 
         All have more dead time than was fitted, by up to the interval in which the input changed: a record shows a
         change at the sample after it, and does not say when it was. (An input that moves at every sample is taken to
@@ -109,6 +110,8 @@ class Fit:
         plants = []
         for k, draw in enumerate(draws):
             shape, centre = models[k % len(models)]
+            if centre.size > draw.size:  # beside equal lags: unequal ones, whose damping no draw knows
+                draw = np.insert(draw, draw.size - 1, 0.0)
             drawn = centre * np.exp(np.clip(draw, -2.0, 2.0))
             drawn[-1] = max(0.0, centre[-1] + draw[-1] * scale[-1]) + earlier[k]
             plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1])))

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
 from pidalab._check import Array
-from pidalab.identification.shapes import Shape, behind_lag
+from pidalab.identification.shapes import SECOND, Shape, behind_lag
 from pidalab.record import Record
 
 MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
@@ -160,15 +160,27 @@ def _sensitivity(data: Data, shape: Shape, gain: float, p: Sequence[float]) -> A
 
 
 def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:
-    """Return models with one lag more that the record does not rule out: the longest such lag, and a middle one."""
+    """Return models with one lag more that the record does not rule out: the longest such lag, and a middle one.
+
+    Beside equal lags stand unequal ones, too: what a mean lag does to a record they do nearly as well.
+    """
+    span = data.t[-1] - float(data.moments[0])
+    left = _hidden(data, found, span, found.near)
+    if found.shape.name == "lags":
+        unequal = search(data, SECOND)
+        left += _hidden(data, unequal, span, found.near)
+    return tuple(left)
+
+
+def _hidden(data: Data, found: Found, span: float, near: float) -> list[tuple[Shape, Array]]:
+    """Return the longest further lag with which the model still serves, and a middle one."""
     *times, delay = found.values[2:].tolist()
     # of an integrator that shows no dead time, a lag within a sample is hidden too
     whole = max(sum(times) + delay, float(np.median(np.diff(data.t))))
-    span = data.t[-1] - float(data.moments[0])
     left = []
     for lag in whole * HIDDEN:
         # a further lag first takes the place of dead time
         rival = _refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
-        if rival.deviation <= found.near:
+        if rival.deviation <= near:
             left.append((rival.shape, np.delete(rival.values, LEVEL)))
-    return (left[len(left) // 2], left[-1]) if len(left) > 1 else tuple(left)
+    return [left[len(left) // 2], left[-1]] if len(left) > 1 else left
