@@ -100,9 +100,9 @@ def test_a_drag_studies_one_design_and_moves_its_lines(lab):
     assert page.evaluate("() => counted().saved") == 1
 
 
-LOADED = """() => {
-  const { t, y } = document.querySelector(".pidalab-lab").lab.current.load;
-  return [[...t], [...y]];
+SAMPLES = """() => {
+  const { t, u } = document.querySelector(".pidalab-lab").lab.current.setpoint;
+  return [[...t], [...u]];
 }"""
 
 
@@ -115,17 +115,17 @@ def test_what_is_drawn_of_many_samples_is_what_shows(lab):
     page.keyboard.press("Enter")
     page.evaluate(NEXT_FRAME)
     page.wait_for_function(SAVED)
-    t, y = map(np.array, page.evaluate(LOADED))
-    plot = plots(page.locator(".pidalab-lab"))["Output y, step of the load"]
+    t, u = map(np.array, page.evaluate(SAMPLES))
+    plot = plots(page.locator(".pidalab-lab"))["Control signal u, step of the set point"]
     line, (_, top, width, height) = plot.line("lab-0"), plot.frame
     assert len(t) == 8001
-    assert len(line) <= 4 * (width + 1)
-    low, high = min(y.min(), 0), y.max()
+    assert len(line) <= 4 * 2 * (width + 1)  # four of a column, each held until the next
+    low, high = min(u.min(), 0), u.max()
     air = 0.06 * (high - low)
     bottom, ceiling = plot.y.place([low - air, high + air])
     assert top - 0.1 < ceiling < bottom < top + height + 0.1
-    places = np.column_stack([plot.x.place(t), plot.y.place(y)])
-    for left in np.arange(plot.frame[0], plot.frame[0] + width, 4):
+    places = np.column_stack([plot.x.place(t), plot.y.place(u)])
+    for left in np.arange(plot.frame[0], plot.frame[0] + width - 4, 4):
         here, drawn = (
             p[(p[:, 0] >= left - r) & (p[:, 0] <= left + 4 + r), 1] for p, r in ((places, 0), (line, 0.1))
         )

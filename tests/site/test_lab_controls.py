@@ -33,8 +33,11 @@ def test_keep_forget_and_start_anew(lab):
     page = lab()
     press(page, "Keep this design")
     page.wait_for_function(f"() => ({ROWS})() === 2")
+    kept = page.locator(".lab-plots .lab-1")
+    assert kept.count() == 6
     press(page, "Forget the kept ones")
     page.wait_for_function(f"() => ({ROWS})() === 1")
+    assert kept.count() == 0
     start = page.get_by_label("kp, number", exact=True).input_value()
     enter(page, "kp", 9)
     says(page, "the loop is unstable")

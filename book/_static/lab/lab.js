@@ -134,8 +134,8 @@
     const run = (key, which, share = 1) => ({
       x: { label: "time", range: [0, end * share] }, y: { around: rangeOf(shown, key, which) },
       lines: shown.map((s) => {
-        const run = signals(s, key, which);
-        return { x: run.t, y: run[key], kind: s.kind, stairs: s.stairs && key === "u" };
+        const run = signals(s, key, which), beyond = run.t.findIndex((t) => t > end * share), count = beyond < 0 ? run.t.length : beyond + 1;
+        return { x: run.t.slice(0, count), y: run[key].slice(0, count), kind: s.kind, stairs: s.stairs && key === "u" };
       }),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
