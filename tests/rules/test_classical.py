@@ -1,6 +1,7 @@
 """SIMC, AMIGO, lambda tuning and Ziegler-Nichols: published examples, closed forms, what is refused."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -102,8 +103,9 @@ def test_refusals(call, message):
         call()
 
 
-def test_the_batch_has_134_processes():
-    from studies.processes import batch
+def test_the_batch_has_134_processes(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "studies")
+    from processes import batch
 
     cases = list(batch())
     assert len(cases) == len({case.name for case in cases}) == 134
@@ -136,3 +138,10 @@ def test_ultimate_rule_of_an_integrator_with_lags():
 def test_ultimate_rule_needs_a_border_of_stability(process, message):
     with pytest.raises(ValueError, match=message):
         classical.ziegler_nichols_ultimate(process)
+
+
+def test_lambda_tuning_of_a_pid_takes_half_the_dead_time_for_a_lag():
+    """The zeros of the PID cancel both lags: ti td s^2 + ti s + 1 = (T s + 1)(L/2 s + 1)."""
+    controller = classical.lambda_tuning(pidalab.fopdt(2.0, 3.0, 1.0), "PID", closed_loop_time=0.7).controller
+    assert np.allclose([controller.ti, controller.ti * controller.td], [3.0 + 0.5, 3.0 * 0.5], rtol=1e-14)
+    assert np.isclose(controller.kp, 3.5 / (2.0 * (0.7 + 0.5)), rtol=1e-14)
