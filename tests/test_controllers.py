@@ -342,3 +342,12 @@ def test_reset_signal_refuses(u, sample_time, message):
         pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).reset_signal(
             u, sample_time
         )
+
+
+def test_without_integral_action_the_fraction_is_the_same_controller():
+    """The s that numerator and denominator share is dropped from both, once."""
+    controller = pidalab.HighOrderPID([0.0, 2.0, 3.0], filter_time=0.1, filter_order=2)
+    num, den = controller.fraction()
+    assert den[-1] == 1.0
+    filtered = ideal(controller.gains()) / (0.1 * POINTS + 1) ** 2
+    np.testing.assert_allclose(np.polyval(num, POINTS) / np.polyval(den, POINTS), filtered, rtol=1e-12)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pidalab
+from pidalab.loop import require_well_posed
 
 RNG = np.random.default_rng(3)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)
@@ -139,3 +140,23 @@ def test_a_loop_travels():
     for other in (pickle.loads(pickle.dumps(LOOP)), copy.deepcopy(LOOP)):
         np.testing.assert_array_equal(other.L(POINTS), LOOP.L(POINTS))
         assert other.process == LOOP.process
+
+
+def test_frequencies_of_a_plot_lie_around_the_corners():
+    loop = pidalab.Loop(pidalab.Process([1.0], np.convolve([10.0, 1.0], [0.01, 1.0])), 1.0)
+    w = loop.frequency_response().omega
+    assert np.allclose([w[0], w[-1]], [0.01, 1000.0])
+
+
+@pytest.mark.parametrize(
+    ("process", "controller"),
+    [
+        (pidalab.Process([-1.0], [1.0, 2.0]), 1.0),  # a lag: its first coefficients alone are -1
+        (pidalab.Process([-1.0], [1.0], delay=0.5), control.tf([0.5], [1.0, 1.0])),
+        (pidalab.Process([-1.0], [1.0], delay=0.5), 1.0),
+    ],
+)
+def test_minus_one_without_dead_time_and_at_once_is_ill_posed_and_nothing_else(process, controller):
+    require_well_posed(pidalab.Loop(process, controller))
+    with pytest.raises(ValueError, match="ill-posed"):
+        require_well_posed(pidalab.Loop(pidalab.Process([-1.0, 3.0], [1.0, 2.0]), 1.0))

@@ -214,3 +214,10 @@ def test_a_pole_is_infinite_without_a_warning():
     assert integrator(0) == pidalab.Loop(integrator, 1.0).L(0) == np.inf
     assert np.isnan(pidalab.Process([1.0, 0.0], [1.0, 0.0])(0))
     assert np.abs(integrator([0.0, 1j])).tolist() == [np.inf, 1.0]
+
+
+def test_processes_are_equal_or_not_either_way_round():
+    one, other = pidalab.lags(2, delay=1.0), pidalab.lags(2, delay=2.0)
+    assert one == pidalab.lags(2, delay=1.0)
+    assert one != other
+    assert other != one
