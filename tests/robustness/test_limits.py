@@ -313,3 +313,10 @@ def test_bad_type():
 
 def test_a_margin_within_the_tolerance_does_not_hold():
     assert not Criterion(0.5 * TOLERANCE, 1.0, 0.0).holds
+
+
+@pytest.mark.parametrize("lag", [1e-6, 1e6])
+def test_popov_criterion_knows_no_unit_of_time(lag):
+    one, other = (popov(pidalab.Loop(pidalab.lags(3, unit), 7.9)) for unit in (1.0, lag))
+    assert other.margin == pytest.approx(one.margin, rel=1e-6)
+    assert other.multiplier == pytest.approx(lag * one.multiplier, rel=1e-3)
