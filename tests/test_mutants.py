@@ -78,14 +78,14 @@ def test_the_table_keeps_reasons_of_survivors_and_forgets_places_that_are_gone(t
     mutants.store([row("1.0 / divisor", "survived"), row("a", "killed"), row("c", "survived")])
     assert [(one["becomes"], one["outcome"], one["reason"]) for one in mutants.rows()] == [
         ("1.0 / divisor", "survived", "the same number"),
-        ("a", "killed", ""),
+        ("a", "killed later", ""),
         ("c", "survived", ""),
     ]
     monkeypatch.setattr(evidence, "DATA", tmp_path)
-    assert evidence.mutants().splitlines()[-1] == "| all | 3 | 1 | 1 | 1 | 50 % |"
+    assert evidence.mutants().splitlines()[-1] == "| all | 3 | 0 | 1 | 1 | 1 | 0 % |"
 
 
 def test_only_survivors_have_reasons():
     for row in mutants.rows():
-        assert row["outcome"] in ("killed", "survived")
+        assert row["outcome"] in ("killed", mutants.LATER, "survived")
         assert row["outcome"] == "survived" or not row["reason"]

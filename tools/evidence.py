@@ -114,12 +114,20 @@ def mutants() -> str:
     parts = dict(sorted(parts.items())) | {"all": [outcome for found in parts.values() for outcome in found]}
     lines = []
     for part, outcomes in parts.items():
-        killed, equal = outcomes.count("killed"), outcomes.count("equivalent")
-        share = f"{100 * killed / (len(outcomes) - equal):.0f} %" if len(outcomes) > equal else ""
-        lines.append([part, *map(str, (len(outcomes), killed, equal, len(outcomes) - killed - equal)), share])
-    return table(
-        ["part", "mutants", "noticed", "equivalent", "not noticed", "noticed of those that differ"], lines
-    )
+        counts = [outcomes.count(name) for name in ("killed", "killed later", "equivalent", "survived")]
+        differ = len(outcomes) - counts[2]
+        share = f"{100 * counts[0] / differ:.0f} %" if differ else ""
+        lines.append([part, str(len(outcomes)), *map(str, counts), share])
+    head = [
+        "part",
+        "mutants",
+        "noticed",
+        "by a test added since",
+        "equivalent",
+        "not noticed",
+        "noticed at once",
+    ]
+    return table(head, lines)
 
 
 def versions() -> str:

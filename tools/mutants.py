@@ -9,8 +9,9 @@ that never runs, a condition turned round. Every place has the same chance, howe
     python tools/mutants.py again                     # what survived so far, with the tests of today
 
 Each mutant is a copy of the library with the machine code of its other folders; numba compiles that of the changed
-folder anew, as the file has another time. The table book/data/mutants.csv keeps what came out. A survivor is equivalent
-once a person has written there why no test can tell it from the library. Places that are no more leave the table.
+folder anew, as the file has another time. The table book/data/mutants.csv keeps what came out, and what is noticed only
+since a survivor got a test. A survivor is equivalent once a person has written there why no test can tell it from the
+library. Places that are no more leave the table.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
 TABLE = ROOT / "book" / "data" / "mutants.csv"
 COLUMNS = ("module", "function", "was", "becomes", "outcome", "reason")
+LATER = "killed later"  # by a test that it asked for
 # the search for optima is not among them: studies/optimal_check.py holds it against another one
 WHAT_LOOPS_ARE = ("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace")
 METHODS = ("identification", "record", "reduction", "robustness", "rules", "simulation")
@@ -286,8 +288,11 @@ def store(found: list[Row]) -> None:
     """Put rows in the place of older ones of the same change; what they were equivalent for stays with survivors."""
     old = {key(row): row for row in rows()}
     for row in found:
-        before = old.get(key(row), {"reason": ""})["reason"]
-        old[key(row)] = row | {"reason": before if row["outcome"] == "survived" else ""}
+        before = old.get(key(row), {"outcome": "", "reason": ""})
+        survived = row["outcome"] == "survived"
+        later = not survived and before["outcome"] in ("survived", LATER)
+        new = {"outcome": LATER if later else row["outcome"], "reason": before["reason"] if survived else ""}
+        old[key(row)] = row | new
     kept = [row for row in old.values() if stands(row)]
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
