@@ -1,6 +1,6 @@
 """Step responses of a loop with dead time, from dead time to dead time: see `pidalab.simulation.exact`.
 
-A stack is an array (ages, states): the states now, one dead time ago, and so on.
+A stack is an array (ages, states), oldest first: the states now in its last row, those of one dead time ago above.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ STORED = 1e7  # states at the multiples of the dead time that are kept at most
 FORGOTTEN = (
     1e-20  # size, relative to the largest, below which the influence of a distant past is nothing in double
 )
-RUN = 64  # requested times served from one stack
+LONGEST_RUN = 6  # logarithm to base 2 of the requested times served from one stack, at most
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
 
@@ -79,7 +79,7 @@ def _balanced(A, b, c):
 
 @compiled
 def _read(out, stack, element, depth):
-    """Add to a state what the coefficients of an element make of the stack (ages, states), newest first."""
+    """Add to a state what the coefficients of an element make of earlier states (ages, states), newest first."""
     order = out.size
     for age in range(depth):
         for i in range(order):
@@ -90,20 +90,20 @@ def _read(out, stack, element, depth):
 
 
 @compiled
-def _carry(stack, tau, rungs, step, low, A, b, c, d):
+def _carried(stack, tau, rungs, step, low, A, b, c, d):
     """Carry a stack over a duration: by the rungs that are its binary digits, and a Taylor series at the end."""
     ages, order = stack.shape
     for p in range(len(rungs) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
         while tau >= duration:
-            _advance(stack, rungs[p])
+            stack = _advanced(stack, rungs[p])
             tau -= duration
     if tau > 0.0:
         term = stack.copy()
         for n in range(1, TERMS + 1):
             after = np.zeros(stack.shape)
             v = 0.0  # the delayed process input, from the oldest on
-            for age in range(ages - 1, -1, -1):
+            for age in range(ages):
                 for i in range(order):
                     change = b[i] * v
                     for k in range(order):
@@ -113,17 +113,24 @@ def _carry(stack, tau, rungs, step, low, A, b, c, d):
                 for i in range(order):
                     v += c[i] * term[age, i]
             term = after
-            stack += term
+            stack = stack + term
+    return stack
 
 
 @compiled
-def _advance(stack, rung):
-    """Carry a stack over the duration of a rung."""
+def _advanced(stack, rung):
+    """Carry a stack over the duration of a rung: each state adds a row of it to its own age and to all younger ones."""
     ages, order = stack.shape
-    for age in range(ages):  # each level reads itself and older ones, which have not moved yet
-        change = stack[age].copy()
-        _read(change, stack[age:], rung, min(rung.shape[1] // order, ages - age))
-        stack[age] = change
+    after = stack.copy()
+    flat = after.reshape(ages * order)
+    for age in range(ages):
+        reached = flat[age * order : min(flat.size, age * order + rung.shape[1])]
+        for i in range(order):
+            value = stack[age, i]
+            if value != 0.0:
+                for j in range(reached.size):
+                    reached[j] += value * rung[i, j]
+    return after
 
 
 @compiled
@@ -179,15 +186,15 @@ def _combined(out, stack, rows):
     order, ages, wide = rows.shape
     out[:] = 0.0
     flat = rows.reshape(order * ages, wide)
-    i = 0
+    i, now = 0, len(stack) - 1
     while i + 4 <= flat.shape[0]:
-        a, b = stack[i % ages, i // ages], stack[(i + 1) % ages, (i + 1) // ages]
-        c, d = stack[(i + 2) % ages, (i + 2) // ages], stack[(i + 3) % ages, (i + 3) // ages]
+        a, b = stack[now - i % ages, i // ages], stack[now - (i + 1) % ages, (i + 1) // ages]
+        c, d = stack[now - (i + 2) % ages, (i + 2) // ages], stack[now - (i + 3) % ages, (i + 3) // ages]
         for q in range(wide):
             out[q] += a * flat[i, q] + b * flat[i + 1, q] + c * flat[i + 2, q] + d * flat[i + 3, q]
         i += 4
     while i < flat.shape[0]:
-        a = stack[i % ages, i // ages]
+        a = stack[now - i % ages, i // ages]
         for q in range(wide):
             out[q] += a * flat[i, q]
         i += 1
@@ -215,7 +222,7 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
             interval[i] = int(np.floor(step * i * (1.0 + eps) / delay))
     intervals = interval[n - 1]
     # rungs up to a run of times, or to the dead time if that is shorter
-    top = 6
+    top = LONGEST_RUN
     if delay > 0.0:
         top = int(np.floor(np.log2(delay / step) + 1e-12))
     growth = max(1.0, abs(d)) ** intervals if intervals > 0 else 0.0
@@ -247,7 +254,9 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
     for i in range(n):
         count = count + 1 if i > 0 and interval[i] == interval[i - 1] else 1
         most_in_one = max(most_in_one, count)
-    run = min(most_in_one, RUN)
+    # a long run makes its rows dear, a short one asks for many stacks: in all least near the root of n / 3
+    power = min(LONGEST_RUN, int(np.round(0.5 * np.log2(n / 3.0 + 1.0))))
+    run = min(most_in_one, 2**power)
     rows = _rows(C, direct, c, d, levels, run, rungs, -low)
 
     out = np.zeros(3 * run)
@@ -262,11 +271,11 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
         for i in range(channels):
             stack = np.zeros((levels, size))
             for age in range(min(levels, k + 1)):
-                stack[age] = anchors[i, intervals - k + age]
-            _carry(stack, distance, rungs, step, low, A, b, c, d)
+                stack[levels - 1 - age] = anchors[i, intervals - k + age]
+            stack = _carried(stack, distance, rungs, step, low, A, b, c, d)
             for start in range(first, last, run):
                 if start > first:
-                    _advance(stack, rungs[6 - low])
+                    stack = _advanced(stack, rungs[power - low])
                 _combined(out, stack, rows)
                 for m in range(min(run, last - start)):
                     for q in range(3):
