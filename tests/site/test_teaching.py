@@ -1,0 +1,127 @@
+"""What a lecture and a method chapter owe their reader: its parts, answers that are worded and run, the lab at hand."""
+
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+
+PARTS = (
+    "**The question.**",
+    "**The answer in one figure.**",
+    "## The recipe",
+    "## Try it",
+    "## Common mistakes",
+    "## Exercises",
+    "## Project",
+    "## Where to go on",
+)
+MOST_OF_A_RECIPE, LEAST_EXERCISES = 10, 6
+RUN = "\n<a cell that ran>\n"
+ANSWER = re.compile(r"\{solution-start\}[^\n]*\n(?::class:[^\n]*\n)?```(.*?)```\{solution-end\}", re.DOTALL)
+LIVE, IN_THE_LAB = 'class="pidalab-live"', '"lab": true'
+
+
+def cells_of(path: Path) -> list:
+    return nbformat.read(path, as_version=4).cells
+
+
+def unanswered(cells: list) -> list[str]:
+    """Exercises without an answer that has a sentence and a cell that printed or drew something."""
+    text = "\n".join(RUN if c.cell_type == "code" and c.outputs else c.source for c in cells)
+    answers = ANSWER.findall(text)
+    wrong = [f"an answer that does not run: {answer.strip()}" for answer in answers if RUN not in answer]
+    for answer in answers:
+        if len(re.findall(r"\w+", answer.replace(RUN, ""))) < 5 or "." not in answer:
+            wrong.append(f"an answer without words: {answer.strip()}")
+    if (asked := text.count("```{exercise}")) != len(answers):
+        wrong.append(f"{asked} exercises, {len(answers)} answers")
+    return wrong
+
+
+def without_lab(cells: list) -> list[str]:
+    """Live figures that do not lead to the lab with their loops loaded."""
+    figures = sum(cell.source.count(LIVE) for cell in cells)
+    told = [o.get("data", {}).get("text/html", "") for c in cells if c.cell_type == "code" for o in c.outputs]
+    linked = sum(IN_THE_LAB in html for html in told)
+    return (
+        [f"{figures} live figures, {linked} of them lead to the lab"]
+        if not figures or linked != figures
+        else []
+    )
+
+
+def lecture_problems(cells: list) -> list[str]:
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    wrong = [f"without {part}" for part in PARTS if part not in text]
+    at = next((k for k, cell in enumerate(cells) if "## The recipe" in cell.source), len(cells))
+    recipe = next((cell.source.splitlines() for cell in cells[at:] if cell.cell_type == "code"), [])
+    if not 0 < len(recipe) <= MOST_OF_A_RECIPE:
+        wrong.append(f"a recipe of {len(recipe)} lines")
+    if text.count("```{exercise}") < LEAST_EXERCISES:
+        wrong.append(f"fewer than {LEAST_EXERCISES} exercises")
+    return wrong
+
+
+def chapters(root: Path) -> list[Path]:
+    ledgers = sorted(path.stem for path in root.glob("book/ledger/*.csv"))
+    return [root / "book" / f"{paper}.ipynb" for paper in ledgers if paper != "manifest"]
+
+
+def lectures(root: Path) -> list[Path]:
+    return sorted(root.glob("book/learn/*.ipynb"))
+
+
+def test_lectures_have_their_parts(root):
+    assert len(lectures(root)) == 6
+    assert [(path.name, wrong) for path in lectures(root) for wrong in lecture_problems(cells_of(path))] == []
+
+
+def test_every_exercise_has_an_answer_in_words_that_was_run(root):
+    pages = lectures(root) + chapters(root)
+    assert len(pages) == 11
+    assert [(path.name, wrong) for path in pages for wrong in unanswered(cells_of(path))] == []
+
+
+def test_every_lecture_and_chapter_leads_to_the_lab(root):
+    pages = lectures(root) + chapters(root)
+    assert [(path.name, wrong) for path in pages for wrong in without_lab(cells_of(path))] == []
+
+
+# --- and a bad one is caught -------------------------------------------------
+
+
+def changed(cells: list, old: str, new: str) -> list:
+    """The cells with a text replaced where it first stands, in a source or an output."""
+    for cell in cells:
+        outputs = [o["data"] for o in cell.get("outputs", []) if "data" in o]
+        for holder, key in [(cell, "source"), *((data, "text/html") for data in outputs)]:
+            if old in holder.get(key, ""):
+                holder[key] = holder[key].replace(old, new, 1)
+                return cells
+    raise AssertionError(f"not found: {old}")
+
+
+@pytest.mark.parametrize(
+    ("check", "old", "new", "found"),
+    [
+        (lecture_problems, "## Common mistakes", "## Mistakes", "without ## Common mistakes"),
+        (lecture_problems, "```{exercise}", "```{note}", "fewer than 6"),
+        (lecture_problems, "design = ", "\n" * 9 + "design = ", "a recipe of"),
+        (without_lab, IN_THE_LAB, '"lab": false', "1 live figures, 0"),
+        (unanswered, "Above 1: the output of the optima swings", "```{solution-end}\n```\n", "without words"),
+        (unanswered, "```{exercise}", "```{note}", "5 exercises, 6 answers"),
+    ],
+)
+def test_a_bad_lecture_is_caught(check, old, new, found, root):
+    cells = cells_of(root / "book" / "learn" / "when-it-pays.ipynb")
+    assert check(cells) == []
+    assert any(found in problem for problem in check(changed(cells, old, new)))
+
+
+def test_an_answer_that_was_not_run_is_caught(root):
+    cells = cells_of(root / "book" / "learn" / "when-it-pays.ipynb")
+    for cell in cells:
+        if cell.cell_type == "code":
+            cell.outputs = []
+    assert len(unanswered(cells)) == LEAST_EXERCISES
