@@ -377,3 +377,12 @@ def test_undershoot_needs_a_set_point():
 
 def test_settling_time_of_a_record_that_ends_on_the_band():
     assert record(np.arange(3.0), [0.0, 0.5, 0.75]).settling_time(0.25) == 2.0
+
+
+@pytest.mark.parametrize(
+    ("size", "ise"), [(1e150, 2e300 / 3), (1e-150, 2e-300 / 3), (1e300, np.inf), (0.0, 0.0)]
+)
+def test_squares_that_leave_double_precision(size, ise):
+    """An error beyond 1e154 has an infinite ISE, not none."""
+    response = pidalab.Response(t=[0.0, 1.0, 2.0], r=size, d=0.0, n=0.0, y=[0.0, 2 * size, 0.0], u=0.0)
+    assert response.ise() == pytest.approx(ise, rel=1e-14)

@@ -342,9 +342,12 @@ class Response:
         >>> print(f"{Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).ise():.6f}")
         0.666667
         """
-        (c0, c1, c2), s, _ = self._pieces(horizon)
+        curve, s, _ = self._pieces(horizon)
+        # squares beyond double precision: in a power of two as the unit nothing is rounded
+        unit = math.ldexp(1.0, math.frexp(float(np.max(np.abs(curve), initial=0.0)))[1] - 1)
+        c0, c1, c2 = np.asarray(curve) / unit
         square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
-        return float(self.step * np.sum(s * square))
+        return float(self.step * np.sum(s * square)) * unit * unit
 
     def tv(self, signal: str = "u", start: float = 0.0, end: float | None = None) -> float:
         r"""Total variation :math:`\sum |x_{i+1} - x_i|`, the jump at t = 0 included.
