@@ -145,3 +145,8 @@ def test_lambda_tuning_of_a_pid_takes_half_the_dead_time_for_a_lag():
     controller = classical.lambda_tuning(pidalab.fopdt(2.0, 3.0, 1.0), "PID", closed_loop_time=0.7).controller
     assert np.allclose([controller.ti, controller.ti * controller.td], [3.0 + 0.5, 3.0 * 0.5], rtol=1e-14)
     assert np.isclose(controller.kp, 3.5 / (2.0 * (0.7 + 0.5)), rtol=1e-14)
+
+
+def test_simc_of_a_negative_gain_turns_the_sign():
+    up, down = (classical.simc(pidalab.fopdt(gain, 3.0, 1.0), "PI").controller for gain in (2.0, -2.0))
+    assert (down.kp, down.ti) == (-up.kp, up.ti)
