@@ -234,6 +234,18 @@ def test_what_cannot_be_is_refused(call, error, message):
         call()
 
 
+def test_a_dead_time_too_short_for_the_noise_sets_no_unit():
+    """A shorter dead time is no reason for a worse design."""
+    longer, shorter = (
+        pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, L), 2, ms=1.6, mks=10.0).iae for L in (1e-2, 1e-4)
+    )
+    assert shorter <= longer
+
+
+def test_dead_time_alone_has_a_design():
+    assert keeps(pidalab.optimal.load(pidalab.Process([1.0], [1.0], 1.0), 0), 1.4)
+
+
 def stored(name="optimal_check"):
     """Rows of a study, as far as it has run."""
     with (Path(__file__).parents[2] / "book" / "data" / f"{name}.csv").open() as file:

@@ -25,13 +25,27 @@ def unit_of_time(process: Process, limits: Limits) -> float:
     corners = np.append(speeds, 1 / process.delay) if process.delay else speeds
     if not corners.size:
         return _by_noise(process, integrators, limits)
-    growing = np.max(poles.real)
+    growing = np.max(poles.real, initial=0.0)
     if growing > 0:  # between what runs away and what cannot be answered sooner
         return 1 / math.sqrt(growing * float(corners.max()))
     w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
     at_rest = -0.5 * np.pi * integrators
     turned = at_rest + _turn(process, w) < min(CORNER, at_rest - TURN)
-    return 1 / float(w[np.argmax(turned)]) if turned.any() else 1 / float(corners.max())
+    fastest = float(w[np.argmax(turned)]) if turned.any() else float(corners.max())
+    return 1 / min(fastest, _loudest(process, limits, w))
+
+
+def _loudest(process: Process, limits: Limits, w: Array) -> float:
+    """Frequency up to which a loop can act under a limit of noise: to act is to have |C S| near 1/|P|."""
+    asked = 1 / np.abs(process(1j * w))
+    able = np.ones(w.size, dtype=bool)
+    if limits.mks is not None:
+        able &= asked <= limits.mks
+    if limits.noise_gain is not None and limits.sample_time is not None:
+        # white noise that is sampled has its power below pi over the sample time, evenly
+        power = np.cumsum(asked**2 * np.gradient(w)) * limits.sample_time / np.pi
+        able &= power <= limits.noise_gain**2
+    return float(w[able].max()) if able.any() else math.inf
 
 
 def _turn(process: Process, w: Array) -> Array:
