@@ -39,8 +39,9 @@ LOOP = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3)
 
 
 def compile_first_half() -> None:
-    """Compile how a loop is cut open at its dead time, for a response."""
+    """Compile how a loop is cut open at its dead time, for a response, and the steps of sampled controllers."""
     cut_at_delay(LOOP, "d")
+    pidalab.simulate_sampled(LOOP, 0.001 * np.arange(3))
 
 
 def compile_second_half() -> None:
