@@ -13,6 +13,7 @@ from pidalab.roots import roots
 
 CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
 TURN = 0.25 * math.pi  # the same, after what several integrators turn it by
+APART = 8.0  # factor by which a limit of noise has to be slower than that phase before it sets the unit
 SHARE = 0.1  # of the noise that is allowed, proportional action in that unit, where nothing else sets it
 
 
@@ -32,7 +33,8 @@ def unit_of_time(process: Process, limits: Limits) -> float:
     at_rest = -0.5 * np.pi * integrators
     turned = at_rest + _turn(process, w) < min(CORNER, at_rest - TURN)
     fastest = float(w[np.argmax(turned)]) if turned.any() else float(corners.max())
-    return 1 / min(fastest, _loudest(process, limits, w))
+    loudest = _loudest(process, limits, w)
+    return 1 / (loudest if fastest > APART * loudest else fastest)
 
 
 def _loudest(process: Process, limits: Limits, w: Array) -> float:
