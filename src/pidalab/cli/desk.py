@@ -13,16 +13,13 @@ if TYPE_CHECKING:
     from pidalab.response import Response
 
 FULL = (0.0, 100.0)
+POWER = click.FloatRange(*FULL)  # of a heater, in per cent
 
 
 @click.command("tclab")
 @click.option("--connected", is_flag=True, help="Use the board at a serial port; by default it is simulated.")
 @click.option(
-    "--power",
-    default=50.0,
-    show_default=True,
-    type=click.FloatRange(0, 100),
-    help="Power of the step test, in per cent.",
+    "--power", default=50.0, show_default=True, type=POWER, help="Power of the step test, in per cent."
 )
 @click.option(
     "--setpoint", default=40.0, show_default=True, help="Set point of the closed loops, in degrees."
@@ -31,7 +28,7 @@ FULL = (0.0, 100.0)
     "--load",
     default=60.0,
     show_default=True,
-    type=click.FloatRange(0, 100),
+    type=POWER,
     help="Power of the second heater, the load, in per cent.",
 )
 @click.option("--duration", default=900.0, show_default=True, help="Seconds of each part of the experiment.")
