@@ -26,6 +26,7 @@ from processes import batch
 
 import pidalab
 from pidalab import Process
+from pidalab.optimal._design import SAME, UNITS
 from pidalab.optimal._problem import Problem
 from pidalab.optimal._solver import KEPT, Limits, Search
 from pidalab.optimal._starts import _relaxed
@@ -48,8 +49,6 @@ STARTS, DRAWN = 40, 800  # stable ones, and drawn at most
 REACH = (1.0, 2.5, 5.0)  # powers of e around each gain
 FILTER = 4.0  # and around the filter time
 WITHOUT = 0.3  # share of the starts without one of the derivatives
-UNITS = (1.0, 8.0, 64.0, 512.0)  # of time, in which the search may have found the design
-SAME = 0.02  # difference of its IAE there from the engine's
 BELOW = 0.9995  # share of the design's IAE under which an end is brought to the bottom
 
 
