@@ -131,8 +131,8 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
     grid = step * np.arange(t.size)
-    off = np.abs(t - grid) > 1e-6 * step + 1e-6 * grid  # the second part: times stored in single precision
-    if np.any(off):
+    off = np.abs(t - grid) > 1e-6 * (step + grid)  # the second part: times stored in single precision
+    if off.any():
         i = int(np.flatnonzero(off)[0])
         raise ValueError(
             f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of {step * i:.12g}; "
@@ -143,6 +143,8 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
 
 def signal(name: str, value: ArrayLike, size: int) -> Array:
     """Return a held signal of `size` samples; a number becomes a step at t = 0."""
+    if isinstance(value, (int, float)):  # the most frequent case, and the quick one
+        return np.full(size, real(name, value))
     array = _real_array(name, value)
     if array.ndim == 0:
         return np.full(size, real(name, value))

@@ -10,7 +10,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.simulation.realisation import Cut
-from pidalab.simulation.ring import FADED, TERMS, ladder, shortened, transition
+from pidalab.simulation.ring import FADED, TERMS, add_rows, ladder, shortened, transition
 
 LARGEST = 4000  # states in a stack: beyond, the simulation takes too long
 WORK = 5e8  # multiplications from dead time to dead time beyond which it takes too long
@@ -78,18 +78,6 @@ def _balanced(A, b, c):
 
 
 @compiled
-def _read(out, stack, element, depth):
-    """Add to a state what the coefficients of an element make of earlier states (ages, states), newest first."""
-    order = out.size
-    for age in range(depth):
-        for i in range(order):
-            value = stack[age, i]
-            if value != 0.0:
-                for j in range(order):
-                    out[j] += value * element[i, age * order + j]
-
-
-@compiled
 def _carried(stack, tau, rungs, step, low, A, b, c, d):
     """Carry a stack over a duration: by the rungs that are its binary digits, and a Taylor series at the end."""
     ages, order = stack.shape
@@ -124,80 +112,51 @@ def _advanced(stack, rung):
     after = stack.copy()
     flat = after.reshape(ages * order)
     for age in range(ages):
-        reached = flat[age * order : min(flat.size, age * order + rung.shape[1])]
-        for i in range(order):
-            value = stack[age, i]
-            if value != 0.0:
-                for j in range(reached.size):
-                    reached[j] += value * rung[i, j]
+        add_rows(flat[age * order : min(flat.size, age * order + rung.shape[1])], stack[age], rung)
     return after
 
 
 @compiled
 def _rows(C, direct, c, d, levels, run, rungs, base):
-    """What the outputs at `run` times in succession read of a stack: (states, ages, times and outputs)."""
+    """What the outputs at `run` times in succession read of a stack: (its states, times and outputs)."""
     order, wide = C.shape[1], 3 * run
     ages = 1
     for q in range(3):
         if direct[q] != 0.0:
             ages = 2 if d == 0.0 else levels
     ages = min(ages, levels)
-    rows = np.zeros((order, ages, wide))
+    rows = np.zeros((ages * order, wide))
     for i in range(order):
         for q in range(3):
-            rows[i, 0, q] = C[q, i]
+            rows[(ages - 1) * order + i, q] = C[q, i]
             for age in range(1, ages):  # the direct part of an output reads all older process inputs
-                rows[i, age, q] = direct[q] * d ** (age - 1) * c[i]
+                rows[(ages - 1 - age) * order + i, q] = direct[q] * d ** (age - 1) * c[i]
     have, p = 3, base
     while have < wide:  # as many again, one rung later
         rung = rungs[p]
         reach = rung.shape[1] // order
         more = min(have, wide - have)
-        longer = np.zeros((order, min(levels, ages + reach - 1), have + more))
-        for i in range(order):
-            for age in range(ages):
-                for m in range(have):
-                    longer[i, age, m] = rows[i, age, m]
-                for m in range(more):
-                    longer[i, age, have + m] += rows[i, age, m]
-            for k in range(min(reach, longer.shape[1])):
-                for j in range(order):
-                    factor = rung[i, k * order + j]
-                    if factor != 0.0:
-                        for age in range(min(ages, longer.shape[1] - k)):
-                            for m in range(more):
-                                longer[i, k + age, have + m] += factor * rows[j, age, m]
+        new = min(levels, ages + reach - 1)
+        longer = np.zeros((new * order, wide))
+        longer[(new - ages) * order :, :have] = rows[:, :have]
+        longer[(new - ages) * order :, have : have + more] = rows[:, :more]
+        for age in range(new):
+            least, most = max(0, age - ages + 1), min(reach, age + 1)  # ages that the rung adds
+            read = rows[(ages - 1 - age + least) * order :]
+            for i in range(order):
+                out = longer[(new - 1 - age) * order + i, have : have + more]
+                add_rows(out, rung[i, least * order : most * order], read)
         # drop ages that do not matter
-        size = np.zeros(longer.shape[1])
-        for i in range(order):
-            for age in range(size.size):
+        size = np.zeros(new)
+        for age in range(new):
+            for i in range((new - 1 - age) * order, (new - age) * order):
                 for m in range(have + more):
-                    size[age] = max(size[age], abs(longer[i, age, m]))
-        ages = size.size
+                    size[age] = max(size[age], abs(longer[i, m]))
+        ages = new
         while ages > 1 and size[ages - 1] <= FADED * size.max():
             ages -= 1
-        rows, have, p = longer[:, :ages].copy(), have + more, p + 1
+        rows, have, p = longer[(new - ages) * order :], have + more, p + 1
     return rows
-
-
-@compiled
-def _combined(out, stack, rows):
-    """out = the stack's states times the rows, four at a time to spare the memory."""
-    order, ages, wide = rows.shape
-    out[:] = 0.0
-    flat = rows.reshape(order * ages, wide)
-    i, now = 0, len(stack) - 1
-    while i + 4 <= flat.shape[0]:
-        a, b = stack[now - i % ages, i // ages], stack[now - (i + 1) % ages, (i + 1) // ages]
-        c, d = stack[now - (i + 2) % ages, (i + 2) // ages], stack[now - (i + 3) % ages, (i + 3) // ages]
-        for q in range(wide):
-            out[q] += a * flat[i, q] + b * flat[i + 1, q] + c * flat[i + 2, q] + d * flat[i + 3, q]
-        i += 4
-    while i < flat.shape[0]:
-        a = stack[now - i % ages, i // ages]
-        for q in range(wide):
-            out[q] += a * flat[i, q]
-        i += 1
 
 
 @compiled
@@ -232,9 +191,9 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
 
     # the stack must reach as far back as the loop remembers
     levels = 1
-    anchors = np.zeros((channels, intervals + 1, size))  # newest first
+    anchors = np.zeros((channels, intervals + 1, size))  # states at the multiples of the dead time
     for i in range(channels):
-        anchors[i, intervals] = x0[:, i]
+        anchors[i, 0] = x0[:, i]
     if intervals > 0:
         most = min(intervals + 1, LARGEST // size + 1)
         whole = transition(rungs, step, low, delay, most, A, b, c, d)
@@ -246,9 +205,11 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
         if 1.0 * intervals * reach * size * size * channels > WORK:
             return result, levels, TOO_MANY
         for i in range(channels):
-            for k in range(intervals - 1, -1, -1):
-                anchors[i, k] = anchors[i, k + 1]
-                _read(anchors[i, k], anchors[i, k + 1 :], short, min(reach, intervals - k))
+            flat = anchors[i].reshape((intervals + 1) * size)
+            for k in range(intervals):  # each adds to all that remember it
+                anchors[i, k + 1] += anchors[i, k]
+                reached = flat[(k + 1) * size : min(flat.size, (k + 1) * size + short.shape[1])]
+                add_rows(reached, anchors[i, k], short)
 
     count, most_in_one = 0, 0
     for i in range(n):
@@ -270,13 +231,14 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
             distance = 0.0
         for i in range(channels):
             stack = np.zeros((levels, size))
-            for age in range(min(levels, k + 1)):
-                stack[levels - 1 - age] = anchors[i, intervals - k + age]
+            known = min(levels, k + 1)
+            stack[levels - known :] = anchors[i, k + 1 - known : k + 1]
             stack = _carried(stack, distance, rungs, step, low, A, b, c, d)
             for start in range(first, last, run):
                 if start > first:
                     stack = _advanced(stack, rungs[power - low])
-                _combined(out, stack, rows)
+                out[:] = 0.0
+                add_rows(out, stack.reshape(levels * size)[levels * size - len(rows) :], rows)
                 for m in range(min(run, last - start)):
                     for q in range(3):
                         result[i, q, start + m] = out[3 * m + q]

@@ -16,6 +16,24 @@ TERMS = 14  # of the Taylor series, for a norm of at most 1/2
 
 
 @compiled
+def add_rows(out, factors, rows):
+    """Add factors @ rows to a row, as far as it goes; four rows at a time, to read and write it less often."""
+    n, i = factors.size, 0
+    while i + 4 <= n:
+        a, b, c, d = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
+        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+            for j in range(out.size):
+                out[j] += a * rows[i, j] + b * rows[i + 1, j] + c * rows[i + 2, j] + d * rows[i + 3, j]
+        i += 4
+    while i < n:
+        a = factors[i]
+        if a != 0.0:
+            for j in range(out.size):
+                out[j] += a * rows[i, j]
+        i += 1
+
+
+@compiled
 def shortened(element, share):
     """Drop the last coefficients of a ring element once they no longer matter."""
     order = element.shape[0]
@@ -91,12 +109,7 @@ def product(first, second, most):
             out[i, j] += second[i, j]
         for at in range(0, min(width, first.shape[1]), order):
             wide = min(width - at, second.shape[1])
-            row = out[i, at : at + wide]
-            for k in range(order):
-                factor = first[i, at + k]
-                if factor != 0.0:
-                    for j in range(wide):
-                        row[j] += factor * second[k, j]
+            add_rows(out[i, at : at + wide], first[i, at : at + order], second)
     return shortened(out, FADED)
 
 
@@ -123,11 +136,12 @@ def ladder(A, b, c, d, step, top, growth, most):
 def transition(rungs, step, low, tau, most, A, b, c, d):
     """The exponential over tau, less 1."""
     out = np.zeros((b.size, b.size))
+    dust = 8.0 * np.finfo(np.float64).eps * tau  # what rounding leaves of a multiple of the step
     for p in range(len(rungs) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
-        while tau >= duration:
+        while tau > duration - dust:
             out = product(out, rungs[p], most)
             tau -= duration
-    if tau > 0.0:
+    if tau > dust:
         out = product(out, taylor(tau, most, A, b, c, d), most)
     return out
