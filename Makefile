@@ -8,7 +8,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 ENV := .venv/.installed
 SITE := _build/.built
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tools/licences/* tests/claims/*.csv) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tools/licences/* tests/claims/*.csv) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
 .PHONY: help env book test notebooks slides claims faults fuzz mutants lint bench studies study release archive pdf versions twice \
 	shuffle lock clean

@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 import nbformat
+from kernels import fork_kernels
 from nbclient import NotebookClient
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
@@ -65,7 +66,7 @@ def execute_all(paths: Iterable[Path]) -> None:
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # one thread for each notebook: their matrices are small
-    with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with ProcessPoolExecutor(max_workers=os.cpu_count(), initializer=fork_kernels) as pool:
         runs = {pool.submit(execute, path): path for path in paths}
         for done, run in enumerate(as_completed(runs), start=1):
             try:

@@ -1,0 +1,166 @@
+"""Kernels for the book's notebooks, forked off a process that has done once what each would do again.
+
+Starting IPython, importing matplotlib and reading the machine code of the engine takes a kernel a few seconds, and the
+book has more than twenty. A forked kernel has all that in memory; its namespace is as empty as that of any other.
+``python kernels.py`` is that process: it reads a request a line, forks, and answers with the number of the new process.
+"""
+
+import atexit
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from functools import cache
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+from jupyter_client.provisioning import KernelProvisionerFactory, LocalProvisioner
+
+PRELOADED = (
+    "control",
+    "IPython.core.completer",
+    "ipykernel.kernelapp",
+    "ipykernel.ipkernel",
+    "matplotlib.backends.backend_svg",
+    "matplotlib.pyplot",
+    "mpmath",
+    "myst_nb",
+    "pidalab.ledger",
+    "pidalab.plots",
+    "pidalab.rules",
+    "scipy.integrate",
+    "scipy.optimize",
+    "scipy.signal",
+)
+
+
+class Forked:
+    """A process that the server has forked: what a provisioner asks of `subprocess.Popen`."""
+
+    stdin = stdout = stderr = None
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+
+    def poll(self) -> int | None:
+        """Return None while the process runs."""
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return 0
+        return None
+
+    def wait(self) -> int:
+        """Return at once: whoever waits has polled until the process was gone."""
+        return 0
+
+    def send_signal(self, signum: int) -> None:
+        """Send a signal to a process that may be gone."""
+        if self.poll() is None:
+            os.kill(self.pid, signum)
+
+    def kill(self) -> None:
+        """End the process."""
+        self.send_signal(signal.SIGKILL)
+
+    def terminate(self) -> None:
+        """Ask the process to end."""
+        self.send_signal(signal.SIGTERM)
+
+
+class ForkingProvisioner(LocalProvisioner):
+    """Starts a kernel by a fork of this process's server."""
+
+    async def launch_kernel(self, cmd: list[str], **kwargs: Any) -> Any:
+        """Return how to connect to the new kernel."""
+        server = started_server()
+        request = {
+            "arguments": cmd[cmd.index("ipykernel_launcher") + 1 :],
+            "folder": str(kwargs.get("cwd") or Path.cwd()),
+            "environment": kwargs["env"],
+            "quiet": kwargs.get("stderr") is not None,
+        }
+        server.stdin.write(json.dumps(request) + "\n")
+        server.stdin.flush()
+        self.process = Forked(int(server.stdout.readline()))
+        self.pid, self.pgid = self.process.pid, None
+        return self.connection_info
+
+
+@cache
+def started_server() -> subprocess.Popen[str]:
+    """Return the server of this process, which ends with it."""
+    command = [sys.executable, __file__]
+    server = subprocess.Popen(command, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def stop() -> None:
+        server.stdin.close()
+        server.stdout.close()
+        server.wait()
+
+    atexit.register(stop)
+    return server
+
+
+def fork_kernels() -> None:
+    """Let all kernels that this process starts be forked, where the system can do so."""
+    if not hasattr(os, "fork"):
+        return
+    factory = KernelProvisionerFactory.instance()
+    name = "forking-provisioner"
+    place = f"{__name__}:{ForkingProvisioner.__name__}"
+    factory.provisioners[name] = EntryPoint(name, place, factory.GROUP_NAME)
+    factory.default_provisioner_name = name
+
+
+def become_kernel(request: dict[str, Any]) -> None:
+    """Run as a kernel in a process of its own, and end with it."""
+    from ipykernel.kernelapp import IPKernelApp
+
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for descriptor in (0, 1, 2) if request["quiet"] else (0, 1):  # the server's own pipes are not a kernel's
+        os.dup2(nothing, descriptor)
+    os.setsid()
+    os.chdir(request["folder"])
+    os.environ.clear()
+    os.environ.update(request["environment"], JPY_PARENT_PID=str(os.getppid()))  # to end with the server
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    try:
+        IPKernelApp.launch_instance(argv=request["arguments"])
+    finally:
+        os._exit(0)
+
+
+def warm_up() -> None:
+    """Import what the notebooks import, and read the machine code of the engine."""
+    os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
+    for name in PRELOADED:
+        importlib.import_module(name)
+    import numpy as np
+    import pandas as pd
+
+    import pidalab
+
+    pd.set_option("display.max_columns", 20)  # its default in a kernel; it takes this process for a terminal
+
+    loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
+    pidalab.load_response(loop, np.arange(3.0))
+    pidalab.margins(loop)
+
+
+def serve() -> None:
+    """Answer requests until there are no more."""
+    warm_up()
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a kernel that ends leaves nothing behind
+    for line in sys.stdin:
+        pid = os.fork()
+        if pid == 0:
+            become_kernel(json.loads(line))
+        print(pid, flush=True)
+
+
+if __name__ == "__main__":
+    serve()
