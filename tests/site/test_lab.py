@@ -11,7 +11,8 @@ from pictured import plots
 
 NUMBER = r"(\d[\d.]*)"
 COLUMNS = (
-    "() => [...document.querySelectorAll('.lab-table tbody tr')].map(r => [...r.cells].map(c => c.innerText))"
+    "() => [...document.querySelectorAll('.lab-table tbody tr:has(th)')]"
+    ".map(row => [...row.cells].map(cell => cell.innerText))"
 )
 # The lab draws before the next frame; an address is heard of by the lab first, and then here.
 SAVED = "() => location.hash === `#${pidalabModel.write(document.querySelector('.pidalab-lab').lab.state)}`"
@@ -82,7 +83,7 @@ def test_a_drag_studies_one_design_and_moves_its_lines(lab):
     """Ten changes before a frame are drawn once; kept designs and axes stay; the address waits until the hand rests."""
     page = lab()
     page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody tr').length === 4")
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 4")
     page.wait_for_function(SAVED)
     page.evaluate(COUNT)
     bar = page.get_by_label("kp", exact=True)
@@ -136,12 +137,39 @@ def test_what_is_drawn_of_many_samples_is_what_shows(lab):
 def test_three_kinds_by_a_rule(lab):
     page = lab()
     page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody tr').length === 4")
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 4")
     rows = page.evaluate(COLUMNS)
     assert [row[0].split()[-1] for row in rows] == ["PIDA", "PI", "PID", "PIDA"]
     assert [row[3] for row in rows] == ["1.4"] * 4
     iae = [float(row[1]) for row in rows[1:]]
     assert sorted(iae, reverse=True) == iae
+
+
+HIDDEN = """() => {
+  const { scrollWidth, clientWidth } = document.querySelector(".lab-table");
+  return scrollWidth - clientWidth;
+}"""
+
+
+def test_all_numbers_of_four_designs_are_in_view(lab):
+    """On a screen of 1280 pixels; on a phone they scroll, and the name of the design stays."""
+    page = lab()
+    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 4")
+    assert page.evaluate(HIDDEN) == 0
+    gains = page.locator(".lab-gains").all_inner_texts()
+    assert gains == [
+        gains[3],
+        "kp 0.23, ti 1.5",
+        "kp 0.531, ti 2.5, td 0.6",
+        "kp 0.869, ti 3, td 1, ta 0.333",
+    ]
+    page.set_viewport_size(NARROW)
+    assert page.evaluate(HIDDEN) > 0
+    name = page.locator(".lab-table tbody th").first
+    before = name.bounding_box()["x"]
+    page.locator(".lab-table").evaluate("table => { table.scrollLeft = 1000 }")
+    assert name.bounding_box()["x"] == pytest.approx(before, abs=1)
 
 
 LIMITED = """{plant: "huba-ipdt", rule: "hand", limited: true, low: -0.1, high: 0.1, antiWindup: "%s",
@@ -175,7 +203,7 @@ def test_designs_saved_as_files(lab, tmp_path):
     """As Python it runs and says what the lab says; as JSON it comes back."""
     page = lab()
     page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody tr').length === 4")
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 4")
     before = page.evaluate(COLUMNS)
     for button, name in (("As a library call", "pida_designs.py"), ("As JSON", "pida_designs.json")):
         page.get_by_role("button", name=button).click()

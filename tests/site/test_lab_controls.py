@@ -9,7 +9,7 @@ from pictured import plots
 
 import pidalab
 
-ROWS = "() => document.querySelectorAll('.lab-table tbody tr').length"
+ROWS = "() => document.querySelectorAll('.lab-table tbody').length"
 CONTROL = "Control signal u, step of the set point"
 
 

@@ -179,7 +179,7 @@
   const NUMBERS = {
     iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["mks", (s) => s.mks],
     gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm],
-    peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => s.overshoot],
+    peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => (s.overshoot < 0.005 ? 0 : s.overshoot)],
     sigma: ["σ(u) per σ(n)", (s) => s.sigma],
     gmLeast: ["at least Ms/(Ms−1)", (s) => s.ms / (s.ms - 1)], pmLeast: ["at least 2 asin 1/(2Ms), °", (s) => degrees(2 * Math.asin(0.5 / s.ms))],
     first: ["phase margin at the first crossover, °", (s) => s.first, true], hump: ["top of |L| beyond it", (s) => s.hump, true],
@@ -291,7 +291,11 @@
       const part = (title, from, to, ...more) => element("fieldset", {}, element("legend", {}, title), ...this.rows.slice(from, to), ...more);
       const controllerAt = at("controller"), limitsAt = at("limits of the actuator");
       const plantPart = element("fieldset", {}, element("legend", {}, "Plant"), this.rows[0], this.ownRows, drop);
-      const controls = element("div", { class: "lab-controls" }, plantPart, part("Controller", controllerAt, limitsAt), part("Actuator, sampling, noise", limitsAt));
+      const compare = element("fieldset", {}, element("legend", {}, "Side by side"), element("div", { class: "lab-actions" },
+        button("PI, PID and PIDA by this rule", () => this.threeKinds()),
+        button("Keep this design", () => this.keep([this.state.design])),
+        button("Forget the kept ones", () => this.change({ kept: [] }))));
+      const controls = element("div", { class: "lab-controls" }, plantPart, part("Controller", controllerAt, limitsAt), compare, part("Actuator, sampling, noise", limitsAt));
 
       this.plots = {};
       const plots = element("div", { class: "lab-plots" }, ...["setpoint", "load", "control", "nyquist", "bode", "noise"].map((key) => (this.plots[key] = element("div", {}))));
@@ -301,9 +305,6 @@
       this.saving = button("Save as a file", () => this.download());
       this.saving.hidden = true;
       const actions = element("div", { class: "lab-actions" },
-        button("Keep this design", () => this.keep([this.state.design])),
-        button("PI, PID and PIDA by this rule", () => this.threeKinds()),
-        button("Forget the kept ones", () => this.change({ kept: [] })),
         button("Copy a link", () => { this.save(); this.copy(location.href, "The link"); }),
         button("As a library call", () => this.show(this.call(), "pida_designs.py")),
         button("As JSON", () => this.show(JSON.stringify(this.exported(), null, 1), "pida_designs.json")),
@@ -426,14 +427,17 @@
 
     drawTable(shown) {
       const columns = COLUMNS.map((key) => NUMBERS[key]);
-      const row = (s) => element("tr", {},
-        element("th", { scope: "row" }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.kind ? "kept: " : ""}${s.design.kind}`),
-        ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s), 4))) : [element("td", { colspan: columns.length }, "unstable: it has no margins")]),
-        element("td", {}, ["kp", "ti", "td", "ta"].slice(0, ORDER[s.design.kind] + 2).map((key) => `${key} ${digits(s.design[key])}`).join(", ")));
+      const gains = ({ kind, ...design }) => ["kp", "ti", "td", "ta"].slice(0, ORDER[kind] + 2).map((key) => `${key} ${digits(design[key])}`).join(", ");
+      const rows = (s) => [
+        element("tr", {},
+          element("th", { scope: "rowgroup", rowspan: 2 }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.kind ? "kept: " : ""}${s.design.kind}`),
+          ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s), 4))) : [element("td", { colspan: columns.length }, "unstable: it has no margins")])),
+        element("tr", { class: "lab-gains" }, element("td", { colspan: columns.length }, gains(s.design))),
+      ];
       this.table.replaceChildren(element("table", {},
         noiseMeant(shown),
-        element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "design"), ...columns.map(([name]) => element("th", { scope: "col" }, name)), element("th", { scope: "col" }, "gains"))),
-        element("tbody", {}, ...shown.map(row))));
+        element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "design"), ...columns.map(([name]) => element("th", { scope: "col" }, name)))),
+        ...shown.map((s) => element("tbody", {}, ...rows(s)))));
     }
 
     /* Say the result in words and save it in the address, once the hand rests. */

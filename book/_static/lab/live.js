@@ -58,11 +58,17 @@
       this.live = element("p", { class: "lab-live", role: "status" });
       const caption = element("p", { class: "lab-caption" }, state.caption ?? "");
       if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
-      const parts = [element("div", { class: "lab-knobs" }, ...this.knobs), this.live, element("div", { class: "lab-plots" }, ...Object.values(this.plots)), this.table];
+      const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // then the table fills the gap
+      const grid = element("div", { class: "lab-plots" }, ...plots, ...(odd ? [this.table] : []));
+      const parts = [element("div", { class: "lab-knobs" }, ...this.knobs), this.live, grid, ...(odd ? [] : [this.table])];
       const figure = this.host.querySelector("figure");
       if (!figure) return this.host.replaceChildren(...parts, caption);
       for (const picture of figure.querySelectorAll("img")) picture.remove();
       figure.prepend(...parts);
+      for (const fold of this.host.querySelectorAll("details.above-input")) { // the code of the picture that was here
+        fold.querySelector(".collapsed").textContent = "Code of the figure that stands here without JavaScript";
+        figure.after(fold);
+      }
       const words = figure.querySelector(".caption-text") ?? figure.querySelector("figcaption");
       if (state.caption && words) words.textContent = state.caption;
       if (words && this.link) words.append(" ", this.link);
