@@ -43,6 +43,7 @@ class SampledNoise:
         poles = np.append(np.exp(roots(problem.process.den).astype(complex) * sample_time), 1.0)
         outside = poles[np.abs(poles) > 1 - 1e-9][:, None]
         self.moved = np.prod((self.z - outside) / (self.z - 0.5 * outside / np.abs(outside)), axis=0)
+        self._expand()
         # trapezoids over the upper half of the circle
         steps = np.diff(self.w)
         self.weight = 0.5 * (np.append(steps, 0.0) + np.append(self.w[0], steps)) * sample_time / np.pi
@@ -65,25 +66,31 @@ class SampledNoise:
         turned = float(np.angle(f[1:] / f[:-1]).sum()) + start - np.pi * round(start / np.pi)
         return abs(turned) > 0.5 * np.pi
 
-    def _controller(self, x: Array) -> tuple[Array, Array]:
-        """Sampled controller at the frequencies, and its slopes by the gains and the logarithm of the filter time."""
-        n, (_, time) = self.problem.order + 1, self.problem.controller(x)
-        lags = self._lags(time, n + 1)
-        # s^k/(1 + T s)^n is T^-k (1 - 1/(1 + T s))^k of the other lags
-        actions, by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
-        actions[0, 1 : n + 1] = -time
-        by_time[0, n + 1] = -n * time
+    def _expand(self) -> None:
+        """Write the actions behind the filter, T^k s^k/(1 + T s)^n, and their slopes by the logarithm of T, in lags.
+
+        With :math:`Ts = (1 + Ts) - 1` they are sums of lags with the coefficients of :math:`(1 - 1/(1 + Ts))^k`.
+        """
+        n = self.problem.order + 1
+        self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
+        self.actions[0, 1 : n + 1] = -1.0  # K_-1: what the filter makes of 1/s, less 1/s itself
+        self.by_time[0, n + 1] = -n
         for k in range(n):
             for j in range(k + 1):
-                actions[k + 1, n - k + j] = math.comb(k, j) * (-1) ** j * time**-k
+                self.actions[k + 1, n - k + j] = math.comb(k, j) * (-1) ** j
             for j in range(k + 2):
-                by_time[k + 1, n - k + j] = -n * math.comb(k + 1, j) * (-1) ** j * time**-k
-        gains, units = x[: n + 1], self.problem.units
+                self.by_time[k + 1, n - k + j] = -n * math.comb(k + 1, j) * (-1) ** j
+
+    def _controller(self, x: Array) -> tuple[Array, Array]:
+        """Sampled controller at the frequencies, and its slopes by the gains and the logarithm of the filter time."""
+        n, (gains, time) = self.problem.order + 1, self.problem.controller(x)
+        lags = self._lags(time, n + 1)
+        powers = time ** np.arange(1.0, -n, -1.0)
         slopes = np.empty((n + 2, self.w.size), dtype=complex)
-        slopes[:-1] = (units[:, None] * actions) @ lags
-        slopes[0] += units[0] * self.h / (self.z - 1)  # the integrator
-        slopes[-1] = ((gains * units) @ by_time) @ lags
-        return gains @ slopes[:-1], slopes
+        slopes[:-1] = ((self.problem.units * powers)[:, None] * self.actions) @ lags
+        slopes[0] += self.problem.units[0] * self.h / (self.z - 1)  # the integrator
+        slopes[-1] = ((gains * powers) @ self.by_time) @ lags
+        return x[: n + 1] @ slopes[:-1], slopes
 
     def _lags(self, time: float, most: int) -> Array:
         """Responses of 0, 1, ..., most equal lags behind a hold, from sample to sample."""
@@ -92,10 +99,12 @@ class SampledNoise:
         rho = self.h / time
         a = math.exp(-rho)
         inverse = 1 / (self.z - a)
+        own = gammainc(np.arange(1.0, most + 1), rho)
+        from_one = [a * rho**k / math.factorial(k) for k in range(most)]
         chain = np.ones((most + 1, self.z.size), dtype=complex)
         for i in range(1, most + 1):
-            from_others = sum(a * rho ** (i - j) / math.factorial(i - j) * chain[j] for j in range(1, i))
-            chain[i] = (gammainc(i, rho) + from_others) * inverse
+            total = own[i - 1] + sum(from_one[i - j] * chain[j] for j in range(1, i))
+            np.multiply(total, inverse, out=chain[i])
         return chain
 
 

@@ -56,23 +56,33 @@ class Problem:
         """Weight and time constant of the prefilter (weight T s + 1)/(T s + 1)."""
         return float(x[-2]), self.time * float(np.exp(x[-1]))
 
-    def _controller(self, x: Array, s: Any) -> tuple[Any, Any]:
-        """Controller, and its slopes by the gains and the logarithm of the filter time, at complex s."""
+    def _actions(self, s: Any) -> Any:
+        """s^-1 ... s^m at complex s, for unknowns without dimension and without the filter."""
+        return self.units[:, None] * s ** np.arange(-1.0, self.order + 1)[:, None]
+
+    def _filter(self, x: Array, s: Any) -> tuple[Any, Any]:
+        """The filter at complex s, and one of its lags."""
         _, tf = self.controller(x)
+        # products: numpy takes the powers of complex arrays by logarithms
+        whole = lag = 1 / (1 + tf * s)
+        for _ in range(self.order):
+            whole = whole * lag
+        return whole, lag
+
+    def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
+        """Controller, and its slopes by the gains and the logarithm of the filter time, at complex s."""
+        whole, lag = self._filter(x, s)
         slopes = np.empty((self.gains + 1, s.size), dtype=complex)
-        slopes[0] = 1 / (s * (1 + tf * s) ** (self.order + 1))
-        for k in range(1, self.gains):
-            slopes[k] = slopes[k - 1] * s
-        slopes[:-1] *= self.units[:, None]
+        np.multiply(actions, whole, out=slopes[:-1])
         controller = x[: self.gains] @ slopes[:-1]
-        slopes[-1] = -controller * (self.order + 1) * tf * s / (1 + tf * s)
+        slopes[-1] = (self.order + 1) * (lag - 1) * controller
         return controller, slopes
 
     def worth(self, horizon: float) -> Any:
         """Return the function that gives the IAE of a step and its gradient; what comes after the horizon as IE."""
         frequency = 2 * np.pi / horizon * np.arange(SAMPLES // 2 + 1)
         s = DAMPING / horizon + 1j * frequency
-        plant = self.process(s)
+        plant, actions = self.process(s), self._actions(s)
         t = horizon / SAMPLES * np.arange(SAMPLES)
         growth = np.exp(DAMPING / horizon * t) * SAMPLES / horizon
         known, fall = (
@@ -82,7 +92,7 @@ class Problem:
         step[0] *= 0.5  # trapezoids
 
         def value(x: Array) -> tuple[float, Array]:
-            controller, slopes = self._controller(x, s)
+            controller, slopes = self._controller(x, s, actions)
             sensitivity = 1 / (1 + plant * controller)
             if self.test == "load":  # the error is -y
                 e = plant * sensitivity / s
@@ -136,13 +146,13 @@ class Problem:
         self.axis = s = 1j * around / self.time
         scale = (s + sigma) ** -len(process.den)
         self.own = s * np.polyval(process.den, s) * scale
-        self.fed_back = np.polyval(process.num, s) * np.exp(-s * process.delay) * scale
+        # with the s of the function the actions are K_-1 + K_0 s + ...
+        fed_back = np.polyval(process.num, s) * np.exp(-s * process.delay) * scale
+        self.fed_back = fed_back * self.units[:, None] * s ** np.arange(self.order + 2.0)[:, None]
 
     def unstable(self, x: Array) -> bool:
         """Whether the characteristic function turns along the axis as that of an unstable loop."""
-        gains, tf = self.controller(x)
-        actions = np.polyval(gains[::-1], self.axis) / (1 + tf * self.axis) ** (self.order + 1)
-        f = self.own + self.fed_back * actions
+        f = self.own + (x[: self.gains] @ self.fed_back) * self._filter(x, self.axis)[0]
         return (
             abs(float(np.angle(f[1:] / f[:-1]).sum() + np.angle(self.process.den[0] / f[-1]))) > 0.5 * np.pi
         )
@@ -150,10 +160,10 @@ class Problem:
     def limits(self, w: Array, ms: float, mks: float | None) -> Any:
         """Return the function of what is left to the limits of |S| and |C S| at frequencies w, and its gradient."""
         s = 1j * w
-        plant = self.process(s)
+        plant, actions = self.process(s), self._actions(s)
 
         def value(x: Array) -> tuple[Array, Array]:
-            controller, slopes = self._controller(x, s)
+            controller, slopes = self._controller(x, s, actions)
             back = 1 + plant * controller
             size, turn = np.abs(back) ** 2, 2 * np.real(np.conj(back) * plant * slopes)
             left, slope = [ms**2 * size - 1], [ms**2 * turn]
