@@ -1,5 +1,7 @@
 """What is wrong with an open page, as its reader meets it, and the screens it is read on."""
 
+from collections.abc import Iterable
+
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 
@@ -61,9 +63,9 @@ EMPTY_FORMULAS = """() => {
 }"""
 
 MOST = 8  # texts of a kind whose contrast is judged
-# A few visible texts of each kind, from all over the page: what contrast depends on is the same for all of a kind, but
-# axe-core does not judge a single letter, nor a text that something else covers in part.
-MARK_KINDS = """(most) => {
+# A few visible texts of each kind that was not judged before, from all over the page: what contrast depends on is the same
+# for all of a kind, but axe-core does not judge a single letter, nor a text that something else covers in part.
+MARK_KINDS = """([most, judged]) => {
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), texts = new Set(), kinds = new Map();
   while (walker.nextNode())
     if (walker.currentNode.data.trim().length > 1) texts.add(walker.currentNode.parentElement);
@@ -79,8 +81,10 @@ MARK_KINDS = """(most) => {
     kinds.set(kind.join("|"), [...(kinds.get(kind.join("|")) ?? []), text]);
   }
   for (const marked of document.querySelectorAll("[data-kind]")) marked.removeAttribute("data-kind");
+  for (const kind of judged) kinds.delete(kind);
   for (const same of kinds.values())
     for (let k = 0; k < most; k++) same[Math.floor(k * (same.length - 1) / (most - 1))].dataset.kind = "";
+  return [...kinds.keys()];
 }"""
 
 
@@ -114,9 +118,9 @@ def problems(page: Page) -> list[str]:
     return wrong
 
 
-def barriers(page: Page, **options) -> list[str]:
-    """What axe-core finds on an open page, less what is accepted."""
-    page.evaluate(MARK_KINDS, MOST)
+def barriers(page: Page, judged: Iterable[str] = (), **options) -> list[str]:
+    """What axe-core finds on an open page, less what is accepted, and less the contrast of kinds judged before."""
+    page.evaluate(MARK_KINDS, [MOST, list(judged)])
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate(Axe().axe_script)
         page.evaluate("() => axe.configure({ rules: [{ id: 'color-contrast', selector: '[data-kind]' }] })")
@@ -143,16 +147,23 @@ def looked_over(page: Page) -> list[str]:
     return wrong + barriers(page, rules={"color-contrast": {"enabled": False}})
 
 
-def contrasts(page: Page) -> list[str]:
-    """Texts too pale in light or in the dark. Little is left of the page: its own scripts may stumble from now on."""
+def contrasts(page: Page, judged: set[str]) -> list[str]:
+    """Texts too pale in light or in the dark, of kinds that were not judged before; these are added.
+
+    Little is left of the page: its own scripts may stumble from now on.
+    """
     page.add_style_tag(content=PLAIN)
+    new = []
     for theme in ("light", "dark"):  # what is one kind in one may be two in the other
         page.evaluate(IN_THEME, theme)
-        page.evaluate(MARK_KINDS, MOST)
+        new += page.evaluate(MARK_KINDS, [MOST, list(judged)])
         page.evaluate(KEEP_MARKED)
+    if not new:
+        return []
     page.evaluate(EMPTY_UNMARKED)
     wrong = []
     for theme in ("light", "dark"):
         page.evaluate(IN_THEME, theme)
-        wrong += [f"{theme}: {text}" for text in barriers(page, runOnly=["color-contrast"])]
+        wrong += [f"{theme}: {text}" for text in barriers(page, judged, runOnly=["color-contrast"])]
+    judged.update(new)
     return wrong
