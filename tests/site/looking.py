@@ -63,8 +63,8 @@ EMPTY_FORMULAS = """() => {
 }"""
 
 MOST = 8  # texts of a kind whose contrast is judged
-# A few visible texts of each kind that was not judged before, from all over the page: what contrast depends on is the same
-# for all of a kind, but axe-core does not judge a single letter, nor a text that something else covers in part.
+# A few visible texts of each kind that was not judged before, from all over the page: what contrast depends on is the
+# same for all of a kind, but axe-core does not judge a single letter, nor a text that something else covers in part.
 MARK_KINDS = """([most, judged]) => {
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), texts = new Set(), kinds = new Map();
   while (walker.nextNode())
