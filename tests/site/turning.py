@@ -13,6 +13,7 @@ UNDRAWN = """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host
   ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
   ...[host.querySelector(".lab-live")?.textContent].filter(Boolean),
 ])"""
+NEXT_FRAME = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
 # What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
 EXPECTED = """([told, turned]) => {
@@ -68,12 +69,31 @@ def as_read(row):
     ]
 
 
+def idle_ends(page, host, knob):
+    """Ends of a knob's range where a twentieth of it moves no line and no number; the knob is left as it was."""
+    row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
+    bar, box = row.locator("input[type=range]"), row.locator("input[type=number]")
+    before, idle = box.input_value(), []
+
+    def shown(key):
+        bar.press(key)
+        page.evaluate(NEXT_FRAME)
+        return host.locator(".lab-plots").inner_html(), rows(host)
+
+    for end, back in (("Home", "PageUp"), ("End", "PageDown")):
+        if shown(end) == shown(back):
+            idle.append(f"{knob['label']}: idle at the {end} of its range")
+    box.fill(before)
+    box.press("Enter")
+    return idle
+
+
 def turn(page, host, knob):
     """Move a knob by a tenth of its range; returns its new value once the figure has followed."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
     bar = row.locator("input[type=range]")
     before = [bar.element_handle(), bar.get_attribute("aria-valuetext")]
-    bar.press("PageUp")  # what is drawn may stay: a limit that is never met
+    bar.press("PageUp")
     page.wait_for_function("([bar, before]) => bar.ariaValueText !== before", arg=before, timeout=20_000)
     value = row.locator("input[type=number]").input_value()
     assert bar.get_attribute("aria-valuetext").startswith(f"{knob['label']} ")
@@ -87,6 +107,7 @@ def astray(page, path):
         wrong.append(f"{len(figures)} live figures in the source, not so many on the page")
     for k, figure in enumerate(figures):
         host, turned = page.locator(".pidalab-live").nth(k), []
+        wrong += [f"figure {k}, {words}" for knob in figure["knobs"] for words in idle_ends(page, host, knob)]
         for knob in figure["knobs"]:
             turned.append((knob, turn(page, host, knob)))
             expected = page.evaluate(EXPECTED, [figure, turned])
