@@ -61,11 +61,20 @@ def test_a_link_brings_the_same_loop(lab):
 
 
 COUNT = """() => {
-  const { lab } = document.querySelector(".pidalab-lab"), count = { drawn: 0, saved: 0, studied: lab.cache.size };
-  const draw = lab.draw, replaceState = history.replaceState;
-  lab.draw = function () { count.drawn++; draw.call(this); };
+  const { lab } = document.querySelector(".pidalab-lab"), count = { drawn: 0, saved: 0, studied: 0 };
+  const { drawPlots } = lab, replaceState = history.replaceState;
+  let before = new Set();
+  lab.drawPlots = function (shown) {
+    const curves = shown.map(({ curve }) => curve);
+    count.drawn++;
+    count.studied += curves.filter((curve) => !before.has(curve)).length;
+    before = new Set(curves);
+    drawPlots.call(this, shown);
+  };
+  lab.draw();
+  Object.assign(count, { drawn: 0, studied: 0 });
   history.replaceState = function (...how) { count.saved++; replaceState.apply(this, how); };
-  globalThis.counted = () => ({ ...count, studied: lab.cache.size - count.studied });
+  globalThis.counted = () => count;
 }"""
 DRAG = """async (bar) => {
   const axes = () => [...document.querySelectorAll(".lab-plots svg")], before = axes();

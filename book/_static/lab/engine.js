@@ -137,20 +137,30 @@
     };
   }
 
-  /* What several functions need of the same loop, found when first asked for; the last loops are remembered. */
-  const known = new Map(), MOST_KNOWN = 12;
+  /* Remember the last results of a function of values that JSON can hold. */
+  function remembering(size, make) {
+    const kept = new Map();
+    return (...values) => {
+      const key = JSON.stringify(values), found = kept.get(key) ?? make(...values);
+      kept.delete(key); // what is used stays, what was not for the longest time goes
+      kept.set(key, found);
+      if (kept.size > size) kept.delete(kept.keys().next().value);
+      return found;
+    };
+  }
+
+  /* What several functions need of the same loop, found when first asked for. */
+  const unlimited = remembering(12, (loop) => {
+    const once = (make) => { let made; return () => (made ??= make()); };
+    const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
+    const open = once(() => grid().map((w) => openLoop(loop, parts(), w))), size = once(() => open().map(modulus));
+    const own = { loop, parts, grid, open, size, space, motion: once(() => motion(loop, parts(), grid(), size(), space())) };
+    return { ...own, margins: once(() => marginsOf(own)), response: once(() => responseOf(own)) };
+  });
 
   function prepared(asked) {
-    const loop = readLoop(asked), key = JSON.stringify({ ...loop, limits: null });
-    const once = (make) => { let made; return () => (made ??= make()); };
-    if (!known.has(key)) {
-      const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
-      const open = once(() => grid().map((w) => openLoop(loop, parts(), w))), size = once(() => open().map(modulus));
-      if (known.size >= MOST_KNOWN) known.delete(known.keys().next().value);
-      const own = { loop, parts, grid, open, size, space, motion: once(() => motion(loop, parts(), grid(), size(), space())) };
-      known.set(key, { ...own, margins: once(() => marginsOf(own)), response: once(() => responseOf(own)) });
-    }
-    return { ...known.get(key), loop };
+    const loop = readLoop(asked);
+    return { ...unlimited({ ...loop, limits: null }), loop };
   }
 
   const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
@@ -812,5 +822,5 @@
     return { t: times, y: pick(run.y), u: pick(run.u), fine: { t: run.t.filter(close), u: run.u.filter(close) } };
   }
 
-  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, roots };
+  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, roots, remembering };
 })();

@@ -197,7 +197,6 @@
       this.state = structuredClone(START);
       this.takeOver(host.dataset.state ? JSON.parse(host.dataset.state) : null);
       this.takeOver(read(location.hash));
-      this.cache = new Map();
       this.build();
       this.change({});
       addEventListener("hashchange", () => { this.takeOver(read(location.hash)); this.change({}, false); });
@@ -390,15 +389,6 @@
 
     say(text) { this.message = text; if (this.live) this.announce(); }
 
-    studied(design) {
-      const key = JSON.stringify([this.pick(this.process), design, this.conditions]);
-      if (!this.cache.has(key)) {
-        if (this.cache.size > 20) this.cache.clear();
-        this.cache.set(key, study(this.process, design, this.conditions));
-      }
-      return this.cache.get(key);
-    }
-
     draw() {
       const { state } = this, rule = RULES[state.rule] ?? RULES.hand, order = ORDER[state.design.kind];
       const visible = (row, yes) => { row.hidden = !yes; };
@@ -412,7 +402,7 @@
 
       const all = this.designs(), shown = [];
       all.forEach((design, k) => {
-        try { shown.push({ ...this.studied(design), kind: k }); } catch (error) { if (!k) this.problem = `${error.message}.`; }
+        try { shown.push({ ...study(this.process, design, this.conditions), kind: k }); } catch (error) { if (!k) this.problem = `${error.message}.`; }
       });
       this.drawPlots(shown);
       this.drawTable(shown);

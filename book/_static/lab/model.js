@@ -4,7 +4,7 @@
    It stands on engine.js alone and knows nothing of a page. */
 (function () {
   "use strict";
-  const { simulate, simulateSampled, margins, frequencyResponse } = globalThis.pidalabEngine;
+  const { simulate, simulateSampled, margins, frequencyResponse, remembering } = globalThis.pidalabEngine;
 
   const multiply = (a, b) => {
     const product = Array(a.length + b.length - 1).fill(0);
@@ -143,25 +143,33 @@
     return { first: crossover.phase > 0 ? crossover.phase - 180 : crossover.phase + 180, hump: top.size };
   }
 
+  const REMEMBERED = 20;
+
+  /* What a loop is, whatever steps, limits and noise it meets: margins, curves, the effort for noise. */
+  const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
+    const process = { num, den, delay }, own = controller(design), curve = frequencyResponse({ process, controller: own });
+    const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
+    const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
+    return {
+      ...found, ...(sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h,
+      sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h), sampleTime ? "backward" : "held") : NaN,
+    };
+  });
+
   /* Everything the lab shows of one design on one plant. A digital controller has differences for a sample time. */
-  function study(process, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) {
+  const study = remembering(REMEMBERED, (process, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) => {
     const own = controller(design, limits), digital = { sampleTime: sampleTime || end / 4000, method: "backward" };
-    const steps = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
     const record = noise ? uniform(noise, Math.round(end / digital.sampleTime) + 1) : null;
-    const runs = steps.map((step) =>
+    const [setpoint, load] = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }].map((step) =>
       sampleTime || noise
         ? simulateSampled({ process, controller: own, end, ...digital, antiWindup, trackingTime, noise: record, ...step })
         : simulate({ process, controller: own, end, points, antiWindup, trackingTime, ...step }));
-    const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
-    const curve = frequencyResponse({ process, controller: own });
-    const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
     return {
-      design, setpoint: runs[0], load: runs[1], ...found, ...(sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h, stairs: sampleTime > 0, limited: limits !== null,
-      iae: iae(runs[1].t, runs[1].y, 0), iaeSetpoint: iae(runs[0].t, runs[0].y, 1), peak: largest((runs[0].fine ?? runs[0]).u),
-      overshoot: 100 * Math.max(0, runs[0].y.reduce((top, value) => Math.max(top, value), 0) - 1),
-      sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h), sampleTime ? "backward" : "held") : NaN,
+      design, setpoint, load, ...character(process, design, sampleTime, end), stairs: sampleTime > 0, limited: limits !== null,
+      iae: iae(load.t, load.y, 0), iaeSetpoint: iae(setpoint.t, setpoint.y, 1), peak: largest((setpoint.fine ?? setpoint).u),
+      overshoot: 100 * Math.max(0, setpoint.y.reduce((top, value) => Math.max(top, value), 0) - 1),
     };
-  }
+  });
 
   /* Noise that is the same at every call: an even spread between −size and size. */
   function uniform(size, count) {
