@@ -292,3 +292,13 @@ def test_many_equal_lags_without_dead_time_have_their_closed_loop_poles(order, l
     found = pidalab.rightmost_poles(Loop(pidalab.lags(order, lag), 0.5), count=4)
     turns = np.exp(1j * np.pi * np.array([1, -1, 3, -3]) / order)
     np.testing.assert_allclose(found * lag, 0.5 ** (1 / order) * turns - 1, atol=1e-12)
+
+
+@pytest.mark.parametrize("gain", [3.162, 2.0])
+def test_a_lag_that_the_controller_cancels_stays_a_pole(gain):
+    """The zero of the controller lies on the pole of the process to the last bit, where L is 0/0."""
+    filter_time = 0.0033541565443812476
+    loop = Loop(pidalab.fopdt(gain, 10.0, 0.0), PIDA(47.1438244290703, 10.0), control.tf(1, [filter_time, 1]))
+    others = np.roots([filter_time, 1.0, 4.71438244290703 * gain])
+    found = pidalab.rightmost_poles(loop, 3)
+    assert found == pytest.approx(np.append(-0.1, sorted(others, reverse=True)), rel=1e-9)

@@ -187,13 +187,15 @@ def _of_ratio(loop: Loop) -> Any:
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, of)
+            # a zero on a pole of L is a pole of the loop, where L is 0/0
+            cancelled = np.isin(s, of.zeros) & np.isin(s, of.poles)
             solved = (np.abs(1 + value) <= SOLVED * (1 + np.abs(value))) | (
                 np.abs(step) <= SOLVED * np.abs(s)
             )
-            if np.all(solved | (s == 0)):
+            if np.all(solved | cancelled | (s == 0)):
                 return s
             others = np.sum(1 / (s[:, None] - s[None, :] + np.diag(np.full(s.size, np.inf))), axis=1)
-            s = s - step / (1 - step * others)
+            s = np.where(cancelled, s, s - step / (1 - step * others))
     raise ArithmeticError("the poles of the closed loop cannot be told from their neighbours")
 
 
