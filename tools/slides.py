@@ -1,8 +1,8 @@
 """Make slides of the lectures: one HTML file each, which needs no network, no other file and no notebook.
 
 The source is the lecture itself, with its stored outputs: `python tools/slides.py` writes _build/slides. What a slide
-shows is a heading with its formulas, lists, figures, live figures and results; running text and code become notes,
-which the key N shows. An exercise is a slide of its own, with its answer folded.
+shows is a heading with its formulas, lists, figures, live figures and results, and a little text; long text and code
+become notes, which the key N shows. An exercise is a slide of its own, with its answer folded.
 """
 
 import base64
@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from html import escape
 from importlib.resources import files
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ HERE, LAB = Path(__file__).parent, ROOT / "book" / "_static" / "lab"
 SCRIPTS = ("engine", "optima", "model", "plot", "lab", "live")
 SHOWN = {"list", "formula", "figure", "live", "result", "table", "shown"}  # on the slide; the rest are notes
 PICTURES = {"figure", "live"}
+SHORT, LEAD_IN = 1000, 200  # characters that a slide without a figure bears, and of what leads to a formula
 CODE_SHOWN = "The recipe"  # heading under which code is no note
 FENCE = re.compile(r"\{([a-z:-]+)\}\s*(.*)")
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]*)\)")
@@ -162,7 +164,8 @@ def slides(blocks: list[Block]) -> Iterator[str]:
         if answer is not None:
             if block.kind == "solution-end":
                 inner = "".join(each.html for each in answer)
-                yield slide("", f"{question}<details><summary>Answer</summary>{inner}</details>", "")
+                folded = f"{question}<details><summary>Answer</summary>{inner}</details>"
+                yield slide("", [Block("shown", folded)])
                 answer = None
             else:
                 answer.append(block)
@@ -180,18 +183,17 @@ def slides(blocks: list[Block]) -> Iterator[str]:
 
 def section(heading: str, pile: list[Block]) -> Iterator[str]:
     """Slides of one heading: a figure has one of its own, and text is shown where there is nothing else."""
-    pile = ready(heading, pile)
-    shown: list[str] = []
-    notes: list[str] = []
+    group: list[Block] = []
     alone = False  # what is on the slide is a figure, perhaps with results
-    for block in pile:
-        if shown and (block.kind in PICTURES or (alone and block.kind in SHOWN - {"result"})):
-            yield slide(heading, "".join(shown), "".join(notes))
-            shown, notes, alone = [], [], False
-        (shown if block.kind in SHOWN else notes).append(block.html)
+    for block in ready(heading, pile):
+        full = any(each.kind in SHOWN for each in group)
+        if full and (block.kind in PICTURES or (alone and block.kind in SHOWN - {"result"})):
+            yield slide(heading, group)
+            group, alone = [], False
+        group.append(block)
         alone = alone or block.kind in PICTURES
-    if shown:
-        yield slide(heading, "".join(shown), "".join(notes))
+    if any(block.kind in SHOWN for block in group):
+        yield slide(heading, group)
 
 
 def ready(heading: str, pile: list[Block]) -> list[Block]:
@@ -208,16 +210,30 @@ def ready(heading: str, pile: list[Block]) -> list[Block]:
     elif not any(block.kind in SHOWN for block in pile):
         pile = [Block("shown", b.html) if b.kind == "text" else b for b in pile]
     led = []
-    for block in pile:  # of a paragraph that begins in bold, that is shown
+    for block, after in zip_longest(pile, [each.kind for each in pile[1:]]):
         lead = LEAD.match(block.html) if block.kind == "text" else None
-        led += [Block("shown", f"<h3>{lead[1].rstrip('.')}</h3>"), block] if lead else [block]
+        if lead and after in ("formula", "list"):  # of a paragraph that begins in bold, that is shown
+            led += [Block("lead", f"<h3>{lead[1].rstrip('.')}</h3>"), block]
+        elif lead or (block.kind == "text" and after == "formula" and length(block) <= LEAD_IN):
+            led.append(Block("shown", block.html))
+        else:
+            led.append(block)
     return led
 
 
-def slide(heading: str, shown: str, notes: str) -> str:
-    """HTML of a slide."""
-    aside = f'<aside class="notes">{notes}</aside>' if notes else ""
-    return f'<section class="slide"><div class="inner">{heading}{shown}{aside}</div></section>'
+def length(block: Block) -> int:
+    """How many characters of text a block has; code is never shown beside it."""
+    return 0 if block.kind == "code" else len(re.sub(r"<[^>]*>", "", block.html))
+
+
+def slide(heading: str, blocks: list[Block]) -> str:
+    """HTML of a slide: text is shown, too, where there is no figure and little else; or the words that lead it."""
+    room = sum(map(length, blocks)) <= SHORT and not any(block.kind in PICTURES for block in blocks)
+    shown, left_out = (SHOWN | {"text"}, "lead") if room else (SHOWN | {"lead"}, "")
+    parts = [block.html for block in blocks if block.kind in shown]
+    notes = [block.html for block in blocks if block.kind not in {*shown, left_out}]
+    aside = f'<aside class="notes">{"".join(notes)}</aside>' if notes else ""
+    return f'<section class="slide"><div class="inner">{heading}{"".join(parts)}{aside}</div></section>'
 
 
 # --- files -----------------------------------------------------------------------------------------------------------

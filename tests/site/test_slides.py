@@ -52,6 +52,26 @@ def test_every_lecture_has_slides_with_all_its_parts(made, root):
     }
 
 
+def test_text_is_shown_where_there_is_room(tool):
+    few, many = (tool.Block("text", f"<p>{'words ' * count}</p>") for count in (20, 200))
+    formula, figure = tool.Block("formula", r"\[x\]"), tool.Block("figure", "<figure></figure>")
+    lead = [tool.Block("lead", "<h3>Led</h3>"), many, formula]
+    shown = {
+        "few": tool.slide("", [few, formula]),
+        "many": tool.slide("", [many, formula]),
+        "with a figure": tool.slide("", [figure, few]),
+        "led": tool.slide("", lead),
+    }
+    assert {name: 'class="notes"' in html for name, html in shown.items()} == {
+        "few": False,
+        "many": True,
+        "with a figure": True,
+        "led": True,
+    }
+    assert shown["led"].index("Led") < shown["led"].index("notes") < shown["led"].index("words")
+    assert "Led" not in tool.slide("", [lead[0], few, formula])
+
+
 def test_slides_are_moved_by_keys_and_fit(made, visit):
     for name, path in made.items():
         page, wrong = visit(path.as_uri(), viewport=WIDE)
@@ -67,9 +87,9 @@ def test_slides_are_moved_by_keys_and_fit(made, visit):
 
 
 def test_slides_in_the_dark_on_a_phone(made, visit):
-    page, wrong = visit(made["what-acceleration-does"].as_uri() + "#4", "dark", NARROW)
+    page, wrong = visit(made["what-acceleration-does"].as_uri() + "#5", "dark", NARROW)
     page.wait_for_function(TYPESET)
-    assert page.evaluate(SHOWN) == 4
+    assert page.evaluate(SHOWN) == 5
     assert page.evaluate(OVERFLOW) <= 1
     assert page.locator("html").get_attribute("data-theme") == "dark"
     page.keyboard.press("n")
