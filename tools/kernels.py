@@ -8,6 +8,7 @@ book has more than twenty. A forked kernel has all that in memory; its namespace
 import atexit
 import importlib
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -128,6 +129,8 @@ def become_kernel(request: dict[str, Any]) -> None:
     os.environ.clear()
     os.environ.update(request["environment"], JPY_PARENT_PID=str(os.getppid()))  # to end with the server
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    # that code is compiled for this machine is no part of a page; the server says it
+    logging.getLogger("pidalab").setLevel(logging.ERROR)
     try:
         IPKernelApp.launch_instance(argv=request["arguments"])
     finally:
