@@ -302,3 +302,14 @@ def test_a_lag_that_the_controller_cancels_stays_a_pole(gain):
     others = np.roots([filter_time, 1.0, 4.71438244290703 * gain])
     found = pidalab.rightmost_poles(loop, 3)
     assert found == pytest.approx(np.append(-0.1, sorted(others, reverse=True)), rel=1e-9)
+
+
+def test_a_cluster_far_to_the_left_does_not_hide_the_others():
+    """Four poles of a filter, a hundredth apart at -333: Aberth's method does not tell all of them."""
+    loop = Loop(pidalab.lags(8), pidalab.HighOrderPID([1 / 3, 1.0, 0.3], filter_time=0.003, filter_order=4))
+    pair = pidalab.rightmost_poles(loop)
+    value = loop.transfer("y", "d", pair[:1] * (1 + 1e-9))
+    assert abs(value[0]) > 1e6
+    assert pair.real == pytest.approx([4.90829e-04] * 2, rel=1e-5)
+    with pytest.raises(ArithmeticError, match="the 10 rightmost poles cannot be told from their neighbours"):
+        pidalab.rightmost_poles(loop, 10)
