@@ -32,11 +32,13 @@ from pidalab.tuning import corners
 DATA = Path(__file__).parents[1] / "book" / "data"
 SAMPLES = 100  # of the noise, in an ultimate period
 OFF = 0.2  # what the model may be wrong by: gain, time scale, dead time
-noise.FADED = (
-    1e-7  # of the squares of a response to noise: five digits need no more, and slow loops take long
-)
 HORIZON = 24.0  # of a first response, in ultimate periods
 DIGITS = 5
+
+
+def five_digits() -> None:
+    """Let a process of a study follow noise no longer than five digits need: slow loops take long."""
+    noise.FADED = 1e-7  # of the squares of a response
 
 
 class Units(NamedTuple):
@@ -149,7 +151,7 @@ def resume(
         done = {tuple(row[name] for name in key) for row in csv.DictReader(old)}
     left = [task for task in tasks if tuple(str(written(value)) for value in task[: len(key)]) not in done]
     with (
-        ProcessPoolExecutor(workers or os.cpu_count()) as pool,
+        ProcessPoolExecutor(workers or os.cpu_count(), initializer=five_digits) as pool,
         path.open("a", encoding="utf-8", newline="") as out,
     ):
         writer = csv.DictWriter(out, columns, lineterminator="\n")
