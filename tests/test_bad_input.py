@@ -98,6 +98,38 @@ REFUSED = {
         "controller must be a PIDA, found TransferFunction",
     ),
     "nyquist of a loop": (lambda: plots.nyquist(plt.gca(), L, W), "loops must be a dictionary .* found Loop"),
+    "nyquist on nothing": (lambda: plots.nyquist(None, {"a": L}, W), "ax must be one of .* found NoneType"),
+    "a signal on a figure": (
+        lambda: plots.signal(plt.gcf(), {"a": ANSWER}, "y"),
+        "ax must be one of matplotlib's Axes, found Figure",
+    ),
+    "magnitude on many axes": (
+        lambda: plots.magnitude(np.array([plt.gca()]), {"a": W}, W),
+        "ax must be one of matplotlib's Axes, found ndarray",
+    ),
+    "a locus on nothing": (lambda: plots.circle_locus(None, {}, W), "ax must be one of .* found NoneType"),
+    "a Popov plot on nothing": (lambda: plots.popov_plot(None, {}, W), "ax must be one of .* found NoneType"),
+    "nyquist at infinity": (
+        lambda: plots.nyquist(plt.gca(), {"a": L}, np.append(W, np.inf)),
+        "frequencies must be finite, found inf at index 20",
+    ),
+    "magnitude over text": (lambda: plots.magnitude(plt.gca(), {"a": W}, "W"), "frequencies must be"),
+    "a circle of no radius": (
+        lambda: plots.nyquist(plt.gca(), {"a": L}, W, ms=np.inf),
+        "ms must be finite and at least 1",
+    ),
+    "P at infinity": (lambda: P(math.inf), "s must be finite, found"),
+    "S at infinity": (lambda: L.S([1.0, complex(0, math.inf)]), "s must be finite, found infj"),
+    "a block at no number": (lambda: L.block("process", math.nan), r"s must be finite, found \(nan"),
+    "C at infinity": (lambda: pidalab.PIDA(1, 2)(-math.inf), r"s must be finite, found \(-inf"),
+    "a digital controller at infinity": (
+        lambda: pidalab.PIDA(1, 2).discretise(0.1)(math.inf),
+        r"z must be finite, found \(inf",
+    ),
+    "a digital controller at text": (
+        lambda: pidalab.PIDA(1, 2).discretise(0.1)("1j"),
+        "z must be complex numbers, found '1j'",
+    ),
     "comparison of a response": (
         lambda: plots.comparison({"a": ANSWER}, {}, 10, 5),
         "clean must be a dictionary .* found Response at 'a'",

@@ -79,14 +79,18 @@ def _real_array(name: str, value: ArrayLike) -> Array:
 
 
 def complex_array(name: str, value: ArrayLike) -> Any:
-    """Return `value` as complex numbers of any shape; text is not taken for numbers."""
+    """Return `value` as finite complex numbers of any shape; text is not taken for numbers."""
     try:
         array = np.asarray(value)
         if array.dtype.kind in "USO":
             raise TypeError
-        return array.astype(complex)
+        array = array.astype(complex)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be complex numbers, found {value!r}") from None
+    finite = np.isfinite(array)
+    if not finite.all():
+        raise ValueError(f"{name} must be finite, found {array[~finite].flat[0]}")
+    return array
 
 
 def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:

@@ -16,6 +16,7 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
@@ -125,7 +126,7 @@ def signal(
     Raises
     ------
     TypeError
-        For anything but responses by their labels.
+        For anything but axes and responses by their labels.
 
     Examples
     --------
@@ -137,6 +138,7 @@ def signal(
     >>> ax.get_xlabel()
     'time units'
     """
+    _require_axes(ax)
     _require_by_label("responses", responses, Response)
     for label, response in responses.items():
         end = response.t <= (until or response.t[-1]) * (1 + 1e-9)
@@ -276,8 +278,8 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
 
     Raises
     ------
-    TypeError
-        For anything but loops by their labels.
+    TypeError, ValueError
+        For anything but axes, frequencies and loops by their labels.
 
     Examples
     --------
@@ -287,13 +289,16 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5)
     >>> pidalab.plots.nyquist(ax, {"P": loop}, np.logspace(-1, 1, 100), ms=1.6)
     """
+    _require_axes(ax)
     _require_by_label("loops", loops, Loop)
+    frequencies = _check.vector("frequencies", frequencies)
+    radius = None if ms is None else 1 / _check.real("ms", ms, at_least=1.0)
     for label, loop in loops.items():
         value = loop.L(1j * frequencies)
         ax.plot(value.real, value.imag, label=label)
-    if ms is not None:
+    if radius is not None:
         angle = np.linspace(0, 2 * np.pi, 200)
-        ax.plot(-1 + np.cos(angle) / ms, np.sin(angle) / ms, ":", color="#555555", linewidth=1.2)
+        ax.plot(-1 + radius * np.cos(angle), radius * np.sin(angle), ":", color="#555555", linewidth=1.2)
     ax.plot([-1], [0], "+", color="#555555", markersize=9)
     ax.set_aspect("equal")
     ax.set(xlabel="real part", ylabel="imaginary part")
@@ -313,8 +318,8 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
 
     Raises
     ------
-    TypeError
-        For anything but values by their labels.
+    TypeError, ValueError
+        For anything but axes, frequencies and values by their labels.
 
     Examples
     --------
@@ -324,7 +329,9 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     >>> w = np.logspace(-1, 1, 100)
     >>> pidalab.plots.magnitude(ax, {"S": pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).S(1j * w)}, w)
     """
+    _require_axes(ax)
     _require_by_label("curves", curves, np.ndarray)
+    frequencies = _check.vector("frequencies", frequencies)
     for label, values in curves.items():
         ax.loglog(*thin(frequencies, np.abs(values)), label=label)
     ax.set(xlabel="frequency, rad per time unit", ylabel="magnitude")
@@ -344,8 +351,8 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
 
     Raises
     ------
-    TypeError
-        For anything but parts by their labels.
+    TypeError, ValueError
+        For anything but axes, frequencies and parts by their labels.
 
     Examples
     --------
@@ -355,7 +362,9 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
     >>> part = pidalab.robustness.linear_part(pidalab.Loop(pidalab.lags(3), 3.0))
     >>> pidalab.plots.circle_locus(ax, {"lags": part}, np.logspace(-2, 2, 200))
     """
+    _require_axes(ax)
     _require_by_label("parts", parts, LinearPart)
+    frequencies = _check.vector("frequencies", frequencies)
     for label, part in parts.items():
         value = part(1j * frequencies)
         ax.plot(value.real, value.imag, label=label)
@@ -386,8 +395,8 @@ def popov_plot(
 
     Raises
     ------
-    TypeError
-        For anything but parts by their labels.
+    TypeError, ValueError
+        For anything but axes, frequencies and parts by their labels.
 
     Examples
     --------
@@ -401,7 +410,9 @@ def popov_plot(
     >>> len(ax.lines)
     3
     """
+    _require_axes(ax)
     _require_by_label("parts", parts, LinearPart)
+    frequencies = _check.vector("frequencies", frequencies)
     for label, part in parts.items():
         value = part(1j * frequencies)
         (curve,) = ax.plot(value.real, frequencies * value.imag, label=label)
@@ -499,6 +510,12 @@ def _require_end(more: Mapping[str, Any]) -> None:
     """Raise unless the conditions say how long the time axis is."""
     if not more.get("conditions", {}).get("end", 0) > 0:
         raise ValueError("conditions must have an end above 0 with a process: the lab knows none for it")
+
+
+def _require_axes(ax: Any) -> None:
+    """Raise unless this is one pair of axes."""
+    if not isinstance(ax, Axes):
+        raise TypeError(f"ax must be one of matplotlib's Axes, found {type(ax).__name__}")
 
 
 def _require_by_label(name: str, values: Any, kind: type) -> None:

@@ -251,11 +251,11 @@ class DigitalController:
 
         A prefilter is none of it: ``k.prefilter(z)``.
         """
-        z = np.asarray(z, dtype=complex)
-        signal = sum((path(z) for path in self.paths), np.zeros_like(z))
+        at = _check.complex_array("z", z)
+        signal = sum((path(at) for path in self.paths), np.zeros_like(at))
         if not self.integrates:
             return signal
-        growth = (self.growth[0] * z + self.growth[1]) / (z - 1)
+        growth = (self.growth[0] * at + self.growth[1]) / (at - 1)
         return signal * (1 + growth) if self.from_signal else signal + growth
 
     def transfer_function(self) -> control.TransferFunction:
