@@ -23,7 +23,8 @@ NEAR_AXIS = (
     0.5  # cosine of the angle to the positive axis below which a sign change may be at the negative one
 )
 REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding
-GAIN, IMAGINARY, SENSITIVITY, COMPLEMENTARY, LOUD, QUIET = range(6)  # functions of frequency
+# functions of frequency; integers of numpy, since code would be compiled for each of Python's
+GAIN, IMAGINARY, SENSITIVITY, COMPLEMENTARY, LOUD, QUIET = np.arange(6)
 
 
 @compiled
@@ -42,7 +43,9 @@ def fraction(s, gain, zeros, poles, reference):
 @compiled
 def frequencies(zeros, poles, delay):
     """The grid: every decade in which something happens, four more on both sides, and what is narrower."""
-    roots = np.concatenate((zeros, poles))
+    roots = np.empty(zeros.size + poles.size, dtype=np.complex128)
+    for i in range(roots.size):
+        roots[i] = zeros[i] if i < zeros.size else poles[i - zeros.size]
     low, high = np.inf, 0.0
     for root in roots:
         if root != 0.0:
@@ -53,29 +56,34 @@ def frequencies(zeros, poles, delay):
         low = high = 1.0
     low, high = 1e-4 * low, 1e4 * high
     count = int(PER_DECADE * np.log10(high / low)) + 1
-    sharp = 0
-    for root in roots:
-        sharp += 1 if root.imag > 0.0 and abs(root.real) < 0.2 * abs(root) else 0
-    w = np.empty(count + 80 * sharp)
-    for i in range(count):
-        w[i] = low * np.exp(np.log(high / low) * i / (count - 1))
-    if sharp == 0:
-        return w
-    # points around lightly damped roots, at the scale of their damping
-    at = count
+    # points around lightly damped roots, at the scale of their damping: in order, each moved down to its place
+    close, at = np.empty(80 * roots.size), 0
     for root in roots:
         if root.imag > 0.0 and abs(root.real) < 0.2 * abs(root):
             width = max(abs(root.real), 1e-9 * abs(root))
-            for k in range(40):
-                for sign in (-1.0, 1.0):
-                    point = root.imag + sign * width * 10.0 ** (-2.0 + 5.0 * k / 39.0)
-                    w[at] = point if low < point < high else low
+            for k in range(80):
+                side = 2.0 * (k % 2) - 1.0
+                point = root.imag + side * width * 10.0 ** (-2.0 + 5.0 * (k // 2) / 39.0)
+                if low < point < high:
+                    i = at
+                    while i > 0 and close[i - 1] > point:
+                        close[i] = close[i - 1]
+                        i -= 1
+                    close[i] = point
                     at += 1
-    w.sort()
-    keep = np.ones(w.size, dtype=np.bool_)
-    for i in range(1, w.size):
-        keep[i] = w[i] > w[i - 1]
-    return w[keep]
+    # the grid, and these between its points
+    w, size, used = np.empty(count + at), 0, 0
+    for i in range(count):
+        point = low * np.exp(np.log(high / low) * i / (count - 1))
+        while used < at and close[used] <= point:
+            if size == 0 or close[used] > w[size - 1]:
+                w[size] = close[used]
+                size += 1
+            used += 1
+        if size == 0 or point > w[size - 1]:
+            w[size] = point
+            size += 1
+    return w[:size]
 
 
 @compiled
@@ -209,7 +217,7 @@ def gain_crossings(w, size, gain, zeros, poles, reference):
         if before * value < 0.0 and np.isfinite(before) and np.isfinite(value):
             found.append(np.exp(_zero(GAIN, at, x, before, value, gain, zeros, poles, reference, 0.0)))
         before, at = value, x
-    return np.sort(np.array(found))
+    return np.array(found)
 
 
 @compiled

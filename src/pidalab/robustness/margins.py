@@ -154,7 +154,7 @@ def gain_crossovers(loop: Loop) -> Array:
 def _gain_crossovers(looked: Scan) -> Array:
     from pidalab.robustness import _scan
 
-    return _scan.gain_crossings(looked.w, looked.size, *looked.factors[:4])
+    return np.sort(_scan.gain_crossings(looked.w, looked.size, *looked.factors[:4]))
 
 
 def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:

@@ -37,8 +37,9 @@ def _half(poles):
     """Polynomial of a chain that ends between the two states of a pair: the last factor is s - re."""
     front, re = _monic(poles[:-1]), poles[-1].real
     out = np.zeros(front.size + 1)
-    out[:-1] += front
-    out[1:] -= re * front
+    for k in range(front.size):
+        out[k] += front[k]
+        out[k + 1] -= re * front[k]
     return out
 
 
@@ -98,7 +99,8 @@ def fractions(num, lead, poles, group):
         for k in range(n):
             if k < lo or k >= hi:
                 _divided(own, value, poles[k] / unit)
-                value /= unit
+                for i in range(hi - lo):
+                    value[i] /= unit
         for i in range(hi - lo):
             b[lo + i] = value[i].real * unit ** (1.0 - (hi - lo)) / lead
         # multiplication by s as a matrix
@@ -127,6 +129,16 @@ def _convolve(a, b):
 
 
 @compiled
+def _sum(a, b):
+    out = np.zeros(max(a.size, b.size))
+    for k in range(a.size):
+        out[out.size - a.size + k] += a[k]
+    for k in range(b.size):
+        out[out.size - b.size + k] += b[k]
+    return out
+
+
+@compiled
 def without_slow(num, lead, poles, slow, A, b):
     """Numerator of what is left when the first `slow` poles are taken out as partial fractions.
 
@@ -149,17 +161,15 @@ def without_slow(num, lead, poles, slow, A, b):
             for k in range(link.size):
                 own[hi - lo - link.size + k] += b[lo + i] * unit ** (hi - lo - 1.0 - i) * link[k]
         den = _monic(poles[lo:hi])
-        left, right = _convolve(slow_num, den), _convolve(own, slow_den)
-        both = np.zeros(max(left.size, right.size))
-        both[both.size - left.size :] += left
-        both[both.size - right.size :] += right
-        slow_num, slow_den = both, _convolve(slow_den, den)
+        slow_num = _sum(_convolve(slow_num, den), _convolve(own, slow_den))
+        slow_den = _convolve(slow_den, den)
         lo = hi
     rest = np.zeros(poles.size + 1)
-    rest[rest.size - num.size :] += num
-    taken = lead * _convolve(slow_num, _monic(poles[slow:]))
-    excess = max(0, taken.size - rest.size)
-    rest[rest.size - taken.size + excess :] -= taken[excess:]
+    for k in range(num.size):
+        rest[rest.size - num.size + k] = num[k]
+    taken = _convolve(slow_num, _monic(poles[slow:]))
+    for k in range(1, min(rest.size, taken.size) + 1):
+        rest[rest.size - k] -= lead * taken[taken.size - k]
     quotient = np.zeros(rest.size - slow)
     for k in range(quotient.size):
         quotient[k] = rest[k]

@@ -68,7 +68,7 @@ def _balanced(A, b, c):
                     row += (abs(A[i, j]) + abs(b[i] * c[j])) * scale[j] / scale[i]
                     column += (abs(A[j, i]) + abs(b[j] * c[i])) * scale[i] / scale[j]
             if row > 0.0 and column > 0.0 and row < 1e300 and column < 1e300:
-                factor = 2.0 ** np.round(0.5 * np.log2(row / column))
+                factor = 2.0 ** np.rint(0.5 * np.log2(row / column))
                 if factor != 1.0:
                     scale[i] *= factor
                     settled = False
@@ -87,7 +87,7 @@ def _carried(stack, tau, rungs, step, low, A, b, c, d):
             stack = _advanced(stack, rungs[p])
             tau -= duration
     if tau > 0.0:
-        term = stack.copy()
+        term, stack = stack.copy(), stack.copy()
         for n in range(1, TERMS + 1):
             after = np.zeros(stack.shape)
             v = 0.0  # the delayed process input, from the oldest on
@@ -101,7 +101,9 @@ def _carried(stack, tau, rungs, step, low, A, b, c, d):
                 for i in range(order):
                     v += c[i] * term[age, i]
             term = after
-            stack = stack + term
+            for age in range(ages):
+                for i in range(order):
+                    stack[age, i] += term[age, i]
     return stack
 
 
@@ -138,8 +140,11 @@ def _rows(C, direct, c, d, levels, run, rungs, base):
         more = min(have, wide - have)
         new = min(levels, ages + reach - 1)
         longer = np.zeros((new * order, wide))
-        longer[(new - ages) * order :, :have] = rows[:, :have]
-        longer[(new - ages) * order :, have : have + more] = rows[:, :more]
+        for i in range(ages * order):
+            for j in range(have):
+                longer[(new - ages) * order + i, j] = rows[i, j]
+            for j in range(more):
+                longer[(new - ages) * order + i, have + j] = rows[i, j]
         for age in range(new):
             least, most = max(0, age - ages + 1), min(reach, age + 1)  # ages that the rung adds
             read = rows[(ages - 1 - age + least) * order :]
@@ -152,8 +157,11 @@ def _rows(C, direct, c, d, levels, run, rungs, base):
             for i in range((new - 1 - age) * order, (new - age) * order):
                 for m in range(have + more):
                     size[age] = max(size[age], abs(longer[i, m]))
+        largest = 0.0
+        for age in range(new):
+            largest = max(largest, size[age])
         ages = new
-        while ages > 1 and size[ages - 1] <= FADED * size.max():
+        while ages > 1 and size[ages - 1] <= FADED * largest:
             ages -= 1
         rows, have, p = longer[(new - ages) * order :], have + more, p + 1
     return rows
@@ -165,13 +173,16 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
     size, channels = x0.shape
     result = np.zeros((channels, 3, n))
     scale = _balanced(A, b, c)
-    A, C, x0 = A.copy(), C.copy(), x0.copy()
-    b, c = b / scale, c * scale
+    A, b, c, C, x0 = A.copy(), b.copy(), c.copy(), C.copy(), x0.copy()
     for i in range(size):
         for j in range(size):
             A[i, j] *= scale[j] / scale[i]
-        C[:, i] *= scale[i]
-        x0[i] /= scale[i]
+        for q in range(3):
+            C[q, i] *= scale[i]
+        for j in range(channels):
+            x0[i, j] /= scale[i]
+        b[i] /= scale[i]
+        c[i] *= scale[i]
 
     # a time as close to a multiple of the dead time as rounding is that multiple
     eps = 8.0 * np.finfo(np.float64).eps
@@ -191,9 +202,10 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
 
     # the stack must reach as far back as the loop remembers
     levels = 1
-    anchors = np.zeros((channels, intervals + 1, size))  # states at the multiples of the dead time
+    anchors = np.zeros((channels, (intervals + 1) * size))  # states at the multiples of the dead time
     for i in range(channels):
-        anchors[i, 0] = x0[:, i]
+        for j in range(size):
+            anchors[i, j] = x0[j, i]
     if intervals > 0:
         most = min(intervals + 1, LARGEST // size + 1)
         whole = transition(rungs, step, low, delay, most, A, b, c, d)
@@ -205,18 +217,19 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
         if 1.0 * intervals * reach * size * size * channels > WORK:
             return result, levels, TOO_MANY
         for i in range(channels):
-            flat = anchors[i].reshape((intervals + 1) * size)
-            for k in range(intervals):  # each adds to all that remember it
-                anchors[i, k + 1] += anchors[i, k]
-                reached = flat[(k + 1) * size : min(flat.size, (k + 1) * size + short.shape[1])]
-                add_rows(reached, anchors[i, k], short)
+            own = anchors[i]
+            for at in range(0, intervals * size, size):  # each adds to all that remember it
+                for j in range(at, at + size):
+                    own[j + size] += own[j]
+                reached = own[at + size : min(own.size, at + size + short.shape[1])]
+                add_rows(reached, own[at : at + size], short)
 
     count, most_in_one = 0, 0
     for i in range(n):
         count = count + 1 if i > 0 and interval[i] == interval[i - 1] else 1
         most_in_one = max(most_in_one, count)
     # a long run makes its rows dear, a short one asks for many stacks: in all least near the root of n / 3
-    power = min(LONGEST_RUN, int(np.round(0.5 * np.log2(n / 3.0 + 1.0))))
+    power = min(LONGEST_RUN, int(np.rint(0.5 * np.log2(n / 3.0 + 1.0))))
     run = min(most_in_one, 2**power)
     rows = _rows(C, direct, c, d, levels, run, rungs, -low)
 
@@ -231,8 +244,9 @@ def _responses(A, b, c, d, C, direct, x0, step, delay, n):
             distance = 0.0
         for i in range(channels):
             stack = np.zeros((levels, size))
-            known = min(levels, k + 1)
-            stack[levels - known :] = anchors[i, k + 1 - known : k + 1]
+            for age in range(min(levels, k + 1)):
+                for j in range(size):
+                    stack[levels - 1 - age, j] = anchors[i, (k - age) * size + j]
             stack = _carried(stack, distance, rungs, step, low, A, b, c, d)
             for start in range(first, last, run):
                 if start > first:

@@ -76,7 +76,8 @@ def run(
         y[:] = 0.0
         _add_scaled(plant.c, x, y)
         if plant.d != 0:
-            y += plant.d * past[after]
+            for i in range(LANES):
+                y[i] += plant.d * past[after, i]
         # measures of the interval that ends here; the last state is the running integral of y
         area = x[states - 1]
         if k:
@@ -84,7 +85,8 @@ def run(
                 m, curve, plain, mixed, largest, y_old, y, area_old, area, reference[k - 1], h, h * (k - 1)
             )
         _follow(m[TV_Y], m[Y_MIN], m[Y_MAX], y, y_old)
-        area_old[:] = area
+        for i in range(LANES):
+            area_old[i] = area[i]
 
         # filtered set point, and the prefilter one sample on
         _scale(own.prefilter_d, reference[k], error)
@@ -123,9 +125,10 @@ def run(
                 _add_scaled(plant.phi[piece, 0, row], x, x_new[row])
             x, x_new = x_new, x
         slot = after
-    m[Y_END], m[U_END] = y_old, u_old
-    for measure in (IE, IAE, ISE, ITAE):
-        m[measure] *= h
+    for i in range(LANES):
+        m[Y_END, i], m[U_END, i] = y_old[i], u_old[i]
+        for measure in (IE, IAE, ISE, ITAE):
+            m[measure, i] *= h
     return m
 
 

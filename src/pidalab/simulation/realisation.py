@@ -90,15 +90,14 @@ def _size(num, lead, poles, s):
 
 
 @compiled
-def _groups(poles, all_speeds):
+def _groups(poles, speeds):
     """Group of each pole: the number of gaps between sorted speeds that lie below it."""
-    speeds = np.sort(all_speeds)
     group = np.zeros(poles.size, dtype=np.int64)
     for i in range(speeds.size - 1):
         if speeds[i + 1] > GAP * speeds[i]:
             edge = np.sqrt(speeds[i] * speeds[i + 1])
             for j in range(poles.size):
-                if poles[j] > edge:
+                if abs(poles[j]) > edge:
                     group[j] += 1
     return group
 
@@ -106,10 +105,12 @@ def _groups(poles, all_speeds):
 @compiled
 def _in_unit(num, poles, unit):
     """Numerator and poles in another unit of time; the leading coefficient of the denominator stays."""
-    scaled = np.zeros(num.size)
+    scaled, faster = np.empty(num.size), np.empty(poles.size, dtype=np.complex128)
     for k in range(num.size):
         scaled[k] = num[k] * unit ** (poles.size - num.size + 1.0 + k)
-    return scaled, poles * unit
+    for k in range(poles.size):
+        faster[k] = poles[k] * unit
+    return scaled, faster
 
 
 @compiled
@@ -142,8 +143,12 @@ def _solve(matrix, right):
 def _past(num, lead, poles, slow, A, b, row, old):
     """What the direct part and the fast partial fractions make of a slow signal: row @ H(old)."""
     m = row.size
+    out = np.zeros(m)
     if slow == poles.size:
-        return row * (num[0] / lead if num.size == poles.size + 1 else 0.0)
+        if num.size == poles.size + 1:
+            for i in range(m):
+                out[i] = row[i] * (num[0] / lead)
+        return out
     value = np.zeros(m, dtype=np.complex128)
     after = np.zeros(m, dtype=np.complex128)
     for coefficient in without_slow(num, lead, poles, slow, A, b):
@@ -151,7 +156,7 @@ def _past(num, lead, poles, slow, A, b, row, old):
             after[j] = coefficient * row[j]
             for i in range(m):
                 after[j] += value[i] * old[i, j]
-        value[:] = after
+        value, after = after, value
     matrix = np.zeros((m, m), dtype=np.complex128)
     for k in range(slow, poles.size):
         for i in range(m):
@@ -159,7 +164,6 @@ def _past(num, lead, poles, slow, A, b, row, old):
                 matrix[j, i] = old[i, j]
             matrix[i, i] -= poles[k]
         _solve(matrix, value)
-    out = np.zeros(m)
     for i in range(m):
         out[i] = value[i].real / lead
     return out
@@ -193,26 +197,38 @@ def _decoupling(poles, A, b, row, old):
 
 
 @compiled
-def _through(A, b, x0, group, count, num, lead, poles, of_pole, source, direct):
+def _through(A, b, x0, group, count, num, lead, poles, speeds, source, direct):
     """Append a block that is driven by a signal (a row over the states, and a share of w); return its output."""
-    n = poles.size
+    n, of_pole = poles.size, _groups(poles, speeds)
     own_A, own_b = fractions(num, lead, poles, of_pole)
     out = np.zeros(b.size)
-    new = slice(count, count + n)
-    A[new, new] = own_A
-    b[new] = own_b * direct
-    group[new] = of_pole
+    for i in range(n):
+        for j in range(n):
+            A[count + i, count + j] = own_A[i, j]
+        b[count + i] = own_b[i] * direct
+        group[count + i] = of_pole[i]
     for g in range(b.size + 1):
-        old = np.flatnonzero(group[:count] == g)
-        row = source[old]
-        if not np.any(row != 0.0):
-            continue
-        own_old = np.zeros((old.size, old.size))
-        for i in range(old.size):
-            for j in range(old.size):
+        # the states of this group so far, what the signal reads of them and how they run on their own
+        old, m = np.empty(count, dtype=np.int64), 0
+        for i in range(count):
+            if group[i] == g:
+                old[m] = i
+                m += 1
+        row, own_old = np.zeros(m), np.zeros((m, m))
+        driven = False
+        for i in range(m):
+            row[i] = source[old[i]]
+            driven = driven or row[i] != 0.0
+            for j in range(m):
                 own_old[i, j] = A[old[i], old[j]]
-        slow = int(np.sum(of_pole <= g))
-        out[old] = _past(num, lead, poles, slow, own_A, own_b, row, own_old)
+        if not driven:
+            continue
+        slow = 0
+        while slow < n and of_pole[slow] <= g:
+            slow += 1
+        past = _past(num, lead, poles, slow, own_A, own_b, row, own_old)
+        for i in range(m):
+            out[old[i]] = past[i]
         lo = 0
         while lo < n:
             hi = lo
@@ -220,11 +236,11 @@ def _through(A, b, x0, group, count, num, lead, poles, of_pole, source, direct):
                 hi += 1
             if of_pole[lo] == g:  # of one speed: the old states drive the new ones
                 for i in range(lo, hi):
-                    for j in range(old.size):
+                    for j in range(m):
                         A[count + i, old[j]] = own_b[i] * row[j]
             else:
                 X = _decoupling(poles[lo:hi], own_A[lo:hi, lo:hi], own_b[lo:hi], row, own_old)
-                for j in range(old.size):
+                for j in range(m):
                     if of_pole[lo] < g:
                         out[old[j]] += X[hi - lo - 1, j]
                     for i in range(lo, hi):
@@ -242,7 +258,11 @@ def _through(A, b, x0, group, count, num, lead, poles, of_pole, source, direct):
 def _assembled(p_num, p_lead, p_poles, c_num, c_lead, c_poles, f_num, f_lead, f_poles, inputs, delay):
     """Put process, integral of its output, prefilter and controller one behind the other."""
     zero = np.zeros(1, dtype=np.complex128)
-    speeds = np.concatenate((np.abs(p_poles), np.abs(c_poles), np.abs(f_poles), np.zeros(1)))
+    speeds, count = np.zeros(p_poles.size + c_poles.size + f_poles.size + 1), 0
+    for poles in (p_poles, c_poles, f_poles):
+        for pole in poles:
+            speeds[count] = abs(pole)
+            count += 1
     # count time in the mean speed of the poles
     logs, moving = 0.0, 0
     for speed in speeds:
@@ -252,16 +272,25 @@ def _assembled(p_num, p_lead, p_poles, c_num, c_lead, c_poles, f_num, f_lead, f_
     p_num, p_poles = _in_unit(p_num, p_poles, unit)
     c_num, c_poles = _in_unit(c_num, c_poles, unit)
     f_num, f_poles = _in_unit(f_num, f_poles, unit)
-    if not (np.all(np.isfinite(p_num)) and np.all(np.isfinite(c_num)) and np.all(np.isfinite(f_num))):
-        unit = np.inf
-    speeds *= unit
+    for i in range(speeds.size):
+        speeds[i] *= unit
+    for num in (p_num, c_num, f_num):
+        for coefficient in num:
+            if not np.isfinite(coefficient):
+                unit = np.inf
     # to a loop far faster than some poles these are all integrators: apart, they would be differences of large numbers
     slow = 0.0
     for speed in speeds:
         s = speed * np.sqrt(1j)
         if _size(p_num, p_lead, p_poles, s) * _size(c_num, c_lead, c_poles, s) > LOUD:
             slow = max(slow, speed)
-    speeds = np.maximum(speeds, slow)
+    # in order, each moved down to its place
+    for i in range(speeds.size):
+        speeds[i] = max(speeds[i], slow)
+        k = i
+        while k > 0 and speeds[k - 1] > speeds[k]:
+            speeds[k - 1], speeds[k] = speeds[k], speeds[k - 1]
+            k -= 1
     size = speeds.size + inputs.size
     A, b, x0 = np.zeros((size, size)), np.zeros(size), np.zeros((size, inputs.size))
     group = np.zeros(size, dtype=np.int64)
@@ -274,32 +303,27 @@ def _assembled(p_num, p_lead, p_poles, c_num, c_lead, c_poles, f_num, f_lead, f_
     count = inputs.size
     none, one = np.zeros(size), np.ones(1)
 
-    y, y_direct = _through(
-        A, b, x0, group, count, p_num, p_lead, p_poles, _groups(np.abs(p_poles), speeds), none, 1.0
-    )
+    y, y_direct = _through(A, b, x0, group, count, p_num, p_lead, p_poles, speeds, none, 1.0)
     count += p_poles.size
-    area, area_direct = _through(
-        A, b, x0, group, count, one, 1.0, zero, _groups(np.abs(zero), speeds), y, y_direct
-    )
+    area, area_direct = _through(A, b, x0, group, count, one, 1.0, zero, speeds, y, y_direct)
     count += 1
-    setpoint, nothing = _through(
-        A, b, x0, group, count, f_num, f_lead, f_poles, _groups(np.abs(f_poles), speeds), r, 0.0
-    )
+    error, error_direct = _through(A, b, x0, group, count, f_num, f_lead, f_poles, speeds, r, 0.0)
     count += f_poles.size
-    u, u_direct = _through(
-        A, b, x0, group, count, c_num, c_lead, c_poles, _groups(np.abs(c_poles), speeds),
-        setpoint - y - n, nothing - y_direct,
-    )  # fmt: skip
-    v = u + d
+    for i in range(size):  # the filtered set point less the measurement
+        error[i] -= y[i] + n[i]
+    error_direct -= y_direct
+    u, u_direct = _through(A, b, x0, group, count, c_num, c_lead, c_poles, speeds, error, error_direct)
 
-    C, direct = np.zeros((3, size)), np.zeros(3)
-    C[0], C[1], C[2] = y, area, u
-    direct[0], direct[1], direct[2] = y_direct, area_direct, u_direct
+    v, C, direct = np.zeros(size), np.zeros((3, size)), np.array([y_direct, area_direct, u_direct])
+    for i in range(size):
+        C[0, i], C[1, i], C[2, i] = y[i], area[i], u[i]
+        v[i] = u[i] + d[i]
     if delay == 0.0:  # close the loop at once: w = v
-        w = v / (1.0 - u_direct)
-        for i in range(size):
-            A[i] += b[i] * w
-        for i in range(3):
-            C[i] += direct[i] * w
+        for j in range(size):
+            w = v[j] / (1.0 - u_direct)
+            for i in range(size):
+                A[i, j] += b[i] * w
+            for i in range(3):
+                C[i, j] += direct[i] * w
         return A, none, none, 0.0, C, np.zeros(3), x0, unit
     return A, b, v, u_direct, C, direct, x0, unit

@@ -43,10 +43,19 @@ def shortened(element, share):
         for k in range(length):
             for j in range(k * order, k * order + order):
                 size[k] = max(size[k], abs(element[i, j]))
-    least = share * size.max()
+    largest = 0.0
+    for k in range(length):
+        largest = max(largest, size[k])
+    least = share * largest
     while length > 1 and size[length - 1] <= least:
         length -= 1
-    return element if length * order == element.shape[1] else element[:, : length * order].copy()
+    if length * order == element.shape[1]:
+        return element
+    kept = np.empty((order, length * order))
+    for i in range(order):
+        for j in range(length * order):
+            kept[i, j] = element[i, j]
+    return kept
 
 
 @compiled
@@ -83,7 +92,9 @@ def taylor(tau, most, A, b, c, d):
         term = shortened(after, FADED)
         if term.shape[1] > total.shape[1]:
             longer = np.zeros(term.shape)
-            longer[:, : total.shape[1]] = total
+            for i in range(order):
+                for j in range(total.shape[1]):
+                    longer[i, j] = total[i, j]
             total = longer
         for i in range(order):
             for j in range(term.shape[1]):
@@ -116,10 +127,13 @@ def product(first, second, most):
 @compiled
 def ladder(A, b, c, d, step, top, growth, most):
     """Exponentials less 1 over step 2^p, from a short one by doubling up to p = top, and the lowest p."""
-    norm = 0.0
+    norm, driving, reading = 0.0, 0.0, 0.0
     for j in range(b.size):
-        norm = max(norm, np.abs(A[:, j]).sum())
-    norm += np.abs(b).sum() * np.abs(c).max() * growth
+        column = 0.0
+        for i in range(b.size):
+            column += abs(A[i, j])
+        norm, driving, reading = max(norm, column), driving + abs(b[j]), max(reading, abs(c[j]))
+    norm += driving * reading * growth
     rungs = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
         return rungs, 0
