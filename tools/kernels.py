@@ -1,21 +1,25 @@
 """Kernels for the book's notebooks, forked off a process that has done once what each would do again.
 
-Starting IPython, importing matplotlib and reading the machine code of the engine takes a kernel a few seconds, and the
-book has more than twenty. A forked kernel has all that in memory; its namespace is as empty as that of any other.
-``python kernels.py`` is that process: it reads a request a line, forks, and answers with the number of the new process.
+Starting IPython, importing matplotlib, drawing a first figure and reading the machine code of the engine takes a kernel
+a few seconds, and the book has more than twenty. A forked kernel has all that in memory; its namespace is as empty as
+that of any other. ``python kernels.py`` is that process: it reads a request a line, forks, and answers with the number
+of the new process.
 """
 
 import atexit
 import importlib
 import json
 import logging
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 from functools import cache
 from importlib.metadata import EntryPoint
+from io import BytesIO
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from jupyter_client.provisioning import KernelProvisionerFactory, LocalProvisioner
@@ -25,17 +29,22 @@ PRELOADED = (
     "IPython.core.completer",
     "ipykernel.kernelapp",
     "ipykernel.ipkernel",
-    "matplotlib.backends.backend_svg",
     "matplotlib.pyplot",
     "mpmath",
     "myst_nb",
+    "pandas.io.formats.html",
+    "pidalab.identification",
     "pidalab.ledger",
+    "pidalab.optimal",
     "pidalab.plots",
     "pidalab.rules",
+    "pidalab.simulation.portrait",
     "scipy.integrate",
     "scipy.optimize",
     "scipy.signal",
+    "tqdm",
 )
+ONE_AT_A_TIME = Lock()
 
 
 class Forked:
@@ -84,9 +93,13 @@ class ForkingProvisioner(LocalProvisioner):
             "environment": kwargs["env"],
             "quiet": kwargs.get("stderr") is not None,
         }
-        server.stdin.write(json.dumps(request) + "\n")
-        server.stdin.flush()
-        self.process = Forked(int(server.stdout.readline()))
+        with ONE_AT_A_TIME:
+            server.stdin.write(json.dumps(request) + "\n")
+            server.stdin.flush()
+            answer = server.stdout.readline()
+        if not answer:
+            raise RuntimeError(f"the process that forks kernels has ended with status {server.wait()}")
+        self.process = Forked(int(answer))
         self.pid, self.pgid = self.process.pid, None
         return self.connection_info
 
@@ -138,20 +151,44 @@ def become_kernel(request: dict[str, Any]) -> None:
 
 
 def warm_up() -> None:
-    """Import what the notebooks import, and read the machine code of the engine."""
+    """Import what the notebooks import, draw a figure, and compile the engine or read its machine code."""
+    other = multiprocessing.get_context("fork").Process(target=compile_analysis)
+    other.start()
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     for name in PRELOADED:
         importlib.import_module(name)
-    import numpy as np
     import pandas as pd
-
-    import pidalab
+    from matplotlib.figure import Figure
 
     pd.set_option("display.max_columns", 20)  # its default in a kernel; it takes this process for a terminal
+    Figure().subplots(subplot_kw={"xlabel": "$t$"}).figure.savefig(BytesIO(), format="svg")
+    compile_simulation()
+    other.join()
+    compile_analysis()
+
+
+def compile_analysis() -> None:
+    """Have the code that cuts a loop at its dead time and that finds margins."""
+    import pidalab
+    from pidalab.simulation.realisation import cut_at_delay
 
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
-    pidalab.load_response(loop, np.arange(3.0))
+    cut_at_delay(loop, "d")
     pidalab.margins(loop)
+
+
+def compile_simulation() -> None:
+    """Have the code that goes from dead time to dead time, and from sample to sample."""
+    import numpy as np
+
+    import pidalab
+    from pidalab.simulation.ladder import responses
+    from pidalab.simulation.realisation import Cut
+
+    at_rest = Cut(*map(np.zeros, ((2, 2), 2, 2)), 0.0, *map(np.zeros, ((3, 2), 3, (2, 1))), 1.0)
+    responses(at_rest, 2, 0.1, 1.0)
+    loop = pidalab.Loop(pidalab.lags(3), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
+    pidalab.simulate_sampled(loop, 0.001 * np.arange(3))
 
 
 def serve() -> None:

@@ -8,7 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 import nbformat
@@ -66,7 +66,8 @@ def execute_all(paths: Iterable[Path]) -> None:
     os.environ.setdefault(
         "OPENBLAS_NUM_THREADS", "1"
     )  # one thread for each notebook: their matrices are small
-    with ProcessPoolExecutor(max_workers=os.cpu_count(), initializer=fork_kernels) as pool:
+    fork_kernels()
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         runs = {pool.submit(execute, path): path for path in paths}
         for done, run in enumerate(as_completed(runs), start=1):
             try:

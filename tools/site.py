@@ -7,17 +7,11 @@ stored outputs by the tests, but never stored.
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import evidence
-import numpy as np
 import vendored
 from notebooks import execute_all, notebooks
-
-import pidalab
-from pidalab.simulation.ladder import responses
-from pidalab.simulation.realisation import Cut, cut_at_delay
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = ROOT / "_build"
@@ -35,34 +29,10 @@ def copy() -> None:
         shutil.copy(ROOT / name, SOURCE)
 
 
-LOOP = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
-
-
-def compile_first_half() -> None:
-    """Compile how a loop is cut open at its dead time, for a response, and the steps of sampled controllers."""
-    cut_at_delay(LOOP, "d")
-    pidalab.simulate_sampled(LOOP, 0.001 * np.arange(3))
-
-
-def compile_second_half() -> None:
-    """Compile the steps from dead time to dead time, for a plant that rests, and the margins."""
-    at_rest = Cut(*map(np.zeros, ((2, 2), 2, 2)), 0.0, *map(np.zeros, ((3, 2), 3, (2, 1))), 1.0)
-    responses(at_rest, 2, 0.1, 1.0)
-    pidalab.margins(LOOP)
-
-
-def compile_engine() -> None:
-    """Compile at once what the first notebooks on all cores would each compile for itself, for half a minute."""
-    with ProcessPoolExecutor(max_workers=2) as pool:
-        for half in [pool.submit(compile_first_half), pool.submit(compile_second_half)]:
-            half.result()
-
-
 def main() -> int:
     """Return the exit status of Jupyter Book; every warning is an error."""
     copy()
     evidence.fill(SOURCE / "book" / "how-we-know.md")
-    compile_engine()
     execute_all(notebooks(SOURCE))
     command = [
         Path(sys.executable).with_name("jupyter-book"),

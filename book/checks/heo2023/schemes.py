@@ -83,7 +83,7 @@ def _plant(den: Array, scheme: Scheme) -> tuple[Array, Array]:
     if scheme.plant == "Euler":
         return np.eye(n) + scheme.step * A, scheme.step * b
     exact = cont2discrete((A, b[:, None], np.eye(n), np.zeros((n, 1))), scheme.step, "zoh")
-    return exact[0], exact[1][:, 0].copy()
+    return exact[0].copy(), exact[1][:, 0].copy()
 
 
 @cache
