@@ -19,6 +19,7 @@ PAGE = Path(__file__).parents[1] / "_build" / "html" / "book" / "lab.html"
 RESULTS = "lab_comparison"  # in book/data
 COLUMNS = ("change", "designs", "slowed", "seconds", "browser")
 SLOWED, WARM, COUNTED = (1, 4), 8, 30
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 KEPT = [
     {"kind": "PI", "kp": 0.5, "ti": 3, "td": 0, "ta": 0, "filterTime": 0.1, "filterOrder": 1},
     {"kind": "PID", "kp": 0.7, "ti": 3, "td": 1, "ta": 0, "filterTime": 0.1, "filterOrder": 2},
@@ -78,9 +79,11 @@ def rows() -> Iterator[dict]:
     """Every kind of change, with one design and with three more that are kept."""
     if not PAGE.exists():
         raise FileNotFoundError(f"{PAGE}: run `make book` first")
+    executable = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if executable is None:
+        raise FileNotFoundError(f"the page needs a browser on PATH, found none of {', '.join(BROWSERS)}")
     with sync_playwright() as playwright:
-        names = filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome")))
-        browser = playwright.chromium.launch(executable_path=next(names), args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.goto(PAGE.as_uri())
         page.locator(".lab-ready").wait_for()
