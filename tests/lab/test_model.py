@@ -33,7 +33,7 @@ def ruled(model, rule, process, knob, **design):
 
 # What a study does most often: look at the loop at a frequency, go on by a piece of the dead time or by a sample.
 WORK = {
-    "frequencies": "function openLoop(loop, parts, w) {",
+    "frequencies": "function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {",
     "pieces": "function apply(matrix, x, result) {",
     "samples": "function advance(matrix, x, w, next) {",
 }
@@ -79,9 +79,12 @@ def test_a_change_costs_little_work(plant, conditions, counting):
     assert 0 < sum(by_gain.values()) < 50_000
     by_noise = counting.work(**asked, changed={"conditions": {"noise": 0.03}})
     assert by_noise["frequencies"] == 0  # margins and curves stay, and only they
-    assert by_noise["samples"] > 0
-    again = counting.work(**asked, changed={"others": [0.3 + 0.001 * k for k in range(1, 40)]})
+    assert (by_noise["samples"] > 0) is ("noise" not in conditions)  # louder noise is added, not run again
+    others = [0.3 + 0.001 * k for k in range(1, 60)]
+    again = counting.work(**asked, changed={"others": others})
     assert sum(again.values()) == 0  # what is seen all the time is never forgotten
+    by_noise = counting.work(**asked, changed={"others": others, "conditions": {"noise": 0.04}})
+    assert by_noise["frequencies"] == 0  # nor are its margins and curves
 
 
 def loop_of(process, found):

@@ -80,8 +80,11 @@ def _farthest(points: np.ndarray, line: np.ndarray) -> float:
 
 def _points(path: str) -> np.ndarray:
     at, found = (0.0, 0.0), []
-    for letter, first, second in re.findall(r"([MLH])(-?[\d.]+)(?: (-?[\d.]+))?", path):
-        at = (float(first), at[1] if letter == "H" else float(second))
+    for letter, first, second in re.findall(r"([MLHV])(-?[\d.]+)(?: (-?[\d.]+))?", path):
+        at = {"H": (float(first), at[1]), "V": (at[0], float(first))}.get(letter) or (
+            float(first),
+            float(second),
+        )
         found.append(at)
     return np.array(found)
 

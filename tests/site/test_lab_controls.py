@@ -150,4 +150,6 @@ def test_a_record_with_its_input_is_read_and_drawn(lab):
     says(page, "Record of ")
     assert float(page.get_by_label("gain, number").input_value()) == pytest.approx(1.5, rel=0.01)
     page.wait_for_function("() => document.querySelector('.lab-plots .lab-dots')")
-    assert len(plots(page.locator(".pidalab-lab"))["Output y, step of the set point"].line("lab-dots")) > 300
+    plot = plots(page.locator(".pidalab-lab"))["Output y, step of the set point"]
+    assert plot.apart("lab-dots", t[t >= 5] - 5, (y[t >= 5] - 7) / 2) < 0.5
+    assert len(plot.line("lab-dots")) < 150  # of the samples, those at which it bends

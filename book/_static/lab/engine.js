@@ -47,6 +47,18 @@
     return { num, den, delay, ki, kp, kd, ka, time, order, limits };
   }
 
+  /* Remember the last results of a function of values that JSON can hold. */
+  function remembering(size, make) {
+    const kept = new Map();
+    return (...values) => {
+      const key = JSON.stringify(values), found = kept.get(key) ?? make(...values);
+      kept.delete(key); // what is used stays, what was not for the longest time goes
+      kept.set(key, found);
+      if (kept.size > size) kept.delete(kept.keys().next().value);
+      return found;
+    };
+  }
+
   // --- polynomials and complex numbers ------------------------------------------------------------------------------
 
   const times = (a, b) => [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]];
@@ -56,6 +68,7 @@
   };
   const modulus = (a) => Math.hypot(a[0], a[1]);
   const angle = (a) => Math.atan2(a[1], a[0]);
+  const wrapped = (turn) => turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI));
 
   /* Horner's scheme in plain numbers: this runs millions of times. */
   function value(coefficients, s) {
@@ -70,7 +83,7 @@
   }
 
   /* All roots of a polynomial, by Aberth's iteration in a scaled variable. */
-  function roots(coefficients) {
+  const roots = remembering(40, (coefficients) => {
     let c = polynomial("polynomial", coefficients);
     const found = [];
     while (c.length > 1 && c[c.length - 1] === 0) { found.push([0, 0]); c = c.slice(0, -1); }
@@ -104,7 +117,7 @@
       if (change < 1e-15) break;
     }
     return found.concat(z.map((root) => [root[0] * scale, root[1] * scale]));
-  }
+  });
 
   // --- the loop along the imaginary axis ----------------------------------------------------------------------------
 
@@ -131,21 +144,8 @@
       poles, zeros, lead,
       top: (s) => times(value(loop.num, s), value(gains, s)),
       bottom: (s) => times(value(loop.den, s), filter(s)),
-      control: (s) => over(value(gains, s), filter(s)),
       atInfinity: top && relative === 0 ? top / lead : 0,
       silent: top === 0,
-    };
-  }
-
-  /* Remember the last results of a function of values that JSON can hold. */
-  function remembering(size, make) {
-    const kept = new Map();
-    return (...values) => {
-      const key = JSON.stringify(values), found = kept.get(key) ?? make(...values);
-      kept.delete(key); // what is used stays, what was not for the longest time goes
-      kept.set(key, found);
-      if (kept.size > size) kept.delete(kept.keys().next().value);
-      return found;
     };
   }
 
@@ -153,8 +153,8 @@
   const unlimited = remembering(12, (loop) => {
     const once = (make) => { let made; return () => (made ??= make()); };
     const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
-    const open = once(() => grid().map((w) => openLoop(loop, parts(), w))), size = once(() => open().map(modulus));
-    const own = { loop, parts, grid, open, size, space, motion: once(() => motion(loop, parts(), grid(), size(), space())) };
+    const open = once(() => along(loop, grid()));
+    const own = { loop, parts, grid, open, space, motion: once(() => motion(loop, parts(), grid(), open().size, space())) };
     return { ...own, margins: once(() => marginsOf(own)), response: once(() => responseOf(own)) };
   });
 
@@ -166,10 +166,41 @@
   const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
   const TOO_MANY = "the dead time turns the phase too often to follow while |L| is large";
 
-  function openLoop(loop, parts, w) {
-    const s = [0, w];
-    const rational = over(parts.top(s), parts.bottom(s));
-    return times(rational, [Math.cos(w * loop.delay), -Math.sin(w * loop.delay)]);
+  /* L and C at the frequency w, into `seen`: re L, im L, re C, im C. In plain numbers: this runs millions of times. */
+  const seen = new Float64Array(4);
+  function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {
+    let a = 1, b = 0; // (1 + j time w)^order
+    for (let k = 0; k < order; k++) { const next = a - b * time * w; b += a * time * w; a = next; }
+    const real = kp - ka * w * w, imag = kd * w - (ki && ki / w), filter = a * a + b * b;
+    const c = (real * a + imag * b) / filter, d = (imag * a - real * b) / filter;
+    let x = 0, y = 0, u = 0, v = 0; // num and den by Horner's scheme
+    for (let k = 0; k < num.length; k++) { const next = num[k] - y * w; y = x * w; x = next; }
+    for (let k = 0; k < den.length; k++) { const next = den[k] - v * w; v = u * w; u = next; }
+    const size = u * u + v * v, p = (x * u + y * v) / size, q = (y * u - x * v) / size;
+    const re = p * c - q * d, im = p * d + q * c, cos = Math.cos(w * delay), sin = Math.sin(w * delay);
+    seen[0] = re * cos + im * sin;
+    seen[1] = im * cos - re * sin;
+    seen[2] = c;
+    seen[3] = d;
+  }
+
+  function openLoop(loop, w) {
+    look(loop, w);
+    return [seen[0], seen[1]];
+  }
+
+  /* L, |L|, |C| and the phase of C in degrees along the frequencies w. */
+  function along(loop, w) {
+    const column = () => new Float64Array(w.length), re = column(), im = column(), size = column(), control = column(), lead = column();
+    for (let k = 0; k < w.length; k++) {
+      look(loop, w[k]);
+      re[k] = seen[0];
+      im[k] = seen[1];
+      size[k] = Math.sqrt(seen[0] * seen[0] + seen[1] * seen[1]);
+      control[k] = Math.sqrt(seen[2] * seen[2] + seen[3] * seen[3]);
+      lead[k] = (Math.atan2(seen[3], seen[2]) * 180) / Math.PI;
+    }
+    return { w, re, im, size, control, lead };
   }
 
   /* Frequencies that follow the rational part of L everywhere; lightly damped roots get points of their own. */
@@ -190,7 +221,9 @@
         if (im > away) w.push(im - away);
       }
     }
-    return w.filter((x) => x > Math.pow(10, low) && x < Math.pow(10, high)).sort((a, b) => a - b);
+    if (w.length > count + 1) w.sort((a, b) => a - b);
+    const first = Math.pow(10, low), last = Math.pow(10, high);
+    return w.filter((x) => x > first && x < last);
   }
 
   /* Divide the intervals in which the dead time turns quickly and `matters(i)` says so. */
@@ -206,10 +239,13 @@
     return fine;
   }
 
+  const NOTHING = [];
+
   /* Points inside an interval of a grid in which the dead time turns quickly; not too many in all. */
   function within(grid, delay) {
     let count = 0;
     return (i) => {
+      if ((grid[i + 1] - grid[i]) * delay <= TURN) return NOTHING;
       const inside = divided([grid[i], grid[i + 1]], delay, () => true).slice(1, -1);
       if ((count += inside.length) > MOST) fail(TOO_MANY);
       return inside;
@@ -245,31 +281,37 @@
 
   /* Suprema over all frequencies of |S| and |C S|, whose limits are `ends`. Wherever the dead time is not resolved they lie
      below bounds of |L| alone; an interval whose bound exceeds what was found so far is resolved, too. */
-  function peaks(loop, parts, grid, open, size, ends) {
-    const at = (w, l) => { const s = 1 / Math.hypot(1 + l[0], l[1]); return [w, s, s * modulus(parts.control([0, w]))]; };
-    const look = (w) => at(w, openLoop(loop, parts, w));
-    const known = grid.map((w, i) => at(w, open[i])), found = ends.slice(), inner = [];
-    const heighten = (point) => { for (const k of [0, 1]) found[k] = Math.max(found[k], point[k + 1]); };
-    const inside = within(grid, loop.delay);
+  function peaks(loop, { w: grid, re, im, size, control }, ends) {
+    const found = ends.slice(), inner = [], inside = within(grid, loop.delay);
+    const closeness = (x, y) => 1 / Math.sqrt((1 + x) * (1 + x) + y * y);
+    const heighten = (s, c) => { if (s > found[0]) found[0] = s; if (c * s > found[1]) found[1] = c * s; };
+    let count = grid.length;
     const resolve = (i) => {
-      inner[i] = inside(i).map(look);
-      inner[i].forEach(heighten);
+      const between = inside(i);
+      if (!between.length) return;
+      inner[i] = along(loop, between);
+      count += between.length;
+      for (let k = 0; k < between.length; k++) heighten(closeness(inner[i].re[k], inner[i].im[k]), inner[i].control[k]);
     };
-    known.forEach(heighten);
+    for (let i = 0; i < grid.length; i++) heighten(closeness(re[i], im[i]), control[i]);
     for (let i = 0; i + 1 < grid.length; i++) if (Math.max(size[i], size[i + 1]) >= 0.5) resolve(i);
     const level = found.map((x) => x * (1 + ENOUGH));
-    const bounds = known.map(([, s, cs], i) => { const most = 1 / Math.max(1 - size[i], 1e-3); return [most, (cs / s) * most]; });
-    for (let i = 0; i + 1 < grid.length; i++) {
-      if (!inner[i] && [0, 1].some((k) => Math.max(bounds[i][k], bounds[i + 1][k]) >= level[k])) resolve(i);
+    const exceeds = (i) => { const most = 1 / Math.max(1 - size[i], 1e-3); return most >= level[0] || control[i] * most >= level[1]; };
+    for (let i = 0; i + 1 < grid.length; i++) if (!inner[i] && (exceeds(i) || exceeds(i + 1))) resolve(i);
+
+    const fine = [0, 1, 2].map(() => new Float64Array(count)); // w, |S|, |C S|
+    let last = 0;
+    const add = ({ w, re, im, control }, k) => { fine[0][last] = w[k]; fine[1][last] = closeness(re[k], im[k]); fine[2][last] = control[k] * fine[1][last++]; };
+    for (let i = 0; i < grid.length; i++) {
+      add({ w: grid, re, im, control }, i);
+      for (let k = 0; k < (inner[i]?.w.length ?? 0); k++) add(inner[i], k);
     }
-    const fine = known.flatMap((point, i) => [point, ...(inner[i] ?? [])]);
-    return [1, 2].map((k) => {
-      let best = found[k - 1];
-      for (let i = 1; i + 1 < fine.length; i++) {
-        const here = fine[i][k];
-        if (here >= fine[i - 1][k] && here >= fine[i + 1][k] && here > 0.8 * best) {
-          best = Math.max(best, summit((w) => look(w)[k], fine[i - 1][0], fine[i + 1][0]));
-        }
+    const one = (w) => { look(loop, w); return closeness(seen[0], seen[1]); };
+    return [one, (w) => one(w) * Math.sqrt(seen[2] * seen[2] + seen[3] * seen[3])].map((f, k) => {
+      const [w, values] = [fine[0], fine[k + 1]];
+      let best = found[k];
+      for (let i = 1; i + 1 < count; i++) {
+        if (values[i] >= values[i - 1] && values[i] >= values[i + 1] && values[i] > 0.8 * best) best = Math.max(best, summit(f, w[i - 1], w[i + 1]));
       }
       return best;
     });
@@ -282,30 +324,35 @@
     const nonzero = parts.poles.map(modulus).filter((size) => size > 0);
     const least = nonzero.length ? Math.min(...nonzero) : 1;
     const reference = parts.poles.map((pole) => modulus(pole) || least);
-    const characteristic = (x) => {
+    /* Phase of 1 + L, freed of its poles and divided by what never turns round; NaN where it is 0. */
+    const phase = (x) => {
       const s = [-lean * (x + w[1]), x];
-      let bottom = [1, 0], scale = [parts.lead, 0];
+      let re = parts.lead, im = 0, a = parts.lead, b = 0, next; // in plain numbers: this runs often
       for (let k = 0; k < reference.length; k++) {
-        const [re, im] = parts.poles[k];
-        bottom = times(bottom, [s[0] - re, s[1] - im]);
-        scale = times(scale, [s[0] + reference[k], s[1]]);
+        const [p, q] = parts.poles[k], far = s[0] + reference[k];
+        next = re * (s[0] - p) - im * (x - q);
+        im = re * (x - q) + im * (s[0] - p);
+        re = next;
+        next = a * far - b * x;
+        b = a * x + b * far;
+        a = next;
       }
-      bottom = times(bottom, [parts.lead, 0]);
-      const fading = Math.exp(-s[0] * loop.delay);
-      const top = times(parts.top(s), [fading * Math.cos(x * loop.delay), -fading * Math.sin(x * loop.delay)]);
-      const f = [bottom[0] + top[0], bottom[1] + top[1]];
-      return modulus(f) <= 1e-9 * (modulus(bottom) + modulus(top)) ? null : over(f, scale);
+      const top = parts.top(s), fading = Math.exp(-s[0] * loop.delay), cos = fading * Math.cos(x * loop.delay), sin = fading * Math.sin(x * loop.delay);
+      const c = top[0] * cos + top[1] * sin, d = top[1] * cos - top[0] * sin;
+      const f = re + c, g = im + d;
+      if (Math.hypot(f, g) <= 1e-9 * (Math.hypot(re, im) + Math.hypot(c, d))) return NaN;
+      return Math.atan2(g * a - f * b, f * a + g * b);
     };
     /* Follow the argument; an interval in which it turns quickly is halved. */
-    let total = 0, from = characteristic(w[0]);
-    if (!from) return null;
+    let total = 0, from = phase(w[0]);
+    if (Number.isNaN(from)) return null;
     for (let i = 1; i < w.length; i++) {
       const ahead = [w[i]];
       let left = w[i - 1];
       while (ahead.length) {
-        const to = characteristic(ahead[ahead.length - 1]);
-        if (!to) return null;
-        const turn = angle(over(to, from));
+        const to = phase(ahead[ahead.length - 1]);
+        if (Number.isNaN(to)) return null;
+        const turn = wrapped(to - from);
         if (Math.abs(turn) > 0.8) {
           if (ahead.length > 60) return null;
           ahead.push((left + ahead[ahead.length - 1]) / 2);
@@ -316,8 +363,8 @@
         }
       }
     }
-    const limit = loop.delay ? 1 : 1 + parts.atInfinity;
-    const count = -(total - angle([from[0] / limit, from[1] / limit])) / Math.PI;
+    const limit = loop.delay || 1 + parts.atInfinity > 0 ? 0 : Math.PI;
+    const count = -(total - wrapped(from - limit)) / Math.PI;
     return Math.abs(count - Math.round(count)) < 0.2 ? Math.round(count) : null;
   }
 
@@ -338,55 +385,55 @@
   const margins = (asked) => ({ ...prepared(asked).margins() });
 
   function marginsOf(found) {
-    const { loop } = found, parts = found.parts(), grid = found.grid(), size = found.size();
-    const L = (w) => openLoop(loop, parts, w);
+    const { loop } = found, parts = found.parts(), grid = found.grid(), open = found.open(), { re, im, size } = open;
     const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false };
     if (!isStable(loop, parts, grid, size)) return none;
-    const louder = (level) => (i) => Math.max(size[i], size[i + 1]) >= level;
 
     const farOut = loop.delay ? -Math.abs(parts.atInfinity) : parts.atInfinity; // with dead time every phase occurs
-    const least = 1 / Math.abs(1 + farOut), last = modulus(parts.control([0, grid[grid.length - 1]]));
-    const [ms, mks] = peaks(loop, parts, grid, found.open(), size, [least, last * least]);
+    const least = 1 / Math.abs(1 + farOut), last = open.control[grid.length - 1];
+    const [ms, mks] = peaks(loop, open, [least, last * least]);
 
     /* Gain crossovers: the dead time has no part in them, but a gain that only touches 1 needs a closer look. */
     let pm = Infinity, dm = Math.abs(parts.atInfinity) >= 1 ? 0 : Infinity;
-    const excess = (w) => Math.log(modulus(L(w)));
-    const marks = grid.map((w, i) => [w, Math.log(size[i])]);
-    for (let i = 1; i + 1 < grid.length; i++) {
-      for (const sign of [1, -1]) {
-        const [a, b, c] = [size[i - 1], size[i], size[i + 1]].map((x) => sign * Math.log(x));
-        if (b < 0 && b > -0.1 && b >= a && b > c && summit((w) => sign * excess(w), grid[i - 1], grid[i + 1]) > 0) {
-          for (let k = 1; k < 50; k++) { const w = grid[i - 1] + ((grid[i + 1] - grid[i - 1]) * k) / 50; marks.push([w, excess(w)]); }
-        }
-      }
+    const excess = (w) => { look(loop, w); return 0.5 * Math.log(seen[0] * seen[0] + seen[1] * seen[1]); };
+    let marks = grid, levels = size.map(Math.log);
+    const touching = grid.flatMap((w, i) => {
+      if (!(Math.abs(levels[i]) < 0.1) || i === 0 || i + 1 === grid.length) return NOTHING;
+      const sign = levels[i] < 0 ? 1 : -1, [a, b, c] = [levels[i - 1], levels[i], levels[i + 1]].map((x) => sign * x), from = grid[i - 1], to = grid[i + 1];
+      const crosses = b < 0 && b >= a && b > c && summit((x) => sign * excess(x), from, to) > 0;
+      return crosses ? Array.from({ length: 49 }, (_, k) => from + ((to - from) * (k + 1)) / 50) : NOTHING;
+    });
+    if (touching.length) {
+      marks = [...grid, ...touching].sort((a, b) => a - b);
+      levels = marks.map(excess);
     }
-    marks.sort((a, b) => a[0] - b[0]);
     for (let i = 0; i + 1 < marks.length; i++) {
-      const [[from, before], [to, after]] = [marks[i], marks[i + 1]];
-      if (before * after >= 0) continue;
-      const w = zero(excess, from, to);
-      const lag = (angle(L(w)) + Math.PI + 4 * Math.PI) % (2 * Math.PI); // what further dead time must add
+      if (levels[i] * levels[i + 1] >= 0) continue;
+      const w = zero(excess, marks[i], marks[i + 1]);
+      const lag = (angle(openLoop(loop, w)) + Math.PI + 4 * Math.PI) % (2 * Math.PI); // what further dead time must add
       pm = Math.min(pm, (Math.min(lag, 2 * Math.PI - lag) * 180) / Math.PI);
       dm = Math.min(dm, lag / w);
     }
 
     /* Phase crossovers: the loudest below 1 decides. Quieter ones are asked only where there is none. */
     let loudest = Math.max(farOut < 0 && farOut > -1 ? -farOut : 0, atZero(loop, parts));
-    const imaginary = (w) => { const l = L(w); return l[1] / modulus(l); };
+    const imaginary = (w) => { look(loop, w); return seen[1] / Math.sqrt(seen[0] * seen[0] + seen[1] * seen[1]); };
+    const between = (left, before, right, after) => {
+      if (!(before * after < 0 && Math.min(Math.abs(before), Math.abs(after)) > 1e-12)) return;
+      const l = openLoop(loop, zero(imaginary, left, right));
+      if (l[0] < 0 && modulus(l) < 1) loudest = Math.max(loudest, modulus(l));
+    };
     for (let level = 0.1; level > 1e-9 && !loudest; level /= 100) {
       const inside = within(grid, loop.delay);
       for (let i = 0; i + 1 < grid.length; i++) {
-        if (!louder(loop.delay ? level : 0)(i)) continue;
-        let left = grid[i], from = found.open()[i];
-        for (const right of [...inside(i), grid[i + 1]]) {
-          const to = right === grid[i + 1] ? found.open()[i + 1] : L(right), sizes = [modulus(from), modulus(to)];
-          const before = from[1] / sizes[0], after = to[1] / sizes[1];
-          if (before * after < 0 && Math.min(Math.abs(before), Math.abs(after)) > 1e-12 && Math.max(...sizes) > 0.5 * loudest) {
-            const l = L(zero(imaginary, left, right));
-            if (l[0] < 0 && modulus(l) < 1) loudest = Math.max(loudest, modulus(l));
-          }
-          [left, from] = [right, to];
+        if (loop.delay && Math.max(size[i], size[i + 1]) < level) continue;
+        let left = grid[i], before = im[i] / size[i], loud = size[i];
+        for (const right of inside(i)) {
+          const after = imaginary(right), next = Math.sqrt(seen[0] * seen[0] + seen[1] * seen[1]);
+          if (Math.max(loud, next) > 0.5 * loudest) between(left, before, right, after);
+          [left, before, loud] = [right, after, next];
         }
+        if (Math.max(loud, size[i + 1]) > 0.5 * loudest) between(left, before, grid[i + 1], im[i + 1] / size[i + 1]);
       }
       if (!loop.delay) break;
     }
@@ -404,11 +451,10 @@
   const frequencyResponse = (asked) => (asked.w ? responseOf(prepared(asked), asked.w) : { ...prepared(asked).response() });
 
   function responseOf(found, asked) {
-    const { loop } = found, parts = found.parts(), size = found.size();
-    const w = asked ?? divided(found.grid(), loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.02);
-    const values = w.map((x) => openLoop(loop, parts, x));
-    const control = w.map((x) => parts.control([0, x]));
-    return { w, re: values.map((l) => l[0]), im: values.map((l) => l[1]), control: control.map(modulus), lead: control.map((c) => (angle(c) * 180) / Math.PI) };
+    const { loop } = found;
+    if (asked) return along(loop, asked);
+    const { w, size } = found.open(), fine = divided(w, loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.02);
+    return fine.length > w.length ? along(loop, fine) : found.open();
   }
 
   // --- matrices, as arrays of rows ----------------------------------------------------------------------------------
@@ -435,8 +481,8 @@
     let sum = zeros(n, n), term = zeros(n, n);
     for (let i = 0; i < n; i++) sum[i][i] = term[i][i] = 1;
     for (let k = 1; k <= 12; k++) {
-      term = product(term, matrix).map((row) => row.map((x) => (x * step) / k));
-      sum = sum.map((row, i) => row.map((x, j) => x + term[i][j]));
+      term = product(term, matrix);
+      for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) sum[i][j] += term[i][j] *= step / k;
     }
     for (let k = 0; k < halvings; k++) sum = product(sum, sum);
     return sum;
@@ -493,7 +539,11 @@
   }
 
   const dot = (row, x) => { let sum = 0; for (let j = 0; j < row.length; j++) sum += row[j] * x[j]; return sum; };
-  const flat = (rows) => Float64Array.from(rows.flatMap((row) => [...row]));
+  const flat = (rows) => {
+    const result = new Float64Array(rows.length * rows[0].length);
+    rows.forEach((row, i) => result.set(row, i * row.length));
+    return result;
+  };
 
   /* result = matrix x, for a flat matrix: this runs millions of times. */
   function apply(matrix, x, result) {
@@ -535,30 +585,27 @@
 
   /* For pieces of one size, from the state at the beginning and w at the nodes: the state at the end, then y and then u at
      the nodes but the first, as one flat matrix. Between the nodes w is the polynomial through them, and for a polynomial the
-     exponential of a larger matrix is exact. */
-  function transitions({ size, cy, dy, cu, du }, matrix, length) {
-    const outputs = [[], []];
-    let power = matrix, nodal;
-    for (let i = 1; i < NODES; i++) {
-      if (i > 1) power = product(power, matrix);
-      // derivatives of w at the beginning, q! a_q / length^q, from its values at the nodes
-      nodal = zeros(size, size + NODES);
-      for (let row = 0; row < size; row++) {
-        for (let j = 0; j < size; j++) nodal[row][j] = power[row][j];
-        let factor = 1;
-        for (let q = 0; q < NODES; q++) {
-          const share = power[row][size + q] * factor;
-          for (let j = 0; j < NODES; j++) nodal[row][size + j] += share * INVERSE[q][j];
-          factor *= (q + 1) / length;
-        }
+     exponential of a larger matrix is exact: `matrix` goes from node to node, `whole` to the end. */
+  function transitions({ size, cy, dy, cu, du }, matrix, whole, length) {
+    // from derivatives of w at the beginning, q! a_q / length^q, to its values at the nodes
+    const nodal = (row) => {
+      const result = new Float64Array(size + NODES);
+      for (let j = 0; j < size; j++) result[j] = row[j];
+      for (let q = 0, factor = 1; q < NODES; factor *= ++q / length) {
+        for (let j = 0; j < NODES; j++) result[size + j] += row[size + q] * factor * INVERSE[q][j];
       }
-      [[cy, dy], [cu, du]].forEach(([c, direct], k) => {
-        const [row] = product([c], nodal);
-        row[size + i] += direct;
-        outputs[k].push(row);
+      return result;
+    };
+    const outputs = [[cy, dy], [cu, du]].flatMap(([c, direct]) => {
+      let row = [Float64Array.from({ length: size + NODES }, (_, j) => c[j] ?? 0)];
+      return Array.from({ length: NODES - 1 }, (_, i) => {
+        row = product(row, matrix);
+        const seen = nodal(row[0]);
+        seen[size + i + 1] += direct;
+        return seen;
       });
-    }
-    return flat([...nodal, ...outputs[0], ...outputs[1]]);
+    });
+    return flat([...whole.slice(0, size).map(nodal), ...outputs]);
   }
 
   /* How the loop moves through one dead time, whatever moves it: its pieces, and a matrix for each of their sizes. */
@@ -571,8 +618,9 @@
     for (let q = 0; q + 1 < NODES; q++) wide[size + q][size + q + 1] = 1;
     let matrix = exponential(wide, unit / (NODES - 1));
     for (let level = 0; level <= levels; level++) {
-      if (level) matrix = product(matrix, matrix);
-      ready.push(transitions(space, matrix, unit * Math.pow(2, level)));
+      const twice = product(matrix, matrix), whole = product(product(twice, twice), matrix); // five steps of a node
+      ready.push(transitions(space, matrix, whole, unit * Math.pow(2, level)));
+      matrix = twice;
     }
     return { exponents, unit, ready };
   }
@@ -666,11 +714,12 @@
     if (end <= 0) fail(`end must be above 0, found ${end}`);
     if (!Number.isInteger(points)) fail(`points must be an integer, found ${points}`);
     const setpoint = real("setpoint", asked.setpoint ?? 0), load = real("load", asked.load ?? 0);
-    const t = Float64Array.from({ length: points }, (_, k) => (end * k) / (points - 1));
+    const t = new Float64Array(points).map((_, k) => (end * k) / (points - 1));
     const all = finer(loop, t);
     const { y, u } = loop.delay ? march(loop, found.space(), found.motion(), setpoint, load, all) : closed(found.space(), setpoint, load, all);
     if (loop.limits && u.some((value) => value < loop.limits[0] || value > loop.limits[1])) return limited(asked, loop, t);
-    const even = new Set(t), pick = (signal) => signal.filter((_, k) => even.has(all[k]));
+    let at = -1;
+    const even = t.map((time) => { do at++; while (all[at] !== time); return at; }), pick = (signal) => even.map((k) => signal[k]);
     return { t, y: pick(y), u: pick(u), fine: { t: all, u } };
   }
 
@@ -680,13 +729,16 @@
 
   /* Evenly spaced times and, where derivatives kick, others at most a sixteenth of the filter time apart. */
   function finer(loop, times) {
-    const end = times[times.length - 1], even = times[1], parts = Math.ceil((16 * even) / loop.time), all = [...times];
+    const end = times[times.length - 1], even = times[1], parts = Math.ceil((16 * even) / loop.time), more = [];
     if (!(parts > 1 && parts < Infinity)) return times;
     const other = (time) => Math.abs(time / even - Math.round(time / even)) > 1e-6 && time < end;
     for (const [from, to] of kicks(loop)) {
-      for (let k = 0, time = from; time < to; time = from + (++k * even) / parts) if (other(time)) all.push(time);
+      for (let k = 0, time = from; time < to; time = from + (++k * even) / parts) if (other(time)) more.push(time);
     }
-    return Float64Array.from(all).sort();
+    const all = new Float64Array(times.length + more.length);
+    all.set(times);
+    all.set(more, times.length);
+    return all.sort();
   }
 
   // --- a digital controller, its limits, noise ----------------------------------------------------------------------

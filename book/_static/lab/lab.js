@@ -47,11 +47,16 @@
       onchange: () => { if (Number.isFinite(box.valueAsNumber)) set(box.valueAsNumber); },
     });
     const row = element("div", { class: "lab-row", title: help }, element("label", { for: id }, label), bar, box);
+    let known, stood, text; // what the row shows: most of them rest while one is dragged
     row.refresh = () => {
       const value = get();
-      bar.value = to(value);
-      bar.setAttribute("aria-valuetext", `${label} ${digits(value)}`);
-      if (document.activeElement !== box) box.value = digits(value, 4);
+      if (value !== known) {
+        text = digits(value, 4);
+        bar.setAttribute("aria-valuetext", `${label} ${digits(value)}`);
+      }
+      if (value !== known || bar.value !== stood) bar.value = to(value);
+      if (document.activeElement !== box && box.value !== text) box.value = text;
+      [known, stood] = [value, bar.value];
     };
     return row;
   }
@@ -61,7 +66,7 @@
     const box = element("select", { id, onchange: () => set(box.value) },
       ...options.map(([value, text]) => element("option", { value }, text)));
     const row = element("div", { class: "lab-row" }, element("label", { for: id }, label), box);
-    row.refresh = () => { box.value = get(); };
+    row.refresh = () => { if (box.value !== get()) box.value = get(); };
     return row;
   }
 
@@ -71,6 +76,9 @@
     row.refresh = () => { box.checked = get(); };
     return row;
   }
+
+  /* Show one element in a place. */
+  const fill = (place, made) => { if (place.firstChild) plot.become(place.firstChild, made); else place.append(made); };
 
   const button = (text, onclick) => element("button", { type: "button", class: "lab-button", onclick }, text);
 
@@ -118,32 +126,58 @@
   /* The control signal has more times than the output where derivatives kick. */
   const signals = (s, key, which) => (key === "u" && s[which].fine) || s[which];
 
+  const made = new WeakMap(); // of what the engine found, what was made of it for a plot
+
+  function once(source, key, make) {
+    if (!made.has(source)) made.set(source, {});
+    return (made.get(source)[key] ??= make());
+  }
+
+  /* Least and largest value, 0 among them. */
+  function extent(values) {
+    let low = 0, high = 0;
+    for (let k = 0; k < values.length; k++) {
+      low = Math.min(low, values[k]);
+      high = Math.max(high, values[k]);
+    }
+    return [Math.max(low, -50), Math.min(high, 50)];
+  }
+
   /* Range of a signal of all runs, from 0, in which an unstable loop does not squeeze the others. */
   function rangeOf(shown, key, which) {
     const calm = shown.filter((s) => s.stable);
     let low = 0, high = 0;
     for (const s of calm.length ? calm : shown) {
-      for (const v of signals(s, key, which)[key]) { low = Math.min(low, Math.max(v, -50)); high = Math.max(high, Math.min(v, 50)); }
+      const run = signals(s, key, which);
+      const [least, most] = once(run, `range of ${key}`, () => extent(run[key]));
+      [low, high] = [Math.min(low, least), Math.max(high, most)];
     }
     return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
   }
+
+  /* A signal until the end of the axis. */
+  const until = (run, key, end) => once(run, `${key} until ${end}`, () => {
+    let count = run.t.length;
+    while (count > 1 && run.t[count - 2] > end) count--;
+    return { x: run.t.subarray(0, count), y: run[key].subarray(0, count) };
+  });
+
+  /* A function of the curve, to the edge of the frame, which cuts it. */
+  const along = (curve, name, [low, high], f) => once(curve, `${name} from ${low} to ${high}`, () => {
+    const x = [], y = [];
+    curve.w.forEach((w, k) => { if (w > 0.8 * low && w < 1.25 * high) { x.push(w); y.push(f(curve, k)); } });
+    return { x, y };
+  });
 
   /* Draw what there is a place for: places is an object of elements by the name of the plot. */
   function drawPlots(places, process, shown, { ms, record }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
       x: { label: "time", range: [0, end * share] }, y: { around: rangeOf(shown, key, which) },
-      lines: shown.map((s) => {
-        const run = signals(s, key, which), beyond = run.t.findIndex((t) => t > end * share), count = beyond < 0 ? run.t.length : beyond + 1;
-        return { x: run.t.slice(0, count), y: run[key].slice(0, count), kind: s.kind, stairs: s.stairs && key === "u" };
-      }),
+      lines: shown.map((s) => ({ ...until(signals(s, key, which), key, end * share), kind: s.kind, stairs: s.stairs && key === "u" })),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
-    const curves = shown.map((s) => ({ ...s.curve, kind: s.kind }));
-    const over = (f) => curves.map((c) => {
-      const inside = c.w.map((w, k) => [w, f(c, k)]).filter(([w]) => w > 0.8 * bode.range[0] && w < 1.25 * bode.range[1]); // to the edge of the frame, which cuts it
-      return { x: inside.map(([w]) => w), y: inside.map(([, v]) => v), kind: c.kind };
-    });
+    const over = (name, f) => shown.map((s) => ({ ...along(s.curve, name, bode.range, f), kind: s.kind }));
     const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90);
     const circle = (radius, middle = 0) => ({ x: turn.map((a) => middle + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" });
     const around = (Array.isArray(ms) ? ms : [ms]).filter(Number.isFinite);
@@ -154,18 +188,18 @@
       effort: () => ({ title: "Control signal u, step of the load", ...run("u", "load") }),
       nyquist: () => ({
         title: "Nyquist curve, unit circle, circle 1/Ms", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
-        lines: [...around.map((each) => circle(1 / each, -1)), circle(1), { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...curves.map((c) => ({ x: c.re, y: c.im, kind: c.kind }))],
+        lines: [...around.map((each) => circle(1 / each, -1)), circle(1), { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...shown.map((s) => ({ x: s.curve.re, y: s.curve.im, kind: s.kind }))],
       }),
       bode: () => ({
         title: "Loop gain |L|", x: bode, y: { log: true, range: [1e-3, 1e2] },
-        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over((c, k) => Math.hypot(c.re[k], c.im[k]))],
+        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over("loop", (c, k) => Math.hypot(c.re[k], c.im[k]))],
       }),
       closed: () => ({
         title: "From set point to output: |T|", x: { ...bode, range: [bode.range[0], bode.range[1] / 50] }, y: { range: [0, 1.5] },
-        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over((c, k) => Math.hypot(c.re[k], c.im[k]) / Math.hypot(1 + c.re[k], c.im[k]))],
+        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over("closed", (c, k) => Math.hypot(c.re[k], c.im[k]) / Math.hypot(1 + c.re[k], c.im[k]))],
       }),
-      lead: () => ({ title: "Phase of the controller, degrees", x: bode, y: { range: [-95, 185] }, lines: [{ x: bode.range, y: [0, 0], kind: "mark" }, ...over((c, k) => c.lead[k])] }),
-      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: over((c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k])) }),
+      lead: () => ({ title: "Phase of the controller, degrees", x: bode, y: { range: [-95, 185] }, lines: [{ x: bode.range, y: [0, 0], kind: "mark" }, ...over("lead", (c, k) => c.lead[k])] }),
+      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: over("noise", (c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k])) }),
     };
     for (const [key, place] of Object.entries(places)) {
       const picture = PLOTS[key]();
@@ -179,10 +213,10 @@
   const NUMBERS = {
     iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["mks", (s) => s.mks],
     gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm],
-    peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => (s.overshoot < 0.005 ? 0 : s.overshoot)],
+    peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => s.overshoot],
     sigma: ["σ(u) per σ(n)", (s) => s.sigma],
     gmLeast: ["at least Ms/(Ms−1)", (s) => s.ms / (s.ms - 1)], pmLeast: ["at least 2 asin 1/(2Ms), °", (s) => degrees(2 * Math.asin(0.5 / s.ms))],
-    first: ["phase margin at the first crossover, °", (s) => s.first, true], hump: ["top of |L| beyond it", (s) => s.hump, true],
+    first: ["phase margin at the first crossover, °", (s) => s.beyond().first, true], hump: ["top of |L| beyond it", (s) => s.beyond().hump, true],
   };
 
   const noiseMeant = (shown) => element("caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}`);
@@ -391,7 +425,7 @@
 
     draw() {
       const { state } = this, rule = RULES[state.rule] ?? RULES.hand, order = ORDER[state.design.kind];
-      const visible = (row, yes) => { row.hidden = !yes; };
+      const visible = (row, yes) => { if (row.hidden === Boolean(yes)) row.hidden = !yes; };
       visible(this.ownRows, state.plant === "own");
       visible(this.rows[0].querySelector("option[value=given]"), state.given);
       visible(this.msRow, rule.knob === "ms"); visible(this.tcRow, rule.knob === "tc");
@@ -404,9 +438,9 @@
       all.forEach((design, k) => {
         try { shown.push({ ...study(this.process, design, this.conditions), kind: k }); } catch (error) { if (!k) this.problem = `${error.message}.`; }
       });
+      this.current = shown.find(({ kind }) => kind === 0);
       this.drawPlots(shown);
       this.drawTable(shown);
-      this.current = shown.find(({ kind }) => kind === 0);
       this.announce();
     }
 
@@ -424,7 +458,7 @@
           ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s), 4))) : [element("td", { colspan: columns.length }, "unstable: it has no margins")])),
         element("tr", { class: "lab-gains" }, element("td", { colspan: columns.length }, gains(s.design))),
       ];
-      this.table.replaceChildren(element("table", {},
+      fill(this.table, element("table", {},
         noiseMeant(shown),
         element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "design"), ...columns.map(([name]) => element("th", { scope: "col" }, name)))),
         ...shown.map((s) => element("tbody", {}, ...rows(s)))));
@@ -441,7 +475,7 @@
     }
   }
 
-  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant };
+  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant, fill };
   const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
 })();

@@ -58,7 +58,11 @@
     return sum;
   }
 
-  const largest = (values) => values.reduce((top, value) => Math.max(top, Math.abs(value)), 0);
+  function largest(values) {
+    let top = 0;
+    for (let k = 0; k < values.length; k++) top = Math.max(top, Math.abs(values[k]));
+    return top;
+  }
 
   /* What one noisy sample does to the measurement, itself included, and to u: the impulse responses of S and of -CS. */
   function impulses(process, own, sampleTime, end, method) {
@@ -150,34 +154,52 @@
     const process = { num, den, delay }, own = controller(design), curve = frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
     const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
+    let beyond;
     return {
-      ...found, ...(sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h,
+      ...found, beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h,
       sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h), sampleTime ? "backward" : "held") : NaN,
     };
   });
 
-  /* Everything the lab shows of one design on one plant. A digital controller has differences for a sample time. */
-  const study = remembering(REMEMBERED, (process, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) => {
-    const own = controller(design, limits), digital = { sampleTime: sampleTime || end / 4000, method: "backward" };
-    const record = noise ? uniform(noise, Math.round(end / digital.sampleTime) + 1) : null;
-    const [setpoint, load] = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }].map((step) =>
-      sampleTime || noise
-        ? simulateSampled({ process, controller: own, end, ...digital, antiWindup, trackingTime, noise: record, ...step })
-        : simulate({ process, controller: own, end, points, antiWindup, trackingTime, ...step }));
+  const LEAST_OVERSHOOT = 5e-5; // what is less is rounding and the end of a slow rise
+  const SILENT = { setpoint: 0, load: 0 }, STEPS = [{ ...SILENT, setpoint: 1 }, { ...SILENT, load: 1 }];
+
+  /* One run of a digital controller; where nothing limits it, runs add up, and the noise has one of its own, of size 1. */
+  const sampled = remembering(3 * REMEMBERED, (asked, noise) =>
+    simulateSampled({ ...asked, noise: noise ? uniform(noise, Math.round(asked.end / asked.sampleTime) + 1) : null }));
+
+  function noisy(asked, step, noise) {
+    if (!noise || asked.controller.limits) return sampled({ ...asked, ...step }, noise);
+    const calm = sampled({ ...asked, ...step }, 0), loud = sampled({ ...asked, ...SILENT }, 1);
+    const sum = (key) => calm[key].map((value, k) => value + noise * loud[key][k]);
+    return { t: calm.t, y: sum("y"), u: sum("u") };
+  }
+
+  /* How a design answers steps. A digital controller has differences for a sample time. */
+  const answers = remembering(REMEMBERED, ({ num, den, delay }, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) => {
+    const asked = { process: { num, den, delay }, controller: controller(design, limits), end, antiWindup, trackingTime };
+    const digital = { ...asked, sampleTime: sampleTime || end / 4000, method: "backward" };
+    const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? noisy(digital, step, noise) : simulate({ ...asked, points, ...step })));
+    let top = 1;
+    for (let k = 0; k < setpoint.y.length; k++) top = Math.max(top, setpoint.y[k]);
     return {
-      design, setpoint, load, ...character(process, design, sampleTime, end), stairs: sampleTime > 0, limited: limits !== null,
-      iae: iae(load.t, load.y, 0), iaeSetpoint: iae(setpoint.t, setpoint.y, 1), peak: largest((setpoint.fine ?? setpoint).u),
-      overshoot: 100 * Math.max(0, setpoint.y.reduce((top, value) => Math.max(top, value), 0) - 1),
+      setpoint, load, stairs: sampleTime > 0, limited: limits !== null,
+      iae: iae(load.t, load.y, 0), iaeSetpoint: iae(setpoint.t, setpoint.y, 1), peak: largest((setpoint.fine ?? setpoint).u), overshoot: top - 1 < LEAST_OVERSHOOT ? 0 : 100 * (top - 1),
     };
   });
 
+  /* Everything the lab shows of one design on one plant. What is looked at is never forgotten, whatever changes beside it. */
+  const study = (process, design, conditions) =>
+    ({ design, ...character(process, design, conditions.sampleTime ?? 0, conditions.end), ...answers(process, design, conditions) });
+
   /* Noise that is the same at every call: an even spread between −size and size. */
   function uniform(size, count) {
-    let state = 12345;
-    return Float64Array.from({ length: count }, () => {
+    const noise = new Float64Array(count);
+    for (let k = 0, state = 12345; k < count; k++) {
       state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
-      return size * (state / 2147483648 - 1);
-    });
+      noise[k] = size * (state / 2147483648 - 1);
+    }
+    return noise;
   }
 
   // --- rules --------------------------------------------------------------------------------------------------------

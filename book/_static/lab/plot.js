@@ -15,6 +15,18 @@
     return element;
   };
 
+  /* Make a part of the page equal to another with few changes: what stays is not laid out again. */
+  function become(part, made) {
+    if (part.isEqualNode(made)) return;
+    if (part.nodeName !== made.nodeName) { part.replaceWith(made); return; }
+    if (part.nodeType === Node.TEXT_NODE) { part.data = made.data; return; }
+    for (const { name, value } of made.attributes) if (part.getAttribute(name) !== value) part.setAttribute(name, value);
+    for (const { name } of [...part.attributes]) if (!made.hasAttribute(name)) part.removeAttribute(name);
+    const old = [...part.childNodes], young = [...made.childNodes];
+    old.forEach((child, k) => { if (young[k]) become(child, young[k]); else child.remove(); });
+    part.append(...young.slice(old.length));
+  }
+
   /* Smallest and largest finite value of all lines, with a little air. */
   function extent(lines, key, log) {
     let low = Infinity, high = -Infinity;
@@ -77,34 +89,77 @@
     return kept;
   }
 
+  const UNSEEN = 0.05; // half of what the words of a path can tell
+
+  /* Of points that go on straight to the right, as far as shows, the ends. */
+  function bends(points, across, up) {
+    const kept = points.slice(0, 1);
+    let [from] = kept, low = -Infinity, high = Infinity; // slopes that pass by all points since `from`
+    for (let i = 1; i < points.length; i++) {
+      const k = points[i], before = points[i - 1], slope = (up[k] - up[from]) / (across[k] - across[from]);
+      if (before !== from && !(across[k] > across[from] && slope >= low && slope <= high)) {
+        kept.push(from = before);
+        [low, high] = [-Infinity, Infinity];
+      }
+      const run = across[k] - across[from], rise = up[k] - up[from];
+      low = run > 0 ? Math.max(low, (rise - UNSEEN) / run) : Infinity;
+      high = run > 0 ? Math.min(high, (rise + UNSEEN) / run) : -Infinity;
+    }
+    if (points.length > 1) kept.push(points[points.length - 1]);
+    return kept;
+  }
+
+  const WORDS = []; // of tenths of a unit
+  function word(value) {
+    const tenths = Math.round(10 * value);
+    return tenths >= 0 && tenths < 10 * WIDTH ? (WORDS[tenths] ??= String(tenths / 10)) : String(tenths / 10);
+  }
+
+  const place = ({ log, start, each }, value) => start + each * (log ? Math.log10(value) : value);
+
   /* The path of a line. One that holds its values goes along before it goes up. */
   function path({ x, y, stairs }, px, py) {
     const limit = (value) => Math.max(-9999, Math.min(9999, value));
-    let drawn = "", pen = "M", across = [], up = [];
+    let drawn = "", across = [], up = [];
     const finish = () => {
-      for (const k of visible(across, up)) {
-        const at = across[k].toFixed(1);
-        if (stairs && pen === "L") drawn += `H${at}`;
-        drawn += `${pen}${at} ${up[k].toFixed(1)}`;
-        pen = "L";
+      const shown = visible(across, up), last = shown[shown.length - 1];
+      let height = "";
+      for (const k of stairs ? shown : bends(shown, across, up)) {
+        const before = height;
+        height = word(up[k]);
+        if (!before) drawn += `M${word(across[k])} ${height}`;
+        else if (!stairs) drawn += `L${word(across[k])} ${height}`;
+        else if (height !== before || k === last) drawn += `H${word(across[k])}V${height}`;
       }
-      [pen, across, up] = ["M", [], []];
+      [across, up] = [[], []];
     };
     for (let k = 0; k < x.length; k++) {
-      const h = px(x[k]), v = py(y[k]);
+      const h = place(px, x[k]), v = place(py, y[k]);
       if (Number.isFinite(h + v)) { across.push(limit(h)); up.push(limit(v)); } else finish();
     }
     finish();
     return drawn;
   }
 
+  const paths = new WeakMap(); // of the values of a line, the last path that was made of them
+
+  function remembered(line, px, py) {
+    const key = [line.stairs, px.log, px.start, px.each, py.log, py.start, py.each].join(), found = paths.get(line.y);
+    if (found?.key === key && found.x === line.x) return found.drawn;
+    const drawn = path(line, px, py);
+    paths.set(line.y, { key, x: line.x, drawn });
+    return drawn;
+  }
+
   const places = new WeakMap(); // what was drawn where
 
-  /* The group that holds the lines: that of the last drawing where the axes are the same. */
+  /* What is drawn in a place, with these axes: they are drawn only where they changed. */
   function axes(host, { title, x, y, xRange, yRange, px, py }) {
-    const key = JSON.stringify([title, x.label, x.log, xRange, y.log, yRange]);
-    if (places.get(host)?.key !== key) places.set(host, { key, inside: frame(host, { title, x, y, xRange, yRange, px, py }) });
-    return places.get(host).inside;
+    const found = places.get(host) ?? frame(host, title), key = JSON.stringify([title, x.label, x.log, xRange, y.log, yRange]);
+    places.set(host, found);
+    if (found.key !== key) become(found.axes, grid({ title, x, y, xRange, yRange, px, py }));
+    found.key = key;
+    return found;
   }
 
   let count = 0;
@@ -121,40 +176,46 @@
     }
     const along = (range, log, from, to) => {
       const f = log ? Math.log10 : (v) => v, a = f(range[0]), b = f(range[1]);
-      return (value) => from + ((f(value) - a) / (b - a)) * (to - from);
+      return { log, each: (to - from) / (b - a), start: from - (a * (to - from)) / (b - a) };
     };
     const px = along(xRange, x.log, LEFT, WIDTH - RIGHT), py = along(yRange, y.log, HEIGHT - BOTTOM, TOP);
 
-    const inside = axes(host, { title, x, y, xRange, yRange, px, py });
+    const { inside, drawn } = axes(host, { title, x, y, xRange, yRange, px: (value) => place(px, value), py: (value) => place(py, value) });
     while (inside.childElementCount > lines.length) inside.lastChild.remove();
+    drawn.length = Math.min(drawn.length, lines.length);
     lines.forEach((line, k) => {
+      const wanted = { class: `lab-line lab-${line.kind}`, d: remembered(line, px, py) };
       const one = inside.children[k] ?? make("path", {}, inside);
-      one.setAttribute("class", `lab-line lab-${line.kind}`);
-      one.setAttribute("d", path(line, px, py));
+      for (const name of ["class", "d"]) if (drawn[k]?.[name] !== wanted[name]) one.setAttribute(name, wanted[name]);
+      drawn[k] = wanted;
     });
   }
 
-  /* Title, grid and words of a plot; returns the group for its lines. */
-  function frame(host, { title, x, y, xRange, yRange, px, py }) {
+  /* An empty plot: a group for its axes and one for its lines. */
+  function frame(host, title) {
     const clip = `pidalab-clip-${++count}`;
     const svg = make("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title, class: "lab-plot" });
-    const frame = make("clipPath", { id: clip }, make("defs", {}, svg));
-    make("rect", { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM }, frame);
-    make("text", { x: LEFT, y: 16, class: "lab-title" }, svg, title);
-    for (const value of ticks(xRange, x.log)) {
-      make("line", { x1: px(value), x2: px(value), y1: TOP, y2: HEIGHT - BOTTOM, class: "lab-grid" }, svg);
-      make("text", { x: px(value), y: HEIGHT - BOTTOM + 16, class: "lab-tick", "text-anchor": "middle" }, svg, named(value, x.log));
-    }
-    for (const value of ticks(yRange, y.log)) {
-      make("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: py(value), y2: py(value), class: "lab-grid" }, svg);
-      make("text", { x: LEFT - 6, y: py(value) + 4, class: "lab-tick", "text-anchor": "end" }, svg, named(value, y.log));
-    }
-    make("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, class: "lab-label", "text-anchor": "middle" }, svg, x.label);
-
-    const inside = make("g", { "clip-path": `url(#${clip})` }, svg);
+    make("rect", { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM }, make("clipPath", { id: clip }, make("defs", {}, svg)));
+    const found = { axes: make("g", {}, svg), inside: make("g", { "clip-path": `url(#${clip})` }, svg), drawn: [] };
     host.replaceChildren(svg);
-    return inside;
+    return found;
   }
 
-  globalThis.pidalabPlot = draw;
+  /* Title, grid and words of a plot. */
+  function grid({ title, x, y, xRange, yRange, px, py }) {
+    const group = make("g", {});
+    make("text", { x: LEFT, y: 16, class: "lab-title" }, group, title);
+    for (const value of ticks(xRange, x.log)) {
+      make("line", { x1: px(value), x2: px(value), y1: TOP, y2: HEIGHT - BOTTOM, class: "lab-grid" }, group);
+      make("text", { x: px(value), y: HEIGHT - BOTTOM + 16, class: "lab-tick", "text-anchor": "middle" }, group, named(value, x.log));
+    }
+    for (const value of ticks(yRange, y.log)) {
+      make("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: py(value), y2: py(value), class: "lab-grid" }, group);
+      make("text", { x: LEFT - 6, y: py(value) + 4, class: "lab-tick", "text-anchor": "end" }, group, named(value, y.log));
+    }
+    make("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, class: "lab-label", "text-anchor": "middle" }, group, x.label);
+    return group;
+  }
+
+  globalThis.pidalabPlot = Object.assign(draw, { become });
 })();
