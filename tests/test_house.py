@@ -78,6 +78,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "digital/languages/text": ("digital/test_code.py", "a part of the languages"),
     "simulation/steps": ("simulation/test_sampled.py", "a part of the sampled engine"),
     "simulation/chains": ("simulation/test_exact.py", "a part of the exact engine"),
+    "simulation/decoupling": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/ladder": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/ring": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/realisation": ("simulation/test_exact.py", "a part of the exact engine"),

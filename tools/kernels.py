@@ -86,7 +86,6 @@ class ForkingProvisioner(LocalProvisioner):
 
     async def launch_kernel(self, cmd: list[str], **kwargs: Any) -> Any:
         """Return how to connect to the new kernel."""
-        server = started_server()
         request = {
             "arguments": cmd[cmd.index("ipykernel_launcher") + 1 :],
             "folder": str(kwargs.get("cwd") or Path.cwd()),
@@ -94,6 +93,7 @@ class ForkingProvisioner(LocalProvisioner):
             "quiet": kwargs.get("stderr") is not None,
         }
         with ONE_AT_A_TIME:
+            server = started_server()
             server.stdin.write(json.dumps(request) + "\n")
             server.stdin.flush()
             answer = server.stdout.readline()

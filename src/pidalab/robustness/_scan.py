@@ -16,12 +16,8 @@ PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 10_000_000  # along the axis: more would take too long
 COARSE = 1.0  # the same where only crossings of the real axis are looked for
 TURNED = 0.8  # largest turn of the characteristic function between two points, in rad
-ON_AXIS = (
-    1e-9  # characteristic function relative to its terms below which a pole is taken to lie on the contour
-)
-NEAR_AXIS = (
-    0.5  # cosine of the angle to the positive axis below which a sign change may be at the negative one
-)
+ON_AXIS = 1e-9  # share of its terms below which the characteristic function has a zero on the contour
+NEAR_AXIS = 0.5  # cosine of the angle to the positive axis below which the negative one may be crossed
 REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding
 # functions of frequency; integers of numpy, since code would be compiled for each of Python's
 GAIN, IMAGINARY, SENSITIVITY, COMPLEMENTARY, LOUD, QUIET = np.arange(6)

@@ -18,7 +18,8 @@ from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.loop import Loop, require_well_posed
 from pidalab.roots import roots
-from pidalab.simulation.chains import fractions, without_slow
+from pidalab.simulation.chains import fractions
+from pidalab.simulation.decoupling import decoupling, past_of
 
 GAP = 10.0  # poles whose speeds differ by more than this factor go to different groups,
 LOUD = 100.0  # but for those where the gain of the loop is still above this
@@ -114,89 +115,6 @@ def _in_unit(num, poles, unit):
 
 
 @compiled
-def _solve(matrix, right):
-    """Solve matrix @ x = right in place, by elimination with row exchange; returns right."""
-    n = right.size
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > abs(matrix[best, k]):
-                best = i
-        if best != k:
-            for j in range(k, n):
-                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
-            right[k], right[best] = right[best], right[k]
-        for i in range(k + 1, n):
-            factor = matrix[i, k] / matrix[k, k]
-            if factor != 0:
-                for j in range(k + 1, n):
-                    matrix[i, j] -= factor * matrix[k, j]
-                right[i] -= factor * right[k]
-    for k in range(n - 1, -1, -1):
-        for j in range(k + 1, n):
-            right[k] -= matrix[k, j] * right[j]
-        right[k] /= matrix[k, k]
-    return right
-
-
-@compiled
-def _past(num, lead, poles, slow, A, b, row, old):
-    """What the direct part and the fast partial fractions make of a slow signal: row @ H(old)."""
-    m = row.size
-    out = np.zeros(m)
-    if slow == poles.size:
-        if num.size == poles.size + 1:
-            for i in range(m):
-                out[i] = row[i] * (num[0] / lead)
-        return out
-    value = np.zeros(m, dtype=np.complex128)
-    after = np.zeros(m, dtype=np.complex128)
-    for coefficient in without_slow(num, lead, poles, slow, A, b):
-        for j in range(m):
-            after[j] = coefficient * row[j]
-            for i in range(m):
-                after[j] += value[i] * old[i, j]
-        value, after = after, value
-    matrix = np.zeros((m, m), dtype=np.complex128)
-    for k in range(slow, poles.size):
-        for i in range(m):
-            for j in range(m):
-                matrix[j, i] = old[i, j]
-            matrix[i, i] -= poles[k]
-        _solve(matrix, value)
-    for i in range(m):
-        out[i] = value[i].real / lead
-    return out
-
-
-@compiled
-def _decoupling(poles, A, b, row, old):
-    """X of A X - X old = -b row, for one chain: its states less X times the old ones run on their own."""
-    n, m = b.size, row.size
-    X = np.zeros((n, m))
-    i = 0
-    while i < n:
-        width = 1 if poles[i].imag == 0.0 else 2
-        # link after link, since each is driven by the one before
-        matrix, right = np.zeros((width * m, width * m)), np.zeros(width * m)
-        for r in range(width):
-            for j in range(m):
-                right[r * m + j] = -b[i + r] * row[j]
-                if r == 0 and i > 0:
-                    right[j] -= A[i, i - 1] * X[i - 1, j]
-                for q in range(width):
-                    matrix[r * m + j, q * m + j] += A[i + r, i + q]
-                for k in range(m):
-                    matrix[r * m + j, r * m + k] -= old[k, j]
-        _solve(matrix, right)
-        for r in range(width):
-            for j in range(m):
-                X[i + r, j] = right[r * m + j]
-        i += width
-    return X
-
-
-@compiled
 def _through(A, b, x0, group, count, num, lead, poles, speeds, source, direct):
     """Append a block that is driven by a signal (a row over the states, and a share of w); return its output."""
     n, of_pole = poles.size, _groups(poles, speeds)
@@ -226,7 +144,7 @@ def _through(A, b, x0, group, count, num, lead, poles, speeds, source, direct):
         slow = 0
         while slow < n and of_pole[slow] <= g:
             slow += 1
-        past = _past(num, lead, poles, slow, own_A, own_b, row, own_old)
+        past = past_of(num, lead, poles, slow, own_A, own_b, row, own_old)
         for i in range(m):
             out[old[i]] = past[i]
         lo = 0
@@ -239,7 +157,7 @@ def _through(A, b, x0, group, count, num, lead, poles, speeds, source, direct):
                     for j in range(m):
                         A[count + i, old[j]] = own_b[i] * row[j]
             else:
-                X = _decoupling(poles[lo:hi], own_A[lo:hi, lo:hi], own_b[lo:hi], row, own_old)
+                X = decoupling(poles[lo:hi], own_A[lo:hi, lo:hi], own_b[lo:hi], row, own_old)
                 for j in range(m):
                     if of_pole[lo] < g:
                         out[old[j]] += X[hi - lo - 1, j]
