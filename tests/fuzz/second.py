@@ -78,6 +78,6 @@ def sampled_pulse(process, waits, digital, sample_time, samples):
         if waits:
             late[k % waits] = u[k]
         x = a @ x + b[:, 0] * (reaches if waits else u[k])
-        if k > 100 and max(abs(x).max(), abs(z[:-1]).max(initial=0.0)) > 1e6:
-            break
+        if abs(u[k]) > 1e6 * (1 + abs(dc[0, 0])):
+            raise ArithmeticError("the sampled loop is unstable")
     return u

@@ -5,7 +5,7 @@ import math
 import drawn
 import numpy as np
 import second
-from hypothesis import assume, given, strategies as st
+from hypothesis import assume, example, given, strategies as st
 
 import pidalab
 
@@ -22,6 +22,7 @@ def characteristic_turns(loop, gain=1.0, later=0.0):
 
 @drawn.cases(5)
 @given(drawn.loops())
+@example(pidalab.Loop(pidalab.fopdt(1.0, 0.1, 0.0), pidalab.HighOrderPID([10.54, 3.162], 0.03, 1)))
 def test_responses(loop):
     """y and u after a step of the load, over a time in which the loop does something."""
     fastest = float(np.max(pidalab.rightmost_poles(loop).real))
@@ -32,7 +33,8 @@ def test_responses(loop):
     at = np.linspace(0, end, 301)
     response = pidalab.load_response(loop, at)
     for found, expected in ((response.y, y), (response.u, u)):
-        allowed = NEAR * max(np.abs(expected).max(), 1e-12)
+        # a kink is smeared over a step of the series: a third of what one step changes, at the kink itself
+        allowed = NEAR * max(np.abs(expected).max(), 1e-12) + 0.5 * np.abs(np.diff(expected)).max()
         np.testing.assert_allclose(found, np.interp(at, t, expected), rtol=0, atol=allowed)
 
 
@@ -77,6 +79,7 @@ def test_margins(loop):
 
 @drawn.cases(4)
 @given(drawn.loops(drawn.stable), st.integers(0, 40), drawn.decades(-1.5, -0.5))
+@example(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.0), pidalab.HighOrderPID([0.0562, 1.0], 5.62, 3)), 0, 0.0316)
 def test_noise_gain(loop, waits, sample_time):
     """The sum of squares of what u does after one held sample of noise, from the difference equation of the loop."""
     p = loop.process
