@@ -1,12 +1,15 @@
 """The optimum against a bound that no PI controller can pass, and against optima of high precision.
 
-Within 1e-4, as the search keeps 2e-5 of a limit free.
+Within 1e-4, as the search keeps 2e-5 of a limit free. Where the price of a limit is known (the share of the IAE that a
+share of the limit costs) this is sharper: no more than what that room costs, and END for where a descent stops.
 """
 
 import pytest
 from engine_errors import oracle
 
 import pidalab
+
+SPARE, END = 2e-5, 1e-6
 
 
 @pytest.mark.parametrize("case", oracle("optima.json")["cases"], ids=lambda case: case["name"])
@@ -22,3 +25,11 @@ def test_least_iae_under_limits_of_noise(case):
     process = pidalab.Process(case["process"]["num"], case["process"]["den"])
     found = pidalab.optimal.load(process, case["order"], ms=case["ms"], mks=case["mks"])
     assert found.iae == pytest.approx(float(case["values"]["iae"]), rel=1e-4)
+
+
+@pytest.mark.parametrize("case", oracle("delayed_optima.json")["cases"], ids=lambda case: case["name"])
+def test_least_iae_with_dead_time(case):
+    process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
+    found = pidalab.optimal.load(process, case["order"], ms=case["ms"], mks=case["mks"])
+    least, prices = float(case["values"]["iae"]), map(float, case["values"]["prices"])
+    assert least * (1 - 1e-9) <= found.iae <= least * (1 + SPARE * sum(prices) + END)

@@ -112,10 +112,13 @@ class Problem:
         by_time = [] if self.given is not None else [-value * (self.order + 1) * s / (1 + time * s)]
         return value, by_gains + by_time
 
+    def plant(self, w):
+        """P at jw."""
+        return polyval(self.b, mpc(0, w)) / polyval(self.a, mpc(0, w))
+
     def room(self, x, w, of_noise):
         """What is left to a limit at a frequency, and its slopes: at least 0 where it is kept."""
-        s, (c, by_x) = mpc(0, w), self.controller(x, w)
-        plant = polyval(self.b, s) / polyval(self.a, s)
+        plant, (c, by_x) = self.plant(w), self.controller(x, w)
         back = 1 + plant * c
         turn = [2 * (back.conjugate() * plant * one).real for one in by_x]
         if not of_noise:
