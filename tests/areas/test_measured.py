@@ -190,6 +190,14 @@ def test_a_transient_in_the_first_samples_is_seen():
     assert not measured._steady(x + 0.05 * np.exp(-np.arange(159.0)))
 
 
+@pytest.mark.parametrize("size", [1e-3, 1e-9])
+def test_an_exact_record_hides_no_oscillation_however_small(size):
+    """Of mean 0 in every piece, and halved from one eighth of the record to the next: only its square shows it."""
+    k = np.arange(1024)
+    assert not measured._steady(1.0 + size * 2.0 ** -(k // 128) * (-1.0) ** k)
+    assert measured._steady(1.0 + size * (-1.0) ** k)
+
+
 @pytest.mark.parametrize("step", [0.001, 0.01])
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.6])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")

@@ -124,8 +124,12 @@ def test_ultimate_rule_of_an_integrator_with_dead_time(gain):
 def test_ultimate_rule_of_an_integrator_with_lags():
     """Of 1/(s (s + 1)(s + 2)) Routh has the border at K = 6, where it oscillates at the root of 2."""
     design = classical.ziegler_nichols_ultimate(pidalab.Process([1.0], [1.0, 3.0, 2.0, 0.0]))
+    period = 2 * np.pi / np.sqrt(2)
     assert design.ultimate_gain == pytest.approx(6.0)
-    assert design.ultimate_period == pytest.approx(2 * np.pi / np.sqrt(2))
+    assert design.ultimate_period == pytest.approx(period)
+    found = design.controller
+    assert (found.kp, found.ti, found.td) == pytest.approx((3.6, period / 2, period / 8))
+    assert found.ta == 0
 
 
 @pytest.mark.parametrize(
