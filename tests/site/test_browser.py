@@ -133,6 +133,11 @@ BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</
         ("<details><summary></summary>hidden</details>", "a fold without words"),
         ("<details><summary>Show code cell source</summary>1</details>", "a fold that only names a cell"),
         ("<table class='dataframe'><tr><td>K_-1, M_s</td></tr></table>", "an index left raw"),
+        ("<div class='cell_output'><p>The rule PIDA_2</p></div>", "an index left raw"),
+        (
+            "<div class='pidalab-live'><div class='lab-table' style='overflow: auto; width: 9px'>wide</div></div>",
+            "numbers out of sight",
+        ),
         ("<div style='width: 200vw'>wide</div>", "px wider than the screen"),
         ("<div style='width: 100%; min-width: 600px'>wide</div>", "narrow: page"),
         ("<p style='color: #ccc; background: #fff'>pale</p>", "light: axe color-contrast"),

@@ -219,6 +219,9 @@
     first: ["phase margin at the first crossover, °", (s) => s.beyond().first, true], hump: ["top of |L| beyond it", (s) => s.beyond().hump, true],
   };
 
+  /* The head of a column; a formula may break at its fraction bar. */
+  const heading = (text) => element("th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => (k ? [element("wbr"), part] : part)));
+
   const noiseMeant = (shown) => element("caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}`);
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
@@ -460,7 +463,7 @@
       ];
       fill(this.table, element("table", {},
         noiseMeant(shown),
-        element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "design"), ...columns.map(([name]) => element("th", { scope: "col" }, name)))),
+        element("thead", {}, element("tr", {}, heading("design"), ...columns.map(([name]) => heading(name)))),
         ...shown.map((s) => element("tbody", {}, ...rows(s)))));
     }
 
@@ -475,7 +478,7 @@
     }
   }
 
-  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant, fill };
+  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant, heading, fill };
   const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
 })();

@@ -17,7 +17,7 @@
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
-  const { element, slider, digits, drawPlots, NUMBERS, noiseMeant, fill } = globalThis.pidalabLab;
+  const { element, slider, digits, drawPlots, NUMBERS, noiseMeant, heading, fill } = globalThis.pidalabLab;
 
   class Live {
     constructor(host) {
@@ -90,7 +90,7 @@
       drawPlots(this.plots, this.process, shown, { ms: shown.map((s) => s.design.ms ?? (rule.knob === "ms" ? state.ms : s.ms)) });
       const keys = state.numbers ?? ["iae", "ms", "sigma"], columns = keys.map((key) => NUMBERS[key]);
       fill(this.table, element("table", {}, ...(keys.includes("sigma") ? [noiseMeant(shown)] : []),
-        element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "loop"), ...columns.map(([name]) => element("th", { scope: "col" }, name)))),
+        element("thead", {}, element("tr", {}, heading("loop"), ...columns.map(([name]) => heading(name)))),
         element("tbody", {}, ...shown.map((s) => element("tr", {},
           element("th", { scope: "row" }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.name}`),
           ...this.cells(s, columns))))));
