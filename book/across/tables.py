@@ -67,8 +67,22 @@ def compared(terms: str) -> pd.DataFrame:
 
 def name(row: Any) -> str:
     """Name of a rule with its kind."""
-    rule = row.rule.replace("Ziegler-Nichols", "ZN").replace("automatic reset", "reset")
-    return rule if rule.endswith(row.kind) else f"{rule} {row.kind}"
+    return with_kind(row.rule.replace("Ziegler-Nichols", "ZN").replace("automatic reset", "reset"), row.kind)
+
+
+def written(rule: str) -> str:
+    """Name of a rule with its index below the line."""
+    return rule.replace("_1", "₁").replace("_2", "₂")
+
+
+def with_kind(rule: str, kind: str) -> str:
+    """Name of a rule with its kind, unless it ends with that."""
+    return written(rule) if is_of(rule, kind) else f"{written(rule)} {kind}"
+
+
+def is_of(rule: str, kind: str) -> bool:
+    """Whether the name of a rule ends with a kind, which may have an index."""
+    return rule.rstrip("_12₁₂").endswith(kind)
 
 
 def served() -> pd.DataFrame:
@@ -160,7 +174,7 @@ def own_rule_by_class() -> pd.DataFrame:
         {
             "designs": groups.size(),
             "cannot reach Ms": groups.apply(lambda x: int(x.isna().sum())),
-            "median": groups.median(),
+            "median": groups.median().map(lambda x: f"{x:.2f}" if np.isfinite(x) else "–"),
             "within 10 %": groups.apply(lambda x: (x <= 1.1).mean()),
         }
     ).unstack()

@@ -57,10 +57,11 @@ def law() -> Markdown:
     off = table.assign(off=table["saves"] - start - slope * table["rolloff"])
     far = off.reindex(off["off"].abs().sort_values(ascending=False).index).head(4)
     named = ", ".join(f"{row.plant} ({100 * row.off:+.0f} points)" for row in far.itertuples())
+    error = np.sqrt((off["off"] ** 2).mean())
     return Markdown(
         f"Where noise may be loud, acceleration saves about **{100 * slope:.0f} % of the IAE for each order of "
-        f"roll-off** (with {100 * start:+.0f} % at none), right to {100 * off['off'].std():.0f} points in the mean "
-        f"square over {len(off)} plants. Farthest from the line: {named}."
+        f"roll-off**, {'less' if start < 0 else 'and'} {abs(100 * start):.0f} points. This line is off by "
+        f"{100 * error:.0f} points in the root mean square over {len(off)} plants. Farthest from it: {named}."
     )
 
 
@@ -88,7 +89,7 @@ def answer() -> Markdown:
         quiet, loud = saved.loc[(plants, "quiet")], saved.loc[(plants, "loud")]
         lines.append(
             f"* **{plants.capitalize()}** ({counts[plants]} plants). Nearest to the best of their kind: {rules}. "
-            f"Nearest to the best of all: {of_all.loc[plants]['rule']} {of_all.loc[plants]['kind']} "
+            f"Nearest to the best of all: {tables.with_kind(*of_all.loc[plants][['rule', 'kind']])} "
             f"({of_all.loc[plants]['median']:.2f}). PID saves {share(quiet['pid'])} of the IAE of the best PI where "
             f"noise must be quiet and {share(loud['pid'])} where it may be loud, PIDA another "
             f"{share(quiet['saves'])} and {share(loud['saves'])} of what is left."
@@ -100,7 +101,7 @@ def _nearest(best: pd.DataFrame, key: tuple[str, str], kind: str) -> str:
     """One rule with its distance."""
     if key not in best.index:
         return f"{kind}, none serves"
-    return f"{kind}, {best.loc[key]['rule']} ({best.loc[key]['median']:.2f})"
+    return f"{kind}, {tables.written(best.loc[key]['rule'])} ({best.loc[key]['median']:.2f})"
 
 
 def wrong(kind: str, table: pd.DataFrame) -> str:
@@ -129,7 +130,9 @@ def beside_rules() -> Markdown:
     for kind in tables.KINDS:
         own = medians[f"optimal {kind}"]
         rules = [
-            value for name, value in medians.items() if name.endswith(kind) and not name.startswith("optimal")
+            value
+            for name, value in medians.items()
+            if tables.is_of(name, kind) and not name.startswith("optimal")
         ]
         below = sum(value < own for value in rules)
         parts.append(f"{kind} {own:.2f} (smaller for {below} of {len(rules)} rules)")
