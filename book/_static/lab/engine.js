@@ -155,7 +155,8 @@
     const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
     const open = once(() => along(loop, grid()));
     const own = { loop, parts, grid, open, space, motion: once(() => motion(loop, parts(), grid(), open().size, space())) };
-    return { ...own, margins: once(() => marginsOf(own)), response: once(() => responseOf(own)) };
+    const runs = remembering(4, (...values) => linear(own, ...values));
+    return { ...own, margins: once(() => marginsOf(own)), response: once(() => responseOf(own)), linear: runs };
   });
 
   function prepared(asked) {
@@ -713,14 +714,22 @@
     const found = prepared(asked), { loop } = found, end = real("end", asked.end), points = real("points", asked.points, 2);
     if (end <= 0) fail(`end must be above 0, found ${end}`);
     if (!Number.isInteger(points)) fail(`points must be an integer, found ${points}`);
-    const setpoint = real("setpoint", asked.setpoint ?? 0), load = real("load", asked.load ?? 0);
-    const t = new Float64Array(points).map((_, k) => (end * k) / (points - 1));
-    const all = finer(loop, t);
+    const setpoint = real("setpoint", asked.setpoint ?? 0), load = real("load", asked.load ?? 0), free = found.linear(end, points, setpoint, load);
+    const [low, high] = loop.limits ?? [-Infinity, Infinity];
+    return free.least < low || free.most > high ? limited(asked, loop, free.t) : { t: free.t, y: free.y, u: free.u, fine: free.fine };
+  }
+
+  /* The response of a loop without limits, with what u reaches. */
+  function linear(found, end, points, setpoint, load) {
+    const { loop } = found, t = new Float64Array(points).map((_, k) => (end * k) / (points - 1)), all = finer(loop, t);
     const { y, u } = loop.delay ? march(loop, found.space(), found.motion(), setpoint, load, all) : closed(found.space(), setpoint, load, all);
-    if (loop.limits && u.some((value) => value < loop.limits[0] || value > loop.limits[1])) return limited(asked, loop, t);
-    let at = -1;
+    let at = -1, least = Infinity, most = -Infinity;
+    for (let k = 0; k < u.length; k++) {
+      if (u[k] < least) least = u[k];
+      if (u[k] > most) most = u[k];
+    }
     const even = t.map((time) => { do at++; while (all[at] !== time); return at; }), pick = (signal) => even.map((k) => signal[k]);
-    return { t, y: pick(y), u: pick(u), fine: { t: all, u } };
+    return { t, y: pick(y), u: pick(u), fine: { t: all, u }, least, most };
   }
 
   /* Where derivatives kick, as pairs of times: some filter times after the step, and after the first dead times, when the
@@ -869,9 +878,13 @@
     const share = Math.ceil(Math.max(end / finest, 4000) / (times.length - 1));
     const sampleTime = end / (share * (times.length - 1));
     const run = simulateSampled({ antiWindup: "clamping", ...asked, sampleTime });
-    const pick = (signal) => Float64Array.from(times, (_, k) => signal[k * share]), places = kicks(loop);
-    const close = (_, k) => k % share === 0 || places.some(([from, to]) => from <= run.t[k] && run.t[k] <= to);
-    return { t: times, y: pick(run.y), u: pick(run.u), fine: { t: run.t.filter(close), u: run.u.filter(close) } };
+    const places = kicks(loop), close = [];
+    for (let k = 0; k < run.t.length; k++) {
+      const time = run.t[k];
+      if (k % share === 0 || places.some(([from, to]) => from <= time && time <= to)) close.push(k);
+    }
+    const pick = (signal) => times.map((_, k) => signal[k * share]), fine = (signal) => new Float64Array(close.length).map((_, k) => signal[close[k]]);
+    return { t: times, y: pick(run.y), u: pick(run.u), fine: { t: fine(run.t), u: fine(run.u) } };
   }
 
   globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, roots, remembering };
