@@ -243,6 +243,17 @@ def test_smallest_filter(family, setting):
     assert smallest_filter_time(loops, pidalab.is_stable, longest=0.2) < border
 
 
+@pytest.mark.parametrize("longest", [0.2, 5.0])
+def test_the_search_for_a_filter_ends_at_a_thousandth_of_where_it_began(longest):
+    """Of a property that holds down to a known time constant, whatever the loop."""
+
+    def found(border):
+        return smallest_filter_time(lambda filter_time: filter_time, lambda time: time >= border, longest)
+
+    assert found(2e-3 * longest) == pytest.approx(2e-3 * longest, rel=1e-6)
+    assert found(0.9e-3 * longest) == 0
+
+
 def test_any_filter_will_do_for_pid():
     assert (
         smallest_filter_time(
