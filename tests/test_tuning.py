@@ -173,3 +173,11 @@ def test_an_integrator_alone_needs_a_limit():
         ValueError, match="noise_gain and sample_time must be given for integrators without lag"
     ):
         tune(pidalab.ipdt(1.0, 0.0), "PI")
+
+
+@pytest.mark.parametrize(("kind", "order"), [("PI", 0), ("PID", 1), ("PIDA", 2)])
+def test_the_filter_of_the_magnitude_optimum_is_ten_times_faster_than_the_process(kind, order):
+    """Its lags, one more than derivatives, sum up to a tenth of lags and dead time: three and one."""
+    found = pidalab.tune(pidalab.lags(3, delay=1.0), kind=kind, rule="magnitude optimum").controller
+    assert found.filter_order == order + 1
+    assert found.filter_order * found.filter_time == pytest.approx(0.1 * (3 + 1))

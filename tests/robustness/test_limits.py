@@ -243,6 +243,15 @@ def test_smallest_filter(family, setting):
     assert smallest_filter_time(loops, pidalab.is_stable, longest=0.2) < border
 
 
+@pytest.mark.parametrize("gain", [1.0, -1.0])
+def test_the_residue_of_an_inverse_response_is_that_at_rest(gain):
+    """P = k (1 - s/2) e^(-s/2)/(s (s + 1)) begins the other way; a gain of 0.2/k stabilises it."""
+    process = pidalab.Process([-0.5 * gain, gain], [1.0, 1.0, 0.0], 0.5)
+    assert circle(pidalab.Loop(process, 0.2 / gain)).holds
+    with pytest.raises(ValueError, match="positive residue"):
+        circle(pidalab.Loop(process, -0.2 / gain))
+
+
 @pytest.mark.parametrize("longest", [0.2, 5.0])
 def test_the_search_for_a_filter_ends_at_a_thousandth_of_where_it_began(longest):
     """Of a property that holds down to a known time constant, whatever the loop."""
