@@ -208,6 +208,21 @@ def test_uncertainty_of_gains_is_that_of_areas_passed_on(seed):
     assert mo.tune(measured, m, n, time).uncertainty == pytest.approx(np.abs(up - down), rel=1e-4)
 
 
+def test_a_gain_as_uncertain_as_it_is_large_is_refused():
+    """Uncertainty goes with the error of the areas: 0.9 times the gain is told, 1.5 times refused."""
+    values, error = areas.from_process(G2, 8), 1e-7 * np.random.default_rng(0).normal(size=8)
+
+    def design(times):
+        covariance = np.outer(times * error, times * error)
+        return mo.tune(areas.MeasuredAreas(values, covariance, (0, 1), (0, 1), (0, 1), True, 0.0), 2, 3, 0.2)
+
+    small = design(1.0)
+    share = np.max(np.array(small.uncertainty) / np.abs(small.gains))
+    assert np.max(np.array(design(0.9 / share).uncertainty) / np.abs(small.gains)) == pytest.approx(0.9)
+    with pytest.raises(ValueError, match="uncertain by 150 %, and 100 % is allowed"):
+        design(1.5 / share)
+
+
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_uncertain_gains_are_told_and_refused():
     """Noise of 0.001: PID good to a few per cent, as it says; PID_3^3 refused."""
