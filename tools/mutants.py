@@ -41,9 +41,8 @@ SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
 TABLE = ROOT / "book" / "data" / "mutants.csv"
 COLUMNS = ("module", "function", "was", "becomes", "outcome", "reason")
 LATER = "killed later"  # by a test that it asked for
-# the search for optima is not among them: studies/optimal_check.py holds it against another one
 WHAT_LOOPS_ARE = ("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace")
-METHODS = ("identification", "record", "reduction", "robustness", "rules", "simulation")
+METHODS = ("identification", "optimal", "record", "reduction", "robustness", "rules", "simulation")
 ROOMS = (*WHAT_LOOPS_ARE, *METHODS, "controllers", "digital", "ledger")
 # an operator of bits on numbers, or `is` on values, falls over anywhere; a cache that is gone changes no result
 WITHOUT = re.compile(
