@@ -89,3 +89,12 @@ def test_only_survivors_have_reasons():
     for row in mutants.rows():
         assert row["outcome"] in ("killed", mutants.LATER, "survived")
         assert row["outcome"] == "survived" or not row["reason"]
+
+
+def test_the_word_may_stand_behind_the_options(monkeypatch):
+    seen = []
+    monkeypatch.setattr(sys, "argv", ["mutants.py", "3", "--seed", "2", "simulation"])
+    monkeypatch.setattr(mutants, "sample", lambda *given: seen.append(given) or sys.exit())
+    with pytest.raises(SystemExit):
+        mutants.main()
+    assert seen == [(3, 2, "simulation")]

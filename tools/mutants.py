@@ -314,7 +314,7 @@ def main() -> int:
     parser.add_argument("word", nargs="?", default="", help="part of the paths of modules; by default all")
     parser.add_argument("--seed", type=int, default=1, help="of the sample")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="mutants at the same time")
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args()
     chosen = (
         survivors(given.word)
         if given.number == "again"
