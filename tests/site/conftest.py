@@ -75,12 +75,16 @@ def browser():
 
 @pytest.fixture
 def visit(browser):
-    """Open a page; returns it with the list, which still grows, of what goes wrong on it."""
-    contexts = []
+    """Open a page; returns it with the list, which still grows, of what goes wrong on it.
 
-    def visit(url, theme="light", viewport=WIDE):
-        contexts.append(browser.new_context(color_scheme=theme, viewport=viewport))
-        page, wrong = contexts[-1].new_page(), []
+    Its context is a new one, which remembers nothing, or one that is given.
+    """
+    opened = []
+
+    def visit(url, theme="light", viewport=WIDE, context=None):
+        own = context or browser.new_context(color_scheme=theme, viewport=viewport)
+        page, wrong = own.new_page(), []
+        opened.append(page if context else own)
 
         def stays_here(request):
             if urlsplit(request.url).netloc not in ("", urlsplit(url).netloc):  # data: and blob: have no host
@@ -97,8 +101,8 @@ def visit(browser):
         return page, wrong
 
     yield visit
-    for context in contexts:
-        context.close()
+    for one in opened:
+        one.close()
 
 
 @pytest.fixture

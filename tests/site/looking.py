@@ -64,23 +64,35 @@ EMPTY_FORMULAS = """() => {
   });
 }"""
 
-MOST = 8  # texts of a kind whose contrast is judged
-# A few visible texts of each kind that was not judged before, from all over the page: what contrast depends on is the
-# same for all of a kind, but axe-core does not judge a single letter, nor a text that something else covers in part.
+COLOURS = ("color-contrast", "link-in-text-block")
+MOST = 8  # texts of a kind whose colours are judged
+# A few visible texts and links of each kind that was not judged before, from all over the page: what contrast depends
+# on is the same for all of a kind, and so is what tells a link from the text around it; but axe-core does not judge a
+# single letter, nor a text that something else covers in part.
 MARK_KINDS = """([most, judged]) => {
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), texts = new Set(), kinds = new Map();
+  const add = (kind, one) => kinds.set(kind.join("|"), [...(kinds.get(kind.join("|")) ?? []), one]);
   while (walker.nextNode())
     if (walker.currentNode.data.trim().length > 1) texts.add(walker.currentNode.parentElement);
   for (const text of texts) {
     if (!text.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
     const { color, fontSize, fontWeight, textShadow } = getComputedStyle(text);
+    const link = text.closest("a[href]");
+    if (link) {
+      const around = getComputedStyle(link.parentElement);
+      const looks = (s) => [
+        s.color, s.backgroundColor, s.borderBottomStyle, s.display, s.fontSize, s.fontStyle, s.fontWeight,
+        s.textDecorationLine,
+      ];
+      add(["link", ...looks(getComputedStyle(link)), ...looks(around)], link);
+    }
     const kind = [color, fontSize, fontWeight, textShadow];
     for (let one = text; one; one = one.parentElement) {
       const { backgroundColor, backgroundImage, opacity } = getComputedStyle(one);
       const ground = [backgroundColor, backgroundImage, opacity].join();
       if (ground !== "rgba(0, 0, 0, 0),none,1") kind.push(ground);
     }
-    kinds.set(kind.join("|"), [...(kinds.get(kind.join("|")) ?? []), text]);
+    add(kind, text);
   }
   for (const marked of document.querySelectorAll("[data-kind]")) marked.removeAttribute("data-kind");
   for (const kind of judged) kinds.delete(kind);
@@ -103,6 +115,9 @@ EMPTY_UNMARKED = """() => {
 # Halfway between themes a colour is none, and axe-core judges no text on a gradient: that of what scrolls lies on the
 # colour of its ground.
 PLAIN = "* { transition: none !important; background-image: none !important }"
+ONLY_MARKED = """() => axe.configure({ rules: [
+  { id: "color-contrast", selector: "[data-kind]" }, { id: "link-in-text-block", selector: "a[data-kind]" },
+] })"""
 KEEP_MARKED = "() => document.querySelectorAll('[data-kind]').forEach((one) => { one.dataset.kept = '' })"
 IN_THEME = "(theme) => { document.documentElement.dataset.theme = theme }"
 
@@ -125,7 +140,7 @@ def barriers(page: Page, judged: Iterable[str] = (), **options) -> list[str]:
     page.evaluate(MARK_KINDS, [MOST, list(judged)])
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate(Axe().axe_script)
-        page.evaluate("() => axe.configure({ rules: [{ id: 'color-contrast', selector: '[data-kind]' }] })")
+        page.evaluate(ONLY_MARKED)
     # Without preload: axe would ask for stylesheets itself, and look for some in the wrong place.
     options = {"resultTypes": ["violations"], "preload": False, **options}
     run = "async (options) => (await axe.run({ exclude: [['mjx-container']] }, options)).violations"
@@ -146,11 +161,11 @@ def looked_over(page: Page) -> list[str]:
     page.set_viewport_size(WIDE)
     page.evaluate(EMPTY_FORMULAS)
     page.evaluate(SETTLED)
-    return wrong + barriers(page, rules={"color-contrast": {"enabled": False}})
+    return wrong + barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
 
 
 def contrasts(page: Page, judged: set[str]) -> list[str]:
-    """Texts too pale in light or in the dark, of kinds that were not judged before; these are added.
+    """Texts too pale and links too like them in light or in the dark, of kinds not judged before; these are added.
 
     Little is left of the page: its own scripts may stumble from now on.
     """
@@ -166,6 +181,6 @@ def contrasts(page: Page, judged: set[str]) -> list[str]:
     wrong = []
     for theme in ("light", "dark"):
         page.evaluate(IN_THEME, theme)
-        wrong += [f"{theme}: {text}" for text in barriers(page, judged, runOnly=["color-contrast"])]
+        wrong += [f"{theme}: {text}" for text in barriers(page, judged, runOnly=COLOURS)]
     judged.update(new)
     return wrong

@@ -7,7 +7,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
-from looking import contrasts, looked_over
+from looking import WIDE, contrasts, looked_over
 from turning import astray
 
 from pidalab.ledger import papers
@@ -41,9 +41,17 @@ def judged():
     return set()
 
 
-def test_page(page_name, home, site, visit, root, judged):
+@pytest.fixture(scope="module")
+def shared(browser):
+    """A context that remembers the scripts of the pages before; nothing on these pages is remembered but the theme."""
+    context = browser.new_context(color_scheme="light", viewport=WIDE)
+    yield context
+    context.close()
+
+
+def test_page(page_name, home, site, visit, root, judged, shared):
     """A page is loaded once for all that is looked at, since that takes longest."""
-    page, wrong = visit(f"{home}/{page_name}.html")
+    page, wrong = visit(f"{home}/{page_name}.html", context=shared)
     assert page.locator("html").get_attribute("data-theme") == "light"
     if page_name in chapters(root):
         page.set_viewport_size({"width": 1400, "height": 900})
@@ -151,6 +159,12 @@ BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</
         ),
         ("<p hidden style='color: #ccc'>pale</p><p style='color: #ccc'>pale</p>", "axe color-contrast"),
         ("<img src='data:,' alt='x'><a href='#'></a>", "axe link-name"),
+        (
+            "<p>many words <a href='#'>a link</a> more words</p>" * 20
+            + "<p>many words <a href='#' style='color: #333; text-decoration: none'>a link</a> more</p>"
+            + "<p>many words <a href='#'>a link</a> more words</p>" * 20,
+            "light: axe link-in-text-block",
+        ),
     ],
 )
 def test_bad_page_is_caught(html, found, tmp_path, visit):
