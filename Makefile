@@ -25,14 +25,14 @@ $(ENV): requirements.txt pyproject.toml
 	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
-book: $(SITE)  ## execute every notebook and build the site in _build/html (2 to 3 minutes)
+book: $(SITE)  ## execute every notebook and build the site in _build/html (about 2 minutes)
 	@echo "The site: _build/html/index.html"
 
 $(SITE): $(ENV) $(SOURCES)
 	$(BIN)/python tools/site.py
 	touch $@
 
-test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site (5 to 7 minutes)
+test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site (5 to 6 minutes)
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --nbval --nbval-current-env
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
