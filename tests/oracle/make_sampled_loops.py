@@ -210,7 +210,10 @@ def margins(num, den, h):
     phase = [*(frequency(y) for y in zeros(imaginary)), top]
     phase = [w for w in phase if L(w).real < 0]
     assert all(fabs(L(w).imag) < mpf(10) ** -CHECKED * fabs(L(w)) for w in phase)
-    sizes = [fabs(L(w)) for w in phase]
+    crossed, sizes = phase, [fabs(L(w)) for w in phase]
+    rest_den, rest_num = horner(den, mpf(1)), horner(num, mpf(1))
+    if fabs(rest_den) > mpf(10) ** -75 * max(map(fabs, den)) and rest_num / rest_den < 0:
+        phase, sizes = [mpf(0), *phase], [-rest_num / rest_den, *sizes]  # L is real at zero frequency too
     small, large = [x for x in sizes if x < 1], [x for x in sizes if x > 1]
     out = {
         "gm": 1 / max(small) if small else inf,
@@ -220,7 +223,7 @@ def margins(num, den, h):
         "wgc": crossings[turns.index(min(turns))] if turns else nan,
         "wpc": phase[sizes.index(max(small))] if small else nan,
         "gain_crossovers": crossings,
-        "phase_crossovers": phase,
+        "phase_crossovers": crossed,
     }
     for name, over in (("ms", dd), ("mt", nn)):
         change = _plus(_times(slope(over), below), [-x for x in _times(over, slope(below))])

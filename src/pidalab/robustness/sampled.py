@@ -175,17 +175,19 @@ def margins_sampled(loop: Loop, k: DigitalController) -> dict[str, Any]:
     still = _static(loop.process, sampled, w[0])
     ms, wms = _peak(lambda x: np.abs(1 / (1 + sampled.L(x))), w, 1 / abs(1 + still))
     mt, wmt = _peak(lambda x: np.abs(1 / (1 + 1 / sampled.L(x))), w, 1 / abs(1 + 1 / still) if still else 0.0)
-    small, large = size[size < 1], size[size > 1]
+    # at zero frequency L is real too
+    ends, size = np.append(0.0, at), np.append(max(-still, 0.0), size)
+    small, large = np.where(size < 1, size, 0.0), size[size > 1]
     return {
         "stable": True,
-        "gm": float(1 / small.max()) if small.size else math.inf,
+        "gm": float(1 / small.max()) if small.any() else math.inf,
         "gm_low": float(1 / large.min()) if large.size else 0.0,
         "pm": float(np.degrees(rotation.min(initial=math.inf))),
         "dm": float(np.min(lag / wgc, initial=math.inf)),
         "ms": ms,
         "mt": mt,
         "wgc": float(wgc[np.argmin(rotation)]) if wgc.size else math.nan,
-        "wpc": float(at[size < 1][np.argmax(small)]) if small.size else math.nan,
+        "wpc": float(ends[np.argmax(small)]) if small.any() else math.nan,
         "wms": wms,
         "wmt": wmt,
         "gain_crossovers": wgc,
