@@ -138,3 +138,232 @@ def test_a_ramp_between_levels_is_said():
     assert not any("takes" in doubt for doubt in ramps[3].doubts)
     assert ramps[40].steps[0].time == 120.0
     assert any("takes more than 30 to go from 40 to 50" in doubt for doubt in ramps[40].doubts)
+
+
+def bench(count=40, first=20, before=1.0, after=3.0, rest=None):
+    """A sample a second; the input steps at `first`, and the output follows a sample later, to 25 levels and more."""
+    t = np.arange(float(count))
+    y = 5.0 + (np.minimum(np.maximum(t - first, 0.0), 8.0) if rest is None else rest)
+    return t, np.where(t < first, before, after), y
+
+
+def test_of_samples_at_the_same_time_the_outputs_are_averaged_and_the_last_input_holds():
+    t, u, y = bench()
+    t, u, y = (np.append(x, more) for x, more in ((t, [30.0, 30.0]), (u, [7.0, 2.0]), (y, [1.0, 6.0])))
+    record = Record(t, u, y)
+    assert record.t.tolist() == np.arange(40.0).tolist()
+    assert (record.u[30], record.u[29], record.u[31]) == (2.0, 3.0, 3.0)
+    assert (record.y[29], record.y[30], record.y[31]) == (13.0, pytest.approx((13.0 + 1.0 + 6.0) / 3), 13.0)
+    assert record.doubts[:2] == (
+        "the times were not in order and were sorted",
+        "2 sample(s) had the time of another one and were averaged",
+    )
+
+
+def test_twenty_samples_are_enough():
+    t, u, y = bench(20, 10)
+    assert Record(t, u, y).t.size == 20
+    spoiled = [np.append(x, np.nan) for x in (t, u, y)]
+    for k in range(3):  # a missing time, input or output
+        columns = [np.append(x, 21.0) for x in (t, u, y)]
+        columns[k] = spoiled[k]
+        record = Record(*columns)
+        assert record.t.size == 20
+        assert record.doubts[0] == "1 of 21 samples had a missing value and were left out"
+    for few in ((t[1:], u[1:], y[1:]), (np.append(t[1:], 19.0), u, y)):
+        with pytest.raises(ValueError, match=r"20 (usable samples|different times) or more, found 19"):
+            Record(*few)
+
+
+@pytest.mark.parametrize(("jump", "number"), [(0.048, 1), (0.053, 2)])
+def test_a_step_is_a_twentieth_of_the_span_at_least(jump, number):
+    t = np.arange(100.0)
+    record = Record(t, np.where(t < 20, 0.0, np.where(t < 60, 1.0 - jump, 1.0)), np.minimum(t, 50.0))
+    assert len(record.steps) == number
+    assert record.steps[-1].time == (20.0 if number == 1 else 60.0)
+
+
+@pytest.mark.parametrize(("lasting", "number"), [(3, 1), (4, 2)])
+def test_a_level_is_four_samples_at_least(lasting, number):
+    t = np.arange(100.0)
+    u = np.select([t < 20, t < 20 + lasting], [0.0, 0.5], 1.0)
+    assert len(Record(t, u, np.minimum(t, 50.0)).steps) == number
+
+
+@pytest.mark.parametrize(("creep", "number"), [(0.095, 1), (0.115, 0)])
+def test_a_level_may_creep_by_a_tenth_of_the_span(creep, number):
+    """Between its quantiles of 2 and 98 %: of 81 samples the outer two on both sides do not count."""
+    t = np.arange(101.0)
+    u = np.where(t < 20, 0.0, 1.0 - creep / 0.96 + creep / 0.96 * (t - 20) / 80)
+    assert len(Record(t, u, np.minimum(t, 50.0)).steps) == number
+
+
+@pytest.mark.parametrize(("moving", "number"), [(28, 1), (31, 0)])
+def test_levels_last_for_seven_tenths_of_the_record(moving, number):
+    t = np.arange(101.0)
+    u = np.interp(t, [20.0, 20.0 + moving], [0.0, 1.0])
+    assert len(Record(t, u, np.minimum(t, 50.0)).steps) == number
+
+
+def test_a_step_lies_at_the_first_sample_that_is_halfway():
+    t = np.arange(40.0)
+    for shares, time in (([0.5], 20.0), ([0.49], 21.0), ([0.3, 0.5, 0.8], 21.0), ([0.3, 0.4, 0.6], 22.0)):
+        for low, high in ((1.0, 3.0), (3.0, -1.0)):
+            u = np.where(t < 20, low, high)
+            u[20 : 20 + len(shares)] = low + np.array(shares) * (high - low)
+            assert Record(t, u, bench()[2]).steps == ((time, low, high),)
+
+
+@pytest.mark.parametrize("samples", [7, 8])
+def test_noise_in_closed_form(samples):
+    """Of an output that alternates: with 8 samples at rest from these, with 7 from second differences of all."""
+    rest = np.resize([0.5, -0.5], 40)
+    record = Record(*bench(first=samples, rest=rest))
+    if samples == 8:
+        assert record.noise == (pytest.approx(0.5 * np.sqrt(8 / 7)), pytest.approx(-7 / 8), 8)
+        assert record.rest == 5.0
+        assert not any("uncertain" in doubt for doubt in record.doubts)
+    else:
+        assert record.noise == (pytest.approx(2.0 / 0.6745 / np.sqrt(6)), 0.0, 0)
+        assert record.rest == 5.5  # the median
+        assert "only 7 sample(s) before the input changes: the state of rest is uncertain" in record.doubts
+
+
+@pytest.mark.parametrize(
+    ("wobble", "slope", "said"),
+    [(0.2, 0.08, True), (2.0, 0.08, False), (0.0, 0.0045, True), (0.0, 0.0041, False)],
+)
+def test_drift_is_said_beyond_the_noise_and_a_fiftieth_of_the_change(wobble, slope, said):
+    t, u, _ = bench()
+    y = slope * np.minimum(t, 20.0) + wobble * np.resize([0.5, -0.5], 40) + np.where(t > 20, 4.0, 0.0)
+    doubts = Record(t, u, y).doubts
+    assert any("drifts" in doubt for doubt in doubts) == said
+    if said and not wobble:
+        assert f"the output drifts by {slope * 19:.3g} before the step: it was not at rest" in doubts
+
+
+def test_what_is_doubted_word_by_word():
+    t = np.delete(
+        np.arange(101.0), [*range(41, 46), *range(61, 68), *range(81, 85)]
+    )  # gaps of 6, 8, and 5: none
+    u = np.select([t < 20, t < 70], [1.0, 3.0], 2.0)
+    y = np.where(t < 25, 0.0, 4.0)
+    assert Record(t, u, y).doubts == (
+        "the output has only 2 levels, 4 apart",
+        "2 gap(s); the longest, 8, from 60",
+        "2 changes of the input: step from 1 to 3 at 20, step from 3 to 2 at 70",
+    )
+
+
+@pytest.mark.parametrize(("levels", "said"), [(20, True), (21, False)])
+def test_twenty_levels_are_coarse(levels, said):
+    t, u, _ = bench(80)
+    y = np.minimum(np.maximum(t - 20.0, 0.0), levels - 1)
+    assert any(f"only {levels} levels, 1 apart" in doubt for doubt in Record(t, u, y).doubts) == said
+
+
+@pytest.mark.parametrize(("slow", "said"), [(5, False), (6, True)])
+def test_an_input_that_takes_more_than_five_samples_is_said(slow, said):
+    """Samples beyond a tenth and before nine tenths of the way; where another step follows, up to halfway to it."""
+    t = np.arange(200.0)
+    u = np.where(t < 50, 2.0, 4.0)
+    u[50 : 50 + slow] = np.linspace(2.21, 3.79, slow)
+    for held in (u, np.where(t > 150, 2.0, u)):
+        doubts = Record(t, held, np.minimum(t, 90.0)).doubts
+        assert any(f"takes more than {slow - 1} to go from 2 to 4" in doubt for doubt in doubts) == said
+
+
+@pytest.mark.parametrize(("moved", "said"), [(0.19, False), (0.21, True)])
+def test_an_output_that_moves_by_a_fiftieth_in_its_last_tenth_is_said(moved, said):
+    """Of its last tenth the means of both halves differ by more than two hundredths of the change of 10."""
+    t = np.arange(200.0)
+    y = np.where(t < 20, 0.0, 10.0 - moved)
+    y[-10:] = 10.0
+    doubts = Record(t, np.where(t < 20, 1.0, 3.0), y).doubts
+    assert any("still moves at the end" in doubt for doubt in doubts) == said
+
+
+def test_a_moving_end_is_told_from_noise():
+    """Means of ten samples each have a tenth of its variance; three deviations are taken for noise."""
+    t = np.arange(200.0)
+    for wobble, said in ((0.6, True), (1.2, False)):
+        y = np.where(t < 20, 0.0, 10.0) + wobble * np.resize([0.5, -0.5], 200)
+        y[-10:] += 0.45
+        doubts = Record(t, np.where(t < 20, 1.0, 3.0), y).doubts
+        assert any("still moves at the end" in doubt for doubt in doubts) == said
+
+
+def test_uniform_in_closed_form():
+    """Samples every 2 with some missing: the grid goes through the step, and the output is interpolated."""
+    t = np.delete(np.arange(0.0, 60.0, 2.0), [2, 20]) + 7.0
+    u = np.where(t < 27.0, 1.0, 3.0)
+    u[3] = 1.02  # the input rests until it steps
+    grid, held, y = Record(t, u, 10.0 * t).uniform()
+    assert grid == pytest.approx(np.arange(0.0, 60.0, 2.0))
+    assert held.tolist() == [1.0] * 10 + [3.0] * 20
+    assert y == pytest.approx(10.0 * (7.0 + grid))
+    # a step off the grid of the first sample: what lies before a whole interval is left out
+    grid, held, y = Record(np.append(0.3, np.arange(1.0, 40.0)), bench()[1], bench()[2]).uniform()
+    assert (grid[0], grid[-1], held[18], held[19]) == (0.0, 38.0, 1.0, 3.0)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_uniform_knows_no_unit_of_time(unit):
+    t, u, y = bench()
+    u = u + np.where(t > 30, 0.01 * (t % 3), 0.0)
+    grid, held, output = Record(unit * (0.1 + t), u, y).uniform()
+    assert grid == pytest.approx(unit * t)
+    assert held == pytest.approx(u)
+    assert output == pytest.approx(y)
+
+
+def test_after_the_step_in_closed_form():
+    t, u, y = bench(50, 20, before=4.0, after=2.0)
+    times, response = Record(
+        np.delete(t, [30, 31]), np.delete(u, [30, 31]), np.delete(y, [30, 31])
+    ).after_step()
+    assert times.tolist() == np.arange(30.0).tolist()
+    assert response == pytest.approx(-np.minimum(times, 8.0) / 2)
+
+
+def test_spectrum_of_a_short_rest_is_its_periodogram():
+    """Of 20 samples at rest: windowed as Welch does, without the mean, per rad per time unit."""
+    rng = np.random.default_rng(7)
+    t, u, y = bench()
+    y = y + rng.normal(0.0, 0.1, 40)
+    frequencies, density = Record(0.5 * t, u, y).spectrum()
+    part = y[:19]  # the grid ends before the last sample at rest
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(19) / 19)
+    power = np.abs(np.fft.rfft(window * (part - part.mean()))) ** 2 / np.sum(window**2) * 0.5
+    power[1:] *= 2
+    assert frequencies == pytest.approx(2 * np.pi * np.fft.rfftfreq(19, 0.5))
+    assert density == pytest.approx(power / (2 * np.pi))
+
+
+def test_a_spectrum_takes_sixteen_samples_at_rest():
+    assert Record(*bench(first=16)).spectrum()[0].size > 1
+    with pytest.raises(ValueError, match="a spectrum needs 16 samples at rest or more, found 15"):
+        Record(*bench(first=15)).spectrum()
+
+
+def test_a_record_in_words():
+    record = Record(*bench(rest=np.resize([0.5, -0.5], 40)))
+    assert str(record).splitlines()[:3] == [
+        "40 samples over 39, every 1",
+        "input: step from 1 to 3 at 20",
+        "output: at rest 5 before the step, standard deviation of the noise 0.513, correlation -0.95",
+    ]
+    assert str(record).splitlines()[3] == "doubt: the output has only 2 levels, 1 apart"
+    assert repr(record) == "Record(40 samples from 0 to 39)"
+    t = np.arange(40.0)
+    assert "input: moves between -2 and 2" in str(Record(t, np.resize([2.0, 0.0, -2.0], 40), t))
+
+
+def test_the_step_that_is_named_counts_from_its_time_on():
+    t, u, y = bench()
+    for time in (3.0, 20.0):
+        assert Record(t, u, y, step=time).step.time == 20.0
+    with pytest.raises(
+        ValueError, match=r"step: no change of the input at or after 20\.5; found step from 1 to 3 at 20"
+    ):
+        Record(t, u, y, step=20.5)

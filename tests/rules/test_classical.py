@@ -154,3 +154,78 @@ def test_lambda_tuning_of_a_pid_takes_half_the_dead_time_for_a_lag():
 def test_simc_of_a_negative_gain_turns_the_sign():
     up, down = (classical.simc(pidalab.fopdt(gain, 3.0, 1.0), "PI").controller for gain in (2.0, -2.0))
     assert (down.kp, down.ti) == (-up.kp, up.ti)
+
+
+K, T, L = -2.0, 3.0, 0.5
+LAG, INTEGRATOR = pidalab.fopdt(K, T, L), pidalab.ipdt(K, L)
+
+
+@pytest.mark.parametrize(
+    ("rule", "model", "kind", "expected"),
+    [
+        (classical.amigo, LAG, "PI", ((0.15 + (0.35 - 1.5 / 12.25) * 6) / K, 0.175 + 58.5 / (9 + 18 + 1.75), 0)),
+        (classical.amigo, LAG, "PID", (2.9 / K, 0.5 * 2.6 / 0.8, 0.75 / 3.15)),
+        (classical.amigo, INTEGRATOR, "PI", (0.35 / (K * L), 13.4 * L, 0)),
+        (classical.amigo, INTEGRATOR, "PID", (0.45 / (K * L), 8 * L, L / 2)),
+        (classical.ziegler_nichols_step, LAG, "PI", (0.9 * T / (K * L), L / 0.3, 0)),
+        (classical.ziegler_nichols_step, LAG, "PID", (1.2 * T / (K * L), 2 * L, L / 2)),
+        (classical.ziegler_nichols_step, INTEGRATOR, "PI", (0.9 / (K * L), L / 0.3, 0)),
+        (classical.ziegler_nichols_step, INTEGRATOR, "PID", (1.2 / (K * L), 2 * L, L / 2)),
+        (classical.simc, LAG, "PI", (T / (K * 2 * L), T, 0)),
+        (classical.simc, LAG, "PID", (T / (K * 2 * L), T, 0)),  # there is no second lag
+        (classical.simc, INTEGRATOR, "PID", (1 / (K * 2 * L), 8 * L, 0)),
+        (classical.simc, pidalab.fopdt(K, 30.0, L), "PI", (30 / (K * 2 * L), 8 * L, 0)),
+        (classical.simc, pidalab.Process([K], [5.0, 6.0, 1.0], L), "PID", (1.25 * 5 / (K * 2 * L), 5.0, 0.8)),
+        (classical.lambda_tuning, LAG, "PI", (T / (K * (T + L)), T, 0)),
+        (classical.lambda_tuning, LAG, "PID", (3.25 / (K * 3.25), 3.25, 0.75 / 3.25)),
+    ],
+)  # fmt: skip
+def test_every_rule_beside_its_printed_formula(rule, model, kind, expected):
+    found = rule(model, kind, n=7.0).controller
+    assert (found.kp, found.ti, found.td, found.ta) == pytest.approx((*expected, 0.0), rel=1e-12)
+    assert found.n == (7.0 if kind == "PID" or rule is classical.simc else 10)
+    assert rule(model, kind).controller.n == 10
+    with pytest.raises(ValueError, match="kind must be 'PI' or 'PID', found 'P'"):
+        rule(model, "P")
+
+
+@pytest.mark.parametrize("kind", ["PI", "PID"])
+def test_closed_loop_time_stands_beside_the_dead_time(kind):
+    """Of an integrator with a lag, which the PID cancels and the PI adds to the dead time."""
+    model = pidalab.Process([0.5], [3.0, 1.0, 0.0], delay=1.0)
+    found = classical.simc(model, kind, closed_loop_time=0.25)
+    rest = 1.0 if kind == "PID" else 1.0 + 3.0 / 2
+    series = found.controller.gains().series()
+    assert (found.delay, found.closed_loop_time) == pytest.approx((rest, 0.25))
+    assert series.ti == pytest.approx(4 * (0.25 + rest))
+    assert series.kp == pytest.approx(1 / (0.5 * (0.25 + rest)))
+    assert classical.lambda_tuning(LAG).closed_loop_time == T
+
+
+@pytest.mark.parametrize("kind", ["PI", "PID"])
+def test_half_rule_needs_no_more_lags_than_there_are(kind):
+    found = classical.simc(pidalab.Process([-0.2, 2.0], [4.0, 1.0], delay=0.3), kind)
+    assert (found.lags, found.delay) == (pytest.approx((4.0,)), pytest.approx(0.4))
+    assert found.controller.kp == pytest.approx(4.0 / (2.0 * 0.8))
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "message"),
+    [
+        ([1.0], [1.0, 0.0, 0.0], "at most one integrator"),
+        ([1.0], [1.0, -1.0], "real stable poles"),
+        ([1.0], [1.0, 2 * 0.998, 1.0], "real stable poles"),  # imaginary parts of 6 %
+        ([0.1, 1.0], [1.0, 2.0, 1.0], "at most one zero, in the right half-plane"),
+        ([0.01, -0.2, 1.0], [1.0, 2.0, 1.0], "at most one zero"),
+        ([1.0, 0.0], [1.0, 2.0, 1.0], "at most one zero"),
+    ],
+)
+def test_half_rule_refuses(num, den, message):
+    with pytest.raises(ValueError, match=message):
+        classical.simc(pidalab.Process(num, den, 1.0))
+
+
+def test_half_rule_takes_poles_that_hardly_oscillate_for_real():
+    """Imaginary parts of 4 %, as rounding makes them of a multiple lag."""
+    found = classical.simc(pidalab.Process([1.0], [1.0, 2 * 0.9992, 1.0], 1.0), "PI")
+    assert (found.lags[0], found.delay) == pytest.approx((1.5, 1.5), rel=1e-2)
