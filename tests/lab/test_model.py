@@ -36,6 +36,7 @@ WORK = {
     "frequencies": "function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {",
     "pieces": "function apply(matrix, x, result) {",
     "samples": "function advance(matrix, x, w, next) {",
+    "matrices": "function exponential(matrix, time) {",
 }
 STUDY = """pidalabEngine.work = ({plant, design, conditions, changed}) => {
     const process = pidalabModel.PLANTS[plant], study = (more) =>
@@ -82,6 +83,9 @@ def test_a_change_costs_little_work(plant, conditions, counting):
     assert (by_noise["samples"] > 0) is ("noise" not in conditions)  # louder noise is added, not run again
     by_limits = counting.work(**asked, changed={"conditions": {"limits": [-0.3, 0.8]}})
     assert by_limits["frequencies"] == by_limits["pieces"] == 0  # nor the response without limits
+    by_sample_time = counting.work(**asked, changed={"conditions": {"sampleTime": 0.06}})
+    assert by_sample_time["frequencies"] == 0  # the curves are those of the controller as designed
+    assert 0 < by_sample_time["matrices"] <= 2  # one for each piece of a sample, for whatever is run with it
     others = [0.3 + 0.001 * k for k in range(1, 60)]
     again = counting.work(**asked, changed={"others": others})
     assert sum(again.values()) == 0  # what is seen all the time is never forgotten

@@ -119,6 +119,30 @@ def test_a_drag_studies_one_design_and_moves_its_lines(lab):
     assert page.evaluate("() => counted().saved") == 1
 
 
+MADE = """async (select) => {
+  const parts = "[class^=lab-] :is(path, text, td)", before = new Set(document.querySelectorAll(parts));
+  let made = 0;
+  for (const name of ["createElement", "createElementNS"]) {
+    const create = document[name];
+    document[name] = function (...what) { made++; return create.apply(this, what); };
+  }
+  select.value = "heo-1";
+  select.dispatchEvent(new Event("change"));
+  await new Promise(requestAnimationFrame);
+  const after = [...document.querySelectorAll(parts)];
+  return { made, fresh: after.filter((part) => !before.has(part)).length, all: after.length };
+}"""
+
+
+def test_a_change_of_all_axes_and_numbers_makes_few_parts_of_the_page(lab):
+    """No more than there are ticks more than before: what stays is not laid out again."""
+    page = lab()
+    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 4")
+    found = page.get_by_label("plant", exact=True).evaluate(MADE)
+    assert found["made"] == found["fresh"] < 0.1 * found["all"]
+
+
 SAMPLES = """() => {
   const { t, u } = document.querySelector(".pidalab-lab").lab.current.setpoint;
   return [[...t], [...u]];

@@ -156,7 +156,8 @@
     const open = once(() => along(loop, grid()));
     const own = { loop, parts, grid, open, space, motion: once(() => motion(loop, parts(), grid(), open().size, space())) };
     const runs = remembering(4, (...values) => linear(own, ...values));
-    return { ...own, margins: once(() => marginsOf(own)), response: once(() => responseOf(own)), linear: runs };
+    const samples = remembering(2, (h) => held(space(), loop.delay, h));
+    return { ...own, margins: once(() => marginsOf(own)), response: once(() => responseOf(own)), linear: runs, held: samples };
   });
 
   function prepared(asked) {
@@ -449,7 +450,7 @@
   }
 
   /* L(jw) = re + j im, |C(jw)| and the phase of C in degrees at frequencies that follow every turn while |L| is above 0.02, or at those asked for. */
-  const frequencyResponse = (asked) => (asked.w ? responseOf(prepared(asked), asked.w) : { ...prepared(asked).response() });
+  const frequencyResponse = (asked) => (asked.w ? responseOf(prepared(asked), asked.w) : prepared(asked).response());
 
   function responseOf(found, asked) {
     const { loop } = found;
@@ -753,11 +754,20 @@
   // --- a digital controller, its limits, noise ----------------------------------------------------------------------
 
   /* What a held input makes of the states x' = A x + b w over a time, as a flat matrix for [x, w]. */
-  function held(A, b, time) {
+  function drift(A, b, time) {
     const n = b.length, wide = zeros(n + 1, n + 1);
     for (let i = 0; i < n; i++) { wide[i].set(A[i]); wide[i][n] = b[i]; }
     const exact = exponential(wide, time);
     return flat(exact.slice(0, n));
+  }
+
+  /* The process from sample to sample: y = out x + dy w, and a step for each piece of a sample in which its delayed input
+     is constant, the one of `ago` samples before. */
+  function held({ A, b, cy, dy, np }, delay, h) {
+    if (dy && delay < h * 1e-9) fail("the process answers within the sample");
+    const own = A.slice(0, np).map((row) => row.slice(0, np)), whole = Math.floor(delay / h + 1e-9), part = delay - whole * h;
+    const ways = part < h * 1e-9 ? [[h, whole]] : [[part, whole + 1], [h - part, whole]];
+    return { np, dy, out: cy.slice(0, np), steps: ways.map(([time, ago]) => ({ matrix: drift(own, b.slice(0, np), time), ago })) };
   }
 
   /* The chain of lags of the filter with the error as its input, and the control signal less its integral as a row:
@@ -836,16 +846,8 @@
     const count = Math.round(end / h) + 1;
     if (count > 2e6) fail(`sampleTime ${h} makes ${count} samples; take a longer one`);
     const [low, high] = loop.limits ?? [-Infinity, Infinity];
-    const { A, b, cy, dy, np } = prepared(asked).space();
-    if (dy && loop.delay < h * 1e-9) fail("the process answers within the sample");
-
-    // Process over the one or two pieces of a sample in which its delayed input is constant.
-    const own = A.slice(0, np).map((row) => row.slice(0, np)), drive = b.slice(0, np), out = cy.slice(0, np);
-    const whole = Math.floor(loop.delay / h + 1e-9), part = loop.delay - whole * h;
-    const ways = part < h * 1e-9 ? [[h, whole]] : [[part, whole + 1], [h - part, whole]];
-    const steps = ways.map(([time, ago]) => ({ matrix: held(own, drive, time), ago }));
-    const rule = integralOf(loop, way, h, backward, asked.trackingTime);
-    const block = controllerBlock(rule.block), inside = held(block.A, block.b, h), newest = h / (loop.time + h);
+    const { np, dy, out, steps } = prepared(asked).held(h), rule = integralOf(loop, way, h, backward, asked.trackingTime);
+    const block = controllerBlock(rule.block), inside = backward ? null : drift(block.A, block.b, h), newest = h / (loop.time + h);
 
     const t = new Float64Array(count), y = new Float64Array(count), u = new Float64Array(count);
     const before = steps[0].ago, v = new Float64Array(count + before);

@@ -65,7 +65,7 @@
     const id = `lab-input-${++names}`;
     const box = element("select", { id, onchange: () => set(box.value) },
       ...options.map(([value, text]) => element("option", { value }, text)));
-    const row = element("div", { class: "lab-row" }, element("label", { for: id }, label), box);
+    const row = element("div", { class: "lab-row lab-choice" }, element("label", { for: id }, label), box);
     row.refresh = () => { if (box.value !== get()) box.value = get(); };
     return row;
   }
@@ -76,9 +76,6 @@
     row.refresh = () => { box.checked = get(); };
     return row;
   }
-
-  /* Show one element in a place. */
-  const fill = (place, made) => { if (place.firstChild) plot.become(place.firstChild, made); else place.append(made); };
 
   const button = (text, onclick) => element("button", { type: "button", class: "lab-button", onclick }, text);
 
@@ -220,9 +217,9 @@
   };
 
   /* The head of a column; a formula may break at its fraction bar. */
-  const heading = (text) => element("th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => (k ? [element("wbr"), part] : part)));
+  const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => (k ? [["wbr", {}], part] : part))];
 
-  const noiseMeant = (shown) => element("caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}`);
+  const noiseMeant = (shown) => ["caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}`];
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
 
@@ -347,6 +344,7 @@
         button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
       this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, this.table, plots, actions, this.saving, this.out)));
       this.host.classList.add("lab-ready");
+      document.body.classList.add("lab-page");
     }
 
     pick({ num, den, delay }) { return { num, den, delay }; }
@@ -455,16 +453,16 @@
     drawTable(shown) {
       const columns = COLUMNS.map((key) => NUMBERS[key]);
       const gains = ({ kind, ...design }) => ["kp", "ti", "td", "ta"].slice(0, ORDER[kind] + 2).map((key) => `${key} ${digits(design[key])}`).join(", ");
+      const numbers = (s) => (s.stable ? columns.map(([, get]) => ["td", {}, digits(get(s), 4)]) : [["td", { colspan: columns.length }, "unstable: it has no margins"]]);
       const rows = (s) => [
-        element("tr", {},
-          element("th", { scope: "rowgroup", rowspan: 2 }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.kind ? "kept: " : ""}${s.design.kind}`),
-          ...(s.stable ? columns.map(([, get]) => element("td", {}, digits(get(s), 4))) : [element("td", { colspan: columns.length }, "unstable: it has no margins")])),
-        element("tr", { class: "lab-gains" }, element("td", { colspan: columns.length }, gains(s.design))),
+        ["tr", { class: "lab-numbers" },
+          ["th", { scope: "rowgroup", rowspan: 2 }, ["span", { class: `lab-key lab-key-${s.kind}` }], ` ${s.kind ? "kept: " : ""}${s.design.kind}`], ...numbers(s)],
+        ["tr", { class: "lab-gains" }, ["td", { colspan: columns.length }, gains(s.design)]],
       ];
-      fill(this.table, element("table", {},
+      plot.show(this.table, ["table", {},
         noiseMeant(shown),
-        element("thead", {}, element("tr", {}, heading("design"), ...columns.map(([name]) => heading(name)))),
-        ...shown.map((s) => element("tbody", {}, ...rows(s)))));
+        ["thead", {}, ["tr", {}, heading("design"), ...columns.map(([name]) => heading(name))]],
+        ...shown.map((s) => ["tbody", {}, ...rows(s)])]);
     }
 
     /* Say the result in words and save it in the address, once the hand rests. */
@@ -478,7 +476,7 @@
     }
   }
 
-  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant, heading, fill };
+  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant, heading };
   const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
 })();

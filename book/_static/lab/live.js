@@ -17,7 +17,8 @@
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
-  const { element, slider, digits, drawPlots, NUMBERS, noiseMeant, heading, fill } = globalThis.pidalabLab;
+  const { element, slider, digits, drawPlots, NUMBERS, noiseMeant, heading } = globalThis.pidalabLab;
+  const { show } = globalThis.pidalabPlot;
 
   class Live {
     constructor(host) {
@@ -89,11 +90,10 @@
       for (const knob of this.knobs) knob.refresh();
       drawPlots(this.plots, this.process, shown, { ms: shown.map((s) => s.design.ms ?? (rule.knob === "ms" ? state.ms : s.ms)) });
       const keys = state.numbers ?? ["iae", "ms", "sigma"], columns = keys.map((key) => NUMBERS[key]);
-      fill(this.table, element("table", {}, ...(keys.includes("sigma") ? [noiseMeant(shown)] : []),
-        element("thead", {}, element("tr", {}, heading("loop"), ...columns.map(([name]) => heading(name)))),
-        element("tbody", {}, ...shown.map((s) => element("tr", {},
-          element("th", { scope: "row" }, element("span", { class: `lab-key lab-key-${s.kind}` }), ` ${s.name}`),
-          ...this.cells(s, columns))))));
+      show(this.table, ["table", {}, ...(keys.includes("sigma") ? [noiseMeant(shown)] : []),
+        ["thead", {}, ["tr", {}, heading("loop"), ...columns.map(([name]) => heading(name))]],
+        ["tbody", {}, ...shown.map((s) => ["tr", {},
+          ["th", { scope: "row" }, ["span", { class: `lab-key lab-key-${s.kind}` }], ` ${s.name}`], ...this.cells(s, columns)])]]);
       if (this.link && shown[0]) this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       clearTimeout(this.speaking);
       const words = shown.map((s) => `${s.name}: ${s.stable ? "" : "unstable, "}${this.known(s, columns).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
@@ -106,7 +106,7 @@
     cells(s, columns) {
       const known = this.known(s, columns), missing = columns.length - known.length;
       return [
-        ...(missing ? [element("td", { colspan: missing }, "unstable")] : []), ...known.map(([, get]) => element("td", {}, digits(get(s)))),
+        ...(missing ? [["td", { colspan: missing }, "unstable"]] : []), ...known.map(([, get]) => ["td", {}, digits(get(s))]),
       ];
     }
 

@@ -74,10 +74,8 @@
   }
 
   /* Standard deviation of u for white measurement noise of standard deviation 1, held for the sample time: the root of
-     the sum of squares of what one noisy sample does. */
-  function noiseGain(process, own, sampleTime, end, method) {
-    return Math.sqrt(impulses(process, own, sampleTime, end, method).u.reduce((sum, value) => sum + value * value, 0));
-  }
+     the sum of squares of what one noisy sample does, until `end`. */
+  const noiseGain = (u, sampleTime, end) => Math.sqrt(u.subarray(0, Math.round(end / sampleTime) + 1).reduce((sum, value) => sum + value * value, 0));
 
   const MOST_SAMPLES = 3e5;
 
@@ -95,30 +93,42 @@
       if (!(last < middle) || s.length > MOST_SAMPLES) return none;
       span *= 2;
     }
-    const gain = (x, w) => {
+    const length = Math.max(heard(s), heard(u));
+    const gains = (w) => { // of both at once, by Horner's scheme in 1/z
       const c = Math.cos(w * sampleTime), d = -Math.sin(w * sampleTime);
-      let re = 0, im = 0; // Horner's scheme in 1/z
-      for (let k = x.length - 1; k >= 0; k--) {
-        const next = re * c - im * d + x[k];
-        im = re * d + im * c;
-        re = next;
+      let a = 0, b = 0, p = 0, q = 0;
+      for (let k = length - 1; k >= 0; k--) {
+        const next = a * c - b * d + s[k], other = p * c - q * d + u[k];
+        b = a * d + b * c;
+        q = p * d + q * c;
+        a = next;
+        p = other;
       }
-      return Math.hypot(re, im);
+      return [Math.hypot(a, b), Math.hypot(p, q)];
     };
-    const top = (x) => {
-      let low = Math.log(Math.PI / (sampleTime * third)), high = Math.log(Math.PI / sampleTime), best = 0;
-      for (const count of [120, 16, 16]) { // closer each time
-        const each = (high - low) / count;
-        let at = low;
-        for (let k = 0; k <= count; k++) {
-          const value = gain(x, Math.exp(low + k * each));
-          if (value > best) { best = value; at = low + k * each; }
-        }
-        [low, high] = [at - each, Math.min(at + each, Math.log(Math.PI / sampleTime))];
+    const lowest = Math.log(Math.PI / (sampleTime * third)), highest = Math.log(Math.PI / sampleTime);
+    const between = (low, high, count) => Array.from({ length: count + 1 }, (_, k) => low + ((high - low) * k) / count);
+    const first = between(lowest, highest, 120), seen = first.map((w) => gains(Math.exp(w)));
+    const [ms, mks] = [0, 1].map((which) => {
+      let grid = first, values = seen.map((pair) => pair[which]), best = 0;
+      for (let round = 0; ; round++) { // closer each time
+        const k = values.reduce((top, value, i) => (value > values[top] ? i : top), 0);
+        best = Math.max(best, values[k]);
+        if (round === 2) return best;
+        grid = between(grid[k] - (grid[1] - grid[0]), Math.min(grid[k] + (grid[1] - grid[0]), highest), 16);
+        values = grid.map((w) => gains(Math.exp(w))[which]);
       }
-      return best;
-    };
-    return { ...none, ms: top(s), mks: top(u), stable: true };
+    });
+    return { ...none, ms, mks, stable: true, sigma: noiseGain(u, sampleTime, Math.min(end, 4000 * sampleTime)) };
+  }
+
+  /* How many samples of an impulse response are heard: the sum of all others is less than a millionth of its largest, and
+     that is no more than the largest gain. */
+  function heard(x) {
+    const least = 1e-6 * largest(x);
+    let count = x.length;
+    for (let rest = 0; count && (rest += Math.abs(x[count - 1])) < least;) count--;
+    return count;
   }
 
   /* Phase margin where the loop gain first falls through 1, in degrees, and the top of |L| where it has risen again beyond:
@@ -157,7 +167,7 @@
     let beyond;
     return {
       ...found, beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h,
-      sigma: found.stable ? noiseGain(process, own, h, Math.min(end, 4000 * h), sampleTime ? "backward" : "held") : NaN,
+      sigma: !found.stable ? NaN : found.sigma ?? noiseGain(impulses(process, own, h, Math.min(end, 4000 * h), "held").u, h, end),
     };
   });
 

@@ -7,24 +7,35 @@
   "use strict";
   const WIDTH = 440, HEIGHT = 270, LEFT = 56, RIGHT = 10, TOP = 26, BOTTOM = 40;
 
-  const make = (name, attributes, parent, text) => {
-    const element = document.createElementNS("http://www.w3.org/2000/svg", name);
-    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-    if (text !== undefined) element.textContent = text;
-    parent?.append(element);
-    return element;
-  };
+  /* What is wanted in a part of the page is a text, or [name, attributes, ...what is wanted inside]. */
+  function create(parent, wanted) {
+    if (typeof wanted === "string") return document.createTextNode(wanted);
+    const made = document.createElementNS(parent.namespaceURI, wanted[0]);
+    alter(made, wanted);
+    return made;
+  }
 
-  /* Make a part of the page equal to another with few changes: what stays is not laid out again. */
-  function become(part, made) {
-    if (part.isEqualNode(made)) return;
-    if (part.nodeName !== made.nodeName) { part.replaceWith(made); return; }
-    if (part.nodeType === Node.TEXT_NODE) { part.data = made.data; return; }
-    for (const { name, value } of made.attributes) if (part.getAttribute(name) !== value) part.setAttribute(name, value);
-    for (const { name } of [...part.attributes]) if (!made.hasAttribute(name)) part.removeAttribute(name);
-    const old = [...part.childNodes], young = [...made.childNodes];
-    old.forEach((child, k) => { if (young[k]) become(child, young[k]); else child.remove(); });
-    part.append(...young.slice(old.length));
+  /* Make a part of the page what is wanted; only what differs from what it was is touched, and laid out again. */
+  function alter(part, [, attributes, ...wanted], [, known, ...before] = ["", {}]) {
+    for (const key in attributes) if (attributes[key] !== known[key]) part.setAttribute(key, attributes[key]);
+    for (const key in known) if (!(key in attributes)) part.removeAttribute(key);
+    wanted.forEach((child, k) => {
+      const was = before[k], text = typeof child === "string", one = part.childNodes[k];
+      if (was === undefined) part.append(create(part, child));
+      else if (text !== (typeof was === "string") || (!text && child[0] !== was[0])) one.replaceWith(create(part, child));
+      else if (!text) alter(one, child, was);
+      else if (child !== was) one.data = child;
+    });
+    for (let k = wanted.length; k < before.length; k++) part.lastChild.remove();
+  }
+
+  const shown = new WeakMap(); // of a place, what is in it
+
+  /* Show in a place what is wanted there. */
+  function show(place, ...inside) {
+    const wanted = ["", {}, ...inside];
+    alter(place, wanted, shown.get(place));
+    shown.set(place, wanted);
   }
 
   /* Smallest and largest finite value of all lines, with a little air. */
@@ -153,15 +164,6 @@
 
   const places = new WeakMap(); // what was drawn where
 
-  /* What is drawn in a place, with these axes: they are drawn only where they changed. */
-  function axes(host, { title, x, y, xRange, yRange, px, py }) {
-    const found = places.get(host) ?? frame(host, title), key = JSON.stringify([title, x.label, x.log, xRange, y.log, yRange]);
-    places.set(host, found);
-    if (found.key !== key) become(found.axes, grid({ title, x, y, xRange, yRange, px, py }));
-    found.key = key;
-    return found;
-  }
-
   let count = 0;
 
   function draw(host, { title, x, y, lines, equal }) {
@@ -180,42 +182,38 @@
     };
     const px = along(xRange, x.log, LEFT, WIDTH - RIGHT), py = along(yRange, y.log, HEIGHT - BOTTOM, TOP);
 
-    const { inside, drawn } = axes(host, { title, x, y, xRange, yRange, px: (value) => place(px, value), py: (value) => place(py, value) });
-    while (inside.childElementCount > lines.length) inside.lastChild.remove();
-    drawn.length = Math.min(drawn.length, lines.length);
-    lines.forEach((line, k) => {
-      const wanted = { class: `lab-line lab-${line.kind}`, d: remembered(line, px, py) };
-      const one = inside.children[k] ?? make("path", {}, inside);
-      for (const name of ["class", "d"]) if (drawn[k]?.[name] !== wanted[name]) one.setAttribute(name, wanted[name]);
-      drawn[k] = wanted;
-    });
+    const found = places.get(host) ?? frame(host, title), key = JSON.stringify([title, x.label, x.log, xRange, y.log, yRange]);
+    places.set(host, found);
+    if (found.key !== key) show(found.axes, ...grid({ title, x, y, xRange, yRange, px, py }));
+    found.key = key;
+    show(found.inside, ...lines.map((line) => ["path", { class: `lab-line lab-${line.kind}`, d: remembered(line, px, py) }]));
   }
 
   /* An empty plot: a group for its axes and one for its lines. */
   function frame(host, title) {
-    const clip = `pidalab-clip-${++count}`;
-    const svg = make("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title, class: "lab-plot" });
-    make("rect", { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM }, make("clipPath", { id: clip }, make("defs", {}, svg)));
-    const found = { axes: make("g", {}, svg), inside: make("g", { "clip-path": `url(#${clip})` }, svg), drawn: [] };
+    const clip = `pidalab-clip-${++count}`, box = { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
+    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    alter(svg, ["svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title, class: "lab-plot" },
+      ["defs", {}, ["clipPath", { id: clip }, ["rect", box]]], ["g", {}], ["g", { "clip-path": `url(#${clip})` }]]);
     host.replaceChildren(svg);
-    return found;
+    const [, axes, inside] = svg.children;
+    return { axes, inside };
   }
 
-  /* Title, grid and words of a plot. */
+  /* Title, grid and words of a plot. The lines of the grid are one path, its words follow in their order. */
   function grid({ title, x, y, xRange, yRange, px, py }) {
-    const group = make("g", {});
-    make("text", { x: LEFT, y: 16, class: "lab-title" }, group, title);
-    for (const value of ticks(xRange, x.log)) {
-      make("line", { x1: px(value), x2: px(value), y1: TOP, y2: HEIGHT - BOTTOM, class: "lab-grid" }, group);
-      make("text", { x: px(value), y: HEIGHT - BOTTOM + 16, class: "lab-tick", "text-anchor": "middle" }, group, named(value, x.log));
-    }
-    for (const value of ticks(yRange, y.log)) {
-      make("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: py(value), y2: py(value), class: "lab-grid" }, group);
-      make("text", { x: LEFT - 6, y: py(value) + 4, class: "lab-tick", "text-anchor": "end" }, group, named(value, y.log));
-    }
-    make("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, class: "lab-label", "text-anchor": "middle" }, group, x.label);
-    return group;
+    const text = (x, y, name, anchor, words) => ["text", { x, y, class: name, "text-anchor": anchor }, words];
+    const across = ticks(xRange, x.log).map((value) => [word(place(px, value)), named(value, x.log)]);
+    const up = ticks(yRange, y.log).map((value) => [word(place(py, value)), named(value, y.log)]);
+    const lines = [...across.map(([at]) => `M${at} ${TOP}V${HEIGHT - BOTTOM}`), ...up.map(([at]) => `M${LEFT} ${at}H${WIDTH - RIGHT}`)];
+    return [
+      ["path", { class: "lab-grid", d: lines.join("") }],
+      text(LEFT, 16, "lab-title", "start", title),
+      text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 6, "lab-label", "middle", x.label),
+      ...across.map(([at, words]) => text(at, HEIGHT - BOTTOM + 16, "lab-tick", "middle", words)),
+      ...up.map(([at, words]) => text(LEFT - 6, Number(at) + 4, "lab-tick", "end", words)),
+    ];
   }
 
-  globalThis.pidalabPlot = Object.assign(draw, { become });
+  globalThis.pidalabPlot = Object.assign(draw, { show });
 })();
