@@ -1,8 +1,10 @@
 """Controllers: the printed formulas at random complex frequencies, conversions there and back, and every refusal."""
 
+import dataclasses
 import math
 import re
 
+import control
 import numpy as np
 import pytest
 
@@ -351,3 +353,71 @@ def test_without_integral_action_the_fraction_is_the_same_controller():
     assert den[-1] == 1.0
     filtered = ideal(controller.gains()) / (0.1 * POINTS + 1) ** 2
     np.testing.assert_allclose(np.polyval(num, POINTS) / np.polyval(den, POINTS), filtered, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "C",
+    [
+        pidalab.PIDA(2.0, 4.0),
+        pidalab.NonInteractivePIDA(1.0, 2.0, 0.5, 0.1),
+        pidalab.HighOrderPID([1.0, 2.0], 0.1, 1),
+        pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2),
+    ],
+    ids=lambda C: type(C).__name__,
+)
+def test_a_controller_does_not_change(C):
+    for field in dataclasses.fields(C):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(C, field.name, getattr(C, field.name))
+
+
+@pytest.mark.parametrize(("kd", "ka", "least"), [(0.0, 0.0, 0), (0.5, 0.0, 1), (0.5, 0.1, 2), (0.0, 0.1, 2)])
+def test_a_filter_is_of_the_order_of_the_derivatives_at_least(kd, ka, least):
+    assert pidalab.SeriesPIDA(1.0, kd, ka, 2.0, 0.1, least).filter_order == least
+    with pytest.raises(ValueError, match=f"filter_order must be a whole number, at least {least}"):
+        pidalab.SeriesPIDA(1.0, kd, ka, 2.0, 0.1, least - 1)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_high_order_pid_has_a_filter_of_the_order_of_its_derivative_at_least(order):
+    gains = [1.0] * (order + 2)
+    assert pidalab.HighOrderPID(gains, 0.1, order).filter_order == order
+    with pytest.raises(ValueError, match=f"filter_order must be a whole number, at least {order}"):
+        pidalab.HighOrderPID(gains, 0.1, order - 1)
+
+
+def test_limits_of_a_controller_hold_from_its_working_point_on():
+    C = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2, limits=(-1.0, 3.0))
+    assert C.discretise(0.1).limits == (-1.0, 3.0)
+    assert C.discretise(0.1, bias=10.0, u_span=2.0).limits == (8.0, 16.0)
+    assert C.discretise(0.1, limits=(-7.0, 7.0)).limits == (-7.0, 7.0)
+    assert pidalab.PIDA(1.0, 2.0).discretise(0.1, bias=5.0).limits == (-np.inf, np.inf)
+
+
+def test_a_digital_controller_says_what_it_was():
+    C = pidalab.PIDA(2.0, 4.0)
+    behind = control.tf([1.0], [0.2, 1.0])
+    assert C.discretise(0.1).source == repr(C)
+    assert C.discretise(0.1, output_filter=behind).source == f"{C!r} and {behind!r}"
+    assert C.discretise(0.1, source="mine").source == "mine"
+
+
+def test_reset_of_a_series_controller_keeps_its_stabiliser():
+    found = pidalab.SeriesPIDA(1.0, 0.5, 0.25, 2.0, 0.1, 3).automatic_reset()
+    assert (found.time, found.filter_time, found.filter_order) == (2.0, 0.1, 3)
+    assert found.stabiliser.tolist() == [0.25, 0.5, 1.0]
+    k = pidalab.SeriesPIDA(1.0, 0.5, 0.25, 2.0, 0.1, 3).discretise(0.05)
+    assert k.from_signal
+    s = 0.3 + 0.4j
+    assert pidalab.SeriesPIDA(1.0, 0.5, 0.25, 2.0, 0.1, 3)(s) == pytest.approx(
+        (1 + 0.5 * s + 0.25 * s**2) / (0.1 * s + 1) ** 3 * (1 + 2 * s) / (2 * s)
+    )
+
+
+def test_a_factor_multiplies_the_gains_alone():
+    C = pidalab.SeriesPIDA(1.0, 0.5, 0.25, 2.0, 0.1, 2, limits=(-1.0, 3.0))
+    twice = 2.0 * C
+    assert (twice.kp, twice.kd, twice.ka, twice.ti, twice.limits) == (2.0, 1.0, 0.5, 2.0, (-1.0, 3.0))
+    s = np.array([0.3j, 1.0 + 1.0j])
+    behind = control.tf([1.0], [0.2, 1.0])
+    np.testing.assert_allclose((C * behind)(s), C(s) / (0.2 * s + 1), rtol=1e-12)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.loop import require_well_posed
+from pidalab.loop import open_loop, require_loop, require_well_posed
 
 RNG = np.random.default_rng(3)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)
@@ -169,3 +169,121 @@ def test_limits_are_those_of_the_controller_seen_from_rest():
     series = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2, limits=(-1.0, 3.0))
     assert pidalab.Loop(pidalab.lags(2), series).limits == (-1.0, 3.0)
     assert pidalab.Loop(pidalab.lags(2), pidalab.PIDA(1.0, 2.0)).limits == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (pidalab.rules.classical.simc(pidalab.fopdt(1.0, 2.0, 1.0)), r"found Design; pass its \.loop\(\)"),
+        (PROCESS, "found Process; for a process alone use open_loop_step"),
+        (CONTROLLER, r"found PIDA; close one with pidalab\.Loop\(process, controller\)"),
+    ],
+    ids=["design", "process", "controller"],
+)
+def test_what_is_no_loop_is_told_what_to_do(value, message):
+    for asks in (require_loop, open_loop):
+        with pytest.raises(TypeError, match=message):
+            asks(value)
+    require_loop(LOOP)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.5, 20.0])
+def test_frequencies_of_a_plot_in_closed_form(delay):
+    """From a decade below the slowest corner to one above the fastest; the dead time counts as one, and turns twice."""
+    loop = pidalab.Loop(
+        pidalab.Process([3.0, 1.0], [4.0, 5.0, 1.0], delay), control.tf([1.0], [0.02, 1.0, 0.0])
+    )
+    corners = [1.0, 0.25, 1 / 3, 50.0] + ([1 / delay] if delay else [])
+    w = loop.frequency_response().omega
+    top = 10 * max(corners)
+    assert w[0] == pytest.approx(0.1 * min(corners))
+    assert np.all(np.diff(w) > 0)
+    assert np.max(np.diff(np.log(w))) <= np.log(w[-1] / w[0]) / 999 * (1 + 1e-9)
+    if delay:
+        assert w[-1] == pytest.approx(min(top, 4 * np.pi / delay))
+        assert np.max(np.diff(w)) <= 0.1 / delay * (1 + 1e-9)
+        assert 1000 + 0.9 * (w[-1] - w[0]) * delay / 0.1 < w.size <= 1001 + (w[-1] - w[0]) * delay / 0.1
+    else:
+        assert w[-1] == pytest.approx(top)
+        assert w.size == 1000
+
+
+def test_frequencies_of_a_loop_without_corners():
+    w = pidalab.Loop(pidalab.Process([2.0], [1.0]), 1.0).frequency_response().omega
+    assert (w[0], w[-1], w.size) == (pytest.approx(0.1), pytest.approx(10.0), 1000)
+
+
+def test_given_frequencies_are_taken_as_they_are():
+    w = np.array([0.1, 0.5, 3.0])
+    found = LOOP.frequency_response(w)
+    assert found.omega.tolist() == w.tolist()
+    np.testing.assert_allclose(found(1j * w), LOOP.L(1j * w), rtol=1e-14)
+    for wrong, said in (([0.0, 1.0], "0 to 1"), ([0.5, 0.5], "0.5 to 0.5"), ([1.0, 2.0, 1.5], "1 to 1.5")):
+        with pytest.raises(ValueError, match=f"frequencies must rise and be above 0, found {said}"):
+            LOOP.frequency_response(wrong)
+
+
+@pytest.mark.parametrize(("off", "fails"), [(0.0, True), (0.5e-12, True), (2e-12, False), (-2e-12, False)])
+def test_ill_posed_to_twelve_digits(off, fails):
+    loop = pidalab.Loop(pidalab.Process([-1.0 + off, 1.0], [1.0, 2.0]), 1.0)
+    if fails:
+        with pytest.raises(ValueError, match="ill-posed"):
+            require_well_posed(loop)
+    else:
+        require_well_posed(loop)
+
+
+def test_a_digital_controller_has_no_transfer_function_in_s():
+    k = CONTROLLER.discretise(0.1)
+    loop = pidalab.Loop(PROCESS, k, prefilter=PREFILTER)
+    assert loop.digital is k
+    assert LOOP.digital is None
+    assert loop.automatic_reset is None
+    assert loop.block("process", 2.0) == PROCESS.rational_part()(2.0)
+    assert loop.block("prefilter", 2.0) == PREFILTER(2.0)
+    message = (
+        "the controller of this loop is digital{}: it has no transfer function in s. Use simulate_sampled"
+    )
+    for ask in (lambda: loop.L(1j), lambda: loop.open_loop):
+        with pytest.raises(TypeError, match=message.format(" with sample time 0.1")):
+            ask()
+    with pytest.raises(TypeError, match=message.format("")):
+        loop.block("controller", 1j)
+    with pytest.raises(KeyError, match="plant"):
+        loop.blocks["plant"]
+    with pytest.raises(AttributeError, match="a Loop has no 'gain'"):
+        _ = loop.gain
+    assert pickle.loads(pickle.dumps(loop)).digital == k
+
+
+def test_what_a_digital_loop_may_not_have_beside_its_controller():
+    plain, own = CONTROLLER.discretise(0.1), CONTROLLER.discretise(0.1, prefilter=PREFILTER)
+    with pytest.raises(ValueError, match="output_filter must be None with a digital controller"):
+        pidalab.Loop(PROCESS, plain, output_filter=FILTER)
+    with pytest.raises(ValueError, match="prefilter must be None with a digital controller that has one"):
+        pidalab.Loop(PROCESS, own, prefilter=PREFILTER)
+    assert pidalab.Loop(PROCESS, own).prefilter is None
+
+
+def test_blocks_that_are_mixed_up_are_told():
+    with pytest.raises(TypeError, match=r"controller must not be a Process; the order is Loop\(process"):
+        pidalab.Loop(CONTROLLER.transfer_function(), PROCESS)
+    plant = pidalab.AsymmetricPlant(1.0, 2.0, 3.0)
+    with pytest.raises(TypeError, match="process must be linear, found AsymmetricPlant"):
+        pidalab.Loop(plant, CONTROLLER)
+    with pytest.raises(TypeError, match=r"process must be a block of the loop, found .*\.process"):
+        pidalab.Loop(pidalab.reduction.to_sopdt(pidalab.lags(3)), CONTROLLER)
+
+
+def test_a_reset_is_that_of_the_controller():
+    series = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2)
+    assert pidalab.Loop(PROCESS, series).automatic_reset.time == 2.0
+    assert pidalab.Loop(PROCESS, CONTROLLER).automatic_reset is None
+    assert pidalab.Loop(PROCESS, FILTER).automatic_reset is None
+    assert pidalab.Loop(PROCESS, FILTER).limits == (-np.inf, np.inf)
+
+
+def test_repr_says_what_stands_beside_the_controller():
+    half = control.tf([1.0], [2.0])
+    assert "output_filter" not in repr(pidalab.Loop(PROCESS, 0.5, prefilter=half))
+    assert "prefilter" not in repr(pidalab.Loop(PROCESS, 0.5, output_filter=half))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.process import latex_polynomial
+from pidalab.process import SMALLEST, binomial, latex_polynomial, quotient, require_gain
 
 RNG = np.random.default_rng(1)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(
@@ -221,3 +221,76 @@ def test_processes_are_equal_or_not_either_way_round():
     assert one == pidalab.lags(2, delay=1.0)
     assert one != other
     assert other != one
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "expected"),
+    [
+        ([3.0, 6.0], [1.0, 4.0, 3.0], 2.0),
+        ([3.0, 6.0, 0.0], [1.0, 4.0, 3.0, 0.0], 2.0),  # the common s is cancelled
+        ([3.0, 6.0, 0.0], [1.0, 4.0, 3.0], 0.0),
+        ([3.0, -6.0], [1.0, 4.0, 3.0, 0.0], -np.inf),
+        ([3.0, 6.0, 0.0], [1.0, 4.0, 3.0, 0.0, 0.0], np.inf),
+        ([3.0, -6.0, 0.0, 0.0], [-1.0, 4.0, 0.0, 0.0], -1.5),
+        ([0.0], [1.0, 0.0], 0.0),
+    ],
+)
+def test_static_gain_of_zeros_and_poles_at_rest(num, den, expected):
+    assert pidalab.Process(num, den).gain() == expected
+
+
+def test_a_process_needs_a_static_gain_to_hold_anything():
+    for process in (pidalab.lags(2), pidalab.ipdt(1.0, 1.0), pidalab.lags(2, gain=-3.0)):
+        require_gain("model", process)
+    with pytest.raises(ValueError, match="model must have a static gain other than 0, or an integrator"):
+        require_gain("model", pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]))
+    with pytest.raises(TypeError, match=r"model must be a pidalab\.Process, found float"):
+        require_gain("model", 1.0)
+
+
+def test_quotients_at_poles_and_where_both_are_zero():
+    found = quotient(np.array([1.0, 0.0, 3.0]), np.array([0.0, 0.0, 2.0]))
+    assert (found[0], found[2]) == (np.inf, 1.5)
+    assert np.isnan(found[1])
+    assert quotient(1.0 + 1j, 2.0) == 0.5 + 0.5j
+
+
+def test_binomials():
+    assert binomial(2.0, 0).tolist() == [1.0]
+    assert binomial(2.0, 3).tolist() == [8.0, 12.0, 6.0, 1.0]
+
+
+def test_products_of_processes_and_blocks():
+    one, other = pidalab.Process([2.0, 1.0], [1.0, 3.0, 2.0], 0.5), pidalab.ipdt(4.0, 0.25)
+    for product in (one * other, other * one):
+        assert product.delay == 0.75
+        np.testing.assert_allclose(product(POINTS), one(POINTS) * other(POINTS), rtol=1e-12)
+    lag = control.tf([3.0], [5.0, 1.0])
+    for product in (one * lag, lag * one) if hasattr(lag, "fraction") else (one * lag,):
+        np.testing.assert_allclose(product(POINTS), one(POINTS) * lag(POINTS), rtol=1e-12)
+        assert product.delay == 0.5
+    np.testing.assert_allclose((-2.0 * one)(POINTS), -2 * one(POINTS), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "expected"),
+    [
+        ([1.0, -1.0, 1.0, -1.0], "s^3-s^2+s-1"),
+        ([-2.5, 0.0, 1.0, 0.0], "-2.5s^3+s"),
+        ([0.0], "0"),
+        ([123456.0, -1e-7], r"1.235\cdot 10^{5}s-1\cdot 10^{-7}"),
+    ],
+)
+def test_polynomials_in_latex(coefficients, expected):
+    assert latex_polynomial(coefficients) == expected
+
+
+def test_a_process_in_latex():
+    assert pidalab.fopdt(2.0, 3.0, 0.5)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}\,e^{-0.5s}$"
+    assert pidalab.lags(1)._repr_latex_() == r"$\displaystyle \frac{1}{s+1}$"
+
+
+def test_a_dead_time_has_an_inverse():
+    assert pidalab.ipdt(1.0, SMALLEST).delay == SMALLEST
+    with pytest.raises(ValueError, match="delay must be 0, or at least"):
+        pidalab.ipdt(1.0, 0.99 * SMALLEST)

@@ -386,3 +386,71 @@ def test_squares_that_leave_double_precision(size, ise):
     """An error beyond 1e154 has an infinite ISE, not none."""
     response = pidalab.Response(t=[0.0, 1.0, 2.0], r=size, d=0.0, n=0.0, y=[0.0, 2 * size, 0.0], u=0.0)
     assert response.ise() == pytest.approx(ise, rel=1e-14)
+
+
+def test_what_is_not_given_is_nothing():
+    found = record([0.0, 1.0, 2.0], [0.0, 2.0, 3.0])
+    assert found.held.tolist() == [0.0, 0.0, 0.0]
+    assert found.area.tolist() == [0.0, 1.0, 3.5]
+    assert found != record([0.0, 1.0, 2.0], [0.0, 2.0, 3.0])  # it equals itself alone
+    assert len({found}) == 1
+    with pytest.raises(AttributeError):
+        found.y = np.zeros(3)
+
+
+def test_what_an_unsettled_record_is_told():
+    t = np.arange(41.0)
+    error = np.where(t < 30, 8.0, 2e-5)
+    with pytest.raises(
+        ValueError, match=r"still 2e-05 in the last tenth before t = 40, and 8e-06 is allowed"
+    ):
+        record(t, -error, r=0.0).iae(math.inf)
+
+
+def test_a_tenth_of_the_record_has_to_be_settled_and_no_more():
+    t = np.arange(41.0)
+    for last, settled in ((36, True), (37, False)):
+        loud = record(t, np.where(t <= last, -1.0, 0.0), r=0.0)
+        if settled:
+            assert loud.iae(math.inf) > 30
+        else:
+            with pytest.raises(ValueError, match="needs a settled record"):
+                loud.iae(math.inf)
+
+
+@pytest.mark.parametrize(("band", "time"), [(0.02, None), (0.5, 30.0 + 0.5)])
+def test_a_band_is_left_in_the_last_tenth(band, time):
+    t = np.arange(41.0)
+    y = np.select([t <= 30, t == 38], [0.0, 0.9], 1.0)
+    found = record(t, y)
+    if time is None:
+        with pytest.raises(
+            ValueError, match=r"the error is 0\.1 in the last tenth .*t = 40\), outside the band of 0\.02"
+        ):
+            found.settling_time(band)
+    else:
+        assert found.settling_time(band) == pytest.approx(time)
+
+
+def test_times_at_limits_count_both_limits():
+    t = 0.5 * np.arange(8.0)
+    found = record(t, np.zeros(8), u=[2.0, 3.0, 1.0, 0.0, -1.0, 0.0, 0.5, 2.0])
+    assert found.saturated((0.0, 2.0)) == 0.5 * 6
+    assert found.saturated((0.0, 2.0), 0.5, 2.0) == 0.5 * 2
+    assert found.saturated((0.0, 2.0), stop=1.0) == 0.5 * 2
+
+
+def test_a_rise_between_samples_and_at_the_start():
+    t = np.arange(5.0)
+    y = [0.2, 0.6, 1.6, 2.4, 2.0]
+    found = record(t, y, r=2.0)
+    assert found.rise_time(0.2, 0.7) == pytest.approx(1.8 - 0.5)
+    assert found.rise_time(0.05, 0.7) == pytest.approx(1.8)
+    assert found.rise_time(0.1, 0.3) == pytest.approx(1.0)
+    with pytest.raises(
+        ValueError, match=r"the output reaches 0\.3 of the final set point .*t = 1\), not 0\.9"
+    ):
+        record([0.0, 1.0], [0.0, 0.6], r=2.0).rise_time()
+    for low, high in ((0.0, 0.9), (0.5, 0.5), (0.1, 1.0)):
+        with pytest.raises(ValueError, match="low and high must be shares with 0 < low < high < 1"):
+            found.rise_time(low, high)

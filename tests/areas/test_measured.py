@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from scipy.integrate import quad
 
 import pidalab
 from pidalab import areas
@@ -308,3 +309,190 @@ def test_a_record_gives_the_areas_of_its_arrays():
 def test_a_record_has_its_own_signals(arguments, message):
     with pytest.raises(TypeError, match=message):
         areas.from_record(*arguments, count=4)
+
+
+# What the uncertainty is made of, computed in another way.
+
+
+def tail_by_quadrature(k, lag, window):
+    """Integral of what is missing of an exponential tail of height 1 from the end of the window on."""
+    return quad(lambda s: math.exp(-s / lag) * (window + s) ** (k - 1) / math.factorial(k - 1), 0, 60 * lag)[
+        0
+    ]
+
+
+@pytest.mark.parametrize(
+    "values", [(2.0, 6.0, 15.0, 30.0), (-1.0, -4.0, -10.0, -20.0), (1.0, 2.0, 2.0, 4 / 3)]
+)
+def test_a_tail_beyond_the_end_by_quadrature(values):
+    """A lag with the standard deviation of the impulse response; of a dead time alone the shortest, a thousandth."""
+    window, horizon = 7.0, 7.0
+    gain, mean, square = values[:3]
+    variance = 2 * square / gain - (mean / gain) ** 2
+    lag = max(math.sqrt(abs(variance)), 1e-3 * window)
+    level = horizon ** np.arange(4) / [1, 1, 2, 6]
+    tail, per_drift = measured._tail(np.array(values), level, window)
+    average = quad(lambda s: math.exp(-s / lag) / window, 0, window, points=[lag])[0]
+    quarter = quad(lambda s: 4 * math.exp(-s / lag) / window, 0, window / 4, points=[min(lag, window / 5)])[0]
+    assert per_drift == pytest.approx(1 / (quarter - average), rel=1e-9)
+    assert tail[0] == pytest.approx(average, rel=1e-9)
+    for k in range(1, 4):
+        expected = average * level[k] + tail_by_quadrature(k, lag, horizon)
+        assert tail[k] == pytest.approx(expected, rel=1e-8)
+
+
+def test_a_tail_is_no_longer_than_a_thousand_windows():
+    for values, lag in (((0.0, 1.0, 1.0), 0.007), ((1e-9, 1.0, 0.0), 7000.0)):
+        tail, _ = measured._tail(np.array(values), np.array([1.0, 7.0, 24.5]), 7.0)
+        assert tail[0] == pytest.approx(lag / 7 * -math.expm1(-7 / lag), rel=1e-9)
+        assert tail[1] == pytest.approx(7 * tail[0] + lag, rel=1e-9)
+
+
+def test_noise_of_a_steady_state_in_closed_form():
+    """Sixteen pieces of three samples, one sample over; their means step by 1, 2, 1, 2 ..."""
+    means = np.concatenate([[0.0], np.cumsum(np.resize([1.0, 2.0], 15))])
+    x = np.append(np.repeat(means, 3) + np.tile([-0.1, 0.0, 0.1], 16), 5.0)
+    found, spread = measured._pieces(x)
+    assert found == pytest.approx(means - 5.0)
+    assert spread == pytest.approx(1.0 / 0.954)
+    quarters = means.reshape(4, 4).mean(axis=1)
+    density, drift = measured._noise(x, 0.25)
+    assert density == pytest.approx(3 * 0.25 / 0.954**2)
+    assert drift == pytest.approx(np.max(np.abs(quarters - means.mean())))
+    steep = measured._pieces(np.repeat(np.arange(16.0) ** 2, 5))[1]
+    assert steep == pytest.approx(15.0 / 0.954)  # the median of 1, 3, ..., 29
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.1, 0.2, 0.6, 9.0])
+def test_what_a_converter_hides_in_closed_form(spread):
+    """Half a step of 0.5, times exp(-2 pi^2 s^2/step^2); beyond four steps of noise nothing changes any more."""
+    end = spread * np.resize([1.0, -1.0], 64)
+    y = np.array([0.0, 0.5, 2.0, 0.5, 3.0])
+    expected = 0.25 * math.exp(-2 * math.pi**2 * min(spread / 0.5, 4.0) ** 2)
+    assert measured._unseen(y, end) == pytest.approx(expected, rel=1e-12)
+    assert measured._unseen(y[:2], end) == 0.0
+    assert measured._unseen(np.array([0.0, 0.5, 2.0]), end) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("rest", [0, 8])
+def test_errors_are_the_sum_of_their_sources(rest):
+    rng = np.random.default_rng(4)
+    h, count, size = 0.5, 40, 4
+    u, y = 3.0 + rng.normal(0, 0.02, 80), 7.0 + rng.normal(0, 0.1, 80)
+    tau = h * np.arange(count)
+    weights = np.array([tau**k / math.factorial(k) for k in range(size + 1)])
+    values = np.array([2.0, 8.0, 20.0, 40.0])
+    window, unseen = h * 79, 0.03
+    (density, drift), (_, of_u) = measured._noise(y, h), measured._noise(u, h)
+    tail, per_drift = measured._tail(values, weights[:size, -1], window)
+    expected = np.zeros((size, size))
+    for i in range(size):
+        for k in range(size):
+            if i and k:
+                expected[i, k] += (
+                    density * h * sum(weights[i - 1, j] * weights[k - 1, j] for j in range(count))
+                )
+            expected[i, k] += weights[i, -1] * weights[k, -1] * (density / window + unseen**2)
+            height = per_drift * (drift + np.finfo(float).eps * np.max(np.abs(y))) + unseen
+            expected[i, k] += tail[i] * tail[k] * height**2
+            moved = [sum(values[j] * tail[n - j] for j in range(n + 1)) * per_drift * of_u for n in (i, k)]
+            expected[i, k] += moved[0] * moved[1]
+    if rest:
+        expected[0, 0] += density / (h * rest)
+    np.testing.assert_allclose(measured._errors(values, weights, u, y, h, rest, unseen), expected, rtol=1e-12)
+
+
+def test_weights_beside_quadrature():
+    """Held and straight signals exactly; samples of a smooth one by the trapezoidal rule with its end terms."""
+    h, n = 0.1, 81
+    tau = h * np.arange(n)
+    weights = np.array([tau**k / math.factorial(k) for k in range(7)])
+    x = np.random.default_rng(1).normal(size=n)
+    line = Polynomial([1.0])
+    for k in range(1, 6):
+        held = sum(x[j] * (tau[j + 1] ** k - tau[j] ** k) / math.factorial(k) for j in range(n - 1))
+        assert measured._of_steps(x, weights, h)[k - 1] == pytest.approx(held, rel=1e-12)
+        straight = 0.0
+        for j in range(n - 1):
+            slope = (x[j + 1] - x[j]) / h
+            line = Polynomial([x[j] - slope * tau[j], slope]) * Polynomial([0.0, 1.0]) ** (k - 1)
+            straight += float(np.diff(line.integ()(tau[j : j + 2]))[0]) / math.factorial(k - 1)
+        assert measured._of_lines(x, weights, h)[k - 1] == pytest.approx(straight, rel=1e-9)
+    # a smooth bump that begins level: its moments are those of the exact integral to all powers of h
+    smooth = np.exp(-((tau / 2.0) ** 6))
+    found = measured._of_samples(smooth, weights, h)
+    for k in range(1, 6):
+        exact = quad(lambda s, k=k: math.exp(-((s / 2) ** 6)) * s ** (k - 1) / math.factorial(k - 1), 0, 8)[0]
+        assert found[k - 1] == pytest.approx(exact, rel=1e-8)
+
+
+def test_the_transients_that_are_looked_for_have_unit_size():
+    """Of a decaying exponential its own share is its size about its mean; a constant has none."""
+    for index, lag in enumerate((0.5, 1.0, 2.0, 4.0, 8.0)):
+        shape = np.exp(-np.arange(16.0) / lag)
+        size = np.linalg.norm(shape - shape.mean())
+        shares, spread = measured._transients(np.repeat(3.0 + shape, 2))
+        assert shares[index] == pytest.approx(size, rel=1e-9)
+        assert np.max(shares) == pytest.approx(size, rel=1e-9)
+        assert spread == pytest.approx(np.median(np.abs(np.diff(shape))) / 0.954, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("samples", "text"), [(16, None), (15, "settled_from must leave 16 samples after it")]
+)
+def test_a_steady_state_of_sixteen_samples(samples, text):
+    t, _, y = step_record(pidalab.lags(2), horizon=40.0, h=0.5)
+    u = np.where(t < 1.0, 0.0, 1.0)
+    y = np.append(np.zeros(2), y[:-2])
+    where = float(t[t.size - samples])
+    if text is None:
+        found = areas.from_record(t, u, y, 2, settled_from=where)
+        assert found.span == (1.0, where)
+        assert found.values == pytest.approx([1.0, 2.0], rel=1e-3)
+        with pytest.raises(ValueError, match=r"come after the first move of u at t = 1, found 1\.0"):
+            areas.from_record(t, u, y, 2, settled_from=1.0)
+    else:
+        with pytest.raises(ValueError, match=text):
+            areas.from_record(t, u, y, 2, settled_from=where)
+
+
+def test_an_input_that_ends_where_it_began_is_no_step():
+    t = 0.1 * np.arange(400)
+    y = np.where(t < 1, 0.0, np.exp(-t))
+    for u in (np.where((t > 1) & (t < 2), 1.0, 0.0), np.where((t > 1) & (t < 2), 1.0, 0.0) + 1e-10 * (t > 2)):
+        with pytest.raises(
+            ValueError, match="u must end elsewhere than it begins: it starts at 0 and ends at"
+        ):
+            areas.from_record(t, u, y, 2)
+
+
+def test_the_record_is_summed_up():
+    t = 0.1 * np.arange(600)
+    u = np.where(t < 2.0, 5.0, 7.0)
+    y = 20.0 + driven(pidalab.lags(2), t, u - 5.0)
+    y[600 - 100 :] += np.resize([0.01, -0.01], 100)
+    found = areas.from_record(t, u, y, 2, settled_from=50.0)
+    assert found.input_levels == (5.0, 7.0)
+    assert found.output_levels == pytest.approx((20.0, 22.0), abs=1e-9)
+    assert found.span == (2.0, 50.0)
+    assert found.noise == pytest.approx(0.01, rel=1e-6)
+
+
+@pytest.mark.parametrize("which", ["u", "y"])
+def test_signals_whose_squares_leave_double_precision_are_refused(which):
+    t, u, y = step_record(G1, horizon=30.0)
+    signals = {"u": u, "y": y}
+    signals[which] = 1e200 * signals[which]
+    with pytest.raises(ValueError, match=f"{which} must be below"):
+        areas.from_record(t, **signals, start=(0.0, 0.0))
+
+
+def test_a_warning_points_at_the_line_that_asked():
+    t, u, y = step_record(G1, horizon=4.0)
+    with pytest.warns(RecordWarning) as caught:
+        found = areas.from_record(t, u, y, 4, start=(0.0, 0.0))
+    assert caught[0].filename == __file__
+    assert found != areas.MeasuredAreas(**vars(found))  # it equals itself alone
+    assert len({found}) == 1
+    with pytest.raises(AttributeError):
+        found.noise = 0.0

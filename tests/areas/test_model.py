@@ -10,6 +10,7 @@ import pytest
 
 import pidalab
 from pidalab import areas
+from pidalab.areas import _power_series as power_series
 
 G1, G2 = pidalab.lags(4), pidalab.lags(2, delay=0.5)
 TABLE_1 = {  # process, order of controller and filter: A_0, A_1, ...
@@ -140,3 +141,45 @@ def test_refusals(call, error, text):
 def test_too_many_areas_are_refused_at_once():
     with pytest.raises(ValueError, match="count must be at most 400, found 2000"):
         pidalab.areas.from_process(pidalab.lags(4), 2000)
+
+
+def value(series, s):
+    return sum((-1) ** k * float(c) * s**k for k, c in enumerate(series))
+
+
+def test_arithmetic_of_series():
+    """Alternating: [a, b, c] is a - b s + c s^2; products and quotients are as long as the shorter one."""
+    first, second = (power_series.fractions(x) for x in ([2.0, 3.0, 5.0, 1.0], [4.0, -1.0, 0.5]))
+    expected = np.convolve([2.0, 3.0, 5.0], [4.0, -1.0, 0.5])[:3]
+    assert power_series.floats(power_series.product(first, second)).tolist() == expected.tolist()
+    back = power_series.quotient(power_series.product(first, second), second)
+    assert back == first[:3]
+    assert power_series.quotient(second, first)[:1] == [Fraction(2)]
+    assert power_series.polynomial([7.0, 5.0, 3.0], 2) == [3, -5]
+    assert power_series.polynomial([7.0, 5.0, 3.0], 5) == [3, -5, 7, 0, 0]
+    assert power_series.dead_time(0.5, 4) == [1, Fraction(1, 2), Fraction(1, 8), Fraction(1, 48)]
+    assert power_series.lagged([Fraction(1)] * 3, 0.5, 2) == [1, 2, Fraction(11, 4)]
+    s = 1e-3
+    assert value(power_series.lagged([Fraction(1)] + [Fraction(0)] * 4, 2.0, 3), s) == pytest.approx(
+        (1 + 2 * s) ** -3, abs=1e-12
+    )
+    with pytest.raises(ValueError, match="areas or gains leave double precision"):
+        power_series.floats([Fraction(10) ** 400])
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_systems_are_solved_exactly(size):
+    """A matrix whose first elements are 0, so that rows have to change places."""
+    rng = np.random.default_rng(size)
+    whole = rng.integers(-9, 10, (size, size))
+    whole[0, 0] = 0 if size > 1 else 3
+    exact = [Fraction(int(x)) for x in rng.integers(-9, 10, size)]
+    matrix = [[Fraction(int(x)) for x in row] for row in whole]
+    right = [sum((a * x for a, x in zip(row, exact, strict=True)), Fraction(0)) for row in matrix]
+    assert abs(np.linalg.det(whole)) > 0.5
+    assert power_series.solve(matrix, right) == exact
+
+
+def test_a_singular_system_has_no_solution():
+    rows = [[Fraction(x) for x in row] for row in ([1, 2, 3], [2, 4, 6], [1, 1, 1])]
+    assert power_series.solve(rows, [Fraction(1)] * 3) is None

@@ -2,15 +2,19 @@
 
 import dataclasses
 import json
+import math
 import re
 import subprocess
 
+import control
 import numpy as np
 import pytest
 from cases import CASES, STANDARD, record, reference
+from scipy.signal import lfilter
 from st import Instance, Parser
 
 import pidalab
+from pidalab.digital.code import STEPS, head, vector
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}
@@ -184,3 +188,63 @@ def test_the_interpreter_takes_nothing_wrong(text):
     )
     with pytest.raises((SyntaxError, TypeError)):
         Instance(Parser(f"{declared} {text} END_FUNCTION_BLOCK").blocks, "b")()
+
+
+def test_head_line_by_line():
+    k = pidalab.PIDA(2.0, 4.0, 0.5).discretise(
+        0.1, "tustin", b=0.5, c=0.25, limits=(0.0, 100.0), bias=40.0, u_span=50.0, y_span=2.0, y_offset=7.0,
+        rate_limit=3.0, deadband=0.25, anti_windup="clamping", source="made by hand",
+        prefilter=control.tf([1.0], [0.5, 1.0]),
+    )  # fmt: skip
+    assert head(k, "one\ntwo\nthree", "a note\nin two lines") == [
+        "Digital controller, written by pidalab.",
+        "Controller: made by hand",
+        "Sample time: 0.1, method: tustin, anti-windup: clamping",
+        "Weights of the set point: b = 0.5, c = 0.25",
+        "Limits: 0.0 to 100.0, rate limit: 3.0, deadband: 0.25",
+        "Working point: u = 40.0, y = 7.0, a unit of y in 2.0 and of u in 50.0 units",
+        f"Prefilter of the set point: {k.prefilter}",
+        "Margins: one",
+        "  two",
+        "  three",
+        "a note",
+        "in two lines",
+    ]
+    plain = head(pidalab.PIDA(2.0, 4.0).discretise(0.1, anti_windup=None, limits=(-1.0, 1.0)), None, "")
+    assert plain[2].endswith("anti-windup: none")
+    assert plain[5:] == ["Working point: u = 0.0, y = 0.0"]
+
+
+@pytest.mark.parametrize(
+    ("limits", "by_hand"),
+    [((0.0, 100.0), 50.0), ((-math.inf, math.inf), 50.0), ((0.0, 45.0), 44.5), ((39.0, 40.5), 40.15)],
+)
+def test_the_test_signals_in_closed_form(limits, by_hand):
+    """A tenth of the range from the working point, or a fifth of a unit; a lag of a quarter, a jump, a disturbance."""
+    k = pidalab.PIDA(2.0, 4.0).discretise(
+        0.1, limits=limits, bias=40.0, u_span=50.0, y_span=2.0, y_offset=7.0
+    )
+    rows = vector(k)
+    target = np.select([np.arange(STEPS) < 2, np.arange(STEPS) < 24], [0.0, 0.2], -0.1)
+    y = lfilter([0.25], [1.0, -0.75], target) + 0.02 * 0.75 ** np.maximum(np.arange(STEPS) - 20.0, 0.0) * (
+        np.arange(STEPS) >= 20
+    )
+    names = list(rows)
+    assert rows[names[0]] == pytest.approx(7.0 + 2.0 * target)
+    assert rows[names[1]] == pytest.approx(7.0 + 2.0 * y, abs=1.1e-4)
+    acts = [i for i, on in enumerate(rows[names[2]]) if on]
+    tracks = [i for i, on in enumerate(rows[names[4]]) if on]
+    assert (acts, tracks) == ([10, 11, 12], [17])
+    assert set(rows[names[3]]) == set(rows[names[5]]) == {by_hand}
+    assert len(rows["control"]) == STEPS
+    assert rows["control"][10:13] == [by_hand] * 3
+
+
+def test_code_begins_with_where_it_comes_from():
+    k = CASES["zoh"]
+    assert k.python().startswith('"""Digital controller, written by pidalab.')
+    first = head(k, None, "")
+    for code in (k.python(), k.c(), k.structured_text()):
+        places = [code.index(line.strip()) for line in first]
+        assert places == sorted(places)
+        assert code.count(first[0]) == 1

@@ -256,3 +256,23 @@ def test_it_does_not_change():
 def test_complaints(call, error, message):
     with pytest.raises(error, match=message):
         call(CASES["pi"])
+
+
+@pytest.mark.parametrize("method", ["backward", "tustin", "zoh"])
+@pytest.mark.parametrize(
+    "own",
+    [PIDA(2.0, 4.0, 2.0), PIDA(1.5, math.inf, 2.0), SeriesPIDA(1.0, 0.4, 0.0, 3.0, 0.2, 2)],
+    ids=["pid", "pd", "reset"],
+)
+def test_transfer_function_beside_steps(own, method):
+    """An error of one impulse, sample by sample: the sum over z^-k is the transfer function, both ways."""
+    k = own.discretise(0.1, method, y_span=2.0, u_span=5.0)
+    z = np.array([1.7, -1.6 + 0.5j, 2.5j])
+    k.step(0.0, 0.0)  # a start at rest
+    answers = np.array([k.step(0.0, -1.0 if i == 0 else 0.0) for i in range(120)])
+    expected = [np.sum(answers / at ** np.arange(120)) for at in z]
+    np.testing.assert_allclose(k(z), expected, rtol=1e-9)
+    tf = k.transfer_function()
+    np.testing.assert_allclose(tf(z), expected, rtol=1e-9)
+    assert tf.dt == 0.1
+    assert k(z[0]) == pytest.approx(expected[0])

@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import pidalab
 from pidalab import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
+from pidalab.digital.discretisation import _reset_growth, _taken_back
 from pidalab.rules.haalman import OutputFilter
 
 CONTROLLERS = {
@@ -266,3 +267,55 @@ def test_parts_of_another_kind_are_refused():
         TypeError, match=r"parts must be a tuple of FilteredGains, as controller\.parts\(\) gives"
     ):
         pidalab.digital.discretise([1.0], 0.1)
+
+
+@pytest.mark.parametrize("ti", [0.02, 0.7, 30.0])
+def test_growth_of_a_reset_is_that_of_a_lag(ti):
+    """A lag of the sum of signal and itself: by 1/(1 - a) from the signal, and what a limit takes back."""
+    h = 0.1
+    for method, share in (("backward", (1.0, 0.0)), ("tustin", (0.5, 0.5))):
+        (new, old), back = _reset_growth(h, ti, method)
+        assert (new, old) == pytest.approx((share[0] * h / ti, share[1] * h / ti), rel=1e-14)
+        assert back == pytest.approx(h / ti * share[0] / (1 + h / ti * share[0]), rel=1e-14)
+    (new, old), back = _reset_growth(h, ti, "zoh")
+    assert (new, back) == (0.0, 0.0)
+    assert old == pytest.approx(1 - math.exp(-h / ti), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("own", "way", "time", "expected"),
+    [
+        (PIDA(2.0, 4.0), "clamping", None, 0.0),
+        (PIDA(2.0, 4.0), None, None, 0.0),
+        (PIDA(2.0, 4.0), "back-calculation", None, 4.0),
+        (PIDA(2.0, 4.0, 0.25), "back-calculation", None, 1.0),  # the geometric mean of both times
+        (PIDA(2.0, 4.0, 0.25), "back-calculation", 0.3, 0.3),
+        (PIDA(2.0, 4.0, 0.25), "reset", None, 4.0),
+    ],
+)
+def test_what_an_integral_takes_back(own, way, time, expected):
+    found = _taken_back(own.parts(), 0.1, way, time)
+    assert found == pytest.approx(0.1 / (expected + 0.1) if expected else 0.0, rel=1e-12)
+    for way_ in ("reset", "back-calculation"):
+        for ratio in (-0.5, 0.0):
+            part = own.parts()[0]._replace(gains=(1.0, ratio))
+            with pytest.raises(ValueError, match=f"must be above 0, found kp/ki = {ratio:.4g}"):
+                _taken_back((part,), 0.1, way_, None)
+
+
+def test_borders_of_the_arguments():
+    assert PIDA(1.0, 2.0).discretise(0.1, limits=(0.0, 1.0), bias=0.0).bias == 0.0
+    assert PIDA(1.0, 2.0).discretise(0.1, limits=(0.0, 1.0), bias=1.0).bias == 1.0
+    assert PIDA(1.0, 2.0).discretise(0.1, deadband=0.0, rate_limit=math.inf).rate_limit == math.inf
+    for wrong, message in (
+        ({"sample_time": 0.0}, "sample_time must be above 0"),
+        ({"y_span": 0.0}, "y_span must be above 0"),
+        ({"u_span": 0.0}, "u_span must be above 0"),
+        ({"rate_limit": 0.0}, "rate_limit must be above 0"),
+        ({"deadband": -1e-9}, "deadband must be at least 0"),
+        ({"tracking_time": 0.0, "anti_windup": "back-calculation"}, "tracking_time must be above 0"),
+        ({"bias": 1.01, "limits": (0.0, 1.0)}, "bias must be within the limits"),
+        ({"bias": -0.01, "limits": (0.0, 1.0)}, "bias must be within the limits"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            PIDA(1.0, 2.0).discretise(**({"sample_time": 0.1} | wrong))

@@ -1,6 +1,7 @@
 """Three-point identification: records whose parameters are known, the three times from a root finder, every refusal."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.special import gammainc
 
 import pidalab
 from pidalab.identification import binomial_filtered, ipdt_least_squares, ipdt_tangent, three_point
-from pidalab.identification.experiments import _hinge
+from pidalab.identification.experiments import LEVELS, _hinge, _levels_reached, _rise_time
 
 T = np.linspace(0.0, 40.0, 4001)
 FOURTH = gammainc(4, T)  # step response of 1/(s + 1)^4
@@ -415,3 +416,139 @@ def test_noise_that_misleads_single_samples_is_said():
 def test_a_record_has_its_own_output_and_step(rule, arguments, message):
     with pytest.raises(TypeError, match=message):
         rule(*arguments)
+
+
+def settled(moved=0.0, first=0.04, top=1.0, count=40):
+    """Samples from 0 to 1, by a line; the mean of the last tenth lies `moved` above that of the tenth before."""
+    tenth = count // 10
+    y = np.clip(np.linspace(first - 0.06, 1.2, count), 0.0, 1.0)
+    y[0], y[1], y[count // 2] = 0.0, first, top
+    y[-tenth:] = 1.0
+    y[-2 * tenth : -tenth] = 1.0 - moved
+    y[count - 2 * tenth - 4 : count - 2 * tenth] = 1.0
+    return np.arange(float(count)), y
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"moved": 0.0099}, None),
+        ({"moved": 0.0101}, "y has not settled: its mean still changes by 1 % of the whole change"),
+        ({"first": 0.0499}, None),
+        ({"first": 0.0501}, r"y already moves at its beginning \(5\.01 % of the change in one sample\)"),
+        ({"top": 1.099}, None),
+        ({"top": 1.101}, r"y overshoots its final value by 10\.1 % of the change, and 10 % is allowed"),
+        ({"count": 30}, None),
+        ({"count": 29}, "y must have at least 30 samples to judge whether it settles, found 29"),
+    ],
+)
+@pytest.mark.parametrize(("gain", "rest"), [(1.0, 0.0), (-20.0, 300.0)])
+def test_what_a_step_record_may_do(options, message, gain, rest):
+    t, y = settled(**options)
+    if message is None:
+        t, times, change = _levels_reached(t, rest + gain * y, LEVELS, "interpolated")
+        assert change == pytest.approx(gain)
+        assert np.interp(times, t, np.maximum.accumulate(y)) == pytest.approx(LEVELS)
+    else:
+        with pytest.raises(ValueError, match=message):
+            _levels_reached(t, rest + gain * y, LEVELS, "interpolated")
+
+
+def test_levels_between_samples_and_at_them():
+    t, y = settled()
+    k = [int(np.argmax(y >= level)) for level in LEVELS]
+    assert _levels_reached(0.5 * t, y, LEVELS, "sampled")[1] == pytest.approx(0.5 * t[k])
+    between = [t[i - 1] + (level - y[i - 1]) / (y[i] - y[i - 1]) for i, level in zip(k, LEVELS, strict=True)]
+    assert _levels_reached(0.5 * t, y, LEVELS, "interpolated")[1] == pytest.approx(0.5 * np.array(between))
+
+
+def test_time_of_rise_in_closed_form():
+    """From the last sample below a tenth before the first above nine tenths of the mean of the last tenth."""
+    t = 0.5 * np.arange(50.0)
+    y = 3.0 - 2.0 * np.interp(np.arange(50.0), [10, 30], [0.0, 1.0])
+    assert _rise_time(t, y) == pytest.approx(0.5 * (29 - 11))
+    y[40] = 3.0  # a sample that falls back later changes nothing
+    assert _rise_time(t, y) == pytest.approx(0.5 * (29 - 11))
+    # the last tenth is five samples: their mean is what is risen to
+    assert _rise_time(t, np.append(np.arange(45.0), [60, 70, 50, 40, 30])) == pytest.approx(0.5 * (45 - 4))
+    assert _rise_time(t[:2], np.array([0.0, 1.0])) == pytest.approx(0.5)
+
+
+def test_noise_of_a_record_misleads_from_a_hundredth_of_the_change_on():
+    """The noise is the standard deviation before the step, the change the mean of the last tenth."""
+    t = np.arange(400.0)
+    u = np.where(t < 100, 0.0, 2.0)
+    clean = 3.0 * np.interp(t, [102.0, 150.0], [0.0, 1.0])
+    wobble = np.where(t < 100, np.resize([1.0, -1.0], 400), 0.0) / np.sqrt(100 / 99)
+    for share, said in ((0.0099, False), (0.0101, True)):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            ipdt_least_squares(pidalab.Record(t, u, clean + 3.0 * share * wobble))
+        assert (
+            any("the noise of the record is 1 % of the whole change" in str(w.message) for w in caught)
+            == said
+        )
+
+
+def test_the_least_squares_ramp_begins_within_the_shortest_stretch():
+    """The stretches end at each sample from where the output is last below the share; the steepest ramp is taken."""
+    t = 0.25 * np.arange(60)
+    y = -1.0 + 4.0 * np.interp(t, [2.0, 3.0, 6.0], [0.0, 0.6, 1.0])
+    for rise in (0.1, 0.5, 0.7):
+        first = int(np.flatnonzero((y + 1) / 4 < rise)[-1]) + 1
+        ramps = [_hinge(t[: end + 1], y[: end + 1] + 1) for end in range(max(first, 4), 60)]
+        slope, delay = max(ramps)
+        found = ipdt_least_squares(t, y, step=2.0, rise=rise)
+        assert (found.num[0], found.delay) == pytest.approx((slope / 2, delay), rel=1e-12)
+
+
+def test_a_record_of_five_samples_is_enough():
+    t = np.arange(5.0)
+    model = ipdt_least_squares(t, 2.0 * np.maximum(t - 1.5, 0.0))
+    assert (model.num[0], model.delay) == pytest.approx((2.0, 1.5))
+
+
+@pytest.mark.parametrize(
+    ("span", "width"),
+    [(0.5, 1), (0.74, 1), (0.76, 2), (9.5, 19), (0.24, "at least one step of t"), (10.0, "shorter")],
+)
+def test_a_span_is_rounded_to_steps(span, width):
+    """Of a parabola the best line over some steps has the slope at their middle; the last ones are the steepest."""
+    t = 0.5 * np.arange(20)
+    y = 1.0 + t**2
+    if isinstance(width, str):
+        with pytest.raises(ValueError, match=f"span must be .*{width}"):
+            ipdt_tangent(t, y, span=span)
+        return
+    model = ipdt_tangent(t, y, span=span)
+    middle = t[-1] - 0.25 * width
+    points = t[-1 - width :]
+    assert model.num[0] == pytest.approx(2 * middle)
+    assert model.delay == pytest.approx(max(0.0, middle - np.mean(points**2) / (2 * middle)), abs=1e-12)
+
+
+def test_a_change_of_a_thousand_millionth_is_none():
+    t = np.arange(40.0)
+    for size, message in ((0.9e-9, "y must end elsewhere than it begins"), (1.1e-9, None)):
+        y = np.where(t < 3, 0.0, 1.0) + 0.0
+        y[-1] = size
+        if message is None:
+            assert ipdt_tangent(t, y).num[0] == pytest.approx(1.0)
+        else:
+            with pytest.raises(ValueError, match=message):
+                ipdt_tangent(t, y)
+
+
+def test_the_span_of_a_noisy_record_is_a_third_of_its_rise():
+    noisy = historian(noise=0.02)
+    noisy = pidalab.Record(0.01 * noisy.t, noisy.u, noisy.y)
+    rise = _rise_time(*noisy.after_step())
+    assert rise < 1
+    assert ipdt_tangent(noisy) == ipdt_tangent(noisy, span=rise / 3)
+    assert ipdt_tangent(noisy) != ipdt_tangent(noisy, span=rise / 4)
+
+
+def test_a_warning_of_noise_points_at_the_line_that_asked():
+    with pytest.warns(pidalab.areas.RecordWarning) as caught:
+        ipdt_least_squares(historian(noise=0.3))
+    assert caught[0].filename == __file__

@@ -6,6 +6,9 @@ import pytest
 import pidalab
 from pidalab import Record
 from pidalab.identification import fit
+from pidalab.identification.fitting import _covariance
+from pidalab.identification.searching import Found, prepared
+from pidalab.identification.shapes import FIRST
 
 GRID = np.linspace(0.0, 300.0, 3001)
 TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
@@ -145,3 +148,99 @@ def test_unequal_lags_that_pass_for_equal_ones_are_among_the_plants():
     actual = np.abs(true(1j * w) / found.process(1j * w))
     assert np.all(actual > 1.0)
     assert np.all(np.max(ratios, axis=0) >= actual)
+
+
+def test_a_fit_is_its_own_and_says_what_it_found():
+    fitted, other = fit(historian(0), "fopdt"), fit(historian(0), "fopdt")
+    assert fitted == fitted
+    assert fitted != other
+    assert len({fitted, other}) == 2
+    with pytest.raises(AttributeError):
+        fitted.model = "ipdt"
+    lines = str(fitted).splitlines()
+    for name, value in fitted.parameters.items():
+        assert f"{name} = {value:.4g} ± {fitted.uncertainty[name]:.2g}" in lines[0]
+    assert lines[1:] == [
+        f"residuals {fitted.deviation:.3g} (root mean square), noise at rest {fitted.noise:.3g}",
+        "fopdt was asked for.",
+    ]
+    assert fitted.deviation == pytest.approx(np.sqrt(np.mean(fitted.residuals**2)))
+
+
+def test_uncertainty_of_white_residuals_in_closed_form():
+    """Variance over the sum of squared sensitivities, times the samples that share an error."""
+    fitted = fit(historian(2), "fopdt")
+    found = fitted._found
+    r, jacobian = found.residuals, found.jacobian
+    correlation = [float(r[k:] @ r[: r.size - k]) / float(r @ r) for k in range(r.size)]
+    end = next(k for k, value in enumerate(correlation) if value <= 0)
+    together = 1 + 2 * sum(correlation[1:end])
+    variance = float(r @ r) / (r.size - jacobian.shape[1])
+    expected = variance * together * np.linalg.inv(jacobian.T @ jacobian)
+    np.testing.assert_allclose(_covariance(found), expected, rtol=1e-6, atol=1e-12)
+    assert list(fitted.uncertainty) == ["gain", "lag", "delay"]
+    sigma = np.sqrt(np.diag(expected))[[0, 2, 3]]
+    assert list(fitted.uncertainty.values()) == pytest.approx(list(sigma), rel=1e-6)
+
+
+def test_uncertainty_of_an_exact_fit_is_none():
+    exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4))
+    assert not np.any(_covariance(exact))
+
+
+@pytest.mark.parametrize("model", ["fopdt", "sopdt", "ipdt"])
+def test_sensitivities_beside_a_finer_difference(model):
+    fitted = fit(historian(3), model)
+    data, found = fitted._data, fitted._found
+    gain, level, *p = found.values.tolist()
+    shape = found.shape
+
+    def output(values):
+        return values[1] + values[0] * data.simulated(shape, values[2:-1], values[-1])
+
+    for k in range(len(found.values)):
+        step = 1e-5 * max(abs(found.values[k]), 1.0)
+        up, down = (np.array([gain, level, *p]) for _ in range(2))
+        up[k] += step
+        down[k] -= step
+        column = (output(up) - output(down)) / (2 * step)
+        scale = np.max(np.abs(column))
+        # where the response has a corner, both differences are means over it
+        close = np.abs(found.jacobian[:, k] - column) <= 2e-3 * scale
+        assert np.mean(close) > 0.99
+    np.testing.assert_allclose(found.residuals, data.y - output(found.values), atol=1e-9)
+
+
+def test_what_a_fit_looks_at_of_a_record():
+    """Changes of the input one by one; the interval in which each was is what the record hides."""
+    t = np.sort(np.random.default_rng(0).uniform(0.0, 100.0, 200))
+    u = np.select([t < 20, t < 50], [1.0, 4.0], 2.5)
+    data = prepared(Record(t, u, np.minimum(t, 80.0)))
+    first, second = int(np.argmax(t >= 20)), int(np.argmax(t >= 50))
+    assert data.moments.tolist() == [t[first], t[second]]
+    assert data.changes.tolist() == [3.0, -1.5]
+    assert data.unseen == pytest.approx((t[first] - t[first - 1] + t[second] - t[second - 1]) / 2)
+    assert (data.t.size, data.grid) == (200, 0.0)
+
+
+@pytest.mark.parametrize(("changes", "grid"), [(60, 0.0), (61, 0.5)])
+def test_an_input_of_many_changes_is_laid_on_a_grid(changes, grid):
+    t = 0.5 * np.arange(300)
+    u = np.where(np.arange(300) < 20, 0.0, np.minimum(np.arange(300) - 19.0, changes))
+    process = pidalab.fopdt(2.0, 5.0, 1.25)
+    y = pidalab.simulate(pidalab.Loop(process, 0.0), t, load=u).y
+    data = prepared(Record(t, u, 3.0 + y))
+    assert data.grid == grid
+    assert data.unseen == (0.0 if grid else 0.5)
+    np.testing.assert_allclose(2.0 * data.simulated(FIRST, [5.0], 1.25), y, atol=1e-9)
+
+
+def test_a_long_record_is_averaged_over_neighbours():
+    t = 0.01 * np.arange(8001)
+    y = np.minimum(np.maximum(t - 20.0, 0.0), 30.0)
+    data = prepared(Record(t, np.where(t < 20, 0.0, 1.0), y))
+    assert data.t.size == data.y.size == 4000
+    assert data.t[0] == pytest.approx(np.mean(t[:3]))
+    assert data.t[-1] == pytest.approx(np.mean(t[-2:]))
+    assert np.all(np.abs(data.y - np.interp(data.t, t, y)) < 1e-2)
+    assert data.moments.tolist() == [20.0]

@@ -340,3 +340,80 @@ def test_popov_criterion_knows_no_unit_of_time(lag):
     one, other = (popov(pidalab.Loop(pidalab.lags(3, unit), 7.9)) for unit in (1.0, lag))
     assert other.margin == pytest.approx(one.margin, rel=1e-6)
     assert other.multiplier == pytest.approx(lag * one.multiplier, rel=1e-3)
+
+
+RESETS = [
+    design(reset.PID).loop(),
+    design(reset.MRDP_PIDA, 3).loop(),
+    reset.tune(pidalab.ipdt(-2.0, delay=0.3), reset.PIDA_1, n=2, filter_time=0.1).loop(),
+    pidalab.Loop(pidalab.fopdt(1.0, 2.0, 0.5), pidalab.SeriesPIDA(1.0, 0.5, 0.0, 3.0, 0.1, 2)),
+    pidalab.Loop(pidalab.lags(2), pidalab.SeriesPIDA(1.0, 0.5, 0.2, 0.7, 0.1, 2)),
+]
+
+
+@pytest.mark.parametrize("loop", RESETS, ids=range(len(RESETS)))
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 3.0])
+def test_limits_tail_and_curvature_with_a_reset(loop, share):
+    """f is Re[1 + (1 + jw theta)(F - F_r)]; with a multiplier beyond T_i the reset rises instead of falling."""
+    part = linear_part(loop)
+    theta = share * part.reset_time
+    f = _Function(part, theta)
+    w = np.geomspace(1e-3, 1e3, 4001)
+    whole = 1 + ((1 + 1j * w * theta) * (part.forward(1j * w) - 1 / (1 + 1j * w * part.reset_time))).real
+    np.testing.assert_allclose(f(w), whole, rtol=1e-9, atol=1e-9)
+    assert f(np.array([1e-5]))[0] == pytest.approx(f.at_zero(), abs=1e-4)
+    for start in (60.0, 300.0):
+        assert f.tail(start) <= f(np.linspace(start, 20 * start, 20_001)).min() + 1e-12
+    far = f(np.linspace(1e6, 1e6 + 100.0, 10_001)).min()
+    assert far == pytest.approx(f.at_infinity(), abs=1e-3)
+    for a, b in [(0.001, 0.1), (0.3, 0.35), (0.9, 1.1), (5.0, 5.5)]:
+        fine = np.linspace(a, b, 501)
+        second = np.abs(np.diff(f(fine), 2)).max() / (fine[1] - fine[0]) ** 2
+        bound = f.curvature(np.array([a]), np.array([b]))[0]
+        assert second <= bound + 1e-5
+
+
+def test_the_curvature_of_a_reset_is_bounded_closely():
+    """Of 1/(1 + x^2) the second derivative is 2 at 0; the bound holds from each place on, and is no more than that."""
+    part = linear_part(RESETS[0])
+    f = _Function(part, 0.25 * part.reset_time)
+    x = np.array([0.0, 0.2, 0.7, 1.5, 4.0])
+    size = 0.75 * part.reset_time**2
+    expected = size * np.minimum(2.0, 6 / (1 + x**2) ** 2)
+    np.testing.assert_allclose(f._reset_curvature(x / part.reset_time), expected, rtol=1e-12)
+    true = size * np.abs(6 * x**2 - 2) / (1 + x**2) ** 3
+    assert np.all(true <= expected * (1 + 1e-12))
+    w = np.array([0.0, 0.5, 3.0])
+    share = 0.25 + 0.75 / (1 + (w * part.reset_time) ** 2)
+    np.testing.assert_allclose(f._reset(w), share, rtol=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.7])
+def test_majorant_of_two_poles_and_a_zero(delay):
+    """Beside derivatives by differences: never below the largest on a stretch, and equal to it at a single place."""
+    zeros, poles, gain = [-3.0], [-1.0 + 2.0j, -1.0 - 2.0j], -2.0
+
+    def g(w):
+        s = 1j * w
+        return gain * (s - zeros[0]) / ((s - poles[0]) * (s - poles[1])) * np.exp(-s * delay)
+
+    for a, b in ((0.0, 0.3), (1.8, 2.2), (4.0, 6.0)):
+        w = np.linspace(a, b, 20_001)
+        h = w[1] - w[0]
+        values = [np.abs(np.diff(g(w), k)).max() / h**k / math.factorial(k) for k in range(3)]
+        bound = [float(x[0]) for x in _majorant(zeros, poles, gain, delay, np.array([a]), np.array([b]))]
+        assert all(value <= limit * (1 + 1e-6) for value, limit in zip(values, bound, strict=False))
+        assert bound[0] <= 3 * values[0]
+
+
+def test_majorant_of_a_dead_time_and_of_a_zero():
+    """Of e^{-sL}: L^k/k!; of s + 1 at 2j: its size, its slope of 1, and nothing more."""
+    here = np.array([2.0])
+    bound = _majorant([], [], 1.0, 0.5, here, here)
+    assert [float(x[0]) for x in bound] == pytest.approx([1.0, 0.5, 0.125, 0.125 / 6])
+    bound = _majorant([-1.0], [], -3.0, 0.0, here, here)
+    assert [float(x[0]) for x in bound] == pytest.approx([3 * math.sqrt(5), 3.0, 0.0, 0.0])
+    bound = _majorant([-1.0], [], 1.0, 2.0, here, here)
+    size = math.sqrt(5)
+    expected = [size, 2 * size + 1, 2 * size + 2, 4 / 3 * size + 2]
+    assert [float(x[0]) for x in bound] == pytest.approx(expected)
