@@ -17,6 +17,13 @@ KINDS = ("PI", "PID", "PIDA")
 MS = 1.4  # of all that is compared at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gain over ultimate gain
 NEAR = 1.2  # times the least IAE: as good as the best for most purposes
+PARAMETERS = {
+    "k-1": "integral gain",
+    "k0": "proportional gain",
+    "k1": "derivative gain",
+    "k2": "acceleration gain",
+    "filter_time": "filter time",
+}
 SERVES = 0.75  # share of a class of plants that a rule must serve to be recommended for it
 CLASSES = (
     "integrating",
@@ -163,7 +170,7 @@ def pays() -> pd.DataFrame:
 
 def own_rule() -> pd.DataFrame:
     """The constants of the rule fitted to the optima, with its parameters in units of the plant."""
-    return read("own_rule_constants").set_index(["kind", "parameter"])
+    return read("own_rule_constants").replace({"parameter": PARAMETERS}).set_index(["kind", "parameter"])
 
 
 def own_rule_by_class() -> pd.DataFrame:

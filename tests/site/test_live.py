@@ -214,3 +214,14 @@ LIVE = '{"plant": "%s", "rule": "%s", "designs": [{"kind": "PIDA", "kp": 1, "ti"
 def test_a_bad_live_figure_is_caught(html, found, open_figure):
     page, wrong = open_figure(html)
     assert any(found in problem for problem in wrong + undrawn(page))
+
+
+def test_the_first_lecture_prints_what_its_live_figure_shows(visit, site):
+    page, _ = visit((site / "book" / "learn" / "what-acceleration-does.html").as_uri())
+    output = page.locator(".cell_output .output", has_text="noise gain").first.inner_text()
+    printed = re.findall(r"Ms ([\d.]+), IAE ([\d.]+), noise gain ([\d.]+)", output)
+    shown = [[float(cell) for cell in row] for row in rows(page.locator(".pidalab-live .lab-table"))]
+    assert len(printed) == len(shown) == 3
+    for texts, (iae, ms, sigma) in zip(printed, shown, strict=True):
+        for text, value in zip(texts, (ms, iae, sigma), strict=True):
+            assert float(text) == pytest.approx(value, abs=0.51 * 10.0 ** -len(text.partition(".")[2])), text
