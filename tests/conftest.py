@@ -1,5 +1,6 @@
 """What all tests share: which modules are imported by name, and what runs first."""
 
+import gc
 import sys
 from pathlib import Path
 
@@ -19,3 +20,14 @@ def pytest_collection_modifyitems(items):
     items.sort(
         key=lambda item: next((k for k, path in enumerate(LONG) if item.nodeid.startswith(path)), len(LONG))
     )
+
+
+def pytest_collection():
+    """Collect without looking for garbage: half a million objects are made, and all of them stay."""
+    gc.disable()
+
+
+def pytest_collection_finish():
+    """Look for garbage from now on, but not among these."""
+    gc.freeze()
+    gc.enable()

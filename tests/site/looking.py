@@ -11,7 +11,6 @@ TYPESET = "() => !document.querySelector('script[src*=mathjax]') || window.MathJ
 
 # Findings of axe-core that come from tools the book stands on: the rule, and what marks the element.
 ACCEPTED = [
-    ("empty-table-header", '<th class="head">'),  # a header that is a formula, which axe is not shown
     ("aria-allowed-role", "doc-biblioentry"),  # docutils' markup of a bibliography entry
     ("aria-deprecated-role", "doc-biblioentry"),
     ("aria-required-children", "citation-list"),
@@ -55,14 +54,26 @@ HINDRANCES = """() => {
 
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
-# Formulas as empty boxes of their size: axe-core is not to look at their thousands of parts.
-EMPTY_FORMULAS = """() => {
-  const all = [...document.querySelectorAll("mjx-container")], sizes = all.map((one) => one.getBoundingClientRect());
-  all.forEach((one, k) => {
-    one.replaceChildren();
-    one.style.cssText = `display: inline-block; width: ${sizes[k].width}px; height: ${sizes[k].height}px`;
+# Formulas as boxes of their size and code as plain text: axe-core is not to take their thousands of parts apart. The
+# theme makes what scrolls a stop of the Tab key 0.3 s after the last change of the page or of its size.
+PLAINER = """() => {
+  const all = (selector) => [...document.querySelectorAll(selector)];
+  const formulas = all("mjx-container"), sizes = formulas.map((one) => one.getBoundingClientRect());
+  formulas.forEach((one, k) => {
+    const box = document.createElement("span");
+    box.textContent = "x";
+    box.style.cssText = `display: inline-block; width: ${sizes[k].width}px; height: ${sizes[k].height}px`;
+    one.replaceWith(box);
   });
+  for (const code of all("pre:not(:has(a, button, [tabindex]))")) {
+    code.parts = [...code.childNodes];
+    code.textContent = code.textContent;
+  }
+  globalThis.settled = new Promise((done) => setTimeout(done, 360));
 }"""
+COLOURED = (
+    "() => document.querySelectorAll('pre').forEach((one) => one.parts && one.replaceChildren(...one.parts))"
+)
 
 COLOURS = ("color-contrast", "link-in-text-block")
 MOST = 8  # texts of a kind whose colours are judged
@@ -70,10 +81,31 @@ MOST = 8  # texts of a kind whose colours are judged
 # on is the same for all of a kind, and so is what tells a link from the text around it; but axe-core does not judge a
 # single letter, nor a text that something else covers in part.
 MARK_KINDS = """([most, judged]) => {
-  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), texts = new Set(), kinds = new Map();
-  const add = (kind, one) => kinds.set(kind.join("|"), [...(kinds.get(kind.join("|")) ?? []), one]);
-  while (walker.nextNode())
-    if (walker.currentNode.data.trim().length > 1) texts.add(walker.currentNode.parentElement);
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), texts = new Set();
+  const kinds = new Map(), grounds = new Map(), fades = new Map();
+  const add = (parts, one) => {
+    const kind = parts.join("|");
+    if (!kinds.has(kind)) kinds.set(kind, []);
+    kinds.get(kind).push(one);
+  };
+  while (walker.nextNode()) {
+    const { data, parentElement } = walker.currentNode;
+    if (data.trim().length > 1 && !parentElement.closest("mjx-container")) texts.add(parentElement);
+  }
+  const ground = (one) => {  // colours behind a text, down to the first that nothing shines through
+    if (!one) return "";
+    if (!grounds.has(one)) {
+      const { backgroundColor, backgroundImage } = getComputedStyle(one), plain = backgroundImage === "none";
+      const own = backgroundColor === "rgba(0, 0, 0, 0)" && plain ? "" : `${backgroundColor} ${backgroundImage} `;
+      grounds.set(one, own + (backgroundColor.startsWith("rgb(") && plain ? "" : ground(one.parentElement)));
+    }
+    return grounds.get(one);
+  };
+  const faded = (one) => {
+    if (!one) return 1;
+    if (!fades.has(one)) fades.set(one, getComputedStyle(one).opacity * faded(one.parentElement));
+    return fades.get(one);
+  };
   for (const text of texts) {
     if (!text.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
     const { color, fontSize, fontWeight, textShadow } = getComputedStyle(text);
@@ -86,13 +118,8 @@ MARK_KINDS = """([most, judged]) => {
       ];
       add(["link", ...looks(getComputedStyle(link)), ...looks(around)], link);
     }
-    const kind = [color, fontSize, fontWeight, textShadow];
-    for (let one = text; one; one = one.parentElement) {
-      const { backgroundColor, backgroundImage, opacity } = getComputedStyle(one);
-      const ground = [backgroundColor, backgroundImage, opacity].join();
-      if (ground !== "rgba(0, 0, 0, 0),none,1") kind.push(ground);
-    }
-    add(kind, text);
+    const size = parseFloat(fontSize), large = size >= 24 || (size > 18.6 && fontWeight >= 700);
+    add([color, large, textShadow, ground(text), faded(text)], text);
   }
   for (const marked of document.querySelectorAll("[data-kind]")) marked.removeAttribute("data-kind");
   for (const kind of judged) kinds.delete(kind);
@@ -121,9 +148,6 @@ ONLY_MARKED = """() => axe.configure({ rules: [
 KEEP_MARKED = "() => document.querySelectorAll('[data-kind]').forEach((one) => { one.dataset.kept = '' })"
 IN_THEME = "(theme) => { document.documentElement.dataset.theme = theme }"
 
-# The theme makes what scrolls a stop of the Tab key 0.3 s after the last change of the page or of its size.
-SETTLED = "() => new Promise((done) => requestAnimationFrame(() => setTimeout(done, 350)))"
-
 
 def problems(page: Page) -> list[str]:
     """What a reader would stumble over on an open page."""
@@ -135,33 +159,38 @@ def problems(page: Page) -> list[str]:
     return wrong
 
 
-def barriers(page: Page, judged: Iterable[str] = (), **options) -> list[str]:
-    """What axe-core finds on an open page, less what is accepted, and less the contrast of kinds judged before."""
-    page.evaluate(MARK_KINDS, [MOST, list(judged)])
+def mark_kinds(page: Page, judged: Iterable[str] = ()) -> list[str]:
+    """Mark a few texts and links of each kind whose colours were not judged before; returns these kinds."""
+    return page.evaluate(MARK_KINDS, [MOST, list(judged)])
+
+
+def barriers(page: Page, **options) -> list[str]:
+    """What axe-core finds on an open page, less what is accepted; of colours, only those of marked texts."""
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate(Axe().axe_script)
         page.evaluate(ONLY_MARKED)
+    page.evaluate("() => globalThis.settled")
     # Without preload: axe would ask for stylesheets itself, and look for some in the wrong place.
     options = {"resultTypes": ["violations"], "preload": False, **options}
-    run = "async (options) => (await axe.run({ exclude: [['mjx-container']] }, options)).violations"
     return [
         f"axe {finding['id']}: {node['html']}"
-        for finding in page.evaluate(run, options)
+        for finding in page.evaluate("async (options) => (await axe.run(options)).violations", options)
         for node in finding["nodes"]
         if not any(finding["id"] == rule and mark in node["html"] for rule, mark in ACCEPTED)
     ]
 
 
 def looked_over(page: Page) -> list[str]:
-    """What is wrong with a page that was opened in light, wide and narrow; its formulas are emptied."""
+    """What is wrong with a page that was opened in light, wide and narrow; its formulas become boxes."""
     page.set_viewport_size(WIDE)
     wrong = problems(page)
     page.set_viewport_size(NARROW)
     wrong += [f"narrow: {problem}" for problem in problems(page)]
     page.set_viewport_size(WIDE)
-    page.evaluate(EMPTY_FORMULAS)
-    page.evaluate(SETTLED)
-    return wrong + barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
+    page.evaluate(PLAINER)
+    wrong += barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
+    page.evaluate(COLOURED)
+    return wrong
 
 
 def contrasts(page: Page, judged: set[str]) -> list[str]:
@@ -173,7 +202,7 @@ def contrasts(page: Page, judged: set[str]) -> list[str]:
     new = []
     for theme in ("light", "dark"):  # what is one kind in one may be two in the other
         page.evaluate(IN_THEME, theme)
-        new += page.evaluate(MARK_KINDS, [MOST, list(judged)])
+        new += mark_kinds(page, judged)
         page.evaluate(KEEP_MARKED)
     if not new:
         return []
@@ -181,6 +210,7 @@ def contrasts(page: Page, judged: set[str]) -> list[str]:
     wrong = []
     for theme in ("light", "dark"):
         page.evaluate(IN_THEME, theme)
-        wrong += [f"{theme}: {text}" for text in barriers(page, judged, runOnly=COLOURS)]
+        mark_kinds(page, judged)
+        wrong += [f"{theme}: {text}" for text in barriers(page, runOnly=COLOURS)]
     judged.update(new)
     return wrong

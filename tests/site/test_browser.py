@@ -7,7 +7,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
-from looking import WIDE, contrasts, looked_over
+from looking import WIDE, contrasts, looked_over, problems
 from turning import astray
 
 from pidalab.ledger import papers
@@ -21,7 +21,8 @@ class QuietHandler(SimpleHTTPRequestHandler):
 @contextmanager
 def serve(directory):
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietHandler, directory=directory)) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+        # the interval is how long a server that is told to stop goes on
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}"
         server.shutdown()
 
@@ -123,6 +124,22 @@ def test_print_unfolds_all_but_answers(home, visit):
 
 
 BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</main></html>"""
+GOOD = "<p>good</p>" * 20  # so many that not all of a kind are judged
+LARGE = "<p style='color: #888; font-size: 30px'>large</p>" * 20
+LINKS = "<p>many words <a href='#'>a link</a> more words</p>" * 20
+
+
+@pytest.fixture
+def bad_page(tmp_path, visit):
+    """Open a page with something wrong on it."""
+    (tmp_path / "favicon.ico").touch()
+    with serve(tmp_path) as address:
+
+        def opened(html):
+            (tmp_path / "index.html").write_text(BAD % html)
+            return visit(address)
+
+        yield opened
 
 
 @pytest.mark.parametrize(
@@ -147,29 +164,54 @@ BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</
             "numbers out of sight",
         ),
         ("<div style='width: 200vw'>wide</div>", "px wider than the screen"),
+    ],
+)
+def test_bad_page_is_caught(html, found, bad_page):
+    page, wrong = bad_page(html)
+    assert any(found in problem for problem in problems(page) + wrong)
+
+
+@pytest.mark.parametrize(
+    ("html", "found"),
+    [
+        ("<p>$$K_p$$</p>", "maths left raw"),
         ("<div style='width: 100%; min-width: 600px'>wide</div>", "narrow: page"),
+        ("<img src='data:,' alt='x'><a href='#'></a>", "axe link-name"),
+        ("<pre>code <a href='#'></a></pre>", "axe link-name"),
+    ],
+)
+def test_what_is_looked_over(html, found, bad_page):
+    page, _ = bad_page(html)
+    assert any(found in problem for problem in looked_over(page))
+
+
+@pytest.mark.parametrize(
+    ("html", "found"),
+    [
         ("<p style='color: #ccc; background: #fff'>pale</p>", "light: axe color-contrast"),
-        (
-            "<p>good</p>" * 20 + "<p><i style='color: #ccc'>pale</i></p>" + "<p>good</p>" * 20,
-            "axe color-contrast",
-        ),
+        (GOOD + "<p><i style='color: #ccc'>pale</i></p>" + GOOD, "axe color-contrast"),
         (
             "<style>[data-theme=dark] p { color: #888 }</style><p>pale in the dark</p>",
             "dark: axe color-contrast",
         ),
         ("<p hidden style='color: #ccc'>pale</p><p style='color: #ccc'>pale</p>", "axe color-contrast"),
-        ("<img src='data:,' alt='x'><a href='#'></a>", "axe link-name"),
+        (GOOD + "<p style='opacity: 0.3'>faded</p>" + GOOD, "axe color-contrast"),
+        (GOOD + "<div style='background: #222'><p>on black</p></div>" + GOOD, "axe color-contrast"),
+        (LARGE + "<p style='color: #888'>small</p>" + LARGE, "axe color-contrast"),
         (
-            "<p>many words <a href='#'>a link</a> more words</p>" * 20
-            + "<p>many words <a href='#' style='color: #333; text-decoration: none'>a link</a> more</p>"
-            + "<p>many words <a href='#'>a link</a> more words</p>" * 20,
+            LINKS
+            + "<p>words <a href='#' style='color: #333; text-decoration: none'>a link</a> more</p>"
+            + LINKS,
             "light: axe link-in-text-block",
         ),
     ],
 )
-def test_bad_page_is_caught(html, found, tmp_path, visit):
-    (tmp_path / "index.html").write_text(BAD % html)
-    (tmp_path / "favicon.ico").touch()
-    with serve(tmp_path) as address:
-        page, wrong = visit(address)
-        assert any(found in problem for problem in looked_over(page) + wrong + contrasts(page, set()))
+def test_pale_text_is_caught(html, found, bad_page):
+    page, _ = bad_page(html)
+    assert any(found in problem for problem in contrasts(page, set()))
+
+
+def test_code_is_judged_in_its_colours(bad_page):
+    page, _ = bad_page("<pre>good <i style='color: #ccc'>pale</i></pre>")
+    looked_over(page)
+    assert any("pale" in problem for problem in contrasts(page, set()))

@@ -6,7 +6,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from looking import NARROW, OVERFLOW, barriers
+from looking import NARROW, OVERFLOW, barriers, mark_kinds
 from pictured import plots
 
 NUMBER = r"(\d[\d.]*)"
@@ -294,4 +294,5 @@ def test_dark_on_a_phone(lab):
     assert page.locator("html").get_attribute("data-theme") == "dark"
     assert page.evaluate(OVERFLOW) <= 1
     assert page.locator(".lab-plots svg").count() == 6
+    mark_kinds(page)
     assert barriers(page, runOnly=["color-contrast"]) == []

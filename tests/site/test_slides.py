@@ -4,7 +4,7 @@ import importlib.util
 import re
 
 import pytest
-from looking import NARROW, OVERFLOW, WIDE, barriers
+from looking import NARROW, OVERFLOW, WIDE, barriers, mark_kinds
 
 COUNT = "() => document.querySelectorAll('.slide').length"
 SHOWN = (
@@ -99,6 +99,7 @@ def test_slides_in_the_dark_on_a_phone(made, visit):
     page.keyboard.press("Home")
     page.get_by_role("button", name="On", exact=True).click()
     assert page.evaluate(SHOWN) == 2
+    mark_kinds(page)
     assert wrong + barriers(page, runOnly=["color-contrast", "image-alt", "button-name"]) == []
 
 
