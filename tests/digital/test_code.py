@@ -15,6 +15,7 @@ from st import Instance, Parser
 
 import pidalab
 from pidalab.digital.code import STEPS, head, vector
+from pidalab.digital.languages.structured_text import _st_number
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}
@@ -248,3 +249,44 @@ def test_code_begins_with_where_it_comes_from():
         places = [code.index(line.strip()) for line in first]
         assert places == sorted(places)
         assert code.count(first[0]) == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.5, "0.5"),
+        (-2, "-2.0"),
+        (1e-7, "1.0E-7"),
+        (-1.25e-7, "-1.25E-7"),
+        (1e22, "1.0E22"),
+        (3.5e300, "3.5E300"),
+    ],
+)
+def test_numbers_of_structured_text_have_digits_on_both_sides_of_the_point(value, text):
+    assert _st_number(value) == text
+
+
+def test_c_declares_what_it_defines():
+    code = CASES["zoh"].c("level")
+    lines = code.splitlines()
+    for k, line in enumerate(lines):
+        if line.startswith("level_real level_step("):
+            signature = [line, lines[k + 1]]
+            break
+    assert (
+        signature[0] == "level_real level_step(level_state *s, level_real setpoint, level_real measurement,"
+    )
+    own = "    bool manual, level_real manual_value, bool tracking, level_real track_value)"
+    assert signature[1] == own + ";"
+    assert lines.count(own) == 1
+    assert (
+        lines.count("void level_init(level_state *s);") == lines.count("void level_init(level_state *s)") == 1
+    )
+    assert lines[:2] == ["/*", " * Digital controller, written by pidalab."]
+    assert "#define LEVEL_REAL double" in lines
+    assert "typedef LEVEL_REAL level_real;" in lines
+
+
+def test_a_class_of_python_is_named_after_the_controller():
+    assert "class LevelOfTank:\n" in CASES["zoh"].python("level_of_tank")
+    assert "FUNCTION_BLOCK level_of_tank\n" in CASES["zoh"].structured_text("level_of_tank")

@@ -552,3 +552,11 @@ def test_a_warning_of_noise_points_at_the_line_that_asked():
     with pytest.warns(pidalab.areas.RecordWarning) as caught:
         ipdt_least_squares(historian(noise=0.3))
     assert caught[0].filename == __file__
+
+
+def test_a_model_does_not_change():
+    model = three_point(T, FOURTH)
+    with pytest.raises(AttributeError):
+        model.gain = 2.0
+    assert model == three_point(T, FOURTH)
+    assert len({model, three_point(T, FOURTH)}) == 1

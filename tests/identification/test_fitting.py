@@ -244,3 +244,14 @@ def test_a_long_record_is_averaged_over_neighbours():
     assert data.t[-1] == pytest.approx(np.mean(t[-2:]))
     assert np.all(np.abs(data.y - np.interp(data.t, t, y)) < 1e-2)
     assert data.moments.tolist() == [20.0]
+
+
+def test_eight_equal_lags_are_the_most():
+    t = np.arange(0.0, 150.0)
+    clean = {order: pidalab.open_loop_step(pidalab.lags(order, 4.0), t[:-20]).y for order in (8, 9)}
+    for order, lag in ((8, 4.0), (9, None)):
+        fitted = fit(Record(t, np.where(t < 20, 0.0, 1.0), np.append(np.zeros(20), clean[order])), "lags")
+        assert len(fitted.process.den) == 9
+        if lag:
+            assert fitted.parameters["lag"] == pytest.approx(lag, rel=1e-6)
+            assert fitted.parameters["delay"] == pytest.approx(0.0, abs=1e-6)

@@ -8,12 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import pidalab
 from pidalab import HighOrderPID, Loop
+from pidalab.optimal._descent import Last, Scaled
+from pidalab.optimal._design import _edge, _sign
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import Problem
+from pidalab.optimal._solver import Limits, Search, _distinct, _valleys
+from pidalab.optimal._starts import _apart
+from pidalab.optimal._units import _turn, unit_of_time
 
 THIRD = pidalab.lags(3, delay=1.0)
 
@@ -292,3 +298,168 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
             pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0)
         assert inside[0] == {1}
         assert threads() == {2}
+
+
+# Parts of the search, each beside what it stands for.
+
+
+NO_NOISE = Limits(1.6, None, None, None)
+
+
+@pytest.mark.parametrize(("lag", "delay"), [(1.0, 1.0), (20.0, 0.5), (0.1, 3.0)])
+def test_the_unit_of_time_is_where_the_phase_has_turned_by_three_eighths(lag, delay):
+    w = brentq(lambda w: w * delay + math.atan(w * lag) - 0.75 * math.pi, 1e-3 / lag, 100 / delay)
+    assert unit_of_time(pidalab.fopdt(-3.0, lag, delay), NO_NOISE) == pytest.approx(1 / w, rel=6e-3)
+
+
+def test_units_of_time_of_integrators_and_of_what_runs_away():
+    """With integrators the process has turned already: by a quarter of pi more, at least to three quarters of it."""
+    assert unit_of_time(pidalab.ipdt(5.0, 2.0), NO_NOISE) == pytest.approx(2.0 / (0.25 * math.pi), rel=6e-3)
+    double = pidalab.Process([3.0], [1.0, 0.0, 0.0], 2.0)
+    assert unit_of_time(double, NO_NOISE) == pytest.approx(2.0 / (0.25 * math.pi), rel=6e-3)
+    away = pidalab.Process([3.0], np.polymul([1.0, -0.2], [0.5, 1.0]), 0.1)
+    assert unit_of_time(away, NO_NOISE) == pytest.approx(1 / math.sqrt(0.2 * 10.0))
+    assert unit_of_time(pidalab.fopdt(1.0, 7.0, 0.0), NO_NOISE) == pytest.approx(7.0)  # never turns so far
+    for order, process in ((1, pidalab.ipdt(5.0, 0.0)), (2, pidalab.Process([5.0], [1.0, 0.0, 0.0]))):
+        by_mks, by_noise = Limits(1.6, 8.0, None, None), Limits(1.6, None, 8.0, 0.1)
+        for limits in (by_mks, by_noise):
+            assert unit_of_time(process, limits) == pytest.approx((5.0 * 0.1 * 8.0) ** (-1 / order))
+        with pytest.raises(ValueError, match="a gain alone has no best controller"):
+            unit_of_time(process, NO_NOISE)
+    with pytest.raises(ValueError, match="a gain alone has no best controller"):
+        unit_of_time(pidalab.Process([2.0], [1.0]), Limits(1.6, 8.0, None, None))
+
+
+@pytest.mark.parametrize(("mks", "noise_gain"), [(0.01, None), (None, 0.01), (0.01, 5.0), (5.0, 0.01)])
+def test_a_limit_of_noise_that_sets_the_unit_of_time(mks, noise_gain):
+    """To act up to w on k/s asks for |C S| = w/k, and of sampled noise for (h/pi) of the integral of its square."""
+    gain, h = 2.0, 0.05
+    limits = Limits(1.6, mks, noise_gain, None if noise_gain is None else h)
+    able = [] if mks is None else [mks * gain]
+    able += [] if noise_gain is None else [(3 * math.pi * gain**2 * noise_gain**2 / h) ** (1 / 3)]
+    corner = 0.25 * math.pi / 0.1  # a dead time of 0.1
+    expected = min(able) if corner > 8 * min(able) else corner
+    assert unit_of_time(pidalab.ipdt(gain, 0.1), limits) == pytest.approx(1 / expected, rel=8e-3)
+
+
+@pytest.mark.parametrize("share", [7.9, 8.1])
+def test_noise_sets_the_unit_where_it_is_eight_times_slower(share):
+    corner = 0.25 * math.pi / 0.1
+    limits = Limits(1.6, corner / share / 2.0, None, None)
+    expected = corner / share if share > 8 else corner
+    assert unit_of_time(pidalab.ipdt(2.0, 0.1), limits) == pytest.approx(1 / expected, rel=8e-3)
+
+
+def test_phase_beside_a_continuous_one():
+    """Zeros and poles on both sides, a pair on the axis; less what is at rest."""
+    process = pidalab.Process(
+        np.polymul([1.0, -3.0], [0.5, 1.0]), np.polymul([1.0, 0.4, 4.0], [2.0, 1.0, 0.0, 0.0]), 0.3
+    )
+    w = np.geomspace(1e-4, 40.0, 200_001)
+    phase = np.unwrap(np.angle(process(1j * w)))
+    np.testing.assert_allclose(_turn(process, w), phase - phase[0], atol=2e-3)
+    assert _turn(pidalab.Process([1.0], [1.0, 0.0, 4.0]), np.array([1.9, 2.1])) == pytest.approx(
+        [0.0, -math.pi], abs=1e-6
+    )
+
+
+def test_what_a_descent_sees():
+    start = np.array([0.5, 0.02, 0.3, 40.0, -1.0, 7.0])
+    seen = Scaled(start, 4)
+    assert seen.unit.tolist() == [1.0, 0.1, 0.3, 1.0, 1.0, 1.0]
+    np.testing.assert_allclose(seen(start), [math.log(0.5), 0.2, 1.0, 40.0, -1.0, 7.0])
+    np.testing.assert_allclose(seen.back(seen(start)), start, rtol=1e-14)
+    weights = np.arange(1.0, 7.0)
+    function, z = seen.objective(lambda x: (float(weights @ x**2), 2 * weights * x), start)
+    one = seen.constraint({"fun": lambda x: x[:2] ** 3, "jac": lambda x: np.diag(3 * x**2)[:2]})
+    assert function(z)[0] == pytest.approx(float(weights @ start**2))
+    np.testing.assert_allclose(one["fun"](z), start[:2] ** 3)
+    for k in range(z.size):
+        step = 1e-6 * np.eye(z.size)[k]
+        difference = (function(z + step)[0] - function(z - step)[0]) / 2e-6
+        assert function(z)[1][k] == pytest.approx(difference, rel=1e-6, abs=1e-6)
+        difference = (one["fun"](z + step) - one["fun"](z - step)) / 2e-6
+        np.testing.assert_allclose(one["jac"](z)[:, k], difference, rtol=1e-5, atol=1e-9)
+
+
+def test_a_function_is_asked_once_for_value_and_slope():
+    asked = []
+    last = Last(lambda x: (asked.append(x.copy()) or x.sum(), 2 * x))
+    x = np.array([1.0, 2.0])
+    assert (last.value(x), last.slope(x).tolist()) == (3.0, [2.0, 4.0])
+    x[0] = 5.0  # the caller may change its array
+    assert (last.slope(x).tolist(), last.value(x)) == ([10.0, 4.0], 7.0)
+    assert len(asked) == 2
+
+
+def test_values_of_valleys_differ_by_a_hundredth_and_are_no_more_than_twice_the_least():
+    assert _valleys([2.0, 1.0, 1.0099, 1.5, 1.514, 1.99, 2.5]) == (1.0, 1.5, 1.99)
+    assert _valleys([1.0, 1.0101]) == (1.0, 1.0101)
+    assert _valleys([3.0]) == (3.0,)
+
+
+def test_rungs_that_are_one_point_count_once():
+    points = [np.array([1.0, x]) for x in (0.0, 0.0009, 0.0011, 5.0)]
+    rungs = list(zip([4.0, 3.0, 2.0, 1.0], points, strict=True))
+    assert [value for value, _ in _distinct(rungs, 9)] == [1.0, 2.0, 4.0]
+    assert [value for value, _ in _distinct(rungs, 2)] == [1.0, 2.0]
+
+
+def test_what_is_left_to_the_limits():
+    """Not negative where a limit is kept, by the share of it that is left; the least of all counts as missed."""
+    problem = Problem(pidalab.lags(2, delay=0.5), 1, (1.0, 1.0), "load")
+    x = np.array([0.5, 1.0, 0.5, math.log(0.2)])
+    one = Search(problem, Limits(1.6, 5.0, None, None))
+    loop = one.loop(x)
+    s = 1j * one.w
+    controller, back = loop.block("controller", s), 1 / loop.S(s)
+    ms, mks = 1.6 * (1 - 2e-5), 5.0 * (1 - 2e-5)
+    size = mks**2 * np.abs(back) ** 2
+    expected = [
+        ms**2 * np.abs(back) ** 2 - 1,
+        (size - np.abs(controller) ** 2) / (size + np.abs(controller) ** 2),
+    ]
+    left = one.constraints()[0]["fun"](x)
+    np.testing.assert_allclose(left, np.concatenate(expected), rtol=1e-9)
+    assert one.missed(x) == pytest.approx(max(0.0, -np.min(left)))
+    assert one.missed(0.01 * x) >= 0
+    assert Limits(1.6, 5.0, None, None).named() == {"ms": 1.6, "mks": 5.0}
+    assert Limits(1.6, None, 3.0, 0.1).named() == {"ms": 1.6, "noise_gain": 3.0}
+
+
+def test_starts_that_differ_by_more_than_a_factor_of_four():
+    one = np.array([0.5, 2.0, 1.0, -1.0])
+    for k, factor, apart in (
+        (0, 3.9, False),
+        (0, 4.1, True),
+        (1, 3.9, False),
+        (1, 4.1, True),
+        (2, 1.9, False),
+    ):
+        other = one.copy()
+        other[k] *= factor
+        assert _apart(one, other, 3) == apart
+        assert _apart(other, one, 3) == apart
+    for step, apart in ((1.38, False), (1.39, True), (-1.38, False), (-1.39, True)):
+        assert _apart(one, one + step * np.eye(4)[3], 3) == apart
+
+
+def test_what_lies_at_the_edge_of_the_search():
+    one = Search(Problem(THIRD, 1, (1.0, 1.0), "load"), NO_NOISE)
+    low, high = one.bounds[3]
+    for x, edge in (
+        ([1.0, 2.0, 3.0, 0.0], ()),
+        ([1.0, 2.0, 3.0, low], ("filter_time",)),
+        ([1.0, 2.0, 3.0, high], ("filter_time",)),
+        ([1.0, 2.0, 1e6, 0.0], ("gains",)),
+        ([1.0, 1e6, 3.0, high], ("filter_time", "gains")),
+    ):
+        assert _edge(one, np.array(x)) == edge
+
+
+def test_integrators_and_signs_of_a_process():
+    assert _sign(pidalab.fopdt(-2.0, 1.0, 1.0)) == -1.0
+    assert _sign(pidalab.Process([1.0], [-1.0, 1.0])) == -1.0
+    assert _sign(pidalab.Process([-1.0, -2.0], [-1.0, 1.0, 0.0])) == 1.0
+    with pytest.raises(ValueError, match="found a zero at s = 0, through which nothing can be held"):
+        _sign(pidalab.Process([1.0, 0.0], [1.0, 1.0, 1.0]))

@@ -10,7 +10,7 @@ from matplotlib.lines import AxLine
 
 import pidalab
 from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
-from pidalab.robustness._infimum import TOLERANCE, _Function, _majorant, infimum
+from pidalab.robustness._infimum import SLACK, TOLERANCE, _Function, _majorant, infimum
 from pidalab.rules import automatic_reset as reset
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)
@@ -417,3 +417,23 @@ def test_majorant_of_a_dead_time_and_of_a_zero():
     size = math.sqrt(5)
     expected = [size, 2 * size + 1, 2 * size + 2, 4 / 3 * size + 2]
     assert [float(x[0]) for x in bound] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("lag", "delay"), [(1.0, 0.0), (2.0, 0.0), (1.0, 3.0)])
+def test_the_bound_of_the_curvature_is_close_where_a_stretch_is_a_point(lag, delay):
+    """Of e^{-sL}/x, x = T s + 1, the second derivative has the size |L^2 + 2 L T/x + 2 T^2/x^2|/|x|."""
+    f = _Function(linear_part(pidalab.Loop(pidalab.fopdt(-3.0, lag, delay), 1.0)), 0.0)
+    for w in (0.0, 0.7, 5.0):
+        x = math.hypot(1.0, lag * w)
+        most = 3 * (delay**2 + 2 * delay * lag / x + 2 * lag**2 / x**2) / x
+        found = f.curvature(np.array([w]), np.array([w]))[0]
+        assert found == pytest.approx(SLACK * most)
+
+
+def test_frequencies_at_which_something_happens():
+    part = linear_part(RESETS[2])
+    scales = np.sort(_Function(part, 0.4).scales())
+    expected = [*np.abs(part.zeros), *np.abs(part.poles), 1 / 0.4, 1 / part.reset_time, 1 / 0.3]
+    np.testing.assert_allclose(scales, np.sort(expected))
+    alone = linear_part(pidalab.Loop(pidalab.ipdt(-3.0, 0.0), -0.5))
+    assert _Function(alone, 0.0).scales().tolist() == [1.5]

@@ -244,3 +244,26 @@ def test_bad_types_and_orders():
         reset.multiple_pole(3)
     with pytest.raises(ValueError, match="ratio must be above 0"):
         reset.double_zero(0.0)
+
+
+def test_borders_of_orders_weights_and_times():
+    with pytest.raises(ValueError, match="m must be a whole number, at least 0, found -1"):
+        reset.multiple_pole(-1)
+    with pytest.raises(ValueError, match="ratio must be above 0"):
+        reset.double_zero(0.0)
+    model = pidalab.ipdt(1.0, delay=1.0)
+    for weight in (0.0, 0.5, 1.0):
+        assert reset.tune(model, reset.PI, n=1, filter_time=0.2, weight=weight).te == 0.2 * weight
+    for wrong, message in (
+        ({"weight": 0.49}, r"weight must be from 0\.5 to 1, or 0"),
+        ({"weight": 1.01}, r"weight must be from 0\.5 to 1, or 0"),
+        ({"weight": -0.1}, r"weight must be from 0\.5 to 1, or 0"),
+        ({"n": 0}, "n must be a whole number, at least 1"),
+        ({"filter_time": 0.0}, "filter_time must be above 0"),
+        ({"cancelled": -1}, "cancelled must be a whole number, at least 0"),
+        ({"cancelled": 2}, "cancelled must be 0 or 1, found 2"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            reset.tune(model, reset.PI, **({"n": 1, "filter_time": 0.2} | wrong))
+    with pytest.raises(ValueError, match="the total dead time is 0"):
+        reset.tune(pidalab.ipdt(1.0, 0.0), reset.PI, n=1, filter_time=0.2, weight=0.0)
