@@ -18,7 +18,7 @@ from pidalab.optimal._design import _edge, _sign
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import Problem
 from pidalab.optimal._solver import Limits, Search, _distinct, _valleys
-from pidalab.optimal._starts import _apart
+from pidalab.optimal._starts import _apart, approached, at_once, stabilising
 from pidalab.optimal._units import _turn, unit_of_time
 
 THIRD = pidalab.lags(3, delay=1.0)
@@ -463,3 +463,23 @@ def test_integrators_and_signs_of_a_process():
     assert _sign(pidalab.Process([-1.0, -2.0], [-1.0, 1.0, 0.0])) == 1.0
     with pytest.raises(ValueError, match="found a zero at s = 0, through which nothing can be held"):
         _sign(pidalab.Process([1.0, 0.0], [1.0, 1.0, 1.0]))
+
+
+@pytest.mark.parametrize(("ms", "kept"), [(2.0, True), (1.4, False)])
+def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
+    process = pidalab.Process([1.0], [1.0, -1.0], 0.3)
+    limits = Limits(ms, None, None, None)
+    unit = unit_of_time(process, limits)
+    problem = Problem(process, 1, (abs(complex(process(1j / unit))), unit), "load")
+    one = Search(problem, limits)
+    assert at_once(one) == []
+    candidates = [one.missed(x) for x in stabilising(one)]
+    found = approached(one)
+    assert min(candidates) > 0
+    assert len(found) == int(kept)
+    assert one.sound(one.nearest)
+    assert one.missed(one.nearest) < min(candidates)
+    assert (one.missed(one.nearest) == 0) == kept
+    if kept:
+        assert found[0] is one.nearest
+        assert pidalab.max_sensitivity(one.loop(found[0]))[0] < 1.01 * ms

@@ -8,6 +8,7 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
+from pidalab.robustness import _grid, _scan
 from pidalab.robustness._grid import grid
 
 PAPER = Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
@@ -312,3 +313,30 @@ def test_the_grid_follows_the_turns_of_the_dead_time():
     turns = 20.0 * np.diff(w)[loud]
     assert turns.size > 1000
     assert turns.max() <= 0.25 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_least_value_in_a_bracket(seed):
+    """Brent's method between any two places beside its lowest point: never outside, and no higher than a fine grid."""
+    rng = np.random.default_rng(seed)
+    damping = 10 ** rng.uniform(-2.5, 0.0)
+    process = pidalab.sopdt(rng.uniform(0.2, 3.0), 1.0, damping, rng.uniform(0.0, 0.4))
+    found = _grid.factors(pidalab.Loop(process, pidalab.PIDA(0.3, 4.0, 0.5)))
+    for kind in (_scan.SENSITIVITY, _scan.COMPLEMENTARY):
+        x = np.linspace(-3.0, 3.0, 6001)
+        values = np.array([_scan._value(kind, at, *found) for at in x])
+        lows = 1 + np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] < values[2:]))
+        for low in lows:
+            # as far as the values rise on both sides
+            left, right = low, low
+            while left > 0 and values[left - 1] > values[left]:
+                left -= 1
+            while right < 6000 and values[right + 1] > values[right]:
+                right += 1
+            for share in (0.01, 0.3, 1.0):
+                a, b = x[low] - share * (x[low] - x[left]), x[low] + share * (x[right] - x[low])
+                for middle in (x[low], 0.98 * a + 0.02 * b, 0.02 * a + 0.98 * b):
+                    at, least = _scan._least(kind, a, middle, b, *found)
+                    assert a <= at <= b
+                    assert least <= values[low] + 1e-12 * abs(values[low])
+                    assert least == _scan._value(kind, at, *found)

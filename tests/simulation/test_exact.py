@@ -12,6 +12,7 @@ from scipy.special import gammainc
 import pidalab
 from pidalab import PIDA, Loop, Process, simulate
 from pidalab.loop import open_loop
+from pidalab.simulation.chains import fractions, without_slow
 
 LOOPS = {
     "paper": Loop(pidalab.lags(4), PIDA(1.31, 3.37, 0.938, 0.269), control.tf([1.0], [0.0164, 0.256, 1.0])),
@@ -367,3 +368,23 @@ def test_a_loop_far_faster_than_its_plant_keeps_its_digits(quick):
     slow = Loop(Process([1.0], [1.0, 0.0, 0.0], 1.0), pidalab.HighOrderPID([0.002, 0.05, 0.5], 0.1, 2))
     difference = pidalab.step_response(fast, quick * t).y - pidalab.step_response(slow, t).y
     np.testing.assert_allclose(difference, 0.0, atol=40 * quick + 1e-11)
+
+
+PAIRS = [-0.1, -0.3 + 0.5j, -0.3 - 0.5j, -0.4, -4 + 3j, -4 - 3j, -4 + 3j, -4 - 3j, -10]
+
+
+@pytest.mark.parametrize(("slow", "poles"), [(4, PAIRS), (3, PAIRS[1:]), (2, [-0.2, -0.2, -3 + 4j, -3 - 4j])])
+def test_partial_fractions_over_chains_of_poles(slow, poles):
+    """c (s - A)^-1 b of both chains is the fraction; without the slow one, what is left stands over the fast poles."""
+    poles, lead = np.array(poles, dtype=complex), 2.5
+    num = np.random.default_rng(slow).normal(size=poles.size)
+    group = np.array([0] * slow + [1] * (poles.size - slow))
+    A, b = fractions(num, lead, poles, group)
+    quotient = without_slow(num, lead, poles, slow, A, b)
+    assert quotient.size <= poles.size - slow + 1
+    for s in (0.3 + 0.2j, -1.0 + 3.0j, 2.0 - 7.0j):
+        whole = np.polyval(num, s) / (lead * np.prod(s - poles))
+        states = np.linalg.solve(s * np.eye(poles.size) - A, b)
+        assert states[slow - 1] + states[-1] == pytest.approx(whole, rel=1e-9)
+        rest = np.polyval(quotient, s) / (lead * np.prod(s - poles[slow:]))
+        assert rest == pytest.approx(states[-1], rel=1e-9)

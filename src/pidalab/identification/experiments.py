@@ -424,7 +424,7 @@ def _rise_time(t: Array, y: Array) -> float:
     """Time in which a record goes from a tenth to nine tenths of its whole change."""
     share = (y - y[0]) / (np.mean(y[-max(1, y.size // 10) :]) - y[0])
     before, after = np.flatnonzero(share < 0.1), np.flatnonzero(share > 0.9)
-    return float(t[after[0]] - t[before[before < after[0]][-1]]) if after.size else float(t[-1])
+    return float(t[after[0]] - t[before[before < after[0]][-1]])  # a mean is reached by a sample at least
 
 
 def _levels_reached(
