@@ -340,3 +340,15 @@ def test_the_least_value_in_a_bracket(seed):
                     assert a <= at <= b
                     assert least <= values[low] + 1e-12 * abs(values[low])
                     assert least == _scan._value(kind, at, *found)
+
+
+@pytest.mark.parametrize(
+    ("gain", "damping", "delay", "bracket"),
+    [(2.464, 0.003, 3.924, (1.516, 1.533, 2.371)), (2.135, 0.212, 3.63, (1.183, 1.204, 2.232))],
+)
+def test_a_least_value_is_sought_within_its_bracket(gain, damping, delay, bracket):
+    """Many ripples of a dead time: a parabola through three points of one may have its vertex in another."""
+    process = pidalab.sopdt(gain, 1.0, damping, delay)
+    found = _grid.factors(pidalab.Loop(process, pidalab.PIDA(0.3, 4.0, 0.5)))
+    at, _ = _scan._least(_scan.COMPLEMENTARY, *bracket, *found)
+    assert bracket[0] <= at <= bracket[2]
