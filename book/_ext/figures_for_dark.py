@@ -3,19 +3,27 @@
 A figure is an SVG in dark ink on nothing. For the dark theme a second file is written in which each ink has its
 counterpart for a dark page: black becomes nearly white, a hue keeps its hue and becomes lighter. Colour maps mean
 numbers, so they stay as they are, and so does every group whose id begins with ``as-drawn``.
-The page carries both images, and the theme shows the one that fits.
+The page carries both images, and the theme shows the one that fits. Each says how wide it must be on a phone for its
+smallest words to have 11 px there.
 """
 
 import colorsys
+import math
 import re
 from pathlib import Path
+from urllib.parse import unquote
 
-IMAGE = re.compile(r'<img\b[^>]*\bsrc="[^"]*_images/[^"]+\.svg"[^>]*>')
+IMAGE = re.compile(r'<img\b[^>]*\bsrc="[^"]*_images/([^"]+\.svg)"[^>]*>')
 SOURCE = re.compile(r'(\bsrc="[^"]*_images/[^"]+)\.svg"')
 CLASS = re.compile(r'\bclass="([^"]*)"')
 COLOUR = re.compile(r"\b(fill|stroke|stop-color)(: ?|=\")(#[0-9a-fA-F]{6})\b")
 GROUP = re.compile(r'<g\b(?:[^>]*?\bid="([^"]*)")?[^>]*?(/?)>|</g>')
 AS_DRAWN = ("as-drawn", "QuadMesh", "QuadContourSet", "ContourSet", "TriContourSet")
+
+WIDTH = re.compile(r'<svg\b[^>]*?\bwidth="([\d.]+)pt"')
+WORDS = re.compile(r"\bscale\((0?\.\d+) -0?\.\d+\)")  # matplotlib draws the outlines of a text for 100 points
+SMALLEST = 11  # px, of words on a phone
+PX = 4 / 3  # of a point
 
 GREY = 0.15  # saturation below which a colour counts as grey
 LIGHTEST, DARKEST = 0.92, 0.08  # of a grey: neither glare nor a hole
@@ -59,22 +67,38 @@ def _inked(text: str) -> str:
     return COLOUR.sub(lambda found: found[1] + found[2] + for_dark(found[3]), text)
 
 
-def _pair(image: re.Match[str]) -> str:
+def width_on_a_phone(svg: str) -> int | None:
+    """Return the width in px at which the smallest words have 11 px, at most the figure's own."""
+    width, sizes = WIDTH.search(svg), [100 * PX * float(scale) for scale in WORDS.findall(svg)]
+    if not width or not sizes:
+        return None
+    return math.ceil(PX * float(width[1]) * min(1, SMALLEST / min(sizes)))
+
+
+def _pair(tag: str, phone: int | None) -> str:
     def shown(tag: str, theme: str) -> str:
         if CLASS.search(tag):
             return CLASS.sub(rf'class="\1 {theme}"', tag, count=1)
         return tag.replace("<img", f'<img class="{theme}"', 1)
 
-    tag = image.group(0)
     if "only-light" in tag or "only-dark" in tag:
         return tag
+    if phone:
+        tag = tag.replace("<img", f'<img style="--phone: {phone}px"', 1)
     return shown(tag, "only-light") + shown(SOURCE.sub(r'\1-dark.svg"', tag), "only-dark")
 
 
 def show_both(app, pagename, templatename, context, doctree):
     """Put the dark twin of each figure beside it."""
-    if "body" in context:
-        context["body"] = IMAGE.sub(_pair, context["body"])
+    if "body" not in context:
+        return
+    sources = {name: Path(app.srcdir, source) for source, name in app.builder.images.items()}
+
+    def both(image: re.Match[str]) -> str:
+        source = sources[unquote(image[1])]
+        return _pair(image[0], width_on_a_phone(source.read_text(encoding="utf-8")))
+
+    context["body"] = IMAGE.sub(both, context["body"])
 
 
 def write_dark(app, exception):

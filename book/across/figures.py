@@ -29,7 +29,7 @@ def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = 
         plain(ax)
     handles, names = ax.get_legend_handles_labels()
     unique = dict(zip(names, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc="outside upper right", ncols=3, fontsize=SMALL)
+    figure.legend(unique.values(), unique.keys(), loc="outside upper left", ncols=3, fontsize=SMALL)
 
 
 def plain(ax: Axes) -> None:
@@ -73,7 +73,7 @@ def curves(table: pd.DataFrame, names: list[str]) -> None:
     figure.supxlabel("allowed noise gain (ultimate gains)", fontsize=11)
     figure.supylabel("least IAE of a load step (Pu/Ku)", fontsize=11)
     handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=4, fontsize=SMALL)
+    figure.legend(handles, labels, loc="outside upper left", ncols=4, fontsize=SMALL)
 
 
 def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
@@ -119,4 +119,4 @@ def chart(table: pd.DataFrame) -> None:
         xlabel="roll-off of the plant at its ultimate frequency (order)",
         ylabel="allowed noise gain (ultimate gains)",
     )
-    figure.legend(title="simplest that is enough", loc="outside upper center", ncols=3, fontsize=SMALL)
+    figure.legend(title="simplest that is enough", loc="outside upper left", ncols=3, fontsize=SMALL)

@@ -135,7 +135,7 @@ def cost(quantity: str, xlabel: str, log: bool = True) -> None:
         axes[1].plot(some["value"], some["error"], **style)
     for ax, ylabel in zip(axes, ("time, ms", "largest error"), strict=True):
         ax.set(xscale="log" if log else "linear", yscale="log", xlabel=xlabel, ylabel=ylabel)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, fontsize=9.5)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2, fontsize=9.5)
 
 
 def margins() -> pd.DataFrame:

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from looking import NARROW
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 MOST_LINES = 15  # of one cell
 SHORT = 6  # lines; at least half of the cells have no more
 FIRST_EDITION = 4950  # lines of code in the cells of the first edition
-SMALLEST = 8.25  # points, 11 px: the smallest words of a figure, which a phone shows in its own size
+SMALLEST = 8.25  # points, 11 px: the smallest words of a figure
 FOLDS = {"hide-input", "hide-cell"}
 DEFINITION = re.compile(r"^(?:def|class) ", re.MULTILINE)
 # The size of a text in an SVG of matplotlib: its outlines are drawn for 100 points and scaled.
@@ -69,6 +70,25 @@ def small_words(site: Path) -> list[str]:
     return wrong
 
 
+FIGURE = re.compile(r'<img\b[^>]*\bsrc="[^"]*_images/([^"]+\.svg)"[^>]*>')
+ON_A_PHONE = re.compile(r"--phone: (\d+)px")
+PX = 4 / 3  # of a point
+
+
+def sizes_on_a_phone(site: Path) -> dict[str, tuple[float, float]]:
+    """The smallest words of each figure in px, and how many px of its width are more than these need."""
+    found = {}
+    for page in site.rglob("*.html"):
+        for image in FIGURE.finditer(page.read_text(encoding="utf-8")):
+            svg = (site / "_images" / image[1]).read_text(encoding="utf-8")
+            smallest = min((100 * PX * float(scale) for scale in TEXT_SCALE.findall(svg)), default=None)
+            if smallest and "landing" not in image[0]:  # which is drawn for a phone
+                width = PX * float(re.search(r'<svg [^>]*?width="([\d.]+)pt"', svg)[1])
+                phone = float(ON_A_PHONE.search(image[0])[1])
+                found[image[1]] = (smallest * phone / width, phone - width * min(1, 11 / smallest))
+    return found
+
+
 def notebooks(root: Path) -> list[Path]:
     return sorted(path for path in root.glob("book/**/*.ipynb") if ".ipynb_checkpoints" not in path.parts)
 
@@ -85,6 +105,18 @@ def test_the_papers_need_half_the_code_of_the_first_edition(root):
 
 def test_words_of_figures_can_be_read_on_a_phone(site):
     assert small_words(site) == []
+
+
+def test_figures_on_a_phone_are_as_small_as_their_words_allow(site):
+    sizes = sizes_on_a_phone(site)
+    assert len(sizes) > 50
+    assert [name for name, (words, more) in sizes.items() if words < 11 or more > 1] == []
+
+
+def test_a_phone_shows_figures_in_that_size(visit, site):
+    page, _ = visit((site / "book" / "learn" / "limits.html").as_uri(), viewport=NARROW)
+    figure = page.locator("#fig-learn-5-first img.only-light")
+    assert figure.bounding_box()["width"] == float(ON_A_PHONE.search(figure.get_attribute("style"))[1])
 
 
 # --- and a bad one is caught -------------------------------------------------

@@ -131,5 +131,5 @@ def sensitivity(book: Ledger) -> Figure:
     plots.magnitude(ax, {"without F": bare.S(1j * w), "with F": full.S(1j * w)}, w)
     ax.axhline(case.ms, color="#808080", linestyle=":", linewidth=1.2)
     ax.set(ylabel="sensitivity |S|", xlim=(0.2, 10), yscale="linear", ylim=(0, 2.6))
-    ax.legend()
+    ax.legend(loc="upper left")
     return once(figure)

@@ -208,7 +208,7 @@ def kick_figure(book: Ledger) -> Figure:
     }
     plots.signal(ax, early, "u", until=0.6)
     ax.set(ylabel="control u")
-    ax.legend()
+    figure.legend(loc="outside upper left", ncols=2)
     return once(figure)
 
 

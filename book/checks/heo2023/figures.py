@@ -57,7 +57,7 @@ def responses(k: int, until: float, first: float) -> Figure:
     axes[1, 0].yaxis.set_major_formatter("{x:g}")
     axes[0, 0].set_ylabel("output y")
     axes[1, 0].set_ylabel("control u")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure
 
 
@@ -96,7 +96,7 @@ def prediction() -> Figure:
     for label, line in zip(labels, (p.later, p.one, p.two), strict=True):
         ax.plot(*plots.thin(p.t[shown], line[shown], 400), label=label)
     ax.set(xlabel="time units", ylabel="error e")
-    figure.legend(loc="outside upper center", ncols=4, fontsize=10)
+    figure.legend(loc="outside upper left", ncols=2, fontsize=10)
     return figure
 
 
@@ -112,7 +112,7 @@ def table1() -> Figure:
         ax.set(title=name, xlabel=r"$\theta_m/\tau_m$")
     for at in (0.37, 1.0):
         axes[1].axvline(at, color=GREY, linewidth=0.8, linestyle=":")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=10)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=5, fontsize=10)
     return figure
 
 
@@ -130,7 +130,7 @@ def cost() -> Figure:
             ax.set_ylabel((f"$f_d$, ξ = {xi:g}", "$f_a$")[column])
     for ax in axes[-1]:
         ax.set_xlabel(r"$\theta_m/\tau_m$")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure
 
 
@@ -144,7 +144,7 @@ def paper_figure1() -> Figure:
         plots.signal(ax, shown, "y", until=8)
         ax.set_title(rf"({tag}) $\xi_m = {xi:g}$")
     axes[0].set_ylabel("output y")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure
 
 
@@ -167,7 +167,7 @@ def limits() -> Figure:
         )
         ax.set(title=f"set point: {title}", xlabel="time units")
     axes[0].set_ylabel("output y")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=10)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=5, fontsize=10)
     return figure
 
 
@@ -233,7 +233,7 @@ def refit() -> Figure:
             ax.set_ylabel((f"$f_d$, ξ = {xi:g}", "$f_a$")[column])
     for ax in axes[-1]:
         ax.set_xlabel(r"$\theta_m/\tau_m$")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure
 
 
@@ -250,5 +250,5 @@ def zeros() -> Figure:
         ax.set_xlabel(r"real part times $\tau$")
     for ax in axes[:, 0]:
         ax.set_ylabel(r"imaginary part times $\tau$")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure

@@ -36,7 +36,7 @@ def steps_by_order(te: float, orders: Sequence[int] = SHOWN, until: float = 14.0
     axes[0, 0].set_ylabel("output y")
     axes[1, 0].set(ylabel="control u", xlabel="time, dead times")
     axes[1, 1].set_xlabel("time, dead times")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=len(orders))
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=len(orders))
     return figure
 
 
@@ -60,7 +60,7 @@ def ruled_steps() -> Figure:
     axes[0, 0].set_ylabel("output y")
     axes[1, 0].set_ylabel("control u")
     figure.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5, columnspacing=1.0
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=5, columnspacing=1.0
     )
     return figure
 
@@ -88,7 +88,7 @@ def tails() -> Figure:
         ax.plot(x.real, x.imag, mark, markersize=4, label=f"m = {m}")
     ax.axvline(0.0, color=GREY, linewidth=1.2)
     ax.set(xlabel="real part times $T_d$", ylabel="imaginary part times $T_d$")
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=5, columnspacing=1.0)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper left", ncols=5, columnspacing=1.0)
     return figure
 
 
@@ -114,7 +114,7 @@ def stability_map() -> Figure:
     ax.set_yticks(list(row.values()), [f"m = {m}, n = {n}" for m, n in pairs], fontsize=9)
     ax.grid(axis="y", visible=False)
     ax.invert_yaxis()
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 
@@ -160,7 +160,7 @@ def price(columns: Mapping[str, str], families: Mapping[str, pd.DataFrame]) -> F
         ax.set_ylim(0, 1.1 * max(one[column].max() for one in families.values()))
     for ax in axes[-1]:
         ax.set_xlabel("derivative order m")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 
@@ -193,7 +193,7 @@ def engines(path: str) -> Figure:
     for ax in axes[:, 0]:
         ax.set_ylabel("largest error")
     figure.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, columnspacing=1.0
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3, columnspacing=1.0
     )
     return figure
 

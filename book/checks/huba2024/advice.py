@@ -155,7 +155,7 @@ def draw_exchange() -> Figure:
             markerfacecolor=face,
         )
     ax.set(xlabel="$M_s$", ylabel="$IAE_d$", xlim=(1.6, 4.3))
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower left", ncols=3, fontsize=9)
     return figure
 
 

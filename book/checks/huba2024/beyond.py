@@ -83,7 +83,7 @@ def draw_protections(*names: str) -> Figure:
         row[1].set(ylabel="control u")
     for ax in axes[-1]:
         ax.set_xlabel("time units")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
     return figure
 
 

@@ -56,7 +56,7 @@ def draw() -> Figure:
     axes[0, 0].set(title="set-point step", ylabel="IAE")
     axes[0, 1].set(title="load step")
     axes[1, 0].set(ylabel=r"$\mathrm{TV}_1$ of u")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 
 

@@ -34,7 +34,7 @@ def draw() -> Figure:
     axes[0, 0].set(title="set-point step", ylabel="output y", xlabel="")
     axes[0, 1].set(title="load step", xlabel="")
     axes[1, 0].set(ylabel="control u", xlabel="time units")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 
 

@@ -184,5 +184,5 @@ def draw() -> Figure:
             ax.plot(at[3], at[0], mark, color="#c8591a", label=label, zorder=4, **style)
         ax.set(xlabel=r"$\tau_i = T_i/T_d$", title=which)
     axes[0].set_ylabel(r"$\kappa = K_pK_sT_d$")
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower left", ncols=2)
     return figure

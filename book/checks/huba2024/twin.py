@@ -134,7 +134,7 @@ def draw_record() -> Figure:
         ax.set(xlabel="time, s", xlim=(0, end))
     axes[0].set(ylabel="temperature, °C", ylim=(24, 60))
     axes[1].set_ylim(24.5, 28)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
     return figure
 
 

@@ -54,7 +54,7 @@ def draw_orders() -> Figure:
         axes[1].plot([cost(10.0, m, m + e) for e in EXTRA], marker=mark, markersize=5)
     axes[0].set(xlabel="noise gain", ylabel="IE after a load step", title="best filter order", ylim=(0, None))
     axes[1].set(xlabel="n − m", title="noise gain 10", xticks=EXTRA)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
     return figure
 
 
@@ -92,7 +92,7 @@ def draw_zeros() -> Figure:
         ax.plot(zeros.real, zeros.imag, "o", fillstyle="none", markersize=11, label="zeros of the controller")
         ax.set(title=title, xlabel="real part, 1/s", xlim=(-3.6, 0.2), ylim=(-1.2, 1.2))
     axes[0].set_ylabel("imaginary part")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 
@@ -123,7 +123,7 @@ def draw_uncertain_areas() -> Figure:
         ax.axvline(2 * m + 3, color="#808080", linewidth=0.8, linestyle="-")
         ax.annotate(f"m = {m}", (2 * m + 3, 2e-6), xytext=(-4, 0), textcoords="offset points", ha="right")
     ax.set(xlabel="k", ylabel="relative error of $A_k$", ylim=(1e-6, 10), xticks=range(10))
-    figure.legend(loc="outside upper center", ncols=3)
+    figure.legend(loc="outside upper left", ncols=3)
     return figure
 
 

@@ -214,5 +214,5 @@ def draw_13_to_15(g: int) -> Figure:
     axes[0, 1].set_yticks([*(-p for p in powers), 0, *powers])
     for ax in axes[1]:
         ax.set_xlabel("time, s")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure

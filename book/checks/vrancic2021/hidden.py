@@ -228,7 +228,7 @@ def draw_start(book: Ledger) -> Figure:
     ax.set_xticks(ticks, [f"{x:g}" for x in ticks])
     ax.minorticks_off()
     ax.set(xlabel="$T_F$ to begin with, s", ylabel="entries missed, of 76", ylim=(-1, 45))
-    figure.legend(loc="outside upper center", ncols=3)
+    figure.legend(loc="outside upper left", ncols=3)
     return figure
 
 

@@ -155,7 +155,7 @@ def draw_noise(book: Ledger) -> Figure:
     ax.set_yticks(place, [label(key) for key in problem.NOISY])
     ax.invert_yaxis()
     ax.set(xlabel=r"$\sigma_{rel}$ over its expected value", xlim=(0.84, 1.16))
-    figure.legend(loc="outside upper center", ncols=2)
+    figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 

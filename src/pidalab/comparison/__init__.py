@@ -150,7 +150,7 @@ class Comparison:
         ax.set_yticks(range(len(shown)), [f"{row.rule} {row.kind}" for row in shown], fontsize=9)
         ax.set(xscale="log", xlabel="IAE of a unit load step (y × time)")
         ax.grid(alpha=0.3)
-        figure.legend(loc="outside upper center", ncols=2, fontsize=9)
+        figure.legend(loc="outside upper left", ncols=2, fontsize=9)
         return figure
 
 

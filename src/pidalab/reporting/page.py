@@ -74,7 +74,7 @@ def figure(report: Report) -> Figure:
         _draw_noise(axes[2, 0], able)
         _draw_nyquist(axes[2, 1], report, able)
         if len(able) > 1:
-            drawn.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+            drawn.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return drawn
 
 
