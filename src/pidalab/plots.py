@@ -258,7 +258,7 @@ def experiment(
         signal(ax, runs, name)
         ax.set(ylabel=label, xlabel="")
     axes[1].set(xlabel=time_label, xlim=(0, first.t[-1]))
-    axes[0].legend(ncols=3, loc="best")
+    axes[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return figure
 
 

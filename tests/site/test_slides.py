@@ -4,13 +4,18 @@ import importlib.util
 import re
 
 import pytest
-from looking import NARROW, OVERFLOW, WIDE, barriers, mark_kinds
+from looking import NARROW, OVERFLOW, barriers, mark_kinds
 
 COUNT = "() => document.querySelectorAll('.slide').length"
 SHOWN = (
     "() => [...document.querySelectorAll('.slide')].findIndex((slide) => slide.classList.contains('now')) + 1"
 )
 TYPESET = "() => document.documentElement.dataset.typeset"
+HIDDEN_BELOW = """() => {
+  const slide = document.querySelector(".now");
+  return slide.scrollHeight - slide.clientHeight;
+}"""
+PROJECTOR = {"width": 1280, "height": 720}
 LOADS = re.compile(r"""<(?:script|img|link|iframe)\b[^>]*\b(?:src|href)="(?!data:)[^"]*""")
 
 
@@ -74,11 +79,12 @@ def test_text_is_shown_where_there_is_room(tool):
 
 def test_slides_are_moved_by_keys_and_fit(made, visit):
     for name, path in made.items():
-        page, wrong = visit(path.as_uri(), viewport=WIDE)
+        page, wrong = visit(path.as_uri(), viewport=PROJECTOR)
         page.wait_for_function(TYPESET)
         for number in range(1, page.evaluate(COUNT) + 1):
             assert page.evaluate(SHOWN) == number, name
-            assert page.evaluate("() => document.querySelector('.now').scrollWidth") <= WIDE["width"]
+            assert page.evaluate("() => document.querySelector('.now').scrollWidth") <= PROJECTOR["width"]
+            assert page.evaluate(HIDDEN_BELOW) <= 1, (name, number)
             page.keyboard.press("PageDown")
         assert page.locator("mjx-merror").count() == 0, name
         assert page.locator("mjx-container").count() > 10, name
