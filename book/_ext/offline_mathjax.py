@@ -3,14 +3,19 @@
 The package ``sphinx-mathjax-offline`` carries a whole MathJax distribution.
 The book needs one of its combined scripts and the fonts that this script
 loads, about 1.6 MB.
+
+A formula in a line is a box, after which a browser may break the line: the
+mark that follows is tied to it.
 """
 
+import re
 import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
 
 SCRIPT = "tex-chtml.js"
 FONTS = "output/chtml/fonts/woff-v2"
+MARKED = re.compile(r'(<span class="math notranslate nohighlight">[^<]*</span>[,.;:!?)]+)')
 
 
 def copy_mathjax(app, exception):
@@ -24,7 +29,14 @@ def copy_mathjax(app, exception):
         shutil.copy(source / SCRIPT, target)
 
 
+def tie_marks(app, pagename, templatename, context, doctree):
+    """Keep a formula and its comma on one line."""
+    if "body" in context:
+        context["body"] = MARKED.sub(r'<span class="tied">\1</span>', context["body"])
+
+
 def setup(app):
     app.config.mathjax_path = f"mathjax/{SCRIPT}"
+    app.connect("html-page-context", tie_marks)
     app.connect("build-finished", copy_mathjax)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

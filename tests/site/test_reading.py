@@ -119,6 +119,17 @@ def test_a_phone_shows_figures_in_that_size(visit, site):
     assert figure.bounding_box()["width"] == float(ON_A_PHONE.search(figure.get_attribute("style"))[1])
 
 
+def loose_marks(page: str) -> int:
+    """Formulas of a line whose comma a browser may put on the next one."""
+    return len(re.findall(r'(?<!<span class="tied">)<span class="math [^>]*>[^<]*</span>[,.;:!?)]', page))
+
+
+def test_a_formula_keeps_its_comma(site):
+    pages = list(site.glob("book/**/*.html"))
+    assert len(pages) > 20
+    assert [page.name for page in pages if loose_marks(page.read_text(encoding="utf-8"))] == []
+
+
 # --- and a bad one is caught -------------------------------------------------
 
 SHOWN = new_output("execute_result", data={"text/plain": "2"}, execution_count=1)
@@ -159,3 +170,7 @@ def test_small_words_are_caught(tmp_path):
         '<g transform="translate(1 2) scale(0.07 -0.07)"><use/></g>'
     )
     assert small_words(tmp_path) == ["bad.svg: words of 7 points"]
+
+
+def test_a_loose_comma_is_caught():
+    assert loose_marks(r'<span class="math notranslate">\(x\)</span>, and') == 1
