@@ -7,8 +7,8 @@ import pidalab
 from pidalab import Record
 from pidalab.identification import fit
 from pidalab.identification.fitting import _covariance
-from pidalab.identification.searching import Found, prepared
-from pidalab.identification.shapes import FIRST
+from pidalab.identification.searching import Found, _hidden, _refined, prepared, search
+from pidalab.identification.shapes import FIRST, behind_lag
 
 GRID = np.linspace(0.0, 300.0, 3001)
 TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
@@ -255,3 +255,40 @@ def test_eight_equal_lags_are_the_most():
         if lag:
             assert fitted.parameters["lag"] == pytest.approx(lag, rel=1e-6)
             assert fitted.parameters["delay"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_starts_that_are_followed_end_as_low_as_all_of_them():
+    """Of the grid one in each third is followed down: here a single lag for six, where not every start ends lowest."""
+    t = np.arange(0.0, 150.0, 0.5)
+    clean = pidalab.open_loop_step(pidalab.lags(6, 3.0, delay=20.0), t[:-40]).y
+    y = np.append(np.zeros(40), clean) + np.random.default_rng(0).normal(0.0, 0.01, t.size)
+    data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
+    span = 130.0
+    ends = [
+        _refined(data, FIRST, [lag, delay], span).cost
+        for lag in span * np.geomspace(0.01, 0.5, 5)
+        for delay in span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
+    ]
+    assert max(ends) > 1.01 * min(ends)
+    assert search(data, FIRST).cost == pytest.approx(min(ends), rel=1e-6)
+
+
+def test_lags_that_a_record_hides_are_the_longest_and_a_middle_one():
+    t = np.arange(0.0, 100.0)
+    process = pidalab.Process([1.0], np.polymul([10.0, 1.0], [2.0, 1.0]), 3.0)
+    clean = np.append(np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y)
+    y = clean + np.random.default_rng(3).normal(0.0, 0.05, t.size)
+    data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
+    found = search(data, FIRST)
+    lag, delay = found.values[2:]
+    passed = []
+    for further in (lag + delay) * np.geomspace(0.01, 0.5, 12):
+        rival = _refined(data, behind_lag(FIRST, further), [lag, max(delay - further, 0.0)], 79.0)
+        if rival.deviation <= 1.03 * found.deviation + 1e-9:
+            passed.append(further)
+    assert len(passed) > 2
+    hidden = _hidden(data, found, 79.0, found.near)
+    for (shape, values), further in zip(hidden, (passed[len(passed) // 2], passed[-1]), strict=True):
+        den = shape.process(*values[:1], values[1:-1].tolist(), values[-1]).den
+        assert np.min(np.abs(np.polyval(den, -1 / further))) == pytest.approx(0.0, abs=1e-9)
+        assert len(values) == 3

@@ -483,3 +483,34 @@ def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     if kept:
         assert found[0] is one.nearest
         assert pidalab.max_sensitivity(one.loop(found[0]))[0] < 1.01 * ms
+
+
+@pytest.mark.parametrize(
+    ("h", "fastest", "top", "bottom"),
+    [
+        (None, -7.0, 1.0, -5.0),
+        (1e-4, -7.0, 1.0, -5.0),
+        (0.1, math.log(0.05), 1.0, math.log(0.05)),
+        (20.0, math.log(10.0), math.log(10.0) + 1, math.log(10.0)),
+    ],
+)
+@pytest.mark.parametrize("test", ["load", "setpoint"])
+def test_the_ladder_of_filter_times_begins_above_the_sample(h, fastest, top, bottom, test):
+    """In units of 2: no filter is faster than a sample; ladder and bounds go at least a step beyond."""
+    limits = Limits(1.6, None, None if h is None else 5.0, h)
+    one = Search(Problem(pidalab.lags(2, delay=2.0), 1, (1.0, 2.0), test), limits)
+    np.testing.assert_allclose(one.rungs, np.linspace(top, bottom, 13))
+    filters = (fastest, max(3.0, fastest + 2.0))
+    expected = [
+        (1e-6, 1e6),
+        (0.0, 1e6),
+        (0.0, 1e6),
+        filters,
+        *([(0.0, 1.0), (-9.0, 5.0)] if test == "setpoint" else []),
+    ]
+    np.testing.assert_allclose(one.bounds, expected)
+    assert one.aim == (0.0 if h is None else 5.0)
+    assert (one.noise is None) == (h is None)
+    assert np.all(np.diff(one.w) >= 0)
+    turns = np.arange(3.0, 40.0, 0.7) / 2.0
+    assert all(np.any(np.isclose(one.w, w)) for w in turns[turns < one.w[-1]])

@@ -315,7 +315,7 @@ def test_the_grid_follows_the_turns_of_the_dead_time():
     assert turns.max() <= 0.25 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_the_least_value_in_a_bracket(seed):
     """Brent's method between any two places beside its lowest point: never outside, and no higher than a fine grid."""
     rng = np.random.default_rng(seed)
@@ -323,7 +323,7 @@ def test_the_least_value_in_a_bracket(seed):
     process = pidalab.sopdt(rng.uniform(0.2, 3.0), 1.0, damping, rng.uniform(0.0, 0.4))
     found = _grid.factors(pidalab.Loop(process, pidalab.PIDA(0.3, 4.0, 0.5)))
     for kind in (_scan.SENSITIVITY, _scan.COMPLEMENTARY):
-        x = np.linspace(-3.0, 3.0, 6001)
+        x = np.linspace(-3.0, 3.0, 2001)
         values = np.array([_scan._value(kind, at, *found) for at in x])
         lows = 1 + np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] < values[2:]))
         for low in lows:
@@ -331,7 +331,7 @@ def test_the_least_value_in_a_bracket(seed):
             left, right = low, low
             while left > 0 and values[left - 1] > values[left]:
                 left -= 1
-            while right < 6000 and values[right + 1] > values[right]:
+            while right < 2000 and values[right + 1] > values[right]:
                 right += 1
             for share in (0.01, 0.3, 1.0):
                 a, b = x[low] - share * (x[low] - x[left]), x[low] + share * (x[right] - x[low])

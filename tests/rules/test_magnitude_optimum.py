@@ -438,3 +438,15 @@ def test_orders_that_rounding_leaves_nothing_of():
     for m in (30, 60):
         with pytest.raises(ValueError, match=f"m must be at most 16, found {m}"):
             pidalab.rules.magnitude_optimum.tune(pidalab.lags(4), m, m + 1, 0.01)
+
+
+@pytest.mark.parametrize(("gain", "way"), [(1e20, "e-1[0-9]"), (1e-6, r"e\+0[0-9]")])
+def test_filter_times_that_run_away_are_refused(gain, way):
+    """Ten thousand million times shorter than the residence time, or a hundred thousand times longer."""
+    with pytest.raises(
+        ValueError, match=f"no filter time for .*: from 0.2 it came to .*{way} without settling$"
+    ):
+        mo.tune_for_noise(G1, 1, 2, gain, TS)
+    settled = mo.tune_for_noise(G1, 1, 2, 1e12, TS)
+    assert mo.tune_for_noise(G1, 1, 2, 1e12, TS, updates=60).filter_time == pytest.approx(settled.filter_time)
+    assert mo.tune_for_noise(G1, 1, 2, gain, TS, updates=2).filter_time > 0

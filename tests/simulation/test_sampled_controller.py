@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 import pidalab
 from pidalab import PIDA, HighOrderPID, Loop, Process, SeriesPIDA, simulate, simulate_sampled
+from pidalab.simulation.sampled_controller import _tracking
 
 RECORD = json.loads((Path(__file__).parents[1] / "oracle" / "reset_loops.json").read_text())
 CASES = {f"{case['name']}-{'load' if case['load'] else 'setpoint'}": case for case in RECORD["cases"]}
@@ -258,3 +259,13 @@ def test_noise_gain_is_of_linear_loops():
     )
     linear = Loop(loop.process, loop.controller.transfer_function())
     assert pidalab.noise_gain(loop, 0.001) == pytest.approx(pidalab.noise_gain(linear, 0.001), rel=2e-3)
+
+
+def test_a_conditioned_integral_takes_up_less_than_all():
+    assert _tracking(2.0, 0.5, 0.1) == pytest.approx(0.4)
+    assert _tracking(-2.0, -0.5, 0.1) == pytest.approx(0.4)
+    for ki, kp in ((2.0, 0.2), (2.0, 0.1), (2.0, -0.5), (-2.0, 0.5), (2.0, 0.0), (0.0, 1.0)):
+        with pytest.raises(
+            ValueError, match="'conditioning' is unstable unless kp/ki is above the sample time"
+        ):
+            _tracking(ki, kp, 0.1)

@@ -64,7 +64,7 @@ def vector(k: DigitalController) -> Vector:
     span = high - low if math.isfinite(high - low) else 2.0 * k.u_span
     by_hand = round(min(max(k.bias + 0.1 * span, low), high), 6)
     rows: Vector = {name: [] for name in INPUTS}
-    y, target = 0.0, 0.0
+    y = 0.0
     for i in range(STEPS):
         target = 0.0 if i < 2 else 0.2 if i < 24 else -0.1
         y += 0.25 * (target - y) + (0.02 if i == 20 else 0.0)
