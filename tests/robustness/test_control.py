@@ -63,8 +63,8 @@ def test_a_dead_time_far_longer_than_the_lag_is_followed_only_where_it_may_matte
 def test_a_loop_that_stays_as_loud_is_followed_no_farther_than_it_matters(delay):
     """|L| never falls below a tenth; one of the first turns, where |L| is 0.3, is the highest."""
     loop = pidalab.Loop(pidalab.Process([0.3, 1.0], [1.0, 1.0], delay), 0.3)
-    w = np.linspace(0.1, 60.0, 600_001) / delay
+    w = np.linspace(0.1, 60.0, 100_001) / delay
     expected = np.abs(loop.transfer("u", "n", 1j * w))
     mks, at = max_control_sensitivity(loop)
-    assert mks == pytest.approx(expected.max(), rel=1e-8)
+    assert mks == pytest.approx(expected.max(), rel=1e-6)
     assert at == pytest.approx(w[np.argmax(expected)], rel=1e-3)

@@ -297,6 +297,8 @@ WIDE = np.ones(3000)
         ({"prefilter": 1.0}, TypeError, "prefilter must be two sequences of coefficients, found 1.0"),
         ({"executor": 4}, TypeError, "executor must be a concurrent.futures.Executor or None, found int"),
         ({"memory": 1e4, "t": 1e-3 * np.arange(9.0)}, MemoryError, r"1e\+03 samples need about 5.12e\+05"),
+        ({"prefilter": ([1.0], [np.ones(3), 1.0])}, ValueError, r"broadcast together, found .*'prefilter': .*\(3,\)"),
+        ({"memory": 0.0}, ValueError, "memory must be above 0, found 0"),
         ({"chunk": 0}, ValueError, "chunk must be a whole number, at least 1, found 0"),
         ({"parameters": {"kp": WIDE[:, None, None], "kd": WIDE[:, None], "ti": WIDE}}, MemoryError,
          r"a grid of shape \(3000, 3000, 3000\) and .* need about 6.48e\+12 bytes, and memory = 2e\+09"),
@@ -438,3 +440,12 @@ def test_digital_portraits_go_on_from_a_file(tmp_path):
     other = [[DIGITAL[0][0]] * 3, DIGITAL[1]]
     with pytest.raises(ValueError, match="holds another portrait"):
         portrait(**(TASK | {"parameters": {"controller": other}}), limits=(-0.9, 1.5), resume=tmp_path / "p")
+
+
+def test_sets_that_differ_in_the_prefilter_alone():
+    lags = np.array([0.5, 1.0, 2.0])
+    found = portrait(LOOP, {"kp": 0.1}, T, setpoint=1.0, prefilter=([1.0], [lags, 1.0]))
+    assert found.iae.shape == (3,)
+    for value, lag in zip(found.iae, lags, strict=True):
+        single = portrait(LOOP, {"kp": 0.1}, T, setpoint=1.0, prefilter=([1.0], [lag, 1.0]))
+        assert value == pytest.approx(float(single.iae), rel=1e-12)

@@ -1,6 +1,5 @@
 """Automatic reset, anti-windup, quantisation and pulses in the sampled engine: by hand, and in continuous time."""
 
-import dataclasses
 import json
 import math
 from pathlib import Path
@@ -246,19 +245,6 @@ FINITE = {"limits": (-1.0, 1.0)}
 def test_simulate_sampled_complains(loop, arguments, error, message):
     with pytest.raises(error, match=message):
         simulate_sampled(**({"loop": loop, "t": [0.0, 1.0, 2.0], "setpoint": 1.0} | arguments))
-
-
-def test_noise_gain_is_of_linear_loops():
-    """Limits play no part; an automatic reset is an integrator."""
-    loop = FREE["misaligned"]
-    limited = dataclasses.replace(loop.controller, limits=(-0.1, 0.1))
-    assert pidalab.noise_gain(Loop(loop.process, limited), 0.05) == pidalab.noise_gain(loop, 0.05)
-    digital = limited.discretise(0.05, "zoh", rate_limit=1.0, deadband=0.1)
-    assert pidalab.noise_gain(Loop(loop.process, digital), 0.05) == pytest.approx(
-        pidalab.noise_gain(loop, 0.05), rel=1e-9
-    )
-    linear = Loop(loop.process, loop.controller.transfer_function())
-    assert pidalab.noise_gain(loop, 0.001) == pytest.approx(pidalab.noise_gain(linear, 0.001), rel=2e-3)
 
 
 def test_a_conditioned_integral_takes_up_less_than_all():
