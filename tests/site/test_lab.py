@@ -143,6 +143,18 @@ def test_a_change_of_all_axes_and_numbers_makes_few_parts_of_the_page(lab):
     assert found["made"] == found["fresh"] < 0.1 * found["all"]
 
 
+AT_ONCE = """const { lab } = document.querySelector(".pidalab-lab");
+  lab.change({}); location.hash = "%s"; lab.save()"""
+
+
+def test_an_address_that_is_given_is_not_written_over(lab):
+    page = lab()
+    given = page.evaluate("() => pidalabModel.write({ design: { kind: 'PID', kp: 0.5 } })")
+    page.evaluate(FOLLOW % (AT_ONCE % given))
+    assert page.get_by_label("controller", exact=True).input_value() == "PID"
+    assert page.get_by_label("kp, number", exact=True).input_value() == "0.5"
+
+
 SAMPLES = """() => {
   const { t, u } = document.querySelector(".pidalab-lab").lab.current.setpoint;
   return [[...t], [...u]];

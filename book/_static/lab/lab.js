@@ -230,10 +230,16 @@
       this.host = host;
       this.state = structuredClone(START);
       this.takeOver(host.dataset.state ? JSON.parse(host.dataset.state) : null);
-      this.takeOver(read(location.hash));
+      this.hear();
       this.build();
       this.change({});
-      addEventListener("hashchange", () => { this.takeOver(read(location.hash)); this.change({}, false); });
+      addEventListener("hashchange", () => { this.hear(); this.change({}, false); });
+    }
+
+    /* Take over what the address holds. */
+    hear() {
+      this.heard = location.hash;
+      this.takeOver(read(this.heard));
     }
 
     /* Take over what is given of a state; a design without a rule is one by hand. */
@@ -265,9 +271,12 @@
       if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
     }
 
-    /* Put the state into the address, once the hand rests: a browser bears few changes of it in a second. */
+    /* Put the state into the address, once the hand rests: a browser bears few changes of it in a second. Not over one that
+       was given meanwhile, of which the browser is about to tell. */
     save() {
-      if (this.unsaved) history.replaceState(null, "", `#${write(this.state)}`);
+      if (!this.unsaved || location.hash !== this.heard) return;
+      history.replaceState(null, "", `#${write(this.state)}`);
+      this.heard = location.hash;
       this.unsaved = false;
     }
 
