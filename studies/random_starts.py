@@ -7,7 +7,7 @@ derivatives, and a filter time within four; one that misses a limit is brought t
 whose loop is stable descend; what ends below the design is brought to the bottom and counted where all limits hold.
 
 Each problem is a row of book/data/random_starts.csv, known by its number, which seeds it; what is there is not done
-again. ``python studies/random_starts.py 200 --workers 2``: about ten seconds for a problem on a quiet core.
+again. ``python studies/random_starts.py 200 --workers 2``: about two seconds for a problem on a quiet core.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import pidalab
 from pidalab import Process
 from pidalab.optimal._design import SAME, UNITS
 from pidalab.optimal._problem import Problem
-from pidalab.optimal._solver import KEPT, Limits, Search
+from pidalab.optimal._solver import NEARLY, Limits, Search
 from pidalab.optimal._starts import _relaxed
 from pidalab.optimal._units import unit_of_time
 
@@ -123,10 +123,10 @@ def ended(search: Search, start: np.ndarray, iae: float) -> float:
     """IAE where a start's descent ends, at the bottom where it might be below the design."""
     if search.missed(start) > 0:
         start = _relaxed(search, start)
-    if search.missed(start) > KEPT:
+    if search.missed(start) > NEARLY:
         return math.inf
     value, end, missed = search.descend(start)
-    if missed > KEPT:
+    if missed > NEARLY:
         return math.inf
     if value >= BELOW * iae:
         return value

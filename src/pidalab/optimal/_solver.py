@@ -30,7 +30,7 @@ HORIZON = 80.0  # of a response, in units of the process
 MISSED = 30.0  # price of a missed limit where starts are compared
 SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
-KEPT = 1e-6  # share by which a limit may be missed between two rounds
+NEARLY, KEPT = 1e-4, 1e-6  # shares by which a limit may be missed: on the way, and at the bottom
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
 AGAIN, LONG = (
     4,
@@ -164,7 +164,7 @@ class Search:
                 before, value = value, float(found.fun)
                 missed = self.missed(end, constraints)
                 # a long way may have ended early: what was learnt of the curvature at its start is of no use at its end
-                if not (np.isfinite(missed) and missed <= KEPT and value < before - LONG):
+                if not (np.isfinite(missed) and missed <= NEARLY and value < before - LONG):
                     break
                 x = end
         ok = value < WALL and np.isfinite(missed)
@@ -257,7 +257,7 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     for ladder, highest in ((down, LARGEST), (up, LARGEST), (down, 0.0)):
         for time in ladder:
             value, found, missed = one.descend(one.near(x, first, float(time)), float(time), highest)
-            if missed <= KEPT:
+            if missed <= NEARLY:
                 x = found
                 rungs.append((value, found))
             bar.update()
@@ -265,7 +265,7 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     free = []
     for start in [*(x for _, x in _distinct(rungs, len(rungs))), *starts[1:]]:
         value, found, missed = one.descend(start)
-        if missed <= KEPT:
+        if missed <= NEARLY:
             free.append((value, found))
         bar.update()
     finished: list[tuple[float, Array]] = []
@@ -280,7 +280,7 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     # a last doubt: from places around the best, near and far
     shaken = [one.descend(start) for start in _shaken(one, x)]
     better, start, _ = min(
-        (end for end in shaken if end[2] <= KEPT), default=(value, x, 0.0), key=lambda end: end[0]
+        (end for end in shaken if end[2] <= NEARLY), default=(value, x, 0.0), key=lambda end: end[0]
     )
     last = one.finish(start) if better < value else None
     if last is not None:
