@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # No other host has an address: a request for one is seen, and goes nowhere.
 ARGUMENTS = [
     "--no-sandbox",
-    "--disable-gpu",  # else it draws with a graphics card in software, an eighth dearer
+    "--disable-gpu",  # else it draws with a graphics card in software
     "--disable-background-networking",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 ]
