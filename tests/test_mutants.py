@@ -27,9 +27,17 @@ def test_every_module_has_tests_that_face_its_mutants():
     for module in modules:
         paths = mutants.tests_of(module)
         assert paths, module
-        assert [path for path in paths if not (ROOT / path).is_file()] == []
+        assert set(paths) <= set(mutants.judges())
     assert mutants.tests_of(Path("simulation/ladder.py")) == mutants.tests_of(Path("simulation/exact.py"))
     assert "tests/simulation/test_exact_oracle.py" in mutants.tests_of(Path("simulation/ladder.py"))
+
+
+def test_what_judges_no_mutant_is_there_and_left_out():
+    assert [name for name in mutants.NO_JUDGES if not (mutants.TESTS / name).exists()] == []
+    paths = mutants.judges()
+    assert [path for path in paths if not (ROOT / path).is_file()] == []
+    assert {"tests/test_cli.py", "tests/lab/test_model.py"} < set(paths)
+    assert {Path(path).parts[1] for path in paths}.isdisjoint(mutants.NO_JUDGES)
 
 
 def test_places_are_drawn_outside_types_and_give_programs():
@@ -43,15 +51,57 @@ def test_places_are_drawn_outside_types_and_give_programs():
         assert mutants.stands(dict(zip(mutants.COLUMNS, one.key, strict=False)))
 
 
-@pytest.mark.parametrize(("becomes", "outcome"), [("1 / divisor", "survived"), ("2 / divisor", "killed")])
-def test_a_changed_copy_meets_the_tests(tmp_path, monkeypatch, becomes, outcome):
+SCALED = "tests/test_algebra.py::test_a_number_multiplies_the_gain_and_nothing_else"
+SERIES = "tests/test_algebra.py::test_processes_in_series"  # divides nothing
+
+
+@pytest.mark.parametrize(
+    ("becomes", "own", "outcome"),
+    [
+        ("1.0 / divisor", SCALED, "survived"),
+        ("2 / divisor", SCALED, "killed"),
+        ("2 / divisor", SERIES, "killed elsewhere"),
+    ],
+)
+def test_a_changed_copy_meets_its_own_tests_then_all_others(tmp_path, monkeypatch, becomes, own, outcome):
     (tmp_path / "pidalab").symlink_to(mutants.SRC)
     module = Path("algebra.py")
-    test = "tests/test_algebra.py::test_a_number_multiplies_the_gain_and_nothing_else"
-    monkeypatch.setattr(mutants, "tests_of", lambda _: [test])
+    monkeypatch.setattr(mutants, "tests_of", lambda _: [own])
+    monkeypatch.setattr(mutants, "doctests", lambda *_: [])
     text = (mutants.SRC / module).read_text().replace("1 / divisor", becomes)
     mutant = mutants.Mutant(module, "Block.__truediv__", "1 / divisor", becomes, text)
-    assert mutants.outcome(tmp_path, {test: 1.0}, mutant) == outcome
+    assert mutants.outcome(tmp_path, {SCALED: 1.0, SERIES: 1.0}, mutant) == outcome
+
+
+@pytest.mark.parametrize(("statement", "code"), [("bytearray(9)", 0), ("bytearray(9 * 10**9)", 1)])
+def test_a_run_that_asks_for_too_much_memory_fails(tmp_path, statement, code):
+    path = tmp_path / "test_greed.py"
+    path.write_text(f"def test_greed():\n    {statement}\n")
+    assert mutants.run(mutants.SRC.parent, [str(path)], 60.0) == code
+
+
+@pytest.mark.parametrize(
+    ("failing", "outcome"),
+    [("algebra.py", "killed"), ("quick.py", "killed elsewhere"), ("pidalab", "killed elsewhere"), ("no", "survived")],
+)  # fmt: skip
+def test_all_others_are_asked_last_the_quick_ones_first(monkeypatch, failing, outcome):
+    own, quick, slow = (f"tests/test_{name}.py" for name in ("algebra", "quick", "slow"))
+    stages = [
+        ([own, "--doctest-modules", "copy/pidalab/algebra.py"], 2 * mutants.PATIENCE + mutants.COMPILING),
+        ([quick, slow, "--doctest-modules", "copy/pidalab"], 8 * mutants.PATIENCE + mutants.COMPILING),
+    ]
+    asked = []
+
+    def run(source, paths, patience, *more):
+        asked.append((paths, patience))
+        if failing == "quick.py" and quick in paths:
+            raise mutants.subprocess.TimeoutExpired("pytest", patience)  # it hangs
+        return int(any(path.endswith(failing) for path in paths))
+
+    monkeypatch.setattr(mutants, "run", run)
+    seconds = {slow: 7.0, own: 2.0, quick: 1.0}
+    assert mutants.judged(Path("copy"), seconds, Path("algebra.py")) == outcome
+    assert asked == stages[: 1 if outcome == "killed" else 2]
 
 
 def test_the_table_keeps_reasons_of_survivors_and_forgets_places_that_are_gone(tmp_path, monkeypatch):
@@ -73,21 +123,31 @@ def test_the_table_keeps_reasons_of_survivors_and_forgets_places_that_are_gone(t
                 row("1.0 / divisor", "survived", "the same number"),
                 row("a", "survived", "none"),
                 row("b", "killed", was="this text is nowhere"),
+                row("d", "killed"),
             ]
         )
-    mutants.store([row("1.0 / divisor", "survived"), row("a", "killed"), row("c", "survived")])
+    mutants.store(
+        [
+            row("1.0 / divisor", "survived"),
+            row("a", "killed elsewhere"),
+            row("c", "survived"),
+            row("e", "killed elsewhere"),
+        ]
+    )
     assert [(one["becomes"], one["outcome"], one["reason"]) for one in mutants.rows()] == [
         ("1.0 / divisor", "survived", "the same number"),
         ("a", "killed later", ""),
         ("c", "survived", ""),
+        ("d", "killed", ""),
+        ("e", "killed elsewhere", ""),
     ]
     monkeypatch.setattr(evidence, "DATA", tmp_path)
-    assert evidence.mutants().splitlines()[-1] == "| all | 3 | 0 | 1 | 1 | 1 | 0 % |"
+    assert evidence.mutants().splitlines()[-1] == "| all | 5 | 1 | 1 | 1 | 1 | 1 | 25 % | 50 % |"
 
 
 def test_only_survivors_have_reasons():
     for row in mutants.rows():
-        assert row["outcome"] in ("killed", mutants.LATER, "survived")
+        assert row["outcome"] in (mutants.KILLED, mutants.ELSEWHERE, mutants.LATER, mutants.SURVIVED)
         assert row["outcome"] == "survived" or not row["reason"]
 
 

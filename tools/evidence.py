@@ -127,18 +127,21 @@ def mutants() -> str:
     parts = dict(sorted(parts.items())) | {"all": [outcome for found in parts.values() for outcome in found]}
     lines = []
     for part, outcomes in parts.items():
-        counts = [outcomes.count(name) for name in ("killed", "killed later", "equivalent", "survived")]
-        differ = len(outcomes) - counts[2]
-        share = f"{100 * counts[0] / differ:.0f} %" if differ else ""
-        lines.append([part, str(len(outcomes)), *map(str, counts), share])
+        names = ("killed", "killed elsewhere", "killed later", "equivalent", "survived")
+        counts = [outcomes.count(name) for name in names]
+        differ = len(outcomes) - outcomes.count("equivalent")
+        shares = [f"{100 * sum(counts[:k]) / differ:.0f} %" if differ else "" for k in (1, 2)]
+        lines.append([part, str(len(outcomes)), *map(str, counts), *shares])
     head = [
         "part",
         "mutants",
-        "noticed",
+        "noticed by own tests",
+        "by others",
         "by a test added since",
         "equivalent",
         "not noticed",
-        "noticed at once",
+        "at once by own tests",
+        "by any",
     ]
     return table(head, lines)
 

@@ -2,16 +2,17 @@
 
 cosmic-ray finds the places and makes the changes: another operator or comparison, a number one higher or lower, a loop
 that never runs, a condition turned round. Every place has the same chance, however many changes it allows.
-`tests/test_house.py` says which tests are those of a module; its doctests run with them.
+`tests/test_house.py` says which tests are those of a module; its doctests run with them. What these do not notice meets
+all other tests and doctests of the library, quick ones first.
 
     python tools/mutants.py 70 --seed 1               # a sample
     python tools/mutants.py 20 --seed 1 simulation    # of modules whose path has this word
     python tools/mutants.py again                     # what survived so far, with the tests of today
 
 Each mutant is a copy of the library with the machine code of its other folders; numba compiles that of the changed
-folder anew, as the file has another time. The table book/data/mutants.csv keeps what came out, and what is noticed only
-since a survivor got a test. A survivor is equivalent once a person has written there why no test can tell it from the
-library. Places that are no more leave the table.
+folder anew, as the file has another time. The table book/data/mutants.csv keeps what came out: killed by its own tests,
+killed elsewhere, or killed later, since a survivor got a test. A survivor is equivalent once a person has written there
+why no test can tell it from the library. Places that are no more leave the table.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -40,10 +42,19 @@ ROOT = Path(__file__).resolve().parents[1]
 SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
 TABLE = ROOT / "book" / "data" / "mutants.csv"
 COLUMNS = ("module", "function", "was", "becomes", "outcome", "reason")
-LATER = "killed later"  # by a test that it asked for
+KILLED, ELSEWHERE = "killed", "killed elsewhere"  # by a test of its module; by another one
+LATER, SURVIVED = "killed later", "survived"  # the former by a test that it asked for
 WHAT_LOOPS_ARE = ("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace")
 METHODS = ("identification", "optimal", "record", "reduction", "robustness", "rules", "simulation")
 ROOMS = (*WHAT_LOOPS_ARE, *METHODS, "controllers", "digital", "ledger")
+NO_JUDGES = {  # in tests/: what does not judge the numbers of a copy, and why
+    "fuzz": "Hypothesis draws with the numbers it finds in the library's text, so any change draws other cases",
+    "site": "looks at pages that another library built",
+    "test_house.py": "reads the library's text",
+    "test_mutants.py": "tries this tool",
+    "test_public_names.py": "reads the library's text",
+    "test_release.py": "looks at the project's files",
+}
 # an operator of bits on numbers, or `is` on values, falls over anywhere; a cache that is gone changes no result
 WITHOUT = re.compile(
     r"Operator_(?!Bit)\w+_(Bit\w+|\w+Shift)$|Operator_(?!Is)\w+_Is(Not)?$|Operator_Is(Not)?_(?!Is)|Invert"
@@ -53,7 +64,7 @@ QUIET = frozenset("()[]{},.:;=") | {":=", "->", "..."}  # tokens that no operato
 OPTIONS = (
     "-q --no-header --tb=line -p no:cacheprovider -p no:nbval -p no:xdist -o addopts=--import-mode=importlib"
 )
-MEMORY = 8_000_000  # kilobytes that a run may ask for
+MEMORY = 8_000_000  # kilobytes that a run may fill; JavaScript, in the tests of the lab, reserves far more
 PATIENCE, COMPILING = 10.0, 180.0  # times as long as the library; and seconds, as numba compiles
 HANGING = 3600  # seconds by the clock
 
@@ -115,6 +126,12 @@ def tests_of(module: Path) -> list[str]:
         found += sorted((TESTS / module.parts[0]).glob("test_*.py"))
     names = (path.relative_to(ROOT).as_posix() for path in found)
     return list(dict.fromkeys(names))
+
+
+def judges() -> list[str]:
+    """List the test files that judge what a copy of the library computes."""
+    found = (path.relative_to(TESTS) for path in sorted(TESTS.rglob("test_*.py")))
+    return [f"tests/{path.as_posix()}" for path in found if path.parts[0] not in NO_JUDGES]
 
 
 def types_of(tree: ast.Module) -> Iterator[ast.expr]:
@@ -188,7 +205,7 @@ def sample(number: int, seed: int, word: str) -> list[Mutant]:
 
 def survivors(word: str) -> list[Mutant]:
     """Make those again that the table calls survivors."""
-    wanted = {key(row): row for row in rows() if row["outcome"] == "survived" and word in row["module"]}
+    wanted = {key(row): row for row in rows() if row["outcome"] == SURVIVED and word in row["module"]}
     found: dict[tuple[str, ...], Mutant] = {}
     for module in sorted({row["module"] for row in wanted.values()}):
         texts = [row["was"] for row in wanted.values() if row["module"] == module]
@@ -205,7 +222,7 @@ def run(source: Path, paths: list[str], patience: float, *more: str) -> int:
     """Run tests with a copy of the library, for so many seconds of a processor at most."""
     own = {"PYTHONPATH": str(source), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg", "PYTHONHASHSEED": "0"}
     command = [sys.executable, "-m", "pytest", *OPTIONS.split(), *more, *paths]
-    limits = f'ulimit -v {MEMORY} -t {round(patience)}; exec "$@"'
+    limits = f'ulimit -d {MEMORY} -t {round(patience)}; exec "$@"'
     with tempfile.TemporaryFile() as said:
         done = subprocess.run(
             ["bash", "-c", limits, "bash", *command],
@@ -223,45 +240,55 @@ def run(source: Path, paths: list[str], patience: float, *more: str) -> int:
 
 
 def doctests(source: Path, module: Path) -> list[str]:
-    """Return what makes pytest run the examples of a module of a copy."""
+    """Return what makes pytest run the examples of a module of a copy, or of all."""
     return ["--doctest-modules", str(source / "pidalab" / module)]
 
 
-def times(source: Path, chosen: set[Path]) -> dict[str, float]:
-    """Run the tests of all chosen modules with the library as it is; seconds of each file.
+def times(source: Path) -> dict[str, float]:
+    """Run all that judges with the library as it is; seconds of each test file.
 
     Raises
     ------
     SystemExit
         If a test fails already.
     """
-    paths = sorted({path for module in chosen for path in tests_of(module)})
     report = source / "times.xml"
-    if run(source, paths, 3600.0, f"--junitxml={report}") != 0:
+    seconds = dict.fromkeys(judges(), 0.0)
+    if run(source, [*seconds, *doctests(source, Path())], 3600.0, f"--junitxml={report}") != 0:
         raise SystemExit("tests fail without any change, or took an hour")
-    seconds = dict.fromkeys(paths, 0.0)
     for case in ElementTree.parse(report).iter("testcase"):
-        name = (case.get("classname") or "").replace(".", "/")
-        for path in paths:
-            if name.startswith(path.removesuffix(".py")):
-                seconds[path] += float(case.get("time") or 0)
+        path = (case.get("classname") or "").replace(".", "/") + ".py"
+        if path in seconds:
+            seconds[path] += float(case.get("time") or 0)
     return seconds
+
+
+def notices(source: Path, seconds: dict[str, float], paths: list[str], module: Path = Path()) -> bool:
+    """Whether test files or examples of a module, or of all, fail with a copy or take far longer than they should."""
+    patience = PATIENCE * sum(seconds[path] for path in paths) + COMPILING
+    try:
+        return run(source, [*paths, *doctests(source, module)], patience, "-x") != 0
+    except subprocess.TimeoutExpired:
+        return True
+
+
+def judged(source: Path, seconds: dict[str, float], module: Path) -> str:
+    """Say what notices the changed module of a copy: its own tests, else the others, quick ones first."""
+    own = tests_of(module)
+    if notices(source, seconds, own, module):
+        return KILLED
+    others = sorted({*seconds} - {*own}, key=lambda path: seconds[path])
+    return ELSEWHERE if notices(source, seconds, others) else SURVIVED
 
 
 def outcome(base: Path, seconds: dict[str, float], mutant: Mutant) -> str:
     """Try a mutant in a copy of its own."""
-    paths = tests_of(mutant.module)
-    patience = PATIENCE * sum(seconds[path] for path in paths) + COMPILING
     begun = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder)
         shutil.copytree(base / "pidalab", source / "pidalab")
         (source / "pidalab" / mutant.module).write_text(mutant.text, encoding="utf-8")
-        try:
-            failed = run(source, [*paths, *doctests(source, mutant.module)], patience, "-x")
-        except subprocess.TimeoutExpired:
-            failed = 1
-    result = "survived" if failed == 0 else "killed"
+        result = judged(source, seconds, mutant.module)
     print(
         f"{result} {time.monotonic() - begun:.0f} s  {mutant.module} {mutant.function}\n"
         f"  - {mutant.was}\n  + {mutant.becomes}",
@@ -288,8 +315,8 @@ def store(found: list[Row]) -> None:
     old = {key(row): row for row in rows()}
     for row in found:
         before = old.get(key(row), {"outcome": "", "reason": ""})
-        survived = row["outcome"] == "survived"
-        later = not survived and before["outcome"] in ("survived", LATER)
+        survived = row["outcome"] == SURVIVED
+        later = not survived and before["outcome"] in (SURVIVED, LATER)
         new = {"outcome": LATER if later else row["outcome"], "reason": before["reason"] if survived else ""}
         old[key(row)] = row | new
     kept = [row for row in old.values() if stands(row)]
@@ -323,16 +350,14 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(given.jobs) as pool:
         base = Path(folder)
         shutil.copytree(SRC, base / "pidalab")
-        tried = partial(outcome, base, times(base, {mutant.module for mutant in chosen}))
+        tried = partial(outcome, base, times(base))
         for mutant, result in zip(chosen, pool.map(tried, chosen), strict=True):
             store([dict(zip(COLUMNS, (*mutant.key, result, ""), strict=True))])
     keys = {mutant.key for mutant in chosen}
     found = [row for row in rows() if key(row) in keys]
-    alive = [row for row in found if row["outcome"] == "survived" and not row["reason"]]
-    equal = sum(bool(row["reason"]) for row in found)
-    print(
-        f"{len(found)} mutants: {len(found) - len(alive) - equal} killed, {equal} equivalent, {len(alive)} alive"
-    )
+    alive = [row for row in found if row["outcome"] == SURVIVED and not row["reason"]]
+    counts = Counter("equivalent" if row["reason"] else row["outcome"] for row in found)
+    print(f"{len(found)} mutants: {', '.join(f'{count} {name}' for name, count in counts.items())}")
     return int(bool(alive))
 
 
