@@ -8,7 +8,7 @@ from pidalab import Record
 from pidalab.identification import fit
 from pidalab.identification.fitting import _covariance
 from pidalab.identification.searching import Found, _hidden, _refined, prepared, search
-from pidalab.identification.shapes import FIRST, behind_lag
+from pidalab.identification.shapes import FIRST, SECOND, behind_lag
 
 GRID = np.linspace(0.0, 300.0, 3001)
 TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
@@ -271,6 +271,18 @@ def test_the_starts_that_are_followed_end_as_low_as_all_of_them():
     ]
     assert max(ends) > 1.01 * min(ends)
     assert search(data, FIRST).cost == pytest.approx(min(ends), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shape", "true"), [(FIRST, [1500.0]), (SECOND, [1.0, 19.0])], ids=["lag", "damping"]
+)
+def test_a_descent_from_the_truth_stays_there_close_to_the_upper_bounds_too(shape, true):
+    """A lag of 15 records, and a damping of nearly 20: in valleys so flat a start further away ends elsewhere."""
+    t = np.arange(0.0, 120.0, 0.5)
+    y = 30.0 * shape.step(t - 23.0, true)
+    data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
+    values = _refined(data, shape, [*true, 3.0], 99.5).values
+    np.testing.assert_allclose(values, [30.0, 0.0, *true, 3.0], rtol=1e-6, atol=1e-8)
 
 
 def test_lags_that_a_record_hides_are_the_longest_and_a_middle_one():
