@@ -20,6 +20,10 @@ ARGUMENTS = [
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 ]
 
+FORGET = (
+    "() => location.protocol === 'about:' || [localStorage, sessionStorage].forEach((one) => one.clear())"
+)
+
 
 def toc_pages(toc: Path) -> list[str]:
     """Every page that a table of contents names, in its order."""
@@ -61,11 +65,12 @@ def site() -> Path:
 
 @pytest.fixture(scope="module")
 def browser():
-    names = ("chromium", "chromium-browser", "google-chrome")
+    names = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
     executable = next(filter(None, map(shutil.which, names)), None)
     if executable is None:
         message = (
-            f"no browser on PATH ({', '.join(names)}): the pages were not looked at; apt install chromium"
+            f"no browser on PATH ({', '.join(names)}): the pages were not looked at; "
+            "apt install chromium-headless-shell"
         )
         (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)(message)
     with sync_playwright() as playwright:
@@ -74,36 +79,55 @@ def browser():
         browser.close()
 
 
+@pytest.fixture(scope="module")
+def tab(browser):
+    """Where the tests of a file open their pages, one after the other: a new tab takes longer than a page."""
+    context = browser.new_context()
+    yield context.new_page()
+    context.close()
+
+
 @pytest.fixture
-def visit(browser):
+def visit(browser, tab):
     """Open a page; returns it with the list, which still grows, of what goes wrong on it.
 
-    Its context is a new one, which remembers nothing, or one that is given.
+    Pages know nothing of those before. A test that opens a second one still has the first.
     """
-    opened = []
+    opened, heard = [], []
 
-    def visit(url, theme="light", viewport=WIDE, context=None):
-        own = context or browser.new_context(color_scheme=theme, viewport=viewport)
-        page, wrong = own.new_page(), []
-        opened.append(page if context else own)
+    def listen(page, event, handler):
+        page.on(event, handler)
+        heard.append((page, event, handler))
+
+    def visit(url, theme="light", viewport=WIDE):
+        page, wrong = browser.new_context().new_page() if opened else tab, []
+        opened.append(page)
+        page.evaluate(FORGET)
+        page.goto("about:blank")  # else another state of the lab would be no new page
+        page.emulate_media(media="null", color_scheme=theme)
+        page.set_viewport_size(viewport)
 
         def stays_here(request):
             if urlsplit(request.url).netloc not in ("", urlsplit(url).netloc):  # data: and blob: have no host
                 wrong.append(f"another host: {request.url}")
 
-        page.on("request", stays_here)
-        page.on(
-            "console", lambda message: message.type == "error" and wrong.append(f"console: {message.text}")
-        )
-        page.on("pageerror", lambda error: wrong.append(f"script: {error}"))
+        def complains(message):
+            if message.type == "error":
+                wrong.append(f"console: {message.text}")
+
+        listen(page, "request", stays_here)
+        listen(page, "console", complains)
+        listen(page, "pageerror", lambda error: wrong.append(f"script: {error}"))
         page.set_default_timeout(120_000)  # a long page of formulas on a busy machine
         page.goto(url, wait_until="load")
         page.wait_for_function(TYPESET)
         return page, wrong
 
     yield visit
-    for one in opened:
-        one.close()
+    for page, event, handler in heard:
+        page.remove_listener(event, handler)
+    for page in opened[1:]:
+        page.context.close()
 
 
 @pytest.fixture

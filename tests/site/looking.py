@@ -55,9 +55,12 @@ HINDRANCES = """() => {
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
 # Formulas as boxes of their size and code as plain text: axe-core is not to take their thousands of parts apart. The
-# theme makes what scrolls a stop of the Tab key 0.3 s after the last change of the page or of its size.
+# theme makes what scrolls a stop of the Tab key 0.3 s after the last change of the page or of its size; here, at once.
 PLAINER = """() => {
   const all = (selector) => [...document.querySelectorAll(selector)];
+  const later = setTimeout;
+  globalThis.setTimeout = (act, _, ...given) => later(act, 0, ...given);
+  document.querySelector("main").append("");  // a change, if there is no other
   const formulas = all("mjx-container"), sizes = formulas.map((one) => one.getBoundingClientRect());
   formulas.forEach((one, k) => {
     const box = document.createElement("span");
@@ -69,7 +72,7 @@ PLAINER = """() => {
     code.parts = [...code.childNodes];
     code.textContent = code.textContent;
   }
-  globalThis.settled = new Promise((done) => setTimeout(done, 360));
+  globalThis.settled = new Promise((done) => later(() => later(done)));  // after the theme's
 }"""
 COLOURED = (
     "() => document.querySelectorAll('pre').forEach((one) => one.parts && one.replaceChildren(...one.parts))"
@@ -139,9 +142,10 @@ EMPTY_UNMARKED = """() => {
   };
   empty(document.body);
 }"""
-# Halfway between themes a colour is none, and axe-core judges no text on a gradient: that of what scrolls lies on the
-# colour of its ground.
-PLAIN = "* { transition: none !important; background-image: none !important }"
+# Halfway between themes a colour is none, nor is a width between two screens.
+STILL = "* { transition: none !important }"
+# axe-core judges no text on a gradient: that of what scrolls lies on the colour of its ground.
+PLAIN = "* { background-image: none !important }"
 ONLY_MARKED = """() => axe.configure({ rules: [
   { id: "color-contrast", selector: "[data-kind]" }, { id: "link-in-text-block", selector: "a[data-kind]" },
 ] })"""
@@ -181,12 +185,12 @@ def barriers(page: Page, **options) -> list[str]:
 
 
 def looked_over(page: Page) -> list[str]:
-    """What is wrong with a page that was opened in light, wide and narrow; its formulas become boxes."""
-    page.set_viewport_size(WIDE)
-    wrong = problems(page)
+    """What is wrong with a page that was opened in light, narrow and wide; its formulas become boxes."""
+    page.add_style_tag(content=STILL)
     page.set_viewport_size(NARROW)
-    wrong += [f"narrow: {problem}" for problem in problems(page)]
+    wrong = [f"narrow: {problem}" for problem in problems(page)]
     page.set_viewport_size(WIDE)
+    wrong += problems(page)
     page.evaluate(PLAINER)
     wrong += barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
     page.evaluate(COLOURED)
@@ -198,7 +202,7 @@ def contrasts(page: Page, judged: set[str]) -> list[str]:
 
     Little is left of the page: its own scripts may stumble from now on.
     """
-    page.add_style_tag(content=PLAIN)
+    page.add_style_tag(content=STILL + PLAIN)
     new = []
     for theme in ("light", "dark"):  # what is one kind in one may be two in the other
         page.evaluate(IN_THEME, theme)

@@ -7,7 +7,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
-from looking import WIDE, contrasts, looked_over, problems
+from looking import NARROW, contrasts, looked_over, problems
 from turning import astray
 
 from pidalab.ledger import papers
@@ -33,7 +33,8 @@ def home(site):
         yield address
 
 
-SCREENS = 12  # of 1400 × 900: a method chapter is read in a sitting
+SCREEN = {"width": 1400, "height": 900}
+SCREENS = 12  # a method chapter is read in a sitting
 
 
 @pytest.fixture(scope="module")
@@ -42,21 +43,13 @@ def judged():
     return set()
 
 
-@pytest.fixture(scope="module")
-def shared(browser):
-    """A context that remembers the scripts of the pages before; nothing on these pages is remembered but the theme."""
-    context = browser.new_context(color_scheme="light", viewport=WIDE)
-    yield context
-    context.close()
-
-
-def test_page(page_name, home, site, visit, root, judged, shared):
+def test_page(page_name, home, site, visit, root, judged):
     """A page is loaded once for all that is looked at, since that takes longest."""
-    page, wrong = visit(f"{home}/{page_name}.html", context=shared)
+    page, wrong = visit(f"{home}/{page_name}.html", viewport=NARROW)
     assert page.locator("html").get_attribute("data-theme") == "light"
     if page_name in chapters(root):
-        page.set_viewport_size({"width": 1400, "height": 900})
-        assert page.locator("article").bounding_box()["height"] <= SCREENS * 900
+        page.set_viewport_size(SCREEN)
+        assert page.locator("article").bounding_box()["height"] <= SCREENS * SCREEN["height"]
     found = astray(page, site / f"{page_name}.html") + looked_over(page) + wrong
     assert found + contrasts(page, judged) == []
 

@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 from pictured import plots
-from turning import CELLS, rows, undrawn
+from turning import CELLS, idle_ends, rows, undrawn
 
 import pidalab
 from pidalab.digital import DigitalController
@@ -214,6 +214,15 @@ LIVE = '{"plant": "%s", "rule": "%s", "designs": [{"kind": "PIDA", "kp": 1, "ti"
 def test_a_bad_live_figure_is_caught(html, found, open_figure):
     page, wrong = open_figure(html)
     assert any(found in problem for problem in wrong + undrawn(page))
+
+
+def test_an_end_of_a_knob_where_nothing_moves_is_caught(open_figure):
+    """The response that is shown ends at 60, so a dead time beyond it is not seen."""
+    state = LIVE_STATE.replace('"high": 4', '"high": 900').replace('"bode"', '"setpoint"')
+    page, _ = open_figure(CAPTIONED % (state.replace('["ms", "first", "hump"]', '["peak"]'), SCRIPTS))
+    host, (gain, delay) = page.locator(".pidalab-live"), json.loads(state)["knobs"]
+    assert idle_ends(page, host, gain) == []
+    assert idle_ends(page, host, delay) == ["dead time: idle at the high end of its range"]
 
 
 def test_the_first_lecture_prints_what_its_live_figure_shows(visit, site):

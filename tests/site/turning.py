@@ -13,7 +13,22 @@ UNDRAWN = """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host
   ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
   ...[host.querySelector(".lab-live")?.textContent].filter(Boolean),
 ])"""
-NEXT_FRAME = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+# Both ends of a knob's range where a twentieth of it, or the least step, moves no line and no number.
+IDLE_ENDS = """async (bar) => {
+  const figure = bar.closest(".pidalab-live"), low = Number(bar.min), high = Number(bar.max);
+  const step = Math.max(Number(bar.step), (high - low) / 20);
+  const shown = async (value) => {
+    bar.valueAsNumber = value;
+    bar.dispatchEvent(new Event("input", { bubbles: true }));
+    await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    const numbers = [...figure.querySelectorAll("td")].map((cell) => cell.textContent);
+    return [figure.querySelector(".lab-plots").innerHTML, ...numbers].join();
+  };
+  const idle = [];
+  for (const [end, value, back] of [["low", low, low + step], ["high", high, high - step]])
+    if ((await shown(value)) === (await shown(back))) idle.push(end);
+  return idle;
+}"""
 CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
 # What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
 EXPECTED = """([told, turned]) => {
@@ -70,22 +85,14 @@ def as_read(row):
 
 
 def idle_ends(page, host, knob):
-    """Ends of a knob's range where a twentieth of it moves no line and no number; the knob is left as it was."""
+    """Ends of a knob's range where nothing moves; the knob is left as it was."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
-    bar, box = row.locator("input[type=range]"), row.locator("input[type=number]")
-    before, idle = box.input_value(), []
-
-    def shown(key):
-        bar.press(key)
-        page.evaluate(NEXT_FRAME)
-        return host.locator(".lab-plots").inner_html(), rows(host)
-
-    for end, back in (("Home", "PageUp"), ("End", "PageDown")):
-        if shown(end) == shown(back):
-            idle.append(f"{knob['label']}: idle at the {end} of its range")
+    box = row.locator("input[type=number]")
+    before = box.input_value()
+    ends = row.locator("input[type=range]").evaluate(IDLE_ENDS)
     box.fill(before)
     box.press("Enter")
-    return idle
+    return [f"{knob['label']}: idle at the {end} end of its range" for end in ends]
 
 
 def turn(page, host, knob):
