@@ -84,6 +84,14 @@ def test_fast_samples_approach_the_continuous_margins(name):
     assert np.all(np.array(errors)[0] / np.array(errors)[-1] > 3)
 
 
+def test_a_dead_time_of_many_samples_is_not_followed_where_the_loop_is_quiet():
+    """Up to half the sampling frequency 20000 samples of dead time would take more frequencies than are allowed."""
+    process, own = fopdt(1.0, 20.0, 20.0), PIDA(0.5, 20.0)
+    true, found = margins(Loop(process, own)), margins(Loop(process, own.discretise(1e-3)))
+    for name in ("ms", "gm", "pm", "dm", "wgc"):
+        assert getattr(found, name) == pytest.approx(getattr(true, name), rel=1e-4)
+
+
 def test_a_simulation_agrees_about_stability():
     """Misaligned dead time, and a gain just below and above the margin."""
     process, own = lags(3, delay=0.37), PIDA(1.0, 3.0, 0.5)

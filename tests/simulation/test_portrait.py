@@ -13,6 +13,8 @@ import pytest
 
 import pidalab
 from pidalab import Loop, Process, SeriesPIDA, portrait, simulate_sampled
+from pidalab.simulation.lanes import LANES
+from pidalab.simulation.portrait import Portrait
 
 PDA = SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
 LOOP = Loop(pidalab.ipdt(1.0, delay=1.0), PDA)
@@ -307,6 +309,15 @@ WIDE = np.ones(3000)
 def test_portrait_complains(arguments, error, message):
     with pytest.raises(error, match=message):
         portrait(**({"loop": LOOP, "parameters": {"kp": [0.1, 0.2]}, "t": T, "load": 1.0} | arguments))
+
+
+def test_half_a_byte_more_than_two_gigabytes_is_refused():
+    """Of each set two numbers for every measure, and one for each lane and sample of dead time."""
+    numbers = 2 * 2 * len(Portrait._fields[:-1])
+    samples = ((2e9 + 0.5) / 8 - numbers) / LANES
+    loop = Loop(pidalab.ipdt(1.0, samples * T[1]), PDA)
+    with pytest.raises(MemoryError, match=r"memory = 2e\+09 are allowed"):
+        portrait(loop, {"kp": [0.1, 0.2]}, T, load=1.0)
 
 
 def test_derivatives_need_a_filter():
