@@ -51,6 +51,16 @@ def test_places_are_drawn_outside_types_and_give_programs():
         assert mutants.stands(dict(zip(mutants.COLUMNS, one.key, strict=False)))
 
 
+def test_no_place_asks_whether_types_are_imported():
+    pytest.importorskip("cosmic_ray")
+    module = Path("rules/haalman.py")
+    lines = (mutants.SRC / module).read_text().splitlines()
+    found = {lines[place.start[0] - 1].strip() for place in mutants.places(module)}
+    assert "if TYPE_CHECKING:" in {line.strip() for line in lines}
+    assert found
+    assert "if TYPE_CHECKING:" not in found
+
+
 SCALED = "tests/test_algebra.py::test_a_number_multiplies_the_gain_and_nothing_else"
 SERIES = "tests/test_algebra.py::test_processes_in_series"  # divides nothing
 

@@ -135,9 +135,11 @@ def judges() -> list[str]:
 
 
 def types_of(tree: ast.Module) -> Iterator[ast.expr]:
-    """Find the types in a module; nothing computes with them."""
+    """Find the types in a module, and the question whether to import them; nothing computes with them."""
     for node in ast.walk(tree):
         yield from filter(None, (getattr(node, "annotation", None), getattr(node, "returns", None)))
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            yield node.test
 
 
 def places(module: Path) -> list[Place]:
