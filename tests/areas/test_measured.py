@@ -237,8 +237,11 @@ def test_noise_is_told_with_figures():
         RecordWarning, match=r"noise of standard deviation 0.0\d+\): it leaves A_. by .* and A_9 by .* %"
     ) as told:
         found = areas.from_record(t, u, y, 10, start=(0.0, 0.0))
-    first = int(np.flatnonzero(found.uncertainty / found.values > 0.05)[0])
-    assert f"only those before A_{first} better" in str(told[0].message)
+    shares = found.uncertainty / found.values
+    first = int(np.flatnonzero(shares > 0.05)[0])
+    message = str(told[0].message)
+    assert f"only those before A_{first} better" in message
+    assert f"A_{first} by {100 * shares[first]:.2g} % and A_9 by {100 * shares[9]:.2g} %" in message
     assert 4 <= first <= 8
     assert areas.from_record(t, u, y, 4, start=(0.0, 0.0)).settled  # no warning: the first four are good
 
