@@ -2,8 +2,9 @@
 
 Starting IPython, importing matplotlib, drawing a first figure and reading the machine code of the engine takes a kernel
 a few seconds, and the book has more than twenty. A forked kernel has all that in memory; its namespace is as empty as
-that of any other. ``python kernels.py`` is that process: it reads a request a line, forks, and answers with the number
-of the new process.
+that of any other. ``python kernels.py 3`` is that process: it listens on the socket that is its descriptor 3, reads a
+request, forks, and answers with the number of the new process. It ends with the process that started it, whose children
+use it too.
 """
 
 import atexit
@@ -12,14 +13,15 @@ import json
 import logging
 import multiprocessing
 import os
+import select
 import signal
+import socket
 import subprocess
 import sys
-from functools import cache
+import tempfile
 from importlib.metadata import EntryPoint
 from io import BytesIO
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 from jupyter_client.provisioning import KernelProvisionerFactory, LocalProvisioner
@@ -44,7 +46,7 @@ PRELOADED = (
     "scipy.signal",
     "tqdm",
 )
-ONE_AT_A_TIME = Lock()
+ADDRESS = "PIDALAB_KERNELS"  # variable of the environment that names the server's socket
 
 
 class Forked:
@@ -92,37 +94,41 @@ class ForkingProvisioner(LocalProvisioner):
             "environment": kwargs["env"],
             "quiet": kwargs.get("stderr") is not None,
         }
-        with ONE_AT_A_TIME:
-            server = started_server()
-            server.stdin.write(json.dumps(request) + "\n")
-            server.stdin.flush()
-            answer = server.stdout.readline()
+        with socket.socket(socket.AF_UNIX) as line:
+            line.connect(os.environ[ADDRESS])
+            line.sendall(json.dumps(request).encode() + b"\n")
+            answer = line.makefile().readline()
         if not answer:
-            raise RuntimeError(f"the process that forks kernels has ended with status {server.wait()}")
+            raise RuntimeError("the process that forks kernels has ended")
         self.process = Forked(int(answer))
         self.pid, self.pgid = self.process.pid, None
         return self.connection_info
 
 
-@cache
-def started_server() -> subprocess.Popen[str]:
-    """Return the server of this process, which ends with it."""
-    command = [sys.executable, __file__]
-    server = subprocess.Popen(command, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+def start_server() -> None:
+    """Start the server of this process and of its children, which ends with this process."""
+    folder = tempfile.TemporaryDirectory()
+    os.environ[ADDRESS] = str(Path(folder.name) / "kernels")
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(os.environ[ADDRESS])
+        listener.listen()
+        descriptor = listener.fileno()
+        command = [sys.executable, __file__, str(descriptor)]
+        server = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=[descriptor])
 
     def stop() -> None:
-        server.stdin.close()
-        server.stdout.close()
-        server.wait()
+        server.communicate()  # its input ends
+        folder.cleanup()
 
     atexit.register(stop)
-    return server
 
 
 def fork_kernels() -> None:
     """Let all kernels that this process starts be forked, where the system can do so."""
     if not hasattr(os, "fork"):
         return
+    if ADDRESS not in os.environ:
+        start_server()
     factory = KernelProvisionerFactory.instance()
     name = "forking-provisioner"
     place = f"{__name__}:{ForkingProvisioner.__name__}"
@@ -191,16 +197,20 @@ def compile_simulation() -> None:
     pidalab.simulate_sampled(loop, 0.001 * np.arange(3))
 
 
-def serve() -> None:
-    """Answer requests until there are no more."""
+def serve(listener: socket.socket) -> None:
+    """Answer requests until whoever started this process has ended."""
     warm_up()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a kernel that ends leaves nothing behind
-    for line in sys.stdin:
-        pid = os.fork()
-        if pid == 0:
-            become_kernel(json.loads(line))
-        print(pid, flush=True)
+    while sys.stdin not in select.select([listener, sys.stdin], [], [])[0]:
+        with listener.accept()[0] as line:
+            request = json.loads(line.makefile().readline())
+            pid = os.fork()
+            if pid:
+                line.sendall(f"{pid}\n".encode())
+        if not pid:
+            listener.close()
+            become_kernel(request)
 
 
 if __name__ == "__main__":
-    serve()
+    serve(socket.socket(fileno=int(sys.argv[1])))
