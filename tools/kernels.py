@@ -94,12 +94,13 @@ class ForkingProvisioner(LocalProvisioner):
             "environment": kwargs["env"],
             "quiet": kwargs.get("stderr") is not None,
         }
-        with socket.socket(socket.AF_UNIX) as line:
-            line.connect(os.environ[ADDRESS])
-            line.sendall(json.dumps(request).encode() + b"\n")
-            answer = line.makefile().readline()
-        if not answer:
-            raise RuntimeError("the process that forks kernels has ended")
+        try:
+            with socket.socket(socket.AF_UNIX) as line:
+                line.connect(os.environ[ADDRESS])
+                line.sendall(json.dumps(request).encode() + b"\n")
+                answer = line.makefile().readline()
+        except ConnectionError as error:
+            raise RuntimeError("the process that forks kernels has ended") from error
         self.process = Forked(int(answer))
         self.pid, self.pgid = self.process.pid, None
         return self.connection_info
