@@ -4,6 +4,7 @@ A right answer of a table that took seconds would show as a slow test; none of t
 """
 
 import math
+from functools import partial
 
 import control
 import matplotlib.pyplot as plt
@@ -197,3 +198,31 @@ def test_a_filter_faster_than_the_sample_is_refused_for_every_class(controller, 
     if isinstance(controller, pidalab.SeriesPIDA):
         with pytest.raises(ValueError, match=r"sample time must be at most .*discretise"):
             pidalab.portrait(loop, {"kp": [0.5, 1.0]}, h * np.arange(50.0), setpoint=1.0)
+
+
+LAGGING = Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("system", "s"),
+    [
+        (LAGGING.process, 1e200j),
+        (LAGGING.process, -800.0),  # of the dead time
+        (LAGGING.controller, 1e200j),
+        (LAGGING.controller, [[1.0, 1e308 + 1e308j]]),
+        (LAGGING.L, 1e100),
+        (LAGGING.S, -1e200),
+        (LAGGING.T, 1e200j),
+        (partial(LAGGING.block, "controller"), 1e200j),
+        (pidalab.robustness.linear_part(LAGGING), 1e200j),
+    ],
+)
+def test_a_frequency_beyond_the_range_of_numbers_is_refused(system, s):
+    with pytest.raises(ValueError, match=r"^s is too large to evaluate this at, found .*[12]e\+|-800"):
+        system(s)
+
+
+def test_a_large_frequency_is_none_too_large():
+    assert LAGGING.process(1e100) == 0.0
+    assert LAGGING.controller(1e60j) == pytest.approx(LAGGING.controller(1e20j))
+    assert LAGGING.S(1e30j) == 1.0

@@ -13,7 +13,7 @@ from pidalab import _check
 from pidalab.controllers import AutomaticReset, Controller, Fraction
 from pidalab.digital import DigitalController
 from pidalab.plants import AsymmetricPlant
-from pidalab.process import Process, quotient, rational
+from pidalab.process import Process, fraction_at, quotient, rational
 
 if TYPE_CHECKING:  # only who asks for a frequency response waits for python-control
     import control
@@ -205,15 +205,11 @@ class Loop:
         """
         if name not in BLOCKS:
             raise ValueError(f"name must be one of {', '.join(BLOCKS)}, found {name!r}")
-        num, den = self.blocks[name]
-        at = _check.complex_array("s", s)
-        return quotient(np.polyval(num, at), np.polyval(den, at))
+        return quotient(*fraction_at(*self.blocks[name], s))
 
     def _fraction(self, s: ArrayLike) -> tuple[Any, Any]:
         """Numerator (dead time included) and denominator of L at complex s."""
-        at = _check.complex_array("s", s)
-        num, den = self.open_loop
-        return np.polyval(num, at) * np.exp(-at * self.process.delay), np.polyval(den, at)
+        return fraction_at(*self.open_loop, s, self.process.delay)
 
     def L(self, s: ArrayLike) -> Any:
         """Loop transfer function: process (dead time exact), controller and output filter.

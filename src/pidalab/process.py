@@ -130,8 +130,7 @@ class Process(Block):
 
     def __call__(self, s: ArrayLike) -> Any:
         """Evaluate P at complex frequencies s (an array of any shape), dead time exact."""
-        at = _check.complex_array("s", s)
-        return quotient(np.polyval(self.num, at) * np.exp(-at * self.delay), np.polyval(self.den, at))
+        return quotient(*fraction_at(self.num, self.den, s, self.delay))
 
     def rational_part(self) -> control.TransferFunction:
         """Return the process without its dead time.
@@ -190,6 +189,17 @@ def latex_polynomial(coefficients: ArrayLike) -> str:
         sign = "-" if c < 0 else "+" if terms else ""
         terms.append(f"{sign}{size}" + ("" if power == 0 else "s" if power == 1 else f"s^{power}"))
     return "".join(terms)
+
+
+def fraction_at(num: _check.Array, den: _check.Array, s: ArrayLike, delay: float = 0.0) -> tuple[Any, Any]:
+    """Return num exp(-s delay) and den at complex s, or raise where they leave the range of a number."""
+    at = _check.complex_array("s", s)
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            return np.polyval(num, at) * np.exp(-at * delay), np.polyval(den, at)
+    except FloatingPointError:
+        largest = at.flat[np.argmax(np.abs(at / 2))]  # half, as the size of the largest numbers is none
+        raise ValueError(f"s is too large to evaluate this at, found {largest:.3g}") from None
 
 
 def quotient(num: Any, den: Any) -> Any:

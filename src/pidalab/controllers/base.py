@@ -14,7 +14,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.algebra import Block
 from pidalab.forms import FilteredGains, IdealGains
-from pidalab.process import quotient
+from pidalab.process import fraction_at, quotient
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
@@ -235,9 +235,7 @@ class Controller(Block):
 
     def __call__(self, s: ArrayLike) -> Any:
         """Evaluate the filtered controller at complex s."""
-        num, den = self.fraction()
-        at = _check.complex_array("s", s)
-        return quotient(np.polyval(num, at), np.polyval(den, at))
+        return quotient(*fraction_at(*self.fraction(), s))
 
     def __str__(self) -> str:
         lines = [repr(self)]

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
+from pidalab import _check
 from pidalab._check import Array
 from pidalab.process import Process
 
@@ -54,8 +55,8 @@ class LinearPart(NamedTuple):
 
     def __call__(self, s: ArrayLike) -> Any:
         """Evaluate G at complex s."""
-        s, rate = np.asarray(s, dtype=complex), 1 / self.reset_time
-        return self.forward(s) - rate / (rate + s)
+        at, rate = _check.complex_array("s", s), 1 / self.reset_time
+        return self.forward(at) - rate / (rate + at)
 
     @property
     def integrates(self) -> bool:
