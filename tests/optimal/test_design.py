@@ -365,6 +365,17 @@ def test_phase_beside_a_continuous_one():
     )
 
 
+@pytest.mark.parametrize(
+    ("gains", "filter_time", "count"), [([4e5, 1.2e5], 1.2e-4, 2), ([4e8, 1.8e4], 1.5e-5, 0)]
+)
+def test_the_characteristic_function_is_followed_where_a_short_dead_time_turns_it(gains, filter_time, count):
+    """It turns by half a turn within a decade: a hundred thousandth of the lag, and a gain that reaches so far."""
+    process = pidalab.fopdt(1.0, 1.0, 1e-5)
+    assert pidalab.unstable_poles(Loop(process, HighOrderPID(gains, filter_time, 1))) == count
+    problem = Problem(process, 0, (1.0, 1.0), "load")
+    assert problem.unstable(np.array([*gains, math.log(filter_time)])) == (count > 0)
+
+
 def test_what_a_descent_sees():
     start = np.array([0.5, 0.02, 0.3, 40.0, -1.0, 7.0])
     seen = Scaled(start, 4)
