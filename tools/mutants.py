@@ -235,9 +235,10 @@ def run(source: Path, paths: list[str], patience: float, *more: str) -> int:
             timeout=HANGING,
             check=False,
         )
-        if done.returncode not in (0, 1, 2):  # passed, failed, could not be imported
-            said.seek(0)
-            print(said.read().decode()[-2000:], flush=True)
+        said.seek(0)
+        text = said.read().decode()
+    if done.returncode and not re.search(r"\d (failed|error)", text):  # stopped, or none of pytest's doing
+        print(f"status {done.returncode}: {text[-2000:]}", flush=True)
     return done.returncode
 
 

@@ -128,6 +128,19 @@ def test_refusals():
         fit(t)
 
 
+@pytest.mark.parametrize("ratio", [2.9, 3.1])
+def test_an_answer_counts_from_three_times_what_is_left_over(ratio):
+    """What is left over changes its sign at each sample, which no model follows."""
+    t = np.arange(200.0)
+    y = np.where(t < 50, 0.0, -np.expm1(-(t - 50) / 10)) + (-1) ** t / ratio
+    record = Record(t, np.where(t < 50, 0.0, 1.0), y)
+    if ratio > 3:
+        assert fit(record, "fopdt").deviation == pytest.approx(1 / ratio, rel=0.01)
+    else:
+        with pytest.raises(ValueError, match=r"the output answers by 0.99, not clearly above .* \(0\.34"):
+            fit(record, "fopdt")
+
+
 def test_plants_drawn_around_an_integrator_without_dead_time_have_a_lag_within_a_sample():
     t = np.arange(0.0, 60.0, 2.0)
     y = 0.1 * np.maximum(t - 9.0, 0.0) + np.random.default_rng(0).normal(0.0, 0.05, t.size)
