@@ -115,6 +115,11 @@ def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(fact
             record(np.arange(100.0), y).iae(math.inf)
 
 
+def test_a_horizon_that_is_no_number_is_refused_by_name():
+    with pytest.raises(TypeError, match="horizon must be a real number, found 'long'"):
+        DECAY.iae("long")
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
