@@ -93,9 +93,7 @@ def test_a_run_that_asks_for_too_much_memory_fails(tmp_path, statement, code):
 def test_a_run_that_ends_without_a_failed_test_is_shown(tmp_path, capsys):
     """Its mutant counts as noticed; whether it was, a person has to see."""
     path = tmp_path / "test_end.py"
-    path.write_text(
-        "import os\ndef test_end():\n    os._exit(1)\ndef test_fails():\n    assert False\n"
-    )
+    path.write_text("import os\ndef test_end():\n    os._exit(1)\ndef test_fails():\n    assert False\n")
     assert mutants.run(mutants.SRC.parent, [str(path)], 60.0) == 1
     assert capsys.readouterr().out.startswith("status 1: ")
     assert mutants.run(mutants.SRC.parent, [f"{path}::test_fails"], 60.0) == 1
