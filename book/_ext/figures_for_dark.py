@@ -4,7 +4,7 @@ A figure is an SVG in dark ink on nothing. For the dark theme a second file is w
 counterpart for a dark page: black becomes nearly white, a hue keeps its hue and becomes lighter. Colour maps mean
 numbers, so they stay as they are, and so does every group whose id begins with ``as-drawn``.
 The page carries both images, and the theme shows the one that fits. Each says how wide it must be on a phone for its
-smallest words to have 11 px there.
+smallest words to have 11 px there. The dark one is fetched when it is to be seen; print shows the other.
 """
 
 import colorsys
@@ -20,7 +20,7 @@ COLOUR = re.compile(r"\b(fill|stroke|stop-color)(: ?|=\")(#[0-9a-fA-F]{6})\b")
 GROUP = re.compile(r'<g\b(?:[^>]*?\bid="([^"]*)")?[^>]*?(/?)>|</g>')
 AS_DRAWN = ("as-drawn", "QuadMesh", "QuadContourSet", "ContourSet", "TriContourSet")
 
-WIDTH = re.compile(r'<svg\b[^>]*?\bwidth="([\d.]+)pt"')
+SIZE = re.compile(r'<svg\b[^>]*?\bwidth="([\d.]+)pt" height="([\d.]+)pt"')
 WORDS = re.compile(r"\bscale\((0?\.\d+) -0?\.\d+\)")  # matplotlib draws the outlines of a text for 100 points
 SMALLEST = 11  # px, of words on a phone
 PX = 4 / 3  # of a point
@@ -67,15 +67,17 @@ def _inked(text: str) -> str:
     return COLOUR.sub(lambda found: found[1] + found[2] + for_dark(found[3]), text)
 
 
-def width_on_a_phone(svg: str) -> int | None:
-    """Return the width in px at which the smallest words have 11 px, at most the figure's own."""
-    width, sizes = WIDTH.search(svg), [100 * PX * float(scale) for scale in WORDS.findall(svg)]
-    if not width or not sizes:
-        return None
-    return math.ceil(PX * float(width[1]) * min(1, SMALLEST / min(sizes)))
+def room(svg: str) -> str:
+    """Return the attributes of an image that say how large it is, and how wide where its smallest words have 11 px."""
+    size, words = SIZE.search(svg), [100 * PX * float(scale) for scale in WORDS.findall(svg)]
+    if not size or not words:
+        return ""
+    width, height = (PX * float(length) for length in size.groups())
+    phone = math.ceil(width * min(1, SMALLEST / min(words)))
+    return f' style="--phone: {phone}px" width="{width:.0f}" height="{height:.0f}"'
 
 
-def _pair(tag: str, phone: int | None) -> str:
+def _pair(tag: str, attributes: str) -> str:
     def shown(tag: str, theme: str) -> str:
         if CLASS.search(tag):
             return CLASS.sub(rf'class="\1 {theme}"', tag, count=1)
@@ -83,9 +85,9 @@ def _pair(tag: str, phone: int | None) -> str:
 
     if "only-light" in tag or "only-dark" in tag:
         return tag
-    if phone:
-        tag = tag.replace("<img", f'<img style="--phone: {phone}px"', 1)
-    return shown(tag, "only-light") + shown(SOURCE.sub(r'\1-dark.svg"', tag), "only-dark")
+    tag = tag.replace("<img", f"<img{attributes}", 1)
+    dark = SOURCE.sub(r'\1-dark.svg"', tag).replace("<img", '<img loading="lazy"', 1)
+    return shown(tag, "only-light") + shown(dark, "only-dark")
 
 
 def show_both(app, pagename, templatename, context, doctree):
@@ -96,7 +98,7 @@ def show_both(app, pagename, templatename, context, doctree):
 
     def both(image: re.Match[str]) -> str:
         source = sources[unquote(image[1])]
-        return _pair(image[0], width_on_a_phone(source.read_text(encoding="utf-8")))
+        return _pair(image[0], room(source.read_text(encoding="utf-8")))
 
     context["body"] = IMAGE.sub(both, context["body"])
 

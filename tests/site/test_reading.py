@@ -103,6 +103,11 @@ def test_the_papers_need_half_the_code_of_the_first_edition(root):
     assert total <= FIRST_EDITION / 2
 
 
+FETCHED = (
+    "theme => [...document.querySelectorAll(`main img.only-${theme}`)].some((image) => image.naturalWidth)"
+)
+
+
 def test_words_of_figures_can_be_read_on_a_phone(site):
     assert small_words(site) == []
 
@@ -113,8 +118,9 @@ def test_figures_on_a_phone_are_as_small_as_their_words_allow(site):
     assert [name for name, (words, more) in sizes.items() if words < 11 or more > 1] == []
 
 
-def test_a_phone_shows_figures_in_that_size(visit, site):
+def test_a_phone_shows_figures_in_that_size_and_fetches_those_of_its_theme(visit, site):
     page, _ = visit((site / "book" / "learn" / "limits.html").as_uri(), viewport=NARROW)
+    assert [page.evaluate(FETCHED, theme) for theme in ("light", "dark")] == [True, False]
     figure = page.locator("#fig-learn-5-first img.only-light")
     assert figure.bounding_box()["width"] == float(ON_A_PHONE.search(figure.get_attribute("style"))[1])
 
