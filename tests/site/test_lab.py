@@ -78,6 +78,9 @@ COUNT = """() => {
   globalThis.counted = () => count;
 }"""
 DRAG = """async (bar) => {
+  const later = setTimeout;
+  let rest;
+  globalThis.setTimeout = (act) => { rest = act; };  // the hand rests when this ends, however long that takes
   const axes = () => [...document.querySelectorAll(".lab-plots svg")], before = axes();
   const touched = new Set();
   const seen = new MutationObserver((changes) => changes.forEach(({ target }) => touched.add(target)));
@@ -92,6 +95,8 @@ DRAG = """async (bar) => {
   await new Promise(requestAnimationFrame);
   await new Promise(requestAnimationFrame);
   const kinds = [...touched].map((one) => one.classList[1]).sort();
+  globalThis.setTimeout = later;
+  later(rest);
   return { ...counted(), kept: axes().filter((svg, k) => svg === before[k]).length, kinds };
 }"""
 
