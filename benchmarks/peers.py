@@ -260,12 +260,18 @@ def lab(loop: pidalab.Loop, horizon: float, setting: None = None, per_delay: int
 
 
 def lab_engine(expression: str, asked: dict) -> Callable[[], object]:
-    """Return a task that lets the lab's engine evaluate an expression of what is asked."""
+    """Return a task that lets the lab's engine evaluate an expression of what is asked.
+
+    The engine remembers loops; so each call asks for one that is new, in the last bits of its proportional gain.
+    """
     from py_mini_racer import MiniRacer
 
     context = MiniRacer()
     context.eval(LAB.read_text(encoding="utf-8"))
-    run = context.eval(f"const asked = {json.dumps(asked)}; () => {expression}")
+    context.eval(f"const asked = {json.dumps(asked)}, kp = asked.controller.gains[1]; let calls = 0")
+    run = context.eval(
+        f"() => {{ asked.controller.gains[1] = kp * (1 + ++calls * 2 ** -52); return {expression} }}"
+    )
     return lambda keep=context: run()  # a function outlives its interpreter, and then fails
 
 

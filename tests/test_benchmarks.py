@@ -66,6 +66,14 @@ def test_the_reference_of_the_costs_is_the_exact_engine():
         np.testing.assert_allclose(loops.extrapolated(loop, HORIZON, 100), y, rtol=0, atol=1e-11)
 
 
+def test_the_labs_engine_is_asked_for_a_new_loop_each_time():
+    """It remembers the last ones, so a second call of the same would cost nothing."""
+    run = peers.lab_engine("asked.controller.gains[1]", peers.lab_loop(loops.family(3, 1.0)))
+    first, second = run(), run()
+    assert first != second
+    assert first == pytest.approx(second, rel=1e-15)
+
+
 def test_the_labs_engine_is_told_the_same_loop():
     _, y = peers.lab(loops.family(3, 1.0), HORIZON, None, 25)()
     _, exact = peers.exact(loops.family(3, 1.0), HORIZON, None, 25)()
