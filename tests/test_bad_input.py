@@ -218,7 +218,7 @@ LAGGING = Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
     ],
 )
 def test_a_frequency_beyond_the_range_of_numbers_is_refused(system, s):
-    with pytest.raises(ValueError, match=r"^s is too large to evaluate this at, found .*[12]e\+|-800"):
+    with pytest.raises(ValueError, match=r"^s is too large to evaluate this at, found .*([12]e\+|-800)"):
         system(s)
 
 

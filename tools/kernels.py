@@ -98,10 +98,9 @@ class ForkingProvisioner(LocalProvisioner):
             with socket.socket(socket.AF_UNIX) as line:
                 line.connect(os.environ[ADDRESS])
                 line.sendall(json.dumps(request).encode() + b"\n")
-                answer = line.makefile().readline()
-        except ConnectionError as error:
+                self.process = Forked(int(line.makefile().readline()))
+        except (ConnectionError, ValueError) as error:  # no connection, or no answer
             raise RuntimeError("the process that forks kernels has ended") from error
-        self.process = Forked(int(answer))
         self.pid, self.pgid = self.process.pid, None
         return self.connection_info
 
