@@ -134,14 +134,14 @@ def mutants() -> str:
         lines.append([part, str(len(outcomes)), *map(str, counts), *shares])
     head = [
         "part",
-        "mutants",
-        "noticed by own tests",
-        "by others",
-        "by a test added since",
+        "tried",
+        "own tests",
+        "others",
+        "added since",
         "equivalent",
-        "not noticed",
-        "at once by own tests",
-        "by any",
+        "left",
+        "own share",
+        "full share",
     ]
     return table(head, lines)
 
