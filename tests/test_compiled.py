@@ -30,18 +30,26 @@ def run(folder, before=""):
     )
 
 
-def test_the_first_call_is_announced_and_later_processes_are_silent(tmp_path):
-    first, second = run(tmp_path), run(tmp_path)
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """A folder with the code that a first process compiled, and what that process said."""
+    folder = tmp_path_factory.mktemp("kept")
+    return folder, run(folder)
+
+
+def test_the_first_call_is_announced_and_later_processes_are_silent(kept):
+    folder, first = kept
+    second = run(folder)
     assert first.stdout == second.stdout == "[1. 1.]\n"
     assert first.stderr.startswith("pidalab: compiling for this machine")
     assert first.stderr.count("\n") == 1
     assert second.stderr == ""
 
 
-def test_a_change_of_a_neighbouring_file_compiles_anew(tmp_path):
-    run(tmp_path)
+def test_a_change_of_a_neighbouring_file_compiles_anew(kept):
+    folder, _ = kept
     changed = "_compiled._changed = lambda folder: (('ring.py', 1.0, 1),)"
-    assert "compiling" in run(tmp_path, changed).stderr
+    assert "compiling" in run(folder, changed).stderr
 
 
 def test_where_nothing_can_be_written_each_process_compiles_for_itself(tmp_path):

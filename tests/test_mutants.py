@@ -65,22 +65,14 @@ SCALED = "tests/test_algebra.py::test_a_number_multiplies_the_gain_and_nothing_e
 SERIES = "tests/test_algebra.py::test_processes_in_series"  # divides nothing
 
 
-@pytest.mark.parametrize(
-    ("becomes", "own", "outcome"),
-    [
-        ("1.0 / divisor", SCALED, "survived"),
-        ("2 / divisor", SCALED, "killed"),
-        ("2 / divisor", SERIES, "killed elsewhere"),
-    ],
-)
-def test_a_changed_copy_meets_its_own_tests_then_all_others(tmp_path, monkeypatch, becomes, own, outcome):
+def test_a_changed_copy_passes_what_does_not_see_the_change_and_fails_what_does(tmp_path, monkeypatch):
     (tmp_path / "pidalab").symlink_to(mutants.SRC)
     module = Path("algebra.py")
-    monkeypatch.setattr(mutants, "tests_of", lambda _: [own])
+    monkeypatch.setattr(mutants, "tests_of", lambda _: [SERIES])
     monkeypatch.setattr(mutants, "doctests", lambda *_: [])
-    text = (mutants.SRC / module).read_text().replace("1 / divisor", becomes)
-    mutant = mutants.Mutant(module, "Block.__truediv__", "1 / divisor", becomes, text)
-    assert mutants.outcome(tmp_path, {SCALED: 1.0, SERIES: 1.0}, mutant) == outcome
+    text = (mutants.SRC / module).read_text().replace("1 / divisor", "2 / divisor")
+    mutant = mutants.Mutant(module, "Block.__truediv__", "1 / divisor", "2 / divisor", text)
+    assert mutants.outcome(tmp_path, {SCALED: 1.0, SERIES: 1.0}, mutant) == "killed elsewhere"
 
 
 @pytest.mark.parametrize(("statement", "code"), [("bytearray(9)", 0), ("bytearray(9 * 10**9)", 1)])

@@ -68,14 +68,15 @@ def counting():
     return Engine("\n".join([f"const count = {zeros};", source, *more, STUDY]))
 
 
-@pytest.mark.parametrize(
-    "conditions", [{}, {"limits": [-0.3, 0.9]}, {"noise": 0.02}, {"sampleTime": 0.05}], ids=str
-)
+DESIGN = {"kind": "PIDA", "kp": 0.3, "ti": 4, "td": 1, "ta": 0.3, "filterTime": 0.1, "filterOrder": 3}
+CONDITIONS = [{}, {"limits": [-0.3, 0.9]}, {"noise": 0.02}, {"sampleTime": 0.05}]
+
+
+@pytest.mark.parametrize("conditions", CONDITIONS, ids=str)
 @pytest.mark.parametrize("plant", ["lags3", "haalman-2", "huba-ipdt", "oscillating"])
 def test_a_change_costs_little_work(plant, conditions, counting):
     """50 ms on a slow laptop are 50,000 of these steps, if each takes a microsecond and nothing else took time."""
-    design = {"kind": "PIDA", "kp": 0.3, "ti": 4, "td": 1, "ta": 0.3, "filterTime": 0.1, "filterOrder": 3}
-    asked = {"plant": plant, "design": design, "conditions": conditions}
+    asked = {"plant": plant, "design": DESIGN, "conditions": conditions}
     by_gain = counting.work(**asked, changed={"design": {"kp": 0.31}})
     assert 0 < sum(by_gain.values()) < 50_000
     by_noise = counting.work(**asked, changed={"conditions": {"noise": 0.03}})
@@ -86,9 +87,14 @@ def test_a_change_costs_little_work(plant, conditions, counting):
     by_sample_time = counting.work(**asked, changed={"conditions": {"sampleTime": 0.06}})
     assert by_sample_time["frequencies"] == 0  # the curves are those of the controller as designed
     assert 0 < by_sample_time["matrices"] <= 2  # one for each piece of a sample, for whatever is run with it
+
+
+@pytest.mark.parametrize("conditions", CONDITIONS, ids=str)
+def test_what_is_seen_all_the_time_is_never_forgotten(conditions, counting):
+    asked = {"plant": "haalman-2", "design": DESIGN, "conditions": conditions}
     others = [0.3 + 0.001 * k for k in range(1, 60)]
     again = counting.work(**asked, changed={"others": others})
-    assert sum(again.values()) == 0  # what is seen all the time is never forgotten
+    assert sum(again.values()) == 0
     by_noise = counting.work(**asked, changed={"others": others, "conditions": {"noise": 0.04}})
     assert by_noise["frequencies"] == 0  # nor are its margins and curves
 
