@@ -54,7 +54,9 @@ def run(
     noise: Array,
 ) -> Array:
     """Run the loops of all lanes and return their measures, shape (measures, LANES)."""
-    order, degree, states = own.gamma.shape[0], own.prefilter_gamma.shape[0], plant.c.size
+    order, states = own.gamma.shape[0], plant.c.size
+    # a set point that never leaves 0 keeps its prefilter at rest
+    degree = own.prefilter_gamma.shape[0] if reference.any() else 0
     # a ring of the inputs of the plant, as long as its dead time
     size = plant.ago[0] + 1
     past = np.zeros((size, LANES))
