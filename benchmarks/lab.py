@@ -19,7 +19,7 @@ PAGE = Path(__file__).parents[1] / "_build" / "html" / "book" / "lab.html"
 RESULTS = "lab_comparison"  # in book/data
 COLUMNS = ("change", "designs", "slowed", "seconds", "browser")
 SLOWED, WARM, COUNTED = (1, 4), 8, 30
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 KEPT = [
     {"kind": "PI", "kp": 0.5, "ti": 3, "td": 0, "ta": 0, "filterTime": 0.1, "filterOrder": 1},
     {"kind": "PID", "kp": 0.7, "ti": 3, "td": 1, "ta": 0, "filterTime": 0.1, "filterOrder": 2},

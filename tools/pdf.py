@@ -24,7 +24,7 @@ SITE = ROOT / "_build" / "html"
 JOINED = SITE / "_joined.html"
 DIST = ROOT / "dist"
 STYLE = Path(__file__).with_suffix(".css")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 UNPRINTED = (
     ".headerlink",
     ".only-dark",

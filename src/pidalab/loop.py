@@ -195,7 +195,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For another name.
+            For another name, and for an s so large that the block leaves the range of numbers.
 
         Examples
         --------
@@ -224,6 +224,11 @@ class Loop:
         complex or ndarray
             L(s).
 
+        Raises
+        ------
+        ValueError
+            For an s so large that a block leaves the range of numbers.
+
         Examples
         --------
         >>> import pidalab
@@ -246,6 +251,11 @@ class Loop:
         complex or ndarray
             S(s).
 
+        Raises
+        ------
+        ValueError
+            For an s so large that a block leaves the range of numbers.
+
         Examples
         --------
         >>> import pidalab
@@ -267,6 +277,11 @@ class Loop:
         -------
         complex or ndarray
             T(s).
+
+        Raises
+        ------
+        ValueError
+            For an s so large that a block leaves the range of numbers.
 
         Examples
         --------
@@ -297,7 +312,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For another signal name.
+            For another signal name, and for an s so large that a block leaves the range of numbers.
 
         Examples
         --------

@@ -129,7 +129,7 @@ class Process(Block):
     __rmul__ = __mul__
 
     def __call__(self, s: ArrayLike) -> Any:
-        """Evaluate P at complex frequencies s (an array of any shape), dead time exact."""
+        """Evaluate P at complex s (of any shape), dead time exact; ValueError if that leaves the range of numbers."""
         return quotient(*fraction_at(self.num, self.den, s, self.delay))
 
     def rational_part(self) -> control.TransferFunction:

@@ -234,7 +234,7 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define gains")
 
     def __call__(self, s: ArrayLike) -> Any:
-        """Evaluate the filtered controller at complex s."""
+        """Evaluate the filtered controller at complex s; ValueError if that leaves the range of numbers."""
         return quotient(*fraction_at(*self.fraction(), s))
 
     def __str__(self) -> str:
