@@ -253,6 +253,22 @@ def test_least_squares_of_an_integrator_is_the_integrator(rise):
     assert model.delay == pytest.approx(3.217, abs=1e-8)
 
 
+@pytest.mark.parametrize("rule", [ipdt_tangent, ipdt_least_squares])
+def test_a_falling_record_has_the_model_of_a_rising_one_with_the_other_sign(rule):
+    rising, falling = (rule(T, 7.0 + sign * 0.4 * FOURTH) for sign in (1.0, -1.0))
+    assert -falling.num[0] == pytest.approx(rising.num[0], rel=1e-12)
+    assert falling.delay == pytest.approx(rising.delay, rel=1e-9)
+
+
+@pytest.mark.parametrize("rule", [ipdt_tangent, ipdt_least_squares])
+def test_the_change_of_a_record_counts_from_its_first_sample(rule):
+    t = np.arange(40.0)
+    at_once, none = np.where(t > 0, 2.0, 1.0), np.where(t == 1, 2.0, 1.0)
+    assert rule(t, at_once).num[0] > 0
+    with pytest.raises(ValueError, match="it starts at 1 and ends at 1"):
+        rule(t, none)
+
+
 def test_ramp_is_the_nearest_one():
     """Beside a general minimiser, from many starts."""
     t, y = T[:600], FOURTH[:600] + np.random.default_rng(2).normal(scale=0.01, size=600)
@@ -452,6 +468,16 @@ def test_what_a_step_record_may_do(options, message, gain, rest):
     else:
         with pytest.raises(ValueError, match=message):
             _levels_reached(t, rest + gain * y, LEVELS, "interpolated")
+
+
+def test_what_a_step_record_may_do_at_most_it_may_do():
+    """Binary fractions, so that the record lies on the limits to the last bit."""
+    for options in ({"first": 0.0625}, {"top": 1.1}):
+        t, y = settled(**options)
+        _levels_reached(t, y, (0.0625, 0.353, 0.853), "interpolated")
+    t, y = settled(top=np.nextafter(1.1, 2.0))
+    with pytest.raises(ValueError, match="y overshoots its final value by 10 % of the change, and 10 % is"):
+        _levels_reached(t, y, LEVELS, "interpolated")
 
 
 def test_levels_between_samples_and_at_them():
