@@ -2,6 +2,7 @@
 
 import math
 
+import control
 import numpy as np
 import pytest
 
@@ -18,8 +19,10 @@ from pidalab.robustness.control import max_control_sensitivity
             0.0,
         ),  # integral action: 1/P(0)
         (pidalab.Loop(pidalab.lags(1), pidalab.PIDA(2.0, math.inf, 1.0, n=10.0)), 22.0, math.inf),
+        # u runs away where nothing that integrates comes through
+        (pidalab.Loop(pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]), pidalab.PIDA(0.5, 1.0)), math.inf, 0.0),
     ],
-    ids=["zero", "infinity"],
+    ids=["zero", "infinity", "zero at zero"],
 )
 def test_ends_of_the_axis(loop, mks, at):
     found, where = max_control_sensitivity(loop)
@@ -68,3 +71,15 @@ def test_a_loop_that_stays_as_loud_is_followed_no_farther_than_it_matters(delay)
     mks, at = max_control_sensitivity(loop)
     assert mks == pytest.approx(expected.max(), rel=1e-6)
     assert at == pytest.approx(w[np.argmax(expected)], rel=1e-3)
+
+
+@pytest.mark.parametrize("gain", [0.5, 2.0, 8.0])
+def test_a_peak_beyond_minus_one_is_looked_at_closely(gain):
+    """A band-pass in positive feedback: L reaches -k between two points of the grid, and |C S| is largest there."""
+    process = pidalab.Process([-1.0], [0.003, 1.0])
+    loop = pidalab.Loop(process, control.tf([0.5 * gain, 0.0], [1.0, 0.5, 1.0]))
+    w = np.linspace(0.5, 2.0, 100_001)
+    expected = np.abs(loop.transfer("u", "n", 1j * w))
+    mks, at = max_control_sensitivity(loop)
+    assert mks == pytest.approx(expected.max(), rel=1e-9)
+    assert at == pytest.approx(w[np.argmax(expected)], rel=1e-4)
