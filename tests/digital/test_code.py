@@ -16,6 +16,7 @@ from st import Instance, Parser
 import pidalab
 from pidalab.digital.code import STEPS, head, vector
 from pidalab.digital.languages.structured_text import _st_number
+from pidalab.digital.program import If, Note, program
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}
@@ -290,3 +291,33 @@ def test_c_declares_what_it_defines():
 def test_a_class_of_python_is_named_after_the_controller():
     assert "class LevelOfTank:\n" in CASES["zoh"].python("level_of_tank")
     assert "FUNCTION_BLOCK level_of_tank\n" in CASES["zoh"].structured_text("level_of_tank")
+
+
+def notes(body):
+    """Comments of statements, with those inside."""
+    for one in body:
+        if isinstance(one, If):
+            yield from (*notes(one.then), *notes(one.otherwise))
+        elif isinstance(one, Note):
+            yield one.text
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_comments_say_what_is_there_and_nothing_else(name):
+    k = CASES[name]
+    text = "\n".join(notes(program(k).body))
+    for words, there in {
+        "signals, from the working point": k.y_offset != 0,
+        "prefilter: ": k.prefilter is not None,
+        "deadband: ": k.deadband > 0,
+        "no bump on the way back": k.integrates,
+        "manual or automatic": not k.integrates,
+        "rests while it would drive the signal": k.anti_windup == "clamping" and k.integrates,
+        "is taken back from the integral": k.integrates and k.taken_back > 0 and k.limited,
+    }.items():
+        assert (words in text) == there, words
+    for path in k.paths:
+        said = re.search(rf"^{path.name.replace('_', ' ')} part(: (\d+)( equal)? lag(s?))?$", text, re.M)
+        assert int(said[2] or 0) == path.order
+        assert bool(said[4]) == (path.order > 1)
+        assert bool(said[3]) == (path.order > 0 and len({*zip(path.new, path.old, strict=True)}) == 1)
