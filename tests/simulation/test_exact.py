@@ -365,3 +365,16 @@ def test_partial_fractions_over_chains_of_poles(slow, poles):
         assert states[slow - 1] + states[-1] == pytest.approx(whole, rel=1e-9)
         rest = np.polyval(quotient, s) / (lead * np.prod(s - poles[slow:]))
         assert rest == pytest.approx(states[-1], rel=1e-9)
+
+
+def test_a_derivative_filter_far_faster_than_the_plant_keeps_the_digits():
+    """PID on a lag answers a load as 1/(a s^2 + b s + c); a filter of 3e-11 takes no digit that can be seen."""
+    kp, ti, td, t = 2.0, 4.0, 0.5, np.linspace(0.0, 10.0, 101)
+    fast, slow = np.roots([1 + kp * td, 1 + kp, kp / ti])
+    gone, left = np.exp(fast * t), np.exp(slow * t)
+    y = (left - gone) / (slow - fast) / (1 + kp * td)
+    slope = (slow * left - fast * gone) / (slow - fast) / (1 + kp * td)
+    area = ((left - 1) / slow - (gone - 1) / fast) / (slow - fast) / (1 + kp * td)
+    r = simulate(Loop(pidalab.lags(1), PIDA(kp, ti, td, n=2e10)), t, load=1.0)
+    np.testing.assert_allclose(r.y, y, atol=1e-9)
+    np.testing.assert_allclose(r.u[1:], -kp * (y + area / ti + td * slope)[1:], atol=1e-9)
