@@ -128,12 +128,14 @@ def test_setpoint_with_filters_that_are_too_slow(gain, alpha_d):
         direct.setpoint(pidalab.sopdt(gain, 1.0, 0.3, 0.1), alpha_d)
 
 
+@pytest.mark.parametrize("gain", [-0.02, 1e170, 1e-170])
 @pytest.mark.parametrize("rule", [direct.setpoint, direct.load])
-def test_units_of_gain_and_time(rule):
+def test_units_of_gain_and_time(rule, gain):
+    """However far apart: no product of two gains is formed, which would leave the range of numbers."""
     for xi in (0.4, 0.9, 1.7):
         for r in (0.1, 0.4, 1.0, 2.0):
-            one, other = (rule(pidalab.sopdt(k, tau, xi, r * tau)) for k, tau in ((1.0, 1.0), (-0.02, 30.0)))
-            assert other.kc == pytest.approx(-one.kc / 0.02, rel=1e-10)
+            one, other = (rule(pidalab.sopdt(k, tau, xi, r * tau)) for k, tau in ((1.0, 1.0), (gain, 30.0)))
+            assert other.kc == pytest.approx(one.kc / gain, rel=1e-10)
             for name in ("tau_i", "tau_d", "tau_a"):
                 assert getattr(other, name) == pytest.approx(30 * getattr(one, name), rel=1e-10)
 
