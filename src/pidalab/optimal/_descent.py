@@ -1,4 +1,4 @@
-"""What a descent sees: unknowns in units of its start, and functions that give value and slope at once."""
+"""What a descent sees: unknowns in units of its start, and functions that give a value, and its slope when asked."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ class Scaled:
         by_z[..., 0] = by_x[..., 0] * x[0]
         return by_z
 
-    def objective(self, function: Any, start: Array) -> tuple[Any, Array]:
-        """A function of value and slope, and the start."""
+    def objective(self, function: Any) -> tuple[Any, Any]:
+        """Value and slope of a function, as functions of what the descent sees."""
+        last = Last(function)
 
-        def seen(z: Array) -> tuple[float, Array]:
+        def slope(z: Array) -> Array:
             x = self.back(z)
-            value, slope = function(x)
-            return value, self._slopes(x, slope)
+            return self._slopes(x, last.slope(x))
 
-        return seen, self(start)
+        return lambda z: last.value(self.back(z)), slope
 
     def constraint(self, one: dict[str, Any]) -> dict[str, Any]:
         """What is left to a limit."""
@@ -56,14 +56,15 @@ class Scaled:
 
 
 class Last:
-    """A function that gives value and slope at once, for those who ask for one after the other."""
+    """A function that gives a value and a function of its slope, for those who ask for one after the other."""
 
     def __init__(self, both: Any) -> None:
         self.both, self.x = both, np.zeros(0)
 
     def _at(self, x: Array) -> tuple[Any, Any]:
         if not np.array_equal(x, self.x):
-            self.x, self.last = x.copy(), self.both(x)
+            self.x = x.copy()
+            self.last = self.both(self.x)
         return self.last
 
     def value(self, x: Array) -> Any:
@@ -72,4 +73,4 @@ class Last:
 
     def slope(self, x: Array) -> Any:
         """Slope at x."""
-        return self._at(x)[1]
+        return self._at(x)[1]()

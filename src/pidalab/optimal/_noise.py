@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._problem import Problem
+from pidalab.optimal._problem import Problem, Slope
 from pidalab.robustness.sampled import sampled_plant
 from pidalab.roots import roots
 
@@ -48,14 +48,18 @@ class SampledNoise:
         steps = np.diff(self.w)
         self.weight = 0.5 * (np.append(steps, 0.0) + np.append(self.w[0], steps)) * sample_time / np.pi
 
-    def __call__(self, x: Array) -> tuple[float, Array]:
-        """Variance and gradient at a vector of unknowns."""
+    def __call__(self, x: Array) -> tuple[float, Slope]:
+        """Variance at a vector of unknowns, and the function of its gradient."""
         controller, slopes = self._controller(x)
         sensitivity = 1 / (1 + self.plant * controller)
         u = controller * sensitivity
-        slope = np.zeros(x.size)
-        by_controller = np.conj(u) * sensitivity**2 * self.weight
-        slope[: slopes.shape[0]] = 2 * np.real(slopes @ by_controller)
+
+        def slope() -> Array:
+            found = np.zeros(x.size)
+            by_controller = np.conj(u) * sensitivity**2 * self.weight
+            found[: slopes.shape[0]] = 2 * np.real(slopes @ by_controller)
+            return found
+
         return float(np.abs(u) ** 2 @ self.weight), slope
 
     def unstable(self, x: Array) -> bool:

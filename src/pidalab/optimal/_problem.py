@@ -13,6 +13,7 @@ exact, the whole gradient for the cost of one more transform.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from pidalab.roots import roots
 
 SAMPLES = 2048  # of a response
 DAMPING = 3.0  # real part of the line of the transform, times the horizon
+
+Slope = Callable[[], Array]  # of a value, where a search needs it: along a line it looks at values alone
 
 
 class Problem:
@@ -70,16 +73,17 @@ class Problem:
         return whole, lag
 
     def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
-        """Controller, and its slopes by the gains and the logarithm of the filter time, at complex s."""
+        """Controller at complex s, and its slopes by the gains and, when asked, by the logarithm of the filter time."""
         whole, lag = self._filter(x, s)
-        slopes = np.empty((self.gains + 1, s.size), dtype=complex)
-        np.multiply(actions, whole, out=slopes[:-1])
-        controller = x[: self.gains] @ slopes[:-1]
-        slopes[-1] = (self.order + 1) * (lag - 1) * controller
-        return controller, slopes
+        by_gains = actions * whole
+        controller = x[: self.gains] @ by_gains
+        return controller, lambda: np.vstack([by_gains, (self.order + 1) * (lag - 1) * controller])
 
     def worth(self, horizon: float) -> Any:
-        """Return the function that gives the IAE of a step and its gradient; what comes after the horizon as IE."""
+        """Return the function that gives the IAE of a step, and the function of its gradient.
+
+        What comes after the horizon counts as IE.
+        """
         s = DAMPING / horizon + 2j * np.pi / horizon * np.arange(SAMPLES // 2 + 1)
         t = horizon / SAMPLES * np.arange(SAMPLES)
         growth = np.exp(DAMPING / horizon * t) * SAMPLES / horizon
@@ -92,18 +96,20 @@ class Problem:
         both_signs = np.full(s.size, 2.0 / SAMPLES)  # a frequency stands for its negative too
         both_signs[[0, -1]] *= 0.5
 
-        def value(x: Array) -> tuple[float, Array]:
+        def value(x: Array) -> tuple[float, Slope]:
             e, slopes = transform(x)
             error = np.fft.irfft(e - known, n=SAMPLES) * growth + fall
-            sign = np.sign(error)
             # the rest of the integral, from the static gain of the error
             ie, ie_slope = self._ie(x)
             rest = ie - float(error @ step)
-            # by Parseval the integral of sign times slope over time is one over frequency: one transform for all
-            sign_of_rest = np.sign(rest)
-            weight = np.fft.rfft((sign - sign_of_rest) * step * growth)
-            slope = slopes(both_signs * np.conj(weight)) + sign_of_rest * ie_slope
-            return (float(np.abs(error) @ step) + abs(rest)) / self.time, slope / self.time
+
+            def slope() -> Array:
+                # by Parseval the integral of sign times slope over time is one over frequency: one transform for all
+                sign_of_rest = np.sign(rest)
+                weight = np.fft.rfft((np.sign(error) - sign_of_rest) * step * growth)
+                return (slopes(both_signs * np.conj(weight)) + sign_of_rest * ie_slope) / self.time
+
+            return (float(np.abs(error) @ step) + abs(rest)) / self.time, slope
 
         return value
 
@@ -118,17 +124,19 @@ class Problem:
             sensitivity = 1 / (1 + plant * controller)
             if self.test == "load":  # the error is -y
                 e = disturbed * sensitivity
-                by_controller, by_prefilter = -plant * sensitivity * e, []
             else:
                 weight, time = self.prefilter(x)
                 under = 1 / (1 + time * s)
                 closed = plant * controller * sensitivity
                 front = (weight * time * s + 1) * under
                 e = (1 - closed * front) / s
-                by_controller = -disturbed * sensitivity**2 * front
-                by_prefilter = [-closed * time * under, -closed * (weight - 1) * time * under**2]
 
             def slopes(weights: Array) -> Array:
+                if self.test == "load":
+                    by_controller, by_prefilter = -plant * sensitivity * e, []
+                else:
+                    by_controller = -disturbed * sensitivity**2 * front
+                    by_prefilter = [-closed * time * under, -closed * (weight - 1) * time * under**2]
                 weighted = by_controller * weights
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
                 sums = actions @ (weighted * whole), [by_time], [one @ weights for one in by_prefilter]
@@ -178,24 +186,32 @@ class Problem:
         )
 
     def limits(self, w: Array, ms: float, mks: float | None) -> Any:
-        """Return the function of what is left to the limits of |S| and |C S| at frequencies w, and its gradient."""
+        """Return the function of what is left to the limits of |S| and |C S| at frequencies w, and of its gradient."""
         s = 1j * w
         plant, actions = self.process(s), self._actions(s)
 
-        def value(x: Array) -> tuple[Array, Array]:
+        def value(x: Array) -> tuple[Array, Slope]:
             controller, slopes = self._controller(x, s, actions)
             back = 1 + plant * controller
-            size, turn = np.abs(back) ** 2, 2 * np.real(np.conj(back) * plant * slopes)
-            left, slope = [ms**2 * size - 1], [ms**2 * turn]
+            size = np.abs(back) ** 2
+            left = [ms**2 * size - 1]
             if mks is not None:
                 # |C|^2 <= mks^2 |1 + L|^2, over the size of the two
                 own = np.abs(controller) ** 2
                 total = 1 / (own + mks**2 * size)
-                a, b = 2 * np.real(np.conj(controller) * slopes), mks**2 * turn
                 left.append((mks**2 * size - own) * total)
-                slope.append((b - a) * total - (mks**2 * size - own) * total**2 * (a + b))
-            out = np.concatenate(left), np.zeros((self.size, len(left) * w.size))
-            out[1][: self.gains + 1] = np.hstack(slope)
-            return out[0], out[1].T
+
+            def slope() -> Array:
+                by_all = slopes()
+                turn = 2 * np.real(np.conj(back) * plant * by_all)
+                found = [ms**2 * turn]
+                if mks is not None:
+                    a, b = 2 * np.real(np.conj(controller) * by_all), mks**2 * turn
+                    found.append((b - a) * total - (mks**2 * size - own) * total**2 * (a + b))
+                out = np.zeros((self.size, len(left) * w.size))
+                out[: self.gains + 1] = np.hstack(found)
+                return out.T
+
+            return np.concatenate(left), slope
 
         return value

@@ -17,7 +17,7 @@ from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.optimal._descent import Last, Scaled
 from pidalab.optimal._noise import SampledNoise
-from pidalab.optimal._problem import Problem
+from pidalab.optimal._problem import Problem, Slope
 from pidalab.optimal._starts import WALL
 from pidalab.robustness.control import max_control_sensitivity
 from pidalab.robustness.margins import max_sensitivity
@@ -103,12 +103,12 @@ class Search:
                 best, least = start, value
         return best
 
-    def _worth(self, x: Array) -> tuple[float, Array]:
-        """Logarithm of the IAE and gradient; a wall where a step has left the stable loops."""
+    def _worth(self, x: Array) -> tuple[float, Slope]:
+        """Logarithm of the IAE and the function of its gradient; a wall where a step has left the stable loops."""
         if self.problem.unstable(x):
-            return WALL, np.zeros(x.size)
+            return WALL, lambda: np.zeros(x.size)
         value, slope = self.worth(x)
-        return float(np.log(value)), slope / value
+        return float(np.log(value)), lambda: slope() / value
 
     def missed(self, x: Array, constraints: list[dict[str, Any]] | None = None) -> float:
         """By how much the limit is missed that is missed most."""
@@ -122,10 +122,10 @@ class Search:
         if self.noise is not None:
             noise, most = self.noise, self.aim
 
-            def margin(x: Array) -> tuple[float, Array]:
+            def margin(x: Array) -> tuple[float, Slope]:
                 variance, slope = noise(x)
                 deviation = np.sqrt(variance)
-                return 1 - deviation / most, -slope / (2 * deviation * most)
+                return 1 - deviation / most, lambda: -slope() / (2 * deviation * most)
 
             spare = Last(margin)
             found.append({"type": "ineq", "fun": spare.value, "jac": spare.slope})
@@ -154,8 +154,9 @@ class Search:
         with np.errstate(all="ignore"):
             for _ in range(AGAIN):
                 scaled = Scaled(x, at)
+                value_of, slope_of = scaled.objective(self._worth)
                 found = minimize(
-                    *scaled.objective(self._worth, x), method="SLSQP", jac=True,
+                    value_of, scaled(x), method="SLSQP", jac=slope_of,
                     bounds=list(zip(scaled(low), scaled(high), strict=True)),
                     constraints=[scaled.constraint(one) for one in constraints],
                     options=dict(zip(("maxiter", "ftol"), effort, strict=True)),
