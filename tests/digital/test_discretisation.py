@@ -5,6 +5,7 @@ import math
 import control
 import numpy as np
 import pytest
+from cases import CASES
 from mpmath import mp
 from scipy.linalg import expm
 
@@ -320,3 +321,12 @@ def test_borders_of_the_arguments():
     ):
         with pytest.raises(ValueError, match=message):
             PIDA(1.0, 2.0).discretise(**({"sample_time": 0.1} | wrong))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_transfer_function_has_the_poles_of_its_lags_and_of_the_integral(name):
+    """And no others, that would cancel: each counts where stability is judged."""
+    k = CASES[name]
+    lags = [1 - new - old for path in k.paths for new, old in zip(path.new, path.old, strict=True)]
+    expected = np.poly(lags + [1.0] * k.integrates)
+    np.testing.assert_allclose(k.transfer_function().den[0][0], expected, rtol=1e-9, atol=1e-12)

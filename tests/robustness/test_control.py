@@ -21,8 +21,10 @@ from pidalab.robustness.control import max_control_sensitivity
         (pidalab.Loop(pidalab.lags(1), pidalab.PIDA(2.0, math.inf, 1.0, n=10.0)), 22.0, math.inf),
         # u runs away where nothing that integrates comes through
         (pidalab.Loop(pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]), pidalab.PIDA(0.5, 1.0)), math.inf, 0.0),
+        # the filter integrates, the controller does not
+        (pidalab.Loop(pidalab.lags(1), 0.2, control.tf([0.1, 1.0], [1.0, 0.0])), 1.0, 0.0),
     ],
-    ids=["zero", "infinity", "zero at zero"],
+    ids=["zero", "infinity", "zero at zero", "filter"],
 )
 def test_ends_of_the_axis(loop, mks, at):
     found, where = max_control_sensitivity(loop)

@@ -146,6 +146,13 @@ def test_cancelled_poles_and_poles_on_the_axis_count(process, controller, count)
     assert unstable_poles(Loop(process, controller)) == count
 
 
+@pytest.mark.parametrize(("gain", "count"), [(0.999, 0), (1.0, math.inf), (1.001, math.inf), (1.9, math.inf)])
+@pytest.mark.parametrize("process", [Process([1.0], [1.0], 0.7), Process([-3.0, 0.1], [3.0, 1.0], 2.0)])
+def test_a_neutral_loop_has_no_unstable_pole_or_infinitely_many(process, gain, count):
+    """They gather at ln|L|/delay, with |L| far out, and |L| is nowhere larger."""
+    assert unstable_poles(Loop(process, gain)) == count
+
+
 @pytest.mark.parametrize("gain", [0.1, 0.3678, 1.0, 1.57, 1.6, 5.0, 50.0])
 def test_rightmost_poles_of_an_integrator_are_lambert_w(gain):
     """s + K e^{-s} = 0 has the zeros W_k(-K)."""
