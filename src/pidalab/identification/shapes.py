@@ -30,15 +30,12 @@ class Shape:
         Unit step response at times (0 before 0), from times and shape parameters.
     process : callable
         The Process, from gain, shape parameters and dead time.
-    settles : bool
-        Whether the response comes to rest.
     """
 
     name: str
     parameters: tuple[str, ...]
     step: Callable[[Array, Sequence[float]], Array]
     process: Callable[[float, Sequence[float], float], Process]
-    settles: bool = True
 
 
 def _first_order(t: Array, p: Sequence[float]) -> Array:
@@ -93,11 +90,11 @@ def behind_lag(shape: Shape, lag: float) -> Shape:
         inner = shape.process(gain, p, delay)
         return Process(inner.num, np.convolve(inner.den, [lag, 1.0]), inner.delay)
 
-    return Shape(shape.name, shape.parameters, step, process, shape.settles)
+    return Shape(shape.name, shape.parameters, step, process)
 
 
 FIRST = Shape("fopdt", ("lag",), _first_order, lambda gain, p, delay: fopdt(gain, p[0], delay))
 SECOND = Shape(
     "sopdt", ("tau", "damping"), _second_order, lambda gain, p, delay: sopdt(gain, p[0], p[1], delay)
 )
-INTEGRATOR = Shape("ipdt", (), _ramp, lambda gain, p, delay: ipdt(gain, delay), settles=False)
+INTEGRATOR = Shape("ipdt", (), _ramp, lambda gain, p, delay: ipdt(gain, delay))
