@@ -185,6 +185,21 @@ def test_backward_differences_of_a_reset(engine):
     assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-9
 
 
+@pytest.mark.parametrize("delay", [0.137, 0.2, 0.777])
+@pytest.mark.parametrize(("num", "den"), [([0.5, 1.0], [1.0, 1.0]), ([1.0], [1.0])], ids=["lead", "static"])
+def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
+    """A dead time that is no multiple of the sample time, 0.2: the plant answers to what was set a sample before."""
+    process, controller = pidalab.Process(num, den, delay), pidalab.HighOrderPID([0.2, 0.3], 0.0, 0)
+    t = 0.2 * np.arange(101)
+    true = pidalab.simulate_sampled(pidalab.Loop(process, controller.discretise(0.2)), t, 1.0, -0.3)
+    case = asked(process, controller, end=t[-1], sampleTime=0.2, setpoint=1.0, load=-0.3)
+    for method in ("backward", "held"):  # without a filter they differ by a sample of the integral
+        run = engine.simulateSampled(**case, method=method)
+        if method == "held":
+            true = pidalab.simulate_sampled(pidalab.Loop(process, controller), t, 1.0, -0.3)
+        assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-9
+
+
 def test_limits_that_bite_hold_and_limits_that_do_not_change_nothing(engine):
     case = asked(pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.8, 1.5, 0.6], 0.1, 1))
     free = engine.simulate(**case, end=20.0, points=201, setpoint=1.0)

@@ -213,6 +213,29 @@ def test_a_rule_without_ground_says_so(rule, kind, process, words, model):
         ruled(model, rule, process, 1.4, kind=kind)
 
 
+SHOWN = """pidalabEngine.shown = ({process, design, end}) => {
+    const { ms, sigma, iae } = pidalabModel.study(process, design, {end});
+    return { ms, sigma, iae };
+};"""
+
+
+@pytest.mark.parametrize("den", [[1.0], [1.0, 1.0]], ids=["static", "lag"])
+@pytest.mark.parametrize("time", [0.0, 0.1])
+def test_a_dead_time_alone_and_a_controller_without_filter_have_all_numbers(den, time, model):
+    model.context.eval(SHOWN)
+    design = {"kind": "PI", "kp": 0.3, "ti": 2.0, "td": 0, "ta": 0, "filterTime": time, "filterOrder": 1}
+    plant = {"num": [1.0], "den": den, "delay": 1.0}
+    found = model.shown(process=plant, design=design, end=40.0)
+    loop = pidalab.Loop(
+        pidalab.Process([1.0], den, 1.0), pidalab.HighOrderPID([0.15, 0.3], time, 1 if time else 0)
+    )
+    assert found["ms"] == pytest.approx(pidalab.margins(loop).ms, rel=1e-5)
+    assert found["sigma"] > 0.1
+    assert found["iae"] == pytest.approx(
+        pidalab.load_response(loop, np.linspace(0, 40, 4001)).iae(), rel=0.01
+    )
+
+
 @pytest.mark.parametrize("h", [0.03, 0.2, 1.0])
 @pytest.mark.parametrize("gains", [[0.25, 0.5], [0.3, 0.8, 0.7, 0.2]], ids=["PI", "PIDA"])
 def test_ms_of_a_digital_controller_is_that_from_sample_to_sample(h, gains, model):

@@ -542,7 +542,7 @@
 
   const dot = (row, x) => { let sum = 0; for (let j = 0; j < row.length; j++) sum += row[j] * x[j]; return sum; };
   const flat = (rows) => {
-    const result = new Float64Array(rows.length * rows[0].length);
+    const result = new Float64Array(rows.length * (rows[0]?.length ?? 0)); // no rows: a plant or a filter without states
     rows.forEach((row, i) => result.set(row, i * row.length));
     return result;
   };
@@ -856,7 +856,7 @@
     const limit = (value) => Math.min(Math.max(value, low), high);
     for (let k = 0; k < count; k++) {
       t[k] = k * h;
-      y[k] = dot(out, x) + dy * v[k + before - steps[steps.length - 1].ago];
+      y[k] = dot(out, x) + dy * v[k + before - steps[0].ago];
       const error = setpoint - y[k] - (asked.noise ? asked.noise[k] : 0);
       // differences see the error of now, filters for a held input that of the samples before
       if (backward) for (let j = 0; j < z.length; j++) z[j] += newest * ((j ? z[j - 1] : error) - z[j]);

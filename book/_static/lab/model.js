@@ -163,7 +163,7 @@
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
     const process = { num, den, delay }, own = controller(design), curve = frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
-    const h = sampleTime || Math.min(own.filterOrder ? own.filterTime : Infinity, end / 1000);
+    const h = sampleTime || Math.min(own.filterOrder && own.filterTime || Infinity, end / 1000);
     let beyond;
     return {
       ...found, beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h,
