@@ -200,6 +200,16 @@ def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
         assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-9
 
 
+@pytest.mark.parametrize("gains", [[0.0486, 0.0641, 0.0115, 7e-5], [0.5, 0.3, 0.2, 0.001]], ids=["a", "b"])
+def test_the_gain_margin_of_a_loop_that_never_falls_silent(engine, gains):
+    """The gain far out, where every phase occurs, hides no louder crossover."""
+    process = pidalab.Process([1.0], [1.0], delay=0.37)
+    controller = pidalab.HighOrderPID(gains, 0.28, 2)
+    found = engine.margins(**asked(process, controller))
+    true = pidalab.margins(pidalab.Loop(process, controller))
+    assert found["gm"] == pytest.approx(true.gm, rel=1e-6)
+
+
 def test_limits_that_bite_hold_and_limits_that_do_not_change_nothing(engine):
     case = asked(pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.8, 1.5, 0.6], 0.1, 1))
     free = engine.simulate(**case, end=20.0, points=201, setpoint=1.0)

@@ -417,18 +417,20 @@
       dm = Math.min(dm, lag / w);
     }
 
-    /* Phase crossovers: the loudest below 1 decides. Quieter ones are asked only where there is none. */
-    let loudest = Math.max(farOut < 0 && farOut > -1 ? -farOut : 0, atZero(loop, parts));
+    /* Phase crossovers: the loudest below 1 decides. Quieter ones are asked only where there is none. A gain that never falls
+       silent far out has crossovers without end; those within a hundredth of it count as its own. */
+    const far = farOut < 0 && farOut > -1 ? -farOut : 0;
+    let loudest = Math.max(far, atZero(loop, parts));
     const imaginary = (w) => { look(loop, w); return seen[1] / Math.sqrt(seen[0] * seen[0] + seen[1] * seen[1]); };
     const between = (left, before, right, after) => {
       if (!(before * after < 0 && Math.min(Math.abs(before), Math.abs(after)) > 1e-12)) return;
       const l = openLoop(loop, zero(imaginary, left, right));
       if (l[0] < 0 && modulus(l) < 1) loudest = Math.max(loudest, modulus(l));
     };
-    for (let level = 0.1; level > 1e-9 && !loudest; level /= 100) {
-      const inside = within(grid, loop.delay);
+    for (let level = 0.1; level > 1e-9; level /= 100) {
+      const inside = within(grid, loop.delay), quietest = Math.max(level, loudest, 1.01 * far);
       for (let i = 0; i + 1 < grid.length; i++) {
-        if (loop.delay && Math.max(size[i], size[i + 1]) < level) continue;
+        if (loop.delay && Math.max(size[i], size[i + 1]) < quietest) continue;
         let left = grid[i], before = im[i] / size[i], loud = size[i];
         for (const right of inside(i)) {
           const after = imaginary(right), next = Math.sqrt(seen[0] * seen[0] + seen[1] * seen[1]);
@@ -437,7 +439,7 @@
         }
         if (Math.max(loud, size[i + 1]) > 0.5 * loudest) between(left, before, grid[i + 1], im[i + 1] / size[i + 1]);
       }
-      if (!loop.delay) break;
+      if (!loop.delay || loudest >= level) break;
     }
     return { ms, mks, gm: loudest ? 1 / loudest : Infinity, pm, dm, stable: true };
   }
