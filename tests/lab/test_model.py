@@ -201,6 +201,8 @@ def test_optima_in_store_are_those_of_the_library(model):
     [
         ("simc", "PIDA", PLANTS[0], "SIMC has no PIDA"),
         ("simc", "PID", pidalab.sopdt(1.0, 1.0, 0.3, 0.1), "real, stable lags"),
+        ("simc", "PI", pidalab.Process([1.0], [1.0], delay=1.0), "makes no finite design"),
+        ("simc", "PI", pidalab.Process([0.0], [1.0, 1.0], delay=1.0), "makes no finite design"),
         ("cancellation", "PID", PLANTS[4], "does not integrate"),
         ("cancellation", "PIDA", pidalab.fopdt(1.0, 1.0, 1.0), "needs a plant with 3 lags"),
         ("magnitude", "PID", PLANTS[4], "does not integrate"),

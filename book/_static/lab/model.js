@@ -292,8 +292,9 @@
     const gain = process.num[process.num.length - 1] / process.den[process.den.length - (integrating ? 2 : 1)];
     const first = integrating ? Infinity : found[0] ?? 0, second = order ? found[integrating ? 0 : 1] ?? 0 : 0;
     const kc = (integrating ? 1 : first) / (gain * (tc + delay)), ti = Math.min(first, 4 * (tc + delay));
-    const factor = 1 + second / ti;
-    return { ...design, kp: kc * factor, ti: ti * factor, td: second / factor, ta: 0 };
+    const factor = 1 + second / ti, made = { kp: kc * factor, ti: ti * factor, td: second / factor, ta: 0 };
+    if (!Object.values(made).every(Number.isFinite)) throw new RangeError("this rule makes no finite design of this plant and time");
+    return { ...design, ...made };
   }
 
   const integratingOf = ({ den }) => den.length > 1 && den[den.length - 1] === 0;
