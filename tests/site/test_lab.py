@@ -305,6 +305,31 @@ def test_a_dropped_record_becomes_a_plant(lab):
     assert value["dead time"] + sum_of_lags == pytest.approx(4.0, rel=0.05)
 
 
+DROP = "text => { const d = new DataTransfer(); d.items.add(new File([text], 'step.csv')); return d; }"
+
+
+def dropped(page, rows, words):
+    handle = page.evaluate_handle(DROP, "\n".join(rows))
+    page.dispatch_event(".lab-drop", "drop", {"dataTransfer": handle})
+    return announced(page, words)
+
+
+def test_a_record_with_decimal_commas_or_without_times(lab):
+    """Semicolons and commas are read as in much of Europe; a clock or a date is no time, and time does not stand."""
+    page = lab()
+    t = np.arange(0, 20, 0.1)
+    late = np.maximum(t - 1.0, 0.0)
+    y = 2.0 * (1 - np.exp(-late) * (1 + late + late**2 / 2))
+    rows = [f"{a:.3f};{b:.6f}".replace(".", ",") for a, b in zip(t, y, strict=True)]
+    dropped(page, ["Zeit;y", *rows], "Record of 200 samples")
+    assert float(page.get_by_label("gain, number").input_value()) == pytest.approx(2.0, rel=0.01)
+    clock = [f"12:00:{int(a):02d},{b:.6f}" for a, b in zip(t, y, strict=True)]
+    dropped(page, clock, "needs ten rows of numbers")
+    dropped(page, [f"7,{b:.6f}" for b in y], "times must rise")
+    late_rise = [f"{a:.3f},{b:.6f}" for a, b in zip(t, np.where(t < 1, 2 * t, 2 + t / 10), strict=True)]
+    dropped(page, late_rise, "no three lags and a dead time")
+
+
 def test_dark_on_a_phone(lab):
     page = lab(theme="dark", viewport=NARROW)
     announced(page)

@@ -81,12 +81,17 @@
 
   // --- a step record ------------------------------------------------------------------------------------------------
 
-  /* Times and outputs of a step: the last two columns of numbers (or of three: t, u, y) of a file with commas,
-     semicolons or tabs. */
+  /* Numbers of a line; between semicolons or tabs a comma is a decimal one. A clock or a date is no number. */
+  const numbersOf = (line) => (/[;\t]/.test(line) ? line.replace(/,/g, ".").split(/[;\t]/) : line.split(",")).map(
+    (entry) => Number(entry.replace(/"/g, "").trim() || NaN));
+
+  /* Times and outputs of a step: the first two columns of a file with commas, semicolons or tabs, or the first and the third
+     of three (t, u, y). */
   function readRecord(text) {
-    const rows = text.split(/\r?\n/).map((line) => line.split(/[,;\t]/).map((entry) => parseFloat(entry))).filter(
-      (row) => row.length >= 2 && row.every(Number.isFinite));
+    const rows = text.split(/\r?\n/).map(numbersOf).filter((row) => row.length >= 2 && row.every(Number.isFinite));
     if (rows.length < 10) throw new RangeError(`the file needs ten rows of numbers or more (time, output; or time, input, output), found ${rows.length}`);
+    const back = rows.findIndex((row, k) => k && !(row[0] > rows[k - 1][0]));
+    if (back > 0) throw new RangeError(`times must rise, found ${rows[back][0]} after ${rows[back - 1][0]}`);
     const three = rows[0].length > 2;
     let start = 0, size = 1;
     if (three) {
@@ -113,6 +118,7 @@
     };
     const t5 = at(0.05), t35 = at(0.353), t85 = at(0.853);
     const apparent = 1.3 * t35 - 0.29 * t85, tau = 0.67 * (t85 - t35);
+    if (!(apparent > 0 && tau > 0 && t5 > 0)) throw new RangeError("three points of the record give no three lags and a dead time: it rises too early or too late");
     const alpha = Math.min(1, Math.max(0, 0.598 + 0.4799 * (t5 / apparent) - 0.41 * Math.pow(tau / t5, 0.6)));
     const own = { t1: tau, t2: ((1 - alpha) * apparent) / 2, t3: ((1 - alpha) * apparent) / 2 };
     return { gain, ...own, damping: 1, zero: 0, delay: alpha * apparent, integrating: false };
