@@ -330,6 +330,26 @@ def test_a_record_with_decimal_commas_or_without_times(lab):
     dropped(page, late_rise, "no three lags and a dead time")
 
 
+def test_designs_with_other_filters_have_other_noise(lab):
+    page = lab()
+    page.get_by_label("plant", exact=True).select_option("haalman-1")
+    page.get_by_label("rule", exact=True).select_option("optimum")
+    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
+    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 4")
+    said = page.locator(".lab-table caption").inner_text()
+    assert said.endswith("a sample every 0.03, 0.00136, 0.03, 0.03 (row by row)")
+
+
+def test_an_unstable_loop_beyond_all_numbers_has_axes(lab):
+    page = lab()
+    page.get_by_label("plant", exact=True).select_option("haalman-1")
+    page.get_by_label("kp, number").fill("1e7")
+    page.keyboard.press("Enter")
+    announced(page, "unstable")
+    axes = page.locator(".lab-plots svg").first
+    assert axes.locator(".lab-tick").count() > 6
+
+
 def test_dark_on_a_phone(lab):
     page = lab(theme="dark", viewport=NARROW)
     announced(page)

@@ -140,8 +140,8 @@
   function extent(values) {
     let low = 0, high = 0;
     for (let k = 0; k < values.length; k++) {
-      low = Math.min(low, values[k]);
-      high = Math.max(high, values[k]);
+      if (values[k] < low) low = values[k]; // what is no number any more says nothing
+      if (values[k] > high) high = values[k];
     }
     return [Math.max(low, -50), Math.min(high, 50)];
   }
@@ -225,7 +225,11 @@
   /* The head of a column; a formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => (k ? [["wbr", {}], part] : part))];
 
-  const noiseMeant = (shown) => ["caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}`];
+  /* What noise the σ(u) of a table are of: a filter faster than the usual sample takes a sample time of its own. */
+  function noiseMeant(shown) {
+    const times = shown.map((s) => digits(s.sampleTime)), same = times.every((time) => time === times[0]);
+    return ["caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${same ? times[0] ?? "–" : `${times.join(", ")} (row by row)`}`];
+  }
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
 
