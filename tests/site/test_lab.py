@@ -330,6 +330,39 @@ def test_a_record_with_decimal_commas_or_without_times(lab):
     dropped(page, late_rise, "no three lags and a dead time")
 
 
+def test_a_link_that_is_followed_in_the_lab_brings_no_more_than_in_a_fresh_page(lab):
+    page = lab()
+    page.get_by_label("limits of the actuator").check()
+    page.get_by_label("measurement noise", exact=True).check()
+    page.wait_for_function(SAVED)
+    link = "pidalabModel.write({ plant: 'heo-1', design: { kind: 'PI', kp: 0.5, ti: 2 } })"
+    page.evaluate(FOLLOW % f"location.hash = {link}")
+    there = page.evaluate(COLUMNS)
+    fresh = lab(page.url.split("#")[0] + "#" + page.evaluate(f"() => {link}"))
+    announced(fresh, "PI: IAE")
+    assert not page.get_by_label("limits of the actuator").is_checked()
+    assert there == fresh.evaluate(COLUMNS)
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        "{ kept: 5 }",
+        "{ kept: [null, { kind: 'PI', kp: 0.2, ti: 2, td: 0, ta: 0, filterTime: 0.1, filterOrder: 1 }] }",
+        "{ design: { kind: 'PIDAA' } }",
+        "{ plant: 'given', given: { num: [1], den: [1, 1], delay: 1 } }",
+        "5",
+    ],
+)
+def test_a_damaged_link_says_so_and_leaves_a_lab_that_works(lab, state):
+    page = lab()
+    page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({state})")
+    announced(page, "The link is damaged")
+    page.get_by_label("plant", exact=True).select_option("haalman-1")
+    announced(page)
+    assert float(page.evaluate(COLUMNS)[0][3]) > 1
+
+
 def test_designs_with_other_filters_have_other_noise(lab):
     page = lab()
     page.get_by_label("plant", exact=True).select_option("haalman-1")

@@ -233,23 +233,40 @@
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
 
+  /* A state from outside, if the lab can show it at all; of single numbers the engine judges. */
+  function checked(state) {
+    const { design, kept = [], given } = state, of = (kind) => Object.hasOwn(ORDER, kind);
+    if (typeof state !== "object" || Array.isArray(state)) throw new RangeError("it holds no state of the lab");
+    if (design?.kind !== undefined && !of(design.kind)) throw new RangeError(`there is no controller ${design.kind}`);
+    if (!Array.isArray(kept) || !kept.every((each) => of(each?.kind))) throw new RangeError("its kept designs are none");
+    if (given && !(given.end > 0 && Array.isArray(given.num) && Array.isArray(given.den))) throw new RangeError("its plant lacks num, den or end");
+    return state;
+  }
+
   // --- one lab ------------------------------------------------------------------------------------------------------
 
   class Lab {
     constructor(host) {
       this.host = host;
-      this.state = structuredClone(START);
-      this.takeOver(host.dataset.state ? JSON.parse(host.dataset.state) : null);
+      this.startAnew();
       this.hear();
       this.build();
       this.change({});
       addEventListener("hashchange", () => { this.hear(); this.change({}, false); });
     }
 
-    /* Take over what the address holds. */
+    startAnew() {
+      this.state = structuredClone(START);
+      this.takeOver(this.host.dataset.state ? JSON.parse(this.host.dataset.state) : null);
+    }
+
+    /* Take over what the address holds: what it leaves out is as in a page that was just opened. */
     hear() {
       this.heard = location.hash;
-      this.takeOver(read(this.heard));
+      const given = read(this.heard);
+      if (given === null) return;
+      this.startAnew();
+      try { this.takeOver(checked(given)); } catch (error) { this.say(`The link is damaged: ${error.message}.`); }
     }
 
     /* Take over what is given of a state; a design without a rule is one by hand. */
@@ -293,7 +310,7 @@
     byHand(update) { this.change({ rule: this.state.rule === "gain" && !("kp" in update) ? "gain" : "hand", design: { ...this.state.design, ...update } }); }
 
     build() {
-      const { state } = this, own = (update) => this.change({ own: { ...this.state.own, ...update } });
+      const own = (update) => this.change({ own: { ...this.state.own, ...update } });
       const ownValue = (label, key, low, high, log, help) =>
         slider({ label, help, low, high, log, get: () => this.state.own[key], set: (value) => own({ [key]: value }) });
       const value = (label, key, low, high, help) =>
@@ -396,7 +413,7 @@
     takeSaved(text) {
       const saved = JSON.parse(text).lab;
       if (!saved?.design) throw new RangeError("this JSON was not saved by the lab, it has no design under lab");
-      this.takeOver(saved);
+      this.takeOver(checked(saved));
       this.change({});
       this.say(`${1 + this.state.kept.length} designs read.`);
     }
