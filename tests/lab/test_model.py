@@ -133,6 +133,14 @@ def test_the_gain_has_the_ms_asked_for_and_is_the_largest(kind, times, ms, model
         assert not pidalab.is_stable(louder) or pidalab.margins(louder).ms > ms
 
 
+@pytest.mark.parametrize("gain", [1.0, -1.0])
+def test_the_gain_of_an_unstable_plant_has_the_other_sign_than_its_rest(gain, model):
+    process = pidalab.Process([gain], [1.0, -0.2], delay=0.3)
+    found = ruled(model, "gain", process, 2.0, kind="PI", ti=20)
+    assert np.sign(found["kp"]) == gain
+    assert pidalab.margins(loop_of(process, found)).ms == pytest.approx(2.0, rel=1e-6)
+
+
 def test_cancellation_has_the_zeros_of_the_library(model):
     process = pidalab.Process([1.0], [0.8, 3.0, 3.3, 1.0], delay=0.8)
     found = ruled(model, "cancellation", process, 1.4, kind="PIDA", filterTime=0.01)

@@ -216,9 +216,16 @@
 
   /* Largest gain with which a loop of given shape keeps the maximum sensitivity: at each frequency the gains k with
      |1 + k L| < 1/ms lie between the roots of a quadratic equation. All frequencies together leave gaps, and the upper
-     end of a gap in which the loop is stable is what is looked for. */
+     end of a gap in which the loop is stable is what is looked for. Its sign is that of the plant at rest; an unstable plant
+     may need the other. */
   function gainForMs(process, design, ms) {
     const sign = Math.sign(process.num[process.num.length - 1] / lastNonzero(process.den));
+    const found = gainOfSign(sign, process, design, ms) ?? gainOfSign(-sign, process, design, ms);
+    if (found !== null) return found;
+    throw new RangeError(`no gain gives a stable loop with a maximum sensitivity of ${ms}: change the times or the filter`);
+  }
+
+  function gainOfSign(sign, process, design, ms) {
     const own = controller({ ...design, kp: sign });
     const between = (w) => {
       const { re, im } = frequencyResponse({ process, controller: own, w });
@@ -249,8 +256,7 @@
       if (found.stable && found.ms < ms * 1.001) largest = sign * best;
       else if (largest !== null) break;
     }
-    if (largest !== null) return largest;
-    throw new RangeError(`no gain gives a stable loop with a maximum sensitivity of ${ms}: change the times or the filter`);
+    return largest;
   }
 
   const lastNonzero = (coefficients) => coefficients[coefficients.findLastIndex((c) => c !== 0)];
