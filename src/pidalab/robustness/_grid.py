@@ -42,9 +42,10 @@ def factors(loop: Loop) -> Factors:
     if not math.isfinite(gain):
         raise ValueError("the gain of the loop leaves the range of numbers (about 1e308)")
     z, p = np.concatenate(zeros), np.concatenate(poles)
-    reference = np.abs(p)
-    reference[reference == 0] = np.min(reference[reference > 0], initial=1.0)
-    return Factors(gain, z, p, reference, float(loop.process.delay))
+    reference, delay = np.abs(p), float(loop.process.delay)
+    moving = reference[reference > 0]
+    reference[reference == 0] = moving.min() if moving.size else 1 / delay if delay else 1.0
+    return Factors(gain, z, p, reference, delay)
 
 
 class Scan(NamedTuple):
