@@ -475,6 +475,8 @@ def test_what_a_step_record_may_do_at_most_it_may_do():
     for options in ({"first": 0.0625}, {"top": 1.1}):
         t, y = settled(**options)
         _levels_reached(t, y, (0.0625, 0.353, 0.853), "interpolated")
+    t, y = settled(moved=0.01)
+    _levels_reached(t, np.rint(100 * y), LEVELS, "interpolated")
     t, y = settled(top=np.nextafter(1.1, 2.0))
     with pytest.raises(ValueError, match="y overshoots its final value by 10 % of the change, and 10 % is"):
         _levels_reached(t, y, LEVELS, "interpolated")
