@@ -363,6 +363,19 @@ def test_a_damaged_link_says_so_and_leaves_a_lab_that_works(lab, state):
     assert float(page.evaluate(COLUMNS)[0][3]) > 1
 
 
+def test_a_link_cut_short_says_so_and_the_name_of_a_heading_is_none(lab):
+    page = lab()
+    page.evaluate("() => { document.querySelector('.pidalab-lab').lab.change({}); }")
+    page.wait_for_function(SAVED)
+    url, link = page.url.split("#")
+    announced(lab(f"{url}#{link[: len(link) // 2]}"), "The link is damaged: it is cut short or mistyped")
+    page = lab()
+    page.evaluate("() => { document.querySelector('h1').id = 'lab-heading'; }")
+    page.evaluate(FOLLOW % "location.hash = 'lab-heading'")
+    page.wait_for_timeout(400)
+    assert "damaged" not in page.locator(".lab-live").text_content()
+
+
 def test_designs_with_other_filters_have_other_noise(lab):
     page = lab()
     page.get_by_label("plant", exact=True).select_option("haalman-1")

@@ -263,10 +263,17 @@
     /* Take over what the address holds: what it leaves out is as in a page that was just opened. */
     hear() {
       this.heard = location.hash;
-      const given = read(this.heard);
-      if (given === null) return;
+      let given = null;
+      try {
+        given = document.getElementById(this.heard.slice(1)) ? null : read(this.heard);
+        if (given === null) return;
+        checked(given);
+      } catch (error) {
+        given = null;
+        this.say(`The link is damaged: ${error.message}.`);
+      }
       this.startAnew();
-      try { this.takeOver(checked(given)); } catch (error) { this.say(`The link is damaged: ${error.message}.`); }
+      this.takeOver(given);
     }
 
     /* Take over what is given of a state; a design without a rule is one by hand. */

@@ -384,11 +384,12 @@
   const PREFIX = "lab-";
   const write = (state) => PREFIX + btoa(encodeURIComponent(JSON.stringify(state))).replace(/\+/g, "_").replace(/\//g, "-").replace(/=+$/, "");
 
-  /* The state in an address, or null where it holds none: it may also name a heading. */
+  /* The state in an address, or null where it holds none. */
   function read(hash) {
     const text = hash.replace(/^#/, "");
     if (!text.startsWith(PREFIX)) return null;
-    try { return JSON.parse(decodeURIComponent(atob(text.slice(PREFIX.length).replace(/_/g, "+").replace(/-/g, "/")))); } catch { return null; }
+    try { return JSON.parse(decodeURIComponent(atob(text.slice(PREFIX.length).replace(/_/g, "+").replace(/-/g, "/")))); }
+    catch { throw new RangeError("it is cut short or mistyped"); }
   }
 
   globalThis.pidalabModel = { write, read, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
