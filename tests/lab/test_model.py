@@ -266,6 +266,35 @@ def test_a_sample_time_can_make_a_loop_unstable(model):
         assert found["stable"] is pidalab.is_stable(loop) is stable, h
 
 
+SLOW = [
+    (pidalab.ipdt(2.0, delay=5.0), [0.1, 0.5], False),
+    (pidalab.ipdt(2.0, delay=0.5), [0.02, 0.1], True),
+    (pidalab.Process([0.5], [1.0, 25.0, 40.0, 0.0], delay=0.6), [0.02, 1.0], True),
+    (pidalab.Process([2.0], [50.0, -1.0], delay=1.0), [0.0, 0.4], False),
+    (pidalab.Process([2.0], [50.0, -1.0], delay=1.0), [0.0, 0.6], True),
+]
+
+
+@pytest.mark.parametrize("end", [0.5, 5.0, 500.0])
+@pytest.mark.parametrize(("process", "gains", "stable"), SLOW, ids=str)
+def test_whether_a_digital_loop_is_stable_does_not_depend_on_what_is_drawn(
+    process, gains, stable, end, model
+):
+    controller = pidalab.HighOrderPID(gains, 0.1, 1)
+    loop = pidalab.Loop(process, controller.discretise(0.2))
+    found = model.sampledMargins(**asked(process, controller), sampleTime=0.2, end=end)
+    assert not found.get("unknown")
+    assert found["stable"] is pidalab.is_stable(loop) is stable
+    if stable:
+        assert found["ms"] == pytest.approx(pidalab.margins(loop).ms, rel=1e-3)
+
+
+def test_a_digital_loop_that_takes_too_many_samples_is_unknown(model):
+    process, controller = pidalab.fopdt(1.0, 1e5, 1.0), pidalab.HighOrderPID([1e-6, 0.5], 0.1, 1)
+    found = model.sampledMargins(**asked(process, controller), sampleTime=0.01, end=40.0)
+    assert (found["stable"], found["unknown"]) == (False, True)
+
+
 @pytest.mark.parametrize("te", [0.02, 0.05, 0.1, 0.3])
 @pytest.mark.parametrize("m", [2, 3])
 def test_what_lies_beyond_the_crossover(m, te, model):

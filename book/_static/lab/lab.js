@@ -222,6 +222,9 @@
     first: ["phase margin at the first crossover, °", (s) => s.beyond().first, true], hump: ["top of |L| beyond it", (s) => s.beyond().hump, true],
   };
 
+  /* What is said in the place of margins. */
+  const verdict = (s) => (s.unknown ? "too slow for its sample time to tell whether it is stable" : "unstable");
+
   /* The head of a column; a formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => (k ? [["wbr", {}], part] : part))];
 
@@ -496,7 +499,7 @@
     drawTable(shown) {
       const columns = COLUMNS.map((key) => NUMBERS[key]);
       const gains = ({ kind, ...design }) => ["kp", "ti", "td", "ta"].slice(0, ORDER[kind] + 2).map((key) => `${key} ${digits(design[key])}`).join(", ");
-      const numbers = (s) => (s.stable ? columns.map(([, get]) => ["td", {}, digits(get(s), 4)]) : [["td", { colspan: columns.length }, "unstable: it has no margins"]]);
+      const numbers = (s) => (s.stable ? columns.map(([, get]) => ["td", {}, digits(get(s), 4)]) : [["td", { colspan: columns.length }, s.unknown ? verdict(s) : "unstable: it has no margins"]]);
       const rows = (s) => [
         ["tr", { class: "lab-numbers" },
           ["th", { scope: "rowgroup", rowspan: 2 }, ["span", { class: `lab-key lab-key-${s.kind}` }], ` ${s.kind ? "kept: " : ""}${s.design.kind}`], ...numbers(s)],
@@ -514,12 +517,12 @@
       const s = this.current;
       const numbers = !s ? "" : s.stable
         ? `${s.design.kind}: IAE ${digits(s.iae)} for a load step, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
-        : `${s.design.kind}: the loop is unstable.`;
+        : `${s.design.kind}: the loop is ${verdict(s)}.`;
       this.speaking = setTimeout(() => { this.live.textContent = [this.problem, this.message, numbers].filter(Boolean).join(" "); this.message = ""; this.save(); }, 250);
     }
   }
 
-  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant, heading };
+  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant, verdict, heading };
   const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
 })();

@@ -17,7 +17,7 @@
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
-  const { element, slider, digits, drawPlots, NUMBERS, noiseMeant, heading } = globalThis.pidalabLab;
+  const { element, slider, digits, drawPlots, NUMBERS, noiseMeant, verdict, heading } = globalThis.pidalabLab;
   const { show } = globalThis.pidalabPlot;
 
   class Live {
@@ -96,7 +96,7 @@
           ["th", { scope: "row" }, ["span", { class: `lab-key lab-key-${s.kind}` }], ` ${s.name}`], ...this.cells(s, columns)])]]);
       if (this.link && shown[0]) this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       clearTimeout(this.speaking);
-      const words = shown.map((s) => `${s.name}: ${s.stable ? "" : "unstable, "}${this.known(s, columns).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
+      const words = shown.map((s) => `${s.name}: ${s.stable ? "" : `${verdict(s)}, `}${this.known(s, columns).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
       this.speaking = setTimeout(() => { this.live.textContent = trouble.join(" "); this.live.setAttribute("aria-label", [...trouble, ...words].join(" ")); }, 250);
     }
 
@@ -106,7 +106,7 @@
     cells(s, columns) {
       const known = this.known(s, columns), missing = columns.length - known.length;
       return [
-        ...(missing ? [["td", { colspan: missing }, "unstable"]] : []), ...known.map(([, get]) => ["td", {}, digits(get(s))]),
+        ...(missing ? [["td", { colspan: missing }, verdict(s)]] : []), ...known.map(([, get]) => ["td", {}, digits(get(s))]),
       ];
     }
 

@@ -4,7 +4,7 @@
    It stands on engine.js alone and knows nothing of a page. */
 (function () {
   "use strict";
-  const { simulate, simulateSampled, margins, frequencyResponse, remembering } = globalThis.pidalabEngine;
+  const { simulate, simulateSampled, margins, frequencyResponse, roots, remembering } = globalThis.pidalabEngine;
 
   const multiply = (a, b) => {
     const product = Array(a.length + b.length - 1).fill(0);
@@ -77,20 +77,36 @@
      the sum of squares of what one noisy sample does, until `end`. */
   const noiseGain = (u, sampleTime, end) => Math.sqrt(u.subarray(0, Math.round(end / sampleTime) + 1).reduce((sum, value) => sum + value * value, 0));
 
-  const MOST_SAMPLES = 3e5;
+  const MOST_SAMPLES = 6e5, LONG = 8;
+
+  /* The slowest time of a loop: of its dead time, filter and plant, and of the closed loop without dead time and filter,
+     which is what slow poles see. */
+  function slowest({ num, den, delay }, { gains: [ki, kp, kd, ka], filterTime }) {
+    const top = multiply(num, [ka, kd, kp, ki]), bottom = [...den, 0], size = Math.max(top.length, bottom.length);
+    const at = (values, k) => values[k - size + values.length] ?? 0;
+    const closed = Array.from({ length: size }, (_, k) => at(top, k) + at(bottom, k));
+    const speeds = [den, closed].flatMap((values) => {
+      const shorn = values.slice(values.findIndex(Boolean));
+      return shorn.length > 1 ? roots(shorn).map(([re, im]) => Math.hypot(re, im)).filter((speed) => speed > 0) : [];
+    });
+    return Math.max(delay, filterTime, ...speeds.map((speed) => 1 / speed));
+  }
 
   /* Ms and mks of a loop with a digital controller, from sample to sample: the largest |sum x_k z^-k| of the impulse
-     responses for z on the unit circle. Stable is a loop whose impulse response fades: one that does so slowly is
-     followed for longer, and one of which that cannot be told within 300000 samples is called unstable. */
+     responses for z on the unit circle. Stable is a loop whose impulse response fades, and unstable one that grows, after
+     its slowest time: one that does so slowly is followed for longer, and of one that takes more than 600000 samples it is
+     unknown. */
   function sampledMargins({ process, controller: own, sampleTime, end }) {
-    const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false };
-    let span = Math.min(3 * end, 8000 * sampleTime), s, u, third;
+    const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false, unknown: false };
+    let span = Math.max(Math.min(3 * end, 8000 * sampleTime), LONG * slowest(process, own)), grew = false, s, u, third;
     for (;;) {
+      if (!(span <= MOST_SAMPLES * sampleTime)) return { ...none, unknown: true };
       ({ s, u } = impulses(process, own, sampleTime, span, "backward"));
       third = Math.floor(s.length / 3);
       const [first, middle, last] = [0, 1, 2].map((k) => largest(s.slice(k * third, (k + 1) * third)));
       if (last < 0.1 * middle || last < 1e-6 * first) break;
-      if (!(last < middle) || s.length > MOST_SAMPLES) return none;
+      if (!(last < middle) && grew) return none;
+      grew = !(last < middle); // once it may be a beat
       span *= 2;
     }
     const length = Math.max(heard(s), heard(u));
@@ -108,9 +124,9 @@
     };
     const lowest = Math.log(Math.PI / (sampleTime * third)), highest = Math.log(Math.PI / sampleTime);
     const between = (low, high, count) => Array.from({ length: count + 1 }, (_, k) => low + ((high - low) * k) / count);
-    const first = between(lowest, highest, 120), seen = first.map((w) => gains(Math.exp(w)));
+    const first = between(lowest, highest, 120), seen = first.map((w) => gains(Math.exp(w))), atRest = gains(0);
     const [ms, mks] = [0, 1].map((which) => {
-      let grid = first, values = seen.map((pair) => pair[which]), best = 0;
+      let grid = first, values = seen.map((pair) => pair[which]), best = atRest[which];
       for (let round = 0; ; round++) { // closer each time
         const k = values.reduce((top, value, i) => (value > values[top] ? i : top), 0);
         best = Math.max(best, values[k]);
@@ -267,7 +283,7 @@
     if (rest.length > 1 && rest[rest.length - 1] === 0) { integrating = true; rest = rest.slice(0, -1); }
     if (rest[rest.length - 1] === 0) throw new RangeError("this rule needs at most one integrator");
     // den = c ∏ (1 + T s): the lags are minus the roots of the reversed polynomial
-    const found = rest.length > 1 ? globalThis.pidalabEngine.roots(rest.slice().reverse()) : [];
+    const found = rest.length > 1 ? roots(rest.slice().reverse()) : [];
     const size = Math.max(0, ...found.map(([re, im]) => Math.hypot(re, im)));
     // Rounding spreads a lag of order n over a small circle; a truly oscillating pair is far from the axis.
     if (found.some(([re, im]) => -re <= 0 || Math.abs(im) > 0.05 * size)) throw new RangeError("this rule needs real, stable lags");
