@@ -283,6 +283,26 @@ def test_designs_saved_as_files(lab, tmp_path):
     announced(again, "was not saved by the lab")
 
 
+@pytest.mark.parametrize("way", ["none", "conditioning", "clamping", "reset"])
+@pytest.mark.parametrize("sampled", ["false", "true"])
+def test_the_library_call_has_limits_and_sampling_or_names_what_it_leaves_out(lab, sampled, way):
+    state = f"""{{plant: "lags3", limited: true, low: -1.02, high: 0.4, antiWindup: "{way}", noise: 1e-6,
+        sampled: {sampled}, sampleTime: 0.5, noisy: true,
+        design: {{kind: "PID", kp: 1.2, ti: 2, td: 0.4, ta: 0, filterTime: 0.1, filterOrder: 2}}}}"""
+    page = lab()
+    page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({state})")
+    announced(page, "PID: ")
+    page.get_by_role("button", name="As a library call").click()
+    call, said = page.locator(".lab-out").text_content(), StringIO()
+    with redirect_stdout(said):
+        exec(call, {})
+    iae = float(re.findall(r"IAE ([\d.]+)", said.getvalue())[0])
+    assert "Left out: the measurement noise" in call
+    assert ("Left out: the automatic reset" in call) is (way == "reset")
+    if way != "reset":
+        assert iae == pytest.approx(float(page.evaluate(COLUMNS)[0][1]), rel=5e-3)
+
+
 def test_a_dropped_record_becomes_a_plant(lab):
     page = lab()
     t = np.arange(0, 20, 0.1)

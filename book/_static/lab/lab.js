@@ -438,14 +438,33 @@
 
     call() {
       const { num, den, delay } = this.process, list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`;
+      const { limits, time, simulation, left, after } = this.conditionsInWords();
       const lines = this.designs().map((design, k) => {
         const { gains, filterTime, filterOrder } = controller(design), name = k ? `kept ${k}: ${design.kind}` : design.kind;
-        return `    "${name}": pidalab.HighOrderPID(${list(gains.slice(0, ORDER[design.kind] + 2))}, filter_time=${filterTime}, filter_order=${filterOrder}),\n`;
+        return `    "${name}": pidalab.HighOrderPID(${list(gains.slice(0, ORDER[design.kind] + 2))}, filter_time=${filterTime}, filter_order=${filterOrder})${after},\n`;
       });
-      return `import numpy as np\nimport pidalab\n\nprocess = pidalab.Process(${list(num)}, ${list(den)}, delay=${delay})\n` +
-        `controllers = {\n${lines.join("")}}\nt = np.linspace(0, ${digits(this.process.end)}, 2001)\n` +
+      return `import numpy as np\nimport pidalab\n\n${left.map((words) => `# ${words}\n`).join("")}process = pidalab.Process(${list(num)}, ${list(den)}, delay=${delay})\n` +
+        `${limits}controllers = {\n${lines.join("")}}\nt = ${time}\n` +
         "for name, controller in controllers.items():\n    loop = pidalab.Loop(process, controller)\n" +
-        "    print(name, pidalab.margins(loop))\n    print(f\"IAE {pidalab.load_response(loop, t).iae():.4g}\")\n";
+        `    load = pidalab.${simulation}\n    print(name, pidalab.margins(loop))\n    print(f"IAE {load.iae():.4g}")\n`;
+    }
+
+    /* Limits, sampling and noise as parts of a library call, and what of them it leaves out. */
+    conditionsInWords() {
+      const { end, limits, antiWindup, sampleTime, noise } = this.conditions, left = [], digital = sampleTime > 0;
+      if (noise) left.push(`Left out: the measurement noise of the lab, ±${noise}.`);
+      const reset = limits && antiWindup === "reset";
+      if (reset) left.push("Left out: the automatic reset of the lab, see pidalab.rules.automatic_reset; clamping stands for it.");
+      const way = { none: "None", conditioning: digital ? '"reset"' : '"conditioning"' }[antiWindup] ?? '"clamping"';
+      const bounded = limits ? `limits=limits, anti_windup=${way}` : "";
+      const filters = this.designs().map(controller).filter(({ filterOrder, filterTime }) => filterOrder && filterTime).map(({ filterTime }) => filterTime);
+      const samples = Math.ceil(Math.max(4000, (4 * end) / Math.min(...filters, Infinity))); // limits meet a controller that is sampled fast
+      return {
+        left, limits: limits ? `limits = (${limits.join(", ")})\n` : "",
+        after: digital ? `.discretise(${[sampleTime, bounded].filter(Boolean).join(", ")})` : "",
+        time: digital ? `${sampleTime} * np.arange(${Math.round(end / sampleTime) + 1})` : `np.linspace(0, ${digits(end)}, ${limits ? samples + 1 : 2001})`,
+        simulation: digital ? "simulate_sampled(loop, t, load=1.0)" : limits ? `simulate_sampled(loop, t, load=1.0, ${bounded})` : "load_response(loop, t)",
+      };
     }
 
     show(text, name) {
