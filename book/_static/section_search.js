@@ -31,7 +31,7 @@
   const excerpt = (text, terms) => {
     const lower = text.toLowerCase();
     const places = terms.map((term) => lower.indexOf(term)).filter((place) => place >= 0);
-    const start = Math.max(0, Math.min(...places, text.length) - 80);
+    const start = places.length ? Math.max(0, Math.min(...places) - 80) : 0; // else it is in the title
     return (start ? "… " : "") + text.slice(start, start + 240).trim() + (start + 240 < text.length ? " …" : "");
   };
 

@@ -94,6 +94,27 @@ def test_search_leads_to_sections_and_to_chapters_first(words, home, visit):
     assert not NOT_FIRST.search(address)
 
 
+# What the search shows of a long section whose title alone has its word, and how the section begins.
+IN_ITS_TITLE = """() => {
+  for (const { title, page, text, url } of bookSections) {
+    const lower = text.toLowerCase(), absent = (each) => /^[a-z]{6,}$/i.test(each) && !lower.includes(each.toLowerCase());
+    const word = title.split(" ").find(absent);
+    if (!word || text.length < 400 || page.includes(word)) continue;
+    Search.performSearch(word);
+    const hits = [...document.querySelectorAll("#search-results li")];
+    const hit = hits.find((li) => li.querySelector("a").href.endsWith(url));
+    if (hit) return [hit.querySelector(".context").textContent, text];
+  }
+}"""
+
+
+def test_a_word_of_the_title_alone_shows_how_its_section_begins(home, visit):
+    page, _ = visit(f"{home}/search.html?q=noise")
+    page.locator("#search-results li a").first.wait_for()
+    shown, text = page.evaluate(IN_ITS_TITLE)
+    assert shown.startswith(text[:200])
+
+
 def test_focus_is_seen(home, visit):
     page, _ = visit(f"{home}/book/intro.html")
     outlines = set()
