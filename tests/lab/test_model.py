@@ -211,6 +211,12 @@ def test_optima_in_store_are_those_of_the_library(model):
         ("simc", "PID", pidalab.sopdt(1.0, 1.0, 0.3, 0.1), "real, stable lags"),
         ("simc", "PI", pidalab.Process([1.0], [1.0], delay=1.0), "makes no finite design"),
         ("simc", "PI", pidalab.Process([0.0], [1.0, 1.0], delay=1.0), "makes no finite design"),
+        (
+            "simc",
+            "PI",
+            pidalab.Process([0.5, 1.0], [2.0, 3.0, 1.0], delay=1.0),
+            "at most one zero, in the right",
+        ),
         ("cancellation", "PID", PLANTS[4], "does not integrate"),
         ("cancellation", "PIDA", pidalab.fopdt(1.0, 1.0, 1.0), "needs a plant with 3 lags"),
         ("magnitude", "PID", PLANTS[4], "does not integrate"),
@@ -221,6 +227,14 @@ def test_optima_in_store_are_those_of_the_library(model):
 def test_a_rule_without_ground_says_so(rule, kind, process, words, model):
     with pytest.raises(ValueError, match=words):
         ruled(model, rule, process, 1.4, kind=kind)
+
+
+@pytest.mark.parametrize("time", [0.0, -0.5])
+def test_simc_refuses_a_closed_loop_time_in_the_words_of_the_library(time, model):
+    with pytest.raises(ValueError, match="closed_loop_time must be above 0, found"):
+        ruled(model, "simc", PLANTS[1], time, kind="PI")
+    with pytest.raises(ValueError, match="closed_loop_time must be above 0, found"):
+        classical.simc(PLANTS[1], kind="PI", closed_loop_time=time)
 
 
 SHOWN = """pidalabEngine.shown = ({process, design, end}) => {

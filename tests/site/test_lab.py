@@ -348,6 +348,8 @@ def test_a_record_with_decimal_commas_or_without_times(lab):
     dropped(page, [f"7,{b:.6f}" for b in y], "times must rise")
     late_rise = [f"{a:.3f},{b:.6f}" for a, b in zip(t, np.where(t < 1, 2 * t, 2 + t / 10), strict=True)]
     dropped(page, late_rise, "no three lags and a dead time")
+    sudden = [f"{a:.3f},{b:.6f}" for a, b in zip(t, np.clip(5 * t - 25, 0, 1), strict=True)]
+    dropped(page, sudden, "alpha = .* is outside")
 
 
 def test_a_link_that_is_followed_in_the_lab_brings_no_more_than_in_a_fresh_page(lab):

@@ -119,7 +119,8 @@
     const t5 = at(0.05), t35 = at(0.353), t85 = at(0.853);
     const apparent = 1.3 * t35 - 0.29 * t85, tau = 0.67 * (t85 - t35);
     if (!(apparent > 0 && tau > 0 && t5 > 0)) throw new RangeError("three points of the record give no three lags and a dead time: it rises too early or too late");
-    const alpha = Math.min(1, Math.max(0, 0.598 + 0.4799 * (t5 / apparent) - 0.41 * Math.pow(tau / t5, 0.6)));
+    const alpha = 0.598 + 0.4799 * (t5 / apparent) - 0.41 * Math.pow(tau / t5, 0.6);
+    if (!(alpha >= 0 && alpha <= 1)) throw new RangeError(`y does not fit a third-order model with dead time: alpha = ${digits(alpha, 4)} is outside [0, 1] (below 0 the response is too sluggish at first, above 1 too sudden)`);
     const own = { t1: tau, t2: ((1 - alpha) * apparent) / 2, t3: ((1 - alpha) * apparent) / 2 };
     return { gain, ...own, damping: 1, zero: 0, delay: alpha * apparent, integrating: false };
   }

@@ -310,6 +310,9 @@
   function simc(process, design, tc) {
     const order = ORDER[design.kind];
     if (order > 1) throw new RangeError("SIMC has no PIDA");
+    if (!(tc > 0)) throw new RangeError(`closed_loop_time must be above 0, found ${tc}`);
+    const { num } = process;
+    if (num.length > 2 || (num.length === 2 && num[0] * num[1] > 0)) throw new RangeError(`model must have at most one zero, in the right half-plane, found num = [${num.join(", ")}]`);
     const { lags: found, delay, integrating } = halfRule(process, integratingOf(process) ? order : order + 1);
     const gain = process.num[process.num.length - 1] / process.den[process.den.length - (integrating ? 2 : 1)];
     const first = integrating ? Infinity : found[0] ?? 0, second = order ? found[integrating ? 0 : 1] ?? 0 : 0;
