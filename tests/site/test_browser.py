@@ -97,7 +97,8 @@ def test_search_leads_to_sections_and_to_chapters_first(words, home, visit):
 # What the search shows of a long section whose title alone has its word, and how the section begins.
 IN_ITS_TITLE = """() => {
   for (const { title, page, text, url } of bookSections) {
-    const lower = text.toLowerCase(), absent = (each) => /^[a-z]{6,}$/i.test(each) && !lower.includes(each.toLowerCase());
+    const lower = text.toLowerCase();
+    const absent = (each) => /^[a-z]{6,}$/i.test(each) && !lower.includes(each.toLowerCase());
     const word = title.split(" ").find(absent);
     if (!word || text.length < 400 || page.includes(word)) continue;
     Search.performSearch(word);

@@ -130,7 +130,7 @@ def shown(open_figure, **more):
     assert [row[0] for row in rows] == list(CONTROLLERS)
     assert head[1:] == [NUMBERS[key] for key in more["numbers"]]
     found = [[float(text.replace("∞", "inf")) for text in row[1:]] for row in rows]
-    assert page.locator(".lab-live").get_attribute("aria-label").count(" IAE load ") == 3
+    assert page.locator(".lab-live").text_content().count(" IAE load ") == 3
     noise = (
         ["σ(u): white noise of standard deviation 1, a sample every 0.04"]
         if "sigma" in more["numbers"]

@@ -5,13 +5,11 @@ import re
 
 from pictured import plots
 
-HEARD = (
-    """() => [...document.querySelectorAll(".pidalab-live .lab-live")].every((words) => words.ariaLabel)"""
-)
+HEARD = """() => [...document.querySelectorAll(".pidalab-live .lab-live")].every((words) => words.textContent.trim())"""
 UNDRAWN = """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host, k) => [
   ...(host.querySelectorAll(".lab-plots svg").length ? [] : [`figure ${k}: no plot`]),
   ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
-  ...[host.querySelector(".lab-live")?.textContent].filter(Boolean),
+  ...[host.querySelector(".lab-trouble")?.textContent].filter(Boolean),
 ])"""
 # Both ends of a knob's range where a twentieth of it, or the least step, moves no line and no number.
 IDLE_ENDS = """async (bar) => {

@@ -56,7 +56,9 @@
       });
       this.plots = Object.fromEntries(state.plots.map((key) => [key, element("div")]));
       this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Numbers of the figure" });
-      this.live = element("p", { class: "lab-live", role: "status" });
+      this.trouble = element("span", { class: "lab-trouble" });
+      this.heard = element("span", { class: "lab-heard" }); // a change of text is announced, one of a label is not
+      this.live = element("p", { class: "lab-live", role: "status" }, this.trouble, " ", this.heard);
       const caption = element("p", { class: "lab-caption" }, state.caption ?? "");
       if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
       const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // then the table fills the gap
@@ -97,7 +99,7 @@
       if (this.link && shown[0]) this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       clearTimeout(this.speaking);
       const words = shown.map((s) => `${s.name}: ${s.stable ? "" : `${verdict(s)}, `}${this.known(s, columns).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
-      this.speaking = setTimeout(() => { this.live.textContent = trouble.join(" "); this.live.setAttribute("aria-label", [...trouble, ...words].join(" ")); }, 250);
+      this.speaking = setTimeout(() => { this.trouble.textContent = trouble.join(" "); this.heard.textContent = words.join(" "); }, 250);
     }
 
     /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */
