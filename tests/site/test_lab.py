@@ -256,6 +256,11 @@ def test_a_digital_controller_may_be_slower_than_its_filter(lab):
         ms.append(float(page.evaluate(COLUMNS)[0][3]))
     assert sorted(ms) == ms
     assert ms[-1] > 1.2 * ms[0]
+    caption = page.locator(".lab-table caption")
+    assert "curves over frequency: the controller before it is sampled" in caption.text_content()
+    page.get_by_label("digital controller").uncheck()
+    page.evaluate(NEXT_FRAME)
+    assert "sampled" not in caption.text_content()
 
 
 def test_designs_saved_as_files(lab, tmp_path):

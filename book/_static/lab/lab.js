@@ -223,6 +223,15 @@
     first: ["phase margin at the first crossover, °", (s) => s.beyond().first, true], hump: ["top of |L| beyond it", (s) => s.beyond().hump, true],
   };
 
+  const OVER_FREQUENCY = ["nyquist", "bode", "closed", "lead", "noise"];
+
+  /* Above a table: what noise is meant, and that curves over frequency know no sampling, where these are shown. */
+  function captionOf(shown, numbers, plots) {
+    const curves = shown.some((s) => s.stairs) && plots.some((key) => OVER_FREQUENCY.includes(key));
+    const words = [...(numbers.includes("sigma") ? [noiseMeant(shown)] : []), ...(curves ? ["curves over frequency: the controller before it is sampled"] : [])];
+    return words.length ? [["caption", {}, words.join("; ")]] : [];
+  }
+
   /* What is said in the place of margins. */
   const verdict = (s) => (s.unknown ? "too slow for its sample time to tell whether it is stable" : "unstable");
 
@@ -232,7 +241,7 @@
   /* What noise the σ(u) of a table are of: a filter faster than the usual sample takes a sample time of its own. */
   function noiseMeant(shown) {
     const times = shown.map((s) => digits(s.sampleTime)), same = times.every((time) => time === times[0]);
-    return ["caption", {}, `σ(u): white noise of standard deviation 1, a sample every ${same ? times[0] ?? "–" : `${times.join(", ")} (row by row)`}`];
+    return `σ(u): white noise of standard deviation 1, a sample every ${same ? times[0] ?? "–" : `${times.join(", ")} (row by row)`}`;
   }
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
@@ -526,7 +535,7 @@
         ["tr", { class: "lab-gains" }, ["td", { colspan: columns.length }, gains(s.design)]],
       ];
       plot.show(this.table, ["table", {},
-        noiseMeant(shown),
+        ...captionOf(shown, COLUMNS, Object.keys(this.plots)),
         ["thead", {}, ["tr", {}, heading("design"), ...columns.map(([name]) => heading(name))]],
         ...shown.map((s) => ["tbody", {}, ...rows(s)])]);
     }
@@ -542,7 +551,7 @@
     }
   }
 
-  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, noiseMeant, verdict, heading };
+  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, captionOf, verdict, heading };
   const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
 })();

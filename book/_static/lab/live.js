@@ -17,7 +17,7 @@
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
-  const { element, slider, digits, drawPlots, NUMBERS, noiseMeant, verdict, heading } = globalThis.pidalabLab;
+  const { element, slider, digits, drawPlots, NUMBERS, captionOf, verdict, heading } = globalThis.pidalabLab;
   const { show } = globalThis.pidalabPlot;
 
   class Live {
@@ -92,7 +92,7 @@
       for (const knob of this.knobs) knob.refresh();
       drawPlots(this.plots, this.process, shown, { ms: shown.map((s) => s.design.ms ?? (rule.knob === "ms" ? state.ms : s.ms)) });
       const keys = state.numbers ?? ["iae", "ms", "sigma"], columns = keys.map((key) => NUMBERS[key]);
-      show(this.table, ["table", {}, ...(keys.includes("sigma") ? [noiseMeant(shown)] : []),
+      show(this.table, ["table", {}, ...captionOf(shown, keys, state.plots),
         ["thead", {}, ["tr", {}, heading("loop"), ...columns.map(([name]) => heading(name))]],
         ["tbody", {}, ...shown.map((s) => ["tr", {},
           ["th", { scope: "row" }, ["span", { class: `lab-key lab-key-${s.kind}` }], ` ${s.name}`], ...this.cells(s, columns)])]]);
