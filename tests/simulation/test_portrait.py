@@ -13,7 +13,7 @@ import pytest
 
 import pidalab
 from pidalab import Loop, Process, SeriesPIDA, portrait, simulate_sampled
-from pidalab.simulation.lanes import LANES
+from pidalab.simulation.lanes import LANES, _beyond
 from pidalab.simulation.portrait import Portrait
 
 PDA = SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
@@ -119,6 +119,17 @@ def test_a_prefilter_follows_a_set_point_that_moves_late_and_ignores_a_load():
     found, record = portrait(filtered, {"kp": PDA.kp}, T, late), simulate_sampled(filtered, T, late)
     assert found.iae == pytest.approx(record.iae(), rel=1e-9)
     assert_same_bits(portrait(filtered, GRID, T, load=1.0), portrait(LOOP, GRID, T, load=1.0))
+
+
+@pytest.mark.parametrize(
+    "c", [(1.0, -1.9, 1.0), (1.0, -2.1, 1.0), (-0.2, 1.1, 0.0), (0.3, -0.2, -0.9), (0.1, -1.0, 1.9)]
+)
+def test_what_an_absolute_value_adds_to_a_parabola(c):
+    """From its roots between 0 and 1, if there are some."""
+    h, start, s = 0.1, 3.0, np.linspace(0.0, 1.0, 200_001)
+    e, when = np.polynomial.polynomial.polyval(s, c), start + h * s
+    more, weighted = (np.trapezoid(abs(f), s) - abs(np.trapezoid(f, s)) for f in (e, when * e))
+    assert _beyond(*c, h, start) == pytest.approx((more, weighted), abs=1e-8)
 
 
 def assert_same_bits(one, other):

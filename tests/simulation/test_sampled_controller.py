@@ -222,6 +222,18 @@ RESET = Loop(pidalab.ipdt(1.0, 1.0), SeriesPIDA(0.3, 0.0, 0.0, 1.0, 2.0, 1, limi
 FINITE = {"limits": (-1.0, 1.0)}
 
 
+def test_one_width_is_a_switch():
+    """The nearer limit for all of a sample, as a quantum of the whole range rounds it."""
+    loop, t = Loop(pidalab.fopdt(1.0, 5.0, 1.0), PIDA(2.0, 8.0, n=2)), 0.1 * np.arange(301)
+    switched, rounded = (
+        simulate_sampled(loop, t, 0.4, limits=(0.0, 1.0), **actuator)
+        for actuator in ({"pulse_widths": 1}, {"quanta": (0.0, 1.0)})
+    )
+    assert set(switched.u.tolist()) == {0.0, 1.0}
+    np.testing.assert_array_equal(switched.u, rounded.u)
+    np.testing.assert_allclose(switched.y, rounded.y, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("loop", "arguments", "error", "message"),
     [
