@@ -271,6 +271,15 @@ def test_ms_of_a_digital_controller_is_that_from_sample_to_sample(h, gains, mode
     assert found["ms"] == pytest.approx(true.ms, rel=1e-3)
 
 
+def test_no_peak_of_a_digital_loop_is_passed_by(model):
+    """A dead time of more than a hundred lags: a peak for each of its turns, and not the first is the highest."""
+    process = pidalab.fopdt(1.0, 0.1428, 16.845)
+    controller = pidalab.HighOrderPID([0.0016, 0.9046], 0.0675, 2)
+    true = pidalab.margins(pidalab.Loop(process, controller.discretise(0.168)))
+    found = model.sampledMargins(**asked(process, controller), sampleTime=0.168, end=40.0)
+    assert found["ms"] == pytest.approx(true.ms, rel=1e-3)
+
+
 def test_a_sample_time_can_make_a_loop_unstable(model):
     """And a longer one stable again; near the border the impulse response fades slowly."""
     process, controller = pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.5, 1.0], 0.1, 3)

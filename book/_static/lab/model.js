@@ -110,32 +110,82 @@
       span *= 2;
     }
     const length = Math.max(heard(s), heard(u));
-    const gains = (w) => { // of both at once, by Horner's scheme in 1/z
-      const c = Math.cos(w * sampleTime), d = -Math.sin(w * sampleTime);
-      let a = 0, b = 0, p = 0, q = 0;
+    const gain = (angle, which) => { // by Horner's scheme in 1/z
+      const c = Math.cos(angle), d = -Math.sin(angle), x = which ? u : s;
+      let a = 0, b = 0;
       for (let k = length - 1; k >= 0; k--) {
-        const next = a * c - b * d + s[k], other = p * c - q * d + u[k];
+        const next = a * c - b * d + x[k];
         b = a * d + b * c;
-        q = p * d + q * c;
         a = next;
-        p = other;
       }
-      return [Math.hypot(a, b), Math.hypot(p, q)];
+      return Math.hypot(a, b);
     };
-    const lowest = Math.log(Math.PI / (sampleTime * third)), highest = Math.log(Math.PI / sampleTime);
-    const between = (low, high, count) => Array.from({ length: count + 1 }, (_, k) => low + ((high - low) * k) / count);
-    const first = between(lowest, highest, 120), seen = first.map((w) => gains(Math.exp(w))), atRest = gains(0);
-    const [ms, mks] = [0, 1].map((which) => {
-      let grid = first, values = seen.map((pair) => pair[which]), best = atRest[which];
-      for (let round = 0; ; round++) { // closer each time
-        const k = values.reduce((top, value, i) => (value > values[top] ? i : top), 0);
-        best = Math.max(best, values[k]);
-        if (round === 2) return best;
-        grid = between(grid[k] - (grid[1] - grid[0]), Math.min(grid[k] + (grid[1] - grid[0]), highest), 16);
-        values = grid.map((w) => gains(Math.exp(w))[which]);
+    // four points or more for each sample of the response: between them no peak stands out by more than a twelfth
+    const count = 2 ** Math.ceil(Math.log2(4 * length)), step = (2 * Math.PI) / count;
+    const [ms, mks] = spectra(s.subarray(0, length), u.subarray(0, length), count).map((sizes, which) => {
+      const last = sizes.length - 1, tops = [];
+      for (let k = 0; k <= last; k++) {
+        const left = sizes[Math.abs(k - 1)], right = sizes[k < last ? k + 1 : last - 1], bend = 2 * sizes[k] - left - right;
+        if (sizes[k] >= left && sizes[k] >= right) tops.push([sizes[k] + (bend && (right - left) ** 2 / (8 * bend)), k]); // of the parabola through them
       }
+      tops.sort((a, b) => b[0] - a[0]);
+      return Math.max(...tops.slice(0, 3).map(([, k]) => summit((angle) => gain(angle, which), k * step, step)));
     });
     return { ...none, ms, mks, stable: true, sigma: noiseGain(u, sampleTime, Math.min(end, 4000 * sampleTime)) };
+  }
+
+  /* The largest value of a function around a place that is higher than what lies so far on either side. */
+  function summit(size, at, reach) {
+    let top = size(at);
+    for (let round = 0; round < 8; round++) {
+      reach /= 2;
+      for (const x of [at - reach, at + reach]) {
+        const value = size(x);
+        if (value > top) [top, at] = [value, x];
+      }
+    }
+    return top;
+  }
+
+  /* Sizes of the Fourier transforms of two real signals at `count` angles around the circle, a power of 2, of which the
+     upper half is given. One transform serves both, as real and imaginary part: they come apart by their symmetry. */
+  function spectra(first, second, count) {
+    const re = new Float64Array(count), im = new Float64Array(count);
+    re.set(first);
+    im.set(second);
+    transform(re, im);
+    const sizes = [new Float64Array(count / 2 + 1), new Float64Array(count / 2 + 1)];
+    for (let k = 0; k <= count / 2; k++) {
+      const j = (count - k) % count;
+      sizes[0][k] = Math.hypot(re[k] + re[j], im[k] - im[j]) / 2;
+      sizes[1][k] = Math.hypot(re[k] - re[j], im[k] + im[j]) / 2;
+    }
+    return sizes;
+  }
+
+  /* Fast Fourier transform in place, radix 2. */
+  function transform(re, im) {
+    const count = re.length;
+    const swap = (x, i, j) => { const kept = x[i]; x[i] = x[j]; x[j] = kept; };
+    for (let i = 1, j = 0; i < count; i++) { // to the order of the reversed bits
+      let bit = count >> 1;
+      for (; j & bit; bit >>= 1) j ^= bit;
+      j ^= bit;
+      if (i < j) { swap(re, i, j); swap(im, i, j); }
+    }
+    for (let size = 2; size <= count; size *= 2) {
+      const half = size / 2;
+      for (let k = 0; k < half; k++) {
+        const c = Math.cos((Math.PI * k) / half), d = -Math.sin((Math.PI * k) / half);
+        for (let i = k; i < count; i += size) {
+          const j = i + half, a = re[j] * c - im[j] * d, b = re[j] * d + im[j] * c;
+          re[j] = re[i] - a;
+          im[j] = im[i] - b;
+          re[i] += a;
+          im[i] += b;
+        }
+      }
+    }
   }
 
   /* How many samples of an impulse response are heard: the sum of all others is less than a millionth of its largest, and
