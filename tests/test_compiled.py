@@ -1,6 +1,7 @@
 """Compiled code: kept between processes, announced when it is made, and made in silence where it cannot be kept."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -46,8 +47,11 @@ def test_the_first_call_is_announced_and_later_processes_are_silent(kept):
     assert second.stderr == ""
 
 
-def test_a_change_of_a_neighbouring_file_compiles_anew(kept):
-    folder, _ = kept
+def test_a_change_of_a_neighbouring_file_compiles_anew(kept, tmp_path):
+    folder = shutil.copytree(
+        kept[0], tmp_path / "kept"
+    )  # the code of a changed file takes the place of the other
+    assert run(folder).stderr == ""
     changed = "_compiled._changed = lambda folder: (('ring.py', 1.0, 1),)"
     assert "compiling" in run(folder, changed).stderr
 
