@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import FrozenInstanceError
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,12 @@ def test_what_cannot_be_compared(arguments, message):
     convention = arguments[3] if len(arguments) > 3 else None
     with pytest.raises(LedgerError, match=message):
         Evidence.of(*arguments[:3], convention=convention)
+
+
+def test_evidence_stays_as_it_was_judged():
+    evidence = Evidence.of(1.0, "<", 2.0)
+    with pytest.raises(FrozenInstanceError):
+        evidence.right = "0"
 
 
 @pytest.mark.parametrize(

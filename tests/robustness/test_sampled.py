@@ -148,12 +148,13 @@ def test_every_margin_of_a_sampled_lag_in_closed_form(gain):
         assert math.isnan(found.wgc)
 
 
-def test_a_lag_of_the_plant_that_is_unstable_needs_a_gain():
-    """1/(s - p): stable from the gain p on, which L at zero frequency tells."""
-    p, h, gain = 0.2, 0.5, 0.7
+@pytest.mark.parametrize("gain", [0.3, 0.7])
+def test_a_lag_of_the_plant_that_is_unstable_needs_a_gain(gain):
+    """1/(s - p): stable from the gain p on, which L at zero frequency tells, to where z = -1 is a pole."""
+    p, h = 0.2, 0.5
     k = PIDA(gain, math.inf).discretise(h)
     found = margins(Loop(Process([1.0], [1.0, -p]), k))
-    assert found.gm_low == pytest.approx(p / gain)
+    assert (found.gm_low, found.gm) == pytest.approx((p / gain, p / gain / math.tanh(0.5 * p * h)))
     assert margins(Loop(Process([1.0], [1.0, -p], 0.3), k)).gm_low == pytest.approx(p / gain)
 
 

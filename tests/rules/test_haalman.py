@@ -224,3 +224,12 @@ def test_the_papers_ratio_is_an_argument():
     assert haalman.pida(THIRD, m=10).m == haalman.tune(THIRD, m=10).controller.m == 10
     default = haalman.pida(THIRD, n=20)
     assert default.ta / default.m == pytest.approx(0.905 / (20 * 3.159))
+
+
+def test_unless_told_otherwise_ms_is_that_of_the_paper():
+    for rule, model in ((haalman.pida, THIRD), (haalman.pid, SECOND)):
+        assert pidalab.margins(Loop(model, rule(model))).ms == pytest.approx(1.4)
+
+
+def test_a_filter_may_be_slower_than_its_derivative():
+    assert pidalab.margins(Loop(SECOND, haalman.pid(SECOND, n=0.5))).ms == pytest.approx(1.4)
