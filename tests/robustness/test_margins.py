@@ -1,6 +1,7 @@
 """Margins against brute force, closed forms and python-control; every margin as a bound that holds."""
 
 import math
+from dataclasses import FrozenInstanceError
 
 import control
 import numpy as np
@@ -352,3 +353,12 @@ def test_a_least_value_is_sought_within_its_bracket(gain, damping, delay, bracke
     found = _grid.factors(pidalab.Loop(process, pidalab.PIDA(0.3, 4.0, 0.5)))
     at, _ = _scan._least(_scan.COMPLEMENTARY, *bracket, *found)
     assert bracket[0] <= at <= bracket[2]
+
+
+def test_margins_stay_as_they_were_found_and_are_themselves_alone():
+    """Also those with several crossovers or none, as every result that holds arrays."""
+    one, same = (margins(LOOPS["light-integral"]) for _ in range(2))
+    with pytest.raises(FrozenInstanceError):
+        one.ms = 1.0
+    assert len({one, same}) == 2
+    assert one != same

@@ -17,7 +17,7 @@ from pidalab.robustness.sampled import margins_sampled
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Margins:
     """Margins of a loop; frequencies in rad per time unit.
 
