@@ -16,7 +16,7 @@ _MATHS = re.compile(
 _LETTER = re.compile(r"[^\W\d_][\u0300-\u036f]?")  # one letter, perhaps with a bar or hat
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class Display:
     """Something to show: a notebook takes the HTML, everything else the text.
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pidalab.vendor import VendorForms
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Design:
     """A controller with its filters, the model it was made for, and where it comes from.
 
