@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.forms import IdealGains
+from pidalab.forms import FilteredGains, IdealGains
 
 RNG = np.random.default_rng(2)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)
@@ -421,3 +421,19 @@ def test_a_factor_multiplies_the_gains_alone():
     s = np.array([0.3j, 1.0 + 1.0j])
     behind = control.tf([1.0], [0.2, 1.0])
     np.testing.assert_allclose((C * behind)(s), C(s) / (0.2 * s + 1), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "unless_told"),
+    [
+        (pidalab.PIDA, (2.0, 4.0), (0.0, 0.0, 10, 10)),
+        (pidalab.NonInteractivePIDA, (1.0, 2.0, 0.5, 0.1), (0.05, 0.025)),
+        (pidalab.SeriesPIDA, (1.0, 0.5, 0.0, 2.0, 0.1, 2), ((-math.inf, math.inf),)),
+    ],
+)
+def test_what_a_controller_is_unless_told(kind, given, unless_told):
+    assert kind(*given) == kind(*given, *unless_told)
+
+
+def test_gains_have_no_filter_unless_told():
+    assert FilteredGains("proportional", (1.0, 2.0)) == ("proportional", (1.0, 2.0), 0.0, 0)

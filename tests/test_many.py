@@ -1,6 +1,7 @@
 """Many loops at once: what each yields alone, whoever computes, and errors that name the loop."""
 
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
@@ -50,3 +51,15 @@ def test_no_loops():
 def test_many_complain(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def test_unless_told_otherwise_nothing_moves():
+    rest = pidalab.simulate_many(LOOPS[:1], T)[0]
+    assert not any(getattr(rest, name).any() for name in ("r", "d", "n", "y", "u"))
+
+
+def test_there_is_no_bar_unless_asked(capsys):
+    for many in (pidalab.margins_many, partial(pidalab.simulate_many, t=T)):
+        for asked in ({}, {"progress": True}):
+            many(LOOPS[:2], **asked)
+            assert ("2/2" in capsys.readouterr().err) == bool(asked)

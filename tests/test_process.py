@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.process import SMALLEST, binomial, latex_polynomial, quotient, require_gain
+from pidalab.process import SMALLEST, binomial, fraction_at, latex_polynomial, quotient, require_gain
 
 RNG = np.random.default_rng(1)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(
@@ -294,3 +294,8 @@ def test_a_dead_time_has_an_inverse():
     assert pidalab.ipdt(1.0, SMALLEST).delay == SMALLEST
     with pytest.raises(ValueError, match="delay must be 0, or at least"):
         pidalab.ipdt(1.0, 0.99 * SMALLEST)
+
+
+def test_a_fraction_has_no_dead_time_unless_told():
+    num, den = np.array([2.0, -3.0]), np.array([1.0, 4.0, 5.0])
+    np.testing.assert_array_equal(quotient(*fraction_at(num, den, POINTS)), pidalab.Process(num, den)(POINTS))

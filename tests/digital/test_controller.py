@@ -20,6 +20,7 @@ from pidalab import (
     simulate,
     simulate_sampled,
 )
+from pidalab.digital.controller import DigitalController
 from pidalab.digital.stepping import INTEGRAL, advance
 
 OPEN = Process([0.0], [1.0])  # a loop in which the controller sees the set point alone
@@ -214,6 +215,9 @@ def test_it_does_not_change():
     k = CASES["pi"]
     with pytest.raises(dataclasses.FrozenInstanceError):
         k.bias = 3.0
+    assert "_states" not in repr(k)
+    with pytest.raises(TypeError, match="positional"):  # its fields have names
+        DigitalController(0.1)
     again = pickle.loads(pickle.dumps(k))
     assert again == k
     k.step(1.0, 0.0)

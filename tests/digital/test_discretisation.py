@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 import pidalab
 from pidalab import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
-from pidalab.digital.discretisation import _reset_growth, _taken_back
+from pidalab.digital.discretisation import _reset_growth, _taken_back, discretise
 from pidalab.rules.haalman import OutputFilter
 
 CONTROLLERS = {
@@ -330,3 +330,10 @@ def test_a_transfer_function_has_the_poles_of_its_lags_and_of_the_integral(name)
     lags = [1 - new - old for path in k.paths for new, old in zip(path.new, path.old, strict=True)]
     expected = np.poly(lags + [1.0] * k.integrates)
     np.testing.assert_allclose(k.transfer_function().den[0][0], expected, rtol=1e-9, atol=1e-12)
+
+
+def test_what_is_not_said_changes_nothing():
+    parts = CONTROLLERS["pida"].parts()
+    weights, units = {"b": 1.0, "c": 1.0}, {"y_span": 1.0, "u_span": 1.0}
+    nothing = dict.fromkeys(("deadband", "bias", "y_offset"), 0.0) | {"limits": (-math.inf, math.inf)}
+    assert discretise(parts, H) == discretise(parts, H, "backward", **weights, **units, **nothing)

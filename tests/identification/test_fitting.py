@@ -51,7 +51,7 @@ def test_historians_record_of_an_unknown_plant():
     assert fitted.deviation < 1.2 * fitted.noise
     w = 0.05
     assert abs(fitted.process(1j * w) / TRUE(1j * w) - 1) < 0.05
-    assert "simplest" in fitted.reason
+    assert f"{fitted.model} is the simplest within 3 % of the least residual" in fitted.reason
     assert "lag" in str(fitted)
 
 
@@ -147,6 +147,16 @@ def test_plants_drawn_around_an_integrator_without_dead_time_have_a_lag_within_a
     fitted = fit(Record(t, np.where(t < 10.0, 0.0, 1.0), y), "ipdt")
     assert fitted.process.delay == 0.0
     assert {len(plant.den) - 1 for plant in fitted.spread(9)} == {1, 2}
+
+
+def test_plants_are_drawn_around_the_model_and_a_hidden_lag_in_turn():
+    """Noise that hides no more than one of the lags that are tried: the shortest."""
+    t = np.arange(0.0, 80.0, 0.5)
+    y = -2.0 * np.expm1(-np.maximum(t - 14.0, 0.0) / 8.0) + np.random.default_rng(1).normal(
+        0.0, 0.004, t.size
+    )
+    fitted = fit(Record(t, np.where(t < 10.0, 0.0, 1.0), y), "fopdt")
+    assert [len(plant.den) - 1 for plant in fitted.spread(6)] == [1, 2, 1, 2, 1, 2]
 
 
 def test_unequal_lags_that_pass_for_equal_ones_are_among_the_plants():
@@ -317,3 +327,8 @@ def test_lags_that_a_record_hides_are_the_longest_and_a_middle_one():
         den = shape.process(*values[:1], values[1:-1].tolist(), values[-1]).den
         assert np.min(np.abs(np.polyval(den, -1 / further))) == pytest.approx(0.0, abs=1e-9)
         assert len(values) == 3
+
+
+def test_twenty_plants_of_the_same_seed_unless_told():
+    found = fit(historian(0), "fopdt")
+    assert found.spread() == found.spread(20, 0) != found.spread(20, 1)

@@ -1,11 +1,12 @@
 """What can be wrong with a row, and the file that holds the rows."""
 
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, fields, replace
 
 import pytest
 from demo_ledger import KP, ROWS, S1
 
-from pidalab.ledger import LedgerError, load_all, read_rows, write_rows
+from pidalab.ledger import CONVENTIONS, Entry, LedgerError, Row, load_all, read_rows, write_rows
+from pidalab.ledger.display import Cell, Display
 
 REASON = "a reason of five words"
 
@@ -134,3 +135,14 @@ def test_file_round_trip(tmp_path):
     write_rows(path, read_rows(path))
     assert path.read_bytes() == once
     assert b"\r" not in once
+
+
+@pytest.mark.parametrize(
+    "one",
+    [Row(*["demo"] * 6), Entry(1.0), CONVENTIONS["much"], Cell("a", "b"), Display("a", "b")],
+    ids=lambda one: type(one).__name__,
+)
+def test_what_a_ledger_is_made_of_does_not_change(one):
+    for part in fields(one):
+        with pytest.raises(FrozenInstanceError):
+            setattr(one, part.name, getattr(one, part.name))

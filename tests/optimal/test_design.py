@@ -532,3 +532,9 @@ def test_the_ladder_of_filter_times_begins_above_the_sample(h, fastest, top, bot
     assert np.all(np.diff(one.w) >= 0)
     turns = np.arange(3.0, 40.0, 0.7) / 2.0
     assert all(np.any(np.isclose(one.w, w)) for w in turns[turns < one.w[-1]])
+
+
+def test_what_integral_action_makes_of_a_gain_is_no_limit():
+    """Integral action inverts the static gain of the plant, here 2."""
+    with pytest.raises(ValueError, match=r"mks must be above 1/\|P\(0\)\| = 0\.5, which .* found 0\.5"):
+        pidalab.optimal.load(pidalab.Process([2.0], [1.0, 2.0, 1.0]), 1, mks=0.5)

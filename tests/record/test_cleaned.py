@@ -376,3 +376,11 @@ def test_records_are_told_apart_by_what_they_are():
     assert len({record, other}) == 2
     with pytest.raises(AttributeError):
         record.rest = 3.0
+
+
+def test_the_first_columns_of_a_file_are_time_input_and_output(tmp_path):
+    t, u, y = step_record()
+    path = tmp_path / "record.csv"
+    np.savetxt(path, np.column_stack([t, u, y, -y]), delimiter=",")
+    read = Record.read_csv(path)
+    np.testing.assert_allclose([read.t, read.u, read.y], [t, u, y])

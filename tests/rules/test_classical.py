@@ -229,3 +229,8 @@ def test_half_rule_takes_poles_that_hardly_oscillate_for_real():
     """Imaginary parts of 4 %, as rounding makes them of a multiple lag."""
     found = classical.simc(pidalab.Process([1.0], [1.0, 2 * 0.9992, 1.0], 1.0), "PI")
     assert (found.lags[0], found.delay) == pytest.approx((1.5, 1.5), rel=1e-2)
+
+
+def test_the_filter_of_a_derivative_is_ten_times_faster_unless_told():
+    design = classical.ziegler_nichols_ultimate(pidalab.lags(3))
+    assert design.controller == classical.ziegler_nichols_ultimate(pidalab.lags(3), "PID", 10).controller

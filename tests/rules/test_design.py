@@ -55,6 +55,10 @@ def test_info_can_be_read_as_attributes_and_nothing_changes(design):
         _ = design.nonsense
 
 
+def test_a_design_is_itself_alone(design):
+    assert len({design, copy.copy(design)}) == 2
+
+
 def test_a_design_travels(design):
     for other in (pickle.loads(pickle.dumps(design)), copy.copy(design), copy.deepcopy(design)):
         assert (other.controller, other.info, other.source) == (design.controller, design.info, design.source)

@@ -121,6 +121,15 @@ def test_chain_of_lags_is_an_incomplete_gamma_function(order):
     assert r.u.tolist() == [1.0] * t.size
 
 
+def test_a_slow_lag_sampled_at_its_dead_times():
+    """Each dead time the control signal comes back through the lag once more; fed back positively, nothing cancels."""
+    lag, gain, t = 1e3, 2e4, np.arange(25.0)
+    k = np.arange(1, t.size)[:, None]
+    expected = np.sum(gain**k * gammainc(k, np.maximum(t - k, 0.0) / lag), axis=0)
+    found = simulate(Loop(pidalab.fopdt(1.0, lag, 1.0), -gain), t, setpoint=1.0)
+    np.testing.assert_allclose(-found.y, expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize("scale", [1e-9, 1e-6, 1.0, 1e3, 1e6, 1e8])
 def test_time_unit_does_not_matter(scale):
     t = np.linspace(0.0, 20.0, 201)
@@ -378,3 +387,10 @@ def test_a_derivative_filter_far_faster_than_the_plant_keeps_the_digits():
     r = simulate(Loop(pidalab.lags(1), PIDA(kp, ti, td, n=2e10)), t, load=1.0)
     np.testing.assert_allclose(r.y, y, atol=1e-9)
     np.testing.assert_allclose(r.u[1:], -kp * (y + area / ti + td * slope)[1:], atol=1e-9)
+
+
+def test_a_loop_that_remembers_too_many_dead_times_is_refused():
+    """|L| = 0.999 at infinite frequency: three states and 1333 dead times fill the stack of 4000."""
+    loop = Loop(Process([1.0, 2.0], [1.0, 1.0], 1.0), 0.999)
+    with pytest.raises(ValueError, match="can be followed over 1333 dead times and not over 2000; shorten t"):
+        simulate(loop, np.arange(2001.0), setpoint=1.0)

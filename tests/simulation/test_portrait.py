@@ -13,6 +13,7 @@ import pytest
 
 import pidalab
 from pidalab import Loop, Process, SeriesPIDA, portrait, simulate_sampled
+from pidalab.simulation.kept import Kept
 from pidalab.simulation.lanes import LANES, _beyond
 from pidalab.simulation.portrait import Portrait
 
@@ -481,3 +482,11 @@ def test_sets_that_differ_in_the_prefilter_alone():
     for value, lag in zip(found.iae, lags, strict=True):
         single = portrait(LOOP, {"kp": 0.1}, T, setpoint=1.0, prefilter=([1.0], [lag, 1.0]))
         assert value == pytest.approx(float(single.iae), rel=1e-12)
+
+
+def test_a_portrait_is_written_at_once_only_if_asked(tmp_path):
+    kept, done = Kept(tmp_path / "p.npz"), np.zeros(3)
+    kept.save(done, 0)
+    assert not kept.path.exists()
+    kept.save(done, 0, now=True)
+    assert kept.path.exists()

@@ -323,3 +323,9 @@ def test_simulate_sampled_complains(arguments, error, message):
 def test_asymmetric_plant_complains(changes, error, message):
     with pytest.raises(error, match=message):
         AsymmetricPlant(**({"main": control.tf([1.0], [1.0, 1.0]), "rise": 1.0, "fall": 2.0} | changes))
+
+
+def test_a_plant_is_what_its_numbers_are_and_straight_and_prompt_unless_told():
+    main = control.tf([1.0], [2.0, 1.0])
+    plant = AsymmetricPlant(main, 1.0, 2.0)
+    assert plant in {AsymmetricPlant(main, 1.0, 2.0, 0.0, 0.0)}
