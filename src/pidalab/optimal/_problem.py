@@ -116,27 +116,15 @@ class Problem:
     def _error(self, s: Any) -> Any:
         """Return the function that gives the transform of the error at s, and its slopes summed with weights."""
         plant, actions = self.process(s), self._actions(s)
-        disturbed = plant / s
+        of_step = (self._of_load if self.test == "load" else self._of_setpoint)(s, plant)
 
         def transform(x: Array) -> tuple[Array, Any]:
             whole, lag = self._filter(x, s)
             controller = (x[: self.gains] @ actions) * whole
-            sensitivity = 1 / (1 + plant * controller)
-            if self.test == "load":  # the error is -y
-                e = disturbed * sensitivity
-            else:
-                weight, time = self.prefilter(x)
-                under = 1 / (1 + time * s)
-                closed = plant * controller * sensitivity
-                front = (weight * time * s + 1) * under
-                e = (1 - closed * front) / s
+            e, by_all = of_step(x, controller, 1 / (1 + plant * controller))
 
             def slopes(weights: Array) -> Array:
-                if self.test == "load":
-                    by_controller, by_prefilter = -plant * sensitivity * e, []
-                else:
-                    by_controller = -disturbed * sensitivity**2 * front
-                    by_prefilter = [-closed * time * under, -closed * (weight - 1) * time * under**2]
+                by_controller, by_prefilter = by_all()
                 weighted = by_controller * weights
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
                 sums = actions @ (weighted * whole), [by_time], [one @ weights for one in by_prefilter]
@@ -145,6 +133,34 @@ class Problem:
             return e, slopes
 
         return transform
+
+    def _of_load(self, s: Any, plant: Any) -> Any:
+        """Error after a step of the load, -y, and its slopes by the controller and by no prefilter."""
+        disturbed = plant / s
+
+        def error(x: Array, controller: Array, sensitivity: Array) -> tuple[Array, Any]:
+            e = disturbed * sensitivity
+            return e, lambda: (-plant * sensitivity * e, [])
+
+        return error
+
+    def _of_setpoint(self, s: Any, plant: Any) -> Any:
+        """Error after a step of the set point, and its slopes by controller, weight and lag of the prefilter."""
+        disturbed = plant / s
+
+        def error(x: Array, controller: Array, sensitivity: Array) -> tuple[Array, Any]:
+            weight, time = self.prefilter(x)
+            under = 1 / (1 + time * s)
+            closed = plant * controller * sensitivity
+            front = (weight * time * s + 1) * under
+
+            def by_all() -> tuple[Array, list[Array]]:
+                by_prefilter = [-closed * time * under, -closed * (weight - 1) * time * under**2]
+                return -disturbed * sensitivity**2 * front, by_prefilter
+
+            return (1 - closed * front) / s, by_all
+
+        return error
 
     def _ie(self, x: Array) -> tuple[float, Array]:
         """Integral of the error, and its slopes."""
