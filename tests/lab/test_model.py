@@ -260,6 +260,22 @@ def test_a_dead_time_alone_and_a_controller_without_filter_have_all_numbers(den,
     )
 
 
+def test_a_plant_that_answers_within_the_sample_has_all_but_the_effort_for_noise(model):
+    model.context.eval(SHOWN)
+    design = {"kind": "PID", "kp": 0.5, "ti": 1.0, "td": 0.1, "ta": 0, "filterTime": 0.01, "filterOrder": 2}
+    loop = pidalab.Loop(
+        pidalab.Process([0.5, 1.0], [1.0, 1.0]), pidalab.HighOrderPID([0.5, 0.5, 0.05], 0.01, 2)
+    )
+    found = model.shown(process={"num": [0.5, 1.0], "den": [1.0, 1.0], "delay": 0.0}, design=design, end=40.0)
+    assert np.isnan(found["sigma"])
+    with pytest.raises(ValueError, match="answers within the sample"):
+        pidalab.noise_gain(loop, 0.01)
+    assert found["ms"] == pytest.approx(pidalab.margins(loop).ms, rel=1e-5)
+    assert found["iae"] == pytest.approx(
+        pidalab.load_response(loop, np.linspace(0, 40, 4001)).iae(), rel=0.01
+    )
+
+
 @pytest.mark.parametrize("h", [0.03, 0.2, 1.0])
 @pytest.mark.parametrize("gains", [[0.25, 0.5], [0.3, 0.8, 0.7, 0.2]], ids=["PI", "PIDA"])
 def test_ms_of_a_digital_controller_is_that_from_sample_to_sample(h, gains, model):

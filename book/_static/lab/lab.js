@@ -241,7 +241,8 @@
   /* What noise the σ(u) of a table are of: a filter faster than the usual sample takes a sample time of its own. */
   function noiseMeant(shown) {
     const times = shown.map((s) => digits(s.sampleTime)), same = times.every((time) => time === times[0]);
-    return `σ(u): white noise of standard deviation 1, a sample every ${same ? times[0] ?? "–" : `${times.join(", ")} (row by row)`}`;
+    const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? "; – where the plant answers within a sample" : "";
+    return `σ(u): white noise of standard deviation 1, a sample every ${same ? times[0] ?? "–" : `${times.join(", ")} (row by row)`}${none}`;
   }
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table

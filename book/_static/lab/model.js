@@ -225,6 +225,12 @@
 
   const REMEMBERED = 20;
 
+  /* Whether a plant answers within the sample, by a direct path without dead time: noise that is held has no effort then. */
+  function atOnce({ num, den, delay }) {
+    const degree = (values) => values.length - values.findIndex(Boolean);
+    return !delay && degree(num) === degree(den);
+  }
+
   /* What a loop is, whatever steps, limits and noise it meets: margins, curves, the effort for noise. */
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
     const process = { num, den, delay }, own = controller(design), curve = frequencyResponse({ process, controller: own });
@@ -233,7 +239,7 @@
     let beyond;
     return {
       ...found, beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h,
-      sigma: !found.stable ? NaN : found.sigma ?? noiseGain(impulses(process, own, h, Math.min(end, 4000 * h), "held").u, h, end),
+      sigma: !found.stable || atOnce(process) ? NaN : found.sigma ?? noiseGain(impulses(process, own, h, Math.min(end, 4000 * h), "held").u, h, end),
     };
   });
 
