@@ -266,6 +266,13 @@ BAD = [
         "needs a filter of order 1",
     ),
     ({"controller": {"gains": [1.0, 1.0], "limits": [1.0, 0.0]}}, "controller.limits must be"),
+    (
+        {
+            "setpoint": 1.0,
+            "controller": {"gains": [1.0, 1.0], "filterTime": 1e-5, "filterOrder": 1, "limits": [-0.5, 0.5]},
+        },
+        "between limits a filter of 0.00001 takes 4000000 steps to 10; take a longer one",
+    ),
     ({"points": 1}, "points must be a finite number of at least 2"),
     ({"end": 0.0}, "end must be above 0"),
 ]

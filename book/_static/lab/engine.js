@@ -813,7 +813,7 @@
     for (let i = 0; i < n; i++) x[i] = next[i];
   }
 
-  const WAYS = ["none", "clamping", "conditioning", "reset"], METHODS = ["held", "backward"];
+  const WAYS = ["none", "clamping", "conditioning", "reset"], METHODS = ["held", "backward"], MOST_SAMPLES = 2e6;
 
   /* What the integral of a sampled controller does: it grows by `error` times the error and by `signal` times what the
      rest of the controller makes of it, and takes back `tracking` times what a limit cut off. */
@@ -846,7 +846,7 @@
     const backward = method === "backward";
     if (!backward && loop.order && loop.time < h * (1 - 1e-9)) fail(`the filter (${loop.time}) is faster than the sample time ${h}: sample faster or filter longer`);
     const count = Math.round(end / h) + 1;
-    if (count > 2e6) fail(`sampleTime ${h} makes ${count} samples; take a longer one`);
+    if (count > MOST_SAMPLES) fail(`sampleTime ${h} makes ${count} samples; take a longer one`);
     const [low, high] = loop.limits ?? [-Infinity, Infinity];
     const { np, dy, out, steps } = prepared(asked).held(h), rule = integralOf(loop, way, h, backward, asked.trackingTime);
     const block = controllerBlock(rule.block), inside = backward ? null : drift(block.A, block.b, h), newest = h / (loop.time + h);
@@ -880,7 +880,8 @@
   function limited(asked, loop, times) {
     const end = asked.end, finest = loop.order ? loop.time / 4 : Infinity;
     const share = Math.ceil(Math.max(end / finest, 4000) / (times.length - 1));
-    const sampleTime = end / (share * (times.length - 1));
+    const steps = share * (times.length - 1), sampleTime = end / steps;
+    if (steps >= MOST_SAMPLES) fail(`between limits a filter of ${loop.time} takes ${steps} steps to ${end}; take a longer one`);
     const run = simulateSampled({ antiWindup: "clamping", ...asked, sampleTime });
     const places = kicks(loop), close = [];
     for (let k = 0; k < run.t.length; k++) {
