@@ -337,3 +337,11 @@ def test_what_is_not_said_changes_nothing():
     weights, units = {"b": 1.0, "c": 1.0}, {"y_span": 1.0, "u_span": 1.0}
     nothing = dict.fromkeys(("deadband", "bias", "y_offset"), 0.0) | {"limits": (-math.inf, math.inf)}
     assert discretise(parts, H) == discretise(parts, H, "backward", **weights, **units, **nothing)
+
+
+def test_paths_have_a_number_only_where_two_have_one_name():
+    """Behind a filter the integral has a path of its own once the weights differ."""
+    behind = OutputFilter(0.3, 1, math.nan)
+    for b, names in ((1.0, ["proportional"]), (0.5, ["proportional_0", "proportional_1"])):
+        k = PIDA(1.3, 3.3, 0.9).discretise(H, output_filter=behind, b=b)
+        assert [path.name for path in k.paths] == [*names, "derivative"]

@@ -14,6 +14,7 @@ from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND, behind_lag,
     [
         (FIRST, [3.0], pidalab.fopdt(1.0, 3.0, 0.0)),
         (SECOND, [2.0, 0.3], pidalab.sopdt(1.0, 2.0, 0.3, 0.0)),
+        (SECOND, [2.0, 1.25], pidalab.sopdt(1.0, 2.0, 1.25, 0.0)),
         (SECOND, [2.0, 1.7], pidalab.sopdt(1.0, 2.0, 1.7, 0.0)),
         (SECOND, [2.0, 1.0], pidalab.lags(2, 2.0)),
         (equal_lags(5), [0.7], pidalab.lags(5, 0.7)),

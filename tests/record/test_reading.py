@@ -91,7 +91,14 @@ def test_an_error_names_the_row_and_words_for_missing_values_are_known(tmp_path)
         Record.read_csv(write(tmp_path, "\n".join(lines)), u="valve")
 
 
-@pytest.mark.parametrize(("text", "said"), [("\n\n", "is empty"), ("a,b\nc,d\n", "has no row of numbers")])
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("\n\n", "is empty"),
+        ("a,b\nc,d\n", "has no row of numbers"),
+        ("time,state\n1,on\n2,off\n", "has no row of numbers"),
+    ],
+)
 def test_a_file_without_a_record_is_named(text, said, tmp_path):
     path = write(tmp_path, text)
     with pytest.raises(ValueError, match=f"{path.name} {said}"):
