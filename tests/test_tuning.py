@@ -8,6 +8,7 @@ import pytest
 import pidalab
 from pidalab import Record, fopdt, ipdt, lags, sopdt, tune
 from pidalab.identification import fit
+from pidalab.rules._by_name import RULES
 
 THIRD = lags(3, delay=1.0)
 
@@ -65,24 +66,36 @@ def test_a_fit_brings_its_uncertainty_and_its_noise():
     assert any("noise_gain" in doubt for doubt in design.doubts)
 
 
-@pytest.mark.parametrize(
-    ("rule", "kind", "model"),
-    [
-        ("haalman", "PIDA", THIRD),
-        ("simc", "PID", THIRD),
-        ("amigo", "PI", fopdt(1.0, 2.0, 1.0)),
-        ("lambda", "PID", fopdt(1.0, 2.0, 1.0)),
-        ("ziegler-nichols", "PI", THIRD),
-        ("itae", "PIDA", sopdt(1.0, 1.0, 0.8, 0.6)),
-        ("direct", "PIDA", sopdt(1.0, 1.0, 0.8, 0.6)),
-        ("magnitude optimum", "PIDA", THIRD),
-        ("mrdp", "PID", ipdt(1.0, 1.0)),
-    ],
-)
+BY_NAME = [
+    ("haalman", "PIDA", THIRD),
+    ("simc", "PID", THIRD),
+    ("amigo", "PI", fopdt(1.0, 2.0, 1.0)),
+    ("lambda", "PID", fopdt(1.0, 2.0, 1.0)),
+    ("ziegler-nichols", "PI", THIRD),
+    ("itae", "PIDA", sopdt(1.0, 1.0, 0.8, 0.6)),
+    ("direct", "PIDA", sopdt(1.0, 1.0, 0.8, 0.6)),
+    ("magnitude optimum", "PIDA", THIRD),
+    ("mrdp", "PID", ipdt(1.0, 1.0)),
+]
+
+
+@pytest.mark.parametrize(("rule", "kind", "model"), BY_NAME)
 def test_every_rule_by_name(rule, kind, model):
     design = tune(model, kind, rule=rule)
     assert math.isfinite(design.iae)
     assert design.source
+
+
+@pytest.mark.parametrize(("rule", "kind", "model"), BY_NAME)
+@pytest.mark.parametrize("unit", [0.125, 8.0])
+def test_a_rule_by_name_knows_no_unit_of_time(rule, kind, model, unit):
+    powers = unit ** np.arange(len(model.den))[::-1]
+    one, other = (
+        RULES[rule](model, kind, 1.4),
+        RULES[rule](pidalab.Process(model.num, powers * model.den, unit * model.delay), kind, 1.4),
+    )
+    s = np.array([0.1j, 1j, 0.5 + 1j])
+    np.testing.assert_allclose(other.controller(s / unit), one.controller(s), rtol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -500,6 +500,7 @@ def test_time_of_rise_in_closed_form():
     # the last tenth is five samples: their mean is what is risen to
     assert _rise_time(t, np.append(np.arange(45.0), [60, 70, 50, 40, 30])) == pytest.approx(0.5 * (45 - 4))
     assert _rise_time(t[:2], np.array([0.0, 1.0])) == pytest.approx(0.5)
+    assert _rise_time(t[:9], np.arange(9.0)) == pytest.approx(0.5 * 8)  # the last of nine
 
 
 def test_noise_of_a_record_misleads_from_a_hundredth_of_the_change_on():

@@ -483,6 +483,13 @@ def test_integrators_and_signs_of_a_process():
         _sign(pidalab.Process([1.0, 0.0], [1.0, 1.0, 1.0]))
 
 
+def test_of_starts_that_keep_the_limits_the_quickest_is_the_first():
+    one = Search(Problem(THIRD, 1, (1.0, 1.0), "load"), Limits(1.6, 5.0, None, None))
+    integral = [x[0] for x in stabilising(one) if one.missed(x) == 0]
+    assert max(integral) > min(integral)
+    assert integral == sorted(integral, reverse=True)
+
+
 @pytest.mark.parametrize(("ms", "kept"), [(2.0, True), (1.4, False)])
 def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     process = pidalab.Process([1.0], [1.0, -1.0], 0.3)

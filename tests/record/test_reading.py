@@ -51,6 +51,7 @@ def rows(mark=",", number=str, stamp=str, count=40):
         ),
         ("t,valve,level\ns,%,mm\n" + rows(), {"time": "t", "u": "valve", "y": "level"}),
         ("rate,1\ntime,u,y\n" + rows(), {}),
+        ("t,u,y,u\n" + rows().replace("\n", ",1\n") + ",1", {"u": "u"}),  # the first of two
     ],
 )
 def test_files_as_historians_write_them(text, columns, tmp_path):

@@ -148,6 +148,12 @@ def test_every_margin_of_a_sampled_lag_in_closed_form(gain):
         assert math.isnan(found.wgc)
 
 
+def test_a_plant_a_million_times_slower_than_the_sample():
+    """As the continuous loop: 2/(T s + 1) has the size 1 at sqrt(3)/T."""
+    found = margins(Loop(fopdt(1.0, 1e6, 0.0), PIDA(2.0, math.inf).discretise(1.0)))
+    assert (1e6 * found.wgc, found.pm) == pytest.approx((math.sqrt(3), 120.0), rel=1e-5)
+
+
 @pytest.mark.parametrize("gain", [0.3, 0.7])
 def test_a_lag_of_the_plant_that_is_unstable_needs_a_gain(gain):
     """1/(s - p): stable from the gain p on, which L at zero frequency tells, to where z = -1 is a pole."""

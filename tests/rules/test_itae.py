@@ -9,6 +9,7 @@ import pytest
 import pidalab
 from pidalab.reduction import to_fopdt, to_sopdt
 from pidalab.rules import itae
+from pidalab.rules._models import integrator
 
 EXAMPLES = {  # heo2023, (17) to (19)
     1: pidalab.lags(3, delay=0.2),
@@ -406,3 +407,10 @@ def test_factors_that_lead_out_of_the_tables(rule, r, gain):
         ValueError, match=r"f_d = .* takes the changed model to r = .*, where the table does not hold"
     ):
         rule(pidalab.sopdt(gain, 1.0, 1.0, 1.0), factors=lambda m: (f_d, 0.6))
+
+
+def test_an_integrator_with_dead_time_and_no_other_model():
+    assert integrator(pidalab.Process([1.0], [2.0, 0.0], 3.0)) == (0.5, 3.0)
+    for num, den in (([1.0], [2.0]), ([1.0], [2.0, 1.0]), ([1.0, 1.0], [2.0, 0.0]), ([1.0], [1.0, 2.0, 0.0])):
+        with pytest.raises(ValueError, match="model must be an integrator with dead time"):
+            integrator(pidalab.Process(num, den, 3.0))

@@ -13,6 +13,7 @@ import pidalab
 from pidalab import PIDA, Loop, Process, simulate
 from pidalab.loop import open_loop
 from pidalab.simulation.chains import fractions, without_slow
+from pidalab.simulation.realisation import cut_at_delay
 
 LOOPS = {
     "paper": Loop(pidalab.lags(4), PIDA(1.31, 3.37, 0.938, 0.269), control.tf([1.0], [0.0164, 0.256, 1.0])),
@@ -394,3 +395,11 @@ def test_a_loop_that_remembers_too_many_dead_times_is_refused():
     loop = Loop(Process([1.0, 2.0], [1.0, 1.0], 1.0), 0.999)
     with pytest.raises(ValueError, match="can be followed over 1333 dead times and not over 2000; shorten t"):
         simulate(loop, np.arange(2001.0), setpoint=1.0)
+
+
+def test_poles_of_other_speeds_have_states_of_their_own():
+    """Lags of the plant that lie far apart, and the integral of its output: none drives another."""
+    for lags in ([1.0, 1e-3], [1e3, 1.0, 1e-3], [1e6, 1e3, 1.0, 1e-3]):
+        process = Process([1.0], np.poly(-1 / np.array(lags)), 1.0)
+        A = cut_at_delay(Loop(process, 0.0), "d").A
+        assert np.count_nonzero(A) == np.count_nonzero(np.diag(A)) == len(lags)

@@ -329,3 +329,10 @@ def test_a_plant_is_what_its_numbers_are_and_straight_and_prompt_unless_told():
     main = control.tf([1.0], [2.0, 1.0])
     plant = AsymmetricPlant(main, 1.0, 2.0)
     assert plant in {AsymmetricPlant(main, 1.0, 2.0, 0.0, 0.0)}
+
+
+def test_a_denominator_that_two_paths_share_counts_once():
+    plant = AsymmetricPlant(control.tf([1.0], [2.0, 1.0]), 1.0, 3.0, control.tf([0.5], [2.0, 1.0]))
+    for found, time in ((plant.rising, 1.0), (plant.falling, 3.0)):
+        assert found.den.size == 3
+        assert found(1j) == pytest.approx((1 / (1 + 1j * time) + 0.5) / (1 + 2j))
