@@ -227,7 +227,11 @@ def test_the_papers_ratio_is_an_argument():
 
 
 def test_unless_told_otherwise_ms_is_that_of_the_paper():
-    for rule, model in ((haalman.pida, THIRD), (haalman.pid, SECOND)):
+    for rule, model in (
+        (haalman.pida, THIRD),
+        (haalman.pid, SECOND),
+        (haalman.pi, pidalab.fopdt(1.0, 2.0, 1.0)),
+    ):
         assert pidalab.margins(Loop(model, rule(model))).ms == pytest.approx(1.4)
 
 

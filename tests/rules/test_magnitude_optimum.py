@@ -450,3 +450,16 @@ def test_filter_times_that_run_away_are_refused(gain, way):
     settled = mo.tune_for_noise(G1, 1, 2, 1e12, TS)
     assert mo.tune_for_noise(G1, 1, 2, 1e12, TS, updates=60).filter_time == pytest.approx(settled.filter_time)
     assert mo.tune_for_noise(G1, 1, 2, gain, TS, updates=2).filter_time > 0
+
+
+def test_orders_up_to_four_and_six_are_compared_unless_told(monkeypatch):
+    asked = []
+
+    def no_design(process, m, n, *_):
+        asked.append((m, n))
+        raise ValueError("none")
+
+    monkeypatch.setattr("pidalab.rules.magnitude_optimum.orders.tune_for_exact_noise", no_design)
+    with pytest.raises(ValueError, match="no orders up to largest_m and largest_n"):
+        mo.rank_orders(G1, 10.0, TS)
+    assert asked == [(m, n) for m in range(5) for n in range(max(m, 1), 7)]
