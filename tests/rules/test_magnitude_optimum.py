@@ -154,6 +154,14 @@ def test_time_unit_and_gain():
     assert slow.ie == pytest.approx(60.0 * fast.ie)
 
 
+@pytest.mark.parametrize(("gain", "unit"), [(1e60, 1e40), (1e-60, 1e-60)])
+def test_units_far_from_one(gain, unit):
+    """The solution is exact; whether rounding decides it was asked in numbers that left the range."""
+    plain = mo.tune(pidalab.fopdt(1.0, 1.0, 1.0), 2, 3, 0.1).gains
+    found = mo.tune(pidalab.fopdt(gain, unit, unit), 2, 3, 0.1 * unit).gains
+    assert [k * gain * unit ** (1 - i) for i, k in enumerate(found)] == pytest.approx(plain, rel=1e-12)
+
+
 def test_integral_of_the_error():
     """Eq. (37), against the exact response to a step of the set point."""
     design = mo.tune(G2, 2, 3, 0.1)

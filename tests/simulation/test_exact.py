@@ -140,6 +140,31 @@ def test_time_unit_does_not_matter(scale):
     assert r.iae() == pytest.approx(scale * reference.iae(), rel=1e-9)
 
 
+@pytest.mark.parametrize("delay", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("gain", "unit"),
+    [(1e30, 1.0), (1e-120, 1.0), (1e120, 1.0), (1.0, 1e66), (1e60, 1e40), (1e66, 1e-66), (1e-70, 1e70)],
+)
+def test_units_of_gain_and_time_do_not_matter(gain, unit, delay):
+    """A large gain made the running integral so large that the response took hours."""
+    at, t = (-1.0, 0.0, 1.0, 2.0), np.linspace(0.0, 30.0, 31)
+    answers = [
+        simulate(
+            Loop(Process([k], [u, 1.0], u * delay), pidalab.HighOrderPID(gains, 0.3 * u, 3)), u * t, load=1.0
+        )
+        for k, u in ((1.0, 1.0), (gain, unit))
+        for gains in [[g * u**power / k for g, power in zip((0.2, 0.4, 0.1, 0.02), at, strict=True)]]
+    ]
+    np.testing.assert_allclose(answers[1].y / gain, answers[0].y, atol=1e-12)
+
+
+@pytest.mark.parametrize(("gain", "unit"), [(1e80, 1e-80), (1e190, 1.0), (1e-190, 1.0), (1.0, 1e-90)])
+def test_units_that_take_digits_are_refused(gain, unit):
+    controller = pidalab.HighOrderPID([0.2 / gain / unit, 0.4 / gain, 0.1 * unit / gain], 0.3 * unit, 3)
+    with pytest.raises(ValueError, match="lie too far apart: they leave the range of numbers"):
+        simulate(Loop(Process([gain], [unit, 1.0], unit), controller), unit * np.arange(10.0), load=1.0)
+
+
 @pytest.mark.parametrize("name", LOOPS)
 @pytest.mark.parametrize("step", [0.317, 1.9])
 def test_coarse_grid_is_the_fine_grid_decimated(name, step):

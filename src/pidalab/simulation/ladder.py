@@ -72,6 +72,13 @@ def _balanced(A, b, c):
                 if factor != 1.0:
                     scale[i] *= factor
                     settled = False
+            elif (
+                row > 1.0 and row < 1e300
+            ):  # nothing reads this state, as the running integral: it may be small
+                factor = 2.0 ** np.rint(np.log2(row))
+                if factor != 1.0:
+                    scale[i] *= factor
+                    settled = False
         if settled:
             break
     return scale

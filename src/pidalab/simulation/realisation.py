@@ -23,6 +23,10 @@ from pidalab.simulation.decoupling import decoupling, past_of
 
 GAP = 10.0  # poles whose speeds differ by more than this factor go to different groups,
 LOUD = 100.0  # but for those where the gain of the loop is still above this
+RANGE, GAINS = (
+    1e290,
+    1e150,
+)  # of coefficients, and of these as gains: beyond, or below the inverse, digits are lost
 
 
 Ratio = tuple[Array, float, Any]  # numerator, leading coefficient of the denominator, poles by modulus
@@ -104,14 +108,17 @@ def _groups(poles, speeds):
 
 
 @compiled
-def _in_unit(num, poles, unit):
-    """Numerator and poles in another unit of time; the leading coefficient of the denominator stays."""
-    scaled, faster = np.empty(num.size), np.empty(poles.size, dtype=np.complex128)
+def _in_unit(num, lead, poles, unit):
+    """Numerator and poles in another unit of time, and whether all digits are left; the leading coefficient stays."""
+    scaled, faster, whole = np.empty(num.size), np.empty(poles.size, dtype=np.complex128), True
     for k in range(num.size):
         scaled[k] = num[k] * unit ** (poles.size - num.size + 1.0 + k)
+        size = abs(scaled[k])
+        if num[k] != 0.0 and not (1 / RANGE < size < RANGE and 1 / GAINS < size / abs(lead) < GAINS):
+            whole = False
     for k in range(poles.size):
         faster[k] = poles[k] * unit
-    return scaled, faster
+    return scaled, faster, whole
 
 
 @compiled
@@ -187,15 +194,13 @@ def _assembled(p_num, p_lead, p_poles, c_num, c_lead, c_poles, f_num, f_lead, f_
         if speed > 0.0:
             logs, moving = logs - np.log(speed), moving + 1
     unit = np.exp(logs / moving) if moving > 0 else delay if delay > 0.0 else 1.0
-    p_num, p_poles = _in_unit(p_num, p_poles, unit)
-    c_num, c_poles = _in_unit(c_num, c_poles, unit)
-    f_num, f_poles = _in_unit(f_num, f_poles, unit)
+    p_num, p_poles, p_whole = _in_unit(p_num, p_lead, p_poles, unit)
+    c_num, c_poles, c_whole = _in_unit(c_num, c_lead, c_poles, unit)
+    f_num, f_poles, f_whole = _in_unit(f_num, f_lead, f_poles, unit)
     for i in range(speeds.size):
         speeds[i] *= unit
-    for num in (p_num, c_num, f_num):
-        for coefficient in num:
-            if not np.isfinite(coefficient):
-                unit = np.inf
+    if not (p_whole and c_whole and f_whole):
+        unit = np.inf
     # to a loop far faster than some poles these are all integrators: apart, they would be differences of large numbers
     slow = 0.0
     for speed in speeds:

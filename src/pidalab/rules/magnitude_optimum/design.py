@@ -21,7 +21,6 @@ from pidalab.rules.magnitude_optimum.system import (
     areas_of,
     measured_uncertainty,
     require_digits,
-    sensitivity,
     solved,
 )
 from pidalab.statespace import discretise
@@ -69,7 +68,7 @@ def gains(areas: ArrayLike, m: int) -> Array:
     m = _check.order("m", m, at_least=0)
     filtered = areas_of(areas, m)
     result = solved(filtered, m)
-    require_digits(sensitivity(filtered, result), filtered, m)
+    require_digits(filtered, result)
     return np.array(result, dtype=float)
 
 
@@ -127,11 +126,10 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     filtered = series.lagged(plain, _check.real("filter_time", filter_time, at_least=0.0), n)
     exact_gains = solved(filtered, m)
     controller = HighOrderPID(series.floats(exact_gains).tolist(), filter_time, n)
-    change = sensitivity(filtered, exact_gains)
-    require_digits(change, filtered, m)
+    require_digits(filtered, exact_gains)
     unsure = np.zeros(m + 2)
     if isinstance(model, MeasuredAreas):
-        share = measured_uncertainty(change, model, filter_time, n)
+        share = measured_uncertainty(filtered, exact_gains, model, filter_time, n)
         _require_sure(share, m)
         _require_sign(controller, model)
         unsure = share * np.abs(controller.coefficients)

@@ -66,27 +66,28 @@ def solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
     return result
 
 
-def sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> Array:
-    """Relative change of each gain by each area, in 1/unit of the area, shape (m + 2, 2m + 4); inf where it is lost."""
+def sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Sequence[Fraction]) -> Array:
+    """Relative change of each gain by a step of each area, shape (m + 2, 2m + 4); inf where it is lost."""
     size = len(gains)
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
     largest = [max(map(abs, row)) for row in scaled]
     matrix = np.array([[float(x / top) for x in row] for row, top in zip(scaled, largest, strict=True)])
-    moved = np.zeros((size, len(areas)))  # of each condition, by each area
+    moved = np.zeros((size, len(areas)))  # of each condition, by the step of each area
     for r in range(size):
         for c in range(min(size, 2 * r + 2)):
             k = 2 * r + 1 - c
-            moved[r, k] += float((-1) ** (c + 1) * gains[c] / largest[r])
+            moved[r, k] += float((-1) ** (c + 1) * gains[c] * steps[k] / largest[r])
     try:
         return -np.linalg.solve(matrix, moved)
     except np.linalg.LinAlgError:
         return np.full(moved.shape, np.inf)
 
 
-def require_digits(change: Array, areas: Sequence[Fraction], m: int) -> None:
-    """Raise if rounding the areas to double precision, each on its own, would spoil a gain; see `sensitivity`."""
-    error = float(np.max(np.abs(change) @ np.abs(np.array(areas, dtype=float)))) * np.finfo(float).eps / 2
+def require_digits(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> None:
+    """Raise if rounding the areas to double precision, each on its own, would spoil a gain."""
+    m, whole = len(gains) - 2, np.abs(sensitivity(areas, gains, areas))
+    error = float(np.max(whole.sum(axis=1))) * np.finfo(float).eps / 2
     if not error < LOST:
         raise ValueError(
             f"the areas leave the gains for m = {m} ill-conditioned: rounding them in the 16th digit may change a gain "
@@ -94,9 +95,12 @@ def require_digits(change: Array, areas: Sequence[Fraction], m: int) -> None:
         )
 
 
-def measured_uncertainty(change: Array, model: MeasuredAreas, filter_time: float, n: int) -> Array:
+def measured_uncertainty(
+    areas: Sequence[Fraction], gains: Sequence[Fraction], model: MeasuredAreas, filter_time: float, n: int
+) -> Array:
     """Relative standard uncertainty of each gain from that of measured areas, which the filter mixes; first order."""
-    size = change.shape[1]
+    size = len(areas)
+    change = sensitivity(areas, gains, [Fraction(1)] * size)
     unit = series.lagged([Fraction(1), *[Fraction(0)] * (size - 1)], filter_time, n)
     column = np.array(unit, dtype=float)
     mix = np.array([[column[k - i] if k >= i else 0.0 for i in range(size)] for k in range(size)])
