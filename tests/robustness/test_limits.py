@@ -10,7 +10,8 @@ from matplotlib.lines import AxLine
 
 import pidalab
 from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
-from pidalab.robustness._infimum import SLACK, TOLERANCE, _Function, _majorant, infimum
+from pidalab.robustness._infimum import SLACK, TOLERANCE, _Function, _majorant, infimum, line
+from pidalab.robustness.limits import _top
 from pidalab.rules import automatic_reset as reset
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)
@@ -145,6 +146,42 @@ def test_limit_at_zero_frequency(name, n, weight):
     assert _Function(linear_part(d.loop()), 0.0).at_zero() == pytest.approx(limit, abs=1e-14)
     if weight == 1.0:
         assert limit == pytest.approx(d.setting.kd - d.setting.kp, abs=1e-14)
+
+
+LOOPS = [
+    pidalab.Loop(pidalab.lags(3, delay=0.2), pidalab.PIDA(0.4, 3.0, 0.5, 0.0, 8.0)),
+    pidalab.Loop(pidalab.lags(2, delay=1.0), 0.8),
+    design(reset.PI).loop(),
+    design(reset.MRDP_PIDA, 2).loop(),
+]
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("w", [0.0, 0.3, 2.0, math.inf])
+def test_at_each_frequency_a_line_over_the_multipliers(loop, w):
+    part = linear_part(loop)
+    start, slope = line(part, w)
+    for theta in (0.1, 0.7, 1.9):
+        f = _Function(part, theta)
+        value = f.at_zero() if w == 0 else f.at_infinity() if w == math.inf else float(f(np.array([w]))[0])
+        assert start + slope * theta == pytest.approx(value, abs=1e-9)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_no_multiplier_of_a_grid_has_more_margin_than_that_of_popov(loop):
+    part, best = linear_part(loop), popov(loop)
+    assert best[:2] == infimum(part, best.multiplier)
+    most = min(0.99 * part.reset_time, 10.0)
+    assert all(infimum(part, theta)[0] <= best.margin + TOLERANCE for theta in np.linspace(0.0, most, 15))
+
+
+def test_where_the_least_of_lines_is_largest():
+    rising, falling = (0.0, 1.0), (3.0, -0.5)
+    assert _top([rising], 5.0) == (5.0, 5.0)
+    assert _top([rising, falling], 5.0) == (2.0, 2.0)
+    assert _top([rising, falling, (1.0, 0.0)], 5.0) == (1.0, 1.0)  # the shortest of equals
+    assert _top([rising, falling], 1.5) == (1.5, 1.5)
+    assert _top([falling, falling], 5.0) == (0.0, 3.0)
 
 
 @pytest.mark.parametrize("n", [2, 4])

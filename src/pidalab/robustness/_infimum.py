@@ -187,6 +187,18 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     return (best, where) if best < at_infinity else (at_infinity, math.inf)
 
 
+def line(part: LinearPart, w: float) -> tuple[float, float]:
+    """Value at θ = 0 and slope of Re[1 + (1 + jωθ) G(jω)], linear in θ; of its limits where ω is 0 or infinite."""
+    if 0 < w < math.inf:
+        value = complex(part(1j * w))
+        return 1 + value.real, -w * value.imag
+    # at infinity θ = 0 is another function, whose limit is that of the line all the same
+    one, two = (
+        f.at_zero() if w == 0 else f.at_infinity() for f in (_Function(part, 1.0), _Function(part, 2.0))
+    )
+    return 2 * one - two, two - one
+
+
 def _below(best: float) -> float:
     """What a stretch must not fall short of."""
     return best - TOLERANCE * max(1.0, abs(best))

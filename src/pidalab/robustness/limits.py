@@ -40,15 +40,17 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from pidalab import _check
 from pidalab._search import border
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
-from pidalab.robustness._infimum import TOLERANCE, LinearPart, infimum
+from pidalab.robustness._infimum import TOLERANCE, LinearPart, infimum, line
 
 SLOWEST = 1e3  # without a reset the multiplier is searched up to so many times the slowest time of the loop
+BELOW = 1 - 1e-6  # the largest multiplier, as a share of the time of a reset
+CLOSE = 1e-9  # share of the margin that a better multiplier may add
+ROUNDS, FURTHER = 60, 4.0  # multipliers that are tried at most, and how many times as far as before
 
 
 class Criterion(NamedTuple):
@@ -177,8 +179,9 @@ def circle(loop: Loop) -> Criterion:
 def popov(loop: Loop) -> Criterion:
     r"""Popov criterion for the sector [0, 1], with the multiplier θ ≥ 0 that leaves the largest margin.
 
-    As an infimum of functions linear in θ the margin is concave in θ, so the best one can be found. With a reset θ must
-    be below T_i. Without, it is searched up to 1000 times the slowest time of the loop.
+    The margin is the infimum of functions that are linear in θ, one for each frequency. Those of the frequencies found
+    so far bound it from above; where they leave most, the next infimum is sought, until it comes up to the bound. With
+    a reset θ must be below T_i. Without, it is searched up to 1000 times the slowest time of the loop.
 
     Parameters
     ----------
@@ -209,17 +212,32 @@ def popov(loop: Loop) -> Criterion:
     """
     part = linear_part(loop)
     slowest = max(part.forward.delay, *(1 / np.abs(part.poles)), 0.0) or 1 / abs(part.gain)
-    # θ = scale x/(1 - x) covers times of every size, and turns a concave function into one with a single top
-    scale = part.reset_time if math.isfinite(part.reset_time) else slowest
-    farthest = 0.5 if math.isfinite(part.reset_time) else SLOWEST / (1 + SLOWEST)
-    found = minimize_scalar(
-        lambda x: -infimum(part, scale * x / (1 - x))[0],
-        bounds=(0.0, farthest),
-        method="bounded",
-        options={"xatol": 1e-7},
-    )
-    theta = float(scale * found.x / (1 - found.x))
-    return max(Criterion(*infimum(part, theta), theta), Criterion(*infimum(part, 0.0), 0.0))
+    most = part.reset_time * BELOW if math.isfinite(part.reset_time) else SLOWEST * slowest
+    tried: list[Criterion] = []
+    lines: list[tuple[float, float]] = []
+    theta = 0.0
+    for _ in range(ROUNDS):
+        tried.append(Criterion(*infimum(part, theta), theta))
+        lines.append(line(part, tried[-1].frequency))
+        best = max(tried, key=lambda one: one.margin)
+        bound = _top(lines, most)[1]
+        if bound - best.margin <= CLOSE * max(1.0, abs(bound)):
+            break
+        # far multipliers turn the phase often: go there step by step
+        reach = max(slowest, FURTHER * max(one.multiplier for one in tried))
+        theta = _top(lines, min(reach, most))[0]
+    return best
+
+
+def _top(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
+    """Where the least of some lines, each by its value at 0 and its slope, is largest between 0 and `most`."""
+    start, slope = np.transpose(lines)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        meet = np.subtract.outer(start, start) / -np.subtract.outer(slope, slope)
+    at = np.unique(np.append([0.0, most], meet[(meet > 0) & (meet < most)]))
+    least = np.min(start + np.outer(at, slope), axis=1)
+    k = int(np.argmax(least))  # the shortest of equals
+    return float(at[k]), float(least[k])
 
 
 def smallest_filter_time(
