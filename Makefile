@@ -32,7 +32,7 @@ $(SITE): $(ENV) $(SOURCES)
 	$(BIN)/python tools/site.py
 	touch $@
 
-test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site (5 to 6 minutes)
+test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site (about 5 minutes)
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --nbval --nbval-current-env
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
