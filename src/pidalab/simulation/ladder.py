@@ -67,18 +67,15 @@ def _balanced(A, b, c):
                 if j != i:
                     row += (abs(A[i, j]) + abs(b[i] * c[j])) * scale[j] / scale[i]
                     column += (abs(A[j, i]) + abs(b[j] * c[i])) * scale[i] / scale[j]
+            factor = 1.0
             if row > 0.0 and column > 0.0 and row < 1e300 and column < 1e300:
                 factor = 2.0 ** np.rint(0.5 * np.log2(row / column))
-                if factor != 1.0:
-                    scale[i] *= factor
-                    settled = False
-            elif (
-                row > 1.0 and row < 1e300
-            ):  # nothing reads this state, as the running integral: it may be small
+            elif row > 1.0 and column == 0.0 and row < 1e300:
+                # nothing reads this state, as the running integral: it may be small
                 factor = 2.0 ** np.rint(np.log2(row))
-                if factor != 1.0:
-                    scale[i] *= factor
-                    settled = False
+            if factor != 1.0:
+                scale[i] *= factor
+                settled = False
         if settled:
             break
     return scale

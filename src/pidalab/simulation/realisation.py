@@ -23,10 +23,8 @@ from pidalab.simulation.decoupling import decoupling, past_of
 
 GAP = 10.0  # poles whose speeds differ by more than this factor go to different groups,
 LOUD = 100.0  # but for those where the gain of the loop is still above this
-RANGE, GAINS = (
-    1e290,
-    1e150,
-)  # of coefficients, and of these as gains: beyond, or below the inverse, digits are lost
+RANGE = 1e290  # size of a coefficient beyond which, or below its inverse, digits are lost,
+GAINS = 1e150  # and of one over the leading coefficient, as a gain
 
 
 Ratio = tuple[Array, float, Any]  # numerator, leading coefficient of the denominator, poles by modulus
