@@ -158,6 +158,18 @@ def test_units_of_gain_and_time_do_not_matter(gain, unit, delay):
     np.testing.assert_allclose(answers[1].y / gain, answers[0].y, atol=1e-12)
 
 
+@pytest.mark.parametrize("gain", [1e60, 1e-60])
+def test_states_of_different_sizes_are_balanced(gain):
+    """A third-order plant with far gain under a PIDA: states of plant and controller lie sixty orders apart."""
+    t = np.linspace(0.0, 20.0, 81)
+    den = np.poly([-1.0, -2.0, -0.3]) / 0.6
+    reference, found = (
+        pidalab.step_response(Loop(Process([k], den, 0.7), PIDA(0.5 / k, 2.0, 0.4, 0.1, 10.0, 10.0)), t).y
+        for k in (1.0, gain)
+    )
+    np.testing.assert_allclose(found, reference, atol=1e-11)
+
+
 @pytest.mark.parametrize(("gain", "unit"), [(1e80, 1e-80), (1e190, 1.0), (1e-190, 1.0), (1.0, 1e-90)])
 def test_units_that_take_digits_are_refused(gain, unit):
     controller = pidalab.HighOrderPID([0.2 / gain / unit, 0.4 / gain, 0.1 * unit / gain], 0.3 * unit, 3)
@@ -343,6 +355,25 @@ def test_long_chains_of_equal_lags(order, lag):
 def test_too_many_dead_times_are_refused(delay):
     with pytest.raises(ValueError, match=r"t spans 6e.* dead times, too many to follow"):
         simulate(Loop(pidalab.fopdt(1.0, 1.0, delay), 0.5), np.linspace(0.0, 60.0, 11), setpoint=1.0)
+
+
+def test_a_jump_that_grows_fiftyfold_with_each_dead_time():
+    """The loop as a series of ways around it, each with the step response of a power of the plant."""
+    gain, lag, delay = 90.0, 0.9, 0.45
+    direct = 0.5 / lag
+    t = np.linspace(0.0, 40 * delay, 98)
+    expected = np.zeros(t.size)
+    for k in range(1, 41):
+        since = np.maximum(t - k * delay, 0.0) / lag
+        steps = [np.where(t > (k - 1e-9) * delay, 1.0, 0.0), *(gammainc(j, since) for j in range(1, k + 1))]
+        power = sum(
+            math.comb(k, j) * direct ** (k - j) * (1.2 - direct) ** j * y for j, y in enumerate(steps)
+        )
+        expected -= (-gain) ** k * power
+    y = pidalab.step_response(Loop(Process([0.5, 1.2], [lag, 1.0], delay), gain), t).y
+    size = np.maximum.accumulate(np.abs(expected))
+    assert size[-1] > 1e60
+    np.testing.assert_array_less(np.abs(y - expected)[1:], 1e-10 * size[1:] + 1e-12)
 
 
 def test_a_short_dead_time_is_followed():

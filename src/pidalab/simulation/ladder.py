@@ -43,7 +43,8 @@ def responses(cut: Cut, n: int, step: float, delay: float) -> Array:
             f"infinite frequency), which can be followed over {LARGEST // cut.b.size} dead times and not "
             f"over {intervals:.0f}; shorten t"
         )
-    result[:, 1] *= cut.unit
+    with np.errstate(over="ignore"):  # beyond the range of numbers is said by who asked
+        result[:, 1] *= cut.unit
     return result
 
 
@@ -70,9 +71,12 @@ def _balanced(A, b, c):
             factor = 1.0
             if row > 0.0 and column > 0.0 and row < 1e300 and column < 1e300:
                 factor = 2.0 ** np.rint(0.5 * np.log2(row / column))
-            elif row > 1.0 and column == 0.0 and row < 1e300:
-                # nothing reads this state, as the running integral: it may be small
-                factor = 2.0 ** np.rint(np.log2(row))
+            elif column == 0.0 and 0.0 < row < 1e300:
+                # nothing reads this state, as the running integral: it may be small, as long as it would be large
+                factor = max(2.0 ** np.rint(np.log2(row)), 1.0 / scale[i])
+            elif row == 0.0 and 0.0 < column < 1e300:
+                # nothing drives this state, as a step of the input: the same of what it drives
+                factor = max(2.0 ** -np.rint(np.log2(column)), 1.0 / scale[i])
             if factor != 1.0:
                 scale[i] *= factor
                 settled = False

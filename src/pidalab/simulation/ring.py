@@ -153,6 +153,8 @@ def transition(rungs, step, low, tau, most, A, b, c, d):
     dust = 8.0 * np.finfo(np.float64).eps * tau  # what rounding leaves of a multiple of the step
     for p in range(len(rungs) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
+        if duration <= dust:  # so short a rung would take back dust for ever
+            break
         while tau > duration - dust:
             out = product(out, rungs[p], most)
             tau -= duration
