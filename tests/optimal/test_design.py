@@ -210,7 +210,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: pidalab.optimal.load(Loop(THIRD, 1.0), 1), TypeError, "pass .process"),
+        (lambda: pidalab.optimal.load(Loop(THIRD, 1.0), 1), TypeError, "pass its .process"),
         (lambda: pidalab.optimal.load(THIRD, 5), ValueError, "order must be at most 4, found 5"),
         (lambda: pidalab.optimal.load(THIRD, -1), ValueError, "order must be a whole number, at least 0"),
         (lambda: pidalab.optimal.load(THIRD, 1, ms=1.0), ValueError, "ms must be above 1"),
@@ -479,8 +479,12 @@ def test_integrators_and_signs_of_a_process():
     assert _sign(pidalab.fopdt(-2.0, 1.0, 1.0)) == -1.0
     assert _sign(pidalab.Process([1.0], [-1.0, 1.0])) == -1.0
     assert _sign(pidalab.Process([-1.0, -2.0], [-1.0, 1.0, 0.0])) == 1.0
-    with pytest.raises(ValueError, match="found a zero at s = 0, through which nothing can be held"):
-        _sign(pidalab.Process([1.0, 0.0], [1.0, 1.0, 1.0]))
+
+
+@pytest.mark.parametrize("limits", [{}, {"mks": 9.0}])
+def test_nothing_can_be_held_through_a_zero_at_zero(limits):
+    with pytest.raises(ValueError, match="process must have a static gain other than 0, or an integrator"):
+        pidalab.optimal.load(pidalab.Process([1.0, 0.0], [1.0, 1.0, 1.0]), 1, **limits)
 
 
 def test_of_starts_that_keep_the_limits_the_quickest_is_the_first():

@@ -12,7 +12,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
-from pidalab.process import Process
+from pidalab.process import Process, require_gain
 from pidalab.rules import Design
 
 if TYPE_CHECKING:
@@ -149,9 +149,7 @@ def _designed(
     from pidalab.optimal._refusal import refusal
     from pidalab.optimal._solver import Limits
 
-    if not isinstance(process, Process):
-        hint = "; pass .process" if hasattr(process, "process") else ""
-        raise TypeError(f"process must be a pidalab.Process, found {type(process).__name__}{hint}")
+    require_gain("process", process)
     order = _check.order("order", order, at_least=0)
     if order > HIGHEST:
         raise ValueError(f"order must be at most {HIGHEST}, found {order}")
@@ -222,10 +220,6 @@ def _best(test: str, process: Process, order: int, limits: Limits, seen: list[Se
 
 def _sign(process: Process) -> float:
     """Sign of the gains: integral action is stable only if the last coefficient of all has the sign of the first."""
-    if process.num[-1] == 0:
-        raise ValueError(
-            "process must have a static gain, found a zero at s = 0, through which nothing can be held"
-        )
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
