@@ -46,6 +46,21 @@ def test_integral_action_has_no_error_at_zero_frequency():
     assert abs(LOOP.T(0.0)) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(
+    ("process", "y_of_d", "u_of_r"),
+    [(pidalab.fopdt(4.0, 2.0, 1.0), 0.0, 0.25), (pidalab.ipdt(4.0, 1.0), 0.0, 0.0)],
+)
+def test_transfer_functions_at_a_pole_of_a_block_are_their_limits(process, y_of_d, u_of_r):
+    """At s = 0 the integral of the controller, and of the plant, is infinite: what the loop makes of it is not."""
+    loop = pidalab.Loop(process, pidalab.PIDA(0.1, 8.0), FILTER, PREFILTER)
+    answers = {"y": (1.0, y_of_d, -1.0), "u": (u_of_r, -1.0, -u_of_r), "e": (0.0, -y_of_d, 1.0)}
+    for output, expected in answers.items():
+        assert [loop.transfer(output, source, 0.0) for source in "rdn"] == pytest.approx(expected, abs=1e-15)
+    # without integral action an integrator leaves an error to a load
+    alone = pidalab.Loop(pidalab.ipdt(4.0, 1.0), 0.1)
+    assert alone.transfer("y", "d", [0.0, 1e-9j]) == pytest.approx(10.0)
+
+
 def test_integral_action_has_no_error_near_zero_frequency():
     assert abs(LOOP.S(1e-9j)) < 1e-8
     assert LOOP.transfer("y", "r", 1e-9j) == pytest.approx(1.0, abs=1e-8)

@@ -323,13 +323,16 @@ class Loop:
         """
         _check.choice("output", output, ("y", "u", "e"))
         _check.choice("source", source, ("r", "d", "n"))
-        sensitivity, process = self.S(s), self.process(s)
-        to_control = self.block("controller", s) * self.block("output_filter", s)
+        forward, back = self._fraction(s)
+        p, q = fraction_at(*self.blocks["process"], s, self.process.delay)
+        controller, output_filter = (fraction_at(*self.blocks[name], s) for name in BLOCKS[1:3])
+        c, d = (of * by for of, by in zip(controller, output_filter, strict=True))
+        # each over the same denominator: at a pole of a block, such as 0 with integral action, none is 0 times infinity
         if source == "d":
-            y, u = process * sensitivity, -to_control * process * sensitivity
+            y, u = quotient(p * d, back + forward), quotient(-forward, back + forward)
         else:
             entry = self.block("prefilter", s) if source == "r" else -1.0
-            y, u = process * to_control * sensitivity * entry, to_control * sensitivity * entry
+            y, u = (quotient(part, back + forward) * entry for part in (forward, c * q))
         if output == "e":
             return (1.0 if source == "r" else 0.0) - y
         return y if output == "y" else u
