@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tools/licences/* tests/claims/*.csv) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides claims faults fuzz mutants lint bench studies study release archive pdf versions twice \
+.PHONY: help env book test notebooks slides claims faults fuzz kept mutants lint bench studies study release archive pdf versions twice \
 	shuffle lock clean
 .DELETE_ON_ERROR:
 
@@ -49,6 +49,9 @@ faults: $(ENV)  ## plant gross errors in the library and see every chapter notic
 
 fuzz: $(ENV)  ## random loops, arguments, records and files against second methods, FUZZ=2000 of each (hours)
 	FUZZ=$${FUZZ:-2000} $(BIN)/pytest -n auto tests/fuzz
+
+kept: $(ENV)  ## ask the library anew what tests/kept asks, write the answers down, and list those that changed
+	$(BIN)/python tests/kept/kept.py
 
 mutants: $(ENV)  ## change MUTANTS=70 places of the library, drawn with SEED=1, and see the tests notice (hours)
 	$(BIN)/python tools/mutants.py $${MUTANTS:-70} --seed $${SEED:-1}

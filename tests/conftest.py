@@ -8,7 +8,7 @@ import pytest
 
 # pytest's importlib mode adds no path
 sys.path[:0] = [
-    str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz")
+    str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz", "kept")
 ]
 
 LONG = ("tests/site/", "book/")  # pages in a browser, then notebooks
