@@ -124,8 +124,8 @@ def test_the_table_keeps_reasons_of_survivors_and_forgets_places_that_are_gone(t
         "was": "return self._scaled(1 / divisor)",
     }
 
-    def row(becomes, outcome, reason="", **other):
-        return same | {"becomes": becomes, "outcome": outcome, "reason": reason} | other
+    def row(becomes, outcome, reason="", drawn="2026-11-22", **other):
+        return same | {"becomes": becomes, "outcome": outcome, "drawn": drawn, "reason": reason} | other
 
     with mutants.TABLE.open("w", newline="") as file:
         writer = csv.DictWriter(file, mutants.COLUMNS)
@@ -140,21 +140,25 @@ def test_the_table_keeps_reasons_of_survivors_and_forgets_places_that_are_gone(t
         )
     mutants.store(
         [
-            row("1.0 / divisor", "survived"),
-            row("a", "killed elsewhere"),
-            row("c", "survived"),
-            row("e", "killed elsewhere"),
+            row("1.0 / divisor", "survived", drawn="2026-11-23"),
+            row("a", "killed elsewhere", drawn="2026-11-23"),
+            row("c", "survived", drawn="2026-11-23"),
+            row("e", "killed elsewhere", drawn="2026-11-23"),
         ]
     )
-    assert [(one["becomes"], one["outcome"], one["reason"]) for one in mutants.rows()] == [
-        ("1.0 / divisor", "survived", "the same number"),
-        ("a", "killed later", ""),
-        ("c", "survived", ""),
-        ("d", "killed", ""),
-        ("e", "killed elsewhere", ""),
+    assert [(one["becomes"], one["outcome"], one["drawn"][-2:], one["reason"]) for one in mutants.rows()] == [
+        ("1.0 / divisor", "survived", "22", "the same number"),
+        ("a", "killed later", "22", ""),
+        ("c", "survived", "23", ""),
+        ("d", "killed", "22", ""),
+        ("e", "killed elsewhere", "23", ""),
     ]
     monkeypatch.setattr(evidence, "DATA", tmp_path)
     assert evidence.mutants().splitlines()[-1] == "| all | 5 | 1 | 1 | 1 | 1 | 1 | 25 % | 50 % |"
+    assert evidence.samples().splitlines()[-2:] == [
+        "| 2026-11-22 | 3 | 2 | 1 | 0 | 50 % | 50 % |",
+        "| 2026-11-23 | 2 | 2 | 0 | 1 | 0 % | 50 % |",
+    ]
 
 
 def test_only_survivors_have_reasons():

@@ -465,6 +465,7 @@ def test_the_set_point_that_counts_is_the_last():
     t, y = np.arange(20.0), np.array([0.0, -0.5, 1.0, 2.5, *[2.0] * 16])
     up, down = (record(t, y, r=np.where(t < 1, *levels)) for levels in ((0.0, 2.0), (2.0, 0.0)))
     assert (up.undershoot(), up.overshoot()) == pytest.approx((25.0, 25.0))
+    assert record(t, y, r=np.where(t < 3, 0.0, 2.0)).undershoot() == pytest.approx(25.0)
     assert up.rise_time(0.1, 0.9) == pytest.approx((2.0 + 0.8 / 1.5) - (1.0 + 0.7 / 1.5))
     assert up.settling_time(0.02) == pytest.approx(3.0 + 0.46 / 0.5)
     for measure in (down.undershoot, down.overshoot, down.rise_time):

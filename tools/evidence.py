@@ -146,6 +146,21 @@ def mutants() -> str:
     return table(head, lines)
 
 
+def samples() -> str:
+    """What became of the mutants of each sample whose day is known."""
+    days: dict[str, list[str]] = defaultdict(list)
+    for row in read(DATA / "mutants.csv"):
+        if row["drawn"]:
+            days[row["drawn"]].append("equivalent" if row["reason"] else row["outcome"])
+    lines = []
+    for day, outcomes in sorted(days.items()):
+        own, others = (outcomes.count(name) for name in ("killed", "killed elsewhere"))
+        differ = len(outcomes) - outcomes.count("equivalent")
+        shares = [f"{100 * count / differ:.0f} %" for count in (own, own + others)]
+        lines.append([day, str(len(outcomes)), str(differ), str(own), str(others), *shares])
+    return table(["drawn", "tried", "differ", "own tests", "others", "own share", "full share"], lines)
+
+
 def versions() -> str:
     """What the tests of the library ran with."""
     found = read(DATA / "versions.csv")
@@ -154,7 +169,8 @@ def versions() -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    made.__name__: made for made in (rows, faults, mutants, oracles, engine, optima, starts, versions)
+    made.__name__: made
+    for made in (rows, faults, mutants, samples, oracles, engine, optima, starts, versions)
 }
 
 

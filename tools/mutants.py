@@ -11,7 +11,8 @@ all other tests and doctests of the library, quick ones first.
 
 Each mutant is a copy of the library with the machine code of its other folders; numba compiles that of the changed
 folder anew, as the file has another time. The table book/data/mutants.csv keeps what came out: killed by its own tests,
-killed elsewhere, or killed later, since a survivor got a test. A survivor is equivalent once a person has written there
+killed elsewhere, or killed later, since a survivor got a test; and the day of its sample, from the day on when that was
+kept. A survivor is equivalent once a person has written there
 why no test can tell it from the library. Places that are no more leave the table.
 """
 
@@ -34,6 +35,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from datetime import date
 from functools import cache, partial
 from pathlib import Path
 from xml.etree import ElementTree
@@ -41,7 +43,7 @@ from xml.etree import ElementTree
 ROOT = Path(__file__).resolve().parents[1]
 SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
 TABLE = ROOT / "book" / "data" / "mutants.csv"
-COLUMNS = ("module", "function", "was", "becomes", "outcome", "reason")
+COLUMNS = ("module", "function", "was", "becomes", "outcome", "drawn", "reason")
 KILLED, ELSEWHERE = "killed", "killed elsewhere"  # by a test of its module; by another one
 LATER, SURVIVED = "killed later", "survived"  # the former by a test that it asked for
 WHAT_LOOPS_ARE = ("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace")
@@ -317,11 +319,11 @@ def store(found: list[Row]) -> None:
     """Put rows in the place of older ones of the same change; what they were equivalent for stays with survivors."""
     old = {key(row): row for row in rows()}
     for row in found:
-        before = old.get(key(row), {"outcome": "", "reason": ""})
+        before = old.get(key(row), {"outcome": "", "drawn": row["drawn"], "reason": ""})
         survived = row["outcome"] == SURVIVED
         later = not survived and before["outcome"] in (SURVIVED, LATER)
         new = {"outcome": LATER if later else row["outcome"], "reason": before["reason"] if survived else ""}
-        old[key(row)] = row | new
+        old[key(row)] = row | new | {"drawn": before["drawn"]}
     kept = [row for row in old.values() if stands(row)]
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
@@ -355,7 +357,7 @@ def main() -> int:
         shutil.copytree(SRC, base / "pidalab")
         tried = partial(outcome, base, times(base))
         for mutant, result in zip(chosen, pool.map(tried, chosen), strict=True):
-            store([dict(zip(COLUMNS, (*mutant.key, result, ""), strict=True))])
+            store([dict(zip(COLUMNS, (*mutant.key, result, f"{date.today()}", ""), strict=True))])
     keys = {mutant.key for mutant in chosen}
     found = [row for row in rows() if key(row) in keys]
     alive = [row for row in found if row["outcome"] == SURVIVED and not row["reason"]]

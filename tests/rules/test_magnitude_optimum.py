@@ -216,6 +216,21 @@ def test_uncertainty_of_gains_is_that_of_areas_passed_on(seed):
     assert mo.tune(measured, m, n, time).uncertainty == pytest.approx(np.abs(up - down), rel=1e-4)
 
 
+def measured(process, count):
+    """Areas as of a record without any error."""
+    return areas.MeasuredAreas(
+        areas.from_process(process, count), np.zeros((count, count)), (0, 1), (0, 1), (0, 1), True, 0.0
+    )
+
+
+def test_of_a_record_the_sign_of_the_integral_gain_counts_and_of_no_other():
+    slow = pidalab.Process([2.7, 1.0], [6.3, 12.5, 6.7, 1.0], 1.66)
+    integral, _, derivative = mo.tune(measured(slow, 6), 1, 2, 0.2).gains
+    assert integral > 0 > derivative
+    with pytest.raises(ValueError, match=r"K_-1 = -0\.034\d*, whose sign is not that of the gain A_0 = 1\.9"):
+        mo.tune(measured(pidalab.Process([1.9], [1.0, 0.1, 1.0], 0.2), 6), 1, 3, 0.2)
+
+
 def test_a_gain_as_uncertain_as_it_is_large_is_refused():
     """Uncertainty goes with the error of the areas: 0.9 times the gain is told, 1.5 times refused."""
     values, error = areas.from_process(G2, 8), 1e-7 * np.random.default_rng(0).normal(size=8)
