@@ -4,6 +4,7 @@ A subject is a function that returns its questions by name. What is asked is cho
 """
 
 import asked_data
+import asked_designs
 import asked_edges
 import asked_ledger
 import asked_loops
@@ -21,11 +22,16 @@ SUBJECTS = {
         asked_methods.records,
         asked_methods.search,
         asked_ledger.ledger,
-        asked_edges.edges,
+        asked_edges.blocks,
+        asked_edges.whole_loops,
+        asked_edges.read_off_responses,
+        asked_edges.simulated,
+        asked_designs.in_computers,
+        asked_designs.by_rules,
         asked_data.files,
         asked_data.moving,
-        asked_edges.more,
-        asked_edges.optima,
+        asked_designs.more,
+        asked_designs.optima,
         asked_ledger.pages_of_a_ledger,
     )
 }

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import control
 import numpy as np
-from asked_edges import designed
+from asked_designs import designed
 from asked_loops import PLANTS
 
 import pidalab

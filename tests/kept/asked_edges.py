@@ -1,8 +1,6 @@
-"""Questions at the edges: what is just allowed and just not, files of every kind, limits on noise."""
+"""Questions at the edges: what is just allowed and just not, of blocks, loops, responses and simulations."""
 
 import math
-import tempfile
-from pathlib import Path
 
 import control
 import numpy as np
@@ -18,14 +16,8 @@ from pidalab import (
     Process,
     Response,
     SeriesPIDA,
-    areas,
-    digital,
-    optimal,
     robustness,
 )
-from pidalab.rules import automatic_reset, direct, haalman, itae, magnitude_optimum, mrdp
-from pidalab.simulation.settling import settled
-from pidalab.tuning import corners
 
 FIRST, THIRD = PLANTS["first order"], pidalab.lags(3, 1.0, 1.0, 1.0)
 LOOP = Loop(FIRST, PIDA(0.5, 2.0))
@@ -34,18 +26,18 @@ T = np.linspace(0.0, 20.0, 401)
 RESPONSE = Response(T, 1.0, 0.0, 0.02 * np.sin(T), 1 - np.exp(-T) * np.cos(2 * T), np.cos(T) * np.exp(-T))
 
 
-def _variants(asked, door, call, *variants):
+def variants(asked, door, call, *variants):
     """Ask the same door with one argument, or a tuple of them, after the other."""
     for i, variant in enumerate(variants):
         given = variant if isinstance(variant, tuple) else (variant,)
         asked[f"{door}, {i}"] = lambda given=given: call(*given)
 
 
-def edges():
-    """Arguments at the limits of what is allowed."""
+def blocks():
+    """Processes, controllers and their products at the limits of what is allowed."""
     asked = {}
     inf, nan = math.inf, math.nan
-    _variants(
+    variants(
         asked,
         "process",
         Process,
@@ -62,7 +54,7 @@ def edges():
         ([1e-320], [1.0, 1.0]),
         ([1j], [1.0]),
     )
-    _variants(
+    variants(
         asked,
         "sopdt",
         pidalab.sopdt,
@@ -71,7 +63,7 @@ def edges():
         (1.0, 2.0, 0.0, 0.1),
         (1.0, 2.0, -0.1, 0.1),
     )
-    _variants(
+    variants(
         asked,
         "lags",
         pidalab.lags,
@@ -83,10 +75,10 @@ def edges():
         (True, 1.0),
         (2, 0.0),
     )
-    _variants(
+    variants(
         asked, "fopdt", pidalab.fopdt, (1.0, 0.0, 0.1), (0.0, 1.0, 0.1), (1.0, 1.0, 0.0), (1.0, -1.0, 0.1)
     )
-    _variants(
+    variants(
         asked,
         "at s",
         lambda p, s: PLANTS[p](s),
@@ -96,7 +88,7 @@ def edges():
         ("four lags", -2000.0),
         ("biproper", [0.1j, 1e5j]),
     )
-    _variants(
+    variants(
         asked,
         "algebra",
         lambda name: {
@@ -138,7 +130,7 @@ def edges():
             "equal",
         ),
     )
-    _variants(
+    variants(
         asked,
         "PIDA",
         PIDA,
@@ -153,7 +145,7 @@ def edges():
         (nan, 1.0),
         (-2.0, 3.0, 0.4, 0.1, 20.0, 5.0),
     )
-    _variants(
+    variants(
         asked,
         "non-interactive",
         NonInteractivePIDA,
@@ -163,7 +155,7 @@ def edges():
         (1.0, inf, 0.1, 0.1),
         (-1.0, 2.0, 0.3, 0.2, 0.1, 0.1),
     )
-    _variants(
+    variants(
         asked,
         "high order",
         HighOrderPID,
@@ -176,7 +168,7 @@ def edges():
         ([0.0, 0.0], 0.1, 1),
         ([0.1, 1, 1, 1, 1], 0.1, 3),
     )
-    _variants(
+    variants(
         asked,
         "series",
         SeriesPIDA,
@@ -187,7 +179,7 @@ def edges():
         (0.5, 0.0, 0.0, inf, 0.05, 4),
     )
     for kind, controller in controllers(FIRST).items():
-        _variants(
+        variants(
             asked,
             f"controller, {kind}",
             lambda name, c=controller: getattr(c, name),
@@ -195,8 +187,14 @@ def edges():
             "limits",
             "automatic_reset",
         )
-        _variants(asked, f"transfer function, {kind}", lambda c: c.transfer_function(), controller)
-    _variants(
+        variants(asked, f"transfer function, {kind}", lambda c: c.transfer_function(), controller)
+    return asked
+
+
+def whole_loops():
+    """Loops, their transfer functions, margins, poles and criteria."""
+    asked = {}
+    variants(
         asked,
         "loop",
         lambda *blocks: Loop(*blocks),
@@ -211,7 +209,7 @@ def edges():
         (FIRST, PIDA(1.0, 2.0).discretise(0.1), control.tf([1.0], [1.0, 1.0])),
         (FIRST, control.tf([1.0], [1.0, 0.5], 0.1)),
     )
-    _variants(
+    variants(
         asked,
         "loop has",
         lambda name: getattr(LOOP, name),
@@ -222,7 +220,7 @@ def edges():
         "nothing",
         "automatic_reset",
     )
-    _variants(
+    variants(
         asked,
         "frequencies",
         lambda w: LOOP.frequency_response(w).fresp,
@@ -231,7 +229,7 @@ def edges():
         [0.0, 1.0],
         [-1.0, 1.0],
     )
-    _variants(
+    variants(
         asked,
         "transfer",
         LOOP.transfer,
@@ -240,7 +238,7 @@ def edges():
         ("x", "r", 1j),
         ("e", "d", [0.1j, 1j]),
     )
-    _variants(
+    variants(
         asked,
         "well-posed",
         lambda gain, delay: pidalab.margins(Loop(Process([1.0, 2.0], [1.0, 1.0], delay), gain)),
@@ -259,11 +257,11 @@ def edges():
         "max_sensitivity",
         "gain_crossovers",
     ):
-        _variants(
+        variants(
             asked, name, getattr(pidalab, name), FIRST, 1.0, Loop(FIRST, PIDA(0.5, 2.0).discretise(0.1)), LOOP
         )
-    _variants(asked, "poles", lambda count: pidalab.rightmost_poles(LOOP, count), 0, 1, 2, 7, 40, 1.5)
-    _variants(
+    variants(asked, "poles", lambda count: pidalab.rightmost_poles(LOOP, count), 0, 1, 2, 7, 40, 1.5)
+    variants(
         asked,
         "limits",
         robustness.linear_part,
@@ -274,7 +272,7 @@ def edges():
         Loop(PLANTS["two integrators"], SERIES),
         Loop(pidalab.ipdt(-1.0, 0.5), SERIES),
     )
-    _variants(
+    variants(
         asked,
         "smallest filter",
         lambda longest, shortest, border: robustness.smallest_filter_time(
@@ -289,7 +287,13 @@ def edges():
         (1.0, 0.9, 0.95),
         (7.0, 0.007, 0.00701),
     )
-    _variants(
+    return asked
+
+
+def read_off_responses():
+    """Measures of a response, and records that are none."""
+    asked = {}
+    variants(
         asked,
         "response",
         lambda name, *given: getattr(RESPONSE, name)(*given),
@@ -297,11 +301,11 @@ def edges():
         ("iae", 20.1),
         ("iae", 0.0),
         ("iae", -1.0),
-        ("ise", inf),
-        ("itae", inf),
+        ("ise", math.inf),
+        ("itae", math.inf),
         ("itae", 7.3, -2.0),
         ("itae", None, 0.1),
-        ("ie", inf),
+        ("ie", math.inf),
         ("between", 3.0, 3.0),
         ("between", 5.0, 3.0),
         ("between", 3.01, 9.99),
@@ -330,7 +334,7 @@ def edges():
         ("undershoot",),
         ("measured",),
     )
-    _variants(
+    variants(
         asked,
         "no set point",
         lambda name: getattr(Response(T, 0.0, 1.0, 0.0, np.exp(-T) * T, 0.0), name)(),
@@ -341,7 +345,7 @@ def edges():
         "iae",
         "peak",
     )
-    _variants(
+    variants(
         asked,
         "record of",
         lambda t, **more: Response(t, 1.0, 0.0, 0.0, np.linspace(0, 1, np.size(t)), 0.0).iae(),
@@ -351,7 +355,13 @@ def edges():
         [0.0],
         [0.0, 1.0],
     )
-    _variants(
+    return asked
+
+
+def simulated():
+    """Sampled simulations, noise, asymmetric plants and portraits."""
+    asked = {}
+    variants(
         asked,
         "times",
         lambda *t: pidalab.step_response(LOOP, np.array(t)),
@@ -378,7 +388,7 @@ def edges():
             {"anti_windup": "tracking", "limits": (0.0, 0.4)},
         )
     ):
-        _variants(
+        variants(
             asked,
             f"sampled {k}",
             lambda kind, given=given: (
@@ -388,7 +398,7 @@ def edges():
             "P",
             "series",
         )
-    _variants(
+    variants(
         asked,
         "sample time",
         lambda h, end: pidalab.simulate_sampled(Loop(FIRST, SERIES), h * np.arange(end / h), 1.0).y,
@@ -396,7 +406,7 @@ def edges():
         (0.0501, 3.0),
         (0.049, 3.0),
     )
-    _variants(
+    variants(
         asked,
         "own limits",
         lambda *limits: pidalab.simulate_sampled(Loop(FIRST, SERIES), T, 1.0, limits=limits).u,
@@ -404,7 +414,7 @@ def edges():
         (-5.0, 0.6),
         (-5.0, -2.0),
     )
-    _variants(
+    variants(
         asked,
         "noise",
         lambda *given: pidalab.uniform_noise(T, *given),
@@ -417,8 +427,8 @@ def edges():
         (0.1, -1),
         (0.1, 1.5),
     )
-    _variants(asked, "noise gain", lambda h: pidalab.noise_gain(LOOP, h), 0.01, 0.35, 0.7, 1.4, 0.0, 1e-6)
-    _variants(
+    variants(asked, "noise gain", lambda h: pidalab.noise_gain(LOOP, h), 0.01, 0.35, 0.7, 1.4, 0.0, 1e-6)
+    variants(
         asked,
         "plant",
         lambda *given: AsymmetricPlant(*given),
@@ -428,7 +438,7 @@ def edges():
         (control.tf([1.0, 1.0], [2.0, 1.0]), 1.0, 2.0),
         (2.0, 1.0, 2.0),
     )
-    _variants(
+    variants(
         asked,
         "rising",
         lambda delay, direct: (lambda p: (repr(p.rising), repr(p.falling)))(
@@ -438,7 +448,7 @@ def edges():
         (0.0, 0.4),
         (0.1, control.tf([0.1], [0.5, 1.0])),
     )
-    _variants(
+    variants(
         asked,
         "portrait",
         lambda given: pidalab.portrait(Loop(FIRST, SERIES), t=T, setpoint=1.0, load=0.1, **given),
@@ -461,359 +471,4 @@ def edges():
         {"parameters": {"kp": [0.4]}, "prefilter": ([[0.4, 0.3]], [0.6, 0.9, 1.0])},
         {"parameters": {"kp": [0.2, -0.1]}},
     )
-    for k, (name, value) in enumerate(
-        (
-            ("b", 0.3),
-            ("b", -0.1),
-            ("c", 0.5),
-            ("rate_limit", 0.0),
-            ("rate_limit", 0.2),
-            ("bias", 3.0),
-            ("deadband", -0.1),
-            ("y_span", 0.0),
-            ("u_span", -2.0),
-            ("tracking_time", 0.0),
-            ("tracking_time", 2.0),
-            ("anti_windup", None),
-            ("anti_windup", "back-calculation"),
-            ("anti_windup", "clamping"),
-            ("anti_windup", "other"),
-            ("limits", (1.0, 0.5)),
-            ("method", "forward"),
-            ("sample_time", 0.0),
-            ("sample_time", 0.2),
-            ("output_filter", control.tf([1.0], [1.0, 2.0])),
-            ("output_filter", control.tf([1.0, 1.0], [2.0, 1.0])),
-            ("prefilter", control.tf([2.0], [1.0, 1.0])),
-            ("prefilter", control.tf([1.0], [0.01, 1.0])),
-            ("prefilter", control.tf([1.0], [1.0, -1.0])),
-            ("prefilter", 1.0),
-            ("prefilter", control.tf([0.3, 1.0], [1.5, 0.7, 1.0])),
-            ("prefilter", control.tf([1.0], [0.25, 1.0, 1.0])),
-            ("source", "a"),
-        )
-    ):
-        for kind, method in (
-            ("PI", "backward"),
-            ("PIDA", "tustin"),
-            ("high order", "zoh"),
-            ("series", "backward"),
-            ("P", "tustin"),
-        ):
-            given = {"sample_time": 0.02, "method": method, "limits": (-2.0, 2.0), name: value}
-            _variants(
-                asked,
-                f"digital, {kind}, {name}, {k}",
-                lambda kind, given=given: _digital(controllers(FIRST)[kind].discretise(**given)),
-                kind,
-            )
-    _variants(
-        asked,
-        "from JSON",
-        lambda text: repr(digital.from_json(text)),
-        "",
-        "{}",
-        "[1]",
-        PIDA(0.5, 2.0, 0.1).discretise(0.1).json(),
-        PIDA(0.5, 2.0).discretise(0.1, limits=(-1.0, 1.0), prefilter=control.tf([1.0], [0.5, 1.0])).json(),
-    )
-    _variants(
-        asked,
-        "step",
-        lambda *given: PIDA(0.5, 2.0).discretise(0.1).step(*given),
-        (1.0,),
-        (1.0, 0.5),
-        (None, None),
-        (math.nan, 1.0),
-    )
-    _variants(
-        asked,
-        "identifier",
-        lambda name: PIDA(0.5, 2.0).discretise(0.1).c(name)[:300],
-        "pid",
-        "2a",
-        "int",
-        "a b",
-        "",
-    )
-    for rule, call in {
-        "haalman": lambda *given: haalman.tune(*given),
-        "output filter": lambda *given: haalman.output_filter(*given),
-        "mrdp": lambda *given: mrdp.tune(*given),
-        "itae": lambda *given: itae.pida_setpoint(*given),
-        "direct": lambda *given: direct.tune(*given),
-        "orders": lambda *given: [(c.m, c.n, c.iae) for c in magnitude_optimum.rank_orders(*given)],
-        "exact noise": lambda *given: magnitude_optimum.tune_for_exact_noise(*given),
-        "noise": lambda *given: magnitude_optimum.tune_for_noise(*given),
-        "filter time": lambda *given: magnitude_optimum.filter_time(*given),
-        "reset": lambda *given: automatic_reset.tune(*given),
-        "optimum": lambda *given: magnitude_optimum.tune(*given),
-        "gains": lambda *given: magnitude_optimum.gains(*given),
-        "design noise": lambda h: magnitude_optimum.noise_gain(magnitude_optimum.tune(THIRD, 2, 3, 0.2), h),
-    }.items():
-        variants = {
-            "haalman": (
-                (THIRD, 1.0),
-                (THIRD, 1e7),
-                (THIRD, 1.0001),
-                (THIRD, 1.4, "PIDA", 0.0),
-                (THIRD, 1.4, "PIDA", 1e9),
-                (THIRD, 1.4, "D"),
-                (PLANTS["no delay"], 1.4),
-                (THIRD, 3.0, "PIDA", 1e-3, 0.5),
-            ),
-            "output filter": (
-                (THIRD, haalman.pida(THIRD)),
-                (THIRD, 1.0),
-                (THIRD, PIDA(50.0, 1.0)),
-                (pidalab.sopdt(1.0, 1.0, 0.5, 0.3), haalman.pid(pidalab.sopdt(1.0, 1.0, 0.5, 0.3))),
-            ),
-            "mrdp": (
-                (FIRST, 1, 2, 0.1),
-                (pidalab.ipdt(1.0, 0.0), 1, 2, 0.0),
-                (pidalab.ipdt(1.0, 1.0), 1, 0, 0.1),
-                (pidalab.ipdt(1.0, 1.0), 1, 2, 0.0),
-                (pidalab.ipdt(1.0, 1.0), 1, 2, 0.01),
-                (pidalab.ipdt(1.0, 1.0), 2, 40, 0.5),
-                (pidalab.ipdt(1.0, 1.0), 0, 0, 0.0),
-                (pidalab.ipdt(1.0, 0.0), 1, 2, 0.3),
-                (pidalab.ipdt(2.0, 1.0), 2, 3, 0.4, 1),
-            ),
-            "itae": (
-                (pidalab.sopdt(1.0, 1.0, 0.8, 0.5), 0.05, 0.025, lambda m: (0.5, 0.2)),
-                (pidalab.sopdt(1.0, 1.0, 0.8, 0.5), 0.05, 0.025, lambda m: (1.0, 0.2)),
-                (pidalab.sopdt(1.0, 1.0, 0.8, 0.5), 0.05, 0.025, lambda m: 1.0),
-                (pidalab.sopdt(1.0, 1.0, 0.8, 0.0),),
-            ),
-            "direct": (
-                (pidalab.sopdt(1.0, 1.0, 0.8, 0.5), "load", 0.1, 0.1),
-                (pidalab.sopdt(1.0, 1.0, 0.8, 0.5), "other"),
-                (pidalab.sopdt(1.0, 1.0, 0.2, 0.5), "load"),
-                (FIRST,),
-            ),
-            "orders": ((THIRD, 5.0, 0.1, 2, 3), (FIRST, 3.0, 0.05, 1, 2)),
-            "exact noise": (
-                (THIRD, 1, 2, 4.0, 0.1),
-                (THIRD, 2, 3, 9.0, 0.05),
-                (FIRST, 0, 1, 0.7, 0.02),
-                (THIRD, 1, 2, 1e-6, 0.1),
-            ),
-            "noise": (
-                (THIRD, 1, 2, 4.0, 0.1, 0.5),
-                (THIRD, 1, 2, 4.0, 0.1, None, 0),
-                (THIRD, 1, 2, 4.0, 0.1, 0.5, 2),
-                (THIRD, 2, 4, 9.0, 0.05, None, 5),
-                (THIRD, 1, 0, 4.0, 0.1),
-                (THIRD, 0, 1, 4.0, 0.1),
-                (THIRD, 1, 2, 0.0, 0.1),
-            ),
-            "filter time": (
-                (1.0, 1, 2, 5.0, 0.1),
-                (2.0, 2, 4, 5.0, 0.1),
-                (1.0, 0, 1, 0.1, 0.1),
-                (1.0, 3, 3, 50.0, 0.1),
-                (1.0, 1, 1, 5.0, 0.1),
-                (0.0, 1, 2, 5.0, 0.1),
-            ),
-            "reset": (
-                (FIRST, automatic_reset.PI, 2, 0.1),
-                (pidalab.ipdt(1.0, 1.0), automatic_reset.PIDA_1, 1, 0.1),
-                (pidalab.ipdt(1.0, 1.0), automatic_reset.PIDA_1, 4, 0.9),
-                (pidalab.ipdt(1.0, 1.0), automatic_reset.PIDA_1, 4, 0.1, 0.5),
-                (pidalab.ipdt(1.0, 0.0), automatic_reset.PI, 2, 0.1),
-                (pidalab.ipdt(1.0, 1.0), automatic_reset.PID, 3, 0.1, 1.0, -1),
-            ),
-            "optimum": (
-                (THIRD, 2, 1, 0.1),
-                (THIRD, 2, 3, 0.0),
-                (THIRD, 7, 8, 0.1),
-                ([1.0, 2.0, 3.0, 4.0, 5.0], 1, 2, 0.1),
-                ([0.0, 2.0, 3.0, 4.0], 1, 2, 0.1),
-                ([1.0, 2.0], 1, 2, 0.1),
-            ),
-            "gains": (
-                ([1.0, 4.0, 10.0, 20.0], 1),
-                ([1.0, 4.0, 10.0, 20.0, 35.0, 56.0], 2),
-                ([1.0, 2.0], 0),
-                ([1.0], 0),
-                ([1.0, 1.0, 1.0, 1.0], 1),
-            ),
-            "design noise": (0.1, 0.01, 0.5, 0.0),
-        }[rule]
-        for i, given in enumerate(variants):
-            asked[f"{rule}, edge {i}"] = lambda call=call, given=given: designed(
-                call(*(given if isinstance(given, tuple) else (given,)))
-            )
     return asked
-
-
-def designed(value):
-    return (dict(value.info), value.controller) if isinstance(value, pidalab.Design) else value
-
-
-def _digital(k):
-    """Return what a digital controller is, and does at its limits."""
-    signals = [k.step(1.0, y) for y in (0.0, 0.3, -4.0, 4.0, 1.2, 1.0, 1.0)]
-    k.reset(0.2)
-    return k.coefficients, signals, [k.step(r, 0.5) for r in (0.5, 2.0, 2.0)], str(k.prefilter), k.anti_windup
-
-
-def optima():
-    """Optima under limits on noise, and the words of those that there are not."""
-    asked = {}
-    for i, (plant, test, order, given) in enumerate(
-        (
-            (FIRST, "load", 1, {"ms": 1.6, "mks": 15.0}),
-            (PLANTS["integrator"], "setpoint", 1, {"ms": 1.6, "mks": 15.0}),
-            (FIRST, "load", 0, {"ms": 1.4}),
-            (FIRST, "load", 1, {"ms": 1.5, "noise_gain": 4.0, "sample_time": 0.1}),
-            (pidalab.ipdt(0.4, 1.3), "setpoint", 0, {"ms": 1.5, "noise_gain": 3.0, "sample_time": 0.2}),
-            (FIRST, "load", 1, {"ms": 1.4, "mks": 0.05}),
-            (FIRST, "load", 1, {}),
-            (FIRST, "load", 1, {"ms": 1.0, "mks": 5.0}),
-            (FIRST, "load", 1, {"noise_gain": 4.0}),
-            (FIRST, "load", 1, {"sample_time": 4.0}),
-            (Process([1.0, 0.0], [1.0, 1.0], 0.1), "load", 0, {"ms": 1.4, "mks": 9.0}),
-            (PLANTS["biproper"], "load", 0, {"ms": 1.5, "mks": 3.0}),
-            (PLANTS["unstable"], "load", 0, {"ms": 1.2, "mks": 3.0}),
-            (PLANTS["two integrators"], "load", 0, {"ms": 1.4, "mks": 9.0}),
-            (FIRST, "setpoint", 0, {"ms": 1.7, "mks": 1.2}),
-            (1.0, "load", 0, {}),
-            (PLANTS["no delay"], "load", 0, {"ms": 1.3, "mks": 4.0}),
-        )
-    ):
-        asked[f"optimum, edge {i}"] = lambda p=plant, t=test, o=order, g=given: _found(
-            getattr(optimal, t)(p, o, **g)
-        )
-    return asked
-
-
-def _found(design):
-    """Return what a search ends in."""
-    return design.iae, design.ms, design.active, design.edge, design.source
-
-
-def more():
-    """Doors that few loops go through: ensembles, settling, digital prefilters, many loops, kept portraits."""
-    asked = {}
-    t = np.linspace(0.0, 15.0, 101)
-    noise = 0.1 * np.sin(np.outer([1.0, 2.0, 3.7], np.arange(101.0)))
-    asked["ensemble"] = lambda: [(r.y, r.u) for r in pidalab.simulate_ensemble(LOOP, t, noise, 1.0, 0.2)]
-    asked["ensemble of none"] = lambda: pidalab.simulate_ensemble(LOOP, t, noise[:0])
-    for name in ("first order", "lag", "integrator", "unstable", "no delay", "two integrators"):
-        for kind in ("PI", "PID"):
-            loop = Loop(PLANTS[name], controllers(PLANTS[name])[kind])
-            asked[f"settled: {name}, {kind}"] = lambda loop=loop: settled(pidalab.load_response, loop, 3.0).t
-    asked["many"] = lambda: [r.y for r in pidalab.simulate_many([LOOP, Loop(FIRST, 0.4)], t, 1.0)]
-    asked["many margins"] = lambda: [(m.ms, m.gm) for m in pidalab.margins_many([LOOP, Loop(FIRST, 0.4)])]
-    asked["limited, exactly"] = lambda: pidalab.step_response(
-        Loop(FIRST, SeriesPIDA(0.5, 0.1, 0.0, 2.0, 0.05, 2, (-0.1, 0.2))), t
-    )
-    echoing = Loop(Process([0.9, 1.0], [1.0, 1.0], 0.01), 1.0)
-    for end in (3.0, 2000.0):
-        asked[f"echoes until {end}"] = lambda end=end: (
-            pidalab.step_response(echoing, np.linspace(0.0, end, 101)).y
-        )
-    asked["wild"] = lambda: pidalab.step_response(Loop(FIRST, 90.0), np.linspace(0.0, 900.0, 31))
-    for i, (num, den) in enumerate(
-        (([1.0], [0.5, 1.0]), ([0.3, 1.0], [1.5, 0.7, 1.0]), ([2.0, 1.0], [1.0, 3.0, 3.0, 1.0]))
-    ):
-        for method in ("backward", "tustin", "zoh"):
-            asked[f"prefilter: {i}, {method}"] = lambda n=num, d=den, m=method: _prefiltered(n, d, m)
-    for kind in ("P", "PI", "PID", "PIDA", "high order", "series"):
-        for method in ("backward", "tustin", "zoh"):
-            asked[f"in z: {kind}, {method}"] = lambda k=kind, m=method: _in_z(
-                controllers(FIRST)[k].discretise(0.01, m)
-            )
-    units = {
-        "limits": (-1.0, 2.0),
-        "bias": 0.3,
-        "y_span": 2.0,
-        "u_span": 3.0,
-        "y_offset": 0.5,
-        "deadband": 0.01,
-        "rate_limit": 0.9,
-    }
-    for i, options in enumerate(
-        (
-            {},
-            units,
-            units | {"anti_windup": "clamping", "b": 0.4},
-            {"prefilter": control.tf([1.0], [0.5, 1.0])},
-        )
-    ):
-        for kind in ("PI", "PIDA", "series"):
-            k = [
-                controllers(FIRST)[kind].discretise(0.02, **options),
-                PIDA(0.3, 2.0).discretise(0.02, **options),
-            ]
-            grid = {"controller": np.array(k, object)}
-            asked[f"digital portrait: {kind}, {i}"] = lambda k=k, grid=grid: pidalab.portrait(
-                Loop(FIRST, k[0]), grid, 0.02 * np.arange(400.0), 0.4, 0.1
-            )
-            asked[f"digital loop: {kind}, {i}"] = lambda k=k: (lambda r: (r.y, r.u))(
-                pidalab.simulate_sampled(Loop(FIRST, k[0]), 0.02 * np.arange(400.0), 0.4, 0.1)
-            )
-    for i, (grid, h) in enumerate(
-        (
-            ({"controller": []}, 0.02),
-            ({"controller": [1.0]}, 0.02),
-            ({"kp": [1.0]}, 0.02),
-            (3.0, 0.02),
-            ({"controller": [PIDA(0.3, 2.0).discretise(0.03)]}, 0.02),
-        )
-    ):
-        asked[f"digital portrait, edge {i}"] = lambda g=grid, h=h: pidalab.portrait(
-            Loop(FIRST, PIDA(0.3, 2.0).discretise(0.02)), g, h * np.arange(50.0), 1.0
-        )
-    asked["kept portrait"] = _resumed
-    plant = Process([1.0], np.poly([-1 / 9, -1 / 3, -1]) * 27, 0.4)
-    for shape, sign in ((0.0, 1.0), (0.3, -1.0)):
-        asked[f"spread: {shape}"] = lambda a=shape, b=sign: [
-            repr(p) for p in corners(pidalab.fopdt(b * 2.0, 3.0, 0.5 + a), 0.2)
-        ]
-    asked["measured rule"] = lambda: _measured(plant, 4.0)
-    asked["measured rule, noise"] = lambda: _measured(plant, 4.0, 0.003)
-    return asked
-
-
-def _measured(plant, time, noise=0.0):
-    """Tune the magnitude optimum for the areas of a record."""
-    t = np.linspace(0.0, 40 * time, 1601)
-    y = pidalab.open_loop_step(plant, t).y
-    u, y = np.where(t > 0, 1.0, 0.0), np.concatenate([[0.0], y[:-1]]) + noise * np.sin(t**1.7)
-    found = areas.from_record(t, u, y, 4)
-    return (
-        found,
-        designed(magnitude_optimum.tune(found, 0, 2, 0.3 * time)),
-        designed(magnitude_optimum.tune(areas.from_record(t, u, y, 6), 1, 2, 0.3 * time)),
-    )
-
-
-def _prefiltered(num, den, method):
-    k = PIDA(0.5, 2.0).discretise(0.1, method, prefilter=control.tf(num, den))
-    z = np.exp([0.1j, 1.0j, 3.0j])
-    return k.prefilter(z), str(k.prefilter), [k.step(1.0, 0.0) for _ in range(5)], k.coefficients
-
-
-def _in_z(k):
-    return (
-        k.transfer_function(),
-        [path.fraction() for path in k.paths],
-        [path.order for path in k.paths],
-    )
-
-
-def _resumed():
-    """Ask for a portrait twice, with what was computed kept in a file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "kept.npz"
-        grid = {"kp": [0.2, 0.4, 0.6]}
-        found = [
-            pidalab.portrait(Loop(FIRST, SERIES), grid, T, 1.0, chunk=1, resume=path).iae for _ in range(2)
-        ]
-        try:
-            pidalab.portrait(Loop(FIRST, SERIES), {"kp": [0.2]}, T, 1.0, resume=path)
-        except ValueError as refusal:
-            found.append(str(refusal).replace(folder, ""))
-        return found
