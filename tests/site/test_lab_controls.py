@@ -99,10 +99,16 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
         "() => document.querySelector('.lab-table tbody td:nth-of-type(8)').textContent === '1.5'"
     )
     calm = reached()
-    before = page.locator(".lab-plots").inner_html()
-    page.get_by_label("measurement noise", exact=True).check()
-    enter(page, "noise, ±", 0.2)
-    page.wait_for_function("before => document.querySelector('.lab-plots').innerHTML !== before", arg=before)
+    # two changes, two drawings: the second may still be due when the first is seen
+    for change in (
+        page.get_by_label("measurement noise", exact=True).check,
+        lambda: enter(page, "noise, ±", 0.2),
+    ):
+        before = page.locator(".lab-plots").inner_html()
+        change()
+        page.wait_for_function(
+            "before => document.querySelector('.lab-plots').innerHTML !== before", arg=before
+        )
     noisy = reached()
     assert min(calm + noisy) > 0
     assert noisy[1] > 5 * calm[1]  # the kick meets the upper limit once, the noise again and again
