@@ -122,8 +122,7 @@ def mutants() -> str:
     """What became of the mutants of each part of the library."""
     parts: dict[str, list[str]] = defaultdict(list)
     for row in read(DATA / "mutants.csv"):
-        outcome = "equivalent" if row["reason"] else row["outcome"]
-        parts[row["module"].partition("/")[0].removesuffix(".py")].append(outcome)
+        parts[row["module"].partition("/")[0].removesuffix(".py")].append(_outcome(row))
     parts = dict(sorted(parts.items())) | {"all": [outcome for found in parts.values() for outcome in found]}
     lines = []
     for part, outcomes in parts.items():
@@ -146,12 +145,16 @@ def mutants() -> str:
     return table(head, lines)
 
 
+def _outcome(row: dict[str, str]) -> str:
+    return "equivalent" if row["reason"] else row["outcome"]
+
+
 def samples() -> str:
     """What became of the mutants of each sample whose day is known."""
     days: dict[str, list[str]] = defaultdict(list)
     for row in read(DATA / "mutants.csv"):
         if row["drawn"]:
-            days[row["drawn"]].append("equivalent" if row["reason"] else row["outcome"])
+            days[row["drawn"]].append(_outcome(row))
     lines = []
     for day, outcomes in sorted(days.items()):
         own, others = (outcomes.count(name) for name in ("killed", "killed elsewhere"))

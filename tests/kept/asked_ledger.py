@@ -8,6 +8,8 @@ import os
 import tempfile
 from pathlib import Path
 
+from kept import refused
+
 from pidalab.ledger import (
     CONVENTIONS,
     Entry,
@@ -66,27 +68,20 @@ NOTES = (
 SIDES = (0.0, 1.0, 1.04, 1.05, 1.1, 1.12, 1.25, 2.0, 2.01, -1.0, 0.1, 0.02, 1e-9, 3, float("inf"))
 
 
-def _refused(call):
-    try:
-        return call()
-    except ValueError as refusal:
-        return str(refusal)
-
-
 def ledger():
     """Numbers, statements, rows and their tables."""
     asked = {}
     for printed in PRINTS:
         asked[f"print: {printed}"] = lambda p=printed: [
-            _refused(lambda call=call: call(p)) for call in (digits.is_number, digits.read_number)
+            refused(lambda call=call: call(p)) for call in (digits.is_number, digits.read_number)
         ]
         for value in VALUES:
             asked[f"verdict: {printed}, {value}"] = lambda p=printed, v=value: [
-                *(_refused(lambda n=note: verdicts.derive(p, v, n)) for note in NOTES),
-                _refused(lambda: verdicts.units_off(p, v)),
-                _refused(lambda: digits.show(p, v)),
-                _refused(lambda: digits.store(float(v), p)),
-                _refused(lambda: digits.agrees(float(v), v)),
+                *(refused(lambda n=note: verdicts.derive(p, v, n)) for note in NOTES),
+                refused(lambda: verdicts.units_off(p, v)),
+                refused(lambda: digits.show(p, v)),
+                refused(lambda: digits.store(float(v), p)),
+                refused(lambda: digits.agrees(float(v), v)),
             ]
     for name, relation in itertools.product((None, *CONVENTIONS), ("<", "<=", "==", "within", ">", ">=")):
         asked[f"relation: {name}, {relation}"] = lambda n=name, r=relation: [
@@ -117,10 +112,10 @@ def ledger():
         ]
         asked[f"rows: {verdict}, {basis}, {note}"] = lambda rows=rows: [_row(row) for row in rows]
         asked[f"tables: {verdict}, {basis}, {note}"] = lambda rows=rows: (
-            _refused(lambda: tables.claims(rows).html),
-            _refused(lambda: tables.claims(rows).text),
-            _refused(lambda: scores.score_line("demo", scores.score(rows))),
-            _refused(lambda: scores.bar("demo", scores.score(rows))),
+            refused(lambda: tables.claims(rows).html),
+            refused(lambda: tables.claims(rows).text),
+            refused(lambda: scores.score_line("demo", scores.score(rows))),
+            refused(lambda: scores.bar("demo", scores.score(rows))),
         )
     asked["markup"] = lambda: [
         display.markup(text) for text in ("T_f", "a < b & c", "m^2", "K_s e^{-Ls}", "alpha_d")
@@ -133,12 +128,12 @@ def _judged(name, left, relation, right):
         found = Evidence.of(left, relation, right, convention=name)
         return str(found), found.verdict, found.shown(), found.nearness()
 
-    return _refused(evidence)
+    return refused(evidence)
 
 
 def _row(row):
     return [
-        _refused(call) for call in (row.derived, row.difference, row.shown, row.disagreement, row.problems)
+        refused(call) for call in (row.derived, row.difference, row.shown, row.disagreement, row.problems)
     ]
 
 

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 from asked_loops import PLANTS, controllers, size
+from kept import refused
 
 import pidalab
 from pidalab import Loop, Process, Record, areas, identification, reduction
@@ -118,7 +119,7 @@ def rules():
                 )
     for name in ("first order", "four lags", "third order", "second order, 0.3, 0.85"):
         asked[f"words: {name}"] = lambda p=MODELS[name]: [
-            _refused(lambda design=design: str(design()))
+            refused(lambda design=design: str(design()))
             for design in (
                 lambda: haalman.tune(p, 1.5, "PID"),
                 lambda: haalman.tune(p, 1.5),
@@ -170,17 +171,10 @@ def models():
     ).items():
         asked[f"controller: {kind}"] = lambda c=controller: (repr(c), c.fraction(), c.parts(), c.gains())
         asked[f"forms: {kind}"] = lambda c=controller: [
-            _refused(form) for form in (c.gains().standard, c.gains().non_interactive, c.gains().series)
+            refused(form) for form in (c.gains().standard, c.gains().non_interactive, c.gains().series)
         ]
         asked[f"vendor: {kind}"] = lambda c=controller: str(c.vendor_forms())
     return asked
-
-
-def _refused(call):
-    try:
-        return call()
-    except ValueError as refusal:
-        return str(refusal)
 
 
 def _experiment(plant, samples, h, noise, seed=0, start=0, rest=0.2, step=1.5):
@@ -233,10 +227,10 @@ def records():
         t = np.linspace(0.0, 9.0 * time, 80)
         y = pidalab.open_loop_step(plant, t).y
         asked[f"arrays: {name}"] = lambda t=t, y=y: [
-            _refused(lambda: identification.three_point(t, y, 1.3)),
-            _refused(lambda: identification.three_point(t, y, 1.3, (0.1, 0.4, 0.8), "sampled")),
-            _refused(lambda: identification.ipdt_tangent(t, y, -0.7, 0.4 * t[-1] / 9)),
-            _refused(lambda: identification.ipdt_least_squares(t, -y, 2.0, 0.35)),
+            refused(lambda: identification.three_point(t, y, 1.3)),
+            refused(lambda: identification.three_point(t, y, 1.3, (0.1, 0.4, 0.8), "sampled")),
+            refused(lambda: identification.ipdt_tangent(t, y, -0.7, 0.4 * t[-1] / 9)),
+            refused(lambda: identification.ipdt_least_squares(t, -y, 2.0, 0.35)),
             identification.binomial_filtered(t, y, 0.03 * t[-1], 3),
         ]
     for name in ("first order", "oscillating", "four lags", "integrator"):

@@ -81,6 +81,14 @@ def answer(question):
     return found + [written(f"{one.category.__name__}: {one.message}") for one in own]
 
 
+def refused(call):
+    """Return what a call answers, or why it refuses: for one answer of several."""
+    try:
+        return call()
+    except ValueError as refusal:
+        return str(refusal)
+
+
 def _same_words(old, new):
     """Whether two texts differ at most by a unit in the last place of their numbers."""
     if NUMBER.split(old) != NUMBER.split(new):
