@@ -302,3 +302,10 @@ def test_repr_says_what_stands_beside_the_controller():
     half = control.tf([1.0], [2.0])
     assert "output_filter" not in repr(pidalab.Loop(PROCESS, 0.5, prefilter=half))
     assert "prefilter" not in repr(pidalab.Loop(PROCESS, 0.5, output_filter=half))
+
+
+def test_a_process_without_dead_time_is_a_filter():
+    loop = pidalab.Loop(PROCESS, CONTROLLER, prefilter=pidalab.lags(2, lag=0.2))
+    assert loop.block("prefilter", 1j) == pytest.approx(1 / (0.2j + 1) ** 2)
+    with pytest.raises(ValueError, match=r"prefilter must have no dead time, found 0\.5"):
+        pidalab.Loop(PROCESS, CONTROLLER, prefilter=pidalab.lags(2, delay=0.5))

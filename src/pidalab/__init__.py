@@ -38,9 +38,11 @@ if TYPE_CHECKING:
     from pidalab.record import Record as Record
     from pidalab.reporting import Report as Report, report as report
     from pidalab.response import Response as Response
+    from pidalab.robustness.gain import gain_for_ms as gain_for_ms
     from pidalab.robustness.many import margins_many as margins_many
     from pidalab.robustness.margins import (
         Margins as Margins,
+        bandwidth as bandwidth,
         gain_crossovers as gain_crossovers,
         margins as margins,
         max_sensitivity as max_sensitivity,
@@ -87,7 +89,15 @@ HOMES = {
     "record": ("Record",),
     "reporting": ("Report", "report"),
     "response": ("Response",),
-    "robustness.margins": ("Margins", "gain_crossovers", "margins", "max_sensitivity", "phase_crossovers"),
+    "robustness.gain": ("gain_for_ms",),
+    "robustness.margins": (
+        "Margins",
+        "bandwidth",
+        "gain_crossovers",
+        "margins",
+        "max_sensitivity",
+        "phase_crossovers",
+    ),
     "robustness.many": ("margins_many",),
     "robustness.poles": ("is_stable", "rightmost_poles", "unstable_poles"),
     "rules": ("Design",),

@@ -73,10 +73,10 @@ class Loop:
     controller : controller, DigitalController, control.TransferFunction or float
         From the difference of filtered set point and measurement to control; proper. A loop with a digital one has no
         transfer function in s: it is for `simulate_sampled`, `noise_gain`, `margins` and `is_stable`.
-    output_filter : control.TransferFunction, optional
-        In series with the controller, inside the loop; proper. Default 1.
-    prefilter : control.TransferFunction, optional
-        Acts on the set point alone; proper and stable. Default 1.
+    output_filter : Process, OutputFilter or control.TransferFunction, optional
+        In series with the controller, inside the loop; proper, without dead time. Default 1.
+    prefilter : Process, OutputFilter or control.TransferFunction, optional
+        Acts on the set point alone; proper, stable, without dead time. Default 1.
 
     Raises
     ------
@@ -126,8 +126,8 @@ class Loop:
         blocks = {} if digital else {"controller": _rational("controller", controller, Controller)}
         blocks |= {
             "process": (process.num, process.den),
-            "output_filter": rational("output_filter", 1.0 if output_filter is None else output_filter),
-            "prefilter": rational("prefilter", 1.0 if prefilter is None else prefilter),
+            "output_filter": _filter("output_filter", output_filter),
+            "prefilter": _filter("prefilter", prefilter),
         }
         poles = np.roots(blocks["prefilter"][1])
         if np.any(poles.real >= 0):
@@ -517,3 +517,12 @@ def _rational(name: str, block: Any, kind: type) -> Fraction:
     if hint:
         raise TypeError(f"{name} must be a block of the loop, found {type(block).__name__}{hint}")
     return rational(name, block)
+
+
+def _filter(name: str, block: Any) -> Fraction:
+    """Return (num, den) of a filter, 1 where there is none."""
+    if not isinstance(block, Process):
+        return rational(name, 1.0 if block is None else block)
+    if block.delay:
+        raise ValueError(f"{name} must have no dead time, found {block.delay:g}")
+    return block.num, block.den

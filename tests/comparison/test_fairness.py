@@ -63,13 +63,13 @@ def test_noise_is_kept_where_the_gain_jumps():
 def test_proportions_that_never_reach_the_sensitivity_are_refused():
     """Integral action far too fast for an integrating plant: small gains do not help, large ones neither."""
     design = pidalab.rules.Design(BALANCED, pidalab.PIDA(1.0, 1.0))
-    with pytest.raises(ValueError, match=r"no gain above 0\.01 of its own"):
+    with pytest.raises(ValueError, match=r"no gain of this controller gives a stable loop"):
         at_equal_terms(design, pidalab.ipdt(1.0, 1.0), ms=1.4, noise_gain=1.0, sample_time=0.05)
 
 
 def test_no_filter_is_slow_enough():
     design = classical.simc(BALANCED, "PI")
-    with pytest.raises(ValueError, match=r"no (filter time|gain)"):
+    with pytest.raises(ValueError, match=r"no (filter time|gain)|a factor of"):
         at_equal_terms(design, BALANCED, ms=1.4, noise_gain=1e-9, sample_time=0.05)
 
 

@@ -13,16 +13,15 @@ from pidalab._check import Array
 from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
+from pidalab.robustness.gain import gain_for_ms
+from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
 
-AROUND = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
-KEPT = 1e-6  # share by which Ms may be missed
-ROUNDS = 8  # of looking where the peak is
 SLOWEST = 1e4  # filter time that is tried, in sample times
+SMALLEST = 0.01  # factor of the gains: with less of it nearly any loop is robust, and does nothing
 CLOSE = 1e-5  # share to which the filter time is found
 DENSITY = 4  # of the frequencies over which noise is summed: good for six digits
 TOO_LOUD = 3.0  # logarithm of a noise gain over its limit: more is no worse
-SMALLEST = 0.01  # factor of the gains: with less of it nearly any loop is robust, and does nothing
 
 
 def at_equal_terms(
@@ -81,11 +80,15 @@ def at_equal_terms(
 
     def scaled(log_time: float) -> tuple[float, float, HighOrderPID]:
         time = shortest * math.exp(log_time)
-        factor = _largest_gain(process, gains, time, limit)
+        factor = gain_for_ms(Loop(process, _filtered(gains, time)), limit)
+        if factor < SMALLEST:
+            raise ValueError(
+                f"Ms = {limit:g} leaves this design a factor of {factor:.2g} of its gains, below {SMALLEST:g}"
+            )
         return noise_of(factor * gains, time), factor, _filtered(factor * gains, time)
 
     noise, factor, controller = _quiet_enough(scaled, most)
-    reached = _peak(Loop(process, controller))[0]
+    reached = max_sensitivity(Loop(process, controller))[0]
     info = {"factor": factor, "ms": reached, "noise_gain": noise}
     return Design(process, controller, source=f"{design.source}, at equal terms", info=info)
 
@@ -117,12 +120,6 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
     return noise_of
 
 
-def _peak(loop: Loop) -> tuple[float, float]:
-    from pidalab.robustness.margins import max_sensitivity
-
-    return max_sensitivity(loop)
-
-
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
     """The shortest filter with which the noise stays within its limit, found in the logarithm of its time."""
     from scipy.optimize import brentq
@@ -148,54 +145,3 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         middle = 0.5 * (low + high)
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return scaled(high)
-
-
-def _largest_gain(process: Process, gains: Array, time: float, ms: float) -> float:
-    """The largest factor of the gains with which the loop is stable and Ms is reached from below."""
-    from pidalab.robustness.poles import is_stable
-
-    unit = Loop(process, _filtered(gains, time))
-    w = _frequencies(process, time)
-    for _ in range(ROUNDS):
-        candidates = (factor * (1 - KEPT) for factor in _reached_from_below(unit.L(1j * w), ms))
-        stable = (
-            k for k in candidates if k >= SMALLEST and is_stable(Loop(process, _filtered(k * gains, time)))
-        )
-        factor = next(stable, None)
-        if factor is None:
-            break
-        peak, at = _peak(Loop(process, _filtered(factor * gains, time)))
-        if peak <= ms * (1 + KEPT):
-            return factor
-        w = np.sort(np.append(w, at * AROUND))
-    raise ValueError(
-        f"no gain above {SMALLEST:g} of its own gives the proportions of this design a stable loop with Ms = {ms:g}"
-    )
-
-
-def _frequencies(process: Process, time: float) -> Array:
-    """From far below the slowest corner of plant and filter to far above the fastest."""
-    from pidalab.roots import roots
-
-    corners = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
-    corners = np.append(corners[corners > 0], 1 / time)
-    corners = np.append(corners, 1 / process.delay) if process.delay else corners
-    low, high = 1e-3 * corners.min(), 1e2 * corners.max()
-    return np.geomspace(low, high, int(300 * math.log10(high / low)))
-
-
-def _reached_from_below(unit: Array, ms: float) -> list[float]:
-    r"""Factors k, the largest first, at which :math:`|1 + k L| \ge 1/M_s` is about to be lost at one frequency.
-
-    At each frequency it is lost between the roots of :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
-    """
-    size = np.abs(unit) ** 2
-    root = unit.real**2 - size * (1 - 1 / ms**2)
-    lost = (unit.real < 0) & (root > 0)
-    spread = np.sqrt(root[lost])
-    low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
-    order = np.argsort(low)
-    low, high = low[order], high[order]
-    # an interval that begins behind all that began before leaves a gap of allowed factors below it
-    behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
-    return low[low > behind][::-1].tolist()

@@ -293,6 +293,23 @@ class HighOrderPID(Controller):
             )
         return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
 
+    def named_gains(self) -> dict[str, float]:
+        r"""Return the gains by name: ``km1`` for :math:`K_{-1}`, ``k0``, ``k1`` and so on.
+
+        Returns
+        -------
+        dict of str to float
+            From the integral gain to that of the highest derivative.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.HighOrderPID([0.5, 2.0, 1.0], filter_time=0.1, filter_order=1).named_gains()
+        {'km1': 0.5, 'k0': 2.0, 'k1': 1.0}
+        """
+        names = ["km1", *(f"k{i}" for i in range(len(self.coefficients) - 1))]
+        return dict(zip(names, self.coefficients, strict=True))
+
     def parts(self) -> tuple[FilteredGains, ...]:
         return (FilteredGains("filtered", self.coefficients, self.filter_time, self.filter_order),)
 

@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, require_well_posed
-from pidalab.robustness._grid import Scan, ends, scan
+from pidalab.robustness._grid import Scan, divided, ends, scan
 from pidalab.robustness.poles import is_stable
 from pidalab.robustness.sampled import margins_sampled
 
@@ -155,6 +156,57 @@ def _gain_crossovers(looked: Scan) -> Array:
     from pidalab.robustness import _scan
 
     return np.sort(_scan.gain_crossings(looked.w, looked.size, *looked.factors[:4]))
+
+
+def bandwidth(loop: Loop, drop: float = 3.0) -> float:
+    r"""Bandwidth of the closed loop: the lowest frequency at which \|T\| is `drop` decibels below its value at rest.
+
+    Parameters
+    ----------
+    loop : Loop
+        A stable loop; its prefilter is not in T.
+    drop : float, optional
+        In decibels, above 0.
+
+    Returns
+    -------
+    float
+        In rad per time unit; inf where T does not fall so far.
+
+    Raises
+    ------
+    ValueError
+        For an unstable loop, and for one whose T is 0 at rest.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> print(f"{pidalab.bandwidth(pidalab.Loop(pidalab.ipdt(1.0, delay=0.0), 0.5)):.4f}")
+    0.4988
+    """
+    if not is_stable(loop):
+        raise ValueError("the closed loop is unstable: it has no bandwidth")
+    at_rest = ends(loop)[0]
+    static = 1.0 if math.isinf(at_rest) else abs(at_rest / (1 + at_rest))
+    if static == 0:
+        raise ValueError("T is 0 at rest: there is nothing to fall from")
+    level = static * 10 ** (-_check.real("drop", drop, above=0.0) / 20)
+
+    def excess(w: float) -> float:
+        return float(np.abs(loop.T(1j * w))) - level
+
+    # where |L| < level / (1 + level), |T| is below the level
+    looked = scan(loop)
+    w = divided(looked.w, looked.parts(0.9 * level / (1 + level)))
+    below = np.flatnonzero(np.abs(loop.T(1j * w)) < level)
+    if not below.size:
+        return math.inf
+    first = int(below[0])
+    return (
+        float(brentq(excess, w[max(first - 1, 0)], w[first], xtol=1e-15 * w[first], rtol=1e-14))
+        if first
+        else float(w[0])
+    )
 
 
 def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pidalab import _check
 from pidalab.controllers import PIDA, Fraction
 from pidalab.loop import Loop
 from pidalab.process import Process, binomial
-from pidalab.robustness.margins import gain_crossovers, max_sensitivity
-from pidalab.robustness.poles import is_stable
+from pidalab.robustness.gain import gain_for_ms
+from pidalab.robustness.margins import gain_crossovers
 from pidalab.rules._design import Design
 from pidalab.rules._models import lags
 
 if TYPE_CHECKING:
     import control
 
-LOWEST, HIGHEST = -25.0, 25.0  # logarithms of the gains between which Ms is searched
-FINEST = 1e100  # largest ratio of a derivative's time to its filter's
-CLOSEST = 1e6  # largest Ms that a gain is searched for
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
 
 
@@ -270,40 +265,5 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
-    """Raise the gain from nothing until Ms is reached; `unit` has the inverse of the model's gain."""
-    ms = _check.real("ms", ms, above=1.0)
-    if not 1 / FINEST <= unit.n <= FINEST:
-        raise ValueError(f"n must lie between {1 / FINEST:g} and {FINEST:g}, found {unit.n:g}")
-    if ms > CLOSEST:
-        raise ValueError(
-            f"ms must be at most {CLOSEST:g}: closer to instability no gain can be told, found {ms:g}"
-        )
-
-    def controller(log_gain: float) -> PIDA:
-        return PIDA(unit.kp * math.exp(log_gain), unit.ti, unit.td, unit.ta, unit.n, unit.m)
-
-    def excess(log_gain: float) -> float:
-        return 1 / ms - 1 / max_sensitivity(Loop(model, controller(log_gain)))[0]
-
-    def stable(log_gain: float) -> bool:
-        return is_stable(Loop(model, controller(log_gain)))
-
-    low = 0.0
-    while excess(low) >= 0 or not stable(low):
-        low -= 1.0
-        if low < LOWEST:
-            raise ValueError(
-                f"ms = {ms:g} is exceeded by every gain down to kp = {unit.kp * math.exp(low):.4g}"
-            )
-    high = low
-    while excess(high) < 0 and stable(high):
-        low, high = high, high + 0.25
-        if high > HIGHEST:
-            reached = max_sensitivity(Loop(model, controller(high)))[0]
-            raise ValueError(
-                f"ms = {ms:g} is reached by no gain: even kp = {unit.kp * math.exp(high):.4g} gives Ms = {reached:.4g}"
-            )
-    while excess(high) < 0:  # unstable at high: Ms passes through infinity on the way there
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) < 0 and stable(middle) else (low, middle)
-    return controller(float(brentq(excess, low, high, xtol=1e-13, rtol=1e-13)))
+    """The controller with the gain that gives Ms; `unit` has the inverse of the model's gain."""
+    return gain_for_ms(Loop(model, unit), ms) * unit

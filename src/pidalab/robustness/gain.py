@@ -1,0 +1,105 @@
+"""The gain with which a loop has a given maximum sensitivity."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.loop import Loop, require_loop
+from pidalab.robustness._grid import factors
+from pidalab.robustness.margins import max_sensitivity
+from pidalab.robustness.poles import is_stable
+
+DENSITY = 300  # frequencies a decade
+AROUND = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
+CLOSE = 1e-6  # share by which Ms may exceed what was asked for before the last step
+ROUNDS = 8  # of looking where the peak is
+
+
+def gain_for_ms(loop: Loop, ms: float) -> float:
+    r"""Factor of the controller's gain with which the loop is stable and has the maximum sensitivity `ms`.
+
+    Where several factors do, it is the largest at which Ms is reached from below.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop, stable or not; output filter included. Its own gain is the unit of the answer.
+    ms : float
+        Maximum sensitivity asked for, above 1.
+
+    Returns
+    -------
+    float
+        k, above 0: ``Loop(process, k * controller, output_filter)`` has ``max_sensitivity(...)[0] == ms``.
+
+    Raises
+    ------
+    TypeError
+        For a loop with a digital controller.
+    ValueError
+        If `ms` is not above 1, and where no factor gives a stable loop that reaches this Ms from below.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> process, controller = pidalab.lags(3, delay=1.0), pidalab.PIDA(kp=1.0, ti=3.0, td=0.8)
+    >>> k = pidalab.gain_for_ms(pidalab.Loop(process, controller), ms=1.6)
+    >>> print(f"{k:.4f} {pidalab.max_sensitivity(pidalab.Loop(process, k * controller))[0]:.6f}")
+    0.9232 1.600000
+    """
+    require_loop(loop)
+    ms = _check.real("ms", ms, above=1.0)
+
+    def scaled(factor: float) -> Loop:
+        return Loop(loop.process, factor * loop.controller, loop.output_filter)
+
+    w = _frequencies(loop)
+    for _ in range(ROUNDS):
+        candidates = (k * (1 - CLOSE) for k in _reached_from_below(loop.L(1j * w), ms))
+        found = next((k for k in candidates if is_stable(scaled(k))), None)
+        if found is None:
+            break
+        peak, at = max_sensitivity(scaled(found))
+        if peak <= ms * (1 + CLOSE):
+            return _refined(lambda k: 1 / ms - 1 / max_sensitivity(scaled(k))[0], found)
+        w = np.sort(np.append(w, at * AROUND))
+    raise ValueError(f"no gain of this controller gives a stable loop that reaches ms = {ms:g} from below")
+
+
+def _refined(excess, found: float) -> float:  # type: ignore[no-untyped-def]
+    """The factor at which `excess` is 0, next to one that is right to a few millionths."""
+    low, high = found * (1 - 10 * CLOSE), found * (1 + 10 * CLOSE)
+    if not excess(low) < 0 <= excess(high):
+        return found
+    return float(brentq(excess, low, high, xtol=1e-15 * found, rtol=1e-14))
+
+
+def _frequencies(loop: Loop) -> Array:
+    """From far below the slowest corner of the loop to far above the fastest."""
+    of = factors(loop)
+    corners = np.abs(np.concatenate([of.zeros, of.poles, [1 / of.delay] if of.delay else []]))
+    corners = corners[corners > 0]
+    low, high = (corners.min(), corners.max()) if corners.size else (1.0, 1.0)
+    return np.geomspace(1e-3 * low, 1e2 * high, int(DENSITY * math.log10(1e5 * high / low)))
+
+
+def _reached_from_below(unit: Array, ms: float) -> list[float]:
+    r"""Factors k, the largest first, at which :math:`|1 + k L| \ge 1/M_s` is about to be lost at one frequency.
+
+    At each frequency it is lost between the roots of :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
+    """
+    size = np.abs(unit) ** 2
+    root = unit.real**2 - size * (1 - 1 / ms**2)
+    lost = (unit.real < 0) & (root > 0)
+    spread = np.sqrt(root[lost])
+    low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
+    order = np.argsort(low)
+    low, high = low[order], high[order]
+    # an interval that begins behind all that began before leaves a gap of allowed factors below it
+    behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
+    return low[low > behind][::-1].tolist()

@@ -1,0 +1,63 @@
+"""The gain at a given Ms, and the bandwidth, held against closed forms and other algorithms."""
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab import Loop, Process, gain_for_ms
+
+
+def test_integrator_with_dead_time_in_closed_form():
+    """For k/s e^{-s} the peak of |S| satisfies a scalar equation; k = 0.5 gives 1.590490 (see test_haalman)."""
+    assert gain_for_ms(Loop(pidalab.ipdt(1.0, delay=1.0), 1.0), 1.590490) == pytest.approx(0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("ms", [1.2, 1.6, 2.0, 5.0])
+@pytest.mark.parametrize(
+    ("process", "controller"),
+    [
+        (pidalab.lags(4), pidalab.PIDA(1.0, 4.0, 1.0, 0.5)),
+        (pidalab.fopdt(1.0, lag=1.0, delay=3.0), pidalab.PIDA(2.0, 2.0)),
+        (pidalab.fopdt(-5.0, lag=1.0, delay=0.3), pidalab.PIDA(-1.0, 2.0)),
+    ],
+)
+def test_the_scaled_loop_has_that_ms_and_more_gain_exceeds_it(process, controller, ms):
+    k = gain_for_ms(Loop(process, controller), ms)
+    loop = Loop(process, k * controller)
+    assert pidalab.is_stable(loop)
+    assert pidalab.max_sensitivity(loop)[0] == pytest.approx(ms, rel=1e-9)
+    assert pidalab.max_sensitivity(Loop(process, 1.01 * k * controller))[0] > ms
+
+
+def test_an_unstable_plant_takes_the_larger_of_two_gains():
+    """2/(s - 1) e^{-0.1 s} under P control needs a gain above 1/2; Ms falls from infinity there and rises again."""
+    plant = Process([2.0], [1.0, -1.0], 0.1)
+    k = gain_for_ms(Loop(plant, 1.0), 1.6)
+    assert pidalab.max_sensitivity(Loop(plant, k))[0] == pytest.approx(1.6, rel=1e-9)
+    assert pidalab.max_sensitivity(Loop(plant, 0.99 * k))[0] < 1.6
+
+
+def test_what_no_gain_reaches_is_refused():
+    with pytest.raises(
+        ValueError, match=r"no gain of this controller gives a stable loop that reaches ms = 1\.4"
+    ):
+        gain_for_ms(Loop(pidalab.ipdt(1.0, delay=0.0), 1.0), 1.4)
+    with pytest.raises(ValueError, match=r"ms must be above 1, found 0\.9"):
+        gain_for_ms(Loop(pidalab.lags(3), 1.0), 0.9)
+
+
+def test_bandwidth_in_closed_form():
+    """T = 1/(tau s + 1) falls by 3 dB at sqrt(10^0.3 - 1)/tau; a static T never falls."""
+    assert pidalab.bandwidth(Loop(pidalab.ipdt(1.0, delay=0.0), 0.5)) == pytest.approx(
+        0.5 * np.sqrt(10**0.3 - 1), rel=1e-12
+    )
+    assert pidalab.bandwidth(Loop(Process([1.0], [1.0]), 0.5)) == np.inf
+    with pytest.raises(ValueError, match="unstable"):
+        pidalab.bandwidth(Loop(pidalab.ipdt(1.0, delay=1.0), 2.0))
+
+
+def test_bandwidth_of_a_loop_with_dead_time_by_a_dense_grid():
+    loop = Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(0.8, 3.0, 0.8))
+    w = np.linspace(1e-3, 5, 2_000_001)
+    first = w[np.argmax(np.abs(loop.T(1j * w)) < 10**-0.15)]
+    assert pidalab.bandwidth(loop) == pytest.approx(first, abs=5e-6)
