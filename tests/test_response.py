@@ -133,8 +133,8 @@ def test_a_horizon_that_is_no_number_is_refused_by_name():
         (lambda: DECAY.tv("e"), "signal must be 'u' or 'y', found 'e'"),
         (lambda: DECAY.tv1("r"), "signal must be 'u' or 'y', found 'r'"),
         (lambda: DECAY.peak("d"), "signal must be 'u' or 'y', found 'd'"),
-        (lambda: DECAY.tv("u", start=math.inf), "start must be finite, found inf"),
-        (lambda: DECAY.tv("u", end=math.nan), "end must be finite, found nan"),
+        (lambda: DECAY.tv("u", rest=math.inf), "rest must be finite, found inf"),
+        (lambda: DECAY.tv("u", final=math.nan), "final must be finite, found nan"),
         (lambda: DECAY.overshoot(), "overshoot needs a set point that does not end at 0"),
         (
             lambda: SINE.settling_time(),
@@ -229,7 +229,7 @@ def test_record_complains(change, error, message):
 def test_total_variation():
     u = record(np.arange(5.0), 0.0, u=[3.0, 1.0, 2.0, 2.0, -1.0])
     assert u.tv() == 3 + 2 + 1 + 0 + 3
-    assert u.tv(start=3.0, end=0.0) == 0 + 2 + 1 + 0 + 3 + 1
+    assert u.tv(rest=3.0, final=0.0) == 0 + 2 + 1 + 0 + 3 + 1
     assert record(T[:511], np.sin(T[:511])).tv("y") == pytest.approx(
         integral_of_abs_sine(10.2 + math.pi / 2) - 1, abs=2e-3
     )
@@ -245,7 +245,7 @@ def huba_tv1(path):
 def test_excess_over_one_pulse(seed):
     u = np.cumsum(np.random.default_rng(seed).normal(size=50))
     assert record(np.arange(50.0), 0.0, u=u).tv1() == pytest.approx(huba_tv1(np.append(0.0, u)), abs=1e-12)
-    assert record(np.arange(50.0), 0.0, u=u).tv1(start=2.0, end=1.0) == pytest.approx(
+    assert record(np.arange(50.0), 0.0, u=u).tv1(rest=2.0, final=1.0) == pytest.approx(
         huba_tv1([2.0, *u, 1.0]), abs=1e-12
     )
 
@@ -471,3 +471,26 @@ def test_the_set_point_that_counts_is_the_last():
     for measure in (down.undershoot, down.overshoot, down.rise_time):
         with pytest.raises(ValueError, match="a set point that does not end at 0"):
             measure()
+
+
+def test_total_variation_up_to_a_horizon_is_not_a_final_value():
+    """The second argument is a time, as for iae; values of rest and end go by name."""
+    run = record(np.arange(5.0), 0.0, u=[1.0, -1.0, 1.0, -1.0, 1.0])
+    assert run.tv("u", 2.0) == 1 + 2 + 2
+    assert run.tv("u", 2.0, final=0.0) == 1 + 2 + 2 + 1
+    with pytest.raises(TypeError):
+        run.tv("u", 0.0, 2.0)
+    with pytest.raises(ValueError, match=r"horizon must be within the record \(up to 4\), found 60"):
+        run.tv("u", 60.0)
+
+
+def test_error_against_a_filtered_set_point():
+    """Proportional control of an integrator is a lag: y = 1 - e^{-t} against 1 - (1 + t) e^{-t}."""
+    wanted = pidalab.open_loop_step(pidalab.lags(2), T)
+    run = pidalab.step_response(pidalab.Loop(pidalab.ipdt(1.0, delay=0.0), 1.0), T).against(wanted)
+    assert run.e == pytest.approx(-T * np.exp(-T), abs=1e-12)
+    assert run.ise() == pytest.approx(
+        0.25 * (1 - np.exp(-2 * T[-1]) * (1 + 2 * T[-1] + 2 * T[-1] ** 2)), rel=1e-8
+    )
+    with pytest.raises(ValueError, match="the reference must have the same times"):
+        run.against(pidalab.open_loop_step(pidalab.lags(2), T[:-1]))

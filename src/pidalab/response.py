@@ -121,6 +121,51 @@ class Response:
             held=self.held + self.n,
         )
 
+    def against(self, reference: Response) -> Response:
+        """Return the experiment with its error counted from another response, such as that of the wanted behaviour.
+
+        Parameters
+        ----------
+        reference : Response
+            At the same times. Its output takes the place of the set point: `open_loop_step` of a prefilter gives the
+            filtered set point.
+
+        Returns
+        -------
+        Response
+            With the difference of both outputs as its y, and 0 as its set point: ``e`` is ``reference.y - y``.
+
+        Raises
+        ------
+        ValueError
+            For other times.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = np.linspace(0.0, 20.0, 2001)
+        >>> wanted = pidalab.open_loop_step(pidalab.lags(2), t)
+        >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=0.0), 1.0)
+        >>> print(f"{pidalab.step_response(loop, t).against(wanted).ie():.4f}")
+        -1.0000
+        """
+        if not np.array_equal(self.t, reference.t):
+            raise ValueError(
+                f"the reference must have the same times (0 to {self.t[-1]:g} in {self.t.size} samples), found 0 to "
+                f"{reference.t[-1]:g} in {reference.t.size}"
+            )
+        assert self.area is not None
+        assert self.held is not None
+        assert reference.area is not None
+        assert reference.held is not None
+        return replace(
+            self,
+            r=np.zeros_like(self.r),
+            y=self.y - reference.y,
+            area=self.area - reference.area,
+            held=self.held - reference.held,
+        )
+
     def between(self, start: float, stop: float) -> Response:
         """Return a stretch of the record as an experiment of its own, such as one of several set-point steps.
 
@@ -188,14 +233,10 @@ class Response:
 
     def _pieces(self, horizon: float | None) -> tuple[Array, Array, Array]:
         """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
-        if horizon is None:
-            horizon = float(self.t[-1])
-        elif horizon == math.inf:
+        if horizon == math.inf:
             self._require_settled()
-            horizon = float(self.t[-1])
-        horizon = _check.real("horizon", horizon, above=0.0)
-        if horizon > self.t[-1] * (1 + 1e-12):
-            raise ValueError(f"horizon must be within the record (up to {self.t[-1]:g}), found {horizon:g}")
+            horizon = None
+        horizon = self._horizon(horizon)
         assert self.area is not None
         assert self.held is not None
         first, last = self.r[:-1] - self.y[:-1], self.r[:-1] - self.y[1:] + np.diff(self.held)
@@ -203,6 +244,15 @@ class Response:
         curve = 3 * (first + last) - 6 * mean
         ends = np.clip((horizon - self.t[:-1]) / self.step, 0.0, 1.0)
         return np.stack([first, last - first - curve, curve]), ends, self.t[:-1]
+
+    def _horizon(self, horizon: float | None) -> float:
+        """Return a finite horizon, by default the end of the record."""
+        if horizon is None:
+            return float(self.t[-1])
+        horizon = _check.real("horizon", horizon, above=0.0)
+        if horizon > self.t[-1] * (1 + 1e-12):
+            raise ValueError(f"horizon must be within the record (up to {self.t[-1]:g}), found {horizon:g}")
+        return horizon
 
     def _require_settled(self) -> None:
         tail, largest = np.max(np.abs(self.e[-max(2, self.t.size // 10) :])), np.max(np.abs(self.e))
@@ -349,17 +399,26 @@ class Response:
         square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
         return float(self.step * np.sum(s * square)) * unit * unit
 
-    def tv(self, signal: str = "u", start: float = 0.0, end: float | None = None) -> float:
+    def tv(
+        self,
+        signal: str = "u",
+        horizon: float | None = None,
+        *,
+        rest: float = 0.0,
+        final: float | None = None,
+    ) -> float:
         r"""Total variation :math:`\sum |x_{i+1} - x_i|`, the jump at t = 0 included.
 
         Parameters
         ----------
         signal : {"u", "y"}
             Which signal.
-        start : float, optional
-            Value at rest, before t = 0.
-        end : float, optional
-            Value approached at infinity, appended to the record if given.
+        horizon : float, optional
+            Time up to which it is summed, as for `iae`; by default the end of the record.
+        rest : float, optional
+            Value of the signal before t = 0.
+        final : float, optional
+            Value that the signal approaches after the horizon; the way there is added if it is given.
 
         Returns
         -------
@@ -369,17 +428,25 @@ class Response:
         Raises
         ------
         ValueError
-            For another signal name.
+            For another signal name, and for a horizon beyond the record.
 
         Examples
         --------
         >>> from pidalab import Response
-        >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv("u")
-        6.0
+        >>> record = Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0])
+        >>> record.tv("u"), record.tv("u", 1.0), record.tv("u", final=0.0)
+        (6.0, 5.0, 8.0)
         """
-        return float(np.sum(np.abs(np.diff(self._path(signal, start, end)))))
+        return float(np.sum(np.abs(np.diff(self._path(signal, horizon, rest, final)))))
 
-    def tv1(self, signal: str = "u", start: float = 0.0, end: float | None = None) -> float:
+    def tv1(
+        self,
+        signal: str = "u",
+        horizon: float | None = None,
+        *,
+        rest: float = 0.0,
+        final: float | None = None,
+    ) -> float:
         r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
 
         Zero for a signal made of two monotonic intervals, as an ideal control signal is; :math:`x_m` is the extreme
@@ -389,10 +456,12 @@ class Response:
         ----------
         signal : {"u", "y"}
             Which signal.
-        start : float, optional
-            Value at rest x_0, before t = 0.
-        end : float, optional
-            Value approached at infinity, by default the last sample.
+        horizon : float, optional
+            Time up to which it is summed; by default the end of the record.
+        rest : float, optional
+            Value :math:`x_0` of the signal before t = 0.
+        final : float, optional
+            Value :math:`x_\infty` that the signal approaches, by default the last sample.
 
         Returns
         -------
@@ -402,7 +471,7 @@ class Response:
         Raises
         ------
         ValueError
-            For another signal name.
+            For another signal name, and for a horizon beyond the record.
 
         Examples
         --------
@@ -410,14 +479,16 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv1("u")
         2.0
         """
-        path = self._path(signal, start, end)
+        path = self._path(signal, horizon, rest, final)
         extreme = path[np.argmax(np.abs(2 * path - path[0] - path[-1]))]
-        return float(self.tv(signal, start, end) - abs(2 * extreme - path[0] - path[-1]))
+        return float(np.sum(np.abs(np.diff(path))) - abs(2 * extreme - path[0] - path[-1]))
 
-    def _path(self, signal: str, start: float, end: float | None) -> Array:
+    def _path(self, signal: str, horizon: float | None, rest: float, final: float | None) -> Array:
+        """The samples of a signal up to a time, between its value at rest and the one it approaches."""
         _check.choice("signal", signal, ("u", "y"))
-        last = [] if end is None else [_check.real("end", end)]
-        return np.concatenate([[_check.real("start", start)], getattr(self, signal), last])
+        last = [] if final is None else [_check.real("final", final)]
+        within = self.t <= self._horizon(horizon) * (1 + 1e-12)
+        return np.concatenate([[_check.real("rest", rest)], getattr(self, signal)[within], last])
 
     def overshoot(self) -> float:
         """Overshoot of y over the final set point, in per cent of it; 0 if there is none.
@@ -529,7 +600,7 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[1.0, -3.0, 2.0]).peak("u")
         -3.0
         """
-        path = self._path(signal, 0.0, None)
+        path = self._path(signal, None, 0.0, None)
         return float(path[np.argmax(np.abs(path))])
 
     def rise_time(self, low: float = 0.1, high: float = 0.9) -> float:

@@ -78,7 +78,7 @@ def effort_of(shared: Work, case: Case) -> dict[str, float]:
         "largest u, load": float(np.abs(load.u).max()),
         "with noise": float(np.mean([np.abs(run.u[until]).max() for run in noisy])),
         "variation of u, load": load.tv("u"),
-        "variation with noise": float(np.mean([run.tv("u", 0.0, case.horizon) for run in noisy])),
+        "variation with noise": float(np.mean([run.tv("u", case.horizon) for run in noisy])),
         "σ(u)": shared.spread[case],
         "σ(u) without F": sigma(bare),
     }

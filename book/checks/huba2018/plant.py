@@ -151,7 +151,7 @@ def longer_on_model(book: Ledger) -> pd.DataFrame:
         rows[m] = {
             "overshoot, %": run.overshoot(),
             "Ms": pidalab.margins(loop).ms,
-            "variation of y": run.tv("y", end=1.0),
+            "variation of y": run.tv("y", final=1.0),
         }
     book.statement(
         "st.fig8.oscillation",

@@ -46,10 +46,10 @@ def protections() -> pd.DataFrame:
         rows[f"{name.removesuffix('-PIDA')}, {way.removeprefix('automatic ')}"] = {
             "IAE, set point": f"{servo.iae():.2f}",
             "overshoot": f"{loops.beyond(servo, 'setpoint'):.2%}",
-            "TV_1(u)": f"{abs(servo.tv1('u', end=0.0)):.2g}",
+            "TV_1(u)": f"{abs(servo.tv1('u', final=0.0)):.2g}",
             "IAE, load": f"{load.iae():.2f}",
             "undershoot": f"{loops.beyond(load, 'load'):.4f}",
-            "TV_1(u), load": f"{abs(load.tv1('u', end=-1.0)):.2g}",
+            "TV_1(u), load": f"{abs(load.tv1('u', final=-1.0)):.2g}",
         }
     return pd.DataFrame(rows).T
 

@@ -103,7 +103,7 @@ def faster(book: Ledger) -> None:
     ways = {}
     for name in loops.MRDP:
         r = loops.run(name, "load")
-        ways[name] = r.tv("y", end=0.0) / (2 * float(np.max(r.y)))
+        ways[name] = r.tv("y", final=0.0) / (2 * float(np.max(r.y)))
     book.statement(
         "st.intro.odd",
         *every({name: (ways["PID"], ways[name]) for name in ("PI", "MRDP-PIDA")}, "<"),

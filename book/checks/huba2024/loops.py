@@ -91,8 +91,8 @@ def run(name: str, step: str, linear: bool = False) -> pidalab.Response:
 
 def excess(response: pidalab.Response, step: str) -> tuple[float, float]:
     """What y and u move beyond their ideal shapes: a monotonic step, or one pulse as in (24); ends as in theory."""
-    of_u = response.tv1("u", end=0.0 if step == "setpoint" else -1.0)
-    of_y = response.tv("y", end=1.0) - 1.0 if step == "setpoint" else response.tv1("y", end=0.0)
+    of_u = response.tv1("u", final=0.0 if step == "setpoint" else -1.0)
+    of_y = response.tv("y", final=1.0) - 1.0 if step == "setpoint" else response.tv1("y", final=0.0)
     return of_y, of_u
 
 

@@ -136,8 +136,8 @@ def pulses(book: Ledger) -> None:
     r = pidalab.simulate_sampled(loop, loops.clock(200.0, 0.01), 1.0, 0.0)
     book.identity(
         "eq24.pulse",
-        max(abs(r.tv1("u", end=0.0)), abs(r.tv("u", end=0.0) / 0.4 - 1)),
+        max(abs(r.tv1("u", final=0.0)), abs(r.tv("u", final=0.0) / 0.4 - 1)),
         ROUNDING,
         note="u of a P controller with the gain 0.2 jumps to 0.2 and comes back to 0: TV(u) is "
-        f"{r.tv('u', end=0.0):.4f}, the jump from rest included, and TV_1(u) is zero.",
+        f"{r.tv('u', final=0.0):.4f}, the jump from rest included, and TV_1(u) is zero.",
     )
