@@ -135,15 +135,15 @@ def test_a_horizon_that_is_no_number_is_refused_by_name():
         (lambda: DECAY.peak("d"), "signal must be 'u' or 'y', found 'd'"),
         (lambda: DECAY.tv("u", rest=math.inf), "rest must be finite, found inf"),
         (lambda: DECAY.tv("u", final=math.nan), "final must be finite, found nan"),
-        (lambda: DECAY.overshoot(), "overshoot needs a set point that does not end at 0"),
+        (lambda: DECAY.overshoot(), "overshoot needs a final value other than 0"),
         (
             lambda: SINE.settling_time(),
             r"the error is 0\.7 in the last tenth of the record \(up to t = 10\.2\), outside the band",
         ),
-        (lambda: DECAY.rise_time(), "rise_time needs a set point that does not end at 0"),
+        (lambda: DECAY.rise_time(), "rise_time needs a final value other than 0"),
         (
             lambda: record(T, 0.5 * T / T[-1]).rise_time(),
-            r"the output reaches 0\.5 of the final set point .* not 0\.9",
+            r"the output reaches 0\.5 of the final value .* not 0\.9",
         ),
         (lambda: record(T, 0.8999 * T / T[-1]).rise_time(), r"the output reaches 0\.8999 of"),
         (lambda: SINE.rise_time(0.9, 0.9), r"low and high must be shares with 0 < low < high < 1"),
@@ -289,7 +289,7 @@ def test_rise_time(target):
     assert record(np.arange(3.0), [2.0, 1.0, 1.0]).rise_time() == 0.0  # starts above both
     assert record(
         np.arange(4.0), target * np.array([0.0, 0.5, 1.0, 1.0]), r=[9.0, 9.0, 9.0, target]
-    ).rise_time() == (pytest.approx(1.6))  # of the final set point
+    ).rise_time() == (pytest.approx(1.6))  # of the final value
 
 
 def test_settling_time():
@@ -376,7 +376,7 @@ def test_stretches_that_are_none(start, stop, message):
 
 
 def test_undershoot_needs_a_set_point():
-    with pytest.raises(ValueError, match="undershoot needs a set point"):
+    with pytest.raises(ValueError, match="undershoot needs a final value"):
         half_seconds(y=[0.0] * 4, u=[0.0] * 4, r=[1, 1, 2, 0]).undershoot()
 
 
@@ -453,7 +453,7 @@ def test_a_rise_between_samples_and_at_the_start():
     assert found.rise_time(0.05, 0.7) == pytest.approx(1.8)
     assert found.rise_time(0.1, 0.3) == pytest.approx(1.0)
     with pytest.raises(
-        ValueError, match=r"the output reaches 0\.3 of the final set point .*t = 1\), not 0\.9"
+        ValueError, match=r"the output reaches 0\.3 of the final value .*t = 1\), not 0\.9"
     ):
         record([0.0, 1.0], [0.0, 0.6], r=2.0).rise_time()
     for low, high in ((0.0, 0.9), (0.5, 0.5), (0.1, 1.0)):
@@ -469,7 +469,7 @@ def test_the_set_point_that_counts_is_the_last():
     assert up.rise_time(0.1, 0.9) == pytest.approx((2.0 + 0.8 / 1.5) - (1.0 + 0.7 / 1.5))
     assert up.settling_time(0.02) == pytest.approx(3.0 + 0.46 / 0.5)
     for measure in (down.undershoot, down.overshoot, down.rise_time):
-        with pytest.raises(ValueError, match="a set point that does not end at 0"):
+        with pytest.raises(ValueError, match="a final value other than 0"):
             measure()
 
 
@@ -494,3 +494,21 @@ def test_error_against_a_filtered_set_point():
     )
     with pytest.raises(ValueError, match="the reference must have the same times"):
         run.against(pidalab.open_loop_step(pidalab.lags(2), T[:-1]))
+
+
+def test_step_information_of_a_process():
+    """A second-order process in closed form: overshoot exp(-pi z/sqrt(1 - z^2)) at pi/sqrt(1 - z^2)."""
+    z = 0.4
+    swing = pidalab.open_loop_step(pidalab.sopdt(3.0, 1.0, z, 0.0), np.linspace(0.0, 40.0, 40_001))
+    root = np.sqrt(1 - z**2)
+    assert swing.overshoot(final=3.0) == pytest.approx(100 * np.exp(-np.pi * z / root), rel=1e-8)
+    assert swing.peak_time() == pytest.approx(np.pi / root, abs=1e-3)
+    assert swing.rise_time(final=3.0) < swing.settling_time(final=3.0) < 12
+    with pytest.raises(ValueError, match=r"overshoot needs a final value other than 0.* static gain"):
+        swing.overshoot()
+
+
+def test_a_jump_to_the_wrong_side_is_an_undershoot():
+    """(1 - s)/(1 + s) starts at -1 and ends at 1."""
+    run = pidalab.open_loop_step(pidalab.Process([-1.0, 1.0], [1.0, 1.0]), T)
+    assert run.undershoot(final=1.0) == pytest.approx(100.0)

@@ -490,8 +490,23 @@ class Response:
         within = self.t <= self._horizon(horizon) * (1 + 1e-12)
         return np.concatenate([[_check.real("rest", rest)], getattr(self, signal)[within], last])
 
-    def overshoot(self) -> float:
-        """Overshoot of y over the final set point, in per cent of it; 0 if there is none.
+    def _final(self, final: float | None, measure: str) -> float:
+        """Return the value that a step response is measured by: the final set point, unless another is given."""
+        target = float(self.r[-1]) if final is None else _check.real("final", final)
+        if target == 0:
+            raise ValueError(
+                f"{measure} needs a final value other than 0, and the set point ends at 0; give final=, such as the "
+                "static gain for the step response of a process, or use peak() for a disturbance"
+            )
+        return target
+
+    def overshoot(self, final: float | None = None) -> float:
+        """Overshoot of y over its final value, in per cent of it; 0 if there is none.
+
+        Parameters
+        ----------
+        final : float, optional
+            The final value, by default the final set point. For the step response of a process it is the static gain.
 
         Returns
         -------
@@ -501,37 +516,40 @@ class Response:
         Raises
         ------
         ValueError
-            If the set point ends at 0: there is nothing to overshoot (see `peak`).
+            If the final value is 0: there is nothing to overshoot (see `peak`).
 
         Examples
         --------
-        >>> from pidalab import Response
-        >>> print(f"{Response(t=[0, 1, 2, 3], r=2.0, d=0.0, n=0.0, y=[0.0, 2.5, 2.0, 2.0], u=0.0).overshoot():.1f}")
-        25.0
+        >>> import numpy as np, pidalab
+        >>> record = pidalab.Response(t=[0, 1, 2, 3], r=2.0, d=0.0, n=0.0, y=[0.0, 2.5, 2.0, 2.0], u=0.0)
+        >>> swing = pidalab.open_loop_step(pidalab.sopdt(3.0, 1.0, damping=0.5, delay=0.0), np.linspace(0, 20, 2001))
+        >>> print(f"{record.overshoot():.1f} {swing.overshoot(final=3.0):.2f}")
+        25.0 16.30
         """
-        target = self.r[-1]
-        if target == 0:
-            raise ValueError(
-                "overshoot needs a set point that does not end at 0; use peak() for a disturbance"
-            )
+        target = self._final(final, "overshoot")
         (c0, c1, c2), _, _ = self._pieces(None)
         with np.errstate(divide="ignore", invalid="ignore"):
             top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
         y = self.r[:-1] - np.stack([c0, c0 + top * (c1 + top * c2), c0 + c1 + c2])
         return float(max(0.0, 100 * np.max(y / target - 1)))
 
-    def undershoot(self) -> float:
-        """How far y moves to the wrong side from where it starts, in per cent of the final set point.
+    def undershoot(self, final: float | None = None) -> float:
+        """How far y moves from rest to the wrong side, in per cent of its final value; a jump at t = 0 counts.
+
+        Parameters
+        ----------
+        final : float, optional
+            The final value, by default the final set point.
 
         Returns
         -------
         float
-            Per cent, over the samples; 0 if y never moves away from the set point.
+            Per cent, over the samples; 0 if y never moves away from its final value.
 
         Raises
         ------
         ValueError
-            If the set point ends at 0.
+            If the final value is 0.
 
         Examples
         --------
@@ -539,11 +557,7 @@ class Response:
         >>> Response(t=[0, 1, 2, 3], r=2.0, d=0.0, n=0.0, y=[0.0, -0.5, 2.0, 2.0], u=0.0).undershoot()
         25.0
         """
-        if self.r[-1] == 0:
-            raise ValueError(
-                "undershoot needs a set point that does not end at 0; use peak() for a disturbance"
-            )
-        return float(max(0.0, 100 * np.max((self.y[0] - self.y) / self.r[-1])))
+        return float(max(0.0, 100 * np.max(-self.y / self._final(final, "undershoot"))))
 
     def saturated(self, limits: tuple[float, float], start: float = 0.0, stop: float | None = None) -> float:
         """Time that the control signal spends at a limit.
@@ -603,8 +617,35 @@ class Response:
         path = self._path(signal, None, 0.0, None)
         return float(path[np.argmax(np.abs(path))])
 
-    def rise_time(self, low: float = 0.1, high: float = 0.9) -> float:
-        """Time y needs from a low to a high share of the final set point, first passage of each.
+    def peak_time(self, signal: str = "y") -> float:
+        """Time at which a signal is farthest from 0, over the samples.
+
+        Parameters
+        ----------
+        signal : {"u", "y"}
+            Which signal.
+
+        Returns
+        -------
+        float
+            The time of `peak`, the first one where there are several.
+
+        Raises
+        ------
+        ValueError
+            For another signal name.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[1.0, -3.0, 2.0]).peak_time("u")
+        1.0
+        """
+        _check.choice("signal", signal, ("u", "y"))
+        return float(self.t[np.argmax(np.abs(getattr(self, signal)))])
+
+    def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
+        """Time y needs from a low to a high share of its final value, first passage of each.
 
         A share that y has at t = 0 is passed at 0. So a record that starts above the high share, such as one of a set
         point that goes down towards 0, has a rise time of 0.
@@ -612,7 +653,9 @@ class Response:
         Parameters
         ----------
         low, high : float, optional
-            Shares of the final set point, ``0 < low < high < 1``.
+            Shares of the final value, ``0 < low < high < 1``.
+        final : float, optional
+            The final value, by default the final set point.
 
         Returns
         -------
@@ -622,7 +665,7 @@ class Response:
         Raises
         ------
         ValueError
-            If the set point ends at 0, the output never reaches the high share, or the shares are in another order.
+            If the final value is 0, the output never reaches the high share, or the shares are in another order.
 
         Examples
         --------
@@ -635,12 +678,10 @@ class Response:
             raise ValueError(
                 f"low and high must be shares with 0 < low < high < 1, found {low!r} and {high!r}"
             )
-        if self.r[-1] == 0:
-            raise ValueError("rise_time needs a set point that does not end at 0")
-        share = self.y / self.r[-1]
+        share = self.y / self._final(final, "rise_time")
         if share.max() < high:
             raise ValueError(
-                f"the output reaches {share.max():.6g} of the final set point in this record (up to t = "
+                f"the output reaches {share.max():.6g} of the final value in this record (up to t = "
                 f"{self.t[-1]:g}), not {high:g}; simulate longer"
             )
         first, last = (self._passage(share, level) for level in (low, high))
@@ -651,7 +692,7 @@ class Response:
         i = int(np.argmax(share >= level))
         return float(np.interp(level, share[i - 1 : i + 1], self.t[i - 1 : i + 1])) if i else 0.0
 
-    def settling_time(self, band: float = 0.02) -> float:
+    def settling_time(self, band: float = 0.02, final: float | None = None) -> float:
         """Time after which the error stays within a band, and does so at least over the last tenth of the record.
 
         Parameters
@@ -659,6 +700,8 @@ class Response:
         band : float, optional
             Half width, as a share of the final set point, or of the largest error where the set point ends at 0;
             between 0 and 1 (0.02 for 2 %).
+        final : float, optional
+            The final value in place of the set point, such as the static gain for the step response of a process.
 
         Returns
         -------
@@ -676,10 +719,11 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0, 3.0], r=1.0, d=0.0, n=0.0, y=[0.0, 0.5, 1.0, 1.0], u=0.0).settling_time(0.25)
         1.5
         """
-        e = np.abs(self.e)
+        error = self.e if final is None else _check.real("final", final) - self.y
+        e, target = np.abs(error), self.r[-1] if final is None else final
         if _check.real("band", band, above=0.0) >= 1:
             raise ValueError(f"band must be a share between 0 and 1 (0.02 for 2 %), found {band!r}")
-        limit = band * (abs(self.r[-1]) or e.max())
+        limit = band * (abs(target) or e.max())
         tail = e[-max(1, self.t.size // 10) :].max()
         if tail > limit:
             raise ValueError(
@@ -690,7 +734,7 @@ class Response:
         if outside.size == 0:
             return 0.0
         i = outside[-1]
-        first, last = self.e[i], self.e[i + 1]
+        first, last = error[i], error[i + 1]
         return float(self.t[i] + self.step * (first - math.copysign(limit, first)) / (first - last))
 
 
