@@ -68,34 +68,29 @@ TIMEOUT = 900.0  # seconds for one run of a paper
 def look(paper: str, disturbance: str, wanted: list[str]) -> dict[str, Any]:
     """Run sections of a paper under a disturbance, in this process, and say which rows turned red."""
     BEFORE.get(disturbance, lambda: None)()
-    from pidalab.ledger import checks
-    from pidalab.ledger.entries import drift
-    from pidalab.ledger.running import Collector
+    from pidalab.ledger import Ledger, checks
+    from pidalab.ledger.book import recording, same
 
     module = checks(paper, LEDGERS)
     AFTER.get(disturbance, lambda: None)()
     os.chdir(ROOT / "book")
-    book = Collector.open(paper, LEDGERS)
+    with recording():
+        book = Ledger.open(paper, folder=LEDGERS)
     owners: dict[str, list[str]] = {}
     stopped: dict[str, str] = {}
     for section in module.SECTIONS:
         if wanted and section.__name__ not in wanted:
             continue
-        before = set(book.entries)
+        before = set(book.fresh)
         try:
             section(book)
         except Exception as error:  # a disturbed section may stop: what it handed over until then counts
             stopped[section.__name__] = f"{type(error).__name__}: {error}"[:200]
         if "matplotlib.pyplot" in sys.modules:
             sys.modules["matplotlib.pyplot"].close("all")
-        owners[section.__name__] = [id for id in book.entries if id not in before]
-    red, reworded = [], []
-    for id, entry in book.entries.items():
-        drifts = drift(book.rows[id], entry)
-        if not entry.is_note and any("note '" not in line for line in drifts):
-            red.append(id)
-        elif drifts:
-            reworded.append(id)
+        owners[section.__name__] = [id for id in book.fresh if id not in before]
+    red = [id for id, fresh in book.fresh.items() if not same(book.rows[id], fresh)]
+    reworded: list[str] = []
     return {"red": red, "reworded": reworded, "owners": owners, "stopped": stopped}
 
 
@@ -137,7 +132,7 @@ def examine(paper: str, show: bool, more: bool) -> list[str]:
     problems += [f"{id}: red without a disturbance" for id in clean["red"]]
     if problems:
         return problems
-    rows = Ledger.open(paper, LEDGERS).rows
+    rows = Ledger.open(paper, folder=LEDGERS).rows
     left = {
         id: section for section, ids in clean["owners"].items() for id in ids if rows[id].basis != "reading"
     }
@@ -182,7 +177,7 @@ def main() -> int:
         print(json.dumps(look(paper, given.look, wanted)))
         return 0
     from pidalab.ledger import papers
-    from pidalab.ledger.running import has_checks
+    from pidalab.ledger.shims import has_checks
 
     chosen = given.papers or [paper for paper in papers(LEDGERS) if has_checks(paper, LEDGERS)]
     problems = [problem for paper in chosen for problem in examine(paper, given.show, given.more)]

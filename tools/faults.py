@@ -177,13 +177,14 @@ def calls(paper: str) -> dict[str, list[str]]:
             setattr(kind, name, disturb.after(getattr(kind, name), partial(_note, called, fault.name)))
         else:
             disturb.replaced([getattr(module, name)], partial(_note, called, fault.name), "pidalab")
-    from pidalab.ledger import checks
-    from pidalab.ledger.running import Collector
+    from pidalab.ledger import Ledger, checks
+    from pidalab.ledger.book import recording
 
     found: dict[str, list[str]] = {fault.name: [] for fault in FAULTS}
     sections = checks(paper, LEDGERS).SECTIONS
     os.chdir(ROOT / "book")
-    book = Collector.open(paper, LEDGERS)
+    with recording():
+        book = Ledger.open(paper, folder=LEDGERS)
     for section in sections:
         called.clear()
         section(book)
@@ -264,7 +265,7 @@ def main() -> int:
         print(json.dumps(calls(given.calls)))
         return 0
     from pidalab.ledger import papers
-    from pidalab.ledger.running import has_checks
+    from pidalab.ledger.shims import has_checks
 
     chosen = given.papers or [paper for paper in papers(LEDGERS) if has_checks(paper, LEDGERS)]
     grounds = {paper: stands_on(paper) for paper in chosen}

@@ -7,18 +7,17 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from demo_ledger import CHECKS, ROWS
+from demo_ledger import CELLS, ROWS, write_notebook
 
 from pidalab.ledger import write_rows
 
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """A project with one ledger and its checks, seen from its root."""
+    """A project with one ledger and the page that hands it over, seen from its root."""
     folder = tmp_path / "book" / "ledger"
     folder.mkdir(parents=True)
     write_rows(folder / "demo.csv", ROWS)
-    (tmp_path / "book" / "checks").mkdir()
-    (tmp_path / "book" / "checks" / "demo.py").write_text(CHECKS)
+    write_notebook(tmp_path / "book" / "audit" / "demo.ipynb", *CELLS)
     monkeypatch.chdir(tmp_path)
     return tmp_path

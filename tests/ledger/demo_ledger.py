@@ -1,10 +1,12 @@
 """A small ledger, complete and right, for the tests of the ledger to break."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from pidalab.ledger import Entry, Evidence, Ledger, LedgerError, Row
+from pidalab.ledger import Ledger, LedgerError, Row
 
 ROWS = [
     Row("demo.t1.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced"),
@@ -63,9 +65,19 @@ ROWS = [
         "A < B & PIDA is faster",
         "holds",
         "holds",
-        evidence="3.100000000 < 4.200000000",
+        relation="A < B",
+        evidence="3.100000000 < 4.200000000 | ratio 0.74",
     ),
-    Row("demo.s2", "sec. 3", "statement", "the loop is stable", "fails", "fails", evidence="2 == 0 | poles"),
+    Row(
+        "demo.s2",
+        "sec. 3",
+        "statement",
+        "the loop is stable",
+        "fails",
+        "fails",
+        relation="poles == none",
+        evidence="2 == 0",
+    ),
     Row(
         "demo.s3",
         "sec. 3",
@@ -77,6 +89,7 @@ ROWS = [
         note="the list of references says so",
     ),
 ]
+ROWS = [row if row.basis == "reading" else replace(row, page="audit/demo") for row in ROWS]
 NUMBERS = {
     "demo.t1.kp": 1.309812345,
     "demo.t1.ti": 2.868,
@@ -85,24 +98,18 @@ NUMBERS = {
     "demo.t1.tf": 0.8,
     "demo.t2.ms": 1.9,
 }
-ENTRIES = {
-    **{id: Entry(value) for id, value in NUMBERS.items()},
-    "demo.s1": Entry(evidence=Evidence.of(3.1, "<", 4.2)),
-    "demo.s2": Entry(evidence=Evidence.of(2, "==", 0, names=("poles", ""))),
-}
 KP, S1 = ROWS[0], ROWS[7]
 
 
 def ledger(*rows: Row) -> Ledger:
-    return Ledger(Path("demo.csv"), rows or ROWS)
+    return Ledger(Path("demo.csv"), rows or ROWS, "audit/demo")
 
 
 def hand_over(book: Ledger) -> None:
-    """Everything that the demo computes, with its notes."""
-    for id, value in NUMBERS.items():
-        book.check(id, value, note=book.rows[id].note or None)
-    book.statement("s1", 3.1, "<", 4.2)
-    book.statement("s2", 2, "==", 0, left_name="poles")
+    """Everything that the demo computes."""
+    book.compare(NUMBERS)
+    book.decide("s1", (3.1, 4.2))
+    book.decide("s2", (2, 0))
 
 
 def failures(call, *arguments: object, **options: object) -> list[str]:
@@ -111,23 +118,20 @@ def failures(call, *arguments: object, **options: object) -> list[str]:
     return str(caught.value).splitlines()
 
 
-CHECKS = '''
-"""Checks of the demo."""
+CELLS = [
+    "%matplotlib inline\nfrom pidalab.ledger import Ledger\nbook = Ledger.open('demo', page='audit/demo')",
+    "book.compare({'t1': {'kp': 1.3151, 'ti': 2.868, 'td': 0.51, 'ta': 0.12}})\nbook.compare({'t2.ms': 1.9})",
+    "import matplotlib.pyplot as plt\nplt.figure()\nplt.show()\nbook.compare({'t1.tf': 0.8})",
+    "print(book.decide('s1', {'one': (3.1, 4.2)}))\nbook.decide('s2', (2, 0))",
+    "book.close()",
+]
 
-def numbers(book):
-    book.check("t1.kp", 1.3151)
-    book.check({"t1.ti": 2.868, "t2.ms": 1.9})
-    book.check("t1.td", 0.51, note="noise: tolerance 5 %")
-    return book.table("t1")
 
-def statements(book):
-    import matplotlib.pyplot as plt
-    plt.figure()
-    book.check("t1.ta", 0.12, note=f"eq. (3) gives {0.12} s instead")
-    book.check("t1.tf", 0.8, note="a 3 may be an 8")
-    book.note("t2.ms", 'they say "about", and say no more')
-    book.statement("s1", 3.1, "<", 4.2)
-    book.statement("s2", 2, "==", 0, left_name="poles")
-
-SECTIONS = (numbers, statements)
-'''
+def write_notebook(path: Path, *sources: str, tags: tuple[str, ...] = ()) -> Path:
+    cells = [
+        {"cell_type": "code", "source": source, "metadata": {"tags": [*tags]}, "outputs": []}
+        for source in sources
+    ]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"cells": cells}))
+    return path

@@ -28,9 +28,12 @@ def test_table_of_statements_shows_what_decides():
     table = ledger(*ROWS[7:]).table()
     lines = repr(table).splitlines()
     assert lines[0].split() == ["verdict", "claim", "evidence"]
-    assert lines[1].endswith("3.100 < 4.200; by 26 %")
-    assert lines[2].endswith("2 = 0; poles")
-    assert '<td class="evidence text">3.100 &lt; 4.200 <span class="where">by 26 %</span></td>' in table.html
+    assert lines[1].endswith("3.100 < 4.200; A < B; ratio 0.74")
+    assert lines[2].endswith("2 ≠ 0; poles = none")
+    assert (
+        '<td class="evidence text">3.100 &lt; 4.200 <span class="where">A &lt; B; ratio 0.74</span></td>'
+        in table.html
+    )
     assert '<span class="basis">by reading</span>' in table.html
 
 

@@ -1,25 +1,29 @@
-"""Nothing cheats in silence: what checks, notebooks and ledgers must not do, and that each way is seen."""
+"""Nothing cheats in silence: what pages and ledgers must not do, and that each way is seen."""
 
+import ast
 import configparser
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from demo_ledger import KP, ROWS, S1
-from honesty import checks_file, masked, notebook
+from demo_ledger import KP, ROWS, S1, write_notebook
+from honesty import cells, masked, module, page
 
 from pidalab.ledger import read_rows, write_rows
 from pidalab.ledger.digits import read_number
 from pidalab.ledger.files import papers
 from pidalab.ledger.manifest import differences, freeze
+from pidalab.ledger.running import opened, pages
 from pidalab.ledger.verdicts import tolerance
 
 ROOT = Path(__file__).parents[2]
 LEDGERS = ROOT / "book" / "ledger"
-CHECKS = sorted((ROOT / "book" / "checks").rglob("*.py"))
-AUDITS = sorted((ROOT / "book" / "audit").glob("*.ipynb"))
-OTHERS = sorted({*(ROOT / "book").rglob("*.ipynb")} - {*AUDITS})
+NOTEBOOKS = sorted((ROOT / "book").rglob("*.ipynb"))
+HANDING = [
+    path for path in NOTEBOOKS if any(".close()" in source for source, _ in cells(path)) and opened(path)
+]
+BESIDE = sorted((ROOT / "book" / "papers").glob("*.py"))
 WIDE: dict[str, str] = {
     # id of a row whose tolerance exceeds 5 %: why
 }
@@ -38,24 +42,31 @@ def patterns():
 # ------------------------------------------------------------------------------------------------ the book as it is
 
 
-@pytest.mark.parametrize("path", named(CHECKS))
-def test_checks_compute_what_they_hand_over(path):
-    assert checks_file(path, str(path.relative_to(ROOT / "book" / "checks"))) == []
+@pytest.mark.parametrize("path", named(HANDING))
+def test_a_page_computes_what_it_hands_over(path):
+    assert page(path) == []
 
 
-@pytest.mark.parametrize("path", named(AUDITS))
-def test_audits_open_one_ledger_and_close_it(path):
-    assert notebook(path, audit=True) == []
+@pytest.mark.parametrize("path", named(BESIDE))
+def test_a_module_beside_a_page_too(path):
+    assert module(ast.parse(path.read_text(encoding="utf-8"))) == []
 
 
-@pytest.mark.parametrize("path", named(OTHERS))
-def test_chapters_hand_over_nothing(path):
-    assert notebook(path, audit=False) == []
-
-
-@pytest.mark.parametrize("path", named([*AUDITS, *OTHERS]))
+@pytest.mark.parametrize("path", named(NOTEBOOKS))
 def test_the_sanitiser_touches_figures_only(path):
     assert masked(path, patterns()) == []
+
+
+@pytest.mark.parametrize("paper", papers(LEDGERS))
+def test_chapter_and_audit_together_owe_all(paper):
+    """Every row that is computed has a page, which opens this ledger under its own name, and closes it."""
+    names = pages(paper, LEDGERS)
+    assert all(path == (ROOT / "book" / name).with_suffix(".ipynb") for name, path in names.items())
+    closing = {name for name, path in names.items() if path in HANDING}
+    rows = [row for row in read_rows(LEDGERS / f"{paper}.csv") if row.basis != "reading"]
+    assert [
+        f"{row.id}: no page {row.page!r} that closes this ledger" for row in rows if row.page not in closing
+    ] == []
 
 
 def wide_tolerances(folder):
@@ -80,120 +91,70 @@ def test_the_claims_are_those_of_the_manifest():
     assert differences(LEDGERS) == []
 
 
-def test_every_paper_has_checks_and_an_audit():
-    assert [path.stem for path in AUDITS] == papers(LEDGERS)
-    assert {path.relative_to(ROOT / "book" / "checks").parts[0].removesuffix(".py") for path in CHECKS} == {
-        *papers(LEDGERS)
-    }
-
-
 # ------------------------------------------------------------------------------------------------ each cheat is seen
 
+OPEN, CLOSE = 'book = Ledger.open("demo", page="audit/demo")', "book.close()"
+SETUP = 'GAIN = 1.31\nGAINS = {"kp": 1.31, "ti": 2.88}\nORDERS = {"kp": 1, "ti": 2}'
+
 
 @pytest.mark.parametrize(
-    ("body", "finding"),
+    ("cell", "finding"),
     [
-        ('book.check("kp", 1.31)', "typed in"),
-        ('book.check("kp", -abs(1.31))', "typed in"),
-        ('kp = 1.31\n    book.check("kp", kp)', "typed in"),
-        ('book.check("kp", GAIN)', "typed in"),
-        ('book.check({"kp": GAINS["kp"], "ti": solve()})', "typed in"),
-        ('book.check({"kp": solve(), "ti": 2.88})', "typed in"),
-        ("for id, value in GAINS.items():\n        book.check(id, value)", "typed in"),
-        ("book.check(GAINS)", "typed in"),
-        ('book.check("kp", np.float64(1.31))', "typed in"),
-        ('book.check("kp", book.printed("kp"))', "hands back what is printed"),
-        ('book.check("kp", float(book.printed("other")))', "hands back what is printed"),
-        ('kp = book.printed("kp")\n    book.check("kp", kp)', "hands back what is printed"),
-        ('book.check("kp", book.printed("kp") * 1.0001)', "from its own print"),
-        ('book.check("kp", solve() * 0 + book.printed("kp"))', "from its own print"),
-        ('book.statement("s", 1, "<", 2)', "compares what is typed in"),
-        ('a, b = 1, 2\n    book.statement("s", a, "<", b)', "compares what is typed in"),
-        ('book.statement("s", solve() < 3, "==", 1)', "truth value"),
-        ('book.statement("s", round(solve()), "<=", 10)', "rounds"),
-        ('x = solve()\n    book.statement("s", x, "<=", x)', "with itself"),
-        ('book.identity("s", 0.0)', "typed in"),
-        ("for id, row in book.rows.items():\n        book.check(id, row.computed)", "reads .rows"),
-        ('book.check("kp", float(book.row("kp").computed))', "reads .computed"),
-        ('book.entries["demo.kp"] = solve()', "reads .entries"),
-        ('try:\n        book.check("kp", solve())\n    except ValueError:\n        pass', "swallowed"),
-        ('with suppress(ValueError):\n        book.check("kp", solve())', "swallowed"),
-        ("book.check = print", "changes the ledger"),
-        ('setattr(book, "check", print)', "calls setattr"),
-        ("from pidalab.ledger import read_rows", "imports read_rows"),
-        ("from pidalab.ledger.running import record", "imports record"),
+        ('book.compare({"kp": 1.31})', "typed in"),
+        ('book.compare({"kp": -abs(GAIN)})', "typed in"),
+        ('book.compare({"t1": {"kp": GAINS["kp"], "ti": solve()}})', "typed in"),
+        ("book.compare(GAINS)", "typed in"),
+        ("book.compare({id: value for id, value in GAINS.items()})", "typed in"),
+        ('book.compare({"kp": book.printed("kp")})', "hands back what is printed"),
+        ('kp = float(book.printed("other"))\nbook.compare({"kp": kp})', "hands back what is printed"),
+        ('book.compare({"t1": {"kp": book.printed("t1.kp") * solve()}})', "hands back what is printed"),
+        ('book.decide("s", (1, 2))', "typed in"),
+        ('book.decide("s", 0.0)', "typed in"),
+        ('book.decide("s", {n: (n, 3) for n in ORDERS})', "typed in"),
+        ('book.decide("s", (solve() < 3, 1))', "truth value"),
+        ('book.decide("s", {n: (round(solve(n), 2), 3) for n in ORDERS})', "rounds"),
+        ('book.decide("s", (solve(), solve()))', "with itself"),
+        ('book.compare({"kp": float(book.row("kp").computed)})', "reads .computed"),
+        ("for id, row in book.rows.items():\n    print(row.shown())", "reads .shown"),
+        ('one = book.row("kp")\none.shown()', "reads .shown"),
+        ('book.fresh["demo.kp"] = solve()', "reads .fresh"),
+        ('try:\n    book.decide("s", solve())\nexcept ValueError:\n    pass', "swallowed"),
+        ('with suppress(ValueError):\n    book.decide("s", solve())', "swallowed"),
+        ("Ledger.close = print", "changes the ledger"),
+        ("from pidalab.ledger.running import record", "imports from inside"),
         ('open("../ledger/demo.csv")', "names a file of the ledger"),
-        ("book.close()", "opens or closes"),
-        ("other = book\n    other.check('kp', 1.31)", "is called book"),
-        ("def part(other: Ledger):\n        other.check('kp', 1.31)", "is called book"),
+        ("# NBVAL_IGNORE_OUTPUT", "marker NBVAL_IGNORE_OUTPUT"),
+        (OPEN, "opens not one ledger"),
     ],
 )
-def test_a_cheating_check_is_seen(tmp_path, body, finding):
-    path = tmp_path / "demo.py"
-    path.write_text(f'GAIN = 1.31\nGAINS = {{"kp": 1.31, "ti": 2.88}}\n\ndef section(book):\n    {body}\n')
-    found = checks_file(path, "demo.py")
-    assert len(found) >= 1
-    assert finding in found[0]
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        'book.check("kp", solve())',
-        'kp = solve().kp\n    book.check("kp", kp, note=f"{kp:.3f}")',
-        'book.check("ti", book.printed("kp") / book.printed("ki"))',
-        "for id, order in ORDERS.items():\n        book.check(id, solve(order))",
-        'book.check({f"kp{n}": value for n, value in enumerate(solve())})',
-        "book.check(gains(book))",
-        'book.statement("s", solve(), "<=", 10)',
-        'book.statement("s", *every({n: (solve(n), 3) for n in ORDERS}, "<"))',
-        'book.identity("s", max(abs(solve() - 3.0), abs(solve(2))), 1e-9)',
-        'book.note("s", "A survey, not a computation.")',
-        'with plt.style.context("book"):\n        book.check("kp", solve())',
-        "frame.check(1); np.testing.check(2)",
-    ],
-)
-def test_an_honest_check_passes(tmp_path, body):
-    path = tmp_path / "demo.py"
-    path.write_text(f'ORDERS = {{"kp": 1, "ti": 2}}\n\ndef section(book):\n    {body}\n')
-    assert checks_file(path, "demo.py") == []
-
-
-def write_notebook(path, *sources, tags=()):
-    cells = [
-        {"cell_type": "code", "source": source, "metadata": {"tags": [*tags]}, "outputs": []}
-        for source in sources
-    ]
-    path.write_text(json.dumps({"cells": cells}))
-    return path
-
-
-OPEN, CALL, CLOSE = 'book = Ledger.open("demo")', "checks.gains(book)", "book.close()"
-
-
-@pytest.mark.parametrize(
-    ("sources", "finding"),
-    [
-        ((OPEN, CALL), "does not end with book.close()"),
-        ((OPEN, CALL, CLOSE, CALL), "does not end with book.close()"),
-        ((OPEN, CALL, OPEN, CLOSE), "opens 2 ledgers"),
-        ((OPEN, 'book.check("kp", 1.31)', CLOSE), "hands over .check itself"),
-        ((OPEN, f"try:\n    {CALL}\n    book.close()\nexcept ValueError: pass"), "swallowed"),
-        ((OPEN, f"# NBVAL_IGNORE_OUTPUT\n{CALL}", CLOSE), "marker NBVAL_IGNORE_OUTPUT"),
-        ((OPEN, "Ledger.close = print", CLOSE), "changes the ledger"),
-        ((OPEN, "book.rows", CLOSE), "reads .rows"),
-    ],
-)
-def test_a_cheating_audit_is_seen(tmp_path, sources, finding):
-    found = notebook(write_notebook(tmp_path / "demo.ipynb", *sources), audit=True)
+def test_a_cheating_page_is_seen(tmp_path, cell, finding):
+    found = page(write_notebook(tmp_path / "demo.ipynb", OPEN, SETUP, cell, CLOSE))
     assert any(finding in line for line in found)
 
 
-def test_tags_that_hide_are_seen(tmp_path):
-    path = write_notebook(tmp_path / "demo.ipynb", OPEN, CALL, CLOSE, tags=["raises-exception"])
-    assert len(notebook(path, audit=True)) == 3
-    assert notebook(write_notebook(path, OPEN, CALL, CLOSE, tags=["hide-input"]), audit=True) == []
-    assert notebook(write_notebook(path, "%matplotlib inline", OPEN, "book.table('x')"), audit=False) == []
+@pytest.mark.parametrize(
+    "cell",
+    [
+        'book.compare({"kp": solve()})',
+        'book.compare({"ti": book.printed("kp") / book.printed("ki")})',
+        "book.compare({id: solve(order) for id, order in ORDERS.items()})",
+        'book.compare({c: {"kp": K[c].kp} for c in cases})',
+        'book.decide("s", (solve(), 10))',
+        'book.decide("s", {n: (solve(n), 3) for n in ORDERS})',
+        'book.decide("s", max(abs(solve() - 3.0), abs(solve(2))))',
+        'row = book.row("kp")\nprint(row.printed, row.half_unit)',
+        "response.rows, frame.computed",
+    ],
+)
+def test_an_honest_page_passes(tmp_path, cell):
+    assert page(write_notebook(tmp_path / "demo.ipynb", "%matplotlib inline", OPEN, SETUP, cell, CLOSE)) == []
+
+
+def test_tags_that_hide_and_a_missing_end_are_seen(tmp_path):
+    path = write_notebook(tmp_path / "demo.ipynb", OPEN, CLOSE, tags=["raises-exception"])
+    assert page(path) == ["tag raises-exception"] * 2
+    assert page(write_notebook(path, OPEN, CLOSE, "print(1)")) == ["does not end with book.close()"]
+    assert page(write_notebook(path, OPEN, CLOSE, tags=["hide-input"])) == []
 
 
 def test_plain_text_under_the_sanitiser_is_seen(tmp_path):

@@ -52,9 +52,12 @@ def test_errata_keeps_misprints_and_readings_apart(project):
 
 
 def test_every_row_leads_to_the_chapter_and_its_evidence(project):
-    (project / "book" / "demo.ipynb").write_text("{}")
+    (project / "book" / "demo.ipynb").write_text('{"cells": []}')
     page = every_row()
-    assert '<p>demo, <a href="demo.html">the chapter</a></p>' in page.html
+    assert (
+        '<p>demo, <a href="demo.html">the chapter</a>, <a href="audit/demo.html">its evidence</a></p>'
+        in page.html
+    )
     assert "<summary>All 10 rows</summary>" in page.html
     assert page.html.count("<tr>") == 11
 
@@ -72,11 +75,13 @@ def test_errata_of_a_statement(project):
         "the sign is +",
         "fails",
         "misprint",
+        page="demo",
+        relation="a > b",
         evidence="-1 > 0",
         note="a pole in the right half",
     )
     write_rows(project / "book" / "ledger" / "demo.csv", [row])
-    assert "−1 &gt; 0" in errata().html or "-1 &gt; 0" in errata().html
+    assert "-1 ≯ 0" in errata().html
 
 
 def test_markdown_score(project):
@@ -115,7 +120,7 @@ def test_commands(project, capsys):
     assert main(["readme", str(page)]) == 0
     out = capsys.readouterr().out
     assert out.count("demo: 10 claims, 1 reproduced") == 2
-    assert "2 entries changed\ndemo.t1.kp: computed '1.309812345' -> '1.315100000'" in out
+    assert "3 entries changed\ndemo.t1.kp: computed '1.309812345' -> '1.315100000'" in out
     assert f"{page}: rewritten" in out
 
 

@@ -25,16 +25,15 @@ or reading alone (``reading``).
 """
 
 from pidalab.ledger.book import Ledger
-from pidalab.ledger.conventions import CONVENTIONS, Convention
 from pidalab.ledger.display import Display
-from pidalab.ledger.entries import Entry
 from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import papers, read_rows, write_rows
 from pidalab.ledger.front import score_markdown, write_score
 from pidalab.ledger.pages import convention_table, errata, every_row, load_all, scoreboard
-from pidalab.ledger.relations import Evidence, Relation, every, some
+from pidalab.ledger.relations import CONVENTIONS, Convention, Evidence, Relation
 from pidalab.ledger.rows import Row
-from pidalab.ledger.running import checks, record, run, update
+from pidalab.ledger.running import record, update
+from pidalab.ledger.shims import checks, every, some  # old calls, until the last page has moved
 from pidalab.ledger.verdicts import BASES, VERDICTS, derive
 
 __all__ = [
@@ -43,7 +42,6 @@ __all__ = [
     "VERDICTS",
     "Convention",
     "Display",
-    "Entry",
     "Evidence",
     "Ledger",
     "LedgerError",
@@ -59,7 +57,6 @@ __all__ = [
     "papers",
     "read_rows",
     "record",
-    "run",
     "score_markdown",
     "scoreboard",
     "some",

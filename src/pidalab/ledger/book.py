@@ -1,29 +1,32 @@
-"""The ledger of one paper, as its chapter uses it."""
+"""The ledger of one paper, as its pages use it."""
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from difflib import get_close_matches
+from math import isfinite
 from pathlib import Path
-from typing import Self, SupportsFloat, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from pidalab.ledger import scores
-from pidalab.ledger.conventions import IDENTITY
-from pidalab.ledger.digits import DIGITS, plain, read_number
+from pidalab.ledger.digits import DIGITS, agrees, exponent, plain, read_number, store
 from pidalab.ledger.display import Display
-from pidalab.ledger.entries import Entry, drift, merged, unfit, updated
 from pidalab.ledger.errors import LedgerError, naming
-from pidalab.ledger.files import find_folder, papers, read_rows
-from pidalab.ledger.relations import Evidence, Number
+from pidalab.ledger.files import find_folder, papers, read_removed, read_rows
+from pidalab.ledger.relations import Cases, Evidence, Relation
 from pidalab.ledger.rows import Row
+from pidalab.ledger.shims import OldCalls
 from pidalab.ledger.tables import claims
+from pidalab.ledger.verdicts import DECLARED
 
-_REFERENCE = re.compile(r"\b(?:[Ss]ecs?|[Ff]igs?|[Ee]qs?|[Tt]ables?)\.? \d[\d.]*(?:(?:,| and| to) \d[\d.]*)*")
-_DECIMAL = re.compile(r"\d\.\d")
+if TYPE_CHECKING:
+    import pandas as pd
+
+MARKS = {"last-digit": " °", "approximate": " ~", "differs": " †", "misprint": " *", "as-read": " *"}
 
 
-class Ledger:
-    """The printed numbers and statements of one paper, each waiting for the value its chapter computes.
+class Ledger(OldCalls):
+    """The printed numbers and statements of one paper, each waiting for what a page computes.
 
     An id may be given without the key of the paper: ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
 
@@ -33,6 +36,8 @@ class Ledger:
         The csv file; its stem is the key of the paper.
     rows : sequence of Row
         The rows of the file; see `Ledger.open`.
+    page : str, optional
+        The notebook that uses it; by default the chapter, which is called like the paper.
 
     Attributes
     ----------
@@ -40,34 +45,47 @@ class Ledger:
         Key of the paper, the first part of every id.
     rows : dict of str to Row
         By id, in the order of the file.
-    entries : dict of str to Entry
-        What has been handed over so far.
+    fresh : dict of str to Row
+        What has been handed over so far, as rows.
 
     Examples
     --------
-    >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
-    >>> book.check("kp", 1.309812345)
-    >>> book.check("kq", 1.0)
+    >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+    >>> book = Ledger(Path("demo.csv"), [row])
+    >>> book.compare({"kp": 1.309812345})
+    printed / computed             kp
+    demo                1.31 / 1.3098
+    >>> book.compare({"kq": 1.0})
     Traceback (most recent call last):
     pidalab.ledger.errors.LedgerError: demo.kq: unknown id; the closest are demo.kp
     >>> book.close()
     demo: 1 claim, 1 reproduced
     """
 
-    def __init__(self, path: Path, rows: Sequence[Row]) -> None:
+    _recorded: ClassVar[list["Ledger"] | None] = None
+
+    def __init__(self, path: Path, rows: Sequence[Row], page: str | None = None) -> None:
         self.path = path
         self.paper = path.stem
+        self.page = page or self.paper
         self.rows = {row.id: row for row in rows}
-        self.entries: dict[str, Entry] = {}
+        self.fresh: dict[str, Row] = {}
+        self.closed = False
+        self.records = Ledger._recorded is not None
+        if Ledger._recorded is not None:
+            Ledger._recorded.append(self)
 
     @classmethod
-    def open(cls, paper: str, folder: Path | str | None = None) -> Self:
+    def open(cls, paper: str, page: str | None = None, folder: Path | str | None = None) -> Self:
         """Open the ledger of a paper.
 
         Parameters
         ----------
         paper : str
             Key of the paper, such as ``haalman2024``.
+        page : str, optional
+            The notebook that opens it, its path below ``book`` without suffix, such as ``audit/haalman2024``; by default
+            the chapter, which is called like the paper. `close` asks for the rows of this page.
         folder : path, optional
             Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
 
@@ -86,7 +104,7 @@ class Ledger:
         >>> folder = Path(tempfile.mkdtemp())
         >>> from pidalab.ledger import write_rows
         >>> write_rows(folder / "demo.csv", [Row("demo.kp", "Table 1", "gain", "1.31")])
-        >>> list(Ledger.open("demo", folder).rows)
+        >>> list(Ledger.open("demo", folder=folder).rows)
         ['demo.kp']
         """
         place = Path(folder) if folder is not None else find_folder()
@@ -94,190 +112,147 @@ class Ledger:
         if not path.is_file():
             known = ", ".join(papers(place)) or "none"
             raise LedgerError(f"no ledger {path.name} in {place}; there are: {known}")
-        return cls(path, read_rows(path))
+        return cls(path, read_rows(path), page)
 
-    @overload
-    def check(
-        self, claims: str, value: SupportsFloat, *, note: str | None = None, digits: int = DIGITS
-    ) -> None: ...
-    @overload
-    def check(
-        self, claims: Mapping[str, SupportsFloat], *, note: str | None = None, digits: int = DIGITS
-    ) -> None: ...
-    def check(
-        self,
-        claims: str | Mapping[str, SupportsFloat],
-        value: SupportsFloat | None = None,
-        *,
-        note: str | None = None,
-        digits: int = DIGITS,
-    ) -> None:
-        """Hand over numbers that the chapter computed.
+    def compare(self, values: Mapping[str, Any], digits: int = DIGITS) -> "pd.DataFrame":
+        """Compare numbers of this run with the printed ones.
 
         Parameters
         ----------
-        claims : str or mapping of str to float
-            An id, or values by id.
-        value : float, optional
-            The value that belongs to one id.
-        note : str, optional
-            The note of each of these rows, with numbers of this run.
+        values : mapping
+            Numbers nested by the parts of their ids, ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``, or by whole ids.
         digits : int, optional
-            Significant digits to keep; fewer than ten need a note that says why, with the word *digits*.
+            Significant digits that are determined; fewer than ten need a note that says why, with the word *digits*.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``printed / computed``, a row for each group and a column for each last part. Marks: ``°`` one unit off in
+            the last place, ``~`` within the tolerance of the note, ``*`` misprint or as read, ``†`` differs.
 
         Raises
         ------
         LedgerError
-            Listing every value that is unknown, has drifted, no longer has the verdict of the file, agrees although
-            it was declared not to, or was handed over before as something else.
+            Listing every value that is unknown or no finite number, has drifted from the stored one, no longer has the
+            verdict of the file, or agrees although it was declared not to.
 
         Examples
         --------
-        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
-        >>> book.check("kp", 1.3098)
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+        >>> book = Ledger(Path("demo.csv"), [row])
+        >>> book.compare({"demo": {"kp": 1.3151}})
         Traceback (most recent call last):
-        pidalab.ledger.errors.LedgerError: demo.kp: drifted from 1.309812345 to 1.309800000
-        >>> book.check({"kp": 1.309812345})
+        pidalab.ledger.errors.LedgerError: demo.kp: drifted from 1.309812345 to 1.315100000
+        demo.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit
         """
-        handed = {claims: value} if isinstance(claims, str) else claims
-        failures = []
-        for id, claim in handed.items():
+        import pandas as pd
+
+        failures: list[str] = []
+        table: dict[str, dict[str, str]] = {}
+        for id, value in _flat(values):
             try:
-                with naming(self.full(id)):
-                    number = float(plain(claim))
+                row, found = self._number(id, value, digits)
             except LedgerError as error:
                 failures.append(str(error))
-            else:
-                failures += self._receive(id, Entry(number, note=note, digits=digits))
-        _report(failures)
+                continue
+            failures += found
+            group, _, key = id.rpartition(".")
+            verdict = row.verdict if row.verdict in DECLARED else row.derived() or "differs"
+            shown = f"{row.printed} / {row.shown()}{MARKS.get(verdict, '')}"
+            table.setdefault(group or self.paper, {})[key] = shown
+        if failures:
+            raise LedgerError("\n".join(failures))
+        frame = pd.DataFrame.from_dict(table, orient="index").fillna("")
+        return frame.rename_axis(columns="printed / computed")
 
-    def statement(
-        self,
-        id: str,
-        left: Number,
-        relation: str,
-        right: Number,
-        *,
-        note: str | None = None,
-        left_name: str = "",
-        right_name: str = "",
-        convention: str | None = None,
-        digits: int = DIGITS,
-    ) -> None:
-        """Hand over the relation that decides a statement; it ``holds`` or ``fails`` by its numbers.
+    def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
+        """Decide a statement by numbers of this run; its row says what is compared, and how.
 
         Parameters
         ----------
         id : str
             Id of a statement.
-        left : int or float
-            Left side, computed; infinite is allowed where no convention is asked. Integers stay exact.
-        relation : str
-            One of ``< <= > >= == != within``. ``==`` and ``!=`` are for integers, ``within`` needs a convention. A
-            statement about many takes the three from `every` or `some`.
-        right : int or float
-            Right side, likewise.
-        note : str, optional
-            The note of the row, with numbers of this run.
-        left_name : str, optional
-            What the left side is.
-        right_name : str, optional
-            What the right side is.
-        convention : str, optional
-            A key of `CONVENTIONS` that says what *similar*, *clearly* or *much* mean.
+        cases : mapping of any to pair of numbers, or pair of numbers, or number
+            Left and right side by case, of which the worst decides (the best, where the relation says *some*); or both
+            sides of the only case; or a residual, of an identity. ``==`` and ``!=`` take integers.
         digits : int, optional
-            As in `check`.
-
-        Raises
-        ------
-        LedgerError
-            If a side is no number, the relation is not for such numbers, and as in `check`.
-
-        Examples
-        --------
-        >>> row = Row("demo.s", "sec. 3", "statement", "A is faster", "holds", "holds", evidence="1 < 2")
-        >>> book = Ledger(Path("demo.csv"), [row])
-        >>> book.statement("s", 1, "<", 3)
-        Traceback (most recent call last):
-        pidalab.ledger.errors.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
-        """
-        with naming(self.full(id)):
-            evidence = Evidence.of(
-                left, relation, right, names=(left_name, right_name), convention=convention, digits=digits
-            )
-        _report(self._receive(id, Entry(evidence=evidence, note=note, digits=digits)))
-
-    def identity(
-        self, id: str, residual: float, tolerance: float = IDENTITY, *, note: str | None = None
-    ) -> None:
-        """Hand over the largest residual of two formulas that a statement calls the same.
-
-        Only the decade of the residual is kept, and compared as still below the tolerance: rounding differs from
-        machine to machine.
-
-        Parameters
-        ----------
-        id : str
-            Id of a statement.
-        residual : float
-            Largest relative deviation.
-        tolerance : float, optional
-            What it has to stay below; more than 1e-9 needs a note that says why.
-        note : str, optional
-            The note of the row, with numbers of this run.
-
-        Raises
-        ------
-        LedgerError
-            If a number is negative or not finite, and as in `check`.
-
-        Examples
-        --------
-        >>> kept = "1e-15 <= 1e-09 | rounding"
-        >>> row = Row("demo.s", "eq. (7)", "statement", "(7) is (3)", "holds", "holds", evidence=kept)
-        >>> Ledger(Path("demo.csv"), [row]).identity("s", 3.1e-16)
-        """
-        with naming(self.full(id)):
-            evidence = Evidence.identity(residual, tolerance)
-            if tolerance > IDENTITY and not note:
-                raise LedgerError(
-                    f"a tolerance of {tolerance:g}, above {IDENTITY:g}, needs a note that says why"
-                )
-        _report(self._receive(id, Entry(evidence=evidence, note=note)))
-
-    def note(self, id: str, text: str) -> None:
-        """Hand over the note of a row, with numbers of this run; a row settled by reading hands over nothing else.
-
-        Parameters
-        ----------
-        id : str
-            Id of a row.
-        text : str
-            One line of plain text.
-
-        Raises
-        ------
-        LedgerError
-            If the note has drifted.
-
-        Examples
-        --------
-        >>> row = Row("demo.s", "sec. 1", "statement", "the oldest", "", "not-computable", "reading", note="A survey.")
-        >>> Ledger(Path("demo.csv"), [row]).note("s", "A survey.")
-        """
-        _report(self._receive(id, Entry(note=text)))
-
-    def full(self, id: str) -> str:
-        """Return an id with the key of the paper.
-
-        Parameters
-        ----------
-        id : str
-            With or without the key.
+            As in `compare`.
 
         Returns
         -------
         str
+            The verdict and what decided it.
+
+        Raises
+        ------
+        LedgerError
+            If a side is no number of the kind that the relation compares, and as in `compare`.
+
+        Examples
+        --------
+        >>> row = Row("demo.s", "sec. 3", "statement", "A is faster", "holds", "holds", page="demo")
+        >>> row = replace(row, relation="IAE of A < IAE of B", evidence="1.000000000 < 2.000000000 | ratio 0.50")
+        >>> book = Ledger(Path("demo.csv"), [row])
+        >>> book.decide("s", (1.0, 2.0))
+        'holds: 1.000 < 2.000 (ratio 0.50)'
+        >>> book.decide("s", (1.0, 3.0))
+        Traceback (most recent call last):
+        pidalab.ledger.errors.LedgerError: demo.s: drifted from 1.000000000 < 2.000000000 | ratio 0.50 to 1.000000000 < 3.000000000 | ratio 0.33
+        """
+        row = self.row(id)
+        with naming(row.id):
+            if not row.is_statement or row.basis == "reading":
+                raise LedgerError("no statement that is computed; a printed number takes book.compare")
+            if not row.relation:
+                raise LedgerError("its row has no relation, such as 'IAE of A < IAE of B | clearly'")
+            relation = Relation.parse(row.relation)
+            found = relation.decide(cases, digits)
+            _enough(row, digits)
+        fresh = replace(row, computed=found.verdict, evidence=str(found))
+        kept, failures = self._take(row, fresh)
+        if failures:
+            raise LedgerError("\n".join(failures))
+        decided = Evidence.parse(kept.evidence)
+        if relation.is_identity and decided.verdict == "holds":  # its decade depends on the machine
+            return f"holds: largest residual ≤ {relation.right}"
+        return f"{decided.verdict}: {decided.shown()}" + (f" ({decided.remark})" if decided.remark else "")
+
+    def _number(self, id: str, value: object, digits: int) -> tuple[Row, list[str]]:
+        row = self.row(id)
+        with naming(row.id):
+            number = float(plain(value))
+            if row.basis == "reading":
+                raise LedgerError("its basis is reading, but something computed was handed over")
+            if row.is_statement:
+                raise LedgerError("a statement takes book.decide, both sides of its relation")
+            if not isfinite(number):
+                raise LedgerError(f"expected a finite number, found {number}")
+            _enough(row, digits)
+            fresh = replace(row, computed=store(number, row.printed, digits))
+        return self._take(row, fresh)
+
+    def _take(self, row: Row, fresh: Row) -> tuple[Row, list[str]]:
+        """Note down what was handed over; return the row to show, and what is wrong with it."""
+        with naming(row.id):
+            before = self.fresh.get(row.id) if self.records else None  # else a drift is said
+            if before and not same(before, fresh):
+                raise LedgerError(f"handed over twice, as {before.found} and as {fresh.found}")
+            agreeing = bool(row.computed) and same(row, fresh)
+        failures = [] if self.records else self._failures(row, row if agreeing else fresh)
+        if not failures:  # what was refused may be corrected and handed over again
+            self.fresh[row.id] = fresh
+        return (row if agreeing else fresh), failures
+
+    def _failures(self, row: Row, fresh: Row) -> list[str]:
+        """Compare with the file; what is stored decides the verdict, so that noise never flips one."""
+        if not row.computed:
+            return [f"{row.id}: nothing stored yet; `python -m pidalab.ledger update {self.paper}` stores it"]
+        drifted = [] if fresh is row else [f"{row.id}: drifted from {row.found} to {fresh.found}"]
+        disagreement = fresh.disagreement()
+        return [*drifted, disagreement] if disagreement else drifted
+
+    def full(self, id: str) -> str:
+        """Return an id with the key of the paper.
 
         Examples
         --------
@@ -342,58 +317,19 @@ class Ledger:
         with naming(row.id):
             return float(read_number(row.printed))
 
-    def _receive(self, id: str, entry: Entry) -> list[str]:
-        try:
-            row = self.row(id)
-            if failure := unfit(row, entry):
-                return [failure]
-            joined = merged(row, self.entries[row.id], entry) if row.id in self.entries else entry
-            failures = self._judge(row, entry)
-        except LedgerError as error:
-            return [str(error)]
-        if not failures:  # what was refused may be corrected and handed over again
-            self.entries[row.id] = joined
-        return failures
-
-    def _judge(self, row: Row, entry: Entry) -> list[str]:
-        """Compare an entry with its row; what is stored decides the verdict, so that noise never flips one."""
-        if not entry.is_note and not row.computed:
-            return [f"{row.id}: nothing stored yet; `python -m pidalab.ledger update {self.paper}` stores it"]
-        failures = drift(row, entry)
-        fresh = updated(row, entry) if failures else row
-        disagreement = None if entry.is_note else replace(fresh, verdict=row.verdict).disagreement()
-        return [*failures, disagreement] if disagreement else failures
-
-    def missing(self) -> list[str]:
-        """List what was never handed over: values of all rows but those settled by reading, and notes beside values.
-
-        Returns
-        -------
-        list of str
-            One line for each.
+    def owed(self) -> list[Row]:
+        """Return the rows that this page has to hand over.
 
         Examples
         --------
-        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
-        >>> book.missing()
-        ['demo.kp: never handed over']
-        >>> book.check("kp", 1.309812345)
-        >>> book.missing()
-        []
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+        >>> [row.id for row in Ledger(Path("demo.csv"), [row]).owed()]
+        ['demo.kp']
         """
-        found = []
-        for id, row in self.rows.items():
-            entry = self.entries.get(id, Entry())
-            if row.basis != "reading" and entry.is_note:
-                found.append(f"{id}: never handed over")
-            elif entry.note is None and _needs_a_run(row):
-                found.append(
-                    f"{id}: its note has numbers of no run; hand it over with the value, or by book.note"
-                )
-        return found
+        return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """End the chapter: every row must have been handed over. Prints the score.
+        """End a page: every row of this page must have been handed over. Prints their score.
 
         Raises
         ------
@@ -402,14 +338,16 @@ class Ledger:
 
         Examples
         --------
-        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
-        >>> book.check("kp", 1.309812345)
-        >>> book.close()
-        demo: 1 claim, 1 reproduced
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+        >>> Ledger(Path("demo.csv"), [row]).close()
+        Traceback (most recent call last):
+        pidalab.ledger.errors.LedgerError: demo.kp: never handed over
         """
-        if missing := self.missing():
+        missing = [f"{row.id}: never handed over" for row in self.owed() if row.id not in self.fresh]
+        if missing and not self.records:
             raise LedgerError("\n".join(missing))
-        print(scores.score_line(self.paper, self.score()))
+        self.closed = True
+        print(scores.score_line(self.page, scores.score(self.owed())))
 
     def problems(self) -> list[str]:
         """List what is wrong with the file taken alone, one line each.
@@ -423,8 +361,13 @@ class Ledger:
         >>> Ledger(Path("demo.csv"), [Row("other.kp", "Table 1", "gain", "1.31")]).problems()
         ['other.kp: does not start with demo.', "other.kp: 'computed' is empty"]
         """
-        foreign = [id for id in self.rows if not id.startswith(f"{self.paper}.")]
-        found = [f"{id}: does not start with {self.paper}." for id in foreign]
+        removed = read_removed(self.path.parent)
+        found = [
+            f"{id}: does not start with {self.paper}."
+            for id in self.rows
+            if not id.startswith(f"{self.paper}.")
+        ]
+        found += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in removed]
         return found + [problem for row in self.rows.values() for problem in row.problems()]
 
     def score(self) -> dict[str, int]:
@@ -444,7 +387,7 @@ class Ledger:
         return scores.score(self.rows.values())
 
     def scorebar(self) -> Display:
-        """Return the score as a bar with a legend.
+        """Return the score of the paper as a bar with a legend.
 
         Returns
         -------
@@ -459,7 +402,7 @@ class Ledger:
         return scores.scorebar(self.paper, self.score())
 
     def table(self, prefix: str = "") -> Display:
-        """Return rows as a table, printed beside computed.
+        """Return rows of the file as a table, printed beside computed.
 
         Parameters
         ----------
@@ -488,11 +431,77 @@ class Ledger:
         return claims(rows)
 
 
-def _needs_a_run(row: Row) -> bool:
-    """Whether the note of a row has to be handed over: beside a value always, else if it has a decimal number."""
-    return bool(row.note if row.basis != "reading" else _DECIMAL.search(_REFERENCE.sub("", row.note)))
+@contextmanager
+def recording() -> Iterator[list[Ledger]]:
+    """Let every ledger that is opened take what it is given, compared with nothing; yields these ledgers.
+
+    Examples
+    --------
+    >>> with recording() as books:
+    ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+    ...     _ = book.compare({"kp": 1.5})
+    >>> books[0].fresh["demo.kp"].computed
+    '1.500000000'
+    """
+    Ledger._recorded = []
+    try:
+        yield Ledger._recorded
+    finally:
+        Ledger._recorded = None
 
 
-def _report(failures: Sequence[str]) -> None:
-    if failures:
-        raise LedgerError("\n".join(failures))
+def same(row: Row, fresh: Row) -> bool:
+    """Tell whether a fresh row says what another one says, to one unit in its last stored place.
+
+    Examples
+    --------
+    >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
+    >>> same(row, replace(row, computed="1.309812346")), same(row, replace(row, computed="1.3099"))
+    (True, False)
+    """
+    if not row.is_statement:
+        return row.is_number and agrees(float(fresh.computed), row.computed)
+    if not row.evidence:
+        return False
+    old, new = Evidence.parse(row.evidence), Evidence.parse(fresh.evidence)
+    if Relation.parse(row.relation).is_identity and old.verdict == new.verdict == "holds":
+        return old.right == new.right
+    return old.same(new)
+
+
+def updated(row: Row, fresh: Row) -> Row:
+    """Return the row with what is new in a fresh one, and the verdict that follows.
+
+    What still agrees stays as it is, so that a second run on another machine changes nothing. A declared verdict stays; a
+    number that agrees no longer, without a declared reason, is left without a verdict.
+
+    Examples
+    --------
+    >>> row = Row("demo.kp", "Table 1", "gain", "1.31")
+    >>> updated(row, replace(row, computed="1.309800000")).verdict
+    'reproduced'
+    """
+    with naming(row.id):
+        keep = bool(row.computed) and same(row, fresh) and (row.is_statement or _precise(row, fresh))
+        new = replace(row, page=fresh.page) if keep else fresh
+        return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")
+
+
+def _precise(row: Row, fresh: Row) -> bool:
+    """Whether a stored number has as many places as a fresh one."""
+    old, new = read_number(row.computed), read_number(fresh.computed)
+    return exponent(old) == exponent(new) or not new
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Walk nested numbers by their ids."""
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _enough(row: Row, digits: int) -> None:
+    if digits < DIGITS and "digits" not in row.note:
+        raise LedgerError(f"kept to {digits} digits; the note has to say why, with the word 'digits'")

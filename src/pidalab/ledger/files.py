@@ -12,6 +12,7 @@ from pidalab.ledger.rows import Row
 
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the frozen list of claims, beside the ledgers
+REMOVED = "removed.csv"  # ids that are never used again, and why
 COLUMNS = tuple(field.name for field in fields(Row))
 
 
@@ -56,7 +57,45 @@ def papers(folder: Path) -> list[str]:
     >>> papers(Path(tempfile.mkdtemp()))
     []
     """
-    return sorted(file.stem for file in folder.glob("*.csv") if file.name != MANIFEST)
+    return sorted(file.stem for file in folder.glob("*.csv") if file.name not in (MANIFEST, REMOVED))
+
+
+def read_removed(folder: Path) -> dict[str, str]:
+    """Read which ids were removed, and why.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Folder of the csv files; without ``removed.csv`` nothing was.
+
+    Returns
+    -------
+    dict of str to str
+        Reasons by id.
+
+    Raises
+    ------
+    LedgerError
+        If a line has no reason, or the columns are others than ``id,reason``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = (folder / "removed.csv").write_text("id,reason\\ndemo.kp,an identity of our own algebra\\n")
+    >>> read_removed(folder)
+    {'demo.kp': 'an identity of our own algebra'}
+    """
+    path = folder / REMOVED
+    if not path.is_file():
+        return {}
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *lines = [*csv.reader(file, strict=True)] or [[]]
+    if header != ["id", "reason"] or any(len(line) != 2 or not line[1].strip() for line in lines):
+        raise LedgerError(
+            f"{REMOVED}: expected an id and a reason in every line, under the heading id,reason"
+        )
+    return dict(line for line in lines)
 
 
 def read_rows(path: Path) -> list[Row]:
@@ -125,8 +164,8 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
     >>> path = Path(tempfile.mkdtemp(), "demo.csv")
     >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
     >>> print(path.read_text(encoding="utf-8"), end="")
-    id,where,quantity,printed,computed,verdict,basis,evidence,note
-    demo.kp,Table 1,gain,1.31,,,computed,,
+    id,where,quantity,printed,computed,verdict,basis,page,relation,evidence,note
+    demo.kp,Table 1,gain,1.31,,,computed,,,,
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -6,7 +6,7 @@ from decimal import Decimal
 
 from pidalab.ledger import digits, verdicts
 from pidalab.ledger.errors import LedgerError, naming
-from pidalab.ledger.relations import Evidence
+from pidalab.ledger.relations import IDENTITY, Evidence, Relation
 
 WORDS = 5  # of a note that carries a verdict; a reason is a sentence
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
@@ -32,14 +32,18 @@ class Row:
         A key of `VERDICTS`, or empty while nobody has judged.
     basis : str, optional
         A key of `BASES`.
+    page : str, optional
+        The notebook that hands the row over, its path below ``book`` without suffix; empty when settled by reading.
+    relation : str, optional
+        What a statement asks for; see `Relation`.
     evidence : str, optional
-        The relation that decides a statement, with both numbers; see `Evidence`.
+        The inequality of two computed numbers that decides a statement; see `Evidence`.
     note : str, optional
-        Reasons, proofs, tolerances. Plain text, written by the run that has its numbers.
+        Reasons, proofs, tolerances: plain text by a person, without numbers that could drift.
 
     Examples
     --------
-    >>> row = Row("demo.ex1.kp", "Table 1", "gain", printed="1.31", computed="1.309812345", verdict="reproduced")
+    >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
     >>> row.derived()
     'reproduced'
     >>> row.problems()
@@ -53,6 +57,8 @@ class Row:
     computed: str = ""
     verdict: str = ""
     basis: str = "computed"
+    page: str = ""
+    relation: str = ""
     evidence: str = ""
     note: str = ""
 
@@ -65,6 +71,11 @@ class Row:
     def is_number(self) -> bool:
         """Whether a number was computed, so that differences make sense."""
         return not self.is_statement and self.computed not in ("", *verdicts.STATEMENT)
+
+    @property
+    def found(self) -> str:
+        """What was computed: a number, or the evidence of a statement."""
+        return self.evidence if self.is_statement else self.computed
 
     @property
     def half_unit(self) -> float:
@@ -173,11 +184,11 @@ class Row:
 
         Examples
         --------
-        >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.900000000", "misprint").problems()
+        >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.900000000", "misprint", page="demo").problems()
         ['demo.kp: misprint needs a note of at least 5 words']
         """
         tests = (*self._form(), *self._judged_by_reading(), *self._judged_by_computing())
-        found = [f"{self.id}: {message}" for wrong, message in tests if wrong]
+        found = [f"{self.id}: {message}" for wrong, message in tests if wrong] + self._relation_problems()
         disagreement = self.disagreement() if self.computed and not found else None
         return [*found, disagreement] if disagreement else found
 
@@ -214,6 +225,8 @@ class Row:
             (self.verdict == "not-computable" and not reading, "not-computable, so its basis is reading"),
             (reading and bool(self.computed), "settled by reading, but 'computed' is not empty"),
             (reading and bool(self.evidence), "settled by reading, but 'evidence' is not empty"),
+            (reading and bool(self.relation), "settled by reading, but 'relation' is not empty"),
+            (reading and bool(self.page), "settled by reading, but 'page' is not empty"),
             (
                 reading and len(self.note.split()) < WORDS,
                 f"settled by reading needs a note of at least {WORDS} words",
@@ -234,11 +247,14 @@ class Row:
                 statement and bool(self.computed) and not self.evidence,
                 "no evidence: a statement is a relation of two numbers",
             ),
+            (statement and not self.relation, "no relation: it says what is compared, 'IAE of A < IAE of B'"),
+            (bool(self.computed) and computing and not self.page, "'page' is empty"),
             (
                 statement and bool(self.evidence) and self.computed not in ("", self._given()),
                 f"computed says {self.computed}, the evidence {self.evidence} does not",
             ),
             (not self.is_statement and bool(self.evidence), "a number has no evidence"),
+            (not self.is_statement and bool(self.relation), "a number has no relation"),
             (
                 not self.is_statement and self.computed in verdicts.STATEMENT,
                 "a number is not judged as a statement",
@@ -264,9 +280,26 @@ class Row:
 
     def _is_coarse_evidence(self) -> bool:
         try:
-            return Evidence.parse(self.evidence).is_coarse
+            identity = bool(self.relation) and Relation.parse(self.relation).is_identity
+            return not identity and Evidence.parse(self.evidence).is_coarse
         except LedgerError:
             return False
+
+    def _relation_problems(self) -> list[str]:
+        """What is wrong with the relation, and with evidence that is not what it asks for."""
+        if not (self.relation and self.is_statement):
+            return []
+        try:
+            relation = Relation.parse(self.relation)
+            kept = Evidence.parse(self.evidence) if self.evidence else None
+        except LedgerError as error:
+            return [f"{self.id}: {error}"]
+        found = []
+        if kept and not relation.allows(kept):
+            found.append(f"{self.id}: evidence {kept} is not what the relation {self.relation} asks for")
+        if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
+            found.append(f"{self.id}: a tolerance above {IDENTITY:g} needs a note that says why")
+        return found
 
     def _hides_drift(self) -> bool:
         """Whether a stored number is not two places finer than the print, nor has ten digits."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from html import escape
 
 from pidalab.ledger.display import Cell, Display, chip, grid, markup, number
-from pidalab.ledger.relations import Evidence
+from pidalab.ledger.relations import Evidence, Relation
 from pidalab.ledger.rows import Row
 
 BASIS = {"computed": "", "from-print": "from print", "reading": "by reading"}
@@ -67,9 +67,11 @@ def evidence(row: Row, span: int = 1) -> Cell:
     if not row.evidence:
         return Cell("", "—", "evidence text", span)
     kept = Evidence.parse(row.evidence)
-    beside = [*kept.remarks, kept.nearness() if not kept.convention else ""]
-    shown = "; ".join([kept.shown(), *(remark for remark in beside if remark)])
-    first, *rest = shown.split("; ")
+    relation = Relation.parse(row.relation) if row.relation else None
+    identity = relation is not None and relation.is_identity
+    first = f"largest residual {kept.shown()}" if identity else kept.shown()
+    rest = [part for part in (relation.words if relation and not identity else "", kept.remark) if part]
+    shown = "; ".join([first, *rest])
     below = f' <span class="where">{markup("; ".join(rest))}</span>' if rest else ""
     return Cell(shown, f"{markup(first)}{below}", "evidence text", span)
 
