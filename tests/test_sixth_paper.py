@@ -39,49 +39,32 @@ REFERENCE = f"""
 ROWS = [
     Row(f"{KEY}.table1.kp", "Table 1", "gain", "1.000"),
     Row(f"{KEY}.table1.ti", "Table 1", "integral time (s)", "2.00"),
-    Row(f"{KEY}.sec2.faster", "sec. 2", "statement", "a higher M_s gives a faster response"),
+    Row(
+        f"{KEY}.sec2.faster",
+        "sec. 2",
+        "statement",
+        "a higher M_s gives a faster response",
+        relation="IAE at Ms 2.0 < IAE at Ms 1.4 | clearly",
+    ),
 ]
-CHECKS = '''"""Checks of example2030: an invented paper."""
-
-import numpy as np
-import pandas as pd
-
-import pidalab
-from pidalab.ledger import Display, Ledger
-
-MODEL = pidalab.fopdt(gain=1.0, lag=2.0, delay=1.0)
-
-
-def table1(book: Ledger) -> Display:
-    """The tuning of Table 1."""
-    C = pidalab.rules.haalman.pi(MODEL, ms=1.5904902)
-    book.check({"table1.kp": C.kp, "table1.ti": C.ti})
-    return book.table("table1.")
-
-
-def section2(book: Ledger) -> pd.Series:
-    """IAE of a load step for three values of Ms."""
-    t = np.linspace(0.0, 60.0, 601)
-    loops = {ms: pidalab.rules.haalman.tune(MODEL, ms, kind="PI").loop() for ms in (1.4, 2.0)}
-    iae = {ms: pidalab.load_response(loop, t).iae() for ms, loop in loops.items()}
-    book.statement("sec2.faster", iae[2.0], "<", iae[1.4], left_name="IAE at Ms 2.0", right_name="at 1.4")
-    return pd.Series(iae)
-
-
-SECTIONS = (table1, section2)
-'''
-AUDIT = f"""import pidalab
-
-checks = pidalab.ledger.checks("{KEY}")
-book = pidalab.ledger.Ledger.open("{KEY}")
-checks.table1(book)
-checks.section2(book)
-book.close()"""
 CHAPTER = f"""import pidalab
+from pidalab.ledger import Ledger
 
-book = pidalab.ledger.Ledger.open("{KEY}")
-book.scorebar()
-book.table("table1.")"""
+book = Ledger.open("{KEY}")
+model = pidalab.fopdt(gain=1.0, lag=2.0, delay=1.0)
+C = pidalab.rules.haalman.pi(model, ms=1.5904902)
+book.compare({{"table1": {{"kp": C.kp, "ti": C.ti}}}})
+book.close()"""
+AUDIT = f"""import numpy as np
+import pidalab
+from pidalab.ledger import Ledger
+
+book = Ledger.open("{KEY}", page="audit/{KEY}")
+t, model = np.linspace(0.0, 60.0, 601), pidalab.fopdt(gain=1.0, lag=2.0, delay=1.0)
+loops = {{ms: pidalab.rules.haalman.tune(model, ms, kind="PI").loop() for ms in (1.4, 2.0)}}
+iae = {{ms: pidalab.load_response(loop, t).iae() for ms, loop in loops.items()}}
+book.decide("sec2.faster", (iae[2.0], iae[1.4]))
+book.close()"""
 
 
 def places():
@@ -105,8 +88,9 @@ def edit(path, change):
 
 
 def notebook(title, code):
-    setup, *calls = code.split("\n\n")[1].splitlines()
-    cells = [new_markdown_cell(f"# {title}"), new_code_cell("import pidalab"), new_code_cell(setup)]
+    imports, rest = code.split("\n\n")
+    setup, *calls = rest.splitlines()
+    cells = [new_markdown_cell(f"# {title}"), new_code_cell(imports), new_code_cell(setup)]
     return new_notebook(cells=cells + [new_code_cell(call) for call in calls])
 
 
@@ -158,15 +142,13 @@ def add_a_paper(root):
         lambda text: text + "  - type: article\n    title: An invented rule for PI control\n",
     )
     edit(root / "book" / "notation.md", with_column)
-    # the claims, before anything is computed; then the checks
+    # the claims, before anything is computed; then the pages, in the table of contents
     write_rows(ledgers / f"{KEY}.csv", ROWS)
-    (root / "book" / "checks" / f"{KEY}.py").write_text(CHECKS)
-    assert update(KEY, ledgers).problems == []
-    # the pages, in the table of contents
     (root / "book" / "audit").mkdir(exist_ok=True)
     nbformat.write(notebook("An invented rule", CHAPTER), root / "book" / f"{KEY}.ipynb")
     nbformat.write(notebook("Evidence", AUDIT), root / "book" / "audit" / f"{KEY}.ipynb")
     edit(root / "_toc.yml", with_pages)
+    assert update(KEY, ledgers).problems == []
     # what is generated, and what a person says
     freeze(ledgers)
     assert write_score(root / "README.md", ledgers)
@@ -183,7 +165,7 @@ def test_only_the_places_that_contributing_names(book):
 
 
 def test_the_checks_of_the_book_accept_it(book):
-    """The project's own tests, run in the copy: honesty of its checks and pages, scores, bibliography, manifest."""
+    """The project's own tests, run in the copy: honesty of its pages, scores, bibliography, manifest."""
     root, _ = book
     tests = ["tests/ledger/test_honesty.py", "tests/test_readme.py"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
@@ -208,7 +190,7 @@ def test_its_pages_run(book, name):
     assert names["book"].rows[f"{KEY}.table1.kp"].verdict == "reproduced"
 
 
-def test_its_audit_fails_when_the_library_changes(book, monkeypatch):
+def test_its_chapter_fails_when_the_library_changes(book, monkeypatch):
     """The sixth paper guards the library from its first day."""
     import pidalab
 
@@ -216,10 +198,10 @@ def test_its_audit_fails_when_the_library_changes(book, monkeypatch):
     right = pidalab.rules.haalman.pi
     monkeypatch.setattr(pidalab.rules.haalman, "pi", lambda model, ms=1.4: right(model, 1.01 * ms))
     with (
-        contextlib.chdir(root / "book" / "audit"),
+        contextlib.chdir(root / "book"),
         pytest.raises(pidalab.ledger.LedgerError, match=r"table1\.kp"),
     ):
-        exec(AUDIT, {})
+        exec(CHAPTER, {})
 
 
 def test_it_is_on_the_generated_pages(book):

@@ -6,7 +6,6 @@ A subject is a function that returns its questions by name. What is asked is cho
 import asked_data
 import asked_designs
 import asked_edges
-import asked_ledger
 import asked_loops
 import asked_methods
 
@@ -21,7 +20,6 @@ SUBJECTS = {
         asked_methods.models,
         asked_methods.records,
         asked_methods.search,
-        asked_ledger.ledger,
         asked_edges.blocks,
         asked_edges.whole_loops,
         asked_edges.read_off_responses,
@@ -32,6 +30,5 @@ SUBJECTS = {
         asked_data.moving,
         asked_designs.more,
         asked_designs.optima,
-        asked_ledger.pages_of_a_ledger,
     )
 }

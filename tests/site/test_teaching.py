@@ -65,7 +65,7 @@ def lecture_problems(cells: list) -> list[str]:
 
 def chapters(root: Path) -> list[Path]:
     ledgers = sorted(path.stem for path in root.glob("book/ledger/*.csv"))
-    return [root / "book" / f"{paper}.ipynb" for paper in ledgers if paper != "manifest"]
+    return [root / "book" / f"{paper}.ipynb" for paper in ledgers if paper not in ("manifest", "removed")]
 
 
 def lectures(root: Path) -> list[Path]:

@@ -175,8 +175,7 @@ SIGNIFICANT = CONVENTIONS["clearly"].limit  # share of the larger number
 
 def said(left: float, right: float) -> str:
     """What the convention of *significant* says of two numbers, for a note."""
-    low, high = sorted((left, right))
-    return f"Significant is {CONVENTIONS['clearly'].remark(low, '<', high).removeprefix('clearly: ')}."
+    return f"Significant is at least {SIGNIFICANT:.0%}."
 
 
 def ms_of(loop: pidalab.Loop) -> float:

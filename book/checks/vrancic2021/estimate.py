@@ -184,7 +184,7 @@ def estimate(book: Ledger) -> pd.DataFrame:
         + ". At ω = 1/T_F the filter leaves 2^−n of the power, the asymptotes all of it.",
     )
     less = {name: (one["below"], one["above"]) for name, one in found.items()}
-    yes = sum(CONVENTIONS["much"].judge(low, "<", high) for low, high in less.values())
+    yes = sum(CONVENTIONS["much"].limit * low <= high for low, high in less.values())
     book.statement(
         "st.lowband",
         len(less) - yes,

@@ -1,39 +1,41 @@
 """Printed against computed: every number and statement of a paper, its value here, and the verdict.
 
-A file ``book/ledger/<paper>.csv`` has one row for each claim. The checks of a paper, in ``book/checks``, hand over what
-they compute; the audit page runs them section by section and closes the ledger::
+A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the paper compute, and hand over what they
+computed::
 
-    from pidalab.ledger import Ledger, checks
+    from pidalab.ledger import Ledger
 
-    book = Ledger.open("haalman2024")
-    checks("haalman2024").three_points(book)   # calls book.check(id, kp), book.statement(id, a, "<", b), …
-    book.table("ex1.")
+    book = Ledger.open("haalman2024")  # a chapter; its audit adds page="audit/haalman2024"
+    book.compare({"ex1.pida": {"ti": C.ti, "td": C.td}})  # printed / computed, a column for each last part
+    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # a statement: its row knows the relation
     book.close()
 
-A value, the evidence of a statement or a note that drifts from the stored one fails, and so do a verdict that no longer
-follows, a declared disagreement that starts to agree, an id that is unknown or left over. A verdict is one of
+A value or evidence that drifts from the stored one fails, and so do a verdict that no longer follows, a declared
+disagreement that starts to agree, an id that is unknown, a row of the page that was not handed over. A verdict is one
+of
 
 * ``reproduced``, ``last-digit``, ``approximate``: these follow from the two numbers, see `derive`;
-* ``holds``, ``fails``: these follow from the relation between two computed numbers that decides a statement;
+* ``holds``, ``fails``: these follow from the inequality of two computed numbers that decides a statement;
 * ``misprint``, ``as-read``, ``differs``, ``not-computable``: declared by a person, with the reason in the note.
 
 The basis of a row says what it stands on: the paper's problem (``computed``), other printed results (``from-print``),
 or reading alone (``reading``).
 
-``python -m pidalab.ledger update haalman2024`` runs the checks of a paper, stores what is new and prints what changed;
+``python -m pidalab.ledger update haalman2024`` runs the pages of a paper, stores what is new and prints what changed;
 ``show``, ``check`` and ``readme`` print, validate and publish.
 """
 
 from pidalab.ledger.book import Ledger
+from pidalab.ledger.conventions import CONVENTIONS, Convention
 from pidalab.ledger.display import Display
 from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import papers, read_rows, write_rows
 from pidalab.ledger.front import score_markdown, write_score
 from pidalab.ledger.pages import convention_table, errata, every_row, load_all, scoreboard
-from pidalab.ledger.relations import CONVENTIONS, Convention, Evidence, Relation
+from pidalab.ledger.relations import Evidence, Relation
 from pidalab.ledger.rows import Row
 from pidalab.ledger.running import record, update
-from pidalab.ledger.shims import checks, every, some  # old calls, until the last page has moved
+from pidalab.ledger.shims import checks as checks, every as every, some as some  # old calls
 from pidalab.ledger.verdicts import BASES, VERDICTS, derive
 
 __all__ = [
@@ -47,11 +49,9 @@ __all__ = [
     "LedgerError",
     "Relation",
     "Row",
-    "checks",
     "convention_table",
     "derive",
     "errata",
-    "every",
     "every_row",
     "load_all",
     "papers",
@@ -59,7 +59,6 @@ __all__ = [
     "record",
     "score_markdown",
     "scoreboard",
-    "some",
     "update",
     "write_rows",
     "write_score",

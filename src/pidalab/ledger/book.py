@@ -84,8 +84,8 @@ class Ledger(OldCalls):
         paper : str
             Key of the paper, such as ``haalman2024``.
         page : str, optional
-            The notebook that opens it, its path below ``book`` without suffix, such as ``audit/haalman2024``; by default
-            the chapter, which is called like the paper. `close` asks for the rows of this page.
+            The notebook that opens it, its path below ``book`` without suffix, such as ``audit/haalman2024``; by
+            default the chapter, which is called like the paper. `close` asks for the rows of this page.
         folder : path, optional
             Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
 
@@ -191,13 +191,13 @@ class Ledger(OldCalls):
         Examples
         --------
         >>> row = Row("demo.s", "sec. 3", "statement", "A is faster", "holds", "holds", page="demo")
-        >>> row = replace(row, relation="IAE of A < IAE of B", evidence="1.000000000 < 2.000000000 | ratio 0.50")
+        >>> row = replace(row, relation="first < second", evidence="1 < 2")
         >>> book = Ledger(Path("demo.csv"), [row])
-        >>> book.decide("s", (1.0, 2.0))
-        'holds: 1.000 < 2.000 (ratio 0.50)'
-        >>> book.decide("s", (1.0, 3.0))
+        >>> book.decide("s", (1, 2))
+        'holds: 1 < 2'
+        >>> book.decide("s", (1, 3))
         Traceback (most recent call last):
-        pidalab.ledger.errors.LedgerError: demo.s: drifted from 1.000000000 < 2.000000000 | ratio 0.50 to 1.000000000 < 3.000000000 | ratio 0.33
+        pidalab.ledger.errors.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
         """
         row = self.row(id)
         with naming(row.id):
@@ -253,6 +253,15 @@ class Ledger(OldCalls):
 
     def full(self, id: str) -> str:
         """Return an id with the key of the paper.
+
+        Parameters
+        ----------
+        id : str
+            With or without the key.
+
+        Returns
+        -------
+        str
 
         Examples
         --------
@@ -319,6 +328,10 @@ class Ledger(OldCalls):
 
     def owed(self) -> list[Row]:
         """Return the rows that this page has to hand over.
+
+        Returns
+        -------
+        list of Row
 
         Examples
         --------
@@ -472,8 +485,8 @@ def same(row: Row, fresh: Row) -> bool:
 def updated(row: Row, fresh: Row) -> Row:
     """Return the row with what is new in a fresh one, and the verdict that follows.
 
-    What still agrees stays as it is, so that a second run on another machine changes nothing. A declared verdict stays; a
-    number that agrees no longer, without a declared reason, is left without a verdict.
+    What still agrees stays as it is, so that a second run on another machine changes nothing. A declared verdict
+    stays; a number that agrees no longer, without a declared reason, is left without a verdict.
 
     Examples
     --------

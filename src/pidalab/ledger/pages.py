@@ -4,10 +4,10 @@ import re
 from pathlib import Path
 
 from pidalab.ledger.book import Ledger
+from pidalab.ledger.conventions import CONVENTIONS
 from pidalab.ledger.display import Cell, Display, chip, grid, markup, number, words
 from pidalab.ledger.errors import LedgerError
 from pidalab.ledger.files import find_folder, papers
-from pidalab.ledger.relations import CONVENTIONS
 from pidalab.ledger.rows import Row
 from pidalab.ledger.scores import bar, score, score_line, scorebar
 from pidalab.ledger.tables import claim, evidence

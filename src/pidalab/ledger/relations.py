@@ -4,15 +4,15 @@ A row says ``IAE of the PIDA < IAE of the PID | clearly``; what was computed is 
 ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
 """
 
-import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from math import isfinite, isinf
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
+from pidalab.ledger.conventions import COMPARE, CONVENTIONS, SIGNS, Bound
 from pidalab.ledger.digits import (
     DIGITS,
     agrees,
@@ -30,116 +30,10 @@ Number = int | float
 Pair = tuple[Number, Number]
 Cases = Mapping[Any, Pair] | Mapping[Any, Number] | Pair | Number
 
-COMPARE: dict[str, Callable[[Any, Any], bool]] = {
-    "<": operator.lt,
-    "<=": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
-    "==": operator.eq,
-    "!=": operator.ne,
-}
-SIGNS = {  # for a reader: what holds, and what does not
-    "<": ("<", "≮"),
-    "<=": ("≤", "≰"),
-    ">": (">", "≯"),
-    ">=": ("≥", "≱"),
-    "==": ("=", "≠"),
-    "!=": ("≠", "="),
-    "≈": ("≈", "≉"),
-}
 ROUNDING = "rounding"  # the convention of an identity
 IDENTITY = 1e-9  # largest relative residual of two formulas that are called the same
 _RELATION = re.compile(r"(?:(.*?) )?(<=?|>=?|==|!=|≈)(?: (.*))?")
 _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==|!=) (?:(\S+) \* )?(\S+)(?: \| (.+))?")
-
-
-class Bound(NamedTuple):
-    """What one side of a relation is compared with: the other one, perhaps times a factor such as ``0.8``."""
-
-    sign: str
-    factor: str = ""
-
-    @property
-    def times(self) -> Fraction:
-        """The factor as a number."""
-        return Fraction(self.factor) if "/" not in self.factor else 1 / Fraction(self.factor[2:])
-
-
-@dataclass(frozen=True)
-class Convention:
-    """The meaning of a word that compares; one table for all papers, fixed before any number was compared.
-
-    Parameters
-    ----------
-    words : str
-        The words of a paper that it covers.
-    meaning : str
-        What they mean in the book.
-    limit : float
-        The threshold.
-    bounds : dict of str to tuple of Bound
-        What has to hold, by the sign that it qualifies.
-
-    Examples
-    --------
-    >>> CONVENTIONS["much"].bounds["<"]
-    (Bound(sign='<', factor='0.5'),)
-    """
-
-    words: str
-    meaning: str
-    limit: float
-    bounds: dict[str, tuple[Bound, ...]]
-
-    # old calls, for book/checks alone: these two go with shims.py
-    def judge(self, left: float, sign: str, right: float) -> bool:
-        return all(COMPARE[bound.sign](left, float(bound.times) * right) for bound in self.bounds[sign])
-
-    def remark(self, *_: object) -> str:
-        return self.meaning
-
-
-CONVENTIONS = {
-    "similar": Convention(
-        "similar, about, comparable",
-        "within 10 % of the larger",
-        0.1,
-        {"≈": (Bound(">=", "0.9"), Bound("<=", "1/0.9"))},
-    ),
-    "slightly": Convention(
-        "slightly",
-        "a difference, and at most 10 %",
-        0.1,
-        {"<": (Bound("<"), Bound(">=", "0.9")), ">": (Bound(">"), Bound("<=", "1/0.9"))},
-    ),
-    "clearly": Convention(
-        "clearly, significantly",
-        "at least 20 % of the larger",
-        0.2,
-        {"<": (Bound("<", "0.8"),), ">": (Bound(">", "1.25"),)},
-    ),
-    "much": Convention(
-        "much", "at least a factor of 2", 2.0, {"<": (Bound("<", "0.5"),), ">": (Bound(">", "2"),)}
-    ),
-    "negligible": Convention(
-        "≫, negligible against",
-        "at least a factor of 10",
-        10.0,
-        {"<": (Bound("<", "0.1"),), ">": (Bound(">", "10"),)},
-    ),
-    "settled": Convention(
-        "no overshoot, without oscillation, monotonic, settled",
-        "at most 2 % of the change (the settling band)",
-        0.02,
-        {"<=": (Bound("<=", "0.02"),), ">": (Bound(">", "0.02"),)},
-    ),
-    "identical": Convention(
-        "identical curves, no visible difference",
-        "at most 1 % of the range (a line's width in a figure)",
-        0.01,
-        {"<=": (Bound("<=", "0.01"),), ">": (Bound(">", "0.01"),)},
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -304,7 +198,8 @@ class Relation:
             )
         if self.convention and not (0 <= left < float("inf") and 0 <= right < float("inf")):
             raise LedgerError(
-                f"the convention {self.convention!r} compares magnitudes, finite and not negative; found {left} and {right}"
+                f"the convention {self.convention!r} compares magnitudes, finite and not negative; "
+                f"found {left} and {right}"
             )
         found = []
         for bound in self.bounds:
@@ -327,7 +222,22 @@ class Relation:
         return Evidence(kept, "<=", "", self.right)
 
     def allows(self, evidence: "Evidence") -> bool:
-        """Tell whether evidence is an inequality that this relation asks for."""
+        """Tell whether evidence is an inequality that this relation asks for.
+
+        Parameters
+        ----------
+        evidence : Evidence
+            What a row keeps.
+
+        Returns
+        -------
+        bool
+
+        Examples
+        --------
+        >>> Relation.parse("A < B | much").allows(Evidence.parse("1 < 2"))
+        False
+        """
         if self.is_identity:
             return (evidence.sign, evidence.factor, evidence.right) == ("<=", "", self.right)
         return (evidence.sign, evidence.factor) in self.bounds
@@ -405,8 +315,8 @@ class Evidence:
     @property
     def verdict(self) -> str:
         """Either ``holds`` or ``fails``, decided by the numbers as written."""
-        left, right = (float(side) if "inf" in side else Fraction(side) for side in (self.left, self.right))
-        asked = Bound(self.sign, self.factor).times * right if self.factor else right
+        left, right = _exact(self.left), _exact(self.right)
+        asked = right * Bound(self.sign, self.factor).times if self.factor else right
         return "holds" if COMPARE[self.sign](left, asked) else "fails"
 
     @property
@@ -477,11 +387,10 @@ def _name(key: object) -> str:
 
 
 def _pair(value: object) -> Pair:
-    try:
-        left, right = value  # type: ignore[misc]
-    except (TypeError, ValueError):
-        raise LedgerError(f"expected a pair (left, right), found {value!r}") from None
-    return plain(left), plain(right)
+    sides = tuple(value) if isinstance(value, Iterable) else ()
+    if len(sides) != 2:
+        raise LedgerError(f"expected a pair (left, right), found {value!r}")
+    return plain(sides[0]), plain(sides[1])
 
 
 def _ratios(pairs: list[Pair]) -> str:
@@ -501,6 +410,10 @@ def _two_digits(ratio: float) -> str:
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)
     text = f"{ratio:#.{digits}g}"
     return f"{float(text):g}" if "e" in text else text.removesuffix(".")
+
+
+def _exact(side: str) -> Any:
+    return float(side) if "inf" in side else Fraction(side)
 
 
 def _near(old: str, new: str) -> bool:

@@ -1,6 +1,6 @@
 """Old calls, for pages that have not moved yet: deleted whole when the last one has.
 
-To delete: this file, the base class of `Ledger`, the names in ``__init__``, `judge` and `remark` of `Convention`.
+To delete: this file, the base class of `Ledger`, one line in ``__init__`` and one in ``tests/test_public_names.py``.
 """
 
 import importlib
@@ -69,7 +69,9 @@ def _choose(
 ) -> tuple[Any, _Chosen, Any]:
     relation = Relation("", "≈" if sign == "within" else sign, "", convention or "", some)
     slack = {
-        name: relation._slack(*map(abs if convention else float, pair))[0]
+        name: relation._slack(
+            abs(pair[0]) if convention else float(pair[0]), abs(pair[1]) if convention else float(pair[1])
+        )[0]
         for name, pair in cases.items()
         if sign not in ("==", "!=")
     }
