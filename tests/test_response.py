@@ -452,9 +452,7 @@ def test_a_rise_between_samples_and_at_the_start():
     assert found.rise_time(0.2, 0.7) == pytest.approx(1.8 - 0.5)
     assert found.rise_time(0.05, 0.7) == pytest.approx(1.8)
     assert found.rise_time(0.1, 0.3) == pytest.approx(1.0)
-    with pytest.raises(
-        ValueError, match=r"the output reaches 0\.3 of the final value .*t = 1\), not 0\.9"
-    ):
+    with pytest.raises(ValueError, match=r"the output reaches 0\.3 of the final value .*t = 1\), not 0\.9"):
         record([0.0, 1.0], [0.0, 0.6], r=2.0).rise_time()
     for low, high in ((0.0, 0.9), (0.5, 0.5), (0.1, 1.0)):
         with pytest.raises(ValueError, match="low and high must be shares with 0 < low < high < 1"):
