@@ -1,0 +1,101 @@
+"""Setup of the pages on huba2018: orders, plants, and a twin of the thermal plant.
+
+The records of the thermal plant of sec. V are not published. The twin has an assumed
+structure, and gives the printed model (17) when it is identified as the paper
+identifies its plant. It shows what a plausible plant of that kind would do.
+"""
+
+import numpy as np
+import pandas as pd
+from control import TransferFunction
+from scipy.optimize import brentq
+
+import pidalab
+from pidalab.identification import ipdt_tangent
+from pidalab.rules import mrdp
+
+ORDERS = range(5)  # derivative orders m of the tables
+TABLE2 = [(m, n) for m in ORDERS for n in range(max(m, 1), 7)]  # its cells
+DESIGNED = [(m, n) for m, n in TABLE2 if n > m]  # those where eq. (9) fixes a place
+UNIT = pidalab.ipdt(gain=1.0, delay=1.0)  # velocity gain and dead time are the units
+THERMAL = pidalab.ipdt(gain=0.01, delay=5.0)  # model in the captions of Figs 5, 7, 8
+SAMPLE = 0.02  # s, sample time of the experiments
+LAMP = (0.0, 80.0)  # %, limits of the lamp power, sec. V.B
+TANGENT = {"gain": 0.01, "delay": 5.56}  # what is identified, eq. (17)
+
+
+def equal_servo(m, ie):
+    """T_e on UNIT with which the IE after a set-point step is `ie`, eq. (15)."""
+    one, weights = mrdp.constants(m), mrdp.prefilter_weights(m, m + 1)
+    return ie / ((1 - weights[0]) * one.integral_time) - 1
+
+
+def equal_load(m, ie):
+    """T_e on UNIT with which the IE after a load step, T_i/K_c, is `ie`."""
+    one = mrdp.constants(m)
+    return np.sqrt(ie * one.gain / one.integral_time) - 1
+
+
+def noise_in_u(loop, samples=250):
+    """Standard deviation of u under white noise of 1, so many samples in a dead time."""
+    w = np.linspace(0.0, samples * np.pi, 10_001)[1:]
+    return np.sqrt(np.mean(np.abs(loop.transfer("u", "n", 1j * w)) ** 2))
+
+
+def thermal_plant(
+    rise=30.0, fall=60.0, conduction=200.0, share=0.3, dip=0.05, lags=3, delay=0.1
+):
+    """Twin of the thermal plant: from lamp power in % to K above ambient; times in s.
+
+    A body x follows the lamp w, T dx/dt = w - x, with T = `rise` where w > x and `fall`
+    otherwise; y = K [(1 - share + share/(conduction s + 1)) x - dip w]/(T_l s + 1)^lags,
+    and w is u after the dead time `delay`. K and T_l are worked out such that the tangent
+    at the steepest point of a step upwards is eq. (17).
+    """
+
+    def plant(gain, lag):
+        under = np.poly1d([lag, 1.0]) ** lags
+        slow = np.poly1d([conduction, 1.0])
+        main = TransferFunction(
+            [gain * (1 - share) * conduction, gain], (slow * under).coef
+        )
+        direct = TransferFunction([-gain * dip], under.coef)
+        return pidalab.AsymmetricPlant(main, rise, fall, direct, delay)
+
+    t = np.linspace(0.0, 15 * TANGENT["delay"], 6001)
+
+    def tangent(lag):  # without the true dead time, which just adds to it
+        rising = plant(1.0, lag).rising
+        undelayed = pidalab.Process(rising.num, rising.den)
+        return ipdt_tangent(t, pidalab.open_loop_step(undelayed, t).y)
+
+    lag = brentq(lambda lag: tangent(lag).delay + delay - TANGENT["delay"], 0.005, 5.56)
+    return plant(TANGENT["gain"] / tangent(lag).num[0], lag)
+
+
+def experiment(design, plant, anti_windup=None, hold=200.0):
+    """Warm the plant up to 10 K, step the set point to 15 K and back, each for `hold` s.
+
+    Sample time and limits are the paper's; the temperatures are assumed.
+    """
+    r = np.repeat([10.0, 15.0, 10.0], round(hold / SAMPLE))
+    t = SAMPLE * np.arange(r.size)
+    return pidalab.simulate_sampled(
+        design.loop(), t, r, limits=LAMP, plant=plant, anti_windup=anti_windup
+    )
+
+
+def measures(run, hold=200.0):
+    """Measure both steps; a loop outside 5 % in the last fifth of `hold` does not settle."""
+    found = {}
+    for way, start in (("up", hold), ("down", 2 * hold)):
+        part = run.between(start, start + hold)
+        outside = np.flatnonzero(np.abs(part.e) > 0.05 * abs(part.r[-1]))[-1] + 1
+        settled = outside < 0.8 * part.t.size
+        found[way] = {
+            "overshoot, %": part.overshoot() if settled else np.nan,
+            "undershoot, %": part.undershoot() if settled else np.nan,
+            "settled after, s": part.step * outside if settled else np.nan,
+            "at a limit, s": run.saturated(LAMP, start, start + hold),
+        }
+    return pd.DataFrame(found).T
