@@ -44,6 +44,7 @@ WHOLE = {
     "sixth_paper",
 }  # about the whole project
 ELSEWHERE = {
+    "papers",
     "site",
     "lab",
     "oracle",

@@ -26,7 +26,6 @@ ROOMS = (
     "rules",
     "simulation.noise",
     "optimal",
-    "twins",
 )
 FACTORS = (
     1.011,

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
         reduction as reduction,
         robustness as robustness,
         rules as rules,
-        twins as twins,
     )
     from pidalab.comparison import Comparison as Comparison, compare as compare
     from pidalab.controllers import (
@@ -78,7 +77,6 @@ ROOMS = (
     "reduction",
     "robustness",
     "rules",
-    "twins",
 )
 HOMES = {
     "comparison": ("Comparison", "compare"),

@@ -1,0 +1,73 @@
+"""The thermal twin of huba2018's pages: it gives the printed model, and is what its page says."""
+
+import numpy as np
+import pytest
+from papers import huba2018 as setup
+from scipy.integrate import solve_ivp
+
+import pidalab
+from pidalab.identification import ipdt_tangent
+
+T = 0.02 * np.arange(4000)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"rise": 15.0}, {"dip": 0.0}, {"lags": 1}, {"delay": 2.0}, {"share": 1.0, "conduction": 2.0}],
+    ids=str,
+)
+def test_identification_gives_the_printed_model(changes):
+    model = ipdt_tangent(T, pidalab.open_loop_step(setup.thermal_plant(**changes).rising, T).y)
+    assert model.num[0] == pytest.approx(0.01, rel=1e-4)
+    assert model.delay == pytest.approx(5.56, rel=1e-4)
+
+
+def test_twin_is_its_equations():
+    """Heating and cooling of the documented differential equations by an ODE solver, for a lamp switched on and off."""
+    plant = setup.thermal_plant(delay=0.0)
+    gain, lag = -plant.direct.num[0][0][0] / 0.05, plant.direct.den[0][0][0] ** (1 / 3)
+
+    def slope(s, x, w):
+        body, conducted, *chain = x
+        read = gain * (0.7 * body + 0.3 * conducted - 0.05 * w)
+        first = [(w - body) / (30.0 if w > body else 60.0), (body - conducted) / 200.0]
+        return [
+            *first,
+            *((before - after) / lag for before, after in zip([read, *chain[:2]], chain, strict=True)),
+        ]
+
+    on = solve_ivp(slope, (0.0, 40.0), np.zeros(5), rtol=1e-9, atol=1e-11, args=(50.0,))
+    off = solve_ivp(slope, (0.0, 40.0), on.y[:, -1], rtol=1e-9, atol=1e-11, args=(0.0,), dense_output=True)
+    assert on.success
+    assert off.success
+    lamp = np.where(T < 40.0, 50.0, 0.0)
+    y = pidalab.simulate_sampled(pidalab.Loop(plant.rising, 0.0), T, 0.0, load=lamp, plant=plant).y
+    assert y[2000] == pytest.approx(on.y[-1, -1], abs=1e-6)
+    np.testing.assert_allclose(y[2000:], off.sol(T[2000:] - 40.0)[-1], atol=1e-6)
+    assert y[:2000].min() < -0.2  # it first moves the wrong way
+    assert y[2000:].max() > y[2000] + 0.2
+
+
+def test_printed_settings_are_stable_on_the_twin_and_not_on_the_model():
+    """Figs 5 to 7: PID_4^2 and PID_6^4 tuned for a dead time of 5 s, which the twin has as lags."""
+    twin = setup.thermal_plant()
+    for m, n, te in ((2, 4, 0.2), (4, 6, 0.8)):
+        design = pidalab.rules.mrdp.tune(setup.THERMAL, m, n, te)
+        assert pidalab.unstable_poles(design.loop()) > 30
+        assert pidalab.is_stable(design.loop(twin.rising))
+        assert pidalab.is_stable(design.loop(twin.falling))
+
+
+def test_experiment_and_its_measures():
+    design = pidalab.rules.mrdp.tune(setup.THERMAL, 4, 6, 0.8)
+    run = setup.experiment(design, setup.thermal_plant(), hold=150.0)
+    assert (run.t.size, run.step) == (22_500, pytest.approx(0.02))
+    assert run.r[[0, 7499, 7500, 14_999, 15_000, -1]].tolist() == [10.0, 10.0, 15.0, 15.0, 10.0, 10.0]
+    assert (run.u.min(), run.u.max()) == setup.LAMP
+    clamped = setup.experiment(design, setup.thermal_plant(), "clamping", hold=150.0)
+    bare, kept = setup.measures(run, 150.0), setup.measures(clamped, 150.0)
+    assert bare.loc["down", "overshoot, %"] > 10 * kept.loc["down", "overshoot, %"]
+    cycling = pidalab.rules.mrdp.tune(pidalab.ipdt(0.01, 2.0), 2, 4, 0.2)
+    found = setup.measures(setup.experiment(cycling, setup.thermal_plant()))
+    assert found["overshoot, %"].isna().all()
+    assert (found["at a limit, s"] > 100).all()
