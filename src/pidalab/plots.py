@@ -6,7 +6,8 @@ After `use_book_style` lines differ in dash as well as in colour, so that figure
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -15,6 +16,8 @@ import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
@@ -259,6 +262,73 @@ def experiment(
         ax.set(ylabel=label, xlabel="")
     axes[1].set(xlabel=time_label, xlim=(0, first.t[-1]))
     axes[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    return figure
+
+
+def maps(
+    x: ArrayLike,
+    y: ArrayLike,
+    values: Mapping[str, ArrayLike],
+    levels: Sequence[float],
+    label: str,
+    names: tuple[str, str] = (r"$\theta/\tau$", "ξ"),
+) -> Figure:
+    """Draw a quantity over two parameters, in maps side by side, two in a row, with one scale.
+
+    Parameters
+    ----------
+    x, y : array_like, shape (n,) and (m,)
+        Values of the parameters, above 0; the axis of x is logarithmic.
+    values : mapping of str to array_like, shape (m, n)
+        The maps by their titles. Where a value is not finite, as of an unstable loop, the map is hatched.
+    levels : sequence of float
+        Limits of the shades; below the first one the shade is the first, above the last one there is one more.
+    label : str
+        What is drawn.
+    names : tuple of str, optional
+        What x and y are.
+
+    Returns
+    -------
+    Figure
+        With the maps and the scale.
+
+    Raises
+    ------
+    ValueError
+        For a map of another shape.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> ratio, damping = np.array([0.1, 0.5, 2.0]), np.array([0.3, 1.0])
+    >>> both = {"sum": damping[:, None] + ratio, "product": damping[:, None] * ratio}
+    >>> figure = pidalab.plots.maps(ratio, damping, both, [0, 1, 2], "a number")
+    >>> [ax.get_title() for ax in figure.axes]
+    ['sum', 'product', '']
+    """
+    x, y = _check.vector("x", x), _check.vector("y", y)
+    rows = math.ceil(len(values) / 2)
+    size = 6.4, 0.4 + 2.6 * rows
+    figure, axes = plt.subplots(rows, 2, figsize=size, sharex=True, sharey=True, squeeze=False)
+    for ax, (title, value) in zip(axes.flat, values.items(), strict=False):
+        drawn = np.asarray(value, float)
+        if drawn.shape != (y.size, x.size):
+            raise ValueError(f"values[{title!r}] must have the shape {y.size, x.size}, found {drawn.shape}")
+        drawn = np.where(np.isfinite(drawn), np.maximum(drawn, levels[0]), np.nan)
+        ax.patch.set(hatch="////", edgecolor="#808080")
+        shades = ax.contourf(x, y, drawn, levels, cmap="viridis_r", extend="max")
+        ax.grid(False)
+        ax.set(xscale="log", title=title, xticks=[tick for tick in (0.1, 0.3, 1, 2) if x[0] <= tick <= x[-1]])
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.minorticks_off()
+    for ax in axes[-1]:
+        ax.set_xlabel(names[0])
+    for ax in axes[:, 0]:
+        ax.set_ylabel(names[1])
+    scale = figure.colorbar(shades, ax=axes, label=label, format="{x:g}")
+    for i, patch in enumerate(scale.ax.findobj(PathPatch)):
+        patch.set_gid(f"as-drawn-{i}")  # the shade beyond the last level keeps its colour in the dark, too
     return figure
 
 
