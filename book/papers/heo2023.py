@@ -1,0 +1,172 @@
+"""Examples, controllers and rules of heo2023, and a simulation as a short script would run it."""
+
+import math
+from itertools import product
+
+import numba
+import numpy as np
+from scipy.linalg import expm
+
+import pidalab
+from pidalab.rules import direct, itae
+
+EXAMPLES = {  # eqs. (17), (18) and (19)
+    "ex1": pidalab.lags(3, delay=0.2),
+    "ex2": pidalab.lags(5),
+    "ex3": pidalab.Process([1.0], np.polymul([9.0, 2.4, 1.0], [1.0, 1.0]), delay=0.5),
+}
+METHODS = {"imc": "IMC", "itae2": "ITAE-2", "proposed": "proposed"}
+TESTS = {"setpoint": pidalab.step_response, "load": pidalab.load_response}
+SPOKEN = {"setpoint": "set point", "load": "load"}
+FIRST = {ex: pidalab.reduction.to_fopdt(process) for ex, process in EXAMPLES.items()}
+SECOND = {ex: pidalab.reduction.to_sopdt(process) for ex, process in EXAMPLES.items()}
+
+
+def tuned(ex, method, test):
+    """Controller of Tables 4 to 6."""
+    if method == "imc":
+        return itae.imc_pid(FIRST[ex].process)
+    kind = {"itae2": "PID", "proposed": "PIDA"}[method]
+    return itae.tune(SECOND[ex].process, test, kind).controller
+
+
+def with_f_d(ex, test, f_d):
+    """The proposed controller with another f_d, and f_a of Table 1."""
+    rule = {"setpoint": itae.pida_setpoint, "load": itae.pida_load}[test]
+    model = SECOND[ex].process
+    return rule(model, factors=lambda _: (f_d, itae.factors(model).f_a))
+
+
+NAMES = {
+    (ex, test): f"Example {ex[2]}, {SPOKEN[test]}"
+    for ex, test in product(EXAMPLES, TESTS)
+}
+CASES = list(product(EXAMPLES, METHODS, TESTS))
+CONTROLLERS = {case: tuned(*case) for case in CASES}
+LOOPS = {case: pidalab.Loop(EXAMPLES[case[0]], C) for case, C in CONTROLLERS.items()}
+
+# ---- the printed ITAE: unit steps at t = 1, integrals from t = 0 to these ends
+ENDS = {
+    ("ex1", "setpoint"): 8,
+    ("ex1", "load"): 12,
+    ("ex2", "setpoint"): 20,
+    ("ex2", "load"): 25,
+    ("ex3", "setpoint"): 15,
+    ("ex3", "load"): 15,
+}
+SIMULATED = {key: EXAMPLES[key[0]] for key in ENDS}
+SIMULATED["ex2", "setpoint"] = pidalab.lags(
+    5, delay=0.2
+)  # the dead time of Example 1 left in
+DIFFERENCES = {  # of s/(T s + 1): its gain c and pole p in v[k] = p v[k-1] + c (e[k] - e[k-1])
+    "tustin": lambda T, h: (2 / (2 * T + h), (2 * T - h) / (2 * T + h)),
+    "hold": lambda T, h: (1 / T, math.exp(-h / T)),
+    "backward": lambda T, h: (1 / (T + h), T / (T + h)),
+    "forward": lambda T, h: (1 / T, 1 - h / T),
+}
+
+
+def script_itae(
+    process,
+    controller,
+    load,
+    end,
+    derivative="tustin",
+    present=True,
+    late=False,
+    exact=False,
+):
+    """ITAE of a loop stepped every 0.001, with acceleration filters by Tustin's rule.
+
+    `present`: the integral knows the present error. `late`: a sample is weighed with the time at its
+    end. `exact`: the plant for a held input, not by Euler's method.
+    """
+    h, n = 0.001, process.den.size - 1
+    A, b = np.zeros((n, n)), np.zeros(n)
+    A[:-1, 1:] = np.eye(n - 1)
+    A[-1] = -process.den[:0:-1] / process.den[0]
+    b[-1] = process.num[-1] / process.den[0]
+    phi, gamma = np.eye(n) + h * A, h * b
+    if exact:
+        both = expm(h * np.block([[A, b[:, None]], [np.zeros((1, n + 1))]]))
+        phi, gamma = both[:n, :n].copy(), both[:n, n].copy()
+    C = controller
+    slow = DIFFERENCES[derivative](C.alpha_d * C.tau_d, h)
+    fast = DIFFERENCES["tustin"](C.alpha_a * C.tau_a, h)
+    gains = C.kc, C.tau_i, C.tau_d, C.tau_a**2 / 2
+    delay, samples = round(process.delay / h), round(end / h)
+    error = _march(h, phi, gamma, delay, samples, slow, fast, gains, load, present)
+    return h**2 * np.sum((np.arange(samples) + late) * np.abs(error))
+
+
+def printed_itae(ex, test, controller, **how):
+    """The same for an experiment of sec. 3."""
+    return script_itae(
+        SIMULATED[ex, test], controller, test == "load", ENDS[ex, test], **how
+    )
+
+
+@numba.njit(error_model="numpy")
+def _march(h, phi, gamma, delay, samples, slow, fast, gains, load, present):
+    (kc, tau_i, tau_d, ta2), step = gains, round(1 / h)
+    x, new = np.zeros(gamma.size), np.zeros(gamma.size)
+    error, waiting = np.zeros(samples), np.zeros(samples + delay)
+    integral = last = d = v = a = 0.0
+    for k in range(samples):
+        e = (k >= step and not load) - x[0]
+        if present:
+            integral += h * e
+        d = slow[1] * d + slow[0] * (e - last)
+        before, v = v, fast[1] * v + fast[0] * (e - last)
+        a = fast[1] * a + fast[0] * (v - before)
+        waiting[k + delay] = kc * (e + integral / tau_i + tau_d * d + ta2 * a) + (
+            k >= step and load
+        )
+        if not present:
+            integral += h * e
+        for i in range(x.size):
+            new[i] = gamma[i] * waiting[k]
+            for j in range(x.size):
+                new[i] += phi[i, j] * x[j]
+        x, new = new, x
+        error[k] = last = e
+    return error
+
+
+# ---- beyond the paper: four rules on models of gain and time constant 1
+RULES = {
+    "setpoint": {
+        "ITAE-2": itae.pid_setpoint,
+        "Table 1": itae.pida_setpoint,
+        "refit": lambda model: itae.pida_setpoint(model, factors=itae.setpoint_factors),
+        "direct": direct.setpoint,
+    },
+    "load": {
+        "ITAE-2": itae.pid_load,
+        "Table 1": itae.pida_load,
+        "refit": lambda model: itae.pida_load(model, factors=itae.load_factors),
+        "direct": direct.load,
+    },
+}
+
+
+def unit(damping, ratio):
+    """Model of gain and time constant 1."""
+    return pidalab.sopdt(1.0, 1.0, damping, ratio)
+
+
+def measures(model, controller, test):
+    """ITAE, Ms, overshoot in per cent and u(0+) of a loop; infinite ITAE and Ms if it is unstable."""
+    loop = pidalab.Loop(model, controller)
+    if not pidalab.is_stable(loop):
+        return math.inf, math.inf, math.nan, math.nan
+    run = TESTS[test](
+        loop, np.linspace(0, 80, math.ceil(80 / min(0.04, model.delay / 8)) + 1)
+    )
+    over = run.overshoot() if test == "setpoint" else math.nan
+    return (
+        run.itae(),
+        pidalab.max_sensitivity(loop)[0],
+        over,
+        pidalab.step_response(loop, [0.0, 0.01]).u[0],
+    )
