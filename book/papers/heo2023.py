@@ -15,6 +15,7 @@ EXAMPLES = {  # eqs. (17), (18) and (19)
     "ex2": pidalab.lags(5),
     "ex3": pidalab.Process([1.0], np.polymul([9.0, 2.4, 1.0], [1.0, 1.0]), delay=0.5),
 }
+TABLES = {"ex1": "table4", "ex2": "table5", "ex3": "table6"}
 METHODS = {"imc": "IMC", "itae2": "ITAE-2", "proposed": "proposed"}
 TESTS = {"setpoint": pidalab.step_response, "load": pidalab.load_response}
 SPOKEN = {"setpoint": "set point", "load": "load"}
