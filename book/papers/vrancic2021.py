@@ -2,6 +2,7 @@
 
 import control
 import numpy as np
+
 import pidalab
 from pidalab import areas
 from pidalab.rules import magnitude_optimum as mo
@@ -66,7 +67,10 @@ def gains_48() -> tuple[float, ...]:
 def contest(g: int) -> dict[str, pidalab.Loop]:
     """Loops that Section 5 compares on G_P5, G_P6 or G_P7, the rival last."""
     if g == 7:
-        found = {"PID₂²": with_filter_47(gains_48()), RIVAL[7]: with_filter_47(RIVAL_GAINS[7])}
+        found = {
+            "PID₂²": with_filter_47(gains_48()),
+            RIVAL[7]: with_filter_47(RIVAL_GAINS[7]),
+        }
         return {name: pidalab.Loop(P[7], C) for name, C in found.items()}
     found = {label(m, m): mo.tune(P[g], m, m, SHORT[g]).controller for m in (2, 3)}
     found[RIVAL[g]] = pidalab.HighOrderPID(RIVAL_GAINS[g], SHORT[g], filter_order=2)
@@ -82,9 +86,16 @@ def label(m: int, n: int) -> str:
 def title(key: str) -> str:
     """Row of Tables 3 to 6, as a table or a figure shows it."""
     _, m, n, noise_gain = CASES[key]
-    return f"{label(m, n)}, {noise_gain}"
+    return f"{label(m, n)}, noise gain {noise_gain}"
+
+
+def plant(g: int) -> str:
+    """Name of a process, as a table shows it."""
+    return f"Gₚ{'₁₂₃₄₅₆₇'[g - 1]}"
 
 
 def smooth(loop: pidalab.Loop, time: float, order: int = 2) -> pidalab.Loop:
     """Return the loop with the prefilter (9)."""
-    return pidalab.Loop(loop.process, loop.controller, prefilter=pidalab.lags(order, lag=time))
+    return pidalab.Loop(
+        loop.process, loop.controller, prefilter=pidalab.lags(order, lag=time)
+    )
