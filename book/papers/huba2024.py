@@ -1,0 +1,153 @@
+"""The loop of Paper Fig. 3, in which huba2024 tries its controllers: designs, limits, runs and measures."""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+import pidalab
+from pidalab.controllers import AutomaticReset, Controller
+from pidalab.forms import FilteredGains
+from pidalab.process import binomial
+from pidalab.rules import automatic_reset as ar, mrdp
+
+T_S, SPARE = 0.001, 0.1  # sample time; how far the limits lie beyond the states of rest
+STEPS = ("setpoint", "load")
+FREE = (-np.inf, np.inf)
+# kappa, tau_D, tau_A, tau_i of a search for clean shapes, see the audit
+SEARCHED = (0.1, 3.4, 0.85, 0.3)
+
+
+def plant(delay=1.0):
+    """The integrator with dead time, K_s = 1."""
+    return pidalab.ipdt(1.0, delay=delay)
+
+
+def design(setting, n=4, filter_time=0.2, **options):
+    """A controller for T_dp = 1 behind Q_n; by default n T_f = 0.8, so T_d = 1.8."""
+    return ar.tune(plant(), setting, n=n, filter_time=filter_time, **options)
+
+
+# the paper's six controllers
+DESIGNS = {name: design(setting) for name, setting in ar.SETTINGS.items()}
+
+
+def label(name):
+    """A name as a figure writes it."""
+    return name.replace("_1", "$_1$").replace("_2", "$_2$")
+
+
+def limits(step, spare=SPARE):
+    """Limits that leave the actuator so much beyond what it needs at rest."""
+    return (-spare, spare) if step == "setpoint" else (-1.0 - spare, spare)
+
+
+def sampled(loop, step, bounds=None, end=60.0, h=T_S, **options):
+    """Response to a unit step of set point or load, by default between the limits of Paper Fig. 3."""
+    given = {"setpoint": 0.0, "load": 0.0, "limits": bounds or limits(step)} | options
+    t = h * np.arange(round(end / h) + 1)
+    return pidalab.simulate_sampled(loop, t, **given | {step: 1.0})
+
+
+def runs(names=DESIGNS, bounds=None):
+    """Responses of the paper's controllers by name and step; PI takes 300 time units."""
+    found = {}
+    for name, step in product(names, STEPS):
+        end = 300.0 if name == "PI" else 60.0
+        found[name, step] = sampled(DESIGNS[name].loop(), step, bounds, end)
+    return found
+
+
+def excess(response, step):
+    """What y and u move beyond their ideal shapes: a monotonic step, or one pulse as in (24)."""
+    if step == "setpoint":
+        found = response.tv("y", final=1.0) - 1.0, response.tv1("u", final=0.0)
+    else:
+        found = response.tv1("y", final=0.0), response.tv1("u", final=-1.0)
+    return max(found[0], 0.0), max(found[1], 0.0)
+
+
+def change(response, step):
+    """How far y and u move: what an excess is measured against."""
+    of_y = 1.0 if step == "setpoint" else np.max(np.abs(response.y))
+    return of_y, np.ptp(np.append(response.u, 0.0))
+
+
+def beyond(response, step):
+    """Overshoot of the set point, or undershoot after the load, in units of y; not below 0."""
+    return max(0.0, response.y.max() - 1.0 if step == "setpoint" else -response.y.min())
+
+
+def point(setting):
+    """A setting as a point (kappa, tau_D, tau_A, tau_i) of the portrait."""
+    return np.array([setting.kp, *setting.times, setting.ti])
+
+
+def setting_at(spot):
+    """A point of the portrait as a setting."""
+    kappa, td, ta, ti = map(float, spot)
+    return ar.Setting("portrait", "portrait", 0.5, kappa, kappa * td, kappa * ta, ti)
+
+
+def portrait(
+    points, step="load", h=T_S, delay=1.0, end=60.0, spare=SPARE, n=4, filter_time=0.2
+):
+    """Portrait of settings (kappa, tau_D, tau_A, tau_i), each with its prefilter (20)."""
+    kappa, td, ta, ti = np.moveaxis(np.asarray(points, float), -1, 0)
+    held = pidalab.SeriesPIDA(1.0, 1.0, 1.0, 1.0, filter_time, n)
+    T = 1.0 + n * filter_time
+    gains = {"kp": kappa / T, "kd": kappa * td, "ka": kappa * ta * T, "ti": ti * T}
+    den = [ta * ti * T**3, (ta + td * ti) * T**2, (td + ti) * T, np.ones_like(ti)]
+    t, loop = h * np.arange(round(end / h) + 1), pidalab.Loop(plant(delay), held)
+    given = {step: 1.0, "limits": limits(step, spare), "prefilter": ([1.0], den)}
+    return pidalab.portrait(loop, gains, t, **given)
+
+
+def worst(p, step="load"):
+    """The larger excess of y and u in a portrait: over one pulse, for y after the set point over a step."""
+    of_y = p.tv1_y if step == "load" else p.tv_y + np.abs(1.0 - p.y_end) - 1.0
+    return np.maximum(of_y, p.tv1_u)
+
+
+@dataclass(frozen=True)
+class Series(Controller):
+    """Stabilising controller of any degree, gains from the lowest power upwards, with automatic reset."""
+
+    stabiliser: tuple[float, ...]
+    ti: float
+    filter_time: float
+    filter_order: int
+
+    def automatic_reset(self):
+        stabiliser = np.array(self.stabiliser[::-1])
+        return AutomaticReset(self.ti, stabiliser, self.filter_time, self.filter_order)
+
+    def fraction(self):
+        den = np.convolve(binomial(self.filter_time, self.filter_order), [self.ti, 0.0])
+        return np.convolve(self.stabiliser[::-1], [self.ti, 1.0]), den
+
+    def parts(self):
+        gains = tuple((self.fraction()[0][::-1] / self.ti).tolist())
+        return (FilteredGains("filtered", gains, self.filter_time, self.filter_order),)
+
+
+def higher(m, n, te=0.8, delay=1.0, real=False):
+    """Loop of PID^m of the multiple pole behind Q_n, T_f = te/n; its fastest zero is the reset.
+
+    If that is one of a complex pair, both become real first, as in (26) to (29); or with
+    `real` the fastest real zero is taken instead.
+    """
+    numerator, T = mrdp.constants(m).numerator, 1.0 + te
+    zeros = np.roots(numerator).astype(complex)
+    zeros = zeros[np.argsort(zeros.real)]
+    if real:
+        k = np.flatnonzero(np.abs(zeros.imag) < 1e-9)[0]
+        zeros = np.r_[zeros[k], np.delete(zeros, k)]
+    elif abs(zeros[0].imag) > 1e-9:
+        zeros[:2] = zeros[0].real
+    ti, rest = -1 / zeros[0].real, np.atleast_1d(np.poly(zeros[1:])).real
+    gains = (numerator[-1] * ti / rest[-1] * rest)[::-1] * T ** np.arange(-1.0, m)
+    controller = Series(tuple(gains.tolist()), ti * T, te / n, n)
+    den = np.convolve(gains[::-1] / gains[0], [ti * T, 1.0])
+    prefilter = pidalab.Process([1.0], den)
+    return pidalab.Loop(plant(delay), controller, prefilter=prefilter)
