@@ -1,0 +1,49 @@
+"""The module of huba2024's pages: the rule carried over to more derivatives, and what its measures say."""
+
+import numpy as np
+import pytest
+from papers import huba2024 as setup
+
+import pidalab
+from pidalab.rules import automatic_reset as ar, mrdp
+
+
+@pytest.mark.parametrize(
+    ("m", "name", "real"), [(0, "PI", False), (1, "PID", False), (2, "PIDA_1", False), (2, "MRDP-PIDA", True)]
+)
+def test_two_derivatives_are_the_library_s(m, name, real):
+    """The same loop, prefilter and reset as `automatic_reset.tune` makes, at the limits."""
+    loop, own = setup.higher(m, 4, real=real), setup.DESIGNS[name]
+    s = np.array([0.1j, 1j, 3 + 5j])
+    np.testing.assert_allclose(loop.L(s), own.loop().L(s), rtol=1e-12)
+    assert loop.automatic_reset.time == pytest.approx(own.ti, rel=1e-12)
+    for step in setup.STEPS:
+        one, other = (setup.sampled(x, step, h=0.02) for x in (loop, own.loop()))
+        np.testing.assert_allclose(one.y, other.y, atol=1e-10)
+
+
+@pytest.mark.parametrize("m", [3, 5])
+def test_more_derivatives_are_the_multiple_pole(m):
+    """With the fastest zero real the loop without limits is that of mrdp's gains."""
+    total, numerator = 1.8, mrdp.constants(m).numerator
+    gains = [c * total ** (j - 2) for j, c in enumerate(numerator[::-1])]
+    parallel = pidalab.Loop(setup.plant(), pidalab.HighOrderPID(gains, 0.8 / 6, 6))
+    s = np.array([0.1j, 1j, 3 + 5j])
+    np.testing.assert_allclose(setup.higher(m, 6).L(s), parallel.L(s), rtol=1e-10)
+
+
+def test_a_portrait_is_its_runs():
+    """One setting of a portrait, and the excess that `worst` takes from it, against the response itself."""
+    for step in setup.STEPS:
+        r = setup.sampled(setup.DESIGNS["PIDA_2"].loop(), step, h=0.01)
+        p = setup.portrait(setup.point(ar.PIDA_2), step, h=0.01)
+        assert p.iae == pytest.approx(r.iae(), rel=1e-9)
+        assert setup.worst(p, step) == pytest.approx(max(setup.excess(r, step)), rel=1e-9)
+    assert setup.setting_at(setup.point(ar.PIDA_2))[3:] == pytest.approx(ar.PIDA_2[3:])
+
+
+def test_excess_is_nothing_for_the_ideal_shapes():
+    for step in setup.STEPS:
+        r = setup.sampled(setup.DESIGNS["PID"].loop(), step, h=0.01)
+        assert setup.excess(r, step) == pytest.approx((0.0, 0.0), abs=1e-9)
+        assert setup.beyond(r, step) == 0.0
