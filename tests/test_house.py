@@ -50,6 +50,7 @@ ELSEWHERE = {
     "oracle",
     "fuzz",
     "kept",
+    "outputs",
 }  # folders of tests about no module of src: the pages, all modules
 TESTED_WITH = {  # modules whose tests are those of another: path without suffix: test file, and why
     "_check": ("test_process.py", "every module's refusals go through it"),

@@ -214,17 +214,3 @@ def _prints(id: str, node: ast.AST, scope: Scope, seen: frozenset[str] = frozens
         return True
     own = [call for call in _calls(bare) if ast.unparse(call.func) == "book.printed" and call.args]
     return any(id and ast.unparse(call.args[0]).strip("'\"").endswith(id) for call in own)
-
-
-def masked(path: Path, patterns: list[str]) -> list[str]:
-    """Find outputs other than figures that a pattern of the sanitiser would mask."""
-    found = []
-    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
-        for output in cell.get("outputs", []):
-            data = {"text/plain": output.get("text", ""), **output.get("data", {})}
-            for kind, content in data.items():
-                text = content if isinstance(content, str) else "".join(map(str, content))
-                if kind != "image/svg+xml" and not kind.startswith("image/") and "<svg" not in text:
-                    hits = [hit.group() for pattern in patterns for hit in re.finditer(pattern, text)]
-                    found += [f"{path.name}: the sanitiser masks {hit!r} in {kind}" for hit in hits[:1]]
-    return found
