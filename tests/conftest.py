@@ -2,6 +2,7 @@
 
 import gc
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -33,3 +34,17 @@ def pytest_collection_finish():
     gc.freeze()
     gc.set_threshold(100_000, 20, 100)
     gc.enable()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)  # after what every other plugin has to say
+def pytest_terminal_summary(terminalreporter):
+    """End a run that left tests out with what they were and what they need."""
+    yield
+    skipped = terminalreporter.stats.get("skipped", [])
+    if not skipped:
+        return
+    terminalreporter.write_sep("=", f"{len(skipped)} tests did not run", yellow=True)
+    reasons = Counter((report.fspath, report.longrepr[2].removeprefix("Skipped: ")) for report in skipped)
+    for reason in dict.fromkeys(reason for _, reason in reasons):
+        where = [f"{path} ({n})" for (path, other), n in sorted(reasons.items()) if other == reason]
+        terminalreporter.write_line(f"{reason}\n    {', '.join(where)}")

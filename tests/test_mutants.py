@@ -41,7 +41,7 @@ def test_what_judges_no_mutant_is_there_and_left_out():
 
 
 def test_places_are_drawn_outside_types_and_give_programs():
-    pytest.importorskip("cosmic_ray")
+    pytest.importorskip("cosmic_ray", reason="no cosmic_ray: pip install cosmic-ray")
     module = Path("algebra.py")
     text = (mutants.SRC / module).read_text()
     found = [mutants.changed(place, place.changes[0]) for place in mutants.places(module)]
@@ -52,7 +52,7 @@ def test_places_are_drawn_outside_types_and_give_programs():
 
 
 def test_no_place_asks_whether_types_are_imported():
-    pytest.importorskip("cosmic_ray")
+    pytest.importorskip("cosmic_ray", reason="no cosmic_ray: pip install cosmic-ray")
     module = Path("rules/haalman.py")
     lines = (mutants.SRC / module).read_text().splitlines()
     found = {lines[place.start[0] - 1].strip() for place in mutants.places(module)}

@@ -179,7 +179,7 @@ def test_process_pool_gives_the_same_bits(many):
 
 @pytest.fixture(scope="module")
 def dask_client():
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed", reason="no distributed: pip install distributed")
     import dask
 
     with (
