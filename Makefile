@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tools/licences/* tests/claims/*.csv) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides claims faults fuzz kept mutants lint bench studies study release archive pdf versions twice \
+.PHONY: help env book test notebooks slides claims faults fuzz kept mutants lint bench studies study release archive pdf processors least versions twice \
 	shuffle lock clean
 .DELETE_ON_ERROR:
 
@@ -80,8 +80,14 @@ archive: $(SITE)  ## the built site as one file in dist that opens from the disk
 pdf: $(SITE)  ## print the built site as one PDF in dist, with Chromium (about 2 minutes)
 	$(BIN)/python tools/pdf.py
 
+processors: $(ENV)  ## tests of the library and all notebooks as other processors and Pythons would run them (2 hours)
+	$(BIN)/python tools/processors.py
+
+least: $(ENV)  ## the notebooks as the least capable of these processors would run them (5 minutes)
+	$(BIN)/python tools/processors.py --only notebooks --no-store least
+
 versions: $(ENV)  ## test with the lowest and newest versions of the dependencies, on each Python found (an hour)
-	$(BIN)/python tools/versions.py
+	$(BIN)/python tools/processors.py lowest newest
 
 twice: $(ENV)  ## build the site of the last commit twice and compare every byte (5 minutes)
 	$(BIN)/python tools/twice.py

@@ -41,6 +41,7 @@ WHOLE = {
     "benchmarks",
     "honesty",
     "mutants",
+    "processors",
     "sixth_paper",
 }  # about the whole project
 ELSEWHERE = {

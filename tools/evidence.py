@@ -164,16 +164,35 @@ def samples() -> str:
     return table(["drawn", "tried", "differ", "own tests", "others", "own share", "full share"], lines)
 
 
+def processors() -> str:
+    """What the tests of the library and the notebooks gave as other machines run them."""
+    found: dict[str, dict[str, dict[str, str]]] = defaultdict(dict)
+    for row in read(DATA / "processors.csv"):
+        found[row["variant"]][row["what"]] = row
+    lines = []
+    for variant, by in found.items():
+        if "notebooks" in by:
+            kinds = [by.get(what, {}) for what in ("tests", "notebooks")]
+            counts = [kind.get(key, "") for kind in kinds for key in ("passed", "failed")]
+            lines.append([variant, *counts, by["notebooks"]["date"]])
+    return table(["as if on", "tests passed", "failed", "cells passed", "failed", "date"], lines)
+
+
 def versions() -> str:
     """What the tests of the library ran with."""
-    found = read(DATA / "versions.csv")
-    shown = [name for name in found[0] if name != "date"]
-    return table(shown, [[row[name] for name in shown] for row in found])
+    lines = []
+    for row in read(DATA / "processors.csv"):
+        python, _, packages = row["variant"].removeprefix("Python ").partition(", ")
+        if packages:
+            numbers = row["packages"].split()[1::2]
+            lines.append([python, packages, *numbers, *(row[key] for key in ("passed", "failed", "skipped"))])
+    names = row["packages"].split()[::2]
+    return table(["python", "set", *names, "passed", "failed", "skipped"], lines)
 
 
 TABLES: dict[str, Callable[[], str]] = {
     made.__name__: made
-    for made in (rows, faults, mutants, samples, oracles, engine, optima, starts, versions)
+    for made in (rows, faults, mutants, samples, oracles, engine, optima, starts, processors, versions)
 }
 
 

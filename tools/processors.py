@@ -1,0 +1,284 @@
+"""Run the tests of the library and the notebooks as other machines would, and store what passed.
+
+A processor chooses the kernels of OpenBLAS, the loops of NumPy, the machine code of numba and the functions of the
+C library, and each rounds in its own way. A lesser one can be imitated. Other Pythons, and the lowest and newest
+versions of what the library stands on, get an environment of their own. Words choose variants by their names
+(``python tools/processors.py nehalem``); without any, all but the lowest and newest versions are run. What passed goes
+to book/data/processors.csv; a variant that is not tried keeps its rows, and is named.
+"""
+
+import argparse
+import csv
+import json
+import math
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from notebooks import BOOK, notebooks
+from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "book" / "data" / "processors.csv"
+COLUMNS = ("variant", "what", "packages", "passed", "failed", "skipped", "seconds", "date")
+SHOWN = ("numpy", "scipy", "numba", "control", "matplotlib")
+KERNELS = {"Nehalem": "SSE42", "Sandybridge": "AVX", "Haswell": "AVX2", "Zen": "AVX2", "SkylakeX": "AVX512F"}
+PYTHONS = ("3.11", "3.12", "3.13")
+SETS = {"lowest": "lowest-direct", "newest": "highest"}
+# the tests of src; the book, its ledger and the house have nothing to do with processors
+FOLDERS = ("areas", "digital", "identification", "optimal", "record", "robustness", "rules", "simulation")
+FILES = (
+    "cli",
+    "comparison",
+    "controllers",
+    "loop",
+    "process",
+    "reduction",
+    "response",
+    "roots",
+    "tuning",
+    "twins",
+)
+TESTS = [*(f"tests/{name}" for name in FOLDERS), *(f"tests/test_{name}.py" for name in FILES)]
+TOOLS = ["pytest", "pytest-xdist", "nbval", "hypothesis", "mpmath", "pandas", "numpydoc", "mini-racer"]
+TOOLS += ["pyyaml", "tclab"]
+UV = Path(sys.executable).with_name("uv")
+PARALLEL = ["-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder"]
+# what is in force, under the names of the variables that ask for it, and the versions of packages
+PROBE = """
+import json, math, os, sys
+from importlib.metadata import version
+import numba, numpy, scipy.linalg
+from threadpoolctl import threadpool_info
+from numpy._core._multiarray_umath import __cpu_features__ as has
+blas = [library for library in threadpool_info() if library["internal_api"] == "openblas"]
+off = os.environ.get("NPY_DISABLE_CPU_FEATURES", "").split()
+print(json.dumps([{
+    "OPENBLAS_CORETYPE": "/".join(sorted({library["architecture"] for library in blas})),
+    "OPENBLAS_NUM_THREADS": "/".join(sorted({str(library["num_threads"]) for library in blas})),
+    "NPY_DISABLE_CPU_FEATURES": " ".join(name for name in off if not has[name]),
+    "NUMBA_CPU_NAME": str(numba.config.CPU_NAME),
+}, hash(tuple(map(math.sin, range(20000)))), {name: version(name) for name in sys.argv[1:]}]))
+"""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A machine to imitate."""
+
+    name: str
+    environment: dict[str, str] = field(default_factory=dict)
+    python: str | None = None  # another Python than this one
+    packages: str | None = None  # "lowest" or "newest", instead of the locked ones
+    needs: str | None = None  # a feature of the processor
+
+    @property
+    def missing(self) -> str | None:
+        """What this machine lacks."""
+        if self.needs and not __cpu_features__.get(self.needs):
+            return f"this processor has no {self.needs}"
+        if self.python and interpreter(self.python) is None:
+            return f"no Python {self.python}"
+        return None
+
+
+class NotInForceError(Exception):
+    """A library does not do what it was asked for; OpenBLAS, for one, is often built without some of its kernels."""
+
+
+def variants() -> list[Variant]:
+    """Return every variant, the least capable last of those with the Python and the packages of this environment."""
+    dispatched = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
+    plain = {"NPY_DISABLE_CPU_FEATURES": dispatched} if dispatched else {}
+    generic = {"NUMBA_CPU_NAME": "generic"}
+    glibc = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"} if fused() else {}
+    own = f"{sys.version_info.major}.{sys.version_info.minor}"
+    return [
+        Variant("this processor"),
+        Variant("two BLAS threads", {"OPENBLAS_NUM_THREADS": "2"}),
+        *(
+            Variant(f"OpenBLAS kernel {name}", {"OPENBLAS_CORETYPE": name}, needs=need)
+            for name, need in KERNELS.items()
+        ),
+        Variant("NumPy without dispatched features", plain),
+        Variant("numba for a generic processor", generic),
+        Variant("C library without FMA", glibc),
+        Variant("least capable", {"OPENBLAS_CORETYPE": "Nehalem"} | plain | generic | glibc, needs="SSE42"),
+        *(Variant(f"Python {version}", python=version) for version in PYTHONS if version != own),
+        *(
+            Variant(f"Python {version}, {packages}", python=version, packages=packages)
+            for version in PYTHONS
+            for packages in SETS
+        ),
+    ]
+
+
+def fused() -> bool:
+    """Whether the C library has functions of its own for a processor that multiplies and adds in one step."""
+    return platform.libc_ver()[0] == "glibc" and bool(__cpu_features__.get("FMA3"))
+
+
+def interpreter(version: str) -> Path | None:
+    """Find a Python that runs, on PATH or among pyenv's."""
+    name = f"python{version}"
+    places = [shutil.which(name), *sorted(Path.home().glob(f".pyenv/versions/{version}.*/bin/{name}"))]
+    for place in filter(None, places):
+        if subprocess.run([place, "-c", ""], capture_output=True, check=False).returncode == 0:
+            return Path(place)
+    return None
+
+
+def pins(version: str, resolution: str) -> list[str]:
+    """Return the versions to install, as far as there are wheels."""
+    options = ["--quiet", "--no-header", "--no-annotate", "--only-binary", ":all:", "--python-version"]
+    command = [UV, "pip", "compile", *options, version, "--resolution", resolution, ROOT / "pyproject.toml"]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+
+
+@contextmanager
+def prepared(variant: Variant) -> Iterator[tuple[Path, dict[str, str]]]:
+    """Yield the Python of a variant, and the environment to run it in."""
+    with tempfile.TemporaryDirectory() as made:
+        one = {"OPENBLAS_NUM_THREADS": "1"} | variant.environment
+        if variant.python or "NUMBA_CPU_NAME" in one:
+            one["NUMBA_CACHE_DIR"] = str(Path(made) / "cache")
+        if variant.python is None:
+            yield Path(sys.executable), one
+            return
+        python = Path(made) / "env" / "bin" / "python"
+        subprocess.run(
+            [UV, "venv", "--quiet", "--python", interpreter(variant.python), python.parents[1]], check=True
+        )
+        install = [UV, "pip", "install", "--quiet", "--python", python]
+        if variant.packages:
+            wanted = pins(variant.python, SETS[variant.packages])
+            subprocess.run([*install, *wanted, *TOOLS], check=True)
+            one["PYTHONPATH"] = str(ROOT / "src")
+        else:
+            subprocess.run([*install, "--require-hashes", "-r", ROOT / "requirements.txt"], check=True)
+            subprocess.run([*install, "--no-deps", "--no-build-isolation", "--editable", ROOT], check=True)
+        yield python, one
+
+
+def in_force(python: Path, environment: dict[str, str]) -> dict[str, str]:
+    """Return the versions of the packages that are shown.
+
+    Raises
+    ------
+    NotInForceError
+        If the processor is not imitated as it was asked for.
+    """
+    run = subprocess.run(
+        [python, "-W", "error::ImportWarning", "-c", PROBE, *SHOWN],
+        env=os.environ | environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    found, sines, versions = json.loads(run.stdout)
+    wrong = {
+        name: found[name] for name in found.keys() & environment.keys() if found[name] != environment[name]
+    }
+    if "GLIBC_TUNABLES" in environment and sines == hash(tuple(map(math.sin, range(20000)))):
+        wrong["GLIBC_TUNABLES"] = "no effect"
+    if wrong:
+        raise NotInForceError(f"asked for {environment}, but found {wrong}")
+    return versions
+
+
+def command(variant: Variant, what: str) -> list[str | Path]:
+    """Return what to give to pytest."""
+    if what == "notebooks":
+        return [*PARALLEL, "--nbval", "--nbval-current-env", *notebooks(BOOK)]
+    # a warning of an old package on a new Python is no failure of ours
+    lenient = ["-W", "default", "-o", "addopts=--import-mode=importlib"] if variant.packages else []
+    return [*PARALLEL, *lenient, *TESTS]
+
+
+def run(variant: Variant, python: Path, environment: dict[str, str], what: str) -> dict[str, str | int]:
+    """Run tests or notebooks, name what failed, and count."""
+    start = time.monotonic()
+    done = subprocess.run(
+        [python, "-m", "pytest", "-q", "--color=no", "-p", "no:cacheprovider", *command(variant, what)],
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    last = done.stdout.splitlines()[-1] if done.stdout else done.stderr
+    counts = {word: int(n) for n, word in re.findall(r"(\d+) (passed|failed|skipped|error)", last)}
+    if done.returncode not in (0, 1) or not counts.get("passed"):
+        raise RuntimeError(f"pytest did not run: {last}\n{done.stdout[-2000:]}{done.stderr}")
+    told = ("FAILED", "ERROR", " mismatch")
+    print(*(line for line in done.stdout.splitlines() if line.startswith(told)), sep="\n", end="", flush=True)
+    return {
+        "passed": counts["passed"],
+        "failed": counts.get("failed", 0) + counts.get("error", 0),
+        "skipped": counts.get("skipped", 0),
+        "seconds": round(time.monotonic() - start),
+    }
+
+
+def store(row: dict[str, str | int]) -> None:
+    """Put a row in its place among the stored ones."""
+    order = [(variant.name, what) for variant in variants() for what in ("tests", "notebooks")]
+    with RESULTS.open(encoding="utf-8", newline="") as file:
+        found = {(old["variant"], old["what"]): old for old in csv.DictReader(file)}
+    found[row["variant"], row["what"]] = row
+    place = {key: k for k, key in enumerate(order)}
+    with RESULTS.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(found[key] for key in sorted(found, key=lambda key: place.get(key, len(place))))
+
+
+def main() -> int:
+    """Return 1 if anything failed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("words", nargs="*", help="a variant is run if its name contains one of these")
+    parser.add_argument("--only", choices=("tests", "notebooks"), help="leave the other out")
+    parser.add_argument("--no-store", action="store_true", help="print, and leave the stored table alone")
+    given = parser.parse_args()
+    failed = 0
+    for variant in variants():
+        name = variant.name.lower()
+        if not (any(word.lower() in name for word in given.words) if given.words else not variant.packages):
+            continue
+        if variant.missing:
+            print(f"{variant.name}: not tried, {variant.missing}")
+            continue
+        with prepared(variant) as (python, environment):
+            try:
+                versions = in_force(python, environment)
+            except NotInForceError as error:
+                if given.words:
+                    raise
+                print(f"{variant.name}: not tried, {error}")
+                continue
+            packages = " ".join(f"{key} {value}" for key, value in versions.items())
+            for what in ("tests", "notebooks"):
+                if given.only not in (None, what) or (variant.packages and what == "notebooks"):
+                    continue
+                row = {"variant": variant.name, "what": what, "packages": packages}
+                row |= run(variant, python, environment, what)
+                row["date"] = datetime.now(UTC).date().isoformat()
+                print(", ".join(str(row[key]) for key in COLUMNS if key != "packages"), flush=True)
+                failed += int(row["failed"])
+                if not given.no_store:
+                    store(row)
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
