@@ -53,6 +53,19 @@ def test_one_that_is_not_in_force_is_refused(processors, environment):
         processors.in_force(Path(sys.executable), environment)
 
 
+def test_words_choose_variants(processors):
+    def names(*words):
+        return [one.name for one in processors.chosen(list(words))]
+
+    assert names("least") == ["least capable"]
+    assert names("python 3.13") == ["Python 3.13"]
+    assert len(names("lowest", "newest")) == 6
+    assert "least capable" in names()
+    assert not {*names()} & {*names("lowest", "newest")}
+    with pytest.raises(ValueError, match="no variant is called vax"):
+        names("vax")
+
+
 def test_what_is_run_is_there(processors):
     assert [name for name in processors.TESTS if not (ROOT / name).exists()] == []
 

@@ -243,6 +243,17 @@ def store(row: dict[str, str | int]) -> None:
         writer.writerows(found[key] for key in sorted(found, key=lambda key: place.get(key, len(place))))
 
 
+def chosen(words: list[str]) -> list[Variant]:
+    """Return the variants whose name is one of the words or contains one that is no name."""
+    names = {one.name.lower(): one for one in variants()}
+    if not words:
+        return [one for one in names.values() if not one.packages]
+    found = {name for word in words for name in names if name == word or (word not in names and word in name)}
+    if not found:
+        raise ValueError(f"no variant is called {' or '.join(words)}; there are {', '.join(names)}")
+    return [one for name, one in names.items() if name in found]
+
+
 def main() -> int:
     """Return 1 if anything failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -251,12 +262,12 @@ def main() -> int:
     parser.add_argument("--no-store", action="store_true", help="print, and leave the stored table alone")
     given = parser.parse_args()
     failed = 0
-    for variant in variants():
-        name = variant.name.lower()
-        if not (any(word.lower() in name for word in given.words) if given.words else not variant.packages):
-            continue
-        if variant.missing:
-            print(f"{variant.name}: not tried, {variant.missing}")
+    for variant in chosen([word.lower() for word in given.words]):
+        kinds = ["tests"] if variant.packages else ["tests", "notebooks"]
+        if given.only:
+            kinds = [kind for kind in kinds if kind == given.only]
+        if variant.missing or not kinds:
+            print(f"{variant.name}: not tried, {variant.missing or 'its packages do not run the notebooks'}")
             continue
         with prepared(variant) as (python, environment):
             try:
@@ -266,11 +277,9 @@ def main() -> int:
                     raise
                 print(f"{variant.name}: not tried, {error}")
                 continue
-            packages = " ".join(f"{key} {value}" for key, value in versions.items())
-            for what in ("tests", "notebooks"):
-                if given.only not in (None, what) or (variant.packages and what == "notebooks"):
-                    continue
-                row = {"variant": variant.name, "what": what, "packages": packages}
+            for what in kinds:
+                row = {"variant": variant.name, "what": what}
+                row["packages"] = " ".join(f"{name} {version}" for name, version in versions.items())
                 row |= run(variant, python, environment, what)
                 row["date"] = datetime.now(UTC).date().isoformat()
                 print(", ".join(str(row[key]) for key in COLUMNS if key != "packages"), flush=True)
