@@ -47,7 +47,6 @@ FILES = (
     "response",
     "roots",
     "tuning",
-    "twins",
 )
 TESTS = [*(f"tests/{name}" for name in FOLDERS), *(f"tests/test_{name}.py" for name in FILES)]
 TOOLS = ["pytest", "pytest-xdist", "nbval", "hypothesis", "mpmath", "pandas", "numpydoc", "mini-racer"]

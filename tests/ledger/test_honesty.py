@@ -1,7 +1,6 @@
 """Nothing cheats in silence: what pages and ledgers must not do, and that each way is seen."""
 
 import ast
-import json
 from dataclasses import replace
 from pathlib import Path
 
