@@ -261,11 +261,14 @@ def _polished(loop: Loop, approximate: Any) -> Any:
     """Newton's method on the characteristic function; what does not solve it in the end was no pole."""
     num, den = open_loop(loop)
     slope_num, slope_den = np.polyder(num), np.polyder(den)
-    start = s = approximate[approximate.real > -FARTHEST]
+    start = best = s = approximate[approximate.real > -FARTHEST]
+    least = np.full(s.shape, np.inf)
     with np.errstate(all="ignore"):
         for _ in range(20):
             forward = np.exp(-s)
             value = np.polyval(den, s) + np.polyval(num, s) * forward
+            better = (np.abs(value) < least) & (np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW))
+            best, least = np.where(better, s, best), np.where(better, np.abs(value), least)
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
@@ -273,7 +276,9 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             s
         )  # far right of the axis the dead time leaves only rounding of `value`
         near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW)
-        s = np.where(near, s, start)  # in a cluster it goes astray
+        value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
+        # in a cluster it goes astray, once rounding is all that is left of value and slope
+        s = np.where(near & (np.abs(value) <= 10 * least), s, best)
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
     return _sorted(s[solved | still & near])
