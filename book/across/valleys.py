@@ -30,7 +30,7 @@ def over_filter_time() -> Walk:
     """Walk down the ladder, each time from the optimum before; a rung where the limits were missed is left out."""
     limits = Limits(MS, MKS, None, None)
     unit = unit_of_time(PROCESS, limits)
-    search = Search(Problem(PROCESS, 2, (abs(complex(PROCESS(1j / unit))), unit), "load"), limits)
+    search = Search(Problem(PROCESS, 2, (abs(complex(PROCESS(1j / unit))), unit)), limits)
     return walk(search, at_once(search)[0], RUNGS)
 
 
