@@ -227,7 +227,7 @@ def multipliers(slope: Array, rows: Array, left: Array) -> Array:
 
 
 def convex(bends: Array, reached: Array) -> Array:
-    """Second derivatives, made positive: off the limits that are reached at no cost, along them where they have to be."""
+    """Second derivatives, made positive: along the limits that are reached where they have to be, off them freely."""
     if reached.size:
         _, sizes, turned = np.linalg.svd(reached)
         free = turned[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
