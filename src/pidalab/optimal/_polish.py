@@ -72,11 +72,14 @@ class Peaks:
         kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR))
         return kinds, self.w[i + 1]
 
-    def refined(self, x: Array, kinds: Array, w: Array) -> Array:
+    def bend(self, x: Array, kinds: Array, w: Array) -> Array:
+        """Second derivatives of the logarithms of |S| or |C S| by that of the frequency, at peaks."""
+        above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (BESIDE, -BESIDE))
+        return np.asarray(np.minimum((above - below) / (2 * BESIDE), -1e-9))
+
+    def refined(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
         """Frequencies of peaks, from points of the grid beside them, where the slope is zero."""
         log = np.log(w)
-        above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (BESIDE, -BESIDE))
-        bend = np.minimum((above - below) / (2 * BESIDE), -1e-9)
         for _ in range(ROUNDS):
             move = np.clip(-self._slope(x, kinds, np.exp(log)) / bend, -0.02, 0.02)
             log = log + move
@@ -133,13 +136,13 @@ class Lagrangian:
         value, slope = self.search.fine(x)
         return math.log(value), lambda: self.seen.slopes(x, slope() / value)
 
-    def margins(self, z: Array, kinds: Array, w: Array) -> tuple[Array, Array]:
+    def margins(self, z: Array, kinds: Array, w: Array, noise: Any) -> tuple[Array, Array]:
         """What is left to peaks and noise, and slopes."""
         x = self.seen.back(z)
         heights, slopes = self.peaks.rows(x, kinds, w)
         left, by_x = -heights, -slopes
-        if self.search.exact_noise is not None:
-            variance, slope = self.search.exact_noise(x)
+        if noise is not None:
+            variance, slope = noise(x)
             left = np.append(left, self.most - 0.5 * math.log(variance))
             by_x = np.vstack([by_x, -0.5 * slope() / variance])
         return left, self.seen.slopes(x, by_x)
@@ -148,28 +151,31 @@ class Lagrangian:
         """Peaks near their limits, refined."""
         x = self.seen.back(z)
         kinds, w = self.peaks.near(x)
-        return kinds, self.peaks.refined(x, kinds, w)
+        return kinds, self.peaks.refined(x, kinds, w, self.peaks.bend(x, kinds, w))
 
     def missed(self, z: Array) -> tuple[float, float]:
         """Value, and by how much limits are missed in all; infinite where the loop is unstable."""
         x = self.seen.back(z)
         if not np.all(np.isfinite(x)) or self.search.problem.unstable(x):
             return math.inf, math.inf
-        left, _ = self.margins(z, *self.tops(z))
+        left, _ = self.margins(z, *self.tops(z), self.search.exact_noise)
         return self.value(z)[0], float(np.maximum(-left, 0.0).sum())
 
-    def slope(self, z: Array, kinds: Array, w: Array, prices: Array) -> Array:
-        """Slope of the Lagrangian, peaks followed to where they lie."""
-        x = self.seen.back(z)
-        _, slopes = self.margins(z, kinds, self.peaks.refined(x, kinds, w))
-        return np.asarray(self.value(z)[1]() - prices @ slopes)
-
     def bends(self, z: Array, kinds: Array, w: Array, prices: Array) -> Array:
-        """Second derivatives of the Lagrangian."""
-        found = np.empty((z.size, z.size))
+        """Second derivatives of the Lagrangian, peaks followed to where they lie: from the functions of a descent."""
+        bend, found = self.peaks.bend(self.seen.back(z), kinds, w), np.empty((z.size, z.size))
+
+        def slope(z: Array) -> Array:
+            x = self.seen.back(z)
+            value, by_x = self.search.worth(x)
+            moved = self.peaks.refined(x, kinds, w, bend)
+            return np.asarray(
+                self.seen.slopes(x, by_x() / value)
+                - prices @ self.margins(z, kinds, moved, self.search.noise)[1]
+            )
+
         for k, h in enumerate(DIFFERENCE * np.eye(z.size)):
-            found[k] = self.slope(z + h, kinds, w, prices) - self.slope(z - h, kinds, w, prices)
-        found /= 2 * DIFFERENCE
+            found[k] = (slope(z + h) - slope(z - h)) / (2 * DIFFERENCE)
         return 0.5 * (found + found.T)
 
 
@@ -182,7 +188,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     eye, bends = np.eye(z.size), np.zeros(0)
     for _ in range(STEPS):
         kinds, w = one.tops(z)
-        left, slopes = one.margins(z, kinds, w)
+        left, slopes = one.margins(z, kinds, w, search.exact_noise)
         slope = one.value(z)[1]()
         rows = np.vstack([slopes, eye, -eye])
         left = np.concatenate([left, z - one.low, one.high - z])

@@ -173,16 +173,14 @@ class Problem:
 
 def _other_side(error: Array) -> tuple[float, Array]:
     """Sum over the steps of the mean of what is below zero along straight lines, and its slope by the samples."""
-    a, b = error[:-1], error[1:]
+    at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
+    a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
-    below, crossing = high <= 0, (low < 0) & (high > 0)
-    span = np.where(crossing, high - low, 1.0)
-    share = np.where(crossing, -low / span, 0.0)  # of the step that is below zero
-    area = np.where(below, -0.5 * (a + b), np.where(crossing, -0.5 * low * share, 0.0))
-    by_low = np.where(below, -0.5, -share + 0.5 * share**2)
-    by_high = np.where(below, -0.5, -0.5 * share**2)
-    first = a <= b
+    # the share of the step that is below zero, all of it where both ends are
+    share = np.where(high > 0, low / np.where(high > 0, low - high, 1.0), 1.0)
+    below = np.minimum(high, 0.0)
+    by_low, by_high = -share + 0.5 * share**2, np.where(high > 0, -0.5 * share**2, -0.5)
     slope = np.zeros(error.size)
-    slope[:-1] += np.where(first, by_low, by_high)
-    slope[1:] += np.where(first, by_high, by_low)
-    return float(area.sum()), slope
+    slope[at] += np.where(a <= b, by_low, by_high)
+    slope[at + 1] += np.where(a <= b, by_high, by_low)
+    return float(-0.5 * (low * share + below).sum()), slope

@@ -41,6 +41,7 @@ ROUNDS = 12  # of the last search, each with the worst frequency of the one befo
 APART, FAR = 1e-2, 2.0  # share by which the values of two valleys differ at least, factor by which at most
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
 BEST = 3  # searches that are brought to the end
+ALIKE = 0.01  # what two ends of the same valley differ by at most
 SAME = 1e-4  # share by which values of descents differ that may have the same end
 SHAKES = (
     (0.3, 0.5),
@@ -188,7 +189,7 @@ class Search:
     def finish(self, x: Array) -> Polished | None:
         """Polish what a descent ended with; take in the worst frequencies until the limits hold at all of them."""
         for _ in range(ROUNDS):
-            end = polish(self, x) or polish(self, self.descend(x, effort=FINE)[1])
+            end = polish(self, x)
             if end is None or not self.sound(end.x):
                 return None
             x = end.x
@@ -263,7 +264,11 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
         bar.update()
     finished: list[Polished] = []
     for ends in (free, rungs):
-        finished += [end for _, start in _distinct(ends, BEST) if (end := one.finish(start)) is not None]
+        for _, start in _distinct(ends, BEST):
+            near = one.descend(start, effort=FINE)[1]
+            if not any(np.allclose(near, other.x, ALIKE, ALIKE) for other in finished):
+                end = one.finish(near)
+                finished += [] if end is None else [end]
         if finished:
             break
     else:
@@ -274,9 +279,11 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     value, start, _ = min(
         (end for end in shaken if end[2] <= NEARLY), default=(np.inf, x, 0.0), key=lambda end: end[0]
     )
-    last = one.finish(start) if value < one.worth(best.x)[0] * (1 + SAME) else None
-    if last is not None and last.value < best.value:
-        best = last
+    if value < one.worth(best.x)[0] * (1 + SAME):
+        near = one.descend(start, effort=FINE)[1]
+        last = None if np.allclose(near, best.x, ALIKE, ALIKE) else one.finish(near)
+        if last is not None and last.value < best.value:
+            best = last
     return Found(best, _valleys([best.value, *(other for other, _ in free)]))
 
 
