@@ -131,7 +131,7 @@ def ended(search: Search, start: np.ndarray, iae: float) -> float:
     if value >= BELOW * iae:
         return value
     finished = search.finish(end)
-    return math.inf if finished is None else finished[0]
+    return math.inf if finished is None else finished.value
 
 
 def main(problems: int, workers: int | None) -> None:

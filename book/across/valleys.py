@@ -9,12 +9,13 @@ import numpy as np
 import pidalab
 from IPython.display import Markdown
 from pidalab.optimal._problem import Problem
-from pidalab.optimal._solver import KEPT, Limits, Search
+from pidalab.optimal._solver import Limits, Search
 from pidalab.optimal._starts import at_once
 from pidalab.optimal._units import unit_of_time
 
 MS, MKS = 1.4, 20.0
 RUNGS = np.linspace(0.0, -4.7, 34)  # logarithms of filter times, in units of the problem
+KEPT = 1e-6  # share by which a limit may be missed
 PROCESS = pidalab.lags(3, delay=1.0)
 
 

@@ -29,6 +29,7 @@ DIFFERENCE = 1e-4  # of what a descent sees, for second derivatives
 STEPS, CLOSE, OPEN = 25, 1e-9, 1e-4  # of Newton at most; the last one, and the largest that is taken for one
 SMALL = 1e-3  # step after which second derivatives stay as they are
 WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the end; shortest trust in one
+SMALLEST = 1e-9  # unit of a gain
 FLATTEST = 1e-9  # curvature that a direction has at least
 
 
@@ -45,7 +46,7 @@ class Peaks:
 
     def __init__(self, problem: Problem, limits: dict[str, float], looked: Array, fastest: float) -> None:
         self.problem = problem
-        self.tops = [math.log(limits["ms"]), math.log(limits.get("mks", math.inf))]
+        self.tops = np.log([limits["ms"], limits.get("mks", np.inf)])
         delay = problem.process.delay
         w = np.geomspace(1e-3, 30.0 / fastest, 700) / problem.time
         turns = np.arange(1.0, 400.0) * 0.3 / delay if delay else np.zeros(0)
@@ -65,7 +66,7 @@ class Peaks:
         back = -np.log(np.abs(1 + plant * controller))
         return np.array([back - self.tops[0], back + np.log(np.abs(controller)) - self.tops[1]])
 
-    def near(self, x: Array) -> tuple[Array, Array]:
+    def near(self, x: Array) -> tuple[Any, Array]:
         """Which peaks come near their limits: kinds (0 for S, 1 for C S) and frequencies."""
         heights = self.heights(x)
         inner = heights[:, 1:-1]
@@ -104,14 +105,14 @@ class Peaks:
         back = -np.real(loop_turn / (1 + plant * controller))
         return np.asarray(back + np.where(kinds == 1, np.real(turn / controller), 0.0))
 
-    def rows(self, x: Array, kinds: Array, w: Array) -> tuple[Array, Array]:
+    def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
         """Heights of peaks, and their slopes by the unknowns."""
         s, plant, actions = self._known(w)
         controller, slopes = self.problem._controller(x, s, actions)
         by_all, back = slopes(), 1 / (1 + plant * controller)
         slope = -np.real(plant * back * by_all) + np.where(kinds == 1, np.real(by_all / controller), 0.0)
         heights = np.log(np.abs(back)) + np.where(kinds == 1, np.log(np.abs(controller)), 0.0)
-        return heights - np.take(self.tops, kinds), slope.T
+        return heights - self.tops[kinds], slope.T
 
 
 class Lagrangian:
@@ -120,6 +121,9 @@ class Lagrangian:
     def __init__(self, search: Search, x: Array) -> None:
         problem, self.search = search.problem, search
         self.seen = Scaled(x, problem.gains)
+        small = (x > 0) & (x < self.seen.unit)
+        small[[0, -1]] = False
+        self.seen.unit[small] = np.maximum(x[small], SMALLEST)
         low, high = np.transpose(search.bounds)
         self.low, self.high = self.seen(low), self.seen(high)
         limits = {name: limit * (1 - ROOM) for name, limit in search.limits.named().items()}
@@ -265,7 +269,7 @@ def programme(
     rows = np.vstack([rows, np.eye(size), -np.eye(size)])
     left = np.concatenate([left, np.full(2 * size, trust)])
     root = np.linalg.cholesky(bends)  # lower: bends = root root^T
-    best = -np.linalg.solve(bends, slope)
+    best = np.asarray(-np.linalg.solve(bends, slope), dtype=float)
     turned = np.linalg.solve(root, rows.T)  # columns: limits in the metric of the function
     wanted = -left - rows @ best
     if np.all(wanted <= 0):
@@ -278,5 +282,5 @@ def programme(
     if -rest[-1] < 1e-13:
         return None
     prices = weights / scale / -rest[-1]
-    step = best + np.linalg.solve(root.T, turned @ prices)
+    step = np.asarray(best + np.linalg.solve(root.T, turned @ prices), dtype=float)
     return step, prices[: left.size - 2 * size]

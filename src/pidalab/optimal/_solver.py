@@ -8,7 +8,7 @@ without the highest derivative, which keeps to the first. Descents from around t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +41,7 @@ ROUNDS = 12  # of the last search, each with the worst frequency of the one befo
 APART, FAR = 1e-2, 2.0  # share by which the values of two valleys differ at least, factor by which at most
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
 BEST = 3  # searches that are brought to the end
+UNPOLISHED = 1e-2  # what is left open of an end whose conditions were not reached
 ALIKE = 0.01  # what two ends of the same valley differ by at most
 SAME = 1e-4  # share by which values of descents differ that may have the same end
 SHAKES = (
@@ -82,9 +83,9 @@ class Search:
         self.fine = problem.worth(HORIZON * time, SAMPLES)
         # sampled noise has a size only behind a filter that is not faster than the sample
         h = limits.sample_time
-        noisy = limits.noise_gain is not None and h is not None
-        self.noise = SampledNoise(problem, h) if noisy else None
-        self.exact_noise = SampledNoise(problem, h, FINER) if noisy else None
+        self.noise = self.exact_noise = None
+        if limits.noise_gain is not None and h is not None:
+            self.noise, self.exact_noise = (SampledNoise(problem, h, density) for density in (1, FINER))
         fastest = FASTEST if h is None else max(FASTEST, float(np.log(h / time)))
         self.aim = limits.noise_gain or 0.0  # for the quadrature of the noise
         filters = (fastest, max(SLOWEST, fastest + 2.0))
@@ -186,14 +187,21 @@ class Search:
         gains, time = self.problem.controller(x)
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
-    def finish(self, x: Array) -> Polished | None:
-        """Polish what a descent ended with; take in the worst frequencies until the limits hold at all of them."""
+    def finish(self, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
+        """Descend and polish; take in the worst frequencies until the limits hold at all of them.
+
+        None where that leads nowhere, or to an end that is known.
+        """
         for _ in range(ROUNDS):
-            end = polish(self, x)
-            if end is None or not self.sound(end.x):
+            value, found, missed = self.descend(x, effort=FINE)
+            if missed > NEARLY or not self.sound(found):
+                # the descent went astray: again, from a little below
+                x = x * _slack(x.size, self.problem.gains)
+                continue
+            if any(np.allclose(found, other.x, ALIKE, ALIKE) for other in known):
                 return None
-            x = end.x
-            if self._keeps(x, self.true_noise(x)):
+            x, end = found, polish(self, found) or Polished(value, found, UNPOLISHED)
+            if self.sound(end.x) and self._keeps(end.x, self.true_noise(end.x)):
                 return end
         return None
 
@@ -218,6 +226,13 @@ class Search:
         if limits.noise_gain is not None and noise > limits.noise_gain:
             kept, self.aim = False, self.aim * limits.noise_gain / noise * (1 - SPARE)
         return kept
+
+
+def _slack(size: int, gains: int) -> Array:
+    """Factors that take all gains back a little."""
+    out = np.ones(size)
+    out[:gains] = 0.97
+    return out
 
 
 def _damping(size: int, gains: int, share: float) -> Array:
@@ -265,10 +280,8 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     finished: list[Polished] = []
     for ends in (free, rungs):
         for _, start in _distinct(ends, BEST):
-            near = one.descend(start, effort=FINE)[1]
-            if not any(np.allclose(near, other.x, ALIKE, ALIKE) for other in finished):
-                end = one.finish(near)
-                finished += [] if end is None else [end]
+            end = one.finish(start, finished)
+            finished += [] if end is None else [end]
         if finished:
             break
     else:
@@ -280,8 +293,7 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
         (end for end in shaken if end[2] <= NEARLY), default=(np.inf, x, 0.0), key=lambda end: end[0]
     )
     if value < one.worth(best.x)[0] * (1 + SAME):
-        near = one.descend(start, effort=FINE)[1]
-        last = None if np.allclose(near, best.x, ALIKE, ALIKE) else one.finish(near)
+        last = one.finish(start, [best])
         if last is not None and last.value < best.value:
             best = last
     return Found(best, _valleys([best.value, *(other for other, _ in free)]))
