@@ -190,7 +190,7 @@ class Search:
     def finish(self, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
         """Descend and polish; take in the worst frequencies until the limits hold at all of them.
 
-        None where that leads nowhere, or to an end that is known.
+        None where that leads nowhere, to an end that is known, or to one that is worse.
         """
         for _ in range(ROUNDS):
             value, found, missed = self.descend(x, effort=FINE)
@@ -198,9 +198,14 @@ class Search:
                 # the descent went astray: again, from a little below
                 x = x * _slack(x.size, self.problem.gains)
                 continue
-            if any(np.allclose(found, other.x, ALIKE, ALIKE) for other in known):
+            if any(
+                value > other.value * (1 + APART) or np.allclose(found, other.x, ALIKE, ALIKE)
+                for other in known
+            ):
                 return None
-            x, end = found, polish(self, found) or Polished(value, found, UNPOLISHED)
+            x, end = found, polish(self, found)
+            if end is None:
+                end = Polished(self.fine(x)[0], x, UNPOLISHED)
             if self.sound(end.x) and self._keeps(end.x, self.true_noise(end.x)):
                 return end
         return None
