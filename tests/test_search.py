@@ -40,7 +40,7 @@ def sources():
     for folder in ("src", "book", "studies", "tools"):
         for path in sorted((ROOT / folder).rglob("*")):
             name = str(path.relative_to(ROOT))
-            if path.suffix == ".py" and not name.startswith("book/checks/"):
+            if path.suffix == ".py":
                 yield name, path.read_text()
             elif path.suffix == ".ipynb" and ".ipynb_checkpoints" not in path.parts:
                 cells = json.loads(path.read_text())["cells"]
@@ -57,7 +57,7 @@ def called(node):
 
 
 def told(call, name):
-    """Whether a call passes a constant by name that is not False."""
+    """The constant that a call passes by name, None without one."""
     return next(
         (k.value.value for k in call.keywords if k.arg == name and isinstance(k.value, ast.Constant)), None
     )
