@@ -165,13 +165,13 @@ class Lagrangian:
         left, _ = self.margins(z, *self.tops(z), self.search.exact_noise)
         return self.value(z)[0], float(np.maximum(-left, 0.0).sum())
 
-    def bends(self, z: Array, kinds: Array, w: Array, prices: Array) -> Array:
-        """Second derivatives of the Lagrangian, peaks followed to where they lie: from the functions of a descent."""
+    def bends(self, z: Array, kinds: Array, w: Array, prices: Array, worth: Any) -> Array:
+        """Second derivatives of the Lagrangian, peaks followed to where they lie; of noise as in a descent."""
         bend, found = self.peaks.bend(self.seen.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
             x = self.seen.back(z)
-            value, by_x = self.search.worth(x)
+            value, by_x = worth(x)
             moved = self.peaks.refined(x, kinds, w, bend)
             return np.asarray(
                 self.seen.slopes(x, by_x() / value)
@@ -187,7 +187,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     """Go from near an optimum to where its conditions are met; None where Newton's method does not come to rest."""
     one = Lagrangian(search, x)
     z, trust, price, stale = np.clip(one.seen(x), one.low, one.high), WIDEST, 0.0, True
-    before = math.inf
+    before, worth = math.inf, search.worth
     value, missed = one.missed(z)
     eye, bends = np.eye(z.size), np.zeros(0)
     for _ in range(STEPS):
@@ -199,7 +199,7 @@ def polish(search: Search, x: Array) -> Polished | None:
         limits = left.size - 2 * z.size
         if stale:  # else the second derivatives of the last step serve
             prices = multipliers(slope, rows, left)
-            bends = convex(one.bends(z, kinds, w, prices[:limits]), rows[prices > 0])
+            bends = convex(one.bends(z, kinds, w, prices[:limits], worth), rows[prices > 0])
         while True:
             found = programme(bends, slope, rows, left, trust)
             if found is None:
@@ -221,6 +221,8 @@ def polish(search: Search, x: Array) -> Polished | None:
         if length < CLOSE:
             break
         stale = length > SMALL or length > 0.1 * before
+        if length > 0.3 * before:
+            worth = search.fine  # that of a descent is too coarse to lead on
         before = length
     return Polished(math.exp(value), one.end(z), length) if length < OPEN else None
 
