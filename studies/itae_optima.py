@@ -32,6 +32,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 import pidalab
+from pidalab._search import succeeded
 from pidalab.rules import direct, itae
 
 DATA = Path(__file__).parents[1] / "book" / "data"
@@ -111,12 +112,8 @@ def search(
     x, best = np.array(start, dtype=float), math.inf
     for scale in (size, size / 3, size / 9):
         simplex = np.vstack([x, x + scale * np.eye(x.size)])
-        found = minimize(
-            cost,
-            x,
-            method="Nelder-Mead",
-            options={"initial_simplex": simplex, "xatol": tolerance, "fatol": 1e-7},
-        )
+        options = {"initial_simplex": simplex, "xatol": tolerance, "fatol": 1e-7}
+        found = succeeded(minimize(cost, x, method="Nelder-Mead", options=options), "the least ITAE")
         x, gain, best = found.x, best - found.fun, found.fun
         if gain < 1e-5:
             break
@@ -176,7 +173,8 @@ def table_factors(plant: Plant, measure: Callable[[pidalab.Response], float]) ->
         return measure(pidalab.step_response(loop, TIMES)) if pidalab.is_stable(loop) else math.inf
 
     options = {"xatol": 1e-3, "fatol": 1e-4}
-    return itae.Factors(*minimize(cost, itae.factors(unit(plant)), method="Nelder-Mead", options=options).x)
+    found = minimize(cost, itae.factors(unit(plant)), method="Nelder-Mead", options=options)
+    return itae.Factors(*succeeded(found, "the best pair of factors").x)
 
 
 def setpoint_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:

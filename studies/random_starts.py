@@ -91,7 +91,7 @@ def found_in(process: Process, order: int, limits: Limits, design: Any) -> tuple
     shortest = unit_of_time(process, limits)
     for factor in UNITS:
         unit = shortest * factor
-        problem = Problem(process, order, (abs(complex(process(1j / unit))), unit), "load")
+        problem = Problem(process, order, (abs(complex(process(1j / unit))), unit))
         search = Search(problem, limits)
         gains = np.array(design.controller.coefficients) / problem.units
         at = np.append(gains, math.log(design.controller.filter_time / unit))
@@ -131,7 +131,7 @@ def ended(search: Search, start: np.ndarray, iae: float) -> float:
     if value >= BELOW * iae:
         return value
     finished = search.finish(end)
-    return math.inf if finished is None else finished[0]
+    return math.inf if finished is None else finished.value
 
 
 def main(problems: int, workers: int | None) -> None:

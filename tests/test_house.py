@@ -91,6 +91,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "optimal/_problem": ("optimal/test_design.py", "what a design is worth"),
     "optimal/_noise": ("optimal/test_design.py", "what noise makes of u"),
     "optimal/_descent": ("optimal/test_design.py", "what a descent sees"),
+    "optimal/_polish": ("optimal/test_design.py", "what its last steps are"),
     "optimal/_starts": ("optimal/test_design.py", "where the search starts"),
     "optimal/_units": ("optimal/test_design.py", "its unit of time"),
     "optimal/_refusal": ("optimal/test_design.py", "why there is no design"),

@@ -9,12 +9,13 @@ import numpy as np
 import pidalab
 from IPython.display import Markdown
 from pidalab.optimal._problem import Problem
-from pidalab.optimal._solver import KEPT, Limits, Search
+from pidalab.optimal._solver import Limits, Search
 from pidalab.optimal._starts import at_once
 from pidalab.optimal._units import unit_of_time
 
 MS, MKS = 1.4, 20.0
 RUNGS = np.linspace(0.0, -4.7, 34)  # logarithms of filter times, in units of the problem
+KEPT = 1e-6  # share by which a limit may be missed
 PROCESS = pidalab.lags(3, delay=1.0)
 
 
@@ -30,7 +31,7 @@ def over_filter_time() -> Walk:
     """Walk down the ladder, each time from the optimum before; a rung where the limits were missed is left out."""
     limits = Limits(MS, MKS, None, None)
     unit = unit_of_time(PROCESS, limits)
-    search = Search(Problem(PROCESS, 2, (abs(complex(PROCESS(1j / unit))), unit), "load"), limits)
+    search = Search(Problem(PROCESS, 2, (abs(complex(PROCESS(1j / unit))), unit)), limits)
     return walk(search, at_once(search)[0], RUNGS)
 
 

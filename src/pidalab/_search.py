@@ -1,8 +1,45 @@
-"""Search for the border of a property that holds on one side of a value and not on the other."""
+"""Searches: whether one of SciPy's succeeded, and the border of a property."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
+
+
+def succeeded(result: Any, what: str) -> Any:
+    """Return the result of an optimiser or a root finder of SciPy, once it says that it succeeded.
+
+    Parameters
+    ----------
+    result : scipy.optimize.OptimizeResult or scipy.optimize.RootResults
+        What the search returned.
+    what : str
+        What was searched, for the message.
+
+    Returns
+    -------
+    object
+        The same result.
+
+    Raises
+    ------
+    ArithmeticError
+        If the search failed: with its own reason, where it ended and how many values it took.
+
+    Examples
+    --------
+    >>> from scipy.optimize import minimize
+    >>> from pidalab._search import succeeded
+    >>> found = succeeded(minimize(lambda x: (x[0] - 2) ** 2, [0.0]), "the least square")
+    >>> print(f"{found.x[0]:.4f}")
+    2.0000
+    """
+    if getattr(result, "success", getattr(result, "converged", False)):
+        return result
+    reason = getattr(result, "message", getattr(result, "flag", "it does not say why"))
+    end = getattr(result, "x", getattr(result, "root", None))
+    asked = getattr(result, "nfev", getattr(result, "function_calls", "an unknown number of"))
+    raise ArithmeticError(f"{what} was not found: {reason} (at {end}, after {asked} values)")
 
 
 def border(holds: Callable[[float], bool], inside: float, outside: float, share: float = 1e-7) -> float:

@@ -233,25 +233,23 @@ def _digital(k):
 def optima():
     """Optima under limits on noise, and the words of those that there are not."""
     asked = {}
-    for i, (plant, test, order, given) in enumerate(
+    for i, (plant, order, given) in enumerate(
         (
-            (FIRST, "load", 0, {"ms": 1.4}),
-            (pidalab.ipdt(0.4, 1.3), "setpoint", 0, {"ms": 1.5, "noise_gain": 3.0, "sample_time": 0.2}),
-            (FIRST, "load", 1, {"ms": 1.4, "mks": 0.05}),
-            (FIRST, "load", 1, {"ms": 1.0, "mks": 5.0}),
-            (FIRST, "load", 1, {"noise_gain": 4.0}),
-            (FIRST, "load", 1, {"sample_time": 4.0}),
-            (Process([1.0, 0.0], [1.0, 1.0], 0.1), "load", 0, {"ms": 1.4, "mks": 9.0}),
-            (PLANTS["biproper"], "load", 0, {"ms": 1.5, "mks": 3.0}),
-            (PLANTS["unstable"], "load", 0, {"ms": 1.2, "mks": 3.0}),
-            (PLANTS["two integrators"], "load", 0, {"ms": 1.4, "mks": 9.0}),
-            (1.0, "load", 0, {}),
-            (PLANTS["no delay"], "load", 0, {"ms": 1.3, "mks": 4.0}),
+            (FIRST, 0, {"ms": 1.4}),
+            (pidalab.ipdt(0.4, 1.3), 0, {"ms": 1.5, "noise_gain": 3.0, "sample_time": 0.2}),
+            (FIRST, 1, {"ms": 1.4, "mks": 0.05}),
+            (FIRST, 1, {"ms": 1.0, "mks": 5.0}),
+            (FIRST, 1, {"noise_gain": 4.0}),
+            (FIRST, 1, {"sample_time": 4.0}),
+            (Process([1.0, 0.0], [1.0, 1.0], 0.1), 0, {"ms": 1.4, "mks": 9.0}),
+            (PLANTS["biproper"], 0, {"ms": 1.5, "mks": 3.0}),
+            (PLANTS["unstable"], 0, {"ms": 1.2, "mks": 3.0}),
+            (PLANTS["two integrators"], 0, {"ms": 1.4, "mks": 9.0}),
+            (1.0, 0, {}),
+            (PLANTS["no delay"], 0, {"ms": 1.3, "mks": 4.0}),
         )
     ):
-        asked[f"optimum, edge {i}"] = lambda p=plant, t=test, o=order, g=given: _found(
-            getattr(optimal, t)(p, o, **g)
-        )
+        asked[f"optimum, edge {i}"] = lambda p=plant, o=order, g=given: _found(optimal.load(p, o, **g))
     return asked
 
 

@@ -272,10 +272,8 @@ def search():
     for name in ("first order", "four lags", "integrator", "unstable", "no delay", "inverse"):
         plant, limits = PLANTS[name], Limits(1.6, 15.0, None, None)
         unit = _units.unit_of_time(plant, limits)
-        for test, order in (("load", 1), ("load", 2), ("setpoint", 1), ("setpoint", 2)):
-            asked[f"search: {name}, {test}, {order}"] = lambda p=plant, u=unit, t=test, o=order: _pieces(
-                p, u, t, o
-            )
+        for order in (1, 2):
+            asked[f"search: {name}, {order}"] = lambda p=plant, u=unit, o=order: _pieces(p, u, o)
     asked["valleys"] = lambda: (_valleys([3.0, 1.0, 1.001, 2.0, 1.5, 0.9]), _valleys([1.0]))
     asked["distinct"] = lambda: _distinct(
         [(1.0, np.ones(2)), (1.0, 1.001 * np.ones(2)), (0.9, np.zeros(2))], 2
@@ -283,8 +281,8 @@ def search():
     return asked
 
 
-def _pieces(plant, unit, test, order):
-    problem = Problem(plant, order, (size(plant)[0], unit), test)
+def _pieces(plant, unit, order):
+    problem = Problem(plant, order, (size(plant)[0], unit))
     one = Search(problem, Limits(1.6, 15.0, None, None))
     found = []
     for x in at_once(one)[:3]:

@@ -110,7 +110,7 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
     from pidalab.optimal._noise import SampledNoise
     from pidalab.optimal._problem import Problem
 
-    problem = Problem(process, size - 2, (1.0, time_scale(process)), "load")
+    problem = Problem(process, size - 2, (1.0, time_scale(process)))
     variance = SampledNoise(problem, sample_time, DENSITY)
 
     def noise_of(gains: Array, time: float) -> float:

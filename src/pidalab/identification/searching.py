@@ -71,6 +71,7 @@ class Found(NamedTuple):
     values: Array  # gain, level, shape parameters, delay
     residuals: Array
     jacobian: Array
+    converged: bool  # whether the descent came to rest
 
     @property
     def cost(self) -> float:
@@ -98,7 +99,12 @@ def search(data: Data, shape: Shape) -> Found:
     thirds = [part for part in np.array_split(np.arange(len(grid)), 3) if part.size]
     starts = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in thirds]
     runs = [_refined(data, shape, start, span) for start in starts]
-    return min(runs, key=lambda found: found.cost)
+    ended = [found for found in runs if found.converged]
+    if not ended:
+        raise ArithmeticError(
+            f"no descent of a fit of shape {shape.name} came to rest, from {len(starts)} starts"
+        )
+    return min(ended, key=lambda found: found.cost)
 
 
 def _starts(shape: Shape, times: Array) -> list[list[float]]:
@@ -143,7 +149,8 @@ def _refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> F
     # the search stops a hair above the edge; no record tells so short a dead time from none
     p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
     residuals, (gain, level) = _projected(data, shape, p)
-    return Found(shape, np.array([gain, level, *p]), residuals, _sensitivity(data, shape, gain, p))
+    jacobian = _sensitivity(data, shape, gain, p)
+    return Found(shape, np.array([gain, level, *p]), residuals, jacobian, bool(found.success))
 
 
 def _sensitivity(data: Data, shape: Shape, gain: float, p: Sequence[float]) -> Array:
@@ -181,6 +188,6 @@ def _hidden(data: Data, found: Found, span: float, near: float) -> list[tuple[Sh
     for lag in whole * HIDDEN:
         # a further lag first takes the place of dead time
         rival = _refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
-        if rival.deviation <= near:
+        if rival.deviation <= near:  # which is all that is asked of one, at rest or not
             left.append((rival.shape, np.delete(rival.values, LEVEL)))
     return [left[len(left) // 2], left[-1]] if len(left) > 1 else left

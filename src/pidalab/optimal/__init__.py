@@ -2,7 +2,7 @@ r"""The best controller: least IAE under limits of robustness and of what noise 
 
 .. math:: C(s) = \frac{K_{-1} s^{-1} + K_0 + \dots + K_m s^m}{(1 + T_F s)^{m+1}}, \qquad K_k \ge 0,
 
-with free filter time, so that controller and filter are designed at once. The IAE of a load or set-point step is least
+with free filter time, so that controller and filter are designed at once. The IAE of a load step is least
 subject to :math:`\max |S| \le M_s` and to :math:`\max |C S| \le M_{ks}`, or to a standard deviation of u per unit of
 white measurement noise, over all frequencies and with exact dead time.
 
@@ -11,6 +11,6 @@ first a shelf above the second. The search goes down and up a ladder of filter t
 derivative, and from all rungs to the bottom: see `pidalab.optimal._solver`.
 """
 
-from pidalab.optimal._design import load, setpoint
+from pidalab.optimal._design import load
 
-__all__ = ["load", "setpoint"]
+__all__ = ["load"]

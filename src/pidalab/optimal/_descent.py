@@ -30,7 +30,8 @@ class Scaled:
         x[0] = np.exp(z[0])
         return x
 
-    def _slopes(self, x: Array, by_x: Array) -> Array:
+    def slopes(self, x: Array, by_x: Array) -> Array:
+        """From slopes by the unknowns to those by what the descent sees."""
         by_z = by_x * self.unit
         by_z[..., 0] = by_x[..., 0] * x[0]
         return by_z
@@ -41,7 +42,7 @@ class Scaled:
 
         def slope(z: Array) -> Array:
             x = self.back(z)
-            return self._slopes(x, last.slope(x))
+            return self.slopes(x, last.slope(x))
 
         return lambda z: last.value(self.back(z)), slope
 
@@ -50,7 +51,7 @@ class Scaled:
 
         def slope(z: Array) -> Array:
             x = self.back(z)
-            return self._slopes(x, one["jac"](x))
+            return self.slopes(x, one["jac"](x))
 
         return {"type": "ineq", "fun": lambda z: one["fun"](self.back(z)), "jac": slope}
 

@@ -63,7 +63,8 @@ def load(
         ``mks`` as they are, ``noise_gain`` if that was asked for, ``active`` (the limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
         shorter would be better) and ``valleys`` (what the descents from different starts ended with: the least IAE
-        first, then others up to twice of it, as the search has them).
+        first, then others up to twice of it, as the search has them, to two digits), and ``digits``: how many digits
+        of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
 
     Raises
     ------
@@ -74,7 +75,8 @@ def load(
 
     Notes
     -----
-    The search is deterministic and has many starts, but proves no global optimum.
+    The search is deterministic and has many starts, but proves no global optimum. It ends in a point that meets the
+    conditions of a local one: the limits that are reached as equations, and a stationary Lagrangian.
 
     Examples
     --------
@@ -86,66 +88,6 @@ def load(
     >>> print(f"{pid.iae:.2f} {pida.iae:.2f} {pida.active}")
     3.41 2.65 ('ms', 'mks')
     """
-    return _designed("load", process, order, ms, mks, noise_gain, sample_time)
-
-
-def setpoint(
-    process: Process,
-    order: int,
-    ms: float = 1.4,
-    mks: float | None = None,
-    noise_gain: float | None = None,
-    sample_time: float | None = None,
-) -> Design:
-    r"""Return the controller and prefilter with the least IAE for a step of the set point.
-
-    The prefilter is the best one of the form :math:`(b\,T s + 1)/(T s + 1)` with :math:`0 \le b \le 1` and T free.
-
-    Parameters
-    ----------
-    process : Process
-        The plant, as for `load`.
-    order : int
-        Highest derivative m, as for `load`.
-    ms : float, optional
-        Largest allowed maximum sensitivity, above 1.
-    mks : float, optional
-        Largest allowed gain from measurement noise to control signal; by default none.
-    noise_gain : float, optional
-        Largest allowed standard deviation of u per unit of that of white measurement noise; by default none.
-    sample_time : float, optional
-        Sample time of that noise; with `noise_gain` only.
-
-    Returns
-    -------
-    Design
-        As from `load`, with a prefilter and ``iae`` for a unit step of the set point.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `load`.
-
-    Examples
-    --------
-    >>> import pidalab
-    >>> design = pidalab.optimal.setpoint(pidalab.fopdt(1.0, 1.0, 1.0), 1, ms=1.4, mks=10.0)
-    >>> print(f"{design.iae:.2f}")
-    1.93
-    """
-    return _designed("setpoint", process, order, ms, mks, noise_gain, sample_time)
-
-
-def _designed(
-    test: str,
-    process: Process,
-    order: int,
-    ms: float,
-    mks: float | None,
-    noise_gain: float | None,
-    sample_time: float | None,
-) -> Design:
-    """Check the arguments, search, and say what stands in the way if nothing was found."""
     from pidalab.optimal._refusal import refusal
     from pidalab.optimal._solver import Limits
 
@@ -169,13 +111,13 @@ def _designed(
             f"frequency, found {mks:g}"
         )
     seen: list[Search] = []
-    best = _best(test, process, order, limits, seen)
+    best = _best(process, order, limits, seen)
     if best is None:
         raise ValueError(refusal(seen, HIGHEST))
     return best
 
 
-def _best(test: str, process: Process, order: int, limits: Limits, seen: list[Search]) -> Design | None:
+def _best(process: Process, order: int, limits: Limits, seen: list[Search]) -> Design | None:
     """The best design over the units of time; first from starts at hand, and where none serves from approached ones."""
     import scipy.optimize  # noqa: F401  # whose own BLAS is to be known when its threads are limited
     from threadpoolctl import threadpool_limits
@@ -203,17 +145,17 @@ def _best(test: str, process: Process, order: int, limits: Limits, seen: list[Se
             if best is not None and factor == UNITS[0]:
                 break
             unit = factor * shortest
-            problem = Problem(upright, order, (abs(complex(upright(1j / unit))), unit), test)
+            problem = Problem(upright, order, (abs(complex(upright(1j / unit))), unit))
             one = Search(problem, limits)
             seen.append(one)
             starts = start(one)
             found = search(one, starts, bar) if starts else None
             if found is None:
                 continue
-            design = _design(test, process, sign, one, found)
+            design = _design(process, sign, one, found)
             if best is None or design.iae < best.iae:
                 best = design
-            if design.iae - found.value * unit < SAME * design.iae:
+            if design.iae - found.best.value * unit < SAME * design.iae:
                 break  # the search has seen all of the response
     return best
 
@@ -223,26 +165,20 @@ def _sign(process: Process) -> float:
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
-def _design(test: str, process: Process, sign: float, one: Search, found: Found) -> Design:
+def _design(process: Process, sign: float, one: Search, found: Found) -> Design:
     """Judge what was found, on the process itself."""
     from pidalab.robustness.control import max_control_sensitivity
     from pidalab.robustness.margins import max_sensitivity
 
-    problem, limits, x = one.problem, one.limits, found.x
+    problem, limits, x = one.problem, one.limits, found.best.x
     gains, time = problem.controller(x)
     # what an action amounts to at the corner of the filter tells whether there is any
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
     gains[1:] = np.where(amounts < ZERO * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign * gains).tolist(), time, problem.order + 1)
-    prefilter = None
-    if test == "setpoint":
-        import control
-
-        weight, lag = problem.prefilter(x)
-        prefilter = control.TransferFunction([weight * lag, 1.0], [lag, 1.0])
-    loop = Loop(process, controller, None, prefilter)
+    loop = Loop(process, controller)
     info: dict[str, Any] = {
-        "iae": _iae(loop, test, problem.time),
+        "iae": _iae(loop, problem.time),
         "ms": max_sensitivity(loop)[0],
         "mks": max_control_sensitivity(loop)[0],
     }
@@ -254,8 +190,9 @@ def _design(test: str, process: Process, sign: float, one: Search, found: Found)
     none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if gains[k] == 0]
     info["active"] = (*reached, *none)
     info["edge"] = _edge(one, x)
+    info["digits"] = int(-math.log10(max(found.best.step, 1e-9)))
     info["valleys"] = tuple(problem.time * value for value in found.valleys)
-    return Design(process, controller, prefilter, source=f"pidalab.optimal.{test}: least IAE", info=info)
+    return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)
 
 
 def _edge(one: Search, x: Array) -> tuple[str, ...]:
@@ -268,14 +205,13 @@ def _edge(one: Search, x: Array) -> tuple[str, ...]:
     return (*found, *(["gains"] if x[:at].max() > LARGEST * (1 - 1e-3) else []))
 
 
-def _iae(loop: Loop, test: str, time: float) -> float:
-    """IAE of a unit step, until it has settled."""
-    from pidalab.simulation.exact import load_response, step_response
+def _iae(loop: Loop, time: float) -> float:
+    """IAE of a unit step of the load, until it has settled."""
+    from pidalab.simulation.exact import load_response
     from pidalab.simulation.settling import settled
 
-    simulate = load_response if test == "load" else step_response
     try:
-        return settled(simulate, loop, 80.0 * time).iae(horizon=math.inf)
+        return settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
     except ValueError as reason:
         raise ValueError(
             f"the limits leave only loops too slow to be followed for this process: {reason}"

@@ -1,14 +1,16 @@
 r"""The optimisation behind `pidalab.optimal`: error and limits as smooth functions of the gains, with gradients.
 
 The unknowns are the gains, made dimensionless with the gain and the time scale of the process, and the logarithm of the
-filter time; behind them, for the set point, those of the prefilter. With :math:`C = c/q`, q the filter, everything is
+filter time. With :math:`C = c/q`, q the filter, everything is
 known at each frequency in closed form:
 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
 The responses come from their Laplace transforms on a line right of the axis by a fast Fourier transform: dead time
-exact, the whole gradient for the cost of one more transform.
+exact, the whole gradient for the cost of one more transform. The IAE is the exact integral of the error and twice the
+area on the other side of zero, between samples along straight lines: its slope has no jumps, so that Newton's method
+can end in its least value.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from pidalab.roots import roots
 
 SAMPLES = 2048  # of a response
 DAMPING = 3.0  # real part of the line of the transform, times the horizon
+REST = 1e-3  # share of the integral that the transform may miss
 
 Slope = Callable[[], Array]  # of a value, where a search needs it: along a line it looks at values alone
 
@@ -39,25 +42,19 @@ class Problem:
         Highest derivative.
     scale : tuple of float
         Gain and time that make the unknowns dimensionless.
-    test : {"load", "setpoint"}
-        Which step counts.
     """
 
-    def __init__(self, process: Process, order: int, scale: tuple[float, float], test: str) -> None:
-        self.process, self.order, self.test = process, order, test
+    def __init__(self, process: Process, order: int, scale: tuple[float, float]) -> None:
+        self.process, self.order = process, order
         self.gain, self.time = scale
         # units of the gains K_-1 ... K_m
         self.units = self.time ** np.arange(-1.0, order + 1) / self.gain
         self._characteristic()
-        self.gains, self.size = order + 2, order + 3 + (2 if test == "setpoint" else 0)
+        self.gains, self.size = order + 2, order + 3
 
     def controller(self, x: Array) -> tuple[Array, float]:
         """Gains K_-1 ... K_m and filter time of a vector of unknowns."""
         return x[: self.gains] * self.units, self.time * float(np.exp(x[self.gains]))
-
-    def prefilter(self, x: Array) -> tuple[float, float]:
-        """Weight and time constant of the prefilter (weight T s + 1)/(T s + 1)."""
-        return float(x[-2]), self.time * float(np.exp(x[-1]))
 
     def _actions(self, s: Any) -> Any:
         """s^-1 ... s^m at complex s, for unknowns without dimension and without the filter."""
@@ -79,101 +76,42 @@ class Problem:
         controller = x[: self.gains] @ by_gains
         return controller, lambda: np.vstack([by_gains, (self.order + 1) * (lag - 1) * controller])
 
-    def worth(self, horizon: float) -> Any:
-        """Return the function that gives the IAE of a step, and the function of its gradient.
+    def worth(self, horizon: float, samples: int = SAMPLES) -> Any:
+        """Return the function that gives the IAE of a step of the load, and the function of its gradient.
 
         What comes after the horizon counts as IE.
         """
-        s = DAMPING / horizon + 2j * np.pi / horizon * np.arange(SAMPLES // 2 + 1)
-        t = horizon / SAMPLES * np.arange(SAMPLES)
-        growth = np.exp(DAMPING / horizon * t) * SAMPLES / horizon
-        transform = self._error(s)
-        known, fall = (
-            (1 / (s + 1 / self.time), np.exp(-t / self.time)) if self.test == "setpoint" else (0.0, 0.0)
-        )
-        step = np.full(SAMPLES, horizon / SAMPLES)
-        step[0] *= 0.5  # trapezoids
-        both_signs = np.full(s.size, 2.0 / SAMPLES)  # a frequency stands for its negative too
+        s = DAMPING / horizon + 2j * np.pi / horizon * np.arange(samples // 2 + 1)
+        step = horizon / samples
+        growth = np.exp(DAMPING * np.arange(samples) / samples) / step
+        plant, actions = self.process(s), self._actions(s)
+        disturbed = plant / s
+        both_signs = np.full(s.size, 2.0 / samples)  # a frequency stands for its negative too
         both_signs[[0, -1]] *= 0.5
 
         def value(x: Array) -> tuple[float, Slope]:
-            e, slopes = transform(x)
-            error = np.fft.irfft(e - known, n=SAMPLES) * growth + fall
-            # the rest of the integral, from the static gain of the error
-            ie, ie_slope = self._ie(x)
-            rest = ie - float(error @ step)
-
-            def slope() -> Array:
-                # by Parseval the integral of sign times slope over time is one over frequency: one transform for all
-                sign_of_rest = np.sign(rest)
-                weight = np.fft.rfft((np.sign(error) - sign_of_rest) * step * growth)
-                return (slopes(both_signs * np.conj(weight)) + sign_of_rest * ie_slope) / self.time
-
-            return (float(np.abs(error) @ step) + abs(rest)) / self.time, slope
-
-        return value
-
-    def _error(self, s: Any) -> Any:
-        """Return the function that gives the transform of the error at s, and its slopes summed with weights."""
-        plant, actions = self.process(s), self._actions(s)
-        of_step = (self._of_load if self.test == "load" else self._of_setpoint)(s, plant)
-
-        def transform(x: Array) -> tuple[Array, Any]:
             whole, lag = self._filter(x, s)
             controller = (x[: self.gains] @ actions) * whole
-            e, by_all = of_step(x, controller, 1 / (1 + plant * controller))
+            sensitivity = 1 / (1 + plant * controller)
+            e = disturbed * sensitivity  # the error is -y; its sign does not matter
+            error = np.fft.irfft(e, n=samples) * growth
+            ie = 1 / (max(x[0], 1e-12) * self.units[0])
+            other, by_error = _other_side(error)
+            # a rest behind the horizon that would take the other side as a gain counts against it
+            rest = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
-            def slopes(weights: Array) -> Array:
-                by_controller, by_prefilter = by_all()
-                weighted = by_controller * weights
+            def slope() -> Array:
+                # by Parseval the integral of weight times slope over time is one over frequency: one transform
+                weight = np.conj(np.fft.rfft((2 * by_error - 2 * rest) * step * growth)) * both_signs
+                weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
-                sums = actions @ (weighted * whole), [by_time], [one @ weights for one in by_prefilter]
-                return np.concatenate(sums).real
+                found = np.append(actions @ (weighted * whole), by_time).real
+                found[0] -= (1 + 2 * rest * (1 + REST) - rest**2 * REST) * ie / max(x[0], 1e-12)
+                return found / self.time
 
-            return e, slopes
+            return (ie + 2 * step * other + REST * ie * rest**2) / self.time, slope
 
-        return transform
-
-    def _of_load(self, s: Any, plant: Any) -> Any:
-        """Error after a step of the load, -y, and its slopes by the controller and by no prefilter."""
-        disturbed = plant / s
-
-        def error(x: Array, controller: Array, sensitivity: Array) -> tuple[Array, Any]:
-            e = disturbed * sensitivity
-            return e, lambda: (-plant * sensitivity * e, [])
-
-        return error
-
-    def _of_setpoint(self, s: Any, plant: Any) -> Any:
-        """Error after a step of the set point, and its slopes by controller, weight and lag of the prefilter."""
-        disturbed = plant / s
-
-        def error(x: Array, controller: Array, sensitivity: Array) -> tuple[Array, Any]:
-            weight, time = self.prefilter(x)
-            under = 1 / (1 + time * s)
-            closed = plant * controller * sensitivity
-            front = (weight * time * s + 1) * under
-
-            def by_all() -> tuple[Array, list[Array]]:
-                by_prefilter = [-closed * time * under, -closed * (weight - 1) * time * under**2]
-                return -disturbed * sensitivity**2 * front, by_prefilter
-
-            return (1 - closed * front) / s, by_all
-
-        return error
-
-    def _ie(self, x: Array) -> tuple[float, Array]:
-        """Integral of the error, and its slopes."""
-        slope = np.zeros(self.size)
-        ki = max(x[0], 1e-12) * self.units[0]
-        slope[0] = -self.units[0] / ki**2
-        if self.test == "load":
-            return 1 / ki, slope
-        weight, time = self.prefilter(x)
-        at_zero = 1 / self.process.gain()  # 0 for an integrator
-        slope *= at_zero
-        slope[-2], slope[-1] = -time, (1 - weight) * time
-        return at_zero / ki + (1 - weight) * time, slope
+        return value
 
     def _characteristic(self) -> None:
         r"""Prepare :math:`f = (s\,a + e^{-sL} b\,s\,C)/(s + \sigma)^{n+1}` on the axis, for a process b/a of order n.
@@ -231,3 +169,18 @@ class Problem:
             return np.concatenate(left), slope
 
         return value
+
+
+def _other_side(error: Array) -> tuple[float, Array]:
+    """Sum over the steps of the mean of what is below zero along straight lines, and its slope by the samples."""
+    at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
+    a, b = error[at], error[at + 1]
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    # the share of the step that is below zero, all of it where both ends are
+    share = np.where(high > 0, low / np.where(high > 0, low - high, 1.0), 1.0)
+    below = np.minimum(high, 0.0)
+    by_low, by_high = -share + 0.5 * share**2, np.where(high > 0, -0.5 * share**2, -0.5)
+    slope = np.zeros(error.size)
+    slope[at] += np.where(a <= b, by_low, by_high)
+    slope[at + 1] += np.where(a <= b, by_high, by_low)
+    return float(-0.5 * (low * share + below).sum()), slope

@@ -42,5 +42,5 @@ def _measured(one: Search, x: Array) -> str:
 
 def _some(problem: Problem, order: int) -> bool:
     """Whether a candidate of another order stabilises the process."""
-    other = Problem(problem.process, order, (problem.gain, problem.time), problem.test)
+    other = Problem(problem.process, order, (problem.gain, problem.time))
     return next(stabilising(Search(other, Limits(2.0, None, None, None))), None) is not None

@@ -8,7 +8,7 @@ without the highest derivative, which keeps to the first. Descents from around t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.optimal._descent import Last, Scaled
 from pidalab.optimal._noise import SampledNoise
+from pidalab.optimal._polish import SAMPLES, Polished, polish
 from pidalab.optimal._problem import Problem, Slope
 from pidalab.optimal._starts import WALL
 from pidalab.robustness.control import max_control_sensitivity
@@ -30,7 +31,7 @@ HORIZON = 80.0  # of a response, in units of the process
 MISSED = 30.0  # price of a missed limit where starts are compared
 SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
-NEARLY, KEPT = 1e-4, 1e-6  # shares by which a limit may be missed: on the way, and at the bottom
+NEARLY = 1e-4  # share by which a limit may be missed on the way
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
 AGAIN, LONG = (
     4,
@@ -39,7 +40,10 @@ AGAIN, LONG = (
 ROUNDS = 12  # of the last search, each with the worst frequency of the one before
 APART, FAR = 1e-2, 2.0  # share by which the values of two valleys differ at least, factor by which at most
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
-BEST, TRIED = 3, 12  # searches that are brought to the end, and tried at most
+BEST = 3  # searches that are brought to the end
+UNPOLISHED = 1e-2  # what is left open of an end whose conditions were not reached
+ALIKE = 0.01  # what two ends of the same valley differ by at most
+SAME = 1e-4  # share by which values of descents differ that may have the same end
 SHAKES = (
     (0.3, 0.5),
     (0.8, 1.5),
@@ -76,16 +80,17 @@ class Search:
         )
         self.w = np.sort(np.append(self.w, turns[turns < self.w[-1]]))
         self.worth = problem.worth(HORIZON * time)
+        self.fine = problem.worth(HORIZON * time, SAMPLES)
         # sampled noise has a size only behind a filter that is not faster than the sample
         h = limits.sample_time
-        self.noise = SampledNoise(problem, h) if limits.noise_gain is not None and h is not None else None
+        self.noise = self.exact_noise = None
+        if limits.noise_gain is not None and h is not None:
+            self.noise, self.exact_noise = (SampledNoise(problem, h, density) for density in (1, FINER))
         fastest = FASTEST if h is None else max(FASTEST, float(np.log(h / time)))
         self.aim = limits.noise_gain or 0.0  # for the quadrature of the noise
         filters = (fastest, max(SLOWEST, fastest + 2.0))
         self.rungs = np.linspace(max(TOP, fastest + 1.0), max(BOTTOM, fastest), RUNGS)
         self.bounds = [(1e-6, LARGEST)] + [(0.0, LARGEST)] * (problem.order + 1) + [filters]
-        if problem.test == "setpoint":
-            self.bounds += [(0.0, 1.0), (-9.0, 5.0)]
 
     def sound(self, x: Array) -> bool:
         """Whether the loop is stable, with a sampled controller too where that matters."""
@@ -176,31 +181,40 @@ class Search:
         return np.append(self.w, peak * AROUND) if 0 < peak < np.inf else self.w
 
     def loop(self, x: Array) -> Loop:
-        """Close the loop of a vector of unknowns, without prefilter."""
+        """Close the loop of a vector of unknowns."""
         from pidalab.controllers import HighOrderPID
 
         gains, time = self.problem.controller(x)
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
-    def finish(self, x: Array) -> tuple[float, Array] | None:
-        """Descend with a free filter time; take in the worst frequencies until the limits hold at all of them."""
+    def finish(self, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
+        """Descend and polish; take in the worst frequencies until the limits hold at all of them.
+
+        None where that leads nowhere, to an end that is known, or to one that is worse.
+        """
         for _ in range(ROUNDS):
             value, found, missed = self.descend(x, effort=FINE)
-            noise = self.true_noise(found) if missed <= KEPT and _settles(self.loop(found)) else np.inf
-            if not np.isfinite(noise):
+            if missed > NEARLY or not self.sound(found):
                 # the descent went astray: again, from a little below
                 x = x * _slack(x.size, self.problem.gains)
                 continue
-            x = found
-            if self._keeps(x, noise):
-                return value, x
+            if any(
+                value > other.value * (1 + APART) or np.allclose(found, other.x, ALIKE, ALIKE)
+                for other in known
+            ):
+                return None
+            x, end = found, polish(self, found)
+            if end is None:
+                end = Polished(self.fine(x)[0], x, UNPOLISHED)
+            if self.sound(end.x) and self._keeps(end.x, self.true_noise(end.x)):
+                return end
         return None
 
     def true_noise(self, x: Array) -> float:
         """Noise gain of the sampled loop, 0 where it does not matter, infinite where that loop is unstable."""
-        if self.noise is None:
+        if self.exact_noise is None:
             return 0.0
-        fine = SampledNoise(self.problem, self.noise.h, FINER)
+        fine = self.exact_noise
         return np.inf if fine.unstable(x) else float(np.sqrt(fine(x)[0]))
 
     def _keeps(self, x: Array, noise: float) -> bool:
@@ -244,8 +258,7 @@ def _settles(loop: Loop) -> bool:
 class Found(NamedTuple):
     """Result of a search."""
 
-    value: float  # IAE, in units of time of the problem
-    x: Array
+    best: Polished
     valleys: tuple[float, ...]  # the least value, and what other descents ended with up to FAR times it
 
 
@@ -269,24 +282,26 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
         if missed <= NEARLY:
             free.append((value, found))
         bar.update()
-    finished: list[tuple[float, Array]] = []
-    for _, start in _distinct(free + rungs, TRIED):
-        last = one.finish(start)
-        finished += [] if last is None else [last]
-        if len(finished) == BEST:
+    finished: list[Polished] = []
+    for ends in (free, rungs):
+        for _, start in _distinct(ends, BEST):
+            end = one.finish(start, finished)
+            finished += [] if end is None else [end]
+        if finished:
             break
-    if not finished:
+    else:
         return None
-    value, x = min(finished, key=lambda pair: pair[0])
+    best = min(finished, key=lambda end: end.value)
     # a last doubt: from places around the best, near and far
-    shaken = [one.descend(start) for start in _shaken(one, x)]
-    better, start, _ = min(
-        (end for end in shaken if end[2] <= NEARLY), default=(value, x, 0.0), key=lambda end: end[0]
+    shaken = [one.descend(start) for start in _shaken(one, best.x)]
+    value, start, _ = min(
+        (end for end in shaken if end[2] <= NEARLY), default=(np.inf, x, 0.0), key=lambda end: end[0]
     )
-    last = one.finish(start) if better < value else None
-    if last is not None:
-        value, x = min((value, x), last, key=lambda pair: pair[0])
-    return Found(value, x, _valleys([value, *(other for other, _ in free)]))
+    if value < one.worth(best.x)[0] * (1 + SAME):
+        last = one.finish(start, [best])
+        if last is not None and last.value < best.value:
+            best = last
+    return Found(best, _valleys([best.value, *(other for other, _ in free)]))
 
 
 def _shaken(one: Search, x: Array) -> Iterator[Array]:

@@ -125,10 +125,8 @@ def _candidates(problem: Problem, fastest: float, slowest: float) -> list[Array]
 
 
 def _unknowns(problem: Problem, action: Array, time: float) -> Array:
-    """Vector of unknowns of some of the gains and the logarithm of the filter time; no prefilter."""
+    """Vector of unknowns of some of the gains and the logarithm of the filter time."""
     x = np.zeros(problem.size)
     x[: action.size], x[problem.gains] = action, time
     x[0] = max(x[0], 1e-6)
-    if problem.test == "setpoint":
-        x[-2] = 1.0
     return x

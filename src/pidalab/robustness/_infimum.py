@@ -25,6 +25,7 @@ from scipy.optimize import minimize_scalar
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab._search import succeeded
 from pidalab.process import Process
 
 TOLERANCE = (
@@ -232,10 +233,13 @@ def _descend(f: _Function, w: Array, values: Array, best: float) -> tuple[float,
         fa, fb = np.concatenate([fa, fm]), np.concatenate([fm, fb])
     if where == 0.0:
         return where, found
-    polished = minimize_scalar(
-        lambda x: float(f(np.array([x]))[0]),
-        bounds=around,
-        method="bounded",
-        options={"xatol": 1e-10 * where},
+    polished = succeeded(
+        minimize_scalar(
+            lambda x: float(f(np.array([x]))[0]),
+            bounds=around,
+            method="bounded",
+            options={"xatol": 1e-10 * where},
+        ),
+        "an infimum over frequency",
     )
     return (float(polished.x), float(polished.fun)) if polished.fun < found else (where, found)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pidalab._check import Array
+from pidalab._search import succeeded
 from pidalab.loop import Loop, require_well_posed
 from pidalab.robustness._grid import divided, scan
 
@@ -109,8 +110,11 @@ def _top(gain: Callable[[Any], Any], low: float, high: float) -> tuple[float, fl
     """Highest value between two logarithms of frequencies, and where it lies."""
     from scipy.optimize import minimize_scalar
 
-    found = minimize_scalar(
-        lambda x: -float(gain(np.exp(x))), bounds=(low, high), method="bounded", options={"xatol": 1e-10}
+    found = succeeded(
+        minimize_scalar(
+            lambda x: -float(gain(np.exp(x))), bounds=(low, high), method="bounded", options={"xatol": 1e-10}
+        ),
+        "a peak of |C S|",
     )
     return -float(found.fun), float(np.exp(found.x))
 

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from pidalab._check import Array
+from pidalab._search import succeeded
 from pidalab.digital import DigitalController
 from pidalab.loop import Loop
 from pidalab.process import Process
@@ -220,5 +221,8 @@ def _peak(function: Callable[[Any], Any], w: Array, at_zero: float) -> tuple[flo
     if best == w.size - 1:
         return float(heights[best]), float(w[-1])
     around, fine = (w[best - 1], w[best + 1]), {"xatol": 1e-9 * w[best]}
-    found = minimize_scalar(lambda x: -float(function(x)), bounds=around, method="bounded", options=fine)
+    found = succeeded(
+        minimize_scalar(lambda x: -float(function(x)), bounds=around, method="bounded", options=fine),
+        "a peak of the sampled loop",
+    )
     return max((float(heights[best]), float(w[best])), (-float(found.fun), float(found.x)))

@@ -1,0 +1,288 @@
+r"""The last steps to an optimum: to the point that its own conditions fix.
+
+A descent stops where its tolerance is met, and in a flat valley rounding decides where that is. From there Newton's
+method goes on: limits that are reached become equations, each at the frequency of its own peak, and the Lagrangian is
+made stationary, with second derivatives from differences of exact first ones. Each step is a quadratic programme, so
+that limits join and leave by their multipliers (Nocedal and Wright, Numerical Optimization, 2006, ch. 18), solved as
+a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.optimal._descent import Scaled
+from pidalab.optimal._problem import Problem
+
+if TYPE_CHECKING:
+    from pidalab.optimal._solver import Search
+
+SAMPLES = 8192  # of the response whose IAE is made least
+ROOM = 1e-9  # share of a limit that is left, for rounding
+NEAR = 0.05  # share of a limit within which a peak is looked at
+BESIDE, ROUNDS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
+DIFFERENCE = 1e-4  # of what a descent sees, for second derivatives
+STEPS, CLOSE, OPEN = 25, 1e-9, 1e-4  # of Newton at most; the last one, and the largest that is taken for one
+SMALL = 1e-3  # step after which second derivatives stay as they are
+WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the end; shortest trust in one
+SMALLEST = 1e-9  # unit of a gain
+FLATTEST = 1e-9  # curvature that a direction has at least
+
+
+class Polished(NamedTuple):
+    """Where the last steps ended."""
+
+    value: float  # IAE, in units of time of the problem
+    x: Array
+    step: float  # the last step, in the units of a descent: what is left open
+
+
+class Peaks:
+    """Heights of the peaks of |S| and |C S| as smooth functions of the unknowns, with gradients."""
+
+    def __init__(self, problem: Problem, limits: dict[str, float], looked: Array, fastest: float) -> None:
+        self.problem = problem
+        self.tops = np.log([limits["ms"], limits.get("mks", np.inf)])
+        delay = problem.process.delay
+        w = np.geomspace(1e-3, 30.0 / fastest, 700) / problem.time
+        turns = np.arange(1.0, 400.0) * 0.3 / delay if delay else np.zeros(0)
+        self.w = np.unique(np.concatenate([w, turns[turns < w[-1]], looked]))
+        self.at_grid = self._known(self.w)
+        num, den = problem.process.num, problem.process.den
+        self.rational = num, np.polyder(num), den, np.polyder(den)
+
+    def _known(self, w: Array) -> tuple[Any, Any, Any]:
+        s = 1j * w
+        return s, self.problem.process(s), self.problem._actions(s)
+
+    def heights(self, x: Array, w: Array | None = None) -> Array:
+        """Logarithms of |S| and |C S| over their limits at frequencies, by default those of the grid."""
+        s, plant, actions = self.at_grid if w is None else self._known(w)
+        controller = self.problem._controller(x, s, actions)[0]
+        back = -np.log(np.abs(1 + plant * controller))
+        return np.array([back - self.tops[0], back + np.log(np.abs(controller)) - self.tops[1]])
+
+    def near(self, x: Array) -> tuple[Any, Array]:
+        """Which peaks come near their limits: kinds (0 for S, 1 for C S) and frequencies."""
+        heights = self.heights(x)
+        inner = heights[:, 1:-1]
+        kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR))
+        return kinds, self.w[i + 1]
+
+    def bend(self, x: Array, kinds: Array, w: Array) -> Array:
+        """Second derivatives of the logarithms of |S| or |C S| by that of the frequency, at peaks."""
+        above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (BESIDE, -BESIDE))
+        return np.asarray(np.minimum((above - below) / (2 * BESIDE), -1e-9))
+
+    def refined(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
+        """Frequencies of peaks, from points of the grid beside them, where the slope is zero."""
+        log = np.log(w)
+        for _ in range(ROUNDS):
+            move = np.clip(-self._slope(x, kinds, np.exp(log)) / bend, -0.02, 0.02)
+            log = log + move
+            if np.max(np.abs(move), initial=0.0) < 1e-12:
+                break
+        return np.asarray(np.exp(log))
+
+    def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
+        """Slope of the logarithm of |S| or |C S| by that of the frequency."""
+        s = 1j * w
+        gains, time = self.problem.controller(x)
+        powers = gains[:, None] * s ** np.arange(-1.0, gains.size - 1.0)[:, None]
+        lag, order = 1 / (1 + time * s), gains.size - 1
+        whole = lag**order
+        controller = powers.sum(axis=0) * whole
+        turn = (np.arange(-1.0, gains.size - 1.0) @ powers) * whole + controller * order * (lag - 1)  # s C'
+        num, by_num, den, by_den = (np.polyval(c, s) for c in self.rational)
+        plant = self.problem.process(s)
+        loop_turn = plant * (
+            turn + controller * s * (by_num / num - by_den / den - self.problem.process.delay)
+        )
+        back = -np.real(loop_turn / (1 + plant * controller))
+        return np.asarray(back + np.where(kinds == 1, np.real(turn / controller), 0.0))
+
+    def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
+        """Heights of peaks, and their slopes by the unknowns."""
+        s, plant, actions = self._known(w)
+        controller, slopes = self.problem._controller(x, s, actions)
+        by_all, back = slopes(), 1 / (1 + plant * controller)
+        slope = -np.real(plant * back * by_all) + np.where(kinds == 1, np.real(by_all / controller), 0.0)
+        heights = np.log(np.abs(back)) + np.where(kinds == 1, np.log(np.abs(controller)), 0.0)
+        return heights - self.tops[kinds], slope.T
+
+
+class Lagrangian:
+    """IAE and limits as a descent sees them, around one point."""
+
+    def __init__(self, search: Search, x: Array) -> None:
+        problem, self.search = search.problem, search
+        self.seen = Scaled(x, problem.gains)
+        small = (x > 0) & (x < self.seen.unit)
+        small[[0, -1]] = False
+        self.seen.unit[small] = np.maximum(x[small], SMALLEST)
+        low, high = np.transpose(search.bounds)
+        self.low, self.high = self.seen(low), self.seen(high)
+        limits = {name: limit * (1 - ROOM) for name, limit in search.limits.named().items()}
+        self.peaks = Peaks(problem, limits, search.w, math.exp(low[problem.gains]))
+        self.most = math.log(limits.get("noise_gain", 1.0))
+
+    def end(self, z: Array) -> Array:
+        """Unknowns themselves."""
+        return np.clip(self.seen.back(z), *np.transpose(self.search.bounds))
+
+    def value(self, z: Array) -> tuple[float, Any]:
+        """Logarithm of the IAE, and the function of its slope."""
+        x = self.seen.back(z)
+        value, slope = self.search.fine(x)
+        return math.log(value), lambda: self.seen.slopes(x, slope() / value)
+
+    def margins(self, z: Array, kinds: Array, w: Array, noise: Any) -> tuple[Array, Array]:
+        """What is left to peaks and noise, and slopes."""
+        x = self.seen.back(z)
+        heights, slopes = self.peaks.rows(x, kinds, w)
+        left, by_x = -heights, -slopes
+        if noise is not None:
+            variance, slope = noise(x)
+            left = np.append(left, self.most - 0.5 * math.log(variance))
+            by_x = np.vstack([by_x, -0.5 * slope() / variance])
+        return left, self.seen.slopes(x, by_x)
+
+    def tops(self, z: Array) -> tuple[Array, Array]:
+        """Peaks near their limits, refined."""
+        x = self.seen.back(z)
+        kinds, w = self.peaks.near(x)
+        return kinds, self.peaks.refined(x, kinds, w, self.peaks.bend(x, kinds, w))
+
+    def missed(self, z: Array) -> tuple[float, float]:
+        """Value, and by how much limits are missed in all; infinite where the loop is unstable."""
+        x = self.seen.back(z)
+        if not np.all(np.isfinite(x)) or self.search.problem.unstable(x):
+            return math.inf, math.inf
+        left, _ = self.margins(z, *self.tops(z), self.search.exact_noise)
+        return self.value(z)[0], float(np.maximum(-left, 0.0).sum())
+
+    def bends(self, z: Array, kinds: Array, w: Array, prices: Array, worth: Any) -> Array:
+        """Second derivatives of the Lagrangian, peaks followed to where they lie; of noise as in a descent."""
+        bend, found = self.peaks.bend(self.seen.back(z), kinds, w), np.empty((z.size, z.size))
+
+        def slope(z: Array) -> Array:
+            x = self.seen.back(z)
+            value, by_x = worth(x)
+            moved = self.peaks.refined(x, kinds, w, bend)
+            return np.asarray(
+                self.seen.slopes(x, by_x() / value)
+                - prices @ self.margins(z, kinds, moved, self.search.noise)[1]
+            )
+
+        for k, h in enumerate(DIFFERENCE * np.eye(z.size)):
+            found[k] = (slope(z + h) - slope(z - h)) / (2 * DIFFERENCE)
+        return 0.5 * (found + found.T)
+
+
+def polish(search: Search, x: Array) -> Polished | None:
+    """Go from near an optimum to where its conditions are met; None where Newton's method does not come to rest."""
+    one = Lagrangian(search, x)
+    z, trust, price, stale = np.clip(one.seen(x), one.low, one.high), WIDEST, 0.0, True
+    before, worth = math.inf, search.worth
+    value, missed = one.missed(z)
+    eye, bends = np.eye(z.size), np.zeros(0)
+    for _ in range(STEPS):
+        kinds, w = one.tops(z)
+        left, slopes = one.margins(z, kinds, w, search.exact_noise)
+        slope = one.value(z)[1]()
+        rows = np.vstack([slopes, eye, -eye])
+        left = np.concatenate([left, z - one.low, one.high - z])
+        limits = left.size - 2 * z.size
+        if stale:  # else the second derivatives of the last step serve
+            prices = multipliers(slope, rows, left)
+            bends = convex(one.bends(z, kinds, w, prices[:limits], worth), rows[prices > 0])
+        while True:
+            found = programme(bends, slope, rows, left, trust)
+            if found is None:
+                return None
+            step, prices = found
+            length = float(np.max(np.abs(step)))
+            price = max(price, 2 * float(np.max(prices[:limits], initial=0.0)))
+            there, by = one.missed(z + step)
+            # near the end steps that shrink count for more than values: a full one may miss curved limits by a little
+            if there + price * by <= value + price * missed or (
+                length < min(LOCAL, 0.5 * before) and there < math.inf
+            ):
+                break
+            trust = 0.3 * length
+            if trust < SHORTEST:
+                return None
+        z, value, missed = np.clip(z + step, one.low, one.high), there, by
+        trust = max(trust, min(WIDEST, 3 * length))
+        if length < CLOSE:
+            break
+        stale = length > SMALL or length > 0.1 * before
+        if length > 0.3 * before:
+            worth = search.fine  # that of a descent is too coarse to lead on
+        before = length
+    return Polished(math.exp(value), one.end(z), length) if length < OPEN else None
+
+
+def multipliers(slope: Array, rows: Array, left: Array) -> Array:
+    """Prices of the limits that are reached, not negative, which explain the slope best."""
+    from scipy.optimize import nnls
+
+    prices = np.zeros(left.size)
+    reached = left < 1e-3
+    if reached.any():
+        prices[reached] = nnls(rows[reached].T, slope)[0]
+    return prices
+
+
+def convex(bends: Array, reached: Array) -> Array:
+    """Second derivatives, made positive: along the limits that are reached where they have to be, off them freely."""
+    if reached.size:
+        _, sizes, turned = np.linalg.svd(reached)
+        free = turned[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
+    else:
+        free = np.eye(len(bends))
+    values, vectors = np.linalg.eigh(free.T @ bends @ free)
+    along = free @ vectors
+    wanted = np.maximum(np.abs(values), FLATTEST)
+    bends = bends + (along * (wanted - values)) @ along.T
+    heavy = max(1e-3, float(np.abs(bends).max(initial=0.0)))
+    off = np.eye(len(bends)) - free @ free.T
+    for factor in 10.0 ** np.arange(0, 8):
+        out = np.asarray(bends + factor * heavy * off)
+        if np.linalg.eigvalsh(out)[0] > 0:
+            return out
+    return out
+
+
+def programme(
+    bends: Array, slope: Array, rows: Array, left: Array, trust: float
+) -> tuple[Array, Array] | None:
+    """Step that makes a quadratic function least and keeps limits and trust, and the prices of the limits.
+
+    As a least-distance programme [LaH95]_.
+    """
+    from scipy.optimize import nnls
+
+    size = slope.size
+    rows = np.vstack([rows, np.eye(size), -np.eye(size)])
+    left = np.concatenate([left, np.full(2 * size, trust)])
+    root = np.linalg.cholesky(bends)  # lower: bends = root root^T
+    best = np.asarray(-np.linalg.solve(bends, slope), dtype=float)
+    turned = np.linalg.solve(root, rows.T)  # columns: limits in the metric of the function
+    wanted = -left - rows @ best
+    if np.all(wanted <= 0):
+        return best, np.zeros(left.size - 2 * size)
+    scale = np.linalg.norm(turned, axis=0)
+    system = np.vstack([turned / scale, wanted / scale])
+    target = np.append(np.zeros(size), 1.0)
+    weights, _ = nnls(system, target)
+    rest = system @ weights - target
+    if -rest[-1] < 1e-13:
+        return None
+    prices = weights / scale / -rest[-1]
+    step = np.asarray(best + np.linalg.solve(root.T, turned @ prices), dtype=float)
+    return step, prices[: left.size - 2 * size]
