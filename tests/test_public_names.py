@@ -48,7 +48,6 @@ def walk(module, path, seen):
 
 def methods(kind, path, seen):
     ours = [base for base in kind.__mro__ if base.__module__.startswith("pidalab")]
-    ours = [base for base in ours if base.__module__ != "pidalab.ledger.shims"]  # old calls
     inherited = {name: raw for base in reversed(ours) for name, raw in vars(base).items()}
     for name, raw in inherited.items():
         value = raw.__func__ if isinstance(raw, (classmethod, staticmethod)) else raw

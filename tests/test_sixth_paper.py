@@ -14,7 +14,7 @@ import yaml
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 from pidalab.ledger import Row, score_markdown, update, write_rows, write_score
-from pidalab.ledger.manifest import freeze
+from pidalab.ledger.pages import freeze
 
 ROOT = Path(__file__).parents[1]
 PARTS = [

@@ -6,8 +6,7 @@ import pytest
 from demo_ledger import KP, ROWS, S1, ledger
 
 from pidalab.ledger import LedgerError
-from pidalab.ledger.display import markup
-from pidalab.ledger.scores import KINDS
+from pidalab.ledger.display import KINDS, markup, score
 
 
 def test_table_has_the_rows_of_the_prefix():
@@ -66,7 +65,7 @@ def test_names_are_typeset(text, html):
 
 
 def test_html_is_escaped():
-    row = replace(S1, where="<i>", quantity='a "b"', printed="A < B & C", note="<script>")
+    row = replace(S1, where="<i>", printed="A < B & C", note="<script>")
     html = ledger(row).table()._repr_html_()
     assert "A &lt; B &amp; C" in html
     assert "&lt;script&gt;" in html
@@ -89,9 +88,9 @@ def test_scorebar():
 
 
 def test_score_counts_rows_without_a_verdict_as_open():
-    score = ledger(KP, replace(KP, id="demo.new", computed="", verdict="")).score()
-    assert list(score) == [*KINDS, "open"]
-    assert (score["reproduced"], score["misprint"], score["open"]) == (1, 0, 1)
+    counts = score([KP, replace(KP, id="demo.new", computed="", verdict="")])
+    assert list(counts) == [*KINDS, "open"]
+    assert (counts["reproduced"], counts["misprint"], counts["open"]) == (1, 0, 1)
     assert "verdict-open" in ledger(replace(KP, computed="", verdict="")).table().html
 
 

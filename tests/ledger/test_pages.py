@@ -7,10 +7,8 @@ import pytest
 from demo_ledger import KP
 
 from pidalab.ledger import (
-    CONVENTIONS,
     LedgerError,
     Row,
-    convention_table,
     errata,
     every_row,
     score_markdown,
@@ -19,8 +17,6 @@ from pidalab.ledger import (
     write_score,
 )
 from pidalab.ledger.__main__ import main
-
-REASON = "a pole in the right half"
 
 
 def test_scoreboard(project):
@@ -60,11 +56,6 @@ def test_every_row_leads_to_the_chapter_and_its_evidence(project):
     )
     assert "<summary>All 10 rows</summary>" in page.html
     assert page.html.count("<tr>") == 11
-
-
-def test_conventions_are_shown():
-    assert "within 10 % of the larger" in convention_table().text
-    assert convention_table().html.count("<tr>") == 2 + len(CONVENTIONS)
 
 
 def test_errata_of_a_statement(project):

@@ -18,25 +18,27 @@ of
 * ``holds``, ``fails``: these follow from the inequality of two computed numbers that decides a statement;
 * ``misprint``, ``as-read``, ``differs``, ``not-computable``: declared by a person, with the reason in the note.
 
-The basis of a row says what it stands on: the paper's problem (``computed``), other printed results (``from-print``),
-or reading alone (``reading``).
+The basis of a row says where its value comes from: the paper's problem (``computed``), other printed results
+(``from-print``), or reading alone (``reading``).
 
 ``python -m pidalab.ledger update haalman2024`` runs the pages of a paper, stores what is new and prints what changed;
-``show``, ``check`` and ``readme`` print, validate and publish.
+``show``, ``check``, ``manifest`` and ``readme`` print, validate, freeze and publish.
 """
 
 from pidalab.ledger.book import Ledger
-from pidalab.ledger.conventions import CONVENTIONS, Convention
+from pidalab.ledger.digits import BASES, VERDICTS, LedgerError, derive
 from pidalab.ledger.display import Display
-from pidalab.ledger.errors import LedgerError
-from pidalab.ledger.files import papers, read_rows, write_rows
-from pidalab.ledger.front import score_markdown, write_score
-from pidalab.ledger.pages import convention_table, errata, every_row, load_all, scoreboard
-from pidalab.ledger.relations import Evidence, Relation
-from pidalab.ledger.rows import Row
-from pidalab.ledger.running import record, update
-from pidalab.ledger.shims import checks as checks, every as every, some as some  # old calls
-from pidalab.ledger.verdicts import BASES, VERDICTS, derive
+from pidalab.ledger.pages import (
+    errata,
+    every_row,
+    load_all,
+    score_markdown,
+    scoreboard,
+    write_score,
+)
+from pidalab.ledger.rows import Row, papers, read_rows, write_rows
+from pidalab.ledger.running import update
+from pidalab.ledger.statements import CONVENTIONS, Convention, Evidence, Relation
 
 __all__ = [
     "BASES",
@@ -49,14 +51,12 @@ __all__ = [
     "LedgerError",
     "Relation",
     "Row",
-    "convention_table",
     "derive",
     "errata",
     "every_row",
     "load_all",
     "papers",
     "read_rows",
-    "record",
     "score_markdown",
     "scoreboard",
     "update",

@@ -1,13 +1,18 @@
-"""``python -m pidalab.ledger``: show, check and maintain the ledgers in ``book/ledger``."""
+"""Maintain the ledgers in ``book/ledger``: python -m pidalab.ledger COMMAND ...
+
+update KEY ...    run the pages of papers and store what they compute
+show KEY ...      print ledgers, printed beside computed
+check             validate all files and print their scores
+manifest          freeze what is printed, its kind and its basis; review the change
+readme FILE ...   bring the score in Markdown files up to date
+"""
 
 import argparse
 import sys
 from collections.abc import Sequence
 
-from pidalab.ledger import Ledger, LedgerError, load_all, write_score
-from pidalab.ledger.files import MANIFEST
-from pidalab.ledger.manifest import freeze
-from pidalab.ledger.running import update
+from pidalab.ledger import Ledger, LedgerError, load_all, update, write_score
+from pidalab.ledger.pages import freeze
 
 
 def _update(papers: list[str]) -> None:
@@ -21,14 +26,16 @@ def _update(papers: list[str]) -> None:
 
 
 def _show(papers: list[str]) -> None:
-    for paper in papers:
-        book = Ledger.open(paper)
+    for book in map(Ledger.open, papers):
         print(book.table(), "", book.scorebar(), sep="\n")
 
 
-def _check() -> None:
-    for book in load_all().values():
-        print(book.scorebar())
+def _check(_: list[str]) -> None:
+    print(*(book.scorebar() for book in load_all().values()), sep="\n")
+
+
+def _manifest(_: list[str]) -> None:
+    print(f"manifest: {'rewritten' if freeze() else 'up to date'}")
 
 
 def _readme(files: list[str]) -> None:
@@ -36,43 +43,17 @@ def _readme(files: list[str]) -> None:
         print(f"{file}: {'rewritten' if write_score(file) else 'up to date'}")
 
 
-def _manifest() -> None:
-    print(f"{MANIFEST}: {'rewritten' if freeze() else 'up to date'}")
+COMMANDS = {"update": _update, "show": _show, "check": _check, "manifest": _manifest, "readme": _readme}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        By default those of the command line.
-
-    Returns
-    -------
-    int
-        0, or 1 after printing what is wrong.
-    """
-    parser = argparse.ArgumentParser(prog="python -m pidalab.ledger", description=__doc__)
-    commands = parser.add_subparsers(required=True)
-    command = commands.add_parser("update", help="run the checks of papers and store what they compute")
-    command.add_argument("papers", nargs="+")
-    command.set_defaults(run=lambda given: _update(given.papers))
-    command = commands.add_parser("show", help="print ledgers, printed beside computed")
-    command.add_argument("papers", nargs="+")
-    command.set_defaults(run=lambda given: _show(given.papers))
-    command = commands.add_parser("check", help="validate all files and print their scores")
-    command.set_defaults(run=lambda given: _check())
-    command = commands.add_parser("readme", help="bring the score in Markdown files up to date")
-    command.add_argument("files", nargs="+")
-    command.set_defaults(run=lambda given: _readme(given.files))
-    command = commands.add_parser(
-        "manifest", help="freeze what is printed, its kind and its basis; review the change"
-    )
-    command.set_defaults(run=lambda given: _manifest())
-    given = parser.parse_args(arguments)
+    """Run one command, of the command line by default; 0, or 1 after printing what is wrong."""
+    parser = argparse.ArgumentParser("python -m pidalab.ledger", usage=__doc__.partition(": ")[2])
+    parser.add_argument("command", choices=COMMANDS)
+    parser.add_argument("names", nargs="*")
+    asked = parser.parse_args(arguments)
     try:
-        given.run(given)
+        COMMANDS[asked.command](asked.names)
     except (LedgerError, OSError) as error:
         print(error, file=sys.stderr)
         return 1

@@ -8,16 +8,11 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from pidalab.ledger import scores
-from pidalab.ledger.digits import DIGITS, agrees, exponent, plain, read_number, store
+from pidalab.ledger import display
+from pidalab.ledger.digits import DECLARED, DIGITS, LedgerError, exponent, plain, read_number, write
 from pidalab.ledger.display import Display
-from pidalab.ledger.errors import LedgerError, naming
-from pidalab.ledger.files import find_folder, papers, read_removed, read_rows
-from pidalab.ledger.relations import Cases, Evidence, Relation
-from pidalab.ledger.rows import Row
-from pidalab.ledger.shims import OldCalls
-from pidalab.ledger.tables import claims
-from pidalab.ledger.verdicts import DECLARED
+from pidalab.ledger.rows import REMOVED, Row, find_folder, naming, papers, read_rows, read_table
+from pidalab.ledger.statements import Cases, Evidence, Relation
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +20,7 @@ if TYPE_CHECKING:
 MARKS = {"last-digit": " °", "approximate": " ~", "differs": " †", "misprint": " *", "as-read": " *"}
 
 
-class Ledger(OldCalls):
+class Ledger:
     """The printed numbers and statements of one paper, each waiting for what a page computes.
 
     An id may be given without the key of the paper: ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
@@ -57,7 +52,7 @@ class Ledger(OldCalls):
     demo                1.31 / 1.3098
     >>> book.compare({"kq": 1.0})
     Traceback (most recent call last):
-    pidalab.ledger.errors.LedgerError: demo.kq: unknown id; the closest are demo.kp
+    pidalab.ledger.digits.LedgerError: demo.kq: unknown id; the closest are demo.kp
     >>> book.close()
     demo: 1 claim, 1 reproduced
     """
@@ -142,27 +137,26 @@ class Ledger(OldCalls):
         >>> book = Ledger(Path("demo.csv"), [row])
         >>> book.compare({"demo": {"kp": 1.3151}})
         Traceback (most recent call last):
-        pidalab.ledger.errors.LedgerError: demo.kp: drifted from 1.309812345 to 1.315100000
+        pidalab.ledger.digits.LedgerError: demo.kp: drifted from 1.309812345 to 1.315100000
         demo.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit
         """
         import pandas as pd
 
         failures: list[str] = []
-        table: dict[str, dict[str, str]] = {}
+        shown: dict[str, dict[str, str]] = {}
         for id, value in _flat(values):
             try:
-                row, found = self._number(id, value, digits)
+                row = self._take(self._number(id, value, digits))
             except LedgerError as error:
                 failures.append(str(error))
                 continue
-            failures += found
-            group, _, key = id.rpartition(".")
             verdict = row.verdict if row.verdict in DECLARED else row.derived() or "differs"
-            shown = f"{row.printed} / {row.shown()}{MARKS.get(verdict, '')}"
-            table.setdefault(group or self.paper, {})[key] = shown
+            group, _, key = id.rpartition(".")
+            entry = f"{row.printed} / {row.shown()}{MARKS.get(verdict, '')}"
+            shown.setdefault(group or self.paper, {})[key] = entry
         if failures:
             raise LedgerError("\n".join(failures))
-        frame = pd.DataFrame.from_dict(table, orient="index").fillna("")
+        frame = pd.DataFrame.from_dict(shown, orient="index").fillna("")
         return frame.rename_axis(columns="printed / computed")
 
     def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
@@ -174,7 +168,7 @@ class Ledger(OldCalls):
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
             Left and right side by case, of which the worst decides (the best, where the relation says *some*); or both
-            sides of the only case; or a residual, of an identity. ``==`` and ``!=`` take integers.
+            sides of the only case; or a residual, of an identity. ``==`` takes integers.
         digits : int, optional
             As in `compare`.
 
@@ -197,78 +191,61 @@ class Ledger(OldCalls):
         'holds: 1 < 2'
         >>> book.decide("s", (1, 3))
         Traceback (most recent call last):
-        pidalab.ledger.errors.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
+        pidalab.ledger.digits.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
         """
-        row = self.row(id)
+        row = self._handed(id, True, digits)
         with naming(row.id):
-            if not row.is_statement or row.basis == "reading":
-                raise LedgerError("no statement that is computed; a printed number takes book.compare")
-            if not row.relation:
-                raise LedgerError("its row has no relation, such as 'IAE of A < IAE of B | clearly'")
             relation = Relation.parse(row.relation)
             found = relation.decide(cases, digits)
-            _enough(row, digits)
-        fresh = replace(row, computed=found.verdict, evidence=str(found))
-        kept, failures = self._take(row, fresh)
-        if failures:
-            raise LedgerError("\n".join(failures))
-        decided = Evidence.parse(kept.evidence)
-        if relation.is_identity and decided.verdict == "holds":  # its decade depends on the machine
+        kept = Evidence.parse(self._take(replace(row, computed=found.verdict, evidence=str(found))).evidence)
+        if relation.is_identity and kept.verdict == "holds":  # its decade depends on the machine
             return f"holds: largest residual ≤ {relation.right}"
-        return f"{decided.verdict}: {decided.shown()}" + (f" ({decided.remark})" if decided.remark else "")
+        return f"{kept.verdict}: {kept.shown()}" + (f" ({kept.remark})" if kept.remark else "")
 
-    def _number(self, id: str, value: object, digits: int) -> tuple[Row, list[str]]:
+    def _handed(self, id: str, statement: bool, digits: int) -> Row:
+        """Return the row of what is handed over, if it takes something of this kind."""
         row = self.row(id)
+        if row.basis == "reading":
+            raise LedgerError(f"{row.id}: its basis is reading, so nothing computed belongs there")
+        if row.is_statement != statement:
+            raise LedgerError(f"{row.id}: a printed number takes book.compare, a statement book.decide")
+        if digits < DIGITS and "digits" not in row.note:
+            raise LedgerError(
+                f"{row.id}: kept to {digits} digits; the note has to say why, with the word 'digits'"
+            )
+        return row
+
+    def _number(self, id: str, value: object, digits: int) -> Row:
+        row = self._handed(id, False, digits)
         with naming(row.id):
             number = float(plain(value))
-            if row.basis == "reading":
-                raise LedgerError("its basis is reading, but something computed was handed over")
-            if row.is_statement:
-                raise LedgerError("a statement takes book.decide, both sides of its relation")
             if not isfinite(number):
                 raise LedgerError(f"expected a finite number, found {number}")
-            _enough(row, digits)
-            fresh = replace(row, computed=store(number, row.printed, digits))
-        return self._take(row, fresh)
+            floor = exponent(read_number(row.printed)) - DIGITS
+            return replace(row, computed=write(number, floor, digits))
 
-    def _take(self, row: Row, fresh: Row) -> tuple[Row, list[str]]:
-        """Note down what was handed over; return the row to show, and what is wrong with it."""
-        with naming(row.id):
-            before = self.fresh.get(row.id) if self.records else None  # else a drift is said
-            if before and not same(before, fresh):
-                raise LedgerError(f"handed over twice, as {before.found} and as {fresh.found}")
-            agreeing = bool(row.computed) and same(row, fresh)
-        failures = [] if self.records else self._failures(row, row if agreeing else fresh)
-        if not failures:  # what was refused may be corrected and handed over again
-            self.fresh[row.id] = fresh
-        return (row if agreeing else fresh), failures
+    def _take(self, fresh: Row) -> Row:
+        """Note down what was handed over, unless it does not fit the file; return the row to show.
 
-    def _failures(self, row: Row, fresh: Row) -> list[str]:
-        """Compare with the file; what is stored decides the verdict, so that noise never flips one."""
-        if not row.computed:
-            return [f"{row.id}: nothing stored yet; `python -m pidalab.ledger update {self.paper}` stores it"]
-        drifted = [] if fresh is row else [f"{row.id}: drifted from {row.found} to {fresh.found}"]
-        disagreement = fresh.disagreement()
-        return [*drifted, disagreement] if disagreement else drifted
-
-    def full(self, id: str) -> str:
-        """Return an id with the key of the paper.
-
-        Parameters
-        ----------
-        id : str
-            With or without the key.
-
-        Returns
-        -------
-        str
-
-        Examples
-        --------
-        >>> Ledger(Path("demo.csv"), []).full("ex1.kp")
-        'demo.ex1.kp'
+        While it agrees, what is stored is shown and decides the verdict, so that noise never flips one.
         """
-        return id if id.startswith(f"{self.paper}.") else f"{self.paper}.{id}"
+        row = self.rows[fresh.id]
+        with naming(row.id):
+            kept = row if row.same(fresh) else fresh
+        if self.records:
+            before = self.fresh.get(row.id, fresh)
+            if not before.same(fresh):
+                raise LedgerError(f"{row.id}: handed over twice, as {before.found} and as {fresh.found}")
+        elif not row.computed:
+            advice = f"`python -m pidalab.ledger update {self.paper}` stores it"
+            raise LedgerError(f"{row.id}: nothing stored yet; {advice}")
+        else:
+            drifted = f"{row.id}: drifted from {row.found} to {fresh.found}" if kept is fresh else ""
+            failures = [*filter(None, (drifted, kept.disagreement()))]
+            if failures:
+                raise LedgerError("\n".join(failures))
+        self.fresh[row.id] = fresh
+        return kept
 
     def row(self, id: str) -> Row:
         """Return a row, to read what is printed and how precisely.
@@ -276,7 +253,7 @@ class Ledger(OldCalls):
         Parameters
         ----------
         id : str
-            Id of a row.
+            Id of a row, with or without the key of the paper.
 
         Returns
         -------
@@ -292,12 +269,10 @@ class Ledger(OldCalls):
         >>> Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")]).row("kp").half_unit
         0.005
         """
-        full = self.full(id)
+        full = id if id.startswith(f"{self.paper}.") else f"{self.paper}.{id}"
         if full not in self.rows:
-            closest = get_close_matches(full, self.rows, n=3)
-            raise LedgerError(
-                f"{full}: unknown id" + (f"; the closest are {', '.join(closest)}" if closest else "")
-            )
+            closest = ", ".join(get_close_matches(full, self.rows, n=3))
+            raise LedgerError(f"{full}: unknown id" + (f"; the closest are {closest}" if closest else ""))
         return self.rows[full]
 
     def printed(self, id: str) -> float:
@@ -354,13 +329,13 @@ class Ledger(OldCalls):
         >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
         >>> Ledger(Path("demo.csv"), [row]).close()
         Traceback (most recent call last):
-        pidalab.ledger.errors.LedgerError: demo.kp: never handed over
+        pidalab.ledger.digits.LedgerError: demo.kp: never handed over
         """
         missing = [f"{row.id}: never handed over" for row in self.owed() if row.id not in self.fresh]
         if missing and not self.records:
             raise LedgerError("\n".join(missing))
         self.closed = True
-        print(scores.score_line(self.page, scores.score(self.owed())))
+        print(display.score_line(self.page, display.score(self.owed())))
 
     def problems(self) -> list[str]:
         """List what is wrong with the file taken alone, one line each.
@@ -371,33 +346,15 @@ class Ledger(OldCalls):
 
         Examples
         --------
-        >>> Ledger(Path("demo.csv"), [Row("other.kp", "Table 1", "gain", "1.31")]).problems()
+        >>> Ledger(Path("demo.csv"), [Row("other.kp", "Table 1", "gain", "1.31", page="demo")]).problems()
         ['other.kp: does not start with demo.', "other.kp: 'computed' is empty"]
         """
-        removed = read_removed(self.path.parent)
-        found = [
-            f"{id}: does not start with {self.paper}."
-            for id in self.rows
-            if not id.startswith(f"{self.paper}.")
-        ]
+        path = self.path.with_name(REMOVED)
+        removed = [id for id, _ in read_table(path, ("id", "reason"))] if path.is_file() else []
+        foreign = [id for id in self.rows if not id.startswith(f"{self.paper}.")]
+        found = [f"{id}: does not start with {self.paper}." for id in foreign]
         found += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in removed]
         return found + [problem for row in self.rows.values() for problem in row.problems()]
-
-    def score(self) -> dict[str, int]:
-        """Count the rows, by verdict where the paper's problem decides, apart where print or reading does.
-
-        Returns
-        -------
-        dict of str to int
-            Every key of `scores.KINDS` in its order; ``open`` last, if some rows have no verdict yet.
-
-        Examples
-        --------
-        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")])
-        >>> {kind: count for kind, count in book.score().items() if count}
-        {'open': 1}
-        """
-        return scores.score(self.rows.values())
 
     def scorebar(self) -> Display:
         """Return the score of the paper as a bar with a legend.
@@ -412,7 +369,7 @@ class Ledger(OldCalls):
         >>> book.scorebar()
         demo: 1 claim, 1 reproduced
         """
-        return scores.scorebar(self.paper, self.score())
+        return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
 
     def table(self, prefix: str = "") -> Display:
         """Return rows of the file as a table, printed beside computed.
@@ -441,15 +398,13 @@ class Ledger(OldCalls):
         rows = [row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))]
         if not rows:
             raise LedgerError(f"{self.paper}: no id starts with {prefix}")
-        return claims(rows)
+        return display.claims(rows)
 
 
 @contextmanager
 def recording() -> Iterator[list[Ledger]]:
     """Let every ledger that is opened take what it is given, compared with nothing; yields these ledgers.
 
-    Examples
-    --------
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
     ...     _ = book.compare({"kp": 1.5})
@@ -463,49 +418,6 @@ def recording() -> Iterator[list[Ledger]]:
         Ledger._recorded = None
 
 
-def same(row: Row, fresh: Row) -> bool:
-    """Tell whether a fresh row says what another one says, to one unit in its last stored place.
-
-    Examples
-    --------
-    >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
-    >>> same(row, replace(row, computed="1.309812346")), same(row, replace(row, computed="1.3099"))
-    (True, False)
-    """
-    if not row.is_statement:
-        return row.is_number and agrees(float(fresh.computed), row.computed)
-    if not row.evidence:
-        return False
-    old, new = Evidence.parse(row.evidence), Evidence.parse(fresh.evidence)
-    if Relation.parse(row.relation).is_identity and old.verdict == new.verdict == "holds":
-        return old.right == new.right
-    return old.same(new)
-
-
-def updated(row: Row, fresh: Row) -> Row:
-    """Return the row with what is new in a fresh one, and the verdict that follows.
-
-    What still agrees stays as it is, so that a second run on another machine changes nothing. A declared verdict
-    stays; a number that agrees no longer, without a declared reason, is left without a verdict.
-
-    Examples
-    --------
-    >>> row = Row("demo.kp", "Table 1", "gain", "1.31")
-    >>> updated(row, replace(row, computed="1.309800000")).verdict
-    'reproduced'
-    """
-    with naming(row.id):
-        keep = bool(row.computed) and same(row, fresh) and (row.is_statement or _precise(row, fresh))
-        new = replace(row, page=fresh.page) if keep else fresh
-        return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")
-
-
-def _precise(row: Row, fresh: Row) -> bool:
-    """Whether a stored number has as many places as a fresh one."""
-    old, new = read_number(row.computed), read_number(fresh.computed)
-    return exponent(old) == exponent(new) or not new
-
-
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Walk nested numbers by their ids."""
     for key, value in values.items():
@@ -513,8 +425,3 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield from _flat(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
-
-
-def _enough(row: Row, digits: int) -> None:
-    if digits < DIGITS and "digits" not in row.note:
-        raise LedgerError(f"kept to {digits} digits; the note has to say why, with the word 'digits'")

@@ -1,13 +1,26 @@
-"""What a reader sees: the same content as HTML for a page and as text for a terminal.
+"""What a reader sees of rows: tables of claims and scores, as HTML for a page and as text for a terminal.
 
 The HTML carries classes and no styles except the widths of a bar; the colours of ``verdict-…`` are the site's.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
+from pidalab.ledger.digits import VERDICTS
+from pidalab.ledger.rows import Row
+from pidalab.ledger.statements import Evidence, Relation
+
+KINDS = {  # under what a row is counted: by verdict where the paper's problem decides, else apart
+    **{verdict: verdict for verdict in VERDICTS if verdict != "not-computable"},
+    "print-agrees": "agree with other print",
+    "print-disagrees": "disagree with other print",
+    "reading": "settled by reading",
+    "not-computable": "not computable",
+}
+BASIS = {"computed": "", "from-print": "from print", "reading": "by reading"}
 # K_-1, PID_2^2, A_(2m+3), (1 + T s)^n: a letter, capitals or a bracket with an index, an exponent, or both
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
@@ -45,19 +58,7 @@ class Display:
 
 @dataclass(frozen=True)
 class Cell:
-    """An entry of a table, as text and as HTML.
-
-    Parameters
-    ----------
-    text : str
-        For a terminal.
-    html : str
-        For a page, escaped.
-    kind : str, optional
-        Class of the HTML cell.
-    span : int, optional
-        How many columns it takes.
-    """
+    """An entry of a table: its text, its HTML, the class of the HTML cell, and how many columns it takes."""
 
     text: str
     html: str
@@ -68,18 +69,6 @@ class Cell:
 def markup(text: str) -> str:
     """Escape plain text and typeset its names: an index is lowered, an exponent raised, a single letter slanted.
 
-    Parameters
-    ----------
-    text : str
-        Plain text such as ``K_-1`` or ``PID_2^2``.
-
-    Returns
-    -------
-    str
-        HTML.
-
-    Examples
-    --------
     >>> markup("K_-1 of PID_2^2 < 3")
     '<i>K</i><sub>−1</sub> of PID<sub>2</sub><sup>2</sup> &lt; 3'
     """
@@ -90,12 +79,12 @@ def _typeset(found: re.Match[str]) -> str:
     base, index, power = found.groups()
     if index is None and power is None:
         return found.group()
-    slanted = f"<i>{base}</i>" if _LETTER.fullmatch(base) else base
-    return slanted + _part("sub", index) + _part("sup", power)
-
-
-def _part(tag: str, part: str | None) -> str:
-    return f"<{tag}>{part.strip('{}()').replace('-', '−')}</{tag}>" if part else ""
+    parts = [
+        f"<{tag}>{part.strip('{}()').replace('-', '−')}</{tag}>"
+        for tag, part in (("sub", index), ("sup", power))
+        if part
+    ]
+    return (f"<i>{base}</i>" if _LETTER.fullmatch(base) else base) + "".join(parts)
 
 
 def words(text: str) -> Cell:
@@ -108,75 +97,126 @@ def number(text: str) -> Cell:
     return Cell(text, escape(text).replace("-", "−"), "number")
 
 
-def chip(verdict: str, label: str = "") -> str:
+def chip(verdict: str) -> str:
     """Return a verdict in its colour, as HTML."""
-    return f'<span class="verdict-{escape(verdict)}">{escape(label or verdict)}</span>'
+    return f'<span class="verdict-{escape(verdict)}">{escape(verdict)}</span>'
 
 
 def grid(
     kind: str,
     header: Sequence[str],
-    rows: Iterable[Sequence[Cell]],
-    *,
+    rows: Sequence[Sequence[Cell]],
     heading: int = 0,
-    remarks: Iterable[str] = (),
+    notes: Sequence[str] = (),
 ) -> Display:
-    """Lay cells out as a table.
+    """Lay cells out as a table of a class, one cell of each row its heading; a terminal shows notes beside the rows.
 
-    Parameters
-    ----------
-    kind : str
-        Class of the HTML table.
-    header : sequence of str
-        Headings of the columns.
-    rows : iterable of sequences of Cell
-        The cells of a row span as many columns as there are headings.
-    heading : int, optional
-        Which cell of a row is its heading.
-    remarks : iterable of str, optional
-        What a terminal shows after each row.
-
-    Returns
-    -------
-    Display
-
-    Examples
-    --------
     >>> grid("demo", ["rule", "gain"], [[words("SIMC"), number("1.5")]])
     rule  gain
     SIMC  1.5
     """
-    body = [list(row) for row in rows]
-    lines = [[*header], *([part.text for cell in row for part in (cell, *_fill(cell))] for row in body)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
-    beside = ["", *(remarks or [""] * len(body))]
-    text = [
-        "  ".join([*(entry.ljust(width) for entry, width in zip(line, widths, strict=True)), remark]).rstrip()
-        for line, remark in zip(lines, beside, strict=True)
+    lines = [[*header, ""]]
+    body = []
+    for row, note in zip(rows, notes or [""] * len(rows), strict=True):
+        lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
+        columns = zip(row, header, strict=False)  # no number comes after a cell that spans several columns
+        cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
+        body.append(f"<tr>{cells}</tr>")
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    text = ["  ".join(part.ljust(n) for part, n in zip(line, widths, strict=True)).rstrip() for line in lines]
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in header)
+    table = f'<table class="dataframe ledger-{kind}">', f"<thead><tr>{head}</tr></thead>", "<tbody>"
+    return Display("\n".join([*table, *body, "</tbody>", "</table>"]), "\n".join(text))
+
+
+def _entry(cell: Cell, column: str, heading: bool) -> str:
+    """A cell as HTML; on a phone, where a row becomes a block, a number is labelled by the heading of its column."""
+    tag, scope = ("th", ' scope="row"') if heading else ("td", "")
+    span = f' colspan="{cell.span}"' if cell.span > 1 else ""
+    label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
+    return f'<{tag}{scope} class="{cell.kind}"{span}{label}>{cell.html}</{tag}>'
+
+
+def verdict(row: Row) -> Cell:
+    """Make a cell of a verdict, and of its basis where that is not the paper's problem."""
+    word, basis = row.verdict or "open", BASIS.get(row.basis, row.basis)
+    below = f' <span class="basis">{escape(basis)}</span>' if basis else ""
+    return Cell(f"{word} ({basis})" if basis else word, chip(word) + below, "verdict text")
+
+
+def claim(row: Row, unfold: bool = True) -> Cell:
+    """Make a cell of what is claimed, and where; it unfolds to the note. A terminal also shows the id."""
+    text = row.printed if row.is_statement else row.quantity
+    html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
+    if row.note and unfold:
+        html = f"<details><summary>{html}</summary><p>{markup(row.note)}</p></details>"
+    return Cell(f"{row.id}: {text} ({row.where})", html, "claim text")
+
+
+def evidence(row: Row, span: int = 1) -> Cell:
+    """Make a cell of what decides a statement."""
+    if not row.evidence:
+        return Cell("", "—", "evidence text", span)
+    kept, relation = Evidence.parse(row.evidence), Relation.parse(row.relation)
+    first = f"largest residual {kept.shown()}" if relation.is_identity else kept.shown()
+    rest = [*filter(None, ("" if relation.is_identity else relation.words, kept.remark))]
+    below = f' <span class="where">{markup("; ".join(rest))}</span>' if rest else ""
+    return Cell("; ".join([first, *rest]), f"{markup(first)}{below}", "evidence text", span)
+
+
+def claims(rows: Sequence[Row]) -> Display:
+    """Show rows of a ledger: a number in units of the last printed place off its print, a statement by its evidence."""
+    statements = all(row.is_statement for row in rows)
+    last = ["evidence"] if statements else ["printed", "computed", "difference"]
+    cells = [[verdict(row), claim(row), *_found(row, len(last))] for row in rows]
+    return grid("claims", ["verdict", "claim", *last], cells, 1, [row.note for row in rows])
+
+
+def _found(row: Row, columns: int) -> list[Cell]:
+    if row.is_statement:
+        return [evidence(row, columns)]
+    off = row.difference()
+    return [
+        number(row.printed),
+        number(row.shown() or "—"),
+        number("—" if off is None else f"{off:+z.1f}"),
     ]
-    html = [
-        f'<table class="dataframe ledger-{kind}">',
-        "<thead><tr>" + "".join(f'<th scope="col">{escape(name)}</th>' for name in header) + "</tr></thead>",
-        "<tbody>",
-        *("<tr>" + _entries(row, header, heading) + "</tr>" for row in body),
-        "</tbody>",
-        "</table>",
-    ]
-    return Display("\n".join(html), "\n".join(text))
 
 
-def _fill(cell: Cell) -> list[Cell]:
-    """Empty cells after one that takes several columns, for a terminal."""
-    return [Cell("", "")] * (cell.span - 1)
+def score(rows: Iterable[Row]) -> dict[str, int]:
+    """Count rows by the keys of `KINDS`; ``open`` last, if some rows have no verdict yet."""
+    return {**dict.fromkeys(KINDS, 0), **Counter(map(_kind, rows))}
 
 
-def _entries(row: Sequence[Cell], header: Sequence[str], heading: int) -> str:
-    """Cells as HTML; on a phone, where a row becomes a block, a number is labelled by the heading of its column."""
-    html, column = "", 0
-    for place, cell in enumerate(row):
-        span = f' colspan="{cell.span}"' if cell.span > 1 else ""
-        label = f' data-label="{escape(header[column])}"' if cell.kind == "number" else ""
-        tag, scope = ("th", ' scope="row"') if place == heading else ("td", "")
-        html += f'<{tag}{scope} class="{cell.kind}"{span}{label}>{cell.html}</{tag}>'
-        column += cell.span
-    return html
+def _kind(row: Row) -> str:
+    if row.verdict and row.basis == "from-print":
+        agrees = row.verdict in ("reproduced", "last-digit", "approximate", "holds")
+        return "print-agrees" if agrees else "print-disagrees"
+    reading = row.basis == "reading" and row.verdict != "not-computable"
+    return "reading" if reading else row.verdict or "open"
+
+
+def score_line(name: str, counts: Mapping[str, int]) -> str:
+    """Say a score in one line.
+
+    >>> score_line("demo", {"reproduced": 3, "print-agrees": 1, "differs": 0})
+    'demo: 4 claims, 3 reproduced, 1 agree with other print'
+    """
+    total = sum(counts.values())
+    parts = [f"{count} {KINDS.get(kind, kind)}" for kind, count in counts.items() if count]
+    return f"{name}: " + ", ".join([f"{total} claim{'' if total == 1 else 's'}", *parts])
+
+
+def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Display:
+    """Show a score as a bar, perhaps with a legend; a screen reader reads `score_line`."""
+    line, shown = score_line(name, counts), {kind: count for kind, count in counts.items() if count}
+    total = sum(counts.values())
+    parts = "".join(
+        f'<span class="verdict-{kind}" style="width:{100 * count / total:.2f}%"></span>'
+        for kind, count in shown.items()
+    )
+    bar = f'<div class="scorebar" role="img" aria-label="{escape(line)}">{parts}</div>'
+    items = "".join(
+        f'<li class="verdict-{kind}">{KINDS.get(kind, kind)} {count}</li>' for kind, count in shown.items()
+    )
+    return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)

@@ -1,17 +1,25 @@
-"""All ledgers together: the pages *Scoreboard* and *Errata*, and the table of conventions."""
+"""All ledgers together: the pages *Scoreboard* and *Errata*, the score of the front pages, the manifest."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
+from pidalab.ledger import display
 from pidalab.ledger.book import Ledger
-from pidalab.ledger.conventions import CONVENTIONS
-from pidalab.ledger.display import Cell, Display, chip, grid, markup, number, words
-from pidalab.ledger.errors import LedgerError
-from pidalab.ledger.files import find_folder, papers
-from pidalab.ledger.rows import Row
-from pidalab.ledger.scores import bar, score, score_line, scorebar
-from pidalab.ledger.tables import claim, evidence
-from pidalab.ledger.verdicts import BASES, VERDICTS
+from pidalab.ledger.digits import BASES, DECLARED, VERDICTS, LedgerError
+from pidalab.ledger.display import (
+    KINDS,
+    Cell,
+    Display,
+    grid,
+    markup,
+    number,
+    score,
+    score_line,
+    scorebar,
+    words,
+)
+from pidalab.ledger.rows import MANIFEST, Row, find_folder, papers, table
 
 ERRATA = {
     "misprint": (
@@ -25,6 +33,13 @@ ERRATA = {
         "Here what we read does not hold, and we cannot tell whether the print or our reading of it is at fault: some "
         "texts were read by machine, and a lost dot, sign or index is enough. The last column says what would hold.",
     ),
+}
+BEGIN, END = "<!-- score -->", "<!-- /score -->"
+_APART = ("print-agrees", "print-disagrees", "reading", "not-computable")
+GROUPS = {
+    "computed from the paper's problem": [kind for kind in KINDS if kind not in _APART],
+    "from other printed results": ["print-agrees", "print-disagrees"],
+    "by reading": ["reading", "not-computable"],
 }
 
 
@@ -60,34 +75,12 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     return books
 
 
-def titles(folder: Path) -> dict[str, str]:
-    """Read the titles of the papers from the references beside the ledgers.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Folder of the csv files; ``references.bib`` lies above it.
-
-    Returns
-    -------
-    dict of str to str
-        By key; empty without references.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> book = Path(tempfile.mkdtemp())
-    >>> _ = (book / "references.bib").write_text("@article{demo2020,\\n  title = {On {PIDA}},\\n}")
-    >>> titles(book / "ledger")
-    {'demo2020': 'On PIDA'}
-    """
-    path = folder.parent / "references.bib"
+def _title(book: Ledger) -> str:
+    """Title of a paper, as HTML and text, from the references above its ledger."""
+    path = book.path.parents[1] / "references.bib"
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
-    entries = re.findall(r"@\w+\{(\w+),(.*?)\n\}", text, re.DOTALL)
-    found = {key: re.search(r"\btitle\s*=\s*\{(.*)\},?", body) for key, body in entries}
-    return {
-        key: re.sub(r"[{}]", "", title.group(1)).replace("--", "–") for key, title in found.items() if title
-    }
+    found = re.search(rf"@\w+\{{{book.paper},.*?\btitle\s*=\s*\{{(.*?)\}},?\n", text, re.DOTALL)
+    return re.sub(r"[{}]", "", found[1]).replace("--", "–") if found else book.paper
 
 
 def scoreboard(folder: Path | str | None = None) -> Display:
@@ -113,22 +106,26 @@ def scoreboard(folder: Path | str | None = None) -> Display:
     >>> print(scoreboard(tempfile.mkdtemp()).text.splitlines()[-1])
     claims           0
     """
-    books = load_all(folder)
+    rows = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     # the total first: a narrow screen shows it without scrolling
-    rows = {"total": [row for book in books.values() for row in book.rows.values()]}
-    rows |= {paper: [*book.rows.values()] for paper, book in books.items()}
-    body = [_count(rows, basis, verdict) for basis in BASES for verdict in VERDICTS]
-    body = [line for line in body if line[2].text != "0"]
+    rows = {"total": [row for part in rows.values() for row in part]} | rows
+    body = [
+        [words(basis), Cell(verdict, display.chip(verdict)), *(number(str(count)) for count in counts)]
+        for basis in BASES
+        for verdict in VERDICTS
+        if any(
+            counts := [
+                sum((row.basis, row.verdict) == (basis, verdict) for row in part) for part in rows.values()
+            ]
+        )
+    ]
     body.append([words(""), words("claims"), *(number(str(len(part))) for part in rows.values())])
-    table = grid("scoreboard", ("basis", "verdict", *rows), body, heading=1)
-    bars = scorebar("all papers", score(rows["total"])).html if rows["total"] else ""
-    bars += "".join(f"<p>{markup(paper)}</p>{bar(paper, book.score())}" for paper, book in books.items())
-    return Display(f"{bars}\n{table.html}", table.text)
-
-
-def _count(rows: dict[str, list[Row]], basis: str, verdict: str) -> list[Cell]:
-    counts = (sum(row.verdict == verdict and row.basis == basis for row in part) for part in rows.values())
-    return [words(basis), Cell(verdict, chip(verdict)), *(number(str(count)) for count in counts)]
+    board = grid("scoreboard", ("basis", "verdict", *rows), body, heading=1)
+    bars = [
+        f"<p>{markup(paper)}</p>{scorebar(paper, score(part)).html}" for paper, part in rows.items() if part
+    ]
+    bars[:1] = [scorebar("all papers", score(rows["total"]), legend=True).html] * bool(bars)
+    return Display(f"{''.join(bars)}\n{board.html}", board.text)
 
 
 def every_row(folder: Path | str | None = None) -> Display:
@@ -155,26 +152,23 @@ def every_row(folder: Path | str | None = None) -> Display:
     >>> every_row(tempfile.mkdtemp()).html
     ''
     """
-    books = load_all(folder)
-    place = Path(folder) if folder is not None else find_folder()
-    named = titles(place)
     html, text = [], []
-    for paper, book in books.items():
-        pages = {"the chapter": f"{paper}", "its evidence": f"audit/{paper}"}
-        ways = [
-            f'<a href="{page}.html">{name}</a>'
-            for name, page in pages.items()
-            if (place.parent / f"{page}.ipynb").is_file()
-        ]
+    for paper, book in load_all(folder).items():
+        pages = {"the chapter": paper, "its evidence": f"audit/{paper}"}
+        there = {
+            name: page for name, page in pages.items() if (book.path.parents[1] / f"{page}.ipynb").is_file()
+        }
+        ways = [f'<a href="{page}.html">{name}</a>' for name, page in there.items()]
+        counts = score(book.rows.values())
         html += [
-            f"<h3>{markup(named.get(paper, paper))}</h3>",
+            f"<h3>{markup(_title(book))}</h3>",
             f"<p>{', '.join([paper, *ways])}</p>",
-            bar(paper, book.score()),
+            scorebar(paper, counts).html,
             f"<details><summary>All {len(book.rows)} rows</summary>",
             book.table().html,
             "</details>",
         ]
-        text.append(score_line(paper, book.score()))
+        text.append(score_line(paper, counts))
     return Display("\n".join(html), "\n".join(text))
 
 
@@ -201,47 +195,125 @@ def errata(folder: Path | str | None = None) -> Display:
     >>> print(errata(tempfile.mkdtemp()).text.splitlines()[0])
     Misprints
     """
-    books = load_all(folder)
-    place = Path(folder) if folder is not None else find_folder()
-    named = titles(place)
+    books = load_all(folder).values()
     html, text = [], []
     for verdict, (heading, said) in ERRATA.items():
         html += [f"<h2>{heading}</h2>", f'<p class="errata-notice">{said}</p>']
         text += [heading, said]
-        for paper, book in books.items():
+        for book in books:
             rows = [row for row in book.rows.values() if row.verdict == verdict]
             if rows:
-                table = _corrections(rows)
-                html += [f"<h3>{markup(named.get(paper, paper))} ({paper})</h3>", table.html]
-                text += [f"{named.get(paper, paper)} ({paper})", table.text]
+                cells = [[display.claim(row, unfold=False), *_follows(row), words(row.note)] for row in rows]
+                found = grid("errata", ("claim", "printed, as read", "follows", "why"), cells)
+                html += [f"<h3>{markup(_title(book))} ({book.paper})</h3>", found.html]
+                text += [f"{_title(book)} ({book.paper})", found.text]
     return Display("\n".join(html), "\n".join(text))
 
 
-def _corrections(rows: list[Row]) -> Display:
-    """One table of rows that are printed, or read, otherwise than they follow."""
-
-    def middle(row: Row) -> tuple[Cell, ...]:
-        if row.is_number:
-            return number(row.printed), number(row.shown())
-        return (evidence(row, span=2) if row.evidence else Cell("", "", "evidence text", 2),)
-
-    header = ("claim", "printed, as read", "follows", "why")
-    cells = [[claim(row, row.where, unfold=False), *middle(row), words(row.note)] for row in rows]
-    return grid("errata", header, cells)
+def _follows(row: Row) -> Sequence[Cell]:
+    if row.is_number:
+        return number(row.printed), number(row.shown())
+    return (display.evidence(row, span=2) if row.evidence else Cell("", "", "evidence text", 2),)
 
 
-def convention_table() -> Display:
-    """Show what words such as *similar* and *clearly* mean in all ledgers.
+def score_markdown(folder: Path | str | None = None) -> str:
+    """Return the score as a Markdown table between two comments, which `write_score` finds again.
+
+    Parameters
+    ----------
+    folder : path, optional
+        As in `load_all`.
 
     Returns
     -------
-    Display
+    str
+
+    Raises
+    ------
+    LedgerError
+        As in `load_all`.
 
     Examples
     --------
-    >>> print(convention_table().text.splitlines()[1])
-    similar, about, comparable                             within 10 % of the larger
+    >>> import tempfile
+    >>> print(score_markdown(tempfile.mkdtemp()).splitlines()[0])
+    <!-- score -->
     """
-    cells = [[words(entry.words), words(entry.meaning)] for entry in CONVENTIONS.values()]
-    cells.append([words("the same formula, an identity"), words("a relative residual of at most 1e-9")])
-    return grid("conventions", ("a paper says", "the ledger asks"), cells)
+    books = load_all(folder)
+    columns = {paper: score(book.rows.values()) for paper, book in books.items()}
+    columns["total"] = score(row for book in books.values() for row in book.rows.values())
+
+    def line(name: str, kinds: Sequence[str], bold: str = "") -> str:
+        counts = (sum(counts[kind] for kind in kinds) for counts in columns.values())
+        return "| " + " | ".join(f"{bold}{entry}{bold}" for entry in (name, *counts)) + " |"
+
+    lines = [f"| {' | '.join(['claims', *columns])} |", f"| --- |{' --: |' * len(columns)}"]
+    for group, kinds in GROUPS.items():
+        lines.append(line(group, kinds, "**"))
+        lines += [line(KINDS[kind], [kind]) for kind in kinds if columns["total"][kind]]
+    return "\n".join([BEGIN, "", *lines, line("all", [*KINDS], "**"), "", END])
+
+
+def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
+    r"""Bring the score in a Markdown file up to date.
+
+    Parameters
+    ----------
+    path : path
+        A file with one block from ``<!-- score -->`` to ``<!-- /score -->``.
+    folder : path, optional
+        As in `load_all`.
+
+    Returns
+    -------
+    bool
+        Whether the file changed.
+
+    Raises
+    ------
+    LedgerError
+        If the file has no such block or more than one, and as in `load_all`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = (folder / "README.md").write_text("# Title\n\n<!-- score -->\n<!-- /score -->\n")
+    >>> write_score(folder / "README.md", folder), write_score(folder / "README.md", folder)
+    (True, False)
+    """
+    file = Path(path)
+    parts = re.split(f"{BEGIN}.*?{END}", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+    if len(parts) != 2:
+        raise LedgerError(f"{path}: expected one block from {BEGIN} to {END}, found {len(parts) - 1}")
+    return _rewritten(file, score_markdown(folder).join(parts))
+
+
+def _rewritten(file: Path, text: str) -> bool:
+    """Write a file unless it has this text already."""
+    if file.is_file() and file.read_text(encoding="utf-8") == text:
+        return False
+    file.write_text(text, encoding="utf-8", newline="")
+    return True
+
+
+def claims(folder: Path | str | None = None) -> str:
+    """Return what every row of a folder claims, as the text of its manifest."""
+    rows = [row for book in load_all(folder).values() for row in book.rows.values()]
+    lines = [
+        (
+            row.id,
+            row.printed,
+            "statement" if row.is_statement else "number",
+            row.basis,
+            row.verdict if row.verdict in DECLARED else "",
+        )
+        for row in rows
+    ]
+    return table(("id", "printed", "kind", "basis", "declared"), lines)
+
+
+def freeze(folder: Path | str | None = None) -> bool:
+    """Write the manifest, and tell whether it changed: no claim is retyped, shortened, dropped or padded unseen."""
+    place = Path(folder) if folder is not None else find_folder()
+    return _rewritten(place / MANIFEST, claims(place))

@@ -1,15 +1,34 @@
-"""One row of a ledger, and what can be wrong with it."""
+"""The rows of a ledger, what can be wrong with one, and the files that hold them: ``book/ledger/<paper>.csv``."""
 
+import csv
+import io
 import re
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import astuple, dataclass, fields
 from decimal import Decimal
+from pathlib import Path
 
-from pidalab.ledger import digits, verdicts
-from pidalab.ledger.errors import LedgerError, naming
-from pidalab.ledger.relations import IDENTITY, Evidence, Relation
+from pidalab.ledger import digits
+from pidalab.ledger.digits import AGREEING, BASES, DECLARED, LedgerError
+from pidalab.ledger.statements import Evidence, Relation
 
+FOLDER = Path("book", "ledger")
+MANIFEST = "manifest.csv"  # the frozen list of claims, beside the ledgers
+REMOVED = "removed.csv"  # ids that are never used again, and why
+IDENTITY = 1e-9  # largest relative residual of two formulas that are called the same, without a note
 WORDS = 5  # of a note that carries a verdict; a reason is a sentence
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
+
+
+@contextmanager
+def naming(id: str) -> Iterator[None]:
+    """Say in which row an error happened."""
+    try:
+        yield
+    except LedgerError as error:
+        raise LedgerError(f"{id}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -29,9 +48,9 @@ class Row:
     computed : str, optional
         The computed number, or ``holds`` or ``fails``. Empty when settled by reading, or not yet computed.
     verdict : str, optional
-        A key of `VERDICTS`, or empty while nobody has judged.
+        One of `VERDICTS`, or empty while nobody has judged.
     basis : str, optional
-        A key of `BASES`.
+        One of `BASES`.
     page : str, optional
         The notebook that hands the row over, its path below ``book`` without suffix; empty when settled by reading.
     relation : str, optional
@@ -70,7 +89,7 @@ class Row:
     @property
     def is_number(self) -> bool:
         """Whether a number was computed, so that differences make sense."""
-        return not self.is_statement and self.computed not in ("", *verdicts.STATEMENT)
+        return not self.is_statement and self.computed != ""
 
     @property
     def found(self) -> str:
@@ -116,8 +135,8 @@ class Row:
         """
         with naming(self.id):
             if self.is_statement:
-                return Evidence.parse(self.evidence).verdict if self.evidence else self.computed
-            return verdicts.derive(self.printed, self.computed, self.note)
+                return Evidence.parse(self.evidence).verdict
+            return digits.derive(self.printed, self.computed, self.note)
 
     def difference(self) -> Decimal | None:
         """Return computed minus printed in units of the last printed place, None where there is no number.
@@ -132,10 +151,10 @@ class Row:
         Decimal('1.25')
         """
         with naming(self.id):
-            return verdicts.difference(self.printed, self.computed) if self.is_number else None
+            return digits.difference(self.printed, self.computed) if self.is_number else None
 
     def shown(self) -> str:
-        """Return the computed entry, rounded for a reader; see `show`.
+        """Return the computed entry, a number rounded for a reader to two digits more than printed.
 
         Returns
         -------
@@ -148,6 +167,34 @@ class Row:
         """
         with naming(self.id):
             return digits.show(self.printed, self.computed) if self.is_number else self.computed
+
+    def same(self, fresh: "Row") -> bool:
+        """Tell whether a fresh row says what this one says, to one unit in its last stored place.
+
+        Parameters
+        ----------
+        fresh : Row
+            The row with what a run computed.
+
+        Returns
+        -------
+        bool
+
+        Examples
+        --------
+        >>> from dataclasses import replace
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
+        >>> row.same(replace(row, computed="1.309812346")), row.same(replace(row, computed="1.309900000"))
+        (True, False)
+        """
+        if not self.found:
+            return False
+        if not self.is_statement:
+            return digits.agrees(fresh.computed, self.computed)
+        old, new = Evidence.parse(self.evidence), Evidence.parse(fresh.evidence)
+        if Relation.parse(self.relation).is_identity and old.verdict == new.verdict == "holds":
+            return old.right == new.right  # the size of a rounding error depends on the machine
+        return digits.same_text(self.evidence, fresh.evidence)
 
     def disagreement(self) -> str | None:
         """Say why the verdict does not follow from the entries, None if it does.
@@ -167,8 +214,8 @@ class Row:
             return str(error)
         found = self.evidence if self.is_statement else f"{self.computed} against printed {self.printed}"
         gives = f"{found} gives {derived or 'no agreement'}"
-        if self.verdict in verdicts.DECLARED:
-            agrees = derived in verdicts.AGREEING
+        if self.verdict in DECLARED:
+            agrees = derived in AGREEING
             return f"{self.id}: declared {self.verdict} starts to agree, {gives}" if agrees else None
         if derived == self.verdict:
             return None
@@ -187,135 +234,150 @@ class Row:
         >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.900000000", "misprint", page="demo").problems()
         ['demo.kp: misprint needs a note of at least 5 words']
         """
-        tests = (*self._form(), *self._judged_by_reading(), *self._judged_by_computing())
-        found = [f"{self.id}: {message}" for wrong, message in tests if wrong] + self._relation_problems()
-        disagreement = self.disagreement() if self.computed and not found else None
+        found = [f"{self.id}: {problem}" for problem in self._malformed()]
+        disagreement = None if found or self.basis == "reading" else self.disagreement()
         return [*found, disagreement] if disagreement else found
 
-    def _form(self) -> tuple[tuple[bool, str], ...]:
-        """What any row has to have."""
-        return (
-            (not _ID.fullmatch(self.id), "an id is lower case and dotted, such as haalman2024.ex1.pida.kp"),
-            (not self.where.strip(), "'where' is empty"),
-            (not self.quantity.strip(), "'quantity' is empty"),
-            (not self.printed.strip(), "'printed' is empty"),
-            (self.is_statement and digits.is_number(self.printed), "a printed number is no statement"),
-            (
-                self.verdict not in ("", *verdicts.VERDICTS),
-                f"unknown verdict {self.verdict!r}; one of {', '.join(verdicts.VERDICTS)}",
-            ),
-            (
-                self.basis not in verdicts.BASES,
-                f"unknown basis {self.basis!r}; one of {', '.join(verdicts.BASES)}",
-            ),
-            (
-                self.verdict in verdicts.DECLARED and len(self.note.split()) < WORDS,
-                f"{self.verdict} needs a note of at least {WORDS} words",
-            ),
-            (
-                self.verdict == "approximate" and not verdicts.sets_tolerance(self.note),
-                "approximate needs a tolerance in its note, such as 'tolerance 1 %' or 'tolerance 0.02'",
-            ),
-        )
+    def _malformed(self) -> Iterator[str]:
+        """Say which entries are missing, or there without reason."""
+        reading, statement = self.basis == "reading", ("relation", "evidence")
+        computing = ("computed", "page", *(statement if self.is_statement else ()))
+        needed = ("where", "quantity", "printed", *(() if reading else computing))
+        barred = ("computed", "page", *statement) if reading else () if self.is_statement else statement
+        if not _ID.fullmatch(self.id):
+            yield "an id is lower case and dotted, such as haalman2024.ex1.pida.kp"
+        if self.basis not in BASES:
+            yield f"unknown basis {self.basis!r}; one of {', '.join(BASES)}"
+        yield from (f"{name!r} is empty" for name in needed if not getattr(self, name).strip())
+        kind = "settled by reading" if reading else "a number"
+        yield from (f"{kind}, but {name!r} is not empty" for name in barred if getattr(self, name))
+        if self.verdict == "not-computable" and not reading:
+            yield "not-computable, so its basis is reading"
+        if reading and self.verdict not in ("holds", "fails", *DECLARED):
+            yield f"settled by reading cannot be {self.verdict or 'left without a verdict'}"
+        if (reading or self.verdict in DECLARED) and len(self.note.split()) < WORDS:
+            yield f"{self.verdict} needs a note of at least {WORDS} words"
+        if self.relation:
+            try:
+                relation = Relation.parse(self.relation)
+            except LedgerError as error:
+                yield str(error)
+            else:
+                if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
+                    yield f"a tolerance above {IDENTITY:g} needs a note that says why"
 
-    def _judged_by_reading(self) -> tuple[tuple[bool, str], ...]:
-        """What a row that hands over nothing must and must not have."""
-        reading = self.basis == "reading"
-        return (
-            (self.verdict == "not-computable" and not reading, "not-computable, so its basis is reading"),
-            (reading and bool(self.computed), "settled by reading, but 'computed' is not empty"),
-            (reading and bool(self.evidence), "settled by reading, but 'evidence' is not empty"),
-            (reading and bool(self.relation), "settled by reading, but 'relation' is not empty"),
-            (reading and bool(self.page), "settled by reading, but 'page' is not empty"),
-            (
-                reading and len(self.note.split()) < WORDS,
-                f"settled by reading needs a note of at least {WORDS} words",
-            ),
-            (
-                reading and self.verdict not in (*verdicts.STATEMENT, *verdicts.DECLARED),
-                f"settled by reading cannot be {self.verdict or 'left without a verdict'}",
-            ),
-        )
 
-    def _judged_by_computing(self) -> tuple[tuple[bool, str], ...]:
-        """What a row that is computed must and must not have."""
-        computing = self.basis != "reading"
-        statement = computing and self.is_statement
-        return (
-            (computing and not self.computed, "'computed' is empty"),
-            (
-                statement and bool(self.computed) and not self.evidence,
-                "no evidence: a statement is a relation of two numbers",
-            ),
-            (statement and not self.relation, "no relation: it says what is compared, 'IAE of A < IAE of B'"),
-            (bool(self.computed) and computing and not self.page, "'page' is empty"),
-            (
-                statement and bool(self.evidence) and self.computed not in ("", self._given()),
-                f"computed says {self.computed}, the evidence {self.evidence} does not",
-            ),
-            (not self.is_statement and bool(self.evidence), "a number has no evidence"),
-            (not self.is_statement and bool(self.relation), "a number has no relation"),
-            (
-                not self.is_statement and self.computed in verdicts.STATEMENT,
-                "a number is not judged as a statement",
-            ),
-            (
-                self._is_coarse() and not self._says_digits(),
-                "fewer digits than ten, and no note says why: 'digits'",
-            ),
-            (self._hides_drift(), "stored no finer than printed, so that drift stays hidden"),
-        )
+COLUMNS = tuple(field.name for field in fields(Row))
 
-    def _places(self) -> tuple[Decimal, Decimal] | None:
-        """Printed and computed number, None where one is missing or cannot be read, which is said elsewhere."""
-        readable = self.is_number and digits.is_number(self.printed) and digits.is_number(self.computed)
-        return (Decimal(self.printed), Decimal(self.computed)) if readable else None
 
-    def _is_coarse(self) -> bool:
-        """Whether a stored number has fewer digits than `store` writes."""
-        if self.is_statement:
-            return bool(self.evidence) and self._is_coarse_evidence()
-        places = self._places()
-        return places is not None and digits.exponent(places[1]) > digits.last_place(places[1], self.printed)
+def find_folder() -> Path:
+    """Search for ``book/ledger`` in the current directory and above it."""
+    here = Path.cwd()
+    for parent in (here, *here.parents):
+        if (parent / FOLDER).is_dir():
+            return parent / FOLDER
+    raise LedgerError(
+        f"no folder {FOLDER.as_posix()} in {here} or above it; the ledgers come with a clone of the book, not with the "
+        "installed library"
+    )
 
-    def _is_coarse_evidence(self) -> bool:
+
+def papers(folder: Path) -> list[str]:
+    """List the papers that have a ledger in a folder.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Folder of the csv files.
+
+    Returns
+    -------
+    list of str
+        Keys in alphabetical order.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> papers(Path(tempfile.mkdtemp()))
+    []
+    """
+    return sorted(file.stem for file in folder.glob("*.csv") if file.name not in (MANIFEST, REMOVED))
+
+
+def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
+    """Read a csv file that has these columns; one row is one line, so that a diff reads well."""
+    with path.open(encoding="utf-8", newline="") as file:
         try:
-            identity = bool(self.relation) and Relation.parse(self.relation).is_identity
-            return not identity and Evidence.parse(self.evidence).is_coarse
-        except LedgerError:
-            return False
-
-    def _relation_problems(self) -> list[str]:
-        """What is wrong with the relation, and with evidence that is not what it asks for."""
-        if not (self.relation and self.is_statement):
-            return []
-        try:
-            relation = Relation.parse(self.relation)
-            kept = Evidence.parse(self.evidence) if self.evidence else None
-        except LedgerError as error:
-            return [f"{self.id}: {error}"]
-        found = []
-        if kept and not relation.allows(kept):
-            found.append(f"{self.id}: evidence {kept} is not what the relation {self.relation} asks for")
-        if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
-            found.append(f"{self.id}: a tolerance above {IDENTITY:g} needs a note that says why")
-        return found
-
-    def _hides_drift(self) -> bool:
-        """Whether a stored number is not two places finer than the print, nor has ten digits."""
-        places = self._places()
-        return (
-            places is not None
-            and self._is_coarse()
-            and digits.exponent(places[1]) > digits.exponent(places[0]) - 2
+            header, *lines = [*csv.reader(file, strict=True)] or [[]]
+        except csv.Error as error:
+            raise LedgerError(f"{path.name}: {error}") from None
+    if header != [*columns]:
+        raise LedgerError(
+            f"{path.name}: expected the columns {', '.join(columns)}, found {', '.join(header)}"
         )
+    for line in lines:
+        if len(line) != len(columns) or any("\n" in entry or "\r" in entry for entry in line):
+            raise LedgerError(f"{path.name}: expected {len(columns)} entries on one line, found {line}")
+    return lines
 
-    def _says_digits(self) -> bool:
-        return "digits" in self.note
 
-    def _given(self) -> str:
-        """What the evidence gives; that it cannot be read is said by `disagreement`."""
-        try:
-            return Evidence.parse(self.evidence).verdict
-        except LedgerError:
-            return self.computed
+def table(columns: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """Write a csv file as text: quotes only where needed, one line feed after each line."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([columns, *lines])
+    return text.getvalue()
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Read a ledger file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The csv file.
+
+    Returns
+    -------
+    list of Row
+        In the order of the file.
+
+    Raises
+    ------
+    LedgerError
+        If the columns are others than those of `Row`, a line is incomplete or an id occurs twice.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "demo.csv")
+    >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
+    >>> [row.printed for row in read_rows(path)]
+    ['1.31']
+    """
+    lines = read_table(path, COLUMNS)
+    twice = [id for id, count in Counter(line[0] for line in lines).items() if count > 1]
+    if twice:
+        raise LedgerError(f"{path.name}: more than one row for {', '.join(twice)}")
+    return [Row(*line) for line in lines]
+
+
+def write_rows(path: Path, rows: Sequence[Row]) -> None:
+    """Write a ledger file in UTF-8.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The csv file.
+    rows : sequence of Row
+        In the order to keep.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "demo.csv")
+    >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
+    >>> print(path.read_text(encoding="utf-8"), end="")
+    id,where,quantity,printed,computed,verdict,basis,page,relation,evidence,note
+    demo.kp,Table 1,gain,1.31,,,computed,,,,
+    """
+    path.write_text(table(COLUMNS, (astuple(row) for row in rows)), encoding="utf-8", newline="")

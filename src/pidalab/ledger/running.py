@@ -1,4 +1,4 @@
-"""Storing what the pages of a paper compute: their cells run with a ledger that takes everything."""
+"""Running the pages of a paper, and storing what they hand over."""
 
 import ast
 import contextlib
@@ -7,120 +7,55 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pidalab.ledger.book import Ledger, recording, updated
-from pidalab.ledger.errors import LedgerError
-from pidalab.ledger.files import find_folder, write_rows
-from pidalab.ledger.rows import Row
-
-_MAGIC = re.compile(r"(?m)^[%!].*$")
+from pidalab.ledger.book import Ledger, recording
+from pidalab.ledger.digits import DECLARED, LedgerError
+from pidalab.ledger.rows import Row, find_folder, naming, write_rows
 
 
-def pages(paper: str, folder: Path | str | None = None) -> dict[str, Path]:
-    """Find the notebooks that open a ledger, by the name under which they open it.
-
-    Parameters
-    ----------
-    paper : str
-        Key of the paper.
-    folder : path, optional
-        Folder of the csv files, beside which the notebooks lie; by default as in `Ledger.open`.
-
-    Returns
-    -------
-    dict of str to pathlib.Path
-        In alphabetical order of the files, chapters before audits.
-
-    Raises
-    ------
-    LedgerError
-        If two notebooks use one name.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> book = Path(tempfile.mkdtemp())
-    >>> (book / "ledger").mkdir()
-    >>> pages("demo", book / "ledger")
-    {}
-    """
-    ledgers = Path(folder) if folder is not None else find_folder()
-    found: dict[str, Path] = {}
-    notebooks = [path for path in ledgers.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
-    for path in sorted(notebooks, key=lambda path: (len(path.parts), path)):
-        name = opened(path).get(paper)
-        if name in found:
-            raise LedgerError(f"{path} and {found[name]} both open {paper} as page {name!r}")
-        if name is not None:
-            found[name] = path
-    return found
+def pages(paper: str, folder: Path) -> list[Path]:
+    """Find the notebooks beside a folder of ledgers that open the ledger of a paper, chapters before audits."""
+    opened = re.compile(rf"Ledger\.open\(\s*['\"]{paper}['\"]")
+    notebooks = [path for path in folder.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
+    found = [path for path in notebooks if opened.search("\n".join(cells(path)))]
+    return sorted(found, key=lambda path: (len(path.parts), path))
 
 
 def cells(path: Path) -> list[str]:
     """Read the code cells of a notebook, magics left out."""
     notebook = json.loads(path.read_text(encoding="utf-8"))
-    code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    return [_MAGIC.sub("", "".join(cell["source"])) for cell in code]
+    code = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    return [re.sub(r"(?m)^[%!].*$", "", source) for source in code]
 
 
-def opened(path: Path) -> dict[str, str]:
-    """Read which ledgers a notebook opens: names of pages by paper."""
-    source = "\n".join(cells(path))
-    if "Ledger" not in source:
-        return {}
-    found = {}
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("Ledger.open") and node.args:
-            paper, *rest = (_text(part) for part in node.args)
-            words = {word.arg: _text(word.value) for word in node.keywords}
-            found[paper] = words.get("page") or next(iter(rest), "") or paper
-    return found
-
-
-def _text(node: ast.expr) -> str:
-    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ast.unparse(node)
-
-
-def run(path: Path) -> list[Ledger]:
-    """Run the code cells of a notebook, as it stands in its folder, and return its ledgers with what they were given.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A notebook.
-
-    Returns
-    -------
-    list of Ledger
-        Nothing was compared, nothing is stored.
-
-    Raises
-    ------
-    LedgerError
-        If an id is unknown, or what is handed over does not fit its row.
-    """
+def execute(path: Path) -> Iterator[str]:
+    """Run the code cells of a notebook in its folder, one after the other; yields what each prints and returns."""
     os.environ["MPLBACKEND"] = "Agg"
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].switch_backend("Agg")
-    names: dict[str, Any] = {"__name__": "__main__"}
-    here = str(path.resolve().parent)
-    with recording() as books, contextlib.chdir(here), contextlib.redirect_stdout(StringIO()):
+    names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
+    here, sources = str(path.resolve().parent), cells(path)
+    with contextlib.chdir(here):
         sys.path.insert(0, here)
         try:
-            for number, source in enumerate(cells(path), start=1):
-                with warnings.catch_warnings():
+            for number, source in enumerate(sources, start=1):
+                tree, last = ast.parse(source), None
+                if tree.body and isinstance(tree.body[-1], ast.Expr):
+                    last = ast.Expression(tree.body.pop().value)  # type: ignore[attr-defined]
+                with contextlib.redirect_stdout(StringIO()) as said, warnings.catch_warnings():
                     warnings.filterwarnings("ignore", message=".*non-interactive.*")
-                    exec(compile(source, f"{path.name}, cell {number}", "exec"), names)
+                    exec(compile(tree, f"{path.name}, cell {number}", "exec"), names)
+                    value = last and eval(compile(last, f"{path.name}, cell {number}", "eval"), names)
+                yield said.getvalue() + ("" if value is None else repr(value))
         finally:
             sys.path.remove(here)
             if "matplotlib.pyplot" in sys.modules:
                 sys.modules["matplotlib.pyplot"].close("all")
-    return books
 
 
 class Update(NamedTuple):
@@ -144,14 +79,18 @@ class Update(NamedTuple):
 
 
 def update(paper: str, folder: Path | str | None = None) -> Update:
-    """Run the pages of a paper and store what they hand over.
+    """Run the pages of a paper and store what they hand over, with the verdicts that follow.
+
+    What still agrees stays as it is, so that a second run on another machine changes nothing; so does everything that a
+    person wrote: order, basis, relations, notes and declared verdicts. A row whose numbers disagree without a declared
+    reason is left without a verdict.
 
     Parameters
     ----------
     paper : str
         Key of the paper.
     folder : path, optional
-        As in `pages`.
+        Folder of the csv files, beside which the notebooks lie; by default as in `Ledger.open`.
 
     Returns
     -------
@@ -160,7 +99,8 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     Raises
     ------
     LedgerError
-        If no page opens the ledger, and as in `run`; nothing is stored then.
+        If no page opens the ledger, a page closes it under another name than its own, an id is unknown, or what is
+        handed over does not fit its row. Nothing is stored then.
 
     Examples
     --------
@@ -171,54 +111,31 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     >>> cell = "from pidalab.ledger import Ledger; book = Ledger.open('demo'); book.compare({'kp': 1.3098})"
     >>> page = {"cells": [{"cell_type": "code", "source": [cell]}]}
     >>> _ = (book / "demo.ipynb").write_text(json.dumps(page))
-    >>> update("demo", book / "ledger").changes[0]
-    "demo.kp: computed '' -> '1.309800000'"
-    """
-    found = pages(paper, folder)
-    if not found:
-        raise LedgerError(f'no notebook has Ledger.open("{paper}")')
-    books = [book for path in found.values() for book in run(path) if book.paper == paper]
-    fresh: dict[str, Row] = {}
-    for book in sorted(books, key=lambda book: not book.closed):  # the first that closes it owes a row
-        fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
-    changes = record(paper, fresh, folder)
-    book = Ledger.open(paper, folder=folder)
-    owed = [id for id, row in book.rows.items() if row.basis != "reading" and id not in fresh]
-    return Update(changes, book.problems() + [f"{id}: never handed over" for id in owed])
-
-
-def record(paper: str, fresh: Mapping[str, Row], folder: Path | str | None = None) -> list[str]:
-    """Store fresh rows in a ledger file, and the verdicts that follow from them.
-
-    What still agrees stays as it is, and so does everything that a person wrote: order, basis, relations, notes and
-    declared verdicts. A row whose numbers disagree without a declared reason is left without a verdict.
-
-    Parameters
-    ----------
-    paper : str
-        Key of the paper.
-    fresh : mapping of str to Row
-        Rows as a page handed them over, by full id.
-    folder : path, optional
-        As in `Ledger.open`.
-
-    Returns
-    -------
-    list of str
-        One line for each entry that changed, old and new.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder, row = Path(tempfile.mkdtemp()), Row("demo.kp", "Table 1", "gain", "1.31")
-    >>> write_rows(folder / "demo.csv", [row])
-    >>> for change in record("demo", {"demo.kp": replace(row, computed="1.309800000")}, folder):
+    >>> for change in update("demo", book / "ledger").changes:
     ...     print(change)
     demo.kp: computed '' -> '1.309800000'
     demo.kp: verdict '' -> 'reproduced'
+    demo.kp: page '' -> 'demo'
     """
-    book = Ledger.open(paper, folder=folder)
-    new = {id: updated(row, fresh[id]) if id in fresh else row for id, row in book.rows.items()}
+    place = Path(folder) if folder is not None else find_folder()
+    found = pages(paper, place)
+    if not found:
+        raise LedgerError(f'no notebook has Ledger.open("{paper}")')
+    books: list[Ledger] = []
+    for path in found:
+        with recording() as opened:
+            for _ in execute(path):
+                pass
+        name = path.relative_to(place.parent).with_suffix("").as_posix()
+        for book in opened:
+            if book.closed and book.page != name:
+                raise LedgerError(f"{name} closes the ledger as page {book.page!r}")
+        books += [book for book in opened if book.paper == paper]
+    fresh: dict[str, Row] = {}
+    for book in sorted(books, key=lambda book: not book.closed):  # the first that closes it owes a row
+        fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
+    book = Ledger.open(paper, folder=place)
+    new = {id: _updated(row, fresh[id]) if id in fresh else row for id, row in book.rows.items()}
     changes = [
         f"{id}: {column} {getattr(row, column)!r} -> {getattr(new[id], column)!r}"
         for id, row in book.rows.items()
@@ -227,4 +144,13 @@ def record(paper: str, fresh: Mapping[str, Row], folder: Path | str | None = Non
     ]
     if changes:
         write_rows(book.path, list(new.values()))
-    return changes
+    owed = [row.id for row in new.values() if row.basis != "reading" and row.id not in fresh]
+    left = Ledger.open(paper, folder=place).problems() + [f"{id}: never handed over" for id in owed]
+    return Update(changes, left)
+
+
+def _updated(row: Row, fresh: Row) -> Row:
+    """Return the row with what is new in a fresh one, and the verdict that follows."""
+    with naming(row.id):
+        new = replace(row, page=fresh.page) if row.same(fresh) else fresh
+        return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")

@@ -1,14 +1,12 @@
 """Relations, conventions, and the inequality that decides."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pidalab.ledger import CONVENTIONS, Evidence, LedgerError, Relation
-from pidalab.ledger.relations import IDENTITY
+from pidalab.ledger.rows import IDENTITY
 
 INF = float("inf")
 
@@ -19,7 +17,7 @@ INF = float("inf")
         (10.82, "<=", 10, "10.82000000 <= 10 | ratio 1.1", "fails"),
         (np.float64(2.5), ">", np.int64(2), "2.500000000 > 2 | ratio 1.2", "holds"),
         (3, "==", np.int32(3), "3 == 3", "holds"),
-        (3, "!=", 3, "3 != 3", "fails"),
+        (3, "==", 2, "3 == 2", "fails"),
         (1e-17, "<", 2.0, "0.000000000000 < 2.000000000 | ratio under 0.001", "holds"),  # no noise is kept
         (-3e7, ">=", -INF, "-30000000.00 >= -inf", "holds"),
         (INF, "<", 4.0, "inf < 4.000000000", "fails"),
@@ -41,14 +39,14 @@ def test_an_inequality_is_kept_with_its_digits(left, sign, right, text, verdict)
         ("<", ("1", 2), "expected a number"),
         ("<", {}, "no cases"),
         ("<", {"a": 1.0}, "expected a pair"),
-        ("A = B", (1, 2), "relation 'A = B' is none such as"),
-        ("≈", (1.0, 2.0), "'≈' needs a convention"),
+        ("A = B", (1, 2), "relation 'A = B' does not read like"),
+        ("≈", (1.0, 2.0), "≈ takes no convention ''"),
         ("==", (1.0, 1.0), "'==' is for integers"),
-        ("≈ | alike", (1.0, 2.0), "unknown convention 'alike'; one of similar, slightly"),
-        ("< | similar", (1.0, 2.0), "the convention 'similar' goes with ≈, found '<'"),
-        ("< | much", (1.0, INF), "finite and not negative"),
-        ("< | much", (-3.0, -2.0), "finite and not negative"),
-        ("residual < 1e-9 | rounding", 1e-12, "an identity reads"),
+        ("≈ | alike", (1.0, 2.0), "≈ takes no convention 'alike'; there are similar, slightly"),
+        ("< | similar", (1.0, 2.0), "< takes no convention 'similar'"),
+        ("< | much", (1.0, INF), "finite magnitudes"),
+        ("< | much", (-3.0, -2.0), "finite magnitudes"),
+        ("residual < 1e-9 | rounding", 1e-12, "< takes no convention 'rounding'; .* 'residual <= 1e-9"),
         ("residual <= 1e-9 | rounding", INF, "a residual is finite"),
     ],
 )
@@ -88,8 +86,6 @@ def test_the_factor_of_a_convention_is_in_the_evidence(name, left, sign, right, 
     evidence = relation.decide((left, right))
     assert str(evidence).partition(" | ")[0] == kept
     assert evidence.verdict == verdict
-    assert relation.allows(evidence)
-    assert not Relation.parse("A != B").allows(evidence)
 
 
 def test_every_takes_the_worst_and_some_the_best():
@@ -103,23 +99,6 @@ def test_every_takes_the_worst_and_some_the_best():
     assert Relation.parse("≈ | similar").decide({"a": (1.0, 1.02), "b": (1.0, 1.3)}).right == "1.300000000"
     equal = every.decide({"a": (1.0, 2.0), "b": (1.0, 2.0 - 1e-15)})  # no change of places by rounding
     assert equal.remark == "worst of 2: a; ratio 0.50"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "same"),
-    [
-        ("1.500000000 < 2.000000000", "1.500000001 < 2.000000000", True),
-        ("1.500000000 < 2.000000000", "1.500000003 < 2.000000000", False),
-        ("1.500000000 < 2.000000000", "1.500000000 <= 2.000000000", False),
-        ("1.500000000 < 2.000000000", "1.500000000 < 0.5 * 2.000000000", False),
-        ("3 < 4", "3 < 5", False),
-        ("1.500000000 < inf", "1.500000000 < 1000000000000", False),
-        ("3 < 4 | worst of 2: a", "3 < 4", False),
-        ("3 < 4 | worst of 2: a; ratio 0.74", "3 < 4 | worst of 2: a; ratio 0.75", True),
-    ],
-)
-def test_drift_of_evidence(old, new, same):
-    assert Evidence.parse(old).same(Evidence.parse(new)) is same
 
 
 def test_a_residual_is_kept_to_its_decade():
@@ -137,10 +116,3 @@ def test_the_notation_page_has_the_conventions():
         assert f"| {convention.words} | {convention.meaning} |" in page
     assert "at most 1e-9 |" in page
     assert IDENTITY == 1e-9
-
-
-def test_the_ledger_knows_nothing_of_control():
-    heavy = "('numpy', 'control', 'scipy')"
-    script = f"import sys, pidalab.ledger; print(*(name for name in {heavy} if name in sys.modules))"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
