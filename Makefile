@@ -8,9 +8,9 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 ENV := .venv/.installed
 SITE := _build/.built
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tools/licences/* tests/claims/*.csv) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides claims faults fuzz kept mutants lint bench studies study release archive pdf processors least versions twice \
+.PHONY: help env book test notebooks slides faults fuzz kept mutants lint bench studies study release archive pdf processors least versions twice \
 	shuffle lock clean
 .DELETE_ON_ERROR:
 
@@ -41,10 +41,7 @@ notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 slides: $(ENV)  ## make slides of the lectures in _build/slides, each in one file
 	$(BIN)/python tools/slides.py
 
-claims: $(ENV)  ## disturb what the claims stand on and see each one fail (long)
-	$(BIN)/python tools/claims.py
-
-faults: $(ENV)  ## plant gross errors in the library and see every chapter notice (20 minutes)
+faults: $(ENV)  ## plant gross errors in the library and see every chapter notice (5 minutes)
 	$(BIN)/python tools/faults.py
 
 fuzz: $(ENV)  ## random loops, arguments, records and files against second methods, FUZZ=2000 of each (hours)

@@ -34,7 +34,7 @@ TOO_LONG: dict[str, str] = {}  # path: reason
 WHOLE = {
     "bad_input",
     "house",
-    "claims",
+    "faults",
     "public_names",
     "readme",
     "release",

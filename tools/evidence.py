@@ -11,11 +11,8 @@ from collections.abc import Callable
 from math import floor, log10
 from pathlib import Path
 
-from pidalab.ledger import load_all
-
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "book" / "data"
-CLAIMS = ROOT / "tests" / "claims"
 ORACLES = ROOT / "tests" / "oracle"
 MARK = re.compile(r"^<!-- evidence: (.+) -->$", flags=re.MULTILINE)
 
@@ -36,28 +33,13 @@ def read(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
-def rows() -> str:
-    """Rows of the ledgers by what they stand on, and how many of them a disturbance was seen to turn red."""
-    lines = []
-    for paper, book in load_all(ROOT / "book" / "ledger").items():
-        basis = [row.basis for row in book.rows.values()]
-        red = len(read(CLAIMS / f"{paper}.csv"))
-        counts = [basis.count(name) for name in ("computed", "from-print", "reading")]
-        lines.append([paper, *map(str, counts), str(red)])
-    sums = [str(sum(int(line[i]) for line in lines)) for i in range(1, 5)]
-    return table(["paper", "computed", "from print", "reading", "seen to fail"], [*lines, ["all", *sums]])
-
-
 def faults() -> str:
-    """Gross errors planted in the library, and the papers that noticed: by a red row, or else by a note or a stop."""
-    red: dict[str, list[str]] = defaultdict(list)
-    other: dict[str, list[str]] = defaultdict(list)
-    for row in read(CLAIMS / "faults.csv"):
-        found = red if int(row["red rows"]) else other
-        found[row["fault"]].append(row["paper"])
-    names = dict.fromkeys([*red, *other])
-    lines = [[name, ", ".join(red[name]) or "none", ", ".join(other[name]) or "none"] for name in names]
-    return table(["planted error", "a row turns red in", "a note drifts or the run stops in"], lines)
+    """Gross errors planted in the library: the first row or cell of each chapter that turned red."""
+    first = {(row["fault"], row["paper"]): row["first red"] for row in read(DATA / "faults.csv")}
+    papers = sorted({paper for _, paper in first})
+    names = dict.fromkeys(fault for fault, _ in first)
+    lines = [[name, *(first.get((name, paper), "–") for paper in papers)] for name in names]
+    return table(["planted error", *papers], lines)
 
 
 def oracles() -> str:
@@ -192,7 +174,7 @@ def versions() -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     made.__name__: made
-    for made in (rows, faults, mutants, samples, oracles, engine, optima, starts, processors, versions)
+    for made in (faults, mutants, samples, oracles, engine, optima, starts, processors, versions)
 }
 
 
