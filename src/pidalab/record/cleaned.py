@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.record.reading import read_columns
+from pidalab.record.reading import LONG_AGO, read_columns
 
 FEWEST = 20  # samples from which something can be said
 GAP = 5.0  # times the usual sampling interval: a longer one is a gap
 COARSE = 20  # levels of y: fewer are worth a word
 CREEP = 0.1  # share of the input's span by which a level may move and still be one
 FEW = 5  # samples between two levels of the input: more are worth a word
+SHORT = 4  # samples that a level of the input takes at least
+BACKWARD = 0.03  # share of the samples that may lie before an earlier one
+COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])  # where clocks begin anew
+FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
+FOLLOWER = "it follows the output, as in a loop at a constant set point"
+LISTED = 4  # changes of the input that are said one by one
 
 
 class Step(NamedTuple):
@@ -59,7 +66,8 @@ class Record:
     """A record of a plant: times, input and output, cleaned, with a report of what was done and what is doubtful.
 
     Samples with a missing time, input or output are left out, times are sorted, and samples of the same time are
-    averaged. Nothing is smoothed and nothing is resampled: a fit takes the samples where they are.
+    averaged. A counter that begins anew is counted on. Nothing is smoothed and nothing is resampled: a fit takes the
+    samples where they are.
 
     Parameters
     ----------
@@ -71,21 +79,35 @@ class Record:
         Measured output.
     step : float, optional
         Time of the step that matters, where the record has several or the search finds another one.
+    u_before : float, optional
+        Input before the record, at which the plant was at rest: for a record that begins with its step. By default
+        the first input, or that of an earlier row of the same time.
+    outliers : {"drop", "keep"}, optional
+        What becomes of an output that is far from all its neighbours. By default it stays, is doubted by name, and
+        `identification.fit` refuses the record.
+    rows : array_like, shape (n,), optional
+        Numbers of the samples in their file, by which doubts name them.
 
     Attributes
     ----------
+    u_before : float
     steps : tuple of Step
         Changes of the input between lasting levels, in the order of time; empty for a closed loop's record.
+    experiment : str
+        What kind of experiment this is, in words.
     rest : float
         Output at rest, before the first change of the input.
     noise : Noise
+    apart : str
+        Outputs far from all their neighbours, in words; empty if there are none, or if they were dropped or kept.
     doubts : tuple of str
         What a reader of a result should know.
 
     Raises
     ------
     ValueError
-        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes.
+        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes, times
+        that run backward in more than 3 % of the samples.
 
     Examples
     --------
@@ -105,32 +127,65 @@ class Record:
     u: Array
     y: Array
     step_time: float | None = None
+    u_before: float = field(init=False)
     steps: tuple[Step, ...] = field(init=False)
+    experiment: str = field(init=False)
     rest: float = field(init=False)
     noise: Noise = field(init=False)
+    apart: str = field(init=False)
     doubts: tuple[str, ...] = field(init=False)
 
-    def __init__(self, t: ArrayLike, u: ArrayLike, y: ArrayLike, step: float | None = None) -> None:
+    def __init__(
+        self,
+        t: ArrayLike,
+        u: ArrayLike,
+        y: ArrayLike,
+        step: float | None = None,
+        u_before: float | None = None,
+        outliers: Literal["drop", "keep"] | None = None,
+        rows: ArrayLike | None = None,
+    ) -> None:
         given = _column("t", t), _column("u", u), _column("y", y)
         if len({column.size for column in given}) > 1:
             raise ValueError(
                 f"t, u and y must have one length, found {', '.join(str(c.size) for c in given)}"
             )
+        if outliers is not None:
+            _check.choice("outliers", outliers, ("drop", "keep"))
         doubts: list[str] = []
-        times, inputs, outputs = _cleaned(*given, doubts)
-        object.__setattr__(self, "t", times)
-        object.__setattr__(self, "u", inputs)
-        object.__setattr__(self, "y", outputs)
-        object.__setattr__(self, "step_time", None if step is None else _check.real("step", step))
-        object.__setattr__(self, "steps", _steps(times, inputs))
-        if self.step_time is not None and not any(s.time >= self.step_time for s in self.steps):
-            raise ValueError(f"step: no change of the input at or after {step:g}; found {_said(self.steps)}")
+        where = [f"sample {k}" for k in range(given[0].size)] if rows is None else [f"row {k}" for k in np.asarray(rows)]
+        if outliers == "drop" and (wild := _outliers(given[2])).size:
+            doubts.append(f"left out: {_named(where, given[2], wild)}")
+            given[2][wild] = np.nan
+        times, inputs, outputs, earlier, kept = _cleaned(*given, doubts)
+        wild = _outliers(outputs) if outliers is None else np.zeros(0, dtype=int)
+        apart = f"far from its neighbours: {_named([where[k] for k in kept], outputs, wild)}" if wild.size else ""
+        before = earlier if u_before is None else _check.real("u_before", u_before)
+        if np.ptp(inputs) == 0 and before == inputs[0]:
+            raise ValueError(
+                f"u never changes: it is {before:g} in every sample; if it changed just before the first one, "
+                "give the value before it: u_before, or --u-before on the command line"
+            )
+        first = _check.real("step", step) if step is not None else None
+        values = {
+            "t": times,
+            "u": inputs,
+            "y": outputs,
+            "step_time": first,
+            "u_before": before,
+            "apart": apart,
+            "steps": _steps(times, inputs, before),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        if first is not None and not any(s.time >= first for s in self.steps):
+            raise ValueError(f"step: no change of the input at or after {first:g}; found {_said(self.steps)}")
         start = self.steps[0].time if self.steps else times[min(1, times.size - 1)]
-        before = times < start
-        rest, noise = _at_rest(times[before], outputs[before], outputs, doubts)
+        rest, noise = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
         object.__setattr__(self, "rest", rest)
         object.__setattr__(self, "noise", noise)
-        object.__setattr__(self, "doubts", (*doubts, *self._more_doubts()))
+        object.__setattr__(self, "experiment", _experiment(self))
+        object.__setattr__(self, "doubts", (*doubts, *([apart] if apart else []), *self._more_doubts()))
 
     @classmethod
     def read_csv(
@@ -142,19 +197,31 @@ class Record:
         delimiter: str | None = None,
         decimal: str | None = None,
         step: float | None = None,
+        period: float | None = None,
+        skip: int = 0,
+        u_before: float | None = None,
+        outliers: Literal["drop", "keep"] | None = None,
     ) -> Record:
         """Read a record from a delimited text file, as historians write them.
+
+        Units below the names, signs of per cent, brackets around the numbers, commas after the thousands, and lines
+        after the last number are recognised; what was done with them is among the doubts.
 
         Parameters
         ----------
         path : str or pathlib.Path
             The file.
         time, u, y : str or int, optional
-            Names in the header, or numbers of the columns from 0. Times are numbers, or dates, which become seconds.
+            Names in the header, or numbers of the columns from 0. Times are numbers, or dates or times of day, which
+            become seconds.
         delimiter, decimal : str, optional
             Between the columns, and in the numbers; found out if not given.
-        step : float, optional
+        step, u_before, outliers : optional
             As for `Record`.
+        period : float, optional
+            Time from sample to sample, for a file without a column of times; `time` is not used then.
+        skip : int, optional
+            Lines to leave out at the beginning of the file.
 
         Returns
         -------
@@ -164,7 +231,7 @@ class Record:
         Raises
         ------
         ValueError
-            For a missing column, or an entry that is no number; it names the row.
+            For a missing column, two roles on one column, or an entry that is no number; it names the row.
 
         Examples
         --------
@@ -175,11 +242,26 @@ class Record:
         >>> pidalab.Record.read_csv(path, u="valve", y="level").steps
         (Step(time=10.0, before=40.0, after=47.0),)
         """
-        times, inputs, outputs = read_columns(Path(path), (time, u, y), delimiter, decimal)
-        known = times[np.isfinite(times)]
-        if known.size and known[0] > 1e8:  # a date: seconds since long ago
-            times = times - known[0]
-        return cls(times, inputs, outputs, step)
+        path = Path(path)
+        roles = {"time": time, "u": u, "y": y} if period is None else {"u": u, "y": y}
+        if len(set(roles.values())) < len(roles):
+            said = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
+            raise ValueError(f"time, u and y must be different columns, found {said}")
+        skip = _check.integer("skip", skip, at_least=0)
+        found = read_columns(path, list(roles.values()), delimiter, decimal, skip, timed=period is None)
+        if period is None:
+            times = found.values[0]
+            if np.nanmax(times, initial=0.0) > LONG_AGO and not np.any(np.diff(times) < 0):
+                times = times - np.nanmin(times)  # a date: seconds since long ago
+        else:
+            times = _check.real("period", period, above=0.0) * (found.rows - found.rows[0])
+        try:
+            record = cls(times, *found.values[-2:], step, u_before, outliers, found.rows)
+        except ValueError as refusal:
+            columns = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
+            raise ValueError(f"{path.name} ({columns}): {refusal}") from None
+        object.__setattr__(record, "doubts", found.doubts + record.doubts)
+        return record
 
     @property
     def sampling(self) -> float:
@@ -311,9 +393,9 @@ class Record:
                     "what looks at a step takes it for one at half the way; fit takes the input as it is"
                 )
         if not self.steps:
-            found.append("the input does not step between lasting levels: a closed loop, or a test signal")
+            found.append(f"the input does not step between lasting levels: {self.experiment}")
         elif len(self.steps) > 1:
-            found.append(f"{len(self.steps)} changes of the input: {_said(self.steps)}")
+            found.append(f"{len(self.steps)} changes of the input, {self.experiment}: {_said(self.steps)}")
         if self.steps:
             tail = self.y[-max(3, self.y.size // 10) :]
             first, last = np.array_split(tail, 2)
@@ -327,12 +409,17 @@ class Record:
     def __str__(self) -> str:
         lines = [
             f"{self.t.size} samples over {np.ptp(self.t):.6g}, every {self.sampling:.4g}",
-            f"input: {_said(self.steps) if self.steps else f'moves between {self.u.min():.6g} and {self.u.max():.6g}'}",
+            f"input: {self._moves()}",
             f"output: at rest {self.rest:.6g} before the step, "
             f"standard deviation of the noise {self.noise.deviation:.3g}"
             + (f", correlation {self.noise.correlation:.2f}" if self.noise.deviation else ""),
         ]
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
+
+    def _moves(self) -> str:
+        if len(self.steps) == 1:
+            return _said(self.steps)
+        return f"{self.experiment}, moves between {self.u.min():.6g} and {self.u.max():.6g}"
 
     def __repr__(self) -> str:
         return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
@@ -341,7 +428,7 @@ class Record:
 def _column(name: str, value: Any) -> Array:
     """Return an array of floats in which nan is a missing value."""
     try:
-        array = np.asarray(value, dtype=float)
+        array = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be an array of real numbers, found {type(value).__name__}") from None
     if array.ndim != 1:
@@ -350,52 +437,127 @@ def _column(name: str, value: Any) -> Array:
     return array
 
 
-def _cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array]:
-    """Leave out missing values, sort by time, average what has the same time."""
-    usable = np.isfinite(t) & np.isfinite(u) & np.isfinite(y)
+def _cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array, float, Array]:
+    """Leave out missing values, sort by time, average what has the same time; also return the input before, and places.
+
+    Of the input the last value of each time is held on; the first one of the first time is the input before.
+    """
+    finite = [np.isfinite(column) for column in (t, u, y)]
+    usable = np.all(finite, axis=0)
     if usable.sum() < FEWEST:
-        raise ValueError(f"a record needs {FEWEST} usable samples or more, found {usable.sum()} of {t.size}")
+        each = ", ".join(f"{name} has {known.sum()}" for name, known in zip("tuy", finite, strict=True))
+        raise ValueError(
+            f"a record needs {FEWEST} usable samples or more, found {usable.sum()} of {t.size} ({each})"
+        )
     if not usable.all():
         doubts.append(f"{(~usable).sum()} of {t.size} samples had a missing value and were left out")
-    t, u, y = t[usable], u[usable], y[usable]
-    if np.any(np.diff(t) < 0):
-        doubts.append("the times were not in order and were sorted")
+    places = np.flatnonzero(usable)
+    t, u, y = _clock(t[usable], doubts), u[usable], y[usable]
     order = np.argsort(t, kind="stable")
     times, first, count = np.unique(t[order], return_index=True, return_counts=True)
     if times.size < FEWEST:
         raise ValueError(f"a record needs {FEWEST} different times or more, found {times.size}")
     if times.size < t.size:
         doubts.append(f"{t.size - times.size} sample(s) had the time of another one and were averaged")
-    # the mean of each run of equal times; of the input the last value, which is then held
     mean = np.add.reduceat(y[order], first) / count
     held = u[order][first + count - 1]
-    for name, signal in (("u", held), ("y", mean)):
-        if np.ptp(signal) == 0:
-            raise ValueError(f"{name} never changes: it is {signal[0]:g} in every sample, and tells nothing")
-    return times, held, mean
+    if np.ptp(mean) == 0:
+        raise ValueError(f"y never changes: it is {mean[0]:g} in every sample, and tells nothing")
+    return times, held, mean, float(u[order][0]), places[order][first]
 
 
-def _steps(t: Array, u: Array) -> tuple[Step, ...]:
+def _clock(t: Array, doubts: list[str]) -> Array:
+    """Return times that may be sorted: of a counter that begins anew, counted on; refuse those that are no times."""
+    steps = np.diff(t)
+    back = steps < 0
+    if not back.any():
+        return t
+    counter = float(COUNTERS[min(np.searchsorted(COUNTERS, t.max(), side="right"), COUNTERS.size - 1)])
+    behind = float(np.mean(t < np.maximum.accumulate(t)))
+    if t.min() >= 0 and behind > BACKWARD and np.all(steps[back] < -counter / 2):
+        doubts.append(f"the time begins anew {back.sum()} time(s), at {counter:.6g}, and was counted on")
+        return t + counter * np.append(0, np.cumsum(back))
+    if np.all(steps <= 0):
+        doubts.append("the newest sample came first: the order was turned round")
+    elif behind > BACKWARD:
+        raise ValueError(
+            f"t is no time, or its clock was set back: {100 * behind:.2g} % of the samples lie before an earlier one, "
+            f"the first of them at {t[1:][back][0]:.6g} after {t[:-1][back][0]:.6g}"
+        )
+    else:
+        doubts.append("the times were not in order and were sorted")
+    return t
+
+
+def _outliers(y: Array) -> Array:
+    """Return the samples that are far from their neighbours: by more than these scatter, and a fifth of the span."""
+    from scipy.ndimage import median_filter
+
+    known = np.flatnonzero(np.isfinite(y))
+    if known.size < FEWEST:
+        return known[:0]
+    away = np.abs(y[known] - median_filter(y[known], size=9, mode="nearest"))
+    low, high = np.quantile(y[known], [0.02, 0.98])
+    return known[away > max(8 * float(np.quantile(away, 0.95)), 0.2 * float(high - low))]
+
+
+def _named(where: Sequence[str], y: Array, found: Array) -> str:
+    said = ", ".join(f"{where[k]} (y = {y[k]:.6g})" for k in found[:LISTED])
+    return said + (f" and {found.size - LISTED} more" if found.size > LISTED else "")
+
+
+def _steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
     """Changes of the input between levels that last; a ramp over a few samples is one change, at its middle."""
+    # before the record the input was at rest for long enough to be a level
+    t, u = np.append(np.full(SHORT, t[0]), t), np.append(np.full(SHORT, before), u)
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
     runs = [  # samples a to b are one level, unless the input creeps away from it
         (a, b)
         for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b - a >= 3 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
+        if b - a >= SHORT - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
     ]
-    if not runs or sum(b - a for a, b in runs) < 0.7 * (t.size - 1):
+    if not runs or sum(b - max(a, SHORT) for a, b in runs if b > SHORT) < 0.7 * (t.size - SHORT - 1):
         return ()
     levels = [float(np.median(u[a : b + 1])) for a, b in runs]
     found = []
-    for (_, left), (right, _), before, after in zip(runs, runs[1:], levels, levels[1:], strict=False):
-        if abs(after - before) > 0.05 * span:
+    for (_, left), (right, _), low, high in zip(runs, runs[1:], levels, levels[1:], strict=False):
+        if abs(high - low) > 0.05 * span:
             # a jump between two samples happens at the later one, from which the new value is held
-            middle = 0.5 * (before + after)
-            crossed = left + int(np.argmax(np.abs(u[left : right + 1] - before) >= np.abs(middle - before)))
-            found.append(Step(float(t[crossed]), before, after))
+            middle = 0.5 * (low + high)
+            crossed = left + int(np.argmax(np.abs(u[left : right + 1] - low) >= np.abs(middle - low)))
+            found.append(Step(float(t[crossed]), low, high))
     return tuple(found)
+
+
+def _experiment(record: Record) -> str:
+    """Name what was done to the input."""
+    steps, u, t = record.steps, record.u, record.t
+    levels = np.unique(np.round((u - u.min()) / (np.ptp(u) or 1.0), 2))
+    if levels.size == 2 and (len(steps) > 3 or not steps):
+        return "a binary test signal (PRBS)"
+    if steps:
+        back = abs(steps[-1].after - steps[0].before) <= CREEP * np.ptp(u)
+        if len(steps) <= 3 and back:
+            return {1: "a step", 2: "a pulse", 3: "a doublet"}[len(steps)]
+        return "a step" if len(steps) == 1 else "several steps" if levels.size < 12 else "steps to many levels (APRBS)"
+    uniform = np.interp(np.linspace(t[0], t[-1], t.size), t, u)
+    drift = np.vander((t - t[0]) / np.ptp(t), 2)
+    rest = u - drift @ np.linalg.lstsq(drift, u, rcond=None)[0]
+    if rest @ rest < 0.02 * np.sum((u - u.mean()) ** 2):
+        return "a ramp"
+    power = np.abs(np.fft.rfft(uniform - uniform.mean())) ** 2
+    peak = int(np.argmax(power))
+    if peak > 2 and power[peak - 1 : peak + 2].sum() > 0.9 * power.sum():
+        return "a sine"
+    # a controller at a constant set point: proportional and integral of the output, and nothing else
+    integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (record.y[1:] + record.y[:-1] - 2 * record.y[0])))
+    basis = np.column_stack([drift, record.y / np.ptp(record.y), integral / (np.ptp(integral) or 1.0)])
+    left = u - basis @ np.linalg.lstsq(basis, u, rcond=None)[0]
+    if left @ left < (1 - FOLLOWS) * (rest @ rest):
+        return FOLLOWER
+    return "it moves all the time: a closed loop, or a test signal"
 
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise]:
@@ -404,16 +566,25 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
         # second differences see noise and hardly see a smooth response
         deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
         doubts.append(f"only {y.size} sample(s) before the input changes: the state of rest is uncertain")
+        deviation = max(deviation, _quantum(whole) / np.sqrt(12))
         return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0)
-    slope, _ = np.polyfit(t - t.mean(), y, 1)
+    line = np.polynomial.Polynomial.fit(t, y, 1)
     residual = y - y.mean()
     deviation = float(residual.std(ddof=1))
-    neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
-    drift = abs(slope) * np.ptp(t)
+    drift = abs(float(line(t[-1]) - line(t[0])))
     if deviation and drift > 2 * deviation and drift > 0.02 * np.ptp(whole):
         doubts.append(f"the output drifts by {drift:.3g} before the step: it was not at rest")
-    return float(y.mean()), Noise(deviation, neighbours, y.size)
+        residual = np.diff(y, 2)  # see noise, and hardly see a smooth movement
+        deviation = float(residual.std()) / np.sqrt(6)
+    neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
+    return float(y.mean()), Noise(max(deviation, _quantum(whole) / np.sqrt(12)), neighbours, y.size)
+
+
+def _quantum(y: Array) -> float:
+    """Return the least distance between two values of a signal, as rounding leaves it."""
+    return float(np.min(np.diff(np.unique(y))))
 
 
 def _said(steps: tuple[Step, ...]) -> str:
-    return ", ".join(f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps) or "none"
+    said = ", ".join(f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps[:LISTED]) or "none"
+    return said + (f" and {len(steps) - LISTED} more" if len(steps) > LISTED else "")
