@@ -7,7 +7,7 @@ import pidalab
 from pidalab import Record
 from pidalab.identification import fit
 from pidalab.identification.fitting import _covariance
-from pidalab.identification.searching import Found, _hidden, _refined, prepared, search
+from pidalab.identification.searching import Found, _hidden, refined, prepared, search
 from pidalab.identification.shapes import FIRST, SECOND, behind_lag
 
 GRID = np.linspace(0.0, 300.0, 3001)
@@ -288,7 +288,7 @@ def test_the_starts_that_are_followed_end_as_low_as_all_of_them():
     data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
     span = 130.0
     ends = [
-        _refined(data, FIRST, [lag, delay], span).cost
+        refined(data, FIRST, [lag, delay], span).cost
         for lag in span * np.geomspace(0.01, 0.5, 5)
         for delay in span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
     ]
@@ -304,7 +304,7 @@ def test_a_descent_from_the_truth_stays_there_close_to_the_upper_bounds_too(shap
     t = np.arange(0.0, 120.0, 0.5)
     y = 30.0 * shape.step(t - 23.0, true)
     data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
-    values = _refined(data, shape, [*true, 3.0], 99.5).values
+    values = refined(data, shape, [*true, 3.0], 99.5).values
     np.testing.assert_allclose(values, [30.0, 0.0, *true, 3.0], rtol=1e-6, atol=1e-8)
 
 
@@ -318,7 +318,7 @@ def test_lags_that_a_record_hides_are_the_longest_and_a_middle_one():
     lag, delay = found.values[2:]
     passed = []
     for further in (lag + delay) * np.geomspace(0.01, 0.5, 12):
-        rival = _refined(data, behind_lag(FIRST, further), [lag, max(delay - further, 0.0)], 79.0)
+        rival = refined(data, behind_lag(FIRST, further), [lag, max(delay - further, 0.0)], 79.0)
         if rival.deviation <= 1.03 * found.deviation + 1e-9:
             passed.append(further)
     assert len(passed) > 2

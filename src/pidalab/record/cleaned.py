@@ -21,9 +21,12 @@ CREEP = 0.1  # share of the input's span by which a level may move and still be 
 FEW = 5  # samples between two levels of the input: more are worth a word
 SHORT = 4  # samples that a level of the input takes at least
 BACKWARD = 0.03  # share of the samples that may lie before an earlier one
-COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])  # where clocks begin anew
+COUNTERS = np.sort(
+    [60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32]
+)  # where clocks begin anew
 FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
+MANY = 12  # levels of the input, in steps of a hundredth of its span
 LISTED = 4  # changes of the input that are said one by one
 
 
@@ -98,6 +101,8 @@ class Record:
     rest : float
         Output at rest, before the first change of the input.
     noise : Noise
+    at_rest : bool
+        Whether the plant was at rest when the input first moved, as far as the record shows or as it begins with a step.
     apart : str
         Outputs far from all their neighbours, in words; empty if there are none, or if they were dropped or kept.
     doubts : tuple of str
@@ -132,6 +137,7 @@ class Record:
     experiment: str = field(init=False)
     rest: float = field(init=False)
     noise: Noise = field(init=False)
+    at_rest: bool = field(init=False)
     apart: str = field(init=False)
     doubts: tuple[str, ...] = field(init=False)
 
@@ -153,13 +159,19 @@ class Record:
         if outliers is not None:
             _check.choice("outliers", outliers, ("drop", "keep"))
         doubts: list[str] = []
-        where = [f"sample {k}" for k in range(given[0].size)] if rows is None else [f"row {k}" for k in np.asarray(rows)]
+        where = (
+            [f"sample {k}" for k in range(given[0].size)]
+            if rows is None
+            else [f"row {k}" for k in np.asarray(rows)]
+        )
         if outliers == "drop" and (wild := _outliers(given[2])).size:
             doubts.append(f"left out: {_named(where, given[2], wild)}")
             given[2][wild] = np.nan
         times, inputs, outputs, earlier, kept = _cleaned(*given, doubts)
         wild = _outliers(outputs) if outliers is None else np.zeros(0, dtype=int)
-        apart = f"far from its neighbours: {_named([where[k] for k in kept], outputs, wild)}" if wild.size else ""
+        apart = (
+            f"far from its neighbours: {_named([where[k] for k in kept], outputs, wild)}" if wild.size else ""
+        )
         before = earlier if u_before is None else _check.real("u_before", u_before)
         if np.ptp(inputs) == 0 and before == inputs[0]:
             raise ValueError(
@@ -180,8 +192,10 @@ class Record:
             object.__setattr__(self, name, value)
         if first is not None and not any(s.time >= first for s in self.steps):
             raise ValueError(f"step: no change of the input at or after {first:g}; found {_said(self.steps)}")
-        start = self.steps[0].time if self.steps else times[min(1, times.size - 1)]
-        rest, noise = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
+        moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
+        start = self.steps[0].time if self.steps else times[moved]
+        rest, noise, resting = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
+        object.__setattr__(self, "at_rest", resting or (bool(self.steps) and noise.samples == 0))
         object.__setattr__(self, "rest", rest)
         object.__setattr__(self, "noise", noise)
         object.__setattr__(self, "experiment", _experiment(self))
@@ -537,11 +551,11 @@ def _experiment(record: Record) -> str:
     levels = np.unique(np.round((u - u.min()) / (np.ptp(u) or 1.0), 2))
     if levels.size == 2 and (len(steps) > 3 or not steps):
         return "a binary test signal (PRBS)"
-    if steps:
+    if len(steps) == 1:
+        return "a step"
+    if steps and levels.size < MANY:
         back = abs(steps[-1].after - steps[0].before) <= CREEP * np.ptp(u)
-        if len(steps) <= 3 and back:
-            return {1: "a step", 2: "a pulse", 3: "a doublet"}[len(steps)]
-        return "a step" if len(steps) == 1 else "several steps" if levels.size < 12 else "steps to many levels (APRBS)"
+        return {2: "a pulse", 3: "a doublet"}.get(len(steps), "several steps") if back else "several steps"
     uniform = np.interp(np.linspace(t[0], t[-1], t.size), t, u)
     drift = np.vander((t - t[0]) / np.ptp(t), 2)
     rest = u - drift @ np.linalg.lstsq(drift, u, rcond=None)[0]
@@ -557,27 +571,34 @@ def _experiment(record: Record) -> str:
     left = u - basis @ np.linalg.lstsq(basis, u, rcond=None)[0]
     if left @ left < (1 - FOLLOWS) * (rest @ rest):
         return FOLLOWER
-    return "it moves all the time: a closed loop, or a test signal"
+    return (
+        "steps to many levels" if steps else "it moves all the time, as in a closed loop or by a test signal"
+    )
 
 
-def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise]:
-    """Level and noise before the first change of the input."""
+def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
+    """Level and noise before the first change of the input, and whether that is rest."""
     if y.size < 8:
         # second differences see noise and hardly see a smooth response
         deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
         doubts.append(f"only {y.size} sample(s) before the input changes: the state of rest is uncertain")
         deviation = max(deviation, _quantum(whole) / np.sqrt(12))
-        return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0)
+        return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0), False
     line = np.polynomial.Polynomial.fit(t, y, 1)
     residual = y - y.mean()
     deviation = float(residual.std(ddof=1))
     drift = abs(float(line(t[-1]) - line(t[0])))
-    if deviation and drift > 2 * deviation and drift > 0.02 * np.ptp(whole):
+    drifting = bool(deviation) and drift > 2 * deviation and drift > 0.02 * np.ptp(whole)
+    if drifting:
         doubts.append(f"the output drifts by {drift:.3g} before the step: it was not at rest")
         residual = np.diff(y, 2)  # see noise, and hardly see a smooth movement
         deviation = float(residual.std()) / np.sqrt(6)
     neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
-    return float(y.mean()), Noise(max(deviation, _quantum(whole) / np.sqrt(12)), neighbours, y.size)
+    return (
+        float(y.mean()),
+        Noise(max(deviation, _quantum(whole) / np.sqrt(12)), neighbours, y.size),
+        not drifting,
+    )
 
 
 def _quantum(y: Array) -> float:
@@ -586,5 +607,8 @@ def _quantum(y: Array) -> float:
 
 
 def _said(steps: tuple[Step, ...]) -> str:
-    said = ", ".join(f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps[:LISTED]) or "none"
+    said = (
+        ", ".join(f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps[:LISTED])
+        or "none"
+    )
     return said + (f" and {len(steps) - LISTED} more" if len(steps) > LISTED else "")

@@ -18,12 +18,28 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # What takes the place of a value that was not recorded.
-MISSING = ["", "nan", "na", "n/a", "null", "none", "-", "bad", "bad input", "no data", "#n/a", "i/o timeout", "?"]
+MISSING = [
+    "",
+    "nan",
+    "na",
+    "n/a",
+    "null",
+    "none",
+    "-",
+    "bad",
+    "bad input",
+    "no data",
+    "#n/a",
+    "i/o timeout",
+    "?",
+]
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
 DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y", "%d-%b-%y", "")
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
-STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")  # how dates and times of day begin
+STAMP = re.compile(
+    r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)"
+)  # how dates and times of day begin
 GROUPED = r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"  # a number with a comma after the thousands
 LONG_AGO = 1e8  # a number above it counts seconds since then
 DAY = 86400.0  # seconds
@@ -93,7 +109,9 @@ def read_columns(
     good = ~np.any([wrong for _, wrong in columns], axis=0)
     end = int(np.flatnonzero(good)[-1]) + 1 if good.any() else len(data)
     if end < len(data):
-        doubts.append(f"{len(data) - end} row(s) after the last row of numbers were left out: {lines[data.index[end]]!r}")
+        doubts.append(
+            f"{len(data) - end} row(s) after the last row of numbers were left out: {lines[data.index[end]]!r}"
+        )
     for name, place, (_, wrong) in zip(wanted, places, columns, strict=True):
         if wrong[:end].any():
             row = data.index[int(np.argmax(wrong))]
@@ -187,7 +205,9 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
         if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(_is_value, filled)):
             above = [[name.strip('"') for name in names] for names in table.iloc[:index].to_numpy().tolist()]
             # a row of units may follow that of the names
-            named = [row for row in above if all(isinstance(name, int) or _places(name, row) for name in wanted)]
+            named = [
+                row for row in above if all(isinstance(name, int) or _places(name, row) for name in wanted)
+            ]
             names = next(iter(reversed(named or [row for row in above if any(row)])), [])
             return names, index
     raise ValueError(
@@ -235,9 +255,7 @@ def _numbers(column: pd.Series, comma: bool) -> tuple[Array, Array]:
     return values, np.isnan(values) & ~_bare(column).str.lower().isin(MISSING).to_numpy(dtype=bool)
 
 
-def _stamps(
-    column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]
-) -> tuple[Array, Array]:
+def _stamps(column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
     """Return a column of dates or times of day in seconds since the earliest.
 
     Of the ways to write them the one counts that reads the most and, of these, makes the least span: day and month may
