@@ -184,7 +184,9 @@ def test_a_fit_is_its_own_and_says_what_it_found():
     for name, value in fitted.parameters.items():
         assert f"{name} = {value:.4g} ± {fitted.uncertainty[name]:.2g}" in lines[0]
     assert lines[1:] == [
-        f"residuals {fitted.deviation:.3g} (root mean square), noise at rest {fitted.noise:.3g}",
+        f"residuals {fitted.deviation:.3g} (root mean square): noise {fitted.noise:.3g}, "
+        f"error of the model {fitted.model_error:.3g}",
+        f"NRMSE {fitted.nrmse:.3f}, of a part that was not fitted none, since nothing moves at the end",
         "fopdt was asked for.",
     ]
     assert fitted.deviation == pytest.approx(np.sqrt(np.mean(fitted.residuals**2)))
@@ -332,3 +334,82 @@ def test_lags_that_a_record_hides_are_the_longest_and_a_middle_one():
 def test_twenty_plants_of_the_same_seed_unless_told():
     found = fit(historian(0), "fopdt")
     assert found.spread() == found.spread(20, 0) != found.spread(20, 1)
+
+
+T = np.arange(200.0)
+U = np.where(T < 40, 0.0, 1.0)
+NOISE = np.random.default_rng(0).normal(0.0, 0.05, 200)
+
+
+def rise(at=40.0, gain=2.0, lag=12.0, delay=5.0):
+    return gain * -np.expm1(-np.maximum(T - at - delay, 0.0) / lag)
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "said"),
+    [
+        (U, 20 + 0.01 * T + NOISE, "a drift in time explains the output without the input"),
+        (U, 20 - 3 * np.exp(-T / 150) + NOISE, "a drift in time explains the output without the input"),
+        (U, np.where(T == 90, -9999.0, rise() + NOISE), r"sample 90 \(y = -9999\); leave it out with outliers='drop'"),
+        (-0.5 * rise() + 0.001 * NOISE, rise(), "it follows the output, as in a loop at a constant set point"),
+    ],
+)
+def test_what_tells_nothing_of_the_plant_is_refused(u, y, said):
+    with pytest.raises(ValueError, match=said):
+        fit(Record(T, u, y))
+
+
+def test_a_record_cut_in_the_middle_does_not_settle_the_parameters():
+    early = T < 55
+    record = Record(T[early], U[early], (rise(lag=60.0) + NOISE)[early])
+    with pytest.raises(ValueError, match=r"does not settle the (sign of the gain|lag of fopdt|tau|damping).* ± "):
+        fit(record, "sopdt")
+
+
+@pytest.mark.parametrize(("model", "lag"), [("fopdt", 12.0), ("sopdt", 6.0)])
+def test_a_plant_that_was_still_moving_is_fitted_from_there(model, lag):
+    process = pidalab.fopdt(2.0, 12.0, 5.0) if model == "fopdt" else pidalab.lags(2, 6.0, 2.0, 5.0)
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
+    found = fit(Record(T, U, y - 8 * (1 + T / lag * (model == "sopdt")) * np.exp(-T / lag)), model)
+    assert found.parameters["gain"] == pytest.approx(2.0, rel=0.05)
+    assert found.parameters["delay"] == pytest.approx(5.0, abs=1.0)
+    assert "the record does not begin at rest: an initial state was fitted, too" in found.doubts
+
+
+def test_a_record_that_begins_with_its_step_gives_its_model():
+    found = fit(Record(T[:100], U[40:140], rise()[40:140] + NOISE[:100], u_before=0.0), "fopdt")
+    assert found.parameters["gain"] == pytest.approx(2.0, rel=0.03)
+    assert found.parameters["lag"] == pytest.approx(12.0, rel=0.1)
+
+
+def test_noise_is_told_from_the_error_of_a_model():
+    """Two lags in 0.02 of noise, as a single one: what is left over is model error, and is said."""
+    process = pidalab.Process([2.0], np.polymul([20.0, 1.0], [8.0, 1.0]))
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + 0.4 * NOISE
+    single, double = (fit(Record(T, U, y), model) for model in ("fopdt", "sopdt"))
+    assert single.noise == pytest.approx(0.02, rel=0.3)
+    assert single.model_error > 2 * single.noise > 4 * double.model_error
+    assert any("beyond the noise" in doubt for doubt in single.doubts)
+    assert double.doubts == ()
+
+
+def test_what_was_not_fitted_is_predicted():
+    u = U - 2 * (T >= 80) + (T >= 120)
+    y = rise() - 2 * rise(80.0) + rise(120.0) + NOISE
+    assert fit(Record(T, u, y), "fopdt").holdout > 0.85
+    assert np.isnan(fit(Record(T, U, rise() + NOISE), "fopdt").holdout)
+    assert fit(Record(T, u, np.where(T > 120, y[120], y)), "fopdt").holdout < 0.5
+
+
+def test_plants_are_about_as_likely_as_the_model():
+    """Tau, damping and dead time of slow and fast lags go together; none is drawn without the others."""
+    process = pidalab.Process([2.0], np.polymul([40.0, 1.0], [3.0, 1.0]))
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
+    found = fit(Record(T, U, y), "sopdt")
+    plants = found.plants(21)
+    assert plants[0] is found.process
+    assert len(plants) == 21
+    squares = [
+        np.sum((y - pidalab.simulate(pidalab.Loop(plant, 0.0), T, load=U).y) ** 2) for plant in plants
+    ]
+    assert max(squares) < 1.35 * squares[0]

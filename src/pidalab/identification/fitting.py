@@ -39,8 +39,10 @@ BLIND = (
     1e7  # condition number of the parameters' sensitivities, scaled, above which the input tells too little
 )
 SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its sign to be known
-UNSETTLED = 1.25  # times the least residual: a model that the record settles serves up to there
-DRIFT = 1.25  # times the residual of the model that a parabola in time must leave at least
+UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
+MOVED = 0.05  # share of its span by which the input moves, if it does
+LEFT = 0.5  # share of the movement of the output that no model may leave beyond noise
+CHANCE = 0.003  # that a drift alone makes an answer look as large
 TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
 
 
@@ -90,6 +92,7 @@ class Fit:
         They are drawn from the joint uncertainty of the parameters, around the model and, in turn, around models with a
         further lag, fitted anew: the longest whose residuals are not 3 % larger, and one of a middle length. What such
         a lag does to a record a little dead time does nearly as well; what it does to a loop can be quite different.
+        Left out are those with which the record is less likely than with 95 % of the plants around the same model.
         Beside equal lags stand two unequal ones with a further lag as well.
 
         All have more dead time than was fitted, by up to the interval in which the input changed: a record shows a
@@ -123,6 +126,11 @@ class Fit:
         scale = np.abs(values)
         scale[-1] = sum(values[1:]) or 1.0
         covariance = self._covariance / np.outer(scale, scale)
+        worth = self._data.t.size / _together(
+            self._found.residuals
+        )  # samples, if each had an error of its own
+        room = 1.0 + float(chi2.ppf(TRIMMED, values.size)) / worth
+        limits = [room * self._squares(shape, centre) for shape, centre in models]
         rng = np.random.default_rng(seed)
         plants: list[Process] = []
         shrunk = 1.0
@@ -130,14 +138,16 @@ class Fit:
             for draw in rng.multivariate_normal(
                 np.zeros(values.size), covariance * shrunk**2, size=2 * count
             ):
-                shape, centre = models[len(plants) % len(models)]
+                turn = len(plants) % len(models)
+                shape, centre = models[turn]
                 if centre.size > draw.size:  # beside equal lags: unequal ones, whose damping no draw knows
                     draw = np.insert(draw, draw.size - 1, 0.0)
                 drawn = centre * np.exp(np.clip(draw, -2.0, 2.0))
                 drawn[-1] = centre[-1] + draw[-1] * scale[-1]
-                if len(plants) < count and self._allowed(shape, centre, drawn):
-                    earlier = rng.uniform(0.0, self._data.unseen)
-                    plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1]) + earlier))
+                if len(plants) == count or drawn[-1] < 0 or self._squares(shape, drawn) > limits[turn]:
+                    continue
+                earlier = rng.uniform(0.0, self._data.unseen)
+                plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1]) + earlier))
             shrunk *= 0.8  # of a long and bent valley few draws lie inside
         return plants
 
@@ -165,18 +175,8 @@ class Fit:
         count = _check.integer("count", count, at_least=1)
         return [self.process, *(self.spread(count - 1) if count > 1 else [])]
 
-    def _allowed(self, shape: Shape, centre: Array, drawn: Array) -> bool:
-        """Whether a plant is about as likely as the one at the centre, level and initial state solved for."""
-        if drawn[-1] < 0:
-            return False
-        least = self._squares(shape, centre)
-        if least == 0.0:
-            return True
-        own = self._data.t.size / _together(self._found.residuals)
-        excess = own * (self._squares(shape, drawn) / least - 1.0)
-        return excess <= float(chi2.ppf(TRIMMED, centre.size))
-
     def _squares(self, shape: Shape, values: Array) -> float:
+        """Sum of the squared residuals of a model, level and initial state solved for."""
         basis = self._data.basis(shape, values[1:].tolist())
         left = self._data.y - values[0] * basis[:, 0]
         left = left - basis[:, 1:] @ np.linalg.lstsq(basis[:, 1:], left, rcond=None)[0]
@@ -193,19 +193,26 @@ class Fit:
 
     @cached_property
     def holdout(self) -> float:
-        """The same for the end of the record, predicted by a fit of the rest; nan where the input moves only once.
+        """The same for the end of the record, predicted by a fit of the rest; nan where nothing moves at the end.
 
-        The end is the last third or, if the input does not move in it, what follows the last change.
+        The end is the last third or, if the input does not move in it, what follows the last change; there is none if
+        the input moves only once, or the output no more than noise.
         """
-        data, last = self._data, float(self._data.moments[-1])
+        data = self._data
+        level = np.cumsum(data.changes)
+        moved = np.abs(level - level[-1]) > MOVED * np.ptp(np.append(level, 0.0))
+        last = float(data.moments[int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0])
         cut = min(data.t[0] + 2 / 3 * np.ptp(data.t), last - 1e-9 * np.ptp(data.t))
         early = data.until(cut)
-        if early.changes.size == 0 or early.t.size < 20:
+        seen = np.append(np.cumsum(early.changes), 0.0)
+        if np.ptp(seen) <= MOVED * np.ptp(np.append(level, 0.0)) or early.t.size < 20:
             return math.nan
         shape = self._found.shape
         found = refined(early, shape, self._found.values[2:].tolist(), float(np.ptp(early.t)))
         p = found.values[2:].tolist()
         late = data.t > cut
+        if np.std(data.y[late]) < max(3 * self.noise, 0.1 * float(np.std(data.y))):
+            return math.nan
         error = (data.y - data.basis(shape, p) @ projected(early, shape, p)[1])[late]
         return 1.0 - float(np.sqrt(np.mean(error**2)) / np.std(data.y[late]))
 
@@ -263,7 +270,7 @@ class Fit:
         values = ", ".join(
             f"{name} = {value:.4g} ± {self.uncertainty[name]:.2g}" for name, value in self.parameters.items()
         )
-        ahead = "none, the input moves once" if math.isnan(self.holdout) else f"{self.holdout:.3f}"
+        ahead = "none, since nothing moves at the end" if math.isnan(self.holdout) else f"{self.holdout:.3f}"
         lines = [
             f"{self.model}: {values}",
             f"residuals {self.deviation:.3g} (root mean square): noise {self.noise:.3g}, "
@@ -322,6 +329,11 @@ def fit(record: Record, model: str = "auto") -> Fit:
             f"the input tells nothing of the plant: {FOLLOWER}; step the input by hand, or move the set point"
         )
     data = prepared(record)
+    if _drifts(data):
+        raise ValueError(
+            "a drift in time explains the output without the input: record the output at rest for a while, and then "
+            "a larger step"
+        )
     names = ("fopdt", "lags", "sopdt", "ipdt") if model == "auto" else (model,)
     tried = [search(data, shape) for name in names for shape in _candidates(name)]
     if model != "auto":
@@ -329,6 +341,24 @@ def fit(record: Record, model: str = "auto") -> Fit:
         _require_settled(data, best)
         return _result(record, data, best, f"{model} was asked for.")
     return _result(record, data, *_choice(data, tried))
+
+
+def _drifts(data: Data) -> bool:
+    """Whether a parabola in time leaves nothing that answers of first order to the input would explain.
+
+    Of a record that does not begin at rest the plant may come to rest, too, in any time.
+    """
+    x = (data.t - data.t[0]) / np.ptp(data.t)
+    parabola = np.vander(x, 3)
+    if data.free:
+        parabola = np.column_stack([parabola, *(np.exp(-x / share) for share in (0.03, 0.1, 0.3, 1.0))])
+    answers = [data.simulated(FIRST, [lag], 0.0) for lag in np.ptp(data.t) * np.geomspace(0.01, 0.5, 5)]
+    drift, both = (
+        data.y - basis @ np.linalg.lstsq(basis, data.y, rcond=None)[0]
+        for basis in (parabola, np.column_stack([parabola, *answers]))
+    )
+    gained, left = float(drift @ drift - both @ both), float(both @ both)
+    return left > 0 and gained * data.t.size < float(chi2.isf(CHANCE, 5)) * _together(both) * left
 
 
 def _candidates(model: str) -> list[Shape]:
@@ -385,13 +415,6 @@ def _unsettled(data: Data, found: Found) -> str:
             f"the input tells too little to fit {shape.name}: its parameters cannot be told apart "
             "(in closed loop, move the set point more; in open loop, step the input)"
         )
-    parabola = np.vander((data.t - data.t[0]) / np.ptp(data.t), 3)
-    drift = data.y - parabola @ np.linalg.lstsq(parabola, data.y, rcond=None)[0]
-    if float(np.sqrt(np.mean(drift**2))) < DRIFT * found.deviation:
-        return (
-            f"a drift without any input explains the output about as well as {shape.name}: record the output at rest "
-            "for a while, and then a larger step"
-        )
     sigma = np.sqrt(np.diag(_covariance(found)))
     if abs(values[0]) < SURE * sigma[0]:
         return (
@@ -416,6 +439,13 @@ def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
     del parameters["level"], uncertainty["level"]
     process = found.shape.process(parameters["gain"], found.values[2:-1].tolist(), parameters["delay"])
     keep = np.delete(np.arange(len(names)), LEVEL)
+    noise = _noise(record, data, found)
+    if found.deviation**2 - noise**2 > (LEFT * float(np.std(data.y))) ** 2:
+        raise ValueError(
+            f"{found.shape.name} does not describe this plant: it leaves {found.deviation:.3g} of an output that moves "
+            f"by {np.std(data.y):.3g} (standard deviation), and its noise is {noise:.3g}; step the input by itself, "
+            "from rest, with nothing else moving the output"
+        )
     return Fit(
         process=process,
         model=found.shape.name,
@@ -423,7 +453,7 @@ def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
         uncertainty=MappingProxyType(uncertainty),
         residuals=found.residuals,
         deviation=found.deviation,
-        noise=_noise(record, data, found),
+        noise=noise,
         reason=reason,
         record=record,
         _covariance=covariance[np.ix_(keep, keep)],

@@ -48,7 +48,7 @@ class Data(NamedTuple):
         return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
 
     def basis(self, shape: Shape, p: Sequence[float]) -> Array:
-        """Return columns for what enters linearly: gain, level, and the initial state and its slope where it is free."""
+        """Return columns for what enters linearly: gain, level, and a free initial state and its slope."""
         columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
         if self.free:
             settling = shape.step(self.t - self.t[0], p[:-1])

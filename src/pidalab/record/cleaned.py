@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pidalab import _check
 from pidalab._check import Array
@@ -20,7 +20,7 @@ COARSE = 20  # levels of y: fewer are worth a word
 CREEP = 0.1  # share of the input's span by which a level may move and still be one
 FEW = 5  # samples between two levels of the input: more are worth a word
 SHORT = 4  # samples that a level of the input takes at least
-BACKWARD = 0.03  # share of the samples that may lie before an earlier one
+BACKWARD = 0.05  # share of the samples that may lie before an earlier one
 COUNTERS = np.sort(
     [60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32]
 )  # where clocks begin anew
@@ -28,6 +28,8 @@ FOLLOWS = 0.98  # share of the movement of the input that the output explains, f
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY = 12  # levels of the input, in steps of a hundredth of its span
 LISTED = 4  # changes of the input that are said one by one
+
+Places = NDArray[np.intp]  # of samples
 
 
 class Step(NamedTuple):
@@ -102,7 +104,7 @@ class Record:
         Output at rest, before the first change of the input.
     noise : Noise
     at_rest : bool
-        Whether the plant was at rest when the input first moved, as far as the record shows or as it begins with a step.
+        Whether the plant was at rest when the input first moved; taken for granted if the record begins with a step.
     apart : str
         Outputs far from all their neighbours, in words; empty if there are none, or if they were dropped or kept.
     doubts : tuple of str
@@ -112,7 +114,7 @@ class Record:
     ------
     ValueError
         For fewer than 20 usable samples, arrays of different length, an input or an output that never changes, times
-        that run backward in more than 3 % of the samples.
+        that run backward in more than 5 % of the samples.
 
     Examples
     --------
@@ -270,7 +272,7 @@ class Record:
         else:
             times = _check.real("period", period, above=0.0) * (found.rows - found.rows[0])
         try:
-            record = cls(times, *found.values[-2:], step, u_before, outliers, found.rows)
+            record = cls(times, found.values[-2], found.values[-1], step, u_before, outliers, found.rows)
         except ValueError as refusal:
             columns = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
             raise ValueError(f"{path.name} ({columns}): {refusal}") from None
@@ -451,7 +453,7 @@ def _column(name: str, value: Any) -> Array:
     return array
 
 
-def _cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array, float, Array]:
+def _cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time, average what has the same time; also return the input before, and places.
 
     Of the input the last value of each time is held on; the first one of the first time is the input before.
@@ -503,7 +505,7 @@ def _clock(t: Array, doubts: list[str]) -> Array:
     return t
 
 
-def _outliers(y: Array) -> Array:
+def _outliers(y: Array) -> Places:
     """Return the samples that are far from their neighbours: by more than these scatter, and a fifth of the span."""
     from scipy.ndimage import median_filter
 
@@ -515,7 +517,7 @@ def _outliers(y: Array) -> Array:
     return known[away > max(8 * float(np.quantile(away, 0.95)), 0.2 * float(high - low))]
 
 
-def _named(where: Sequence[str], y: Array, found: Array) -> str:
+def _named(where: Sequence[str], y: Array, found: Places) -> str:
     said = ", ".join(f"{where[k]} (y = {y[k]:.6g})" for k in found[:LISTED])
     return said + (f" and {found.size - LISTED} more" if found.size > LISTED else "")
 
@@ -602,8 +604,9 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
 
 
 def _quantum(y: Array) -> float:
-    """Return the least distance between two values of a signal, as rounding leaves it."""
-    return float(np.min(np.diff(np.unique(y))))
+    """Return the least distance between two values of a signal that was rounded, so that most of them come again."""
+    levels = np.unique(y)
+    return float(np.min(np.diff(levels))) if 3 * levels.size < y.size else 0.0
 
 
 def _said(steps: tuple[Step, ...]) -> str:

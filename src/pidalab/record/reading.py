@@ -208,7 +208,7 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
             named = [
                 row for row in above if all(isinstance(name, int) or _places(name, row) for name in wanted)
             ]
-            names = next(iter(reversed(named or [row for row in above if any(row)])), [])
+            names: list[str] = next(iter(reversed(named or [row for row in above if any(row)])), [])
             return names, index
     raise ValueError(
         f"{path.name} has no row of numbers in its first {LOOKED_AT} lines (columns divided by {mark!r}); "
@@ -220,8 +220,8 @@ def _place(name: str | int, header: Sequence[str], width: int, path: Path) -> in
     places = [name] if isinstance(name, int) else _places(name, header)
     if places and (len(places) == 1 or name in header) and places[0] < width:
         return places[0]
-    known = ", ".join(repr(name) for name in header if name) or "without names: give their numbers, from 0"
-    raise ValueError(f"{path.name} has no column {name!r}; its {width} columns are {known}")
+    known = ", ".join(repr(name) for name in header if name) or f"{width}, without names: give numbers from 0"
+    raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
 
 
 def _places(name: str, header: Sequence[str]) -> list[int]:
