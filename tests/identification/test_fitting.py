@@ -7,8 +7,8 @@ import pidalab
 from pidalab import Record
 from pidalab.identification import fit
 from pidalab.identification.fitting import _covariance
-from pidalab.identification.searching import Found, _hidden, refined, prepared, search
-from pidalab.identification.shapes import FIRST, SECOND, behind_lag
+from pidalab.identification.searching import Found, _hidden, prepared, refined, search
+from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND, behind_lag
 
 GRID = np.linspace(0.0, 300.0, 3001)
 TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
@@ -215,8 +215,8 @@ def test_uncertainty_of_an_exact_fit_is_none():
 
 @pytest.mark.parametrize("model", ["fopdt", "sopdt", "ipdt"])
 def test_sensitivities_beside_a_finer_difference(model):
-    fitted = fit(historian(3), model)
-    data, found = fitted._data, fitted._found
+    data = prepared(historian(3))
+    found = search(data, {"fopdt": FIRST, "sopdt": SECOND, "ipdt": INTEGRATOR}[model])
     gain, level, *p = found.values.tolist()
     shape = found.shape
 
@@ -348,10 +348,18 @@ def rise(at=40.0, gain=2.0, lag=12.0, delay=5.0):
 @pytest.mark.parametrize(
     ("u", "y", "said"),
     [
-        (U, 20 + 0.01 * T + NOISE, "a drift in time explains the output without the input"),
-        (U, 20 - 3 * np.exp(-T / 150) + NOISE, "a drift in time explains the output without the input"),
-        (U, np.where(T == 90, -9999.0, rise() + NOISE), r"sample 90 \(y = -9999\); leave it out with outliers='drop'"),
-        (-0.5 * rise() + 0.001 * NOISE, rise(), "it follows the output, as in a loop at a constant set point"),
+        (U, 20 + 0.01 * T + NOISE, "not clearly above noise and a drift in time"),
+        (U, 20 - 3 * np.exp(-T / 150) + NOISE, "not clearly above noise and a drift in time"),
+        (
+            U,
+            np.where(T == 90, -9999.0, rise() + NOISE),
+            r"sample 90 \(y = -9999\); leave it out with outliers='drop'",
+        ),
+        (
+            -0.5 * rise() + 0.001 * NOISE,
+            rise(),
+            "it follows the output, as in a loop at a constant set point",
+        ),
     ],
 )
 def test_what_tells_nothing_of_the_plant_is_refused(u, y, said):
@@ -360,9 +368,11 @@ def test_what_tells_nothing_of_the_plant_is_refused(u, y, said):
 
 
 def test_a_record_cut_in_the_middle_does_not_settle_the_parameters():
-    early = T < 55
+    early = T < 75
     record = Record(T[early], U[early], (rise(lag=60.0) + NOISE)[early])
-    with pytest.raises(ValueError, match=r"does not settle the (sign of the gain|lag of fopdt|tau|damping).* ± "):
+    with pytest.raises(
+        ValueError, match=r"does not settle the (sign of the gain|lag of fopdt|tau|damping).* ± "
+    ):
         fit(record, "sopdt")
 
 
@@ -383,11 +393,11 @@ def test_a_record_that_begins_with_its_step_gives_its_model():
 
 
 def test_noise_is_told_from_the_error_of_a_model():
-    """Two lags in 0.02 of noise, as a single one: what is left over is model error, and is said."""
+    """Two lags in 0.005 of noise, as a single one: what is left over is model error, and is said."""
     process = pidalab.Process([2.0], np.polymul([20.0, 1.0], [8.0, 1.0]))
-    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + 0.4 * NOISE
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + 0.1 * NOISE
     single, double = (fit(Record(T, U, y), model) for model in ("fopdt", "sopdt"))
-    assert single.noise == pytest.approx(0.02, rel=0.3)
+    assert single.noise == pytest.approx(0.005, rel=0.3)
     assert single.model_error > 2 * single.noise > 4 * double.model_error
     assert any("beyond the noise" in doubt for doubt in single.doubts)
     assert double.doubts == ()
@@ -398,7 +408,7 @@ def test_what_was_not_fitted_is_predicted():
     y = rise() - 2 * rise(80.0) + rise(120.0) + NOISE
     assert fit(Record(T, u, y), "fopdt").holdout > 0.85
     assert np.isnan(fit(Record(T, U, rise() + NOISE), "fopdt").holdout)
-    assert fit(Record(T, u, np.where(T > 120, y[120], y)), "fopdt").holdout < 0.5
+    assert fit(Record(T, u, y + 0.5 * rise(120.0)), "fopdt").holdout < 0.8
 
 
 def test_plants_are_about_as_likely_as_the_model():
@@ -409,7 +419,5 @@ def test_plants_are_about_as_likely_as_the_model():
     plants = found.plants(21)
     assert plants[0] is found.process
     assert len(plants) == 21
-    squares = [
-        np.sum((y - pidalab.simulate(pidalab.Loop(plant, 0.0), T, load=U).y) ** 2) for plant in plants
-    ]
+    squares = [np.sum((y - pidalab.simulate(pidalab.Loop(plant, 0.0), T, load=U).y) ** 2) for plant in plants]
     assert max(squares) < 1.35 * squares[0]

@@ -401,7 +401,9 @@ def test_a_counter_that_begins_anew_is_counted_on_and_a_clock_set_back_is_refuse
 
 def test_a_record_that_begins_with_its_step():
     t, u, y = (x[40:] for x in step_record())
-    with pytest.raises(ValueError, match=r"u never changes: .* give the value before it: u_before, or --u-before"):
+    with pytest.raises(
+        ValueError, match=r"u never changes: .* give the value before it: u_before, or --u-before"
+    ):
         Record(t, u, y)
     told = Record(t, u, y, u_before=40.0)
     seen = Record(np.append(t[0], t), np.append(40.0, u), np.append(y[0], y))
@@ -426,7 +428,8 @@ TIMES = np.arange(400.0)
         (np.repeat(np.random.default_rng(0).uniform(0, 1, 20), 20), "steps to many levels"),
         (0.1 * TIMES, "a ramp"),
         (np.sin(0.1 * TIMES), "a sine"),
-        (np.cumsum(np.random.default_rng(0).normal(0, 1, 400)), "it moves all the time, as in a closed loop or by a test signal"),
+        (np.cumsum(np.random.default_rng(0).normal(0, 1, 400)), "it moves all the time, as in a closed loop or by a "
+         "test signal"),
     ],
 )  # fmt: skip
 def test_experiments_are_called_what_they_are(u, name):

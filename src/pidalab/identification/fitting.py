@@ -331,8 +331,8 @@ def fit(record: Record, model: str = "auto") -> Fit:
     data = prepared(record)
     if _drifts(data):
         raise ValueError(
-            "a drift in time explains the output without the input: record the output at rest for a while, and then "
-            "a larger step"
+            "the output answers to the input not clearly above noise and a drift in time: record it at rest for a "
+            "while, and then a larger step"
         )
     names = ("fopdt", "lags", "sopdt", "ipdt") if model == "auto" else (model,)
     tried = [search(data, shape) for name in names for shape in _candidates(name)]

@@ -558,14 +558,14 @@ def _experiment(record: Record) -> str:
     if steps and levels.size < MANY:
         back = abs(steps[-1].after - steps[0].before) <= CREEP * np.ptp(u)
         return {2: "a pulse", 3: "a doublet"}.get(len(steps), "several steps") if back else "several steps"
-    uniform = np.interp(np.linspace(t[0], t[-1], t.size), t, u)
     drift = np.vander((t - t[0]) / np.ptp(t), 2)
     rest = u - drift @ np.linalg.lstsq(drift, u, rcond=None)[0]
     if rest @ rest < 0.02 * np.sum((u - u.mean()) ** 2):
         return "a ramp"
-    power = np.abs(np.fft.rfft(uniform - uniform.mean())) ** 2
+    even = np.interp(np.linspace(t[0], t[-1], t.size), t, u - u.mean())
+    power = np.abs(np.fft.rfft(even * np.hanning(t.size))) ** 2
     peak = int(np.argmax(power))
-    if peak > 2 and power[peak - 1 : peak + 2].sum() > 0.9 * power.sum():
+    if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
     # a controller at a constant set point: proportional and integral of the output, and nothing else
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (record.y[1:] + record.y[:-1] - 2 * record.y[0])))

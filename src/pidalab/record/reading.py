@@ -151,7 +151,7 @@ def _columns_of_numbers(rows: Sequence[Sequence[str]]) -> list[int]:
 
 
 def _is_value(entry: str) -> bool:
-    text = _bare(entry)
+    text = _bare(entry) or entry.strip()
     return text.lower() in MISSING or STAMP.match(text) is not None or not math.isnan(_number(text))
 
 
