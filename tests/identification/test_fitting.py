@@ -6,7 +6,7 @@ import pytest
 import pidalab
 from pidalab import Record
 from pidalab.identification import fit
-from pidalab.identification.fitting import _covariance
+from pidalab.identification.judging import covariance
 from pidalab.identification.searching import Found, _hidden, prepared, refined, search
 from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND, behind_lag
 
@@ -202,7 +202,7 @@ def test_uncertainty_of_white_residuals_in_closed_form():
     together = 1 + 2 * sum(correlation[1:end])
     variance = float(r @ r) / (r.size - jacobian.shape[1])
     expected = variance * together * np.linalg.inv(jacobian.T @ jacobian)
-    np.testing.assert_allclose(_covariance(found), expected, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(covariance(found), expected, rtol=1e-6, atol=1e-12)
     assert list(fitted.uncertainty) == ["gain", "lag", "delay"]
     sigma = np.sqrt(np.diag(expected))[[0, 2, 3]]
     assert list(fitted.uncertainty.values()) == pytest.approx(list(sigma), rel=1e-6)
@@ -210,7 +210,7 @@ def test_uncertainty_of_white_residuals_in_closed_form():
 
 def test_uncertainty_of_an_exact_fit_is_none():
     exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4))
-    assert not np.any(_covariance(exact))
+    assert not np.any(covariance(exact))
 
 
 @pytest.mark.parametrize("model", ["fopdt", "sopdt", "ipdt"])

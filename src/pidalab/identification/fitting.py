@@ -14,10 +14,10 @@ from scipy.stats import chi2
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab.identification.judging import covariance, drifts, noise_of, together, unsettled
 from pidalab.identification.searching import (
     BETTER,
     LEVEL,
-    MOST_DAMPED,
     Data,
     Found,
     prepared,
@@ -29,20 +29,15 @@ from pidalab.identification.searching import (
 from pidalab.identification.shapes import FIRST, INTEGRATOR, MOST_LAGS, SECOND, Shape, equal_lags
 from pidalab.process import Process
 from pidalab.record import Record
-from pidalab.record.cleaned import FOLLOWER
+from pidalab.record.inputs import FOLLOWER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MODELS = ("fopdt", "sopdt", "lags", "ipdt", "auto")
-BLIND = (
-    1e7  # condition number of the parameters' sensitivities, scaled, above which the input tells too little
-)
-SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its sign to be known
 UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
 MOVED = 0.05  # share of its span by which the input moves, if it does
 LEFT = 0.5  # share of the movement of the output that no model may leave beyond noise
-CHANCE = 0.003  # that a drift alone makes an answer look as large
 TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
 
 
@@ -126,7 +121,7 @@ class Fit:
         scale = np.abs(values)
         scale[-1] = sum(values[1:]) or 1.0
         covariance = self._covariance / np.outer(scale, scale)
-        worth = self._data.t.size / _together(
+        worth = self._data.t.size / together(
             self._found.residuals
         )  # samples, if each had an error of its own
         room = 1.0 + float(chi2.ppf(TRIMMED, values.size)) / worth
@@ -329,7 +324,7 @@ def fit(record: Record, model: str = "auto") -> Fit:
             f"the input tells nothing of the plant: {FOLLOWER}; step the input by hand, or move the set point"
         )
     data = prepared(record)
-    if _drifts(data):
+    if drifts(data):
         raise ValueError(
             "the output answers to the input not clearly above noise and a drift in time: record it at rest for a "
             "while, and then a larger step"
@@ -343,24 +338,6 @@ def fit(record: Record, model: str = "auto") -> Fit:
     return _result(record, data, *_choice(data, tried))
 
 
-def _drifts(data: Data) -> bool:
-    """Whether a parabola in time leaves nothing that answers of first order to the input would explain.
-
-    Of a record that does not begin at rest the plant may come to rest, too, in any time.
-    """
-    x = (data.t - data.t[0]) / np.ptp(data.t)
-    parabola = np.vander(x, 3)
-    if data.free:
-        parabola = np.column_stack([parabola, *(np.exp(-x / share) for share in (0.03, 0.1, 0.3, 1.0))])
-    answers = [data.simulated(FIRST, [lag], 0.0) for lag in np.ptp(data.t) * np.geomspace(0.01, 0.5, 5)]
-    drift, both = (
-        data.y - basis @ np.linalg.lstsq(basis, data.y, rcond=None)[0]
-        for basis in (parabola, np.column_stack([parabola, *answers]))
-    )
-    gained, left = float(drift @ drift - both @ both), float(both @ both)
-    return left > 0 and gained * data.t.size < float(chi2.isf(CHANCE, 5)) * _together(both) * left
-
-
 def _candidates(model: str) -> list[Shape]:
     if model == "lags":
         return [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
@@ -370,7 +347,7 @@ def _candidates(model: str) -> list[Shape]:
 def _choice(data: Data, tried: Sequence[Found]) -> tuple[Found, str]:
     """Return the simplest candidate close to the best of those that the record settles, and why."""
     first = min(tried, key=lambda found: found.cost)
-    settled = [found for found in tried if not _unsettled(data, found)]
+    settled = [found for found in tried if not unsettled(data, found)]
     best = min(settled, key=lambda found: found.cost, default=first)
     if not settled or best.deviation > UNSETTLED * first.near:
         _require_settled(data, first)
@@ -391,55 +368,21 @@ def _choice(data: Data, tried: Sequence[Found]) -> tuple[Found, str]:
 
 
 def _require_settled(data: Data, found: Found) -> None:
-    refusal = _unsettled(data, found)
+    refusal = unsettled(data, found)
     if refusal:
         raise ValueError(refusal)
 
 
-def _unsettled(data: Data, found: Found) -> str:
-    """Return what the record leaves open of a model, and which experiment would settle it; empty if nothing."""
-    shape, values, J = found.shape, found.values, found.jacobian
-    if values[0] == 0 or not np.all(np.isfinite(values)):
-        return "the output does not answer to the input: no gain can be found"
-    answer = float(np.ptp(J[:, 0] * values[0]))
-    if answer < 3 * found.deviation:
-        return (
-            f"the output answers by {answer:.3g}, not clearly above what is left over ({found.deviation:.3g}): "
-            f"the step is too small against the noise, or something else moved the output (level {values[1]:.4g}); "
-            "make a larger step, from rest"
-        )
-    # sensitivities scaled to the change that each parameter makes
-    scaled = J / np.linalg.norm(J, axis=0)
-    if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > BLIND:
-        return (
-            f"the input tells too little to fit {shape.name}: its parameters cannot be told apart "
-            "(in closed loop, move the set point more; in open loop, step the input)"
-        )
-    sigma = np.sqrt(np.diag(_covariance(found)))
-    if abs(values[0]) < SURE * sigma[0]:
-        return (
-            f"the record does not settle the sign of the gain: {values[0]:.3g} ± {sigma[0]:.2g}; let the plant come to "
-            "rest, then step the input further or wait longer"
-        )
-    for name, value, error in zip(shape.parameters, values[2:-1], sigma[2:], strict=False):
-        if error > value or (name == "damping" and value > 0.99 * MOST_DAMPED):
-            return (
-                f"the record does not settle the {name} of {shape.name}: {value:.3g} ± {error:.2g}; record until the "
-                "output rests again, or step the input more than once"
-            )
-    return ""
-
-
 def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
     names = ("gain", "level", *found.shape.parameters, "delay")
-    covariance = _covariance(found)
-    sigma = np.sqrt(np.diag(covariance))
+    spread = covariance(found)
+    sigma = np.sqrt(np.diag(spread))
     parameters = dict(zip(names, found.values.tolist(), strict=True))
     uncertainty = dict(zip(names, sigma.tolist(), strict=False))  # beyond these: of the initial state
     del parameters["level"], uncertainty["level"]
     process = found.shape.process(parameters["gain"], found.values[2:-1].tolist(), parameters["delay"])
     keep = np.delete(np.arange(len(names)), LEVEL)
-    noise = _noise(record, data, found)
+    noise = noise_of(record, data, found)
     if found.deviation**2 - noise**2 > (LEFT * float(np.std(data.y))) ** 2:
         raise ValueError(
             f"{found.shape.name} does not describe this plant: it leaves {found.deviation:.3g} of an output that moves "
@@ -456,35 +399,7 @@ def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
         noise=noise,
         reason=reason,
         record=record,
-        _covariance=covariance[np.ix_(keep, keep)],
+        _covariance=spread[np.ix_(keep, keep)],
         _data=data,
         _found=found,
     )
-
-
-def _covariance(found: Found) -> Array:
-    """Covariance of the parameters: that of white residuals, times how many samples share one error."""
-    r, J = found.residuals, found.jacobian
-    freedom = max(1, r.size - J.shape[1])
-    variance = float(r @ r) / freedom
-    if variance == 0.0:
-        return np.zeros((J.shape[1], J.shape[1]))
-    scale = np.linalg.norm(J, axis=0)
-    inverse = np.linalg.pinv((J / scale).T @ (J / scale), hermitian=True)
-    return np.asarray(variance * _together(r) * inverse / np.outer(scale, scale))
-
-
-def _together(r: Array) -> float:
-    """Return how many samples share one error: the correlations of the residuals up to where they first fall to 0."""
-    spectrum = np.abs(np.fft.rfft(r, 2 * r.size)) ** 2
-    correlation = np.fft.irfft(spectrum)[: r.size]
-    correlation = correlation / correlation[0]
-    end = int(np.argmax(correlation <= 0)) or r.size
-    return 1.0 + 2.0 * float(correlation[1:end].sum())
-
-
-def _noise(record: Record, data: Data, found: Found) -> float:
-    """Return the larger of the noise at rest and of what changes from sample to sample beyond the model."""
-    simulated = np.interp(record.t, data.t, data.y - found.residuals)
-    rough = np.diff(record.y - simulated, 2)
-    return max(record.noise.deviation, float(np.sqrt(np.mean(rough**2) / 6)))

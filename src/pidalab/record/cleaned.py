@@ -2,50 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab.record.cleaning import cleaned, column, far_off, named
+from pidalab.record.inputs import Step, find_steps, name_experiment, said
 from pidalab.record.reading import LONG_AGO, read_columns
 
-FEWEST = 20  # samples from which something can be said
 GAP = 5.0  # times the usual sampling interval: a longer one is a gap
 COARSE = 20  # levels of y: fewer are worth a word
-CREEP = 0.1  # share of the input's span by which a level may move and still be one
 FEW = 5  # samples between two levels of the input: more are worth a word
-SHORT = 4  # samples that a level of the input takes at least
-BACKWARD = 0.05  # share of the samples that may lie before an earlier one
-COUNTERS = np.sort(
-    [60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32]
-)  # where clocks begin anew
-FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
-FOLLOWER = "it follows the output, as in a loop at a constant set point"
-MANY = 12  # levels of the input, in steps of a hundredth of its span
-LISTED = 4  # changes of the input that are said one by one
-
-Places = NDArray[np.intp]  # of samples
-
-
-class Step(NamedTuple):
-    """A change of the input from one level to another.
-
-    Attributes
-    ----------
-    time : float
-        When, in the record's own time.
-    before, after : float
-        The levels, in the unit of u.
-    """
-
-    time: float
-    before: float
-    after: float
 
 
 class Noise(NamedTuple):
@@ -153,7 +125,7 @@ class Record:
         outliers: Literal["drop", "keep"] | None = None,
         rows: ArrayLike | None = None,
     ) -> None:
-        given = _column("t", t), _column("u", u), _column("y", y)
+        given = column("t", t), column("u", u), column("y", y)
         if len({column.size for column in given}) > 1:
             raise ValueError(
                 f"t, u and y must have one length, found {', '.join(str(c.size) for c in given)}"
@@ -166,13 +138,13 @@ class Record:
             if rows is None
             else [f"row {k}" for k in np.asarray(rows)]
         )
-        if outliers == "drop" and (wild := _outliers(given[2])).size:
-            doubts.append(f"left out: {_named(where, given[2], wild)}")
+        if outliers == "drop" and (wild := far_off(given[2])).size:
+            doubts.append(f"left out: {named(where, given[2], wild)}")
             given[2][wild] = np.nan
-        times, inputs, outputs, earlier, kept = _cleaned(*given, doubts)
-        wild = _outliers(outputs) if outliers is None else np.zeros(0, dtype=int)
+        times, inputs, outputs, earlier, kept = cleaned(*given, doubts)
+        wild = far_off(outputs) if outliers is None else np.zeros(0, dtype=int)
         apart = (
-            f"far from its neighbours: {_named([where[k] for k in kept], outputs, wild)}" if wild.size else ""
+            f"far from its neighbours: {named([where[k] for k in kept], outputs, wild)}" if wild.size else ""
         )
         before = earlier if u_before is None else _check.real("u_before", u_before)
         if np.ptp(inputs) == 0 and before == inputs[0]:
@@ -188,19 +160,20 @@ class Record:
             "step_time": first,
             "u_before": before,
             "apart": apart,
-            "steps": _steps(times, inputs, before),
+            "steps": find_steps(times, inputs, before),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
         if first is not None and not any(s.time >= first for s in self.steps):
-            raise ValueError(f"step: no change of the input at or after {first:g}; found {_said(self.steps)}")
+            raise ValueError(f"step: no change of the input at or after {first:g}; found {said(self.steps)}")
         moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
         start = self.steps[0].time if self.steps else times[moved]
         rest, noise, resting = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
-        object.__setattr__(self, "at_rest", resting or (bool(self.steps) and noise.samples == 0))
+        told = u_before is not None
+        object.__setattr__(self, "at_rest", resting or told or (bool(self.steps) and noise.samples == 0))
         object.__setattr__(self, "rest", rest)
         object.__setattr__(self, "noise", noise)
-        object.__setattr__(self, "experiment", _experiment(self))
+        object.__setattr__(self, "experiment", name_experiment(self.steps, times, inputs, outputs))
         object.__setattr__(self, "doubts", (*doubts, *([apart] if apart else []), *self._more_doubts()))
 
     @classmethod
@@ -232,12 +205,14 @@ class Record:
             become seconds.
         delimiter, decimal : str, optional
             Between the columns, and in the numbers; found out if not given.
-        step, u_before, outliers : optional
+        step : float, optional
             As for `Record`.
         period : float, optional
             Time from sample to sample, for a file without a column of times; `time` is not used then.
         skip : int, optional
             Lines to leave out at the beginning of the file.
+        u_before, outliers : optional
+            As for `Record`.
 
         Returns
         -------
@@ -300,7 +275,7 @@ class Record:
         chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
         if len(chosen) > 1:
             raise ValueError(
-                f"the input changes again after the step: {_said(tuple(chosen))}; cut the record before"
+                f"the input changes again after the step: {said(tuple(chosen))}; cut the record before"
             )
         return chosen[0]
 
@@ -411,7 +386,7 @@ class Record:
         if not self.steps:
             found.append(f"the input does not step between lasting levels: {self.experiment}")
         elif len(self.steps) > 1:
-            found.append(f"{len(self.steps)} changes of the input, {self.experiment}: {_said(self.steps)}")
+            found.append(f"{len(self.steps)} changes of the input, {self.experiment}: {said(self.steps)}")
         if self.steps:
             tail = self.y[-max(3, self.y.size // 10) :]
             first, last = np.array_split(tail, 2)
@@ -434,148 +409,11 @@ class Record:
 
     def _moves(self) -> str:
         if len(self.steps) == 1:
-            return _said(self.steps)
+            return said(self.steps)
         return f"{self.experiment}, moves between {self.u.min():.6g} and {self.u.max():.6g}"
 
     def __repr__(self) -> str:
         return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
-
-
-def _column(name: str, value: Any) -> Array:
-    """Return an array of floats in which nan is a missing value."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{name} must be an array of real numbers, found {type(value).__name__}") from None
-    if array.ndim != 1:
-        raise ValueError(f"{name} must be one-dimensional, found shape {array.shape}")
-    _check.squarable(name, array)
-    return array
-
-
-def _cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array, float, Places]:
-    """Leave out missing values, sort by time, average what has the same time; also return the input before, and places.
-
-    Of the input the last value of each time is held on; the first one of the first time is the input before.
-    """
-    finite = [np.isfinite(column) for column in (t, u, y)]
-    usable = np.all(finite, axis=0)
-    if usable.sum() < FEWEST:
-        each = ", ".join(f"{name} has {known.sum()}" for name, known in zip("tuy", finite, strict=True))
-        raise ValueError(
-            f"a record needs {FEWEST} usable samples or more, found {usable.sum()} of {t.size} ({each})"
-        )
-    if not usable.all():
-        doubts.append(f"{(~usable).sum()} of {t.size} samples had a missing value and were left out")
-    places = np.flatnonzero(usable)
-    t, u, y = _clock(t[usable], doubts), u[usable], y[usable]
-    order = np.argsort(t, kind="stable")
-    times, first, count = np.unique(t[order], return_index=True, return_counts=True)
-    if times.size < FEWEST:
-        raise ValueError(f"a record needs {FEWEST} different times or more, found {times.size}")
-    if times.size < t.size:
-        doubts.append(f"{t.size - times.size} sample(s) had the time of another one and were averaged")
-    mean = np.add.reduceat(y[order], first) / count
-    held = u[order][first + count - 1]
-    if np.ptp(mean) == 0:
-        raise ValueError(f"y never changes: it is {mean[0]:g} in every sample, and tells nothing")
-    return times, held, mean, float(u[order][0]), places[order][first]
-
-
-def _clock(t: Array, doubts: list[str]) -> Array:
-    """Return times that may be sorted: of a counter that begins anew, counted on; refuse those that are no times."""
-    steps = np.diff(t)
-    back = steps < 0
-    if not back.any():
-        return t
-    counter = float(COUNTERS[min(np.searchsorted(COUNTERS, t.max(), side="right"), COUNTERS.size - 1)])
-    behind = float(np.mean(t < np.maximum.accumulate(t)))
-    if t.min() >= 0 and behind > BACKWARD and np.all(steps[back] < -counter / 2):
-        doubts.append(f"the time begins anew {back.sum()} time(s), at {counter:.6g}, and was counted on")
-        return t + counter * np.append(0, np.cumsum(back))
-    if np.all(steps <= 0):
-        doubts.append("the newest sample came first: the order was turned round")
-    elif behind > BACKWARD:
-        raise ValueError(
-            f"t is no time, or its clock was set back: {100 * behind:.2g} % of the samples lie before an earlier one, "
-            f"the first of them at {t[1:][back][0]:.6g} after {t[:-1][back][0]:.6g}"
-        )
-    else:
-        doubts.append("the times were not in order and were sorted")
-    return t
-
-
-def _outliers(y: Array) -> Places:
-    """Return the samples that are far from their neighbours: by more than these scatter, and a fifth of the span."""
-    from scipy.ndimage import median_filter
-
-    known = np.flatnonzero(np.isfinite(y))
-    if known.size < FEWEST:
-        return known[:0]
-    away = np.abs(y[known] - median_filter(y[known], size=9, mode="nearest"))
-    low, high = np.quantile(y[known], [0.02, 0.98])
-    return known[away > max(8 * float(np.quantile(away, 0.95)), 0.2 * float(high - low))]
-
-
-def _named(where: Sequence[str], y: Array, found: Places) -> str:
-    said = ", ".join(f"{where[k]} (y = {y[k]:.6g})" for k in found[:LISTED])
-    return said + (f" and {found.size - LISTED} more" if found.size > LISTED else "")
-
-
-def _steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
-    """Changes of the input between levels that last; a ramp over a few samples is one change, at its middle."""
-    # before the record the input was at rest for long enough to be a level
-    t, u = np.append(np.full(SHORT, t[0]), t), np.append(np.full(SHORT, before), u)
-    span = np.ptp(u)
-    quiet = np.abs(np.diff(u)) <= 0.02 * span
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
-    runs = [  # samples a to b are one level, unless the input creeps away from it
-        (a, b)
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b - a >= SHORT - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
-    ]
-    if not runs or sum(b - max(a, SHORT) for a, b in runs if b > SHORT) < 0.7 * (t.size - SHORT - 1):
-        return ()
-    levels = [float(np.median(u[a : b + 1])) for a, b in runs]
-    found = []
-    for (_, left), (right, _), low, high in zip(runs, runs[1:], levels, levels[1:], strict=False):
-        if abs(high - low) > 0.05 * span:
-            # a jump between two samples happens at the later one, from which the new value is held
-            middle = 0.5 * (low + high)
-            crossed = left + int(np.argmax(np.abs(u[left : right + 1] - low) >= np.abs(middle - low)))
-            found.append(Step(float(t[crossed]), low, high))
-    return tuple(found)
-
-
-def _experiment(record: Record) -> str:
-    """Name what was done to the input."""
-    steps, u, t = record.steps, record.u, record.t
-    levels = np.unique(np.round((u - u.min()) / (np.ptp(u) or 1.0), 2))
-    if levels.size == 2 and (len(steps) > 3 or not steps):
-        return "a binary test signal (PRBS)"
-    if len(steps) == 1:
-        return "a step"
-    if steps and levels.size < MANY:
-        back = abs(steps[-1].after - steps[0].before) <= CREEP * np.ptp(u)
-        return {2: "a pulse", 3: "a doublet"}.get(len(steps), "several steps") if back else "several steps"
-    drift = np.vander((t - t[0]) / np.ptp(t), 2)
-    rest = u - drift @ np.linalg.lstsq(drift, u, rcond=None)[0]
-    if rest @ rest < 0.02 * np.sum((u - u.mean()) ** 2):
-        return "a ramp"
-    even = np.interp(np.linspace(t[0], t[-1], t.size), t, u - u.mean())
-    power = np.abs(np.fft.rfft(even * np.hanning(t.size))) ** 2
-    peak = int(np.argmax(power))
-    if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
-        return "a sine"
-    # a controller at a constant set point: proportional and integral of the output, and nothing else
-    integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (record.y[1:] + record.y[:-1] - 2 * record.y[0])))
-    basis = np.column_stack([drift, record.y / np.ptp(record.y), integral / (np.ptp(integral) or 1.0)])
-    left = u - basis @ np.linalg.lstsq(basis, u, rcond=None)[0]
-    if left @ left < (1 - FOLLOWS) * (rest @ rest):
-        return FOLLOWER
-    return (
-        "steps to many levels" if steps else "it moves all the time, as in a closed loop or by a test signal"
-    )
 
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
@@ -607,11 +445,3 @@ def _quantum(y: Array) -> float:
     """Return the least distance between two values of a signal that was rounded, so that most of them come again."""
     levels = np.unique(y)
     return float(np.min(np.diff(levels))) if 3 * levels.size < y.size else 0.0
-
-
-def _said(steps: tuple[Step, ...]) -> str:
-    said = (
-        ", ".join(f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps[:LISTED])
-        or "none"
-    )
-    return said + (f" and {len(steps) - LISTED} more" if len(steps) > LISTED else "")
