@@ -76,11 +76,18 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     peak = int(np.argmax(power))
     if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
-    # a controller at a constant set point: proportional and integral of the output, and nothing else
+    # a controller at a constant set point: proportional and integral of the output, and nothing else. Where the
+    # input is the cause, a later output explains it better
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
-    basis = np.column_stack([drift, y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
-    left = u - basis @ np.linalg.lstsq(basis, u, rcond=None)[0]
-    if left @ left < (1 - FOLLOWS) * (rest @ rest):
+    scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
+
+    def left(later: int) -> float:
+        seen = t.size - later
+        basis = np.column_stack([drift[:seen], scaled[later:]])
+        return float(np.mean((u[:seen] - basis @ np.linalg.lstsq(basis, u[:seen], rcond=None)[0]) ** 2))
+
+    lags = range(1, t.size // 4, t.size // 40 or 1)
+    if left(0) < min((1 - FOLLOWS) * float(np.mean(rest**2)), *map(left, lags)):
         return FOLLOWER
     return (
         "steps to many levels" if steps else "it moves all the time, as in a closed loop or by a test signal"
@@ -88,8 +95,6 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
 
 
 def said(steps: tuple[Step, ...]) -> str:
-    text = (
-        ", ".join(f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps[:LISTED])
-        or "none"
-    )
-    return text + (f" and {len(steps) - LISTED} more" if len(steps) > LISTED else "")
+    """List the first steps in words."""
+    listed = [f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps[:LISTED]]
+    return (", ".join(listed) or "none") + (f" and {len(steps) - LISTED} more" if len(steps) > LISTED else "")

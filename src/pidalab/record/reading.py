@@ -203,12 +203,16 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
     for index, row in enumerate(table.head(LOOKED_AT).to_numpy().tolist()):
         filled = [row[k] for k in columns if row[k]]
         if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(_is_value, filled)):
-            above = [[name.strip('"') for name in names] for names in table.iloc[:index].to_numpy().tolist()]
+            above = [
+                [name.strip('"') for name in names]
+                for names in table.iloc[:index].to_numpy().tolist()
+                if any(names)
+            ]
             # a row of units may follow that of the names
             named = [
                 row for row in above if all(isinstance(name, int) or _places(name, row) for name in wanted)
             ]
-            names: list[str] = next(iter(reversed(named or [row for row in above if any(row)])), [])
+            names: list[str] = next(iter(reversed(named or above)), [])
             return names, index
     raise ValueError(
         f"{path.name} has no row of numbers in its first {LOOKED_AT} lines (columns divided by {mark!r}); "
