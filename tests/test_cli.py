@@ -125,7 +125,9 @@ def test_designs_with_an_output_filter_and_with_a_prefilter_become_code(record, 
     options = ("--sample-time", 0.2, "--kind", "PID")
     kept = run("tune", record, *options, "--model", "sopdt", "--rule", "haalman")
     assert kept.exit_code == 0, kept.output
-    filtered = run("tune", record, *options, "--model", "ipdt", "--rule", "mrdp", "--out", tmp_path)
+    rising = tmp_path / "rising.csv"  # an integrator, as far as the record goes
+    rising.write_text("\n".join(record.read_text().splitlines()[:70]))
+    filtered = run("tune", rising, *options, "--model", "ipdt", "--rule", "mrdp", "--out", tmp_path)
     assert filtered.exit_code == 0, filtered.output
     assert "Prefilter of the set point: [" in (tmp_path / "controller.c").read_text()
     assert pidalab.digital.from_json((tmp_path / "controller.json").read_text()).prefilter is not None
@@ -152,6 +154,23 @@ def test_a_bad_row_is_named(record, tmp_path):
     result = run("tune", bad, "--sample-time", 0.2)
     assert result.exit_code == 1
     assert "row 61" in result.stderr
+
+
+def test_options_of_reading(tmp_path):
+    """Blanks, no times, a line above, a step before the first row, a wild value: each has its option."""
+    t = np.arange(150.0)
+    y = np.round(20 + 2 * -np.expm1(-np.maximum(t - 5, 0) / 12) + 0.02 * np.sin(1.7 * t**2), 2)
+    y[90] = -9999
+    path = tmp_path / "log.txt"
+    path.write_text("measured in May, by hand\n" + "\n".join(f"{row}  1.0" for row in y))
+    options = ("--u", 1, "--y", 0, "--period", 1, "--skip", 1, "--delimiter", r"\s+", "--sample-time", 1)
+    design = ("--kind", "PI", "--rule", "simc", "--model", "fopdt")
+    assert "--u-before" in run("tune", path, *options, *design).stderr
+    assert "row 92 (y = -9999)" in run("tune", path, *options, *design, "--u-before", 0).stderr
+    done = run("tune", path, *options, *design, "--u-before", 0, "--outliers", "drop")
+    assert done.exit_code == 0, done.output
+    assert "step from 0 to 1 at 0" in done.stdout
+    assert "left out: row 92" in done.stdout
 
 
 def test_a_controller_changed_by_hand_is_refused(tmp_path):

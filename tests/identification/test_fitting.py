@@ -6,9 +6,9 @@ import pytest
 import pidalab
 from pidalab import Record
 from pidalab.identification import fit
-from pidalab.identification.fitting import _covariance
-from pidalab.identification.searching import Found, _hidden, _refined, prepared, search
-from pidalab.identification.shapes import FIRST, SECOND, behind_lag
+from pidalab.identification.judging import covariance
+from pidalab.identification.searching import Found, _hidden, prepared, refined, search
+from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND, behind_lag
 
 GRID = np.linspace(0.0, 300.0, 3001)
 TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
@@ -184,7 +184,9 @@ def test_a_fit_is_its_own_and_says_what_it_found():
     for name, value in fitted.parameters.items():
         assert f"{name} = {value:.4g} ± {fitted.uncertainty[name]:.2g}" in lines[0]
     assert lines[1:] == [
-        f"residuals {fitted.deviation:.3g} (root mean square), noise at rest {fitted.noise:.3g}",
+        f"residuals {fitted.deviation:.3g} (root mean square): noise {fitted.noise:.3g}, "
+        f"error of the model {fitted.model_error:.3g}",
+        f"NRMSE {fitted.nrmse:.3f}, of a part that was not fitted none, since nothing moves at the end",
         "fopdt was asked for.",
     ]
     assert fitted.deviation == pytest.approx(np.sqrt(np.mean(fitted.residuals**2)))
@@ -200,7 +202,7 @@ def test_uncertainty_of_white_residuals_in_closed_form():
     together = 1 + 2 * sum(correlation[1:end])
     variance = float(r @ r) / (r.size - jacobian.shape[1])
     expected = variance * together * np.linalg.inv(jacobian.T @ jacobian)
-    np.testing.assert_allclose(_covariance(found), expected, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(covariance(found), expected, rtol=1e-6, atol=1e-12)
     assert list(fitted.uncertainty) == ["gain", "lag", "delay"]
     sigma = np.sqrt(np.diag(expected))[[0, 2, 3]]
     assert list(fitted.uncertainty.values()) == pytest.approx(list(sigma), rel=1e-6)
@@ -208,13 +210,13 @@ def test_uncertainty_of_white_residuals_in_closed_form():
 
 def test_uncertainty_of_an_exact_fit_is_none():
     exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4))
-    assert not np.any(_covariance(exact))
+    assert not np.any(covariance(exact))
 
 
 @pytest.mark.parametrize("model", ["fopdt", "sopdt", "ipdt"])
 def test_sensitivities_beside_a_finer_difference(model):
-    fitted = fit(historian(3), model)
-    data, found = fitted._data, fitted._found
+    data = prepared(historian(3))
+    found = search(data, {"fopdt": FIRST, "sopdt": SECOND, "ipdt": INTEGRATOR}[model])
     gain, level, *p = found.values.tolist()
     shape = found.shape
 
@@ -288,7 +290,7 @@ def test_the_starts_that_are_followed_end_as_low_as_all_of_them():
     data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
     span = 130.0
     ends = [
-        _refined(data, FIRST, [lag, delay], span).cost
+        refined(data, FIRST, [lag, delay], span).cost
         for lag in span * np.geomspace(0.01, 0.5, 5)
         for delay in span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
     ]
@@ -304,7 +306,7 @@ def test_a_descent_from_the_truth_stays_there_close_to_the_upper_bounds_too(shap
     t = np.arange(0.0, 120.0, 0.5)
     y = 30.0 * shape.step(t - 23.0, true)
     data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
-    values = _refined(data, shape, [*true, 3.0], 99.5).values
+    values = refined(data, shape, [*true, 3.0], 99.5).values
     np.testing.assert_allclose(values, [30.0, 0.0, *true, 3.0], rtol=1e-6, atol=1e-8)
 
 
@@ -318,7 +320,7 @@ def test_lags_that_a_record_hides_are_the_longest_and_a_middle_one():
     lag, delay = found.values[2:]
     passed = []
     for further in (lag + delay) * np.geomspace(0.01, 0.5, 12):
-        rival = _refined(data, behind_lag(FIRST, further), [lag, max(delay - further, 0.0)], 79.0)
+        rival = refined(data, behind_lag(FIRST, further), [lag, max(delay - further, 0.0)], 79.0)
         if rival.deviation <= 1.03 * found.deviation + 1e-9:
             passed.append(further)
     assert len(passed) > 2
@@ -332,3 +334,90 @@ def test_lags_that_a_record_hides_are_the_longest_and_a_middle_one():
 def test_twenty_plants_of_the_same_seed_unless_told():
     found = fit(historian(0), "fopdt")
     assert found.spread() == found.spread(20, 0) != found.spread(20, 1)
+
+
+T = np.arange(200.0)
+U = np.where(T < 40, 0.0, 1.0)
+NOISE = np.random.default_rng(0).normal(0.0, 0.05, 200)
+
+
+def rise(at=40.0, gain=2.0, lag=12.0, delay=5.0):
+    return gain * -np.expm1(-np.maximum(T - at - delay, 0.0) / lag)
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "said"),
+    [
+        (U, 20 + 0.01 * T + NOISE, "not clearly above noise and a drift in time"),
+        (U, 20 - 3 * np.exp(-T / 150) + NOISE, "not clearly above noise and a drift in time"),
+        (
+            U,
+            np.where(T == 90, -9999.0, rise() + NOISE),
+            r"sample 90 \(y = -9999\); leave it out with outliers='drop'",
+        ),
+        (
+            -0.5 * rise() + 0.001 * NOISE,
+            rise(),
+            "it follows the output, as in a loop at a constant set point",
+        ),
+    ],
+)
+def test_what_tells_nothing_of_the_plant_is_refused(u, y, said):
+    with pytest.raises(ValueError, match=said):
+        fit(Record(T, u, y))
+
+
+def test_a_record_cut_in_the_middle_does_not_settle_the_parameters():
+    early = T < 75
+    record = Record(T[early], U[early], (rise(lag=60.0) + NOISE)[early])
+    with pytest.raises(
+        ValueError, match=r"does not settle the (sign of the gain|lag of fopdt|tau|damping).* ± "
+    ):
+        fit(record, "sopdt")
+
+
+@pytest.mark.parametrize(("model", "lag"), [("fopdt", 12.0), ("sopdt", 6.0)])
+def test_a_plant_that_was_still_moving_is_fitted_from_there(model, lag):
+    process = pidalab.fopdt(2.0, 12.0, 5.0) if model == "fopdt" else pidalab.lags(2, 6.0, 2.0, 5.0)
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
+    found = fit(Record(T, U, y - 8 * (1 + T / lag * (model == "sopdt")) * np.exp(-T / lag)), model)
+    assert found.parameters["gain"] == pytest.approx(2.0, rel=0.05)
+    assert found.parameters["delay"] == pytest.approx(5.0, abs=1.0)
+    assert "the record does not begin at rest: an initial state was fitted, too" in found.doubts
+
+
+def test_a_record_that_begins_with_its_step_gives_its_model():
+    found = fit(Record(T[:100], U[40:140], rise()[40:140] + NOISE[:100], u_before=0.0), "fopdt")
+    assert found.parameters["gain"] == pytest.approx(2.0, rel=0.03)
+    assert found.parameters["lag"] == pytest.approx(12.0, rel=0.1)
+
+
+def test_noise_is_told_from_the_error_of_a_model():
+    """Two lags in 0.005 of noise, as a single one: what is left over is model error, and is said."""
+    process = pidalab.Process([2.0], np.polymul([20.0, 1.0], [8.0, 1.0]))
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + 0.1 * NOISE
+    single, double = (fit(Record(T, U, y), model) for model in ("fopdt", "sopdt"))
+    assert single.noise == pytest.approx(0.005, rel=0.3)
+    assert single.model_error > 2 * single.noise > 4 * double.model_error
+    assert any("beyond the noise" in doubt for doubt in single.doubts)
+    assert double.doubts == ()
+
+
+def test_what_was_not_fitted_is_predicted():
+    u = U - 2 * (T >= 80) + (T >= 120)
+    y = rise() - 2 * rise(80.0) + rise(120.0) + NOISE
+    assert fit(Record(T, u, y), "fopdt").holdout > 0.85
+    assert np.isnan(fit(Record(T, U, rise() + NOISE), "fopdt").holdout)
+    assert fit(Record(T, u, y + 0.5 * rise(120.0)), "fopdt").holdout < 0.8
+
+
+def test_plants_are_about_as_likely_as_the_model():
+    """Tau, damping and dead time of slow and fast lags go together; none is drawn without the others."""
+    process = pidalab.Process([2.0], np.polymul([40.0, 1.0], [3.0, 1.0]))
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
+    found = fit(Record(T, U, y), "sopdt")
+    plants = found.plants(21)
+    assert plants[0] is found.process
+    assert len(plants) == 21
+    squares = [np.sum((y - pidalab.simulate(pidalab.Loop(plant, 0.0), T, load=U).y) ** 2) for plant in plants]
+    assert max(squares) < 1.35 * squares[0]

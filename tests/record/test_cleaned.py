@@ -25,7 +25,8 @@ def test_step_rest_and_noise_are_found():
 
 def test_cleaning_is_said_and_changes_nothing_else():
     t, u, y = step_record()
-    order = np.random.default_rng(1).permutation(t.size)
+    order = np.arange(t.size)
+    order[[30, 31, 90, 91]] = [31, 30, 91, 90]
     worse = [np.append(x[order], x[:3]) for x in (t, u, y)]
     worse[2] = np.append(worse[2], np.nan)
     worse[0], worse[1] = np.append(worse[0], 50.0), np.append(worse[1], 47.0)
@@ -250,7 +251,7 @@ def test_what_is_doubted_word_by_word():
     assert Record(t, u, y).doubts == (
         "the output has only 2 levels, 4 apart",
         "2 gap(s); the longest, 4, from 30",
-        "2 changes of the input: step from 1 to 3 at 10, step from 3 to 2 at 35",
+        "2 changes of the input, several steps: step from 1 to 3 at 10, step from 3 to 2 at 35",
     )
 
 
@@ -355,7 +356,7 @@ def test_a_record_in_words():
     assert str(record).splitlines()[3] == "doubt: the output has only 2 levels, 1 apart"
     assert repr(record) == "Record(40 samples from 0 to 39)"
     t = np.arange(40.0)
-    assert "input: moves between -2 and 2" in str(Record(t, np.resize([2.0, 0.0, -2.0], 40), t))
+    assert "input: a sine, moves between -2 and 2" in str(Record(t, np.resize([2.0, 0.0, -2.0], 40), t))
 
 
 def test_the_step_that_is_named_counts_from_its_time_on():
@@ -384,3 +385,61 @@ def test_the_first_columns_of_a_file_are_time_input_and_output(tmp_path):
     np.savetxt(path, np.column_stack([t, u, y, -y]), delimiter=",")
     read = Record.read_csv(path)
     np.testing.assert_allclose([read.t, read.u, read.y], [t, u, y])
+
+
+def test_a_counter_that_begins_anew_is_counted_on_and_a_clock_set_back_is_refused():
+    t, u, y = step_record()
+    wrapped = Record(np.round(10 * t + 300) % 1000, u, y)
+    assert np.diff(wrapped.t).min() > 0
+    assert "the time begins anew 1 time(s), at 1000, and was counted on" in wrapped.doubts
+    with pytest.raises(ValueError, match=r"clock was set back: .* of the samples lie before an earlier one"):
+        Record(np.where(t > 70.0, t - 20.0, t), u, y)
+    turned = Record(t[::-1], u[::-1], y[::-1])
+    assert turned.y.tolist() == y.tolist()
+    assert "the newest sample came first: the order was turned round" in turned.doubts
+
+
+def test_a_record_that_begins_with_its_step():
+    t, u, y = (x[40:] for x in step_record())
+    with pytest.raises(
+        ValueError, match=r"u never changes: .* give the value before it: u_before, or --u-before"
+    ):
+        Record(t, u, y)
+    told = Record(t, u, y, u_before=40.0)
+    seen = Record(np.append(t[0], t), np.append(40.0, u), np.append(y[0], y))
+    for record in (told, seen):
+        assert record.steps == ((t[0], 40.0, 47.0),)
+        assert record.at_rest
+    one = Record(*(x[39:] for x in step_record()))  # one sample before
+    assert one.steps == ((t[0], 40.0, 47.0),)
+
+
+TIMES = np.arange(400.0)
+
+
+@pytest.mark.parametrize(
+    ("u", "name"),
+    [
+        (np.where(TIMES < 50, 0.0, 1.0), "a step"),
+        (np.where((TIMES < 50) | (TIMES > 150), 0.0, 1.0), "a pulse"),
+        (np.select([TIMES < 50, TIMES < 100, TIMES < 150], [0.0, 1.0, -1.0], 0.0), "a doublet"),
+        (np.select([TIMES < 50, TIMES < 100, TIMES < 150], [0.0, 1.0, 2.0], 3.0), "several steps"),
+        (np.repeat(np.random.default_rng(0).integers(0, 2, 40), 10).astype(float), "a binary test signal (PRBS)"),
+        (np.repeat(np.random.default_rng(0).uniform(0, 1, 20), 20), "steps to many levels"),
+        (0.1 * TIMES, "a ramp"),
+        (np.sin(0.1 * TIMES), "a sine"),
+        (np.cumsum(np.random.default_rng(0).normal(0, 1, 400)), "it moves all the time, as in a closed loop or by a "
+         "test signal"),
+    ],
+)  # fmt: skip
+def test_experiments_are_called_what_they_are(u, name):
+    assert Record(TIMES, u, np.cumsum(np.random.default_rng(1).normal(0, 1, 400))).experiment == name
+
+
+def test_a_warm_up_before_the_step_is_no_noise():
+    t, u, y = step_record(noise=0.1)
+    warm = Record(t, u, y - 20 * np.exp(-t / 8.0))
+    assert not warm.at_rest
+    assert warm.noise.deviation == pytest.approx(0.1, rel=0.4)
+    still = Record(t, u, np.round(step_record()[2]))
+    assert still.noise.deviation == pytest.approx(1 / np.sqrt(12))

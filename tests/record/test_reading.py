@@ -104,3 +104,87 @@ def test_a_file_without_a_record_is_named(text, said, tmp_path):
     path = write(tmp_path, text)
     with pytest.raises(ValueError, match=f"{path.name} {said}"):
         Record.read_csv(path)
+
+
+def steps(k):
+    """Time, input and output of the row k: a step at 10."""
+    return k, 40.0 if k < 10 else 47.0, 1020.0 + max(0, k - 12)
+
+
+def lines(form, count=40):
+    return "\n".join(form.format(*steps(k)) for k in range(count))
+
+
+def minutes(k):
+    return f"{datetime(2026, 3, 5, 11, 59, 40) + timedelta(seconds=k):%m/%d/%Y %I:%M:%S %p}"
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (lines(" {} {}  {}"), {}),  # blanks, leading ones too
+        (lines("{:.3E}\t{:.3E}\t{:.5E}"), {}),
+        ("run = [\n" + lines(" {} {} {}") + "\n];", {}),
+        (lines("[{} {} {}];"), {}),
+        (lines("{}; {} %; {}"), {}),
+        (lines('{},{},"{:,.1f}"'), {}),
+        (lines("{};{};{:,.1f}"), {}),
+        (lines("{},{},{}") + "\n-----\nEnd log file\nTotal, 3", {}),
+        ("a comment, with 3 commas, and more,\n" + lines("{},{},{}"), {"skip": 1}),
+        (lines("{}::{}::{}"), {"delimiter": "::"}),
+        (lines("{} {} {}"), {"delimiter": r"\s+"}),
+        ("u v\n" + "\n".join(f"{steps(k)[1]} {steps(k)[2]}" for k in range(40)), {"u": "u", "y": "v", "period": 1.0}),
+        ("\n".join(f"{minutes(k)},{steps(k)[1]},{steps(k)[2]}" for k in range(40)), {}),
+        ("\n".join(f"2026-03-05 11:00:{k:02},250,{steps(k)[1]},{steps(k)[2]}" for k in range(40)), {}),
+        ("\n".join(f"{datetime(2026, 3, 5, 23, 59, 40) + timedelta(seconds=k):%H:%M:%S},{steps(k)[1]},{steps(k)[2]}"
+                   for k in range(40)), {}),
+    ],
+)  # fmt: skip
+def test_files_that_hold_a_trap(text, options, tmp_path):
+    record = Record.read_csv(write(tmp_path, text), **options)
+    assert record.t.tolist() == list(range(40))
+    assert record.steps == ((10.0, 40.0, 47.0),)
+    assert record.y[-1] == 1047.0
+
+
+def test_utf_16(tmp_path):
+    record = Record.read_csv(write(tmp_path, "Zeit\tu\tüber\n" + lines("{}\t{}\t{}"), "utf-16"), y="über")
+    assert record.steps == ((10.0, 40.0, 47.0),)
+
+
+def test_what_was_done_to_a_file_is_said(tmp_path):
+    text = "\n".join(f"2026-03-05 11:00:{k:02},250,{steps(k)[1]},{steps(k)[2]}" for k in range(40))
+    doubts = Record.read_csv(write(tmp_path, text + "\nTotal 40")).doubts
+    assert doubts[0].startswith("milliseconds after a comma")
+    assert doubts[1] == "1 row(s) after the last row of numbers were left out: 'Total 40'"
+
+
+def test_two_roles_on_one_column_are_refused(tmp_path):
+    path = write(tmp_path, lines("{},{},{}"))
+    with pytest.raises(
+        ValueError, match="time, u and y must be different columns, found time = 0, u = 2, y = 2"
+    ):
+        Record.read_csv(path, u=2)
+    with pytest.raises(ValueError, match=r"has no column 'u'; its columns are 3, without names"):
+        Record.read_csv(path, u="u")
+
+
+def test_an_output_as_time_is_refused_by_its_name(tmp_path):
+    wave = "y,u\n" + "\n".join(f"{[3, 1, 4, 1, 5, 9, 2, 6][k % 8]},{steps(k)[1]}" for k in range(80))
+    with pytest.raises(ValueError, match=r"step.csv \(time = 'y', u = 'u', y = 0\)|must be different"):
+        Record.read_csv(write(tmp_path, wave), time="y", u="u", y=0)
+    wide = "\n".join(f"{row},{k}" for k, row in enumerate(wave.splitlines()[1:]))
+    with pytest.raises(
+        ValueError, match=r"step.csv \(time = 0, u = 1, y = 2\): t is no time, or its clock was set"
+    ):
+        Record.read_csv(write(tmp_path, wide))
+
+
+def test_a_wild_output_is_named_by_its_row_and_left_out_with_a_word(tmp_path):
+    rows = ("time,u,y\n" + lines("{},{},{}", 80)).splitlines()
+    rows[60] = "59,47,-9999"
+    path = write(tmp_path, "\n".join(rows))
+    assert "far from its neighbours: row 61 (y = -9999)" in Record.read_csv(path).doubts
+    dropped = Record.read_csv(path, outliers="drop")
+    assert (dropped.t.size, dropped.apart) == (79, "")
+    assert "left out: row 61 (y = -9999)" in dropped.doubts

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pidalab.rules import Design
 
 MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt")
+READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers")
 CODE = {
     "controller.c": "c",
     "controller.st": "structured_text",
@@ -35,7 +36,16 @@ record = together(
     click.option(
         "--y", default="2", show_default=True, callback=column, help="Column of the measured output."
     ),
+    click.option("--period", type=float, help="Time from sample to sample, for a file without times."),
+    click.option("--delimiter", help="Between the columns, such as ';' or '\\s+'; by default found out."),
+    click.option("--skip", default=0, show_default=True, help="Lines to leave out at the beginning."),
     click.option("--step", type=float, help="Time of the step that matters, if there are several."),
+    click.option("--u-before", type=float, help="Input before the record, if that begins with its step."),
+    click.option(
+        "--outliers",
+        type=click.Choice(["drop", "keep"]),
+        help="What becomes of outputs far from their neighbours.",
+    ),
     click.option(
         "--model", default="auto", show_default=True, type=click.Choice(MODELS), help="Model to fit."
     ),
@@ -98,7 +108,7 @@ def report_command(out: Path | None, model: str, **options: Any) -> None:
 @out
 @one_line
 def tune_command(out: Path | None, **options: Any) -> None:
-    """Tune a controller from a plant RECORD, a delimited text file with an open-loop step.
+    """Tune a controller from a plant RECORD, a text file with an input that moves: a step, best from rest.
 
     Prints the model, the controller, margins and doubts; with --out also writes controller.c, controller.st,
     controller.py, controller.json and report.html.
@@ -123,7 +133,7 @@ def _read(options: dict[str, Any]) -> Record:
     from pidalab.record import Record
 
     path = options.pop("record")
-    return Record.read_csv(path, **{name: options.pop(name) for name in ("time", "u", "y", "step")})
+    return Record.read_csv(path, **{name: options.pop(name) for name in READING})
 
 
 def _tuned(
@@ -149,7 +159,7 @@ def _tuned(
     found = fit(read, model)
     design = tune(found, kind, ms, noise_gain, sample_time, rule, spread)
     # the working point of the record: model and controller count from there
-    rest = float(read.steps[0].before) if read.steps else float(read.u[0])
+    rest = float(read.steps[0].before) if read.steps else read.u_before
     digital = design.discretise(
         sample_time, "backward", b=b, c=c, limits=(u_min, u_max), bias=rest, y_offset=read.rest
     )

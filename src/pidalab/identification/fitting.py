@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,21 +10,35 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import chi2
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.identification.searching import BETTER, LEVEL, Data, Found, prepared, rivals, search
+from pidalab.identification.judging import covariance, drifts, noise_of, together, unsettled
+from pidalab.identification.searching import (
+    BETTER,
+    LEVEL,
+    Data,
+    Found,
+    prepared,
+    projected,
+    refined,
+    rivals,
+    search,
+)
 from pidalab.identification.shapes import FIRST, INTEGRATOR, MOST_LAGS, SECOND, Shape, equal_lags
 from pidalab.process import Process
 from pidalab.record import Record
+from pidalab.record.inputs import FOLLOWER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MODELS = ("fopdt", "sopdt", "lags", "ipdt", "auto")
-BLIND = (
-    1e7  # condition number of the parameters' sensitivities, scaled, above which the input tells too little
-)
+UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
+MOVED = 0.05  # share of its span by which the input moves, if it does
+LEFT = 0.5  # share of the movement of the output that no model may leave beyond noise
+TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +59,9 @@ class Fit:
     deviation : float
         Root mean square of the residuals, in the unit of y.
     noise : float
-        Standard deviation of the noise at rest; a good model leaves no more.
+        Standard deviation of the noise: the largest of that at rest, of what in the residuals changes from sample to
+        sample (root mean square of their second differences by the root of 6), and of rounding. A good model leaves no
+        more; what it leaves beyond is `model_error`.
     reason : str
         Why this model, in a sentence.
     record : Record
@@ -70,6 +87,7 @@ class Fit:
         They are drawn from the joint uncertainty of the parameters, around the model and, in turn, around models with a
         further lag, fitted anew: the longest whose residuals are not 3 % larger, and one of a middle length. What such
         a lag does to a record a little dead time does nearly as well; what it does to a loop can be quite different.
+        Left out are those with which the record is less likely than with 95 % of the plants around the same model.
         Beside equal lags stand two unequal ones with a further lag as well.
 
         All have more dead time than was fitted, by up to the interval in which the input changed: a record shows a
@@ -102,27 +120,122 @@ class Fit:
         # drawn as logarithms, so that a time stays positive; the dead time as a share of all times
         scale = np.abs(values)
         scale[-1] = sum(values[1:]) or 1.0
+        covariance = self._covariance / np.outer(scale, scale)
+        worth = self._data.t.size / together(
+            self._found.residuals
+        )  # samples, if each had an error of its own
+        room = 1.0 + float(chi2.ppf(TRIMMED, values.size)) / worth
+        limits = [room * self._squares(shape, centre) for shape, centre in models]
         rng = np.random.default_rng(seed)
-        draws = rng.multivariate_normal(
-            np.zeros(values.size), self._covariance / np.outer(scale, scale), size=count
-        )
-        earlier = rng.uniform(0.0, self._data.unseen, size=count)
-        plants = []
-        for k, draw in enumerate(draws):
-            shape, centre = models[k % len(models)]
-            if centre.size > draw.size:  # beside equal lags: unequal ones, whose damping no draw knows
-                draw = np.insert(draw, draw.size - 1, 0.0)
-            drawn = centre * np.exp(np.clip(draw, -2.0, 2.0))
-            drawn[-1] = max(0.0, centre[-1] + draw[-1] * scale[-1]) + earlier[k]
-            plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1])))
+        plants: list[Process] = []
+        shrunk = 1.0
+        while len(plants) < count:
+            for draw in rng.multivariate_normal(
+                np.zeros(values.size), covariance * shrunk**2, size=2 * count
+            ):
+                turn = len(plants) % len(models)
+                shape, centre = models[turn]
+                if centre.size > draw.size:  # beside equal lags: unequal ones, whose damping no draw knows
+                    draw = np.insert(draw, draw.size - 1, 0.0)
+                drawn = centre * np.exp(np.clip(draw, -2.0, 2.0))
+                drawn[-1] = centre[-1] + draw[-1] * scale[-1]
+                if len(plants) == count or drawn[-1] < 0 or self._squares(shape, drawn) > limits[turn]:
+                    continue
+                earlier = rng.uniform(0.0, self._data.unseen)
+                plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1]) + earlier))
+            shrunk *= 0.8  # of a long and bent valley few draws lie inside
         return plants
+
+    def plants(self, count: int = 21) -> list[Process]:
+        """Return the model and, after it, plants that the record does not rule out: a family to design for.
+
+        Parameters
+        ----------
+        count : int, optional
+            How many, the model included.
+
+        Returns
+        -------
+        list of Process
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = np.arange(0.0, 60.0)
+        >>> y = 2.0 * (1 - np.exp(-np.maximum(t - 13, 0) / 5)) + np.random.default_rng(0).normal(0, 0.02, t.size)
+        >>> fitted = pidalab.identification.fit(pidalab.Record(t, np.where(t < 10, 0.0, 1.0), y), "fopdt")
+        >>> fitted.plants(5)[0] == fitted.process
+        True
+        """
+        count = _check.integer("count", count, at_least=1)
+        return [self.process, *(self.spread(count - 1) if count > 1 else [])]
+
+    def _squares(self, shape: Shape, values: Array) -> float:
+        """Sum of the squared residuals of a model, level and initial state solved for."""
+        basis = self._data.basis(shape, values[1:].tolist())
+        left = self._data.y - values[0] * basis[:, 0]
+        left = left - basis[:, 1:] @ np.linalg.lstsq(basis[:, 1:], left, rcond=None)[0]
+        return float(left @ left)
 
     @cached_property
     def _rivals(self) -> tuple[tuple[Shape, Array], ...]:
         return rivals(self._data, self._found)
 
+    @property
+    def nrmse(self) -> float:
+        """One less the residuals' share of the output's movement: 1 for a model that leaves nothing."""
+        return 1.0 - self.deviation / float(np.std(self._data.y))
+
+    @cached_property
+    def holdout(self) -> float:
+        """The same for the end of the record, predicted by a fit of the rest; nan where nothing moves at the end.
+
+        The end is the last third or, if the input does not move in it, what follows the last change; there is none if
+        the input moves only once, or the output no more than noise.
+        """
+        data = self._data
+        level = np.cumsum(data.changes)
+        moved = np.abs(level - level[-1]) > MOVED * np.ptp(np.append(level, 0.0))
+        last = float(data.moments[int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0])
+        cut = min(data.t[0] + 2 / 3 * np.ptp(data.t), last - 1e-9 * np.ptp(data.t))
+        early = data.until(cut)
+        seen = np.append(np.cumsum(early.changes), 0.0)
+        if np.ptp(seen) <= MOVED * np.ptp(np.append(level, 0.0)) or early.t.size < 20:
+            return math.nan
+        shape = self._found.shape
+        found = refined(early, shape, self._found.values[2:].tolist(), float(np.ptp(early.t)))
+        p = found.values[2:].tolist()
+        late = data.t > cut
+        if np.std(data.y[late]) < max(3 * self.noise, 0.1 * float(np.std(data.y))):
+            return math.nan
+        error = (data.y - data.basis(shape, p) @ projected(early, shape, p)[1])[late]
+        return 1.0 - float(np.sqrt(np.mean(error**2)) / np.std(data.y[late]))
+
+    @property
+    def model_error(self) -> float:
+        """Root mean square of what the model leaves beyond noise."""
+        return math.sqrt(max(0.0, self.deviation**2 - self.noise**2))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What a reader should know of the model; `record` has its own."""
+        found = []
+        if self.deviation > 2 * self.noise:
+            share = 100 * self.model_error / float(np.ptp(self._data.y))
+            found.append(
+                f"the model leaves {self.model_error:.3g} beyond the noise of {self.noise:.3g}, {share:.2g} % of the "
+                "movement of the output: the plant is of another shape, or something else moved it"
+            )
+        if self._data.free:
+            found.append("the record does not begin at rest: an initial state was fitted, too")
+        if self.holdout < self.nrmse - 0.2:
+            found.append(
+                f"the end of the record is predicted worse than it is fitted: NRMSE {self.holdout:.2f}"
+            )
+        return tuple(found)
+
     def plot(self, ax: Axes) -> None:
-        """Draw recorded and simulated output.
+        """Draw recorded and simulated output and, below them, the residuals in a band of twice the noise.
 
         Parameters
         ----------
@@ -142,6 +255,9 @@ class Fit:
         simulated = np.interp(self._data.t, self.record.t, self.record.y) - self.residuals
         ax.plot(self.record.t, self.record.y, ".", color="0.6", markersize=3, label="record")
         ax.plot(self._data.t, simulated, label=self.model)
+        below = float(self.record.y.min()) - 2 * max(float(np.max(np.abs(self.residuals))), self.noise)
+        ax.axhspan(below - 2 * self.noise, below + 2 * self.noise, color="0.6", alpha=0.3, linewidth=0)
+        ax.plot(self._data.t, below + self.residuals, color="0.4", linewidth=0.8, label="residual, shifted")
         ax.set(xlabel="time", ylabel="output")
         ax.legend()
 
@@ -149,10 +265,15 @@ class Fit:
         values = ", ".join(
             f"{name} = {value:.4g} ± {self.uncertainty[name]:.2g}" for name, value in self.parameters.items()
         )
-        return (
-            f"{self.model}: {values}\nresiduals {self.deviation:.3g} (root mean square), "
-            f"noise at rest {self.noise:.3g}\n{self.reason}"
-        )
+        ahead = "none, since nothing moves at the end" if math.isnan(self.holdout) else f"{self.holdout:.3f}"
+        lines = [
+            f"{self.model}: {values}",
+            f"residuals {self.deviation:.3g} (root mean square): noise {self.noise:.3g}, "
+            f"error of the model {self.model_error:.3g}",
+            f"NRMSE {self.nrmse:.3f}, of a part that was not fitted {ahead}",
+            self.reason,
+        ]
+        return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
 
 
 def fit(record: Record, model: str = "auto") -> Fit:
@@ -164,7 +285,7 @@ def fit(record: Record, model: str = "auto") -> Fit:
         Any input that moves enough: one step is enough, several or a closed loop's set-point change serve too.
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt"}, optional
         One lag, two poles with damping, up to eight equal lags, an integrator, each with dead time; "auto" takes the
-        simplest that no other one beats by more than 3 % in the residuals.
+        simplest that no other one beats by more than 3 % in the residuals, of those that the record settles.
 
     Returns
     -------
@@ -175,7 +296,9 @@ def fit(record: Record, model: str = "auto") -> Fit:
     TypeError
         If `record` is not a Record.
     ValueError
-        For another word as `model`, an input that does not tell the parameters apart, an output that does not answer.
+        For another word as `model`, a record with outliers, an input that follows the output, an output that does not
+        answer or only drifts, and parameters that the record does not settle, such as the sign of the gain; it says
+        which experiment would.
 
     Examples
     --------
@@ -192,15 +315,27 @@ def fit(record: Record, model: str = "auto") -> Fit:
             f"record must be a pidalab.Record, found {type(record).__name__}; write Record(t, u, y)"
         )
     _check.choice("model", model, MODELS)
+    if record.apart:
+        raise ValueError(
+            f"{record.apart}; leave it out with outliers='drop' (--outliers drop), or keep it with 'keep'"
+        )
+    if record.experiment == FOLLOWER:
+        raise ValueError(
+            f"the input tells nothing of the plant: {FOLLOWER}; step the input by hand, or move the set point"
+        )
     data = prepared(record)
+    if drifts(data):
+        raise ValueError(
+            "the output answers to the input not clearly above noise and a drift in time: record it at rest for a "
+            "while, and then a larger step"
+        )
+    names = ("fopdt", "lags", "sopdt", "ipdt") if model == "auto" else (model,)
+    tried = [search(data, shape) for name in names for shape in _candidates(name)]
     if model != "auto":
-        best = min((search(data, shape) for shape in _candidates(model)), key=lambda found: found.cost)
+        best = min(tried, key=lambda found: found.cost)
+        _require_settled(data, best)
         return _result(record, data, best, f"{model} was asked for.")
-    tried = [
-        search(data, shape) for name in ("fopdt", "lags", "sopdt", "ipdt") for shape in _candidates(name)
-    ]
-    chosen, reason = _choice(tried)
-    return _result(record, data, chosen, reason)
+    return _result(record, data, *_choice(data, tried))
 
 
 def _candidates(model: str) -> list[Shape]:
@@ -209,12 +344,15 @@ def _candidates(model: str) -> list[Shape]:
     return [{"fopdt": FIRST, "sopdt": SECOND, "ipdt": INTEGRATOR}[model]]
 
 
-def _choice(tried: Sequence[Found]) -> tuple[Found, str]:
-    """Return the simplest candidate close to the best, and why."""
-    best = min(tried, key=lambda found: found.cost)
-    near = [found for found in tried if found.deviation <= best.near]
+def _choice(data: Data, tried: Sequence[Found]) -> tuple[Found, str]:
+    """Return the simplest candidate close to the best of those that the record settles, and why."""
+    first = min(tried, key=lambda found: found.cost)
+    settled = [found for found in tried if not unsettled(data, found)]
+    best = min(settled, key=lambda found: found.cost, default=first)
+    if not settled or best.deviation > UNSETTLED * first.near:
+        _require_settled(data, first)
+    near = [found for found in settled if found.deviation <= best.near]
     chosen = min(near, key=lambda found: (found.values.size, found.cost))
-    kind = chosen.shape.name
     others: dict[str, float] = {}
     for found in tried:
         name = found.shape.name
@@ -222,33 +360,35 @@ def _choice(tried: Sequence[Found]) -> tuple[Found, str]:
     said = ", ".join(
         f"{name} {value:.3g}" for name, value in sorted(others.items(), key=lambda item: item[1])
     )
-    return chosen, f"{kind} is the simplest within {100 * BETTER:.0f} % of the least residual ({said})."
+    lost = sorted({found.shape.name for found in tried} - {found.shape.name for found in settled})
+    return chosen, (
+        f"{chosen.shape.name} is the simplest within {100 * BETTER:.0f} % of the least residual ({said})"
+        + (f", without {' and '.join(lost)}, which the record does not settle." if lost else ".")
+    )
+
+
+def _require_settled(data: Data, found: Found) -> None:
+    refusal = unsettled(data, found)
+    if refusal:
+        raise ValueError(refusal)
 
 
 def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
     names = ("gain", "level", *found.shape.parameters, "delay")
-    if found.values[0] == 0 or not np.all(np.isfinite(found.values)):
-        raise ValueError("the output does not answer to the input: no gain can be found")
-    answer = float(np.ptp(found.jacobian[:, 0] * found.values[0]))
-    if answer < 3 * found.deviation:
-        raise ValueError(
-            f"the output answers by {answer:.3g}, not clearly above what is left over ({found.deviation:.3g}): "
-            f"the step is too small against the noise, or something else moved the output (level {found.values[1]:.4g})"
-        )
-    # sensitivities scaled to the change that each parameter makes
-    scaled = found.jacobian / np.linalg.norm(found.jacobian, axis=0)
-    if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > BLIND:
-        raise ValueError(
-            f"the input tells too little to fit {found.shape.name}: its parameters cannot be told apart "
-            "(in closed loop, move the set point more; in open loop, step the input)"
-        )
-    covariance = _covariance(found)
-    sigma = np.sqrt(np.diag(covariance))
+    spread = covariance(found)
+    sigma = np.sqrt(np.diag(spread))
     parameters = dict(zip(names, found.values.tolist(), strict=True))
-    uncertainty = dict(zip(names, sigma.tolist(), strict=True))
+    uncertainty = dict(zip(names, sigma.tolist(), strict=False))  # beyond these: of the initial state
     del parameters["level"], uncertainty["level"]
     process = found.shape.process(parameters["gain"], found.values[2:-1].tolist(), parameters["delay"])
     keep = np.delete(np.arange(len(names)), LEVEL)
+    noise = noise_of(record, data, found)
+    if found.deviation**2 - noise**2 > (LEFT * float(np.std(data.y))) ** 2:
+        raise ValueError(
+            f"{found.shape.name} does not describe this plant: it leaves {found.deviation:.3g} of an output that moves "
+            f"by {np.std(data.y):.3g} (standard deviation), and its noise is {noise:.3g}; step the input by itself, "
+            "from rest, with nothing else moving the output"
+        )
     return Fit(
         process=process,
         model=found.shape.name,
@@ -256,28 +396,10 @@ def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
         uncertainty=MappingProxyType(uncertainty),
         residuals=found.residuals,
         deviation=found.deviation,
-        noise=record.noise.deviation,
+        noise=noise,
         reason=reason,
         record=record,
-        _covariance=covariance[np.ix_(keep, keep)],
+        _covariance=spread[np.ix_(keep, keep)],
         _data=data,
         _found=found,
     )
-
-
-def _covariance(found: Found) -> Array:
-    """Covariance of the parameters: that of white residuals, times how many samples share one error."""
-    r, J = found.residuals, found.jacobian
-    freedom = max(1, r.size - J.shape[1])
-    variance = float(r @ r) / freedom
-    if variance == 0.0:
-        return np.zeros((J.shape[1], J.shape[1]))
-    # correlation time of the residuals in samples, up to where the correlation first falls to zero
-    spectrum = np.abs(np.fft.rfft(r, 2 * r.size)) ** 2
-    correlation = np.fft.irfft(spectrum)[: r.size]
-    correlation = correlation / correlation[0]
-    end = int(np.argmax(correlation <= 0)) or r.size
-    together = 1.0 + 2.0 * float(correlation[1:end].sum())
-    scale = np.linalg.norm(J, axis=0)
-    inverse = np.linalg.pinv((J / scale).T @ (J / scale), hermitian=True)
-    return np.asarray(variance * together * inverse / np.outer(scale, scale))

@@ -24,6 +24,7 @@ MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over nei
 BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
 NONE = 1e-3  # dead time in samples that counts as none
 LEVEL = 1  # place of the output's level among the parameters
+MOST_DAMPED = 20.0  # damping beyond which a second order is a first one
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
 
 
@@ -36,6 +37,7 @@ class Data(NamedTuple):
     moments: Array  # when they happen
     unseen: float  # mean interval between samples in which the input changed
     grid: float  # sampling interval of a uniform grid on which the input changes at every sample; 0 otherwise
+    free: bool = False  # whether the plant starts from a state that is not rest
 
     def simulated(self, shape: Shape, p: Sequence[float], delay: float) -> Array:
         """Response of the shape with gain 1 and dead time to the recorded input."""
@@ -45,25 +47,45 @@ class Data(NamedTuple):
         since = self.t[:, None] - self.moments - delay
         return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
 
+    def basis(self, shape: Shape, p: Sequence[float]) -> Array:
+        """Return columns for what enters linearly: gain, level, and a free initial state and its slope."""
+        columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
+        if self.free:
+            settling = shape.step(self.t - self.t[0], p[:-1])
+            columns.append(settling)
+            if shape.name in ("lags", "sopdt"):
+                columns.append(np.gradient(settling, self.t))
+        return np.column_stack(columns)
+
+    def until(self, time: float) -> Data:
+        """Return the data up to a time."""
+        seen, moved = self.t <= time, self.moments <= time
+        return self._replace(
+            t=self.t[seen], y=self.y[seen], changes=self.changes[moved], moments=self.moments[moved]
+        )
+
 
 def prepared(record: Record) -> Data:
     """Return what a fit looks at of a record."""
     t, u, y = record.t, record.u, record.y
-    changed = np.flatnonzero(np.diff(u)) + 1
+    moved = np.diff(u, prepend=record.u_before)
+    changed = np.flatnonzero(moved)
+    free = not record.at_rest
     if changed.size > MOST_CHANGES:
         # a moving input: on a uniform grid its changes and the response are one convolution
         count = min(MOST_SAMPLES, round(np.ptp(t) / record.sampling) + 1)
         uniform = np.linspace(t[0], t[-1], count)
         held = u[np.searchsorted(t, uniform, side="right") - 1]
-        moved = np.diff(held, prepend=u[0])
-        return Data(uniform, np.interp(uniform, t, y), moved, uniform, 0.0, uniform[1] - uniform[0])
-    unseen = float(np.mean(t[changed] - t[changed - 1]))
-    moments, changes = t[changed], np.diff(u)[changed - 1]
+        moved = np.diff(held, prepend=record.u_before)
+        return Data(uniform, np.interp(uniform, t, y), moved, uniform, 0.0, uniform[1] - uniform[0], free)
+    intervals = np.diff(t, prepend=t[0] - record.sampling)
+    unseen = float(np.mean(intervals[changed]))
+    moments, changes = t[changed], moved[changed]
     if t.size > MOST_SAMPLES:
         # neighbours are averaged: noise falls, and the response is smooth over so short a time
         parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
         t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
-    return Data(t, y, changes, moments, unseen, 0.0)
+    return Data(t, y, changes, moments, unseen, 0.0, free)
 
 
 class Found(NamedTuple):
@@ -94,11 +116,11 @@ def search(data: Data, shape: Shape) -> Found:
     times = span * np.geomspace(0.01, 0.5, 5)
     delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
     grid = [[*start, delay] for start in _starts(shape, times) for delay in delays]
-    costs = [float(np.sum(_projected(data, shape, p)[0] ** 2)) for p in grid]
+    costs = [float(np.sum(projected(data, shape, p)[0] ** 2)) for p in grid]
     # the best start of each third of the list, so that an oscillation gets its chance beside an overdamped shape
     thirds = [part for part in np.array_split(np.arange(len(grid)), 3) if part.size]
     starts = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in thirds]
-    runs = [_refined(data, shape, start, span) for start in starts]
+    runs = [refined(data, shape, start, span) for start in starts]
     ended = [found for found in runs if found.converged]
     if not ended:
         raise ArithmeticError(
@@ -115,15 +137,14 @@ def _starts(shape: Shape, times: Array) -> list[list[float]]:
     return [[time] for time in times] if shape.parameters else [[]]
 
 
-def _projected(data: Data, shape: Shape, p: Sequence[float]) -> tuple[Array, Array]:
-    """Residuals with the best gain and level for these times, and these two."""
-    response = data.simulated(shape, p[:-1], p[-1])
-    basis = np.column_stack([response, np.ones_like(response)])
+def projected(data: Data, shape: Shape, p: Sequence[float]) -> tuple[Array, Array]:
+    """Residuals with the best gain and level for these times, and these two (and the initial state)."""
+    basis = data.basis(shape, p)
     linear, *_ = np.linalg.lstsq(basis, data.y, rcond=None)
     return np.asarray(data.y - basis @ linear, dtype=float), np.asarray(linear, dtype=float)
 
 
-def _refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> Found:
+def refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> Found:
     """Follow one start down; times by their logarithms, the dead time as it is, from 0 up."""
     count = len(shape.parameters)
 
@@ -132,11 +153,11 @@ def _refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> F
 
     low, high = [-9.0] * count, [3.0] * count
     if shape.name == "sopdt":  # its second parameter is a damping, kept as a share of the span for one scale
-        low[1], high[1] = np.log(0.02 / span), np.log(20.0 / span)
+        low[1], high[1] = np.log(0.02 / span), np.log(MOST_DAMPED / span)
     x = np.array([*np.log(np.array(start[:-1]) / span), start[-1] / span])
     x = np.clip(x, [*(np.array(low) + 1e-6), 1e-6], [*(np.array(high) - 1e-6), 0.9])
     found = least_squares(
-        lambda x: _projected(data, shape, times(x))[0],
+        lambda x: projected(data, shape, times(x))[0],
         x,
         bounds=([*low, 0.0], [*high, 0.95]),
         x_scale=[*([0.1] * count), 0.02],
@@ -148,22 +169,23 @@ def _refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> F
     p = times(found.x)
     # the search stops a hair above the edge; no record tells so short a dead time from none
     p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
-    residuals, (gain, level) = _projected(data, shape, p)
-    jacobian = _sensitivity(data, shape, gain, p)
-    return Found(shape, np.array([gain, level, *p]), residuals, jacobian, bool(found.success))
+    residuals, linear = projected(data, shape, p)
+    jacobian = _sensitivity(data, shape, linear, p)
+    return Found(shape, np.array([*linear[:2], *p]), residuals, jacobian, bool(found.success))
 
 
-def _sensitivity(data: Data, shape: Shape, gain: float, p: Sequence[float]) -> Array:
-    """Derivatives of the simulated output by gain, level, shape and dead time; the last ones by central differences."""
-    columns = [data.simulated(shape, p[:-1], p[-1]), np.ones(data.t.size)]
+def _sensitivity(data: Data, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
+    """Derivatives of the simulated output by gain, level, shape and dead time (by differences), and initial state."""
+    basis = data.basis(shape, p)
+    columns = [basis[:, 0], basis[:, 1]]
     whole = max(float(sum(p)), 1e-3 * float(np.ptp(data.t)))
     for k in range(len(p)):
         h = 1e-4 * (p[k] if k < len(p) - 1 else whole)
         high, low = list(p), list(p)
         high[k], low[k] = p[k] + h, max(p[k] - h, 0.0)
-        above, below = (data.simulated(shape, q[:-1], q[-1]) for q in (high, low))
-        columns.append(gain * (above - below) / (high[k] - low[k]))
-    return np.column_stack(columns)
+        above, below = (data.basis(shape, q) @ linear for q in (high, low))
+        columns.append((above - below) / (high[k] - low[k]))
+    return np.column_stack([*columns, *basis[:, 2:].T])
 
 
 def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:
@@ -187,7 +209,7 @@ def _hidden(data: Data, found: Found, span: float, near: float) -> list[tuple[Sh
     left = []
     for lag in whole * HIDDEN:
         # a further lag first takes the place of dead time
-        rival = _refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
+        rival = refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:  # which is all that is asked of one, at rest or not
             left.append((rival.shape, np.delete(rival.values, LEVEL)))
     return [left[len(left) // 2], left[-1]] if len(left) > 1 else left

@@ -4,36 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.record.reading import read_columns
+from pidalab.record.cleaning import cleaned, column, far_off, named
+from pidalab.record.inputs import Step, find_steps, name_experiment, said
+from pidalab.record.reading import LONG_AGO, read_columns
 
-FEWEST = 20  # samples from which something can be said
 GAP = 5.0  # times the usual sampling interval: a longer one is a gap
 COARSE = 20  # levels of y: fewer are worth a word
-CREEP = 0.1  # share of the input's span by which a level may move and still be one
 FEW = 5  # samples between two levels of the input: more are worth a word
-
-
-class Step(NamedTuple):
-    """A change of the input from one level to another.
-
-    Attributes
-    ----------
-    time : float
-        When, in the record's own time.
-    before, after : float
-        The levels, in the unit of u.
-    """
-
-    time: float
-    before: float
-    after: float
 
 
 class Noise(NamedTuple):
@@ -59,7 +43,8 @@ class Record:
     """A record of a plant: times, input and output, cleaned, with a report of what was done and what is doubtful.
 
     Samples with a missing time, input or output are left out, times are sorted, and samples of the same time are
-    averaged. Nothing is smoothed and nothing is resampled: a fit takes the samples where they are.
+    averaged. A counter that begins anew is counted on. Nothing is smoothed and nothing is resampled: a fit takes the
+    samples where they are.
 
     Parameters
     ----------
@@ -71,21 +56,37 @@ class Record:
         Measured output.
     step : float, optional
         Time of the step that matters, where the record has several or the search finds another one.
+    u_before : float, optional
+        Input before the record, at which the plant was at rest: for a record that begins with its step. By default
+        the first input, or that of an earlier row of the same time.
+    outliers : {"drop", "keep"}, optional
+        What becomes of an output that is far from all its neighbours. By default it stays, is doubted by name, and
+        `identification.fit` refuses the record.
+    rows : array_like, shape (n,), optional
+        Numbers of the samples in their file, by which doubts name them.
 
     Attributes
     ----------
+    u_before : float
     steps : tuple of Step
         Changes of the input between lasting levels, in the order of time; empty for a closed loop's record.
+    experiment : str
+        What kind of experiment this is, in words.
     rest : float
         Output at rest, before the first change of the input.
     noise : Noise
+    at_rest : bool
+        Whether the plant was at rest when the input first moved; taken for granted if the record begins with a step.
+    apart : str
+        Outputs far from all their neighbours, in words; empty if there are none, or if they were dropped or kept.
     doubts : tuple of str
         What a reader of a result should know.
 
     Raises
     ------
     ValueError
-        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes.
+        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes, times
+        that run backward in more than 5 % of the samples.
 
     Examples
     --------
@@ -105,32 +106,75 @@ class Record:
     u: Array
     y: Array
     step_time: float | None = None
+    u_before: float = field(init=False)
     steps: tuple[Step, ...] = field(init=False)
+    experiment: str = field(init=False)
     rest: float = field(init=False)
     noise: Noise = field(init=False)
+    at_rest: bool = field(init=False)
+    apart: str = field(init=False)
     doubts: tuple[str, ...] = field(init=False)
 
-    def __init__(self, t: ArrayLike, u: ArrayLike, y: ArrayLike, step: float | None = None) -> None:
-        given = _column("t", t), _column("u", u), _column("y", y)
+    def __init__(
+        self,
+        t: ArrayLike,
+        u: ArrayLike,
+        y: ArrayLike,
+        step: float | None = None,
+        u_before: float | None = None,
+        outliers: Literal["drop", "keep"] | None = None,
+        rows: ArrayLike | None = None,
+    ) -> None:
+        given = column("t", t), column("u", u), column("y", y)
         if len({column.size for column in given}) > 1:
             raise ValueError(
                 f"t, u and y must have one length, found {', '.join(str(c.size) for c in given)}"
             )
+        if outliers is not None:
+            _check.choice("outliers", outliers, ("drop", "keep"))
         doubts: list[str] = []
-        times, inputs, outputs = _cleaned(*given, doubts)
-        object.__setattr__(self, "t", times)
-        object.__setattr__(self, "u", inputs)
-        object.__setattr__(self, "y", outputs)
-        object.__setattr__(self, "step_time", None if step is None else _check.real("step", step))
-        object.__setattr__(self, "steps", _steps(times, inputs))
-        if self.step_time is not None and not any(s.time >= self.step_time for s in self.steps):
-            raise ValueError(f"step: no change of the input at or after {step:g}; found {_said(self.steps)}")
-        start = self.steps[0].time if self.steps else times[min(1, times.size - 1)]
-        before = times < start
-        rest, noise = _at_rest(times[before], outputs[before], outputs, doubts)
+        where = (
+            [f"sample {k}" for k in range(given[0].size)]
+            if rows is None
+            else [f"row {k}" for k in np.asarray(rows)]
+        )
+        if outliers == "drop" and (wild := far_off(given[2])).size:
+            doubts.append(f"left out: {named(where, given[2], wild)}")
+            given[2][wild] = np.nan
+        times, inputs, outputs, earlier, kept = cleaned(*given, doubts)
+        wild = far_off(outputs) if outliers is None else np.zeros(0, dtype=int)
+        apart = (
+            f"far from its neighbours: {named([where[k] for k in kept], outputs, wild)}" if wild.size else ""
+        )
+        before = earlier if u_before is None else _check.real("u_before", u_before)
+        if np.ptp(inputs) == 0 and before == inputs[0]:
+            raise ValueError(
+                f"u never changes: it is {before:g} in every sample; if it changed just before the first one, "
+                "give the value before it: u_before, or --u-before on the command line"
+            )
+        first = _check.real("step", step) if step is not None else None
+        values = {
+            "t": times,
+            "u": inputs,
+            "y": outputs,
+            "step_time": first,
+            "u_before": before,
+            "apart": apart,
+            "steps": find_steps(times, inputs, before),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        if first is not None and not any(s.time >= first for s in self.steps):
+            raise ValueError(f"step: no change of the input at or after {first:g}; found {said(self.steps)}")
+        moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
+        start = self.steps[0].time if self.steps else times[moved]
+        rest, noise, resting = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
+        told = u_before is not None
+        object.__setattr__(self, "at_rest", resting or told or (bool(self.steps) and noise.samples == 0))
         object.__setattr__(self, "rest", rest)
         object.__setattr__(self, "noise", noise)
-        object.__setattr__(self, "doubts", (*doubts, *self._more_doubts()))
+        object.__setattr__(self, "experiment", name_experiment(self.steps, times, inputs, outputs))
+        object.__setattr__(self, "doubts", (*doubts, *([apart] if apart else []), *self._more_doubts()))
 
     @classmethod
     def read_csv(
@@ -142,18 +186,32 @@ class Record:
         delimiter: str | None = None,
         decimal: str | None = None,
         step: float | None = None,
+        period: float | None = None,
+        skip: int = 0,
+        u_before: float | None = None,
+        outliers: Literal["drop", "keep"] | None = None,
     ) -> Record:
         """Read a record from a delimited text file, as historians write them.
+
+        Units below the names, signs of per cent, brackets around the numbers, commas after the thousands, and lines
+        after the last number are recognised; what was done with them is among the doubts.
 
         Parameters
         ----------
         path : str or pathlib.Path
             The file.
         time, u, y : str or int, optional
-            Names in the header, or numbers of the columns from 0. Times are numbers, or dates, which become seconds.
+            Names in the header, or numbers of the columns from 0. Times are numbers, or dates or times of day, which
+            become seconds.
         delimiter, decimal : str, optional
             Between the columns, and in the numbers; found out if not given.
         step : float, optional
+            As for `Record`.
+        period : float, optional
+            Time from sample to sample, for a file without a column of times; `time` is not used then.
+        skip : int, optional
+            Lines to leave out at the beginning of the file.
+        u_before, outliers : optional
             As for `Record`.
 
         Returns
@@ -164,7 +222,7 @@ class Record:
         Raises
         ------
         ValueError
-            For a missing column, or an entry that is no number; it names the row.
+            For a missing column, two roles on one column, or an entry that is no number; it names the row.
 
         Examples
         --------
@@ -175,11 +233,26 @@ class Record:
         >>> pidalab.Record.read_csv(path, u="valve", y="level").steps
         (Step(time=10.0, before=40.0, after=47.0),)
         """
-        times, inputs, outputs = read_columns(Path(path), (time, u, y), delimiter, decimal)
-        known = times[np.isfinite(times)]
-        if known.size and known[0] > 1e8:  # a date: seconds since long ago
-            times = times - known[0]
-        return cls(times, inputs, outputs, step)
+        path = Path(path)
+        roles = {"time": time, "u": u, "y": y} if period is None else {"u": u, "y": y}
+        if len(set(roles.values())) < len(roles):
+            said = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
+            raise ValueError(f"time, u and y must be different columns, found {said}")
+        skip = _check.integer("skip", skip, at_least=0)
+        found = read_columns(path, list(roles.values()), delimiter, decimal, skip, timed=period is None)
+        if period is None:
+            times = found.values[0]
+            if np.nanmax(times, initial=0.0) > LONG_AGO and not np.any(np.diff(times) < 0):
+                times = times - np.nanmin(times)  # a date: seconds since long ago
+        else:
+            times = _check.real("period", period, above=0.0) * (found.rows - found.rows[0])
+        try:
+            record = cls(times, found.values[-2], found.values[-1], step, u_before, outliers, found.rows)
+        except ValueError as refusal:
+            columns = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
+            raise ValueError(f"{path.name} ({columns}): {refusal}") from None
+        object.__setattr__(record, "doubts", found.doubts + record.doubts)
+        return record
 
     @property
     def sampling(self) -> float:
@@ -202,7 +275,7 @@ class Record:
         chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
         if len(chosen) > 1:
             raise ValueError(
-                f"the input changes again after the step: {_said(tuple(chosen))}; cut the record before"
+                f"the input changes again after the step: {said(tuple(chosen))}; cut the record before"
             )
         return chosen[0]
 
@@ -311,9 +384,9 @@ class Record:
                     "what looks at a step takes it for one at half the way; fit takes the input as it is"
                 )
         if not self.steps:
-            found.append("the input does not step between lasting levels: a closed loop, or a test signal")
+            found.append(f"the input does not step between lasting levels: {self.experiment}")
         elif len(self.steps) > 1:
-            found.append(f"{len(self.steps)} changes of the input: {_said(self.steps)}")
+            found.append(f"{len(self.steps)} changes of the input, {self.experiment}: {said(self.steps)}")
         if self.steps:
             tail = self.y[-max(3, self.y.size // 10) :]
             first, last = np.array_split(tail, 2)
@@ -327,93 +400,48 @@ class Record:
     def __str__(self) -> str:
         lines = [
             f"{self.t.size} samples over {np.ptp(self.t):.6g}, every {self.sampling:.4g}",
-            f"input: {_said(self.steps) if self.steps else f'moves between {self.u.min():.6g} and {self.u.max():.6g}'}",
+            f"input: {self._moves()}",
             f"output: at rest {self.rest:.6g} before the step, "
             f"standard deviation of the noise {self.noise.deviation:.3g}"
             + (f", correlation {self.noise.correlation:.2f}" if self.noise.deviation else ""),
         ]
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
 
+    def _moves(self) -> str:
+        if len(self.steps) == 1:
+            return said(self.steps)
+        return f"{self.experiment}, moves between {self.u.min():.6g} and {self.u.max():.6g}"
+
     def __repr__(self) -> str:
         return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
 
 
-def _column(name: str, value: Any) -> Array:
-    """Return an array of floats in which nan is a missing value."""
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{name} must be an array of real numbers, found {type(value).__name__}") from None
-    if array.ndim != 1:
-        raise ValueError(f"{name} must be one-dimensional, found shape {array.shape}")
-    _check.squarable(name, array)
-    return array
-
-
-def _cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array]:
-    """Leave out missing values, sort by time, average what has the same time."""
-    usable = np.isfinite(t) & np.isfinite(u) & np.isfinite(y)
-    if usable.sum() < FEWEST:
-        raise ValueError(f"a record needs {FEWEST} usable samples or more, found {usable.sum()} of {t.size}")
-    if not usable.all():
-        doubts.append(f"{(~usable).sum()} of {t.size} samples had a missing value and were left out")
-    t, u, y = t[usable], u[usable], y[usable]
-    if np.any(np.diff(t) < 0):
-        doubts.append("the times were not in order and were sorted")
-    order = np.argsort(t, kind="stable")
-    times, first, count = np.unique(t[order], return_index=True, return_counts=True)
-    if times.size < FEWEST:
-        raise ValueError(f"a record needs {FEWEST} different times or more, found {times.size}")
-    if times.size < t.size:
-        doubts.append(f"{t.size - times.size} sample(s) had the time of another one and were averaged")
-    # the mean of each run of equal times; of the input the last value, which is then held
-    mean = np.add.reduceat(y[order], first) / count
-    held = u[order][first + count - 1]
-    for name, signal in (("u", held), ("y", mean)):
-        if np.ptp(signal) == 0:
-            raise ValueError(f"{name} never changes: it is {signal[0]:g} in every sample, and tells nothing")
-    return times, held, mean
-
-
-def _steps(t: Array, u: Array) -> tuple[Step, ...]:
-    """Changes of the input between levels that last; a ramp over a few samples is one change, at its middle."""
-    span = np.ptp(u)
-    quiet = np.abs(np.diff(u)) <= 0.02 * span
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
-    runs = [  # samples a to b are one level, unless the input creeps away from it
-        (a, b)
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b - a >= 3 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
-    ]
-    if not runs or sum(b - a for a, b in runs) < 0.7 * (t.size - 1):
-        return ()
-    levels = [float(np.median(u[a : b + 1])) for a, b in runs]
-    found = []
-    for (_, left), (right, _), before, after in zip(runs, runs[1:], levels, levels[1:], strict=False):
-        if abs(after - before) > 0.05 * span:
-            # a jump between two samples happens at the later one, from which the new value is held
-            middle = 0.5 * (before + after)
-            crossed = left + int(np.argmax(np.abs(u[left : right + 1] - before) >= np.abs(middle - before)))
-            found.append(Step(float(t[crossed]), before, after))
-    return tuple(found)
-
-
-def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise]:
-    """Level and noise before the first change of the input."""
+def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
+    """Level and noise before the first change of the input, and whether that is rest."""
     if y.size < 8:
         # second differences see noise and hardly see a smooth response
         deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
         doubts.append(f"only {y.size} sample(s) before the input changes: the state of rest is uncertain")
-        return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0)
-    slope, _ = np.polyfit(t - t.mean(), y, 1)
+        deviation = max(deviation, _quantum(whole) / np.sqrt(12))
+        return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0), False
+    line = np.polynomial.Polynomial.fit(t, y, 1)
     residual = y - y.mean()
     deviation = float(residual.std(ddof=1))
-    neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
-    drift = abs(slope) * np.ptp(t)
-    if deviation and drift > 2 * deviation and drift > 0.02 * np.ptp(whole):
+    drift = abs(float(line(t[-1]) - line(t[0])))
+    drifting = bool(deviation) and drift > 2 * deviation and drift > 0.02 * np.ptp(whole)
+    if drifting:
         doubts.append(f"the output drifts by {drift:.3g} before the step: it was not at rest")
-    return float(y.mean()), Noise(deviation, neighbours, y.size)
+        residual = np.diff(y, 2)  # see noise, and hardly see a smooth movement
+        deviation = float(residual.std()) / np.sqrt(6)
+    neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
+    return (
+        float(y.mean()),
+        Noise(max(deviation, _quantum(whole) / np.sqrt(12)), neighbours, y.size),
+        not drifting,
+    )
 
 
-def _said(steps: tuple[Step, ...]) -> str:
-    return ", ".join(f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps) or "none"
+def _quantum(y: Array) -> float:
+    """Return the least distance between two values of a signal that was rounded, so that most of them come again."""
+    levels = np.unique(y)
+    return float(np.min(np.diff(levels))) if 3 * levels.size < y.size else 0.0

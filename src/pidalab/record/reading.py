@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
+import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pidalab._check import Array
 
-# What stands in place of a value that was not recorded.
-MISSING = {
+if TYPE_CHECKING:
+    import pandas as pd
+
+# What takes the place of a value that was not recorded.
+MISSING = [
     "",
     "nan",
     "na",
@@ -27,225 +32,257 @@ MISSING = {
     "#n/a",
     "i/o timeout",
     "?",
-}
-ISO = "ISO 8601"
-STAMPS = (
-    ISO,
-    "%d.%m.%Y %H:%M:%S.%f",
-    "%d.%m.%Y %H:%M:%S",
-    "%d.%m.%Y %H:%M",
-    "%d/%m/%Y %H:%M:%S.%f",
-    "%d/%m/%Y %H:%M:%S",
-    "%d/%m/%Y %H:%M",
-    "%m/%d/%Y %H:%M:%S.%f",
-    "%m/%d/%Y %H:%M:%S",
-    "%m/%d/%Y %H:%M",
-    "%m/%d/%Y %I:%M:%S %p",
-    "%Y/%m/%d %H:%M:%S.%f",
-    "%Y/%m/%d %H:%M:%S",
-    "%d-%b-%Y %H:%M:%S.%f",
-    "%d-%b-%Y %H:%M:%S",
-    "%d-%b-%y %H:%M:%S.%f",
-    "%d-%b-%y %H:%M:%S",
-    "%H:%M:%S.%f",
-    "%H:%M:%S",
-)
-DELIMITERS = ";\t,|"
+]
+DELIMITERS = (";", "\t", ",", "|", r"\s+")
+DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y", "%d-%b-%y", "")
+CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
+STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
+STAMP = re.compile(
+    r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)"
+)  # how dates and times of day begin
+GROUPED = r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"  # a number with a comma after the thousands
+LONG_AGO = 1e8  # a number above it counts seconds since then
+DAY = 86400.0  # seconds
+LOOKED_AT = 50  # lines from which the form of a file is told
+
+
+class Columns(NamedTuple):
+    """Columns of a file: numbers, nan where a value is missing; the rows they came from; what was done on the way."""
+
+    values: tuple[Array, ...]
+    rows: Array
+    doubts: tuple[str, ...]
 
 
 def read_columns(
-    path: Path, wanted: Sequence[str | int], delimiter: str | None, decimal: str | None
-) -> tuple[Array, ...]:
-    """Read columns of a delimited text file; the first of them holds times.
+    path: Path,
+    wanted: Sequence[str | int],
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    skip: int = 0,
+    timed: bool = True,
+) -> Columns:
+    """Read columns of a delimited text file.
 
     Parameters
     ----------
     path : pathlib.Path
-        The file; UTF-8, with or without a byte order mark, or Latin-1.
+        The file; UTF-8 or UTF-16 with or without a byte order mark, or Latin-1.
     wanted : sequence of str or int
-        Names in the header, or numbers of columns from 0; the first is the time.
+        Names in the header, or numbers of columns from 0.
     delimiter : str or None
-        Between the columns; None finds out.
+        Between the columns, as a regular expression if it is longer than a character; None finds out.
     decimal : str or None
         "." or ","; None finds out.
+    skip : int
+        Lines to leave out at the beginning.
+    timed : bool
+        Whether the first of the columns holds times, which may be dates.
 
     Returns
     -------
-    tuple of ndarray
-        One array for each column, nan where a value is missing.
+    Columns
 
     Raises
     ------
     ValueError
         For a file without such columns, or with an entry that is neither a number nor a word for a missing one.
     """
-    lines = _lines(path)
+    lines = _lines(path)[skip:]
     if not any(line.strip() for line in lines):
         raise ValueError(f"{path.name} is empty")
-    mark = delimiter or _delimiter(lines)
-    table = list(csv.reader(lines, delimiter=mark))
+    doubts = []
+    mark = delimiter or max(DELIMITERS, key=lambda mark: _numbered(lines, mark))
+    joined = [re.sub(r"(:\d\d),(\d{3})(?=,)", r"\1.\2", line) for line in lines]
+    if mark == "," and joined != lines:
+        doubts.append("milliseconds after a comma belong to the time before them: both are one column")
+        lines = joined
+    table = _table(lines, mark, path)
     header, first = _header(table, wanted, mark, path)
-    places = [_place(name, header, path) for name in wanted]
-    comma = decimal == "," if decimal is not None else _has_decimal_commas(table[first:], places, mark)
-    rows = [(k, row) for k, row in enumerate(table[first:], start=first + 1) if any(x.strip() for x in row)]
-    for number, row in rows:
-        if max(places) >= len(row):
-            raise ValueError(
-                f"{path.name}, row {number}: expected {max(places) + 1} columns or more, found {len(row)}"
-            )
-    pattern = _pattern([row[places[0]].strip() for _, row in rows], comma)
-    return tuple(
-        np.array(
-            [
-                _value(
-                    row[place],
-                    comma,
-                    pattern if k == 0 else None,
-                    f"{path.name}, row {number}, column {name!r}",
-                )
-                for number, row in rows
-            ]
+    places = [_place(name, header, table.shape[1], path) for name in wanted]
+    data = table.iloc[first:]
+    data = data[(data != "").any(axis=1)]
+    comma = _has_decimal_commas(data, places) if decimal is None and mark != "," else decimal == ","
+    columns = [_numbers(data[place], comma) for place in places]
+    if timed and 2 * columns[0][1].sum() > len(data):
+        columns[0] = _stamps(data[places[0]], columns[0], doubts)
+    good = ~np.any([wrong for _, wrong in columns], axis=0)
+    end = int(np.flatnonzero(good)[-1]) + 1 if good.any() else len(data)
+    if end < len(data):
+        doubts.append(
+            f"{len(data) - end} row(s) after the last row of numbers were left out: {lines[data.index[end]]!r}"
         )
-        for k, (name, place) in enumerate(zip(wanted, places, strict=True))
-    )
+    for name, place, (_, wrong) in zip(wanted, places, columns, strict=True):
+        if wrong[:end].any():
+            row = data.index[int(np.argmax(wrong))]
+            kind = "a number or a date" if timed and place == places[0] else "a number"
+            raise ValueError(
+                f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, found {table.at[row, place]!r}"
+            )
+    rows = data.index.to_numpy()[:end] + 1 + skip
+    return Columns(tuple(values[:end] for values, _ in columns), rows, tuple(doubts))
 
 
 def _lines(path: Path) -> list[str]:
     raw = path.read_bytes()
-    try:
-        return raw.decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        return raw.decode("latin-1").splitlines()
+    wide = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
+    for encoding in ("utf-16",) if wide else ("utf-8-sig",):
+        try:
+            return raw.decode(encoding).splitlines()
+        except UnicodeDecodeError:
+            pass
+    return raw.decode("latin-1").splitlines()
 
 
-def _delimiter(lines: Sequence[str]) -> str:
-    """Return the delimiter that stands equally often in the most of the first lines."""
-    sample = [line for line in lines[:50] if line.strip()]
-
-    def steady(mark: str) -> tuple[int, int]:
-        counts = [line.count(mark) for line in sample]
-        usual = max(set(counts), key=counts.count)
-        return (counts.count(usual) if usual else 0, usual)
-
-    return max(DELIMITERS, key=steady)
+def _numbered(lines: Sequence[str], mark: str) -> float:
+    """Return how well a delimiter serves: columns of numbers at the end of the file, times their share of all."""
+    last = [line.strip() for line in lines if line.strip()][-LOOKED_AT:]
+    rows = [line.split() for line in last] if mark == r"\s+" else list(csv.reader(last, delimiter=mark))
+    return len(_columns_of_numbers(rows)) ** 2 / max(map(len, rows))
 
 
-def _header(
-    table: Sequence[Sequence[str]], wanted: Sequence[str | int], mark: str, path: Path
-) -> tuple[list[str], int]:
-    """Return the names of the columns, and the index of the first row of data.
-
-    Columns of words, such as a status, do not count: those of numbers and dates are told from the rows at the end.
-    """
-    last = [row for row in table if any(entry.strip() for entry in row)][-50:]
-    columns = [
+def _columns_of_numbers(rows: Sequence[Sequence[str]]) -> list[int]:
+    """Return the columns that hold numbers and dates in more than half of the rows; one of words does not count."""
+    return [
         k
-        for k in range(max(map(len, last)))
-        if 2 * sum(k < len(row) and _is_value(row[k].strip()) for row in last) > len(last)
+        for k in range(max(map(len, rows)))
+        if 2 * sum(k < len(row) and _is_value(row[k]) for row in rows) > len(rows)
     ]
-    for index, row in enumerate(table[:50]):
-        if len(columns) > 1 and max(columns) < len(row) and all(_is_value(row[k].strip()) for k in columns):
-            above = [[entry.strip().strip('"') for entry in names] for names in table[:index]]
-            # a row of units may stand below the names
-            named = [
-                row for row in above if all(isinstance(name, int) or _places(name, row) for name in wanted)
-            ]
-            return (named or above or [[]])[-1], index
-    raise ValueError(
-        f"{path.name} has no row of numbers in its first 50 lines (columns divided by {mark!r}); "
-        f"its first line is {mark.join(table[0])[:60]!r}"
-    )
 
 
 def _is_value(entry: str) -> bool:
-    return (
-        entry.lower() in MISSING
-        or _stamp(entry) is not None
-        or not math.isnan(_number(entry.replace(",", ".")))
+    text = _bare(entry) or entry.strip()
+    return text.lower() in MISSING or STAMP.match(text) is not None or not math.isnan(_number(text))
+
+
+def _bare(entry: Any) -> Any:
+    """Return an entry, or a Series of them, without blanks and brackets around it and a sign of per cent or degrees."""
+    if isinstance(entry, str):
+        return re.sub(r"\s*(%|°\s*[CF]?)$", "", entry.strip(" \t[]{}();'\""))
+    return entry.str.strip(" \t[]{}();'\"").str.replace(r"\s*(%|°\s*[CF]?)$", "", regex=True)
+
+
+def _number(text: str) -> float:
+    if re.fullmatch(GROUPED, text):
+        return float(text.replace(",", ""))
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan
+
+
+def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
+    """Return all entries as text; its index counts the lines from 0."""
+    import pandas as pd
+
+    plain = len(mark) == 1 or mark == r"\s+"
+    width = max(len(re.split(mark if len(mark) > 1 else re.escape(mark), line.strip())) for line in lines)
+    try:
+        table = pd.read_csv(
+            io.StringIO("\n".join(lines)),
+            sep=mark,
+            header=None,
+            names=range(width),
+            index_col=False,
+            dtype=str,
+            na_filter=False,
+            skip_blank_lines=False,
+            skipinitialspace=True,
+            engine="c" if plain else "python",
+        )
+    except ValueError as refusal:  # pandas' own kinds of it, too
+        raise ValueError(f"{path.name} is no table of columns divided by {mark!r}: {refusal}") from None
+    return table.fillna("").apply(lambda column: column.str.strip())
+
+
+def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: Path) -> tuple[list[str], int]:
+    """Return the names of the columns, and the index of the first row of data."""
+    full = table[(table != "").any(axis=1)]
+    columns = _columns_of_numbers(full.tail(LOOKED_AT).to_numpy().tolist())
+    for index, row in enumerate(table.head(LOOKED_AT).to_numpy().tolist()):
+        filled = [row[k] for k in columns if row[k]]
+        if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(_is_value, filled)):
+            above = [
+                [name.strip('"') for name in names]
+                for names in table.iloc[:index].to_numpy().tolist()
+                if any(names)
+            ]
+            # a row of units may follow that of the names
+            named = [
+                row for row in above if all(isinstance(name, int) or _places(name, row) for name in wanted)
+            ]
+            names: list[str] = next(iter(reversed(named or above)), [])
+            return names, index
+    raise ValueError(
+        f"{path.name} has no row of numbers in its first {LOOKED_AT} lines (columns divided by {mark!r}); "
+        f"its first line is {' '.join(table.iloc[0])[:60]!r}"
     )
 
 
-def _place(name: str | int, header: Sequence[str], path: Path) -> int:
-    if isinstance(name, int):
-        return name
-    places = _places(name, header)
-    if len(places) == 1 or name in header:
+def _place(name: str | int, header: Sequence[str], width: int, path: Path) -> int:
+    places = [name] if isinstance(name, int) else _places(name, header)
+    if places and (len(places) == 1 or name in header) and places[0] < width:
         return places[0]
-    known = ", ".join(map(repr, header)) or "none: give numbers of columns, from 0"
+    known = ", ".join(repr(name) for name in header if name) or f"{width}, without names: give numbers from 0"
     raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
 
 
 def _places(name: str, header: Sequence[str]) -> list[int]:
     """Return the columns of that name; where there is none, those that have it before a unit."""
     return [k for k, known in enumerate(header) if known == name] or [
-        k
-        for k, known in enumerate(header)
-        if known.lower().split("[")[0].split("(")[0].strip() == name.lower()
+        k for k, known in enumerate(header) if re.split(r"[\[(]", known)[0].strip().lower() == name.lower()
     ]
 
 
-def _has_decimal_commas(rows: Sequence[Sequence[str]], places: Sequence[int], mark: str) -> bool:
-    """Whether commas stand in the numbers and points in none; dates may have either."""
-    entries = [row[place].strip() for row in rows[:200] for place in places if place < len(row)]
-    return (
-        mark != ","
-        and any("," in entry and not math.isnan(_number(entry.replace(",", "."))) for entry in entries)
-        and not any("." in entry and not math.isnan(_number(entry)) for entry in entries)
+def _has_decimal_commas(data: pd.DataFrame, places: Sequence[int]) -> bool:
+    """Whether commas appear in the numbers and points in none; dates may have either."""
+    entries = [_bare(entry) for place in places for entry in data[place].head(200)]
+    commas = [entry for entry in entries if "," in entry and not math.isnan(_number(entry))]
+    return bool(commas) and not any(
+        "." in entry and not math.isnan(_number(entry)) and not re.fullmatch(GROUPED, entry.replace(".", ","))
+        for entry in entries
     )
 
 
-def _value(entry: str, comma: bool, pattern: str | None, where: str) -> float:
-    text = entry.strip()
-    if text.lower() in MISSING:
-        return math.nan
-    number = _number(text.replace(",", ".") if comma else text)
-    if not math.isnan(number):
-        return number
-    stamp = None if pattern is None else _read(text, pattern)
-    if stamp is None:
-        raise ValueError(
-            f"{where}: expected a number{'' if pattern is None else ' or a date'}, found {entry!r}"
-        )
-    return stamp
+def _numbers(column: pd.Series, comma: bool) -> tuple[Array, Array]:
+    """Return a column as numbers, nan where one is missing, and where there is neither a number nor a word for none."""
+    import pandas as pd
+
+    text = _bare(column)
+    if comma:
+        text = text.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
+    else:
+        text = text.mask(text.str.fullmatch(GROUPED), text.str.replace(",", "", regex=False))
+    values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=float, copy=True)
+    values[~np.isfinite(values)] = np.nan
+    return values, np.isnan(values) & ~_bare(column).str.lower().isin(MISSING).to_numpy(dtype=bool)
 
 
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        return math.nan
-    return value if math.isfinite(value) else math.nan
+def _stamps(column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
+    """Return a column of dates or times of day in seconds since the earliest.
 
-
-def _stamp(text: str) -> float | None:
-    """Return a date and time in seconds, by the first pattern that reads it."""
-    return next((value for value in (_read(text, pattern) for pattern in STAMPS) if value is not None), None)
-
-
-def _pattern(entries: Sequence[str], comma: bool) -> str:
-    """Return how the times are written: of the patterns that read the most, the one that makes the least span.
-
-    Day and month may stand either way around; a record that runs past midnight tells by its span.
+    Of the ways to write them the one counts that reads the most and, of these, makes the least span: day and month may
+    be either way around, and a record that runs past midnight tells.
     """
-    texts = [
-        x
-        for x in entries
-        if x.lower() not in MISSING and math.isnan(_number(x.replace(",", ".") if comma else x))
-    ]
+    import pandas as pd
 
-    def merit(pattern: str) -> tuple[int, float]:
-        read = [value for value in (_read(text, pattern) for text in texts) if value is not None]
-        return len(read), min(read, default=0.0) - max(read, default=0.0)
+    text = _bare(column).str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
+    text = text.str.replace(r"(:\d\d:\d\d)(?![.\d])", r"\1.0", regex=True)
+    text = text.str.replace(r"\s*([AaPp])\.?[Mm]\.?$", r" \1M", regex=True)
 
-    return max(STAMPS, key=merit) if texts else STAMPS[0]
+    def read(form: str, text: pd.Series) -> pd.Series:
+        return pd.to_datetime(text, format=form, errors="coerce", utc=True)
 
-
-def _read(text: str, pattern: str) -> float | None:
-    """Return a date and time in seconds; only differences are used, so its zero means nothing."""
-    try:
-        point = text.replace(",", ".")
-        found = datetime.fromisoformat(point) if pattern == ISO else datetime.strptime(point, pattern)
-    except ValueError:
-        return None
-    # without a zone as in universal time, which no clock is set forward in
-    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+    sample = text[numbers[1]].head(LOOKED_AT)
+    counts = {form: int(read(form, sample).notna().sum()) for form in STAMPS}
+    readings = [read(form, text) for form in STAMPS if counts[form] == max(counts.values())]
+    best = max(readings, key=lambda times: (times.notna().sum(), times.min() - times.max()))
+    if best.notna().sum() == 0:
+        return numbers
+    seconds = (best - best.min()).dt.total_seconds().to_numpy(dtype=float, copy=True)
+    midnights = np.cumsum(np.diff(seconds, prepend=seconds[0]) < -DAY / 2)
+    if best.max().year == 1900 and midnights[-1]:  # no date
+        doubts.append(f"the time of day passes midnight {midnights[-1]} time(s): days were added")
+        seconds += DAY * midnights - np.nanmin(seconds + DAY * midnights)
+    return seconds, np.isnan(seconds) & numbers[1]

@@ -1,0 +1,102 @@
+"""From the columns of a file to samples in the order of time, and what was done on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pidalab import _check
+from pidalab._check import Array
+
+FEWEST = 20  # samples from which something can be said
+BACKWARD = 0.05  # share of the samples that may lie before an earlier one
+COUNTERS = np.sort(
+    [60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32]
+)  # where clocks begin anew
+LISTED = 4  # samples that are said one by one
+
+Places = NDArray[np.intp]  # of samples
+
+
+def column(name: str, value: Any) -> Array:
+    """Return an array of floats in which nan is a missing value."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{name} must be an array of real numbers, found {type(value).__name__}") from None
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be one-dimensional, found shape {array.shape}")
+    _check.squarable(name, array)
+    return array
+
+
+def cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array, float, Places]:
+    """Leave out missing values, sort by time, average what has the same time; also return the input before, and places.
+
+    Of the input the last value of each time is held on; the first one of the first time is the input before.
+    """
+    finite = [np.isfinite(column) for column in (t, u, y)]
+    usable = np.all(finite, axis=0)
+    if usable.sum() < FEWEST:
+        each = ", ".join(f"{name} has {known.sum()}" for name, known in zip("tuy", finite, strict=True))
+        raise ValueError(
+            f"a record needs {FEWEST} usable samples or more, found {usable.sum()} of {t.size} ({each})"
+        )
+    if not usable.all():
+        doubts.append(f"{(~usable).sum()} of {t.size} samples had a missing value and were left out")
+    places = np.flatnonzero(usable)
+    t, u, y = _clock(t[usable], doubts), u[usable], y[usable]
+    order = np.argsort(t, kind="stable")
+    times, first, count = np.unique(t[order], return_index=True, return_counts=True)
+    if times.size < FEWEST:
+        raise ValueError(f"a record needs {FEWEST} different times or more, found {times.size}")
+    if times.size < t.size:
+        doubts.append(f"{t.size - times.size} sample(s) had the time of another one and were averaged")
+    mean = np.add.reduceat(y[order], first) / count
+    held = u[order][first + count - 1]
+    if np.ptp(mean) == 0:
+        raise ValueError(f"y never changes: it is {mean[0]:g} in every sample, and tells nothing")
+    return times, held, mean, float(u[order][0]), places[order][first]
+
+
+def _clock(t: Array, doubts: list[str]) -> Array:
+    """Return times that may be sorted: of a counter that begins anew, counted on; refuse those that are no times."""
+    steps = np.diff(t)
+    back = steps < 0
+    if not back.any():
+        return t
+    counter = float(COUNTERS[min(np.searchsorted(COUNTERS, t.max(), side="right"), COUNTERS.size - 1)])
+    behind = float(np.mean(t < np.maximum.accumulate(t)))
+    if t.min() >= 0 and behind > BACKWARD and np.all(steps[back] < -counter / 2):
+        doubts.append(f"the time begins anew {back.sum()} time(s), at {counter:.6g}, and was counted on")
+        return t + counter * np.append(0, np.cumsum(back))
+    if np.all(steps <= 0):
+        doubts.append("the newest sample came first: the order was turned round")
+    elif behind > BACKWARD:
+        raise ValueError(
+            f"t is no time, or its clock was set back: {100 * behind:.2g} % of the samples lie before an earlier one, "
+            f"the first of them at {t[1:][back][0]:.6g} after {t[:-1][back][0]:.6g}"
+        )
+    else:
+        doubts.append("the times were not in order and were sorted")
+    return t
+
+
+def far_off(y: Array) -> Places:
+    """Return the samples that are far from their neighbours: by more than these scatter, and a fifth of the span."""
+    from scipy.ndimage import median_filter
+
+    known = np.flatnonzero(np.isfinite(y))
+    if known.size < FEWEST:
+        return known[:0]
+    away = np.abs(y[known] - median_filter(y[known], size=9, mode="nearest"))
+    low, high = np.quantile(y[known], [0.02, 0.98])
+    return known[away > max(8 * float(np.quantile(away, 0.95)), 0.2 * float(high - low))]
+
+
+def named(where: Sequence[str], y: Array, found: Places) -> str:
+    said = ", ".join(f"{where[k]} (y = {y[k]:.6g})" for k in found[:LISTED])
+    return said + (f" and {found.size - LISTED} more" if found.size > LISTED else "")
