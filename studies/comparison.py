@@ -26,9 +26,10 @@ from own_units import COLUMNS, SAMPLES, Units, least_robust, one_line, optimum, 
 from processes import batch
 
 from pidalab import Process
-from pidalab.comparison import Row, at_equal_terms, judged
-from pidalab.comparison.candidates import _Models, judged_rules
+from pidalab.comparison import Row, at_equal_terms, designs, judged
 from pidalab.rules import Design
+from pidalab.rules.registry import Limits
+from pidalab.rules.starting_models import StartingModels
 
 MS = 1.4
 TERMS = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
@@ -63,7 +64,7 @@ def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]
     own = units(process)
     w = 2 * math.pi / own.period
     size = [math.log(abs(process(1j * w * factor))) for factor in (0.999, 1.001)]
-    model = _Models(process).reaction
+    model = StartingModels(process).reaction
     lag = math.inf if model.den[-1] == 0 else float(model.den[0] / model.den[-1])
     return [
         {
@@ -84,7 +85,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
     """Every rule on one plant: its own design, then at equal terms."""
     own = units(process)
     rows, known = [], {}
-    for rule, kind, make in judged_rules(process, MS, TERMS["loud"] * own.gain, own.sample_time):
+    for rule, kind, make in designs(process, Limits(MS, TERMS["loud"] * own.gain, own.sample_time)):
         if rule == "optimal":
             continue
         about = {"plant": name, "rule": rule, "kind": kind}

@@ -8,7 +8,7 @@ import pytest
 import pidalab
 from pidalab import Record, fopdt, ipdt, lags, sopdt, tune
 from pidalab.identification import fit
-from pidalab.rules._by_name import RULES
+from pidalab.rules.registry import find
 
 THIRD = lags(3, delay=1.0)
 
@@ -91,8 +91,8 @@ def test_every_rule_by_name(rule, kind, model):
 def test_a_rule_by_name_knows_no_unit_of_time(rule, kind, model, unit):
     powers = unit ** np.arange(len(model.den))[::-1]
     one, other = (
-        RULES[rule](model, kind, 1.4),
-        RULES[rule](pidalab.Process(model.num, powers * model.den, unit * model.delay), kind, 1.4),
+        find(rule).tune(model, kind, 1.4),
+        find(rule).tune(pidalab.Process(model.num, powers * model.den, unit * model.delay), kind, 1.4),
     )
     s = np.array([0.1j, 1j, 0.5 + 1j])
     np.testing.assert_allclose(other.controller(s / unit), one.controller(s), rtol=1e-5)
@@ -104,8 +104,11 @@ def test_a_rule_by_name_knows_no_unit_of_time(rule, kind, model, unit):
         (lambda: tune(THIRD, "PIDD"), "kind must be 'PI', 'PID' or 'PIDA'"),
         (lambda: tune(THIRD, "PI", ms=0.9), "ms must be above 1"),
         (lambda: tune(THIRD, "PI", rule="best"), "rule must be 'optimal', 'haalman', 'simc'"),
-        (lambda: tune(THIRD, "PIDA", rule="simc"), "none of them knows acceleration"),
-        (lambda: tune(THIRD, "PI", rule="itae"), "kind must be 'PIDA' for the rule 'itae'"),
+        (
+            lambda: tune(THIRD, "PIDA", rule="simc"),
+            "kind must be 'PI' or 'PID' for the rule 'simc', found 'PIDA'",
+        ),
+        (lambda: tune(THIRD, "PI", rule="itae"), "kind must be 'PID' or 'PIDA' for the rule 'itae load'"),
         (
             lambda: tune(pidalab.ipdt(1.0, 0.0), rule="mrdp"),
             "model must have a dead time for the rule 'mrdp'",

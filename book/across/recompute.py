@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pidalab
-from pidalab.comparison.candidates import judged_rules
+from pidalab.comparison import designs
+from pidalab.rules.registry import Limits
 from pidalab.simulation.settling import settled
 
 import tables
@@ -27,8 +28,8 @@ def rule(row: Any, plant: Any) -> float:
     """IAE of a load step with the rule of a row, in units of the plant."""
     model = process(plant)
     noise, sample = tables.NOISE["loud"] * plant.ultimate_gain, plant.ultimate_period / 100
-    makers = judged_rules(model, tables.MS, noise, sample)
-    make = next(make for rule, kind, make in makers if (rule, kind) == (row.rule, row.kind))
+    makers = designs(model, Limits(tables.MS, noise, sample), [row.rule])
+    make = next(make for _, kind, make in makers if kind == row.kind)
     return load_iae(make().loop(model), plant)
 
 

@@ -16,7 +16,7 @@ from pidalab.process import Process, rational, require_gain
 from pidalab.record import Record
 from pidalab.roots import roots
 from pidalab.rules import Design
-from pidalab.rules._by_name import ORDER, RULES
+from pidalab.rules.registry import ORDER, find
 
 LOUDEST = (
     10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
@@ -56,8 +56,8 @@ def tune(
         Sample time of the controller that will run the design, above 0: half of it is added to the dead time in the
         design, as holding does in the loop.
     rule : str, optional
-        "optimal", the least IAE for loads; or a rule: "haalman", "simc", "amigo", "lambda", "ziegler-nichols", "itae",
-        "direct", "magnitude optimum", "mrdp".
+        "optimal", the least IAE for loads; or a name of the registry, `pidalab.rules.registry`, such as "haalman" or
+        "simc".
     spread : float, optional
         What the model may be wrong by, as a share: gain, time scale and dead time are varied by it, up and down. By
         default a Fit is varied by its own uncertainty, a Process not at all. The worst of the twenty plants drawn from
@@ -87,7 +87,7 @@ def tune(
     """
     _check.choice("kind", kind, ORDER)
     ms = _check.real("ms", ms, above=1.0)
-    _check.choice("rule", rule, ("optimal", *RULES))
+    named = None if rule == "optimal" else find(rule, "optimal")
     if sample_time is not None:
         sample_time = _check.real("sample_time", sample_time, above=0.0)
     process = model.process if isinstance(model, Fit) else model
@@ -105,10 +105,10 @@ def tune(
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
     designed = _seen_by_the_controller(process, sample_time, output_filter)
-    if rule == "optimal":
+    if named is None:
         made = _optimal(model, designed, kind, ms, noise_gain, sample_time, doubts)
     else:
-        made = RULES[rule](designed, kind, ms)
+        made = named.tune(designed, kind, ms)
         if noise_gain is not None:
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)

@@ -16,8 +16,8 @@ from st import Instance, Parser
 
 import pidalab
 from pidalab import PIDA, Loop, NonInteractivePIDA, Process, SeriesPIDA
-from pidalab.rules._by_name import RULES
 from pidalab.rules.haalman import OutputFilter
+from pidalab.rules.registry import RULES
 
 METHODS = st.sampled_from(["backward", "tustin", "zoh"])
 KINDS = st.sampled_from(["PI", "PID", "PIDA"])

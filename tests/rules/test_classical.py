@@ -234,3 +234,72 @@ def test_half_rule_takes_poles_that_hardly_oscillate_for_real():
 def test_the_filter_of_a_derivative_is_ten_times_faster_unless_told():
     design = classical.ziegler_nichols_ultimate(pidalab.lags(3))
     assert design.controller == classical.ziegler_nichols_ultimate(pidalab.lags(3), "PID", 10).controller
+
+
+# --- Chien, Hrones and Reswick ----------------------------------------------------------------------------------------
+
+# Åström and Hägglund (1995), section 4.2: a kp, ti and td, L for 0.5 and T for 3
+CHR_TABLE = {
+    ("load", 0, "PI"): (0.6, 4 * 0.5, 0),
+    ("load", 0, "PID"): (0.95, 2.4 * 0.5, 0.42 * 0.5),
+    ("load", 20, "PI"): (0.7, 2.3 * 0.5, 0),
+    ("load", 20, "PID"): (1.2, 2 * 0.5, 0.42 * 0.5),
+    ("setpoint", 0, "PI"): (0.35, 1.2 * 3, 0),
+    ("setpoint", 0, "PID"): (0.6, 3, 0.5 * 0.5),
+    ("setpoint", 20, "PI"): (0.6, 3, 0),
+    ("setpoint", 20, "PID"): (0.95, 1.4 * 3, 0.47 * 0.5),
+}
+
+
+@pytest.mark.parametrize(("test", "overshoot", "kind"), CHR_TABLE)
+def test_chien_hrones_reswick_is_its_table(test, overshoot, kind):
+    model = pidalab.fopdt(-2.0, lag=3.0, delay=0.5)
+    C = classical.chien_hrones_reswick(model, test, overshoot, kind).controller
+    a = -2.0 * 0.5 / 3.0
+    assert (a * C.kp, C.ti, C.td) == pytest.approx(CHR_TABLE[test, overshoot, kind])
+
+
+def chr_overshoot(test, overshoot, kind, lag):
+    """Per cent of the step of the set point, or of the largest deviation after the load."""
+    loop = classical.chien_hrones_reswick(pidalab.fopdt(1.0, lag, 1.0), test, overshoot, kind).loop()
+    t = np.linspace(0.0, 40.0 + 8 * lag, 8001)
+    if test == "setpoint":
+        return pidalab.step_response(loop, t).overshoot()
+    y = pidalab.load_response(loop, t).y
+    return -100 * y.min() / y.max()
+
+
+@pytest.mark.parametrize("lag", [4.0, 12.0, 50.0])
+def test_what_chien_hrones_and_reswick_reach_on_their_model(lag):
+    """As the docstring has it: 0 and 20 % are what the rules are called, and not what all of them reach."""
+    for kind in ("PI", "PID"):
+        assert chr_overshoot("setpoint", 0, kind, lag) < 2
+    assert chr_overshoot("load", 0, "PI", lag) < 0.1
+    assert chr_overshoot("load", 0, "PID", lag) < 9
+    assert 9 < chr_overshoot("load", 20, "PI", lag) < 40
+    assert 5 < chr_overshoot("load", 20, "PID", lag) < 11
+    assert 27 < chr_overshoot("setpoint", 20, "PID", lag) < 39
+    for kind, test in ((k, t) for k in ("PI", "PID") for t in ("load", "setpoint")):
+        assert chr_overshoot(test, 0, kind, lag) < chr_overshoot(test, 20, kind, lag)
+
+
+def test_the_pi_for_set_points_overshoots_by_a_closed_form():
+    """It cancels the lag: y' = 0.6 (1 - y(t - 1)), cubic where y(t - 1) is 1 and y largest."""
+    v = (0.6 - np.sqrt(0.6**2 - 4 * 0.18 * 0.4)) / (2 * 0.18)  # 0.6 + 0.6 v - 0.18 v^2 = 1
+    peak = 1.02 + 0.6 * (0.4 * v - 0.3 * v**2 + 0.06 * v**3)
+    assert chr_overshoot("setpoint", 20, "PI", 8.0) == pytest.approx(100 * (peak - 1), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((pidalab.fopdt(1.0, 1.0, 0.0),), "model must have a dead time above 0"),
+        ((pidalab.ipdt(1.0, 1.0),), "one stable pole"),
+        ((pidalab.fopdt(1.0, 1.0, 1.0), "noise"), "test must be 'load' or 'setpoint'"),
+        ((pidalab.fopdt(1.0, 1.0, 1.0), "load", 10), "overshoot must be 0 or 20, found 10"),
+        ((pidalab.fopdt(1.0, 1.0, 1.0), "load", 0, "PIDA"), "kind must be 'PI' or 'PID'"),
+    ],
+)
+def test_chien_hrones_reswick_refuses(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        classical.chien_hrones_reswick(*arguments)

@@ -20,6 +20,7 @@ def main() -> None:
       pidalab compare --num 1 --den 1,3,3,1 --delay 1          every rule on it
       pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  one loop
     Without a plant:
+      pidalab rules                                            the rules by name
       pidalab tclab                                            a board on the desk, simulated
     """
 
@@ -28,6 +29,7 @@ for command in (
     recorded.tune_command,
     recorded.report_command,
     given.compare_command,
+    given.rules_command,
     given.simulate_command,
 ):
     main.add_command(command)

@@ -26,18 +26,36 @@ SIGNALS = ("t", "r", "y", "u")
     "--noise-gain", default=10.0, show_default=True, help="Largest gain from noise to u of the optima."
 )
 @click.option("--sample-time", default=0.01, show_default=True, help="Sample time of that noise.")
+@click.option(
+    "--rule",
+    "rules",
+    multiple=True,
+    help="A rule by its name, or 'optimal'; may be repeated. 'pidalab rules' lists them.",
+)
 @one_line
-def compare_command(num: list[float], den: list[float], delay: float, **limits: float) -> None:
-    """Judge every rule of the library on a plant, beside the optima.
+def compare_command(
+    num: list[float], den: list[float], delay: float, rules: tuple[str, ...], **limits: float
+) -> None:
+    """Judge the rules of the library on a plant, beside the optima.
 
     \b
-    Example:
+    Examples:
       pidalab compare --num 1 --den 1,3,3,1 --delay 1
+      pidalab compare --den 1,3,3,1 --delay 1 --rule simc --rule optimal
     """
     from pidalab.comparison import compare
     from pidalab.process import Process
 
-    click.echo(str(compare(Process(num, den, delay), **limits)))
+    click.echo(str(compare(Process(num, den, delay), **limits, rules=rules or None)))
+
+
+@click.command("rules")
+def rules_command() -> None:
+    """List the rules by name, with the kinds of controllers that they make and their sources."""
+    from pidalab.rules.registry import RULES
+
+    for rule in RULES.values():
+        click.echo(f"{rule.name:27}{', '.join(rule.kinds):15}{rule.source}")
 
 
 @click.command("simulate")

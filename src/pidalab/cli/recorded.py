@@ -51,7 +51,12 @@ record = together(
     ),
 )
 design = together(
-    click.option("--rule", default="optimal", show_default=True, help="The optimum, or a rule by its name."),
+    click.option(
+        "--rule",
+        default="optimal",
+        show_default=True,
+        help="The optimum, or a rule by its name, see 'pidalab rules'.",
+    ),
     ms,
     click.option(
         "--noise-gain", type=float, help="Largest gain from noise to u; by default from the record."

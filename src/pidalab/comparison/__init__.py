@@ -8,19 +8,22 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.comparison.candidates import KINDS, judged_rules, sampled_noise, time_scale
 from pidalab.comparison.fairness import at_equal_terms
 from pidalab.loop import Loop
 from pidalab.process import Process, require_gain
 from pidalab.rules import Design
+from pidalab.rules._sampled import sampled_noise
+from pidalab.rules.registry import KINDS, RULES, Limits, Rule, find
+from pidalab.rules.starting_models import StartingModels, time_scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -155,7 +158,11 @@ class Comparison:
 
 
 def compare(
-    process: Process, ms: float = 1.6, noise_gain: float = 10.0, sample_time: float = 0.01
+    process: Process,
+    ms: float = 1.6,
+    noise_gain: float = 10.0,
+    sample_time: float = 0.01,
+    rules: Iterable[str] | None = None,
 ) -> Comparison:
     """Judge every rule of the library on a process, beside the best PI, PID and PIDA.
 
@@ -170,6 +177,9 @@ def compare(
         optima use it.
     sample_time : float, optional
         Sample time of that noise, above 0.
+    rules : iterable of str, optional
+        Names of the registry, `pidalab.rules.registry`, and "optimal". By default the optima and all rules but those of
+        Chien, Hrones and Reswick; the entry of a rule says whether it is compared by default.
 
     Returns
     -------
@@ -192,11 +202,59 @@ def compare(
     ms = _check.real("ms", ms, above=1.0)
     noise_gain = _check.real("noise_gain", noise_gain, above=0.0)
     sample_time = _check.real("sample_time", sample_time, above=0.0)
-    rows = [
-        judged(rule, kind, make, process, sample_time)
-        for rule, kind, make in judged_rules(process, ms, noise_gain, sample_time)
-    ]
+    limits = Limits(ms, noise_gain, sample_time)
+    rows = [judged(*candidate, process, sample_time) for candidate in designs(process, limits, rules)]
     return Comparison(process, ms, noise_gain, sample_time, tuple(rows))
+
+
+def designs(
+    process: Process, limits: Limits, rules: Iterable[str] | None = None
+) -> Iterator[tuple[str, str, Callable[[], Design]]]:
+    """Yield name, kind and the call that designs, for every rule, then for the optima.
+
+    Parameters
+    ----------
+    process : Process
+        The plant.
+    limits : Limits
+        As for `compare`, with all three numbers.
+    rules : iterable of str, optional
+        As for `compare`.
+
+    Yields
+    ------
+    tuple
+        The call raises ValueError where the rule does not apply.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.comparison import designs
+    >>> from pidalab.rules.registry import Limits
+    >>> [(rule, kind) for rule, kind, _ in designs(pidalab.lags(3), Limits(1.6), ["simc"])]
+    [('simc', 'PI'), ('simc', 'PID')]
+    """
+    from pidalab import optimal
+
+    names = (
+        [name for name, rule in RULES.items() if rule.compared] + ["optimal"]
+        if rules is None
+        else list(rules)
+    )
+    entries = [find(name, "optimal") for name in names if name != "optimal"]
+    models = StartingModels(process)
+
+    def design(rule: Rule, kind: str) -> Design:
+        return rule.tune(getattr(models, rule.models[kind]), kind, *limits)
+
+    for rule in entries:
+        for kind in rule.kinds:
+            yield rule.name, kind, partial(design, rule, kind)
+    if "optimal" in names:
+        ms, noise_gain, sample_time = limits
+        for order, kind in enumerate(KINDS):
+            search = partial(optimal.load, process, order, ms, None, noise_gain, sample_time)
+            yield "optimal", kind, search
 
 
 def judged(rule: str, kind: str, make: Callable[[], Design], process: Process, sample_time: float) -> Row:
@@ -249,7 +307,7 @@ def _measured(rule: str, kind: str, design: Design, process: Process, sample_tim
         return _without(rule, kind, "the loop with the process is unstable", design)
     horizon = _first_horizon(process)
     load, setpoint = (settled(simulate, loop, horizon) for simulate in (load_response, step_response))
-    noise, reason = sampled_noise(design, process, sample_time)
+    noise, reason = sampled_noise(loop, sample_time)
     mks = max_control_sensitivity(loop)[0]
     iae, iae_setpoint = (response.iae(horizon=math.inf) for response in (load, setpoint))
     return Row(rule, kind, iae, iae_setpoint, found.ms, mks, noise, load.tv("u"), found.dm, reason, design)

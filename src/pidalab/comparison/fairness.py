@@ -16,6 +16,7 @@ from pidalab.process import Process, require_process
 from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
+from pidalab.rules.starting_models import time_scale
 
 SLOWEST = 1e4  # filter time that is tried, in sample times
 SMALLEST = 0.01  # factor of the gains: with less of it nearly any loop is robust, and does nothing
@@ -106,7 +107,6 @@ def _filtered(gains: Array, time: float) -> HighOrderPID:
 
 def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, float], float]:
     """Return the function that gives the noise gain; infinite where the loop does not bear to be sampled."""
-    from pidalab.comparison.candidates import time_scale
     from pidalab.optimal._noise import SampledNoise
     from pidalab.optimal._problem import Problem
 

@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.comparison.candidates import sampled_noise, time_scale
 from pidalab.identification import Fit, fit
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.record import Record
 from pidalab.response import Response
 from pidalab.rules import Design
-from pidalab.rules._by_name import ORDER
+from pidalab.rules._sampled import sampled_noise
+from pidalab.rules.registry import ORDER
+from pidalab.rules.starting_models import time_scale
 from pidalab.tuning import plants_within, tune
 
 if TYPE_CHECKING:
@@ -295,7 +296,7 @@ def report(
     >>> import pidalab
     >>> report = pidalab.report(pidalab.lags(3, delay=1.0), rule="simc")
     >>> print(report.rows[0].kind, report.rows[1].iae < report.rows[0].iae, report.rows[2].reason)
-    PI True kind must be 'PI' or 'PID' for a classical rule: none of them knows acceleration
+    PI True kind must be 'PI' or 'PID' for the rule 'simc', found 'PIDA'
     """
     wanted = [kinds] if isinstance(kinds, str) else list(kinds)
     if not wanted or not all(isinstance(kind, str) and kind in ORDER for kind in wanted):
@@ -342,7 +343,7 @@ def judged(design: Design, kind: str, model: Process | Fit, sample_time: float |
     }
     noise, reason = math.nan, ""
     if sample_time is not None:
-        noise, reason = sampled_noise(design, process, sample_time)
+        noise, reason = sampled_noise(loop, sample_time)
         measured["ms_sampled"], lacking = _sampled(design, process, sample_time)
         reason = "; ".join(filter(None, (reason, lacking)))
     return Candidate(

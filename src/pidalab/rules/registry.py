@@ -1,0 +1,326 @@
+"""The registry of rules: `tune`, `compare`, `report`, the command line and this page know a rule from its entry here.
+
+Each entry has a name, its source, and the kinds of controllers that it makes, each with the model that it starts from.
+`pidalab.tune` hands the process itself to a rule. `pidalab.compare` reads the model off the process first:
+
+===============  =====================================================================================================
+model            what it is
+===============  =====================================================================================================
+`process`        the process itself
+`reaction`       lag and dead time from the steepest tangent and 63 % of the step response; an integrator stays one
+`first_order`    `reduction.to_fopdt`
+`second_order`   `reduction.to_sopdt`
+`third_order`    `identification.three_point` of the step response
+`integrator`     `identification.ipdt_tangent`
+===============  =====================================================================================================
+
+The rules:
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, NamedTuple
+
+from pidalab import _check
+from pidalab.areas import from_process
+from pidalab.process import Process
+from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, mrdp
+from pidalab.rules._design import Design
+from pidalab.rules._sampled import sampled_noise
+
+ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
+KINDS = tuple(ORDER)
+# dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
+FILTER_SHARE = 0.25
+RESET_FILTER = 3  # order of the filter of an automatic reset
+
+
+class Limits(NamedTuple):
+    """What a design is to keep; a rule uses what it knows.
+
+    Attributes
+    ----------
+    ms : float
+        Largest maximum sensitivity.
+    noise_gain, sample_time : float or None
+        Largest standard deviation of u per unit of that of white measurement noise, and its sample time.
+    """
+
+    ms: float
+    noise_gain: float | None = None
+    sample_time: float | None = None
+
+
+@dataclass(frozen=True)
+class Rule:
+    """An entry of the registry.
+
+    Attributes
+    ----------
+    name : str
+        As `pidalab.tune` and `pidalab.compare` take it.
+    source : str
+        Paper and equations.
+    models : mapping
+        The model that each kind of controller starts from: a name of the table above.
+    design : callable
+        Makes a `Design` of a model, a kind and `Limits`.
+    short : str
+        A second, shorter name.
+    compared : bool
+        Whether `pidalab.compare` judges it by default.
+    """
+
+    name: str
+    source: str
+    models: Mapping[str, str]
+    design: Callable[[Process, str, Limits], Design]
+    short: str = ""
+    compared: bool = True
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of controllers that it makes."""
+        return tuple(self.models)
+
+    def tune(
+        self,
+        model: Process,
+        kind: str,
+        ms: float = 1.6,
+        noise_gain: float | None = None,
+        sample_time: float | None = None,
+    ) -> Design:
+        """Design a controller of a kind.
+
+        Parameters
+        ----------
+        model : Process
+            What the rule starts from.
+        kind : str
+            One of `kinds`.
+        ms, noise_gain, sample_time : float, optional
+            See `Limits`.
+
+        Returns
+        -------
+        Design
+
+        Raises
+        ------
+        ValueError
+            For another kind, and what the rule itself refuses.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> from pidalab.rules.registry import RULES
+        >>> RULES["simc"].tune(pidalab.fopdt(1.0, lag=4.0, delay=1.0), "PI").controller.kp
+        2.0
+        """
+        if kind not in self.models:
+            raise ValueError(
+                f"kind must be {' or '.join(map(repr, self.kinds))} for the rule {self.name!r}, found {kind!r}"
+            )
+        return self.design(model, kind, Limits(ms, noise_gain, sample_time))
+
+
+def find(name: str, *others: str) -> Rule:
+    """Return the rule of a name, in any case of its letters.
+
+    Parameters
+    ----------
+    name : str
+        Name or short name of a rule.
+    *others : str
+        What else may be asked for at this place, for the message.
+
+    Returns
+    -------
+    Rule
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, with all that are known.
+
+    Examples
+    --------
+    >>> from pidalab.rules.registry import find
+    >>> find("ziegler-nichols").name
+    'Ziegler-Nichols ultimate'
+    """
+    known = {key.lower(): rule for rule in RULES.values() for key in (rule.name, rule.short or rule.name)}
+    if not isinstance(name, str) or name.lower() not in known:
+        _check.choice("rule", name, (*others, *RULES))
+    return known[name.lower()]
+
+
+# --- how each is called -----------------------------------------------------------------------------------------------
+
+
+def _by_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Process, str, Limits], Design]:
+    """Return the call of a rule that takes a model, arguments of ours, and the kind."""
+    return lambda model, kind, limits: tune(model, *args, kind)
+
+
+def _haalman(model: Process, kind: str, limits: Limits) -> Design:
+    return haalman.tune(model, limits.ms, kind)
+
+
+def _imc(model: Process, kind: str, limits: Limits) -> Design:
+    return Design(model, itae.imc_pid(model), source="heo2023, rows IMC")
+
+
+def _direct(test: str) -> Callable[[Process, str, Limits], Design]:
+    return lambda model, kind, limits: direct.tune(model, test)
+
+
+def _magnitude_optimum(model: Process, kind: str, limits: Limits) -> Design:
+    """With a limit of noise the filter is as short as the sample, longer where that is too loud.
+
+    Without one it is ten times faster than the process: a tenth of lags and dead time, the first area over the gain.
+    """
+    m, noise_gain, sample_time = ORDER[kind], limits.noise_gain, limits.sample_time
+    if noise_gain is None or sample_time is None:
+        first = from_process(model, 2)
+        return magnitude_optimum.tune(model, m, m + 1, 0.1 * float(first[1] / first[0]) / (m + 1))
+    shortest = magnitude_optimum.tune(model, m, m + 1, sample_time)
+    if sampled_noise(shortest.loop(), sample_time)[0] <= noise_gain:
+        return shortest
+    return magnitude_optimum.tune_for_exact_noise(model, m, m + 1, noise_gain, sample_time)
+
+
+def _mrdp(model: Process, kind: str, limits: Limits) -> Design:
+    m = ORDER[kind]
+    if model.delay == 0:
+        raise ValueError(
+            "model must have a dead time for the rule 'mrdp', whose times are shares of it, found none"
+        )
+    share = max(FILTER_SHARE, 1.2 * mrdp.smallest_te(m, m + 1))
+    return mrdp.tune(model, m, m + 1, share * model.delay)
+
+
+def _automatic_reset(setting: automatic_reset.Setting) -> Rule:
+    def design(model: Process, kind: str, limits: Limits) -> Design:
+        return automatic_reset.tune(model, setting, RESET_FILTER, FILTER_SHARE * model.delay / RESET_FILTER)
+
+    kind = "PIDA" if setting.ka else "PID" if setting.kd else "PI"
+    return Rule(
+        f"automatic reset {setting.name}", f"huba2024, {setting.source}", {kind: "integrator"}, design
+    )
+
+
+def _chr(test: str, overshoot: int) -> Rule:
+    return Rule(
+        f"CHR {test} {overshoot} %",
+        f"Chien, Hrones and Reswick (1952), {test}, {overshoot} % overshoot",
+        _from("reaction", "PI", "PID"),
+        _by_kind(classical.chien_hrones_reswick, test, overshoot),
+        compared=False,
+    )
+
+
+def _from(model: str, *kinds: str) -> dict[str, str]:
+    return dict.fromkeys(kinds, model)
+
+
+# --- the rules --------------------------------------------------------------------------------------------------------
+
+RULES: dict[str, Rule] = {
+    rule.name: rule
+    for rule in (
+        Rule(
+            "haalman",
+            "haalman2024, eqs. (2) and (8) to (10)",
+            {"PI": "first_order", "PID": "second_order", "PIDA": "third_order"},
+            _haalman,
+        ),
+        Rule(
+            "simc",
+            "Skogestad (2003), eqs. (10), (11), (23) to (25)",
+            _from("process", "PI", "PID"),
+            _by_kind(classical.simc),
+        ),
+        Rule(
+            "amigo",
+            "Åström and Hägglund (2004), AMIGO",
+            _from("reaction", "PI", "PID"),
+            _by_kind(classical.amigo),
+        ),
+        Rule(
+            "lambda",
+            "Åström and Hägglund (2006), section 6.5",
+            _from("reaction", "PI", "PID"),
+            _by_kind(classical.lambda_tuning),
+        ),
+        Rule(
+            "Ziegler-Nichols step",
+            "Ziegler and Nichols (1942), process reaction curve",
+            _from("integrator", "PI", "PID"),
+            _by_kind(classical.ziegler_nichols_step),
+        ),
+        Rule(
+            "Ziegler-Nichols ultimate",
+            "Ziegler and Nichols (1942), ultimate sensitivity",
+            _from("process", "PI", "PID"),
+            _by_kind(classical.ziegler_nichols_ultimate),
+            short="ziegler-nichols",
+        ),
+        *(_chr(test, overshoot) for test, overshoot in product(("load", "setpoint"), (0, 20))),
+        Rule("imc", "heo2023, rows IMC", {"PID": "first_order"}, _imc),
+        Rule(
+            "itae load",
+            "heo2023, Table 1 and eqs. (9) and (12)",
+            _from("second_order", "PID", "PIDA"),
+            _by_kind(itae.tune, "load"),
+            short="itae",
+        ),
+        Rule(
+            "itae setpoint",
+            "heo2023, Table 1 and eqs. (9) and (12)",
+            _from("second_order", "PID", "PIDA"),
+            _by_kind(itae.tune, "setpoint"),
+        ),
+        Rule(
+            "direct load",
+            "fitted to optima, not from a paper",
+            {"PIDA": "second_order"},
+            _direct("load"),
+            short="direct",
+        ),
+        Rule(
+            "direct setpoint",
+            "fitted to optima, not from a paper",
+            {"PIDA": "second_order"},
+            _direct("setpoint"),
+        ),
+        Rule(
+            "magnitude optimum",
+            "vrancic2021, eqs. (8) and (14) to (17)",
+            _from("process", *KINDS),
+            _magnitude_optimum,
+        ),
+        Rule("mrdp", "huba2018, sec. II.B", _from("integrator", *KINDS), _mrdp),
+        *map(_automatic_reset, automatic_reset.SETTINGS.values()),
+    )
+}
+
+
+def _table() -> str:
+    """Return the rules as a table of the documentation."""
+    rows = [("name", "kinds, model of each", "source")]
+    for rule in RULES.values():
+        models = ", ".join(f"{kind}: `{model}`" for kind, model in rule.models.items())
+        rows.append((rule.name + (f" (or {rule.short})" if rule.short else ""), models, rule.source))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    border = "  ".join("=" * width for width in widths)
+    head, *body = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return "\n".join([border, head, border, *body, border]) + "\n"
+
+
+__doc__ = (__doc__ or "") + _table()

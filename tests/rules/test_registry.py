@@ -1,0 +1,96 @@
+"""One entry makes a rule known to tune, compare, report and the command line."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pidalab
+from pidalab.cli import main
+from pidalab.comparison import designs
+from pidalab.controllers import PIDA
+from pidalab.rules import Design, registry
+from pidalab.rules.registry import RULES, Limits, Rule, find
+
+PLANT = pidalab.fopdt(1.0, lag=4.0, delay=1.0)
+CHR = [name for name in RULES if name.startswith("CHR")]
+BOOK = Path(__file__).parents[2] / "book"
+
+
+def known_at_every_door(name, tmp_path):
+    design = pidalab.tune(PLANT, "PI", rule=name)
+    assert design.source == RULES[name].source
+    (row,) = [row for row in pidalab.compare(PLANT, rules=[name]).rows if row.kind == "PI"]
+    assert (row.rule, row.ms) == (name, pytest.approx(design.ms))
+    assert pidalab.report(PLANT, rule=name, kinds="PI").rows[0].ms == pytest.approx(design.ms)
+    t = np.arange(0.0, 40.0, 0.25)
+    y = 1 - np.exp(-np.maximum(t - 6.0, 0.0) / 4)  # the plant after a step at 5
+    np.savetxt(
+        tmp_path / "step.csv", np.column_stack([t, t >= 5.0, y]), delimiter=",", comments="", header="t,u,y"
+    )
+    plant = ["--den", "4,1", "--delay", "1"]
+    record = [tmp_path / "step.csv", "--model", "fopdt", "--sample-time", "0.25", "--rule", name]
+    for command in (
+        ["rules"],
+        ["compare", *plant, "--rule", name],
+        ["tune", *record, "--kind", "PI"],
+        ["report", *record],
+    ):
+        result = CliRunner().invoke(main, [str(word) for word in command])
+        assert result.exit_code == 0, result.output
+        assert name in result.output or command[0] in ("tune", "report")
+    assert name in registry._table()
+
+
+def test_chien_hrones_and_reswick_are_known_at_every_door(tmp_path):
+    assert len(CHR) == 4
+    known_at_every_door("CHR load 20 %", tmp_path)
+
+
+def test_a_new_entry_is_known_at_every_door(monkeypatch, tmp_path):
+    def design(model, kind, limits):
+        return Design(model, PIDA(0.5, 3.0), source="nobody (2026)")
+
+    monkeypatch.setitem(RULES, "mine", Rule("mine", "nobody (2026)", {"PI": "process"}, design))
+    known_at_every_door("mine", tmp_path)
+
+
+def test_the_default_comparison_is_that_of_the_book():
+    with (BOOK / "data" / "comparison.csv").open(encoding="utf-8") as file:
+        stored = {(row["rule"], row["kind"]) for row in csv.DictReader(file)}
+    found = {(rule, kind) for rule, kind, _ in designs(PLANT, Limits(1.6, 10.0, 0.01))}
+    assert found - stored == {("optimal", kind) for kind in registry.KINDS}
+    assert stored <= found
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.name)
+def test_an_entry_names_the_source_of_its_designs(rule):
+    """The paper; tables and equations may depend on the kind."""
+    for name, kind, make in designs(pidalab.lags(3, delay=1.0), Limits(1.6), [rule.name]):
+        design = make()
+        assert name == rule.name
+        assert design.source.split(",")[0] in (
+            rule.source.split(",")[0],
+            f"pidalab.rules.{rule.name.replace(' ', '.')}: fitted to optima",
+        )
+        assert (design.controller.gains().ka != 0) == (kind == "PIDA")
+
+
+def test_names():
+    assert find("ZIEGLER-NICHOLS") is RULES["Ziegler-Nichols ultimate"]
+    assert (find("itae").name, find("direct").name) == ("itae load", "direct load")
+    with pytest.raises(ValueError, match=r"rule must be 'optimal', 'haalman', 'simc'.*, found 'best'"):
+        find("best", "optimal")
+    with pytest.raises(ValueError, match=r"rule must be .*, found None"):
+        find(None)
+    with pytest.raises(ValueError, match="found ''"):
+        find("")
+    with pytest.raises(ValueError, match="kind must be 'PID' for the rule 'imc', found 'PI'"):
+        RULES["imc"].tune(PLANT, "PI")
+
+
+def test_the_reference_lists_the_registry():
+    assert "pidalab.rules.registry" in (BOOK / "api" / "rules.md").read_text(encoding="utf-8")
+    assert all(name in registry.__doc__ for name in RULES)
