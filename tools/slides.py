@@ -2,7 +2,7 @@
 
 The source is the lecture itself, with its stored outputs: `python tools/slides.py` writes _build/slides. What a slide
 shows is a heading with its formulas, lists, figures, live figures and results, and a little text; long text and code
-become notes, which the key N shows. An exercise is a slide of its own, with its answer folded.
+become notes, which the key N shows. Exercises share slides, each with its answer folded.
 """
 
 import base64
@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from html import escape
 from importlib.resources import files
 from itertools import zip_longest
+from math import ceil
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ SCRIPTS = ("engine", "optima", "model", "plot", "lab", "live")
 SHOWN = {"list", "formula", "figure", "live", "result", "table", "shown"}  # on the slide; the rest are notes
 PICTURES = {"figure", "live"}
 SHORT, LEAD_IN = 1000, 200  # characters that a slide without a figure bears, and of what leads to a formula
+TOGETHER = 4  # exercises on a slide, at most
 CODE_SHOWN = "The recipe"  # heading under which code is no note
 FENCE = re.compile(r"\{([a-z:-]+)\}\s*(.*)")
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]*)\)")
@@ -159,18 +161,20 @@ def slides(blocks: list[Block]) -> Iterator[str]:
     """Group blocks into slides, by headings and exercises."""
     heading, pile = "", []
     answer: list[Block] | None = None
-    question = ""
+    question, exercises = "", []
     for block in [*blocks, Block("h2", "")]:
         if answer is not None:
             if block.kind == "solution-end":
                 inner = "".join(each.html for each in answer)
                 folded = f"{question}<details><summary>Answer</summary>{inner}</details>"
-                yield slide("", [Block("shown", folded)])
+                exercises.append(Block("shown", folded))
                 answer = None
             else:
                 answer.append(block)
         elif block.kind in ("h1", "h2", "h3"):
             yield from section(heading, pile)
+            yield from shared(exercises)
+            exercises = []
             heading, pile = (f"<h1>{block.html}</h1>" if block.kind == "h1" else f"<h2>{block.html}</h2>"), []
         elif block.kind == "exercise":
             yield from section(heading, pile)
@@ -181,19 +185,36 @@ def slides(blocks: list[Block]) -> Iterator[str]:
             pile.append(block)
 
 
+def shared(exercises: list[Block]) -> Iterator[str]:
+    """Slides of exercises, as few and as even as can be."""
+    if exercises:
+        size = ceil(len(exercises) / ceil(len(exercises) / TOGETHER))
+        yield from (slide("", exercises[k : k + size]) for k in range(0, len(exercises), size))
+
+
 def section(heading: str, pile: list[Block]) -> Iterator[str]:
-    """Slides of one heading: a figure has one of its own, and text is shown where there is nothing else."""
+    """Slides of one heading: a figure has one of its own, with the words that announce it."""
     group: list[Block] = []
     alone = False  # what is on the slide is a figure, perhaps with results
     for block in ready(heading, pile):
         full = any(each.kind in SHOWN for each in group)
         if full and (block.kind in PICTURES or (alone and block.kind in SHOWN - {"result"})):
-            yield slide(heading, group)
-            group, alone = [], False
+            at = announcement(group) if block.kind in PICTURES else len(group)
+            if any(each.kind in SHOWN for each in group[:at]):
+                yield slide(heading, group[:at])
+                group = group[at:]
+            alone = False
         group.append(block)
         alone = alone or block.kind in PICTURES
     if any(block.kind in SHOWN for block in group):
         yield slide(heading, group)
+
+
+def announcement(group: list[Block]) -> int:
+    """Where the words begin that end with a colon just before a figure, code apart; the end where there are none."""
+    last = next((k for k in reversed(range(len(group))) if group[k].kind in SHOWN), len(group))
+    announces = last < len(group) and group[last].html.rstrip().endswith(":</p>")
+    return last if announces else len(group)
 
 
 def ready(heading: str, pile: list[Block]) -> list[Block]:

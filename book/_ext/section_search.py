@@ -29,6 +29,28 @@ WEIGHTS = (
     ("", 1.0),
 )
 
+# What readers type where the section itself says it in other words, by the section that answers. Such a section counts
+# as a whole page does, though it may be one of the reference.
+ALSO = {
+    "book/how-do-i.html#install-pidalab": "install installation setup download pip PyPI Binder Colab",
+    "book/how-do-i.html#cite-the-book-or-one-of-its-numbers": "cite citation DOI BibTeX licence license copyright",
+    "book/how-do-i.html#weigh-the-set-point-b-and-c": "set point weighting derivative kick proportional kick",
+    "book/how-do-i.html#hand-a-controller-to-python-control-control-tf-c": "export Matlab Simulink",
+    "book/how-do-i.html#also-not-supported": "MIMO relay autotuning adaptive stiction",
+    "book/design.html#design-for-your-process": "step response identification tune from data autotune bump test",
+    "book/design.html#fit": "system identification estimate model from data",
+    "book/design.html#write": "PLC code IEC 61131 structured text generate C code",
+    "book/learn/what-acceleration-does.html#names": "PIDD2 PIDD",
+    "book/learn/tuning.html#what-ms-means": "maximum sensitivity gain margin phase margin robustness",
+    "book/learn/limits.html#four-ways-out": "anti-windup reset windup integrator windup saturation",
+    "book/learn/digital.html#bumpless-transfer": "bumpless transfer manual automatic switching",
+    "book/learn/digital.html#choose-h": "sampling time sample period sampling rate aliasing",
+    "book/learn/filter-and-noise.html#why-filter-at-all": "derivative filter low pass measurement noise",
+    "book/notation.html#conventions": "definition of IAE ISE ITAE TV settling time overshoot",
+    "book/api/process.html#pidalab.fopdt": "first order plus dead time FOPDT FOLPD",
+    "book/api/rules.html#module-pidalab.rules.classical": "Ziegler–Nichols lambda tuning AMIGO SIMC",
+}
+
 
 class Sections(HTMLParser):
     """Reads a page once, and keeps of each section its anchor, its title and its own text.
@@ -122,16 +144,13 @@ def collect(app, pagename, templatename, context, doctree):
     page = context.get("title", pagename)
     page = words_of(page)
     for anchor, title, text in sections(context["body"]):
-        app.section_index.append(
-            {
-                "id": len(app.section_index),
-                "page": page,
-                "title": title,
-                "text": text,
-                "weight": weight * (TASKS if title == "Exercises" else 1.0),
-            }
-            | {"url": app.builder.get_target_uri(pagename) + (f"#{anchor}" if anchor else "")}
-        )
+        url = app.builder.get_target_uri(pagename) + (f"#{anchor}" if anchor else "")
+        entry = {"id": len(app.section_index), "page": page, "title": title, "text": text, "url": url}
+        if url in ALSO:
+            entry |= {"also": ALSO[url], "weight": 1.0}
+        else:
+            entry["weight"] = weight * (TASKS if title == "Exercises" else 1.0)
+        app.section_index.append(entry)
 
 
 def write_index(app, exception):

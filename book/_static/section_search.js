@@ -1,17 +1,21 @@
 /* The search page: sections of the book, best first, from the index that the build wrote. */
 (function () {
   "use strict";
+  const IDLE = new Set("a an and do does for from how i in is it of on the to what with".split(" "));
   const index = new MiniSearch({
-    fields: ["title", "page", "text"],
+    fields: ["title", "page", "text", "also"], // also: what readers type where the section says it in other words
     storeFields: ["title", "page", "text", "url", "weight"],
-    // "anti-windup" is found as one word and by its parts; case and accents do not matter.
+    // "anti-windup" is found as one word and by its parts, "setpoint" as "set point"; case and accents do not matter.
     tokenize: (text) => {
-      const words = text.split(/[\s.,;:!?()[\]{}"“”„'’/=<>|…–—]+/).filter(Boolean);
+      const words = text.replace(/\b(set|dead)-?(points?|times?)\b/gi, "$1 $2").split(/[\s.,;:!?()[\]{}"“”„'’/=<>|…–—]+/).filter(Boolean);
       return words.concat(words.filter((word) => word.includes("-")).flatMap((word) => word.split("-"))).filter(Boolean);
     },
-    processTerm: (term) => term.toLowerCase().normalize("NFD").replace(/[\u0300-\u036f]/g, ""),
+    processTerm: (term) => {
+      const word = term.toLowerCase().normalize("NFD").replace(/[\u0300-\u036f]/g, "");
+      return IDLE.has(word) ? null : word;
+    },
     searchOptions: {
-      boost: { title: 4, page: 1.5 },
+      boost: { title: 4, also: 6, page: 1.5 },
       prefix: (term) => term.length > 3,
       fuzzy: (term) => (term.length > 5 ? 0.15 : false),
       combineWith: "AND",

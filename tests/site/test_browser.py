@@ -94,6 +94,59 @@ def test_search_leads_to_sections_and_to_chapters_first(words, home, visit):
     assert not NOT_FIRST.search(address)
 
 
+# What a reader would type, and where a good answer is: among the first three sections found.
+ANSWERED = {
+    "install": "how-do-i.html#install",
+    "how to install pidalab": "how-do-i.html#install",
+    "download": "how-do-i.html#install",
+    "cite": "how-do-i.html#cite",
+    "licence": "how-do-i.html#cite",
+    "bumpless transfer": "digital.html#bumpless-transfer",
+    "manual to automatic": "digital.html#bumpless-transfer",
+    "step response identification": "design.html",
+    "tune from data": "design.html",
+    "system identification": "design.html#fit",
+    "Ziegler Nichols": "rules.html",
+    "Ziegler–Nichols": "rules.html",
+    "lambda tuning": "rules.html",
+    "first order plus dead time": "process.html#pidalab.fopdt",
+    "setpoint weighting": "how-do-i.html#weigh-the-set-point",
+    "derivative kick": "how-do-i.html#weigh-the-set-point",
+    "derivative filter": "filter-and-noise.html",
+    "anti-windup": "limits.html",
+    "integrator windup": "limits.html",
+    "gain margin": "tuning.html#what-ms-means",
+    "maximum sensitivity": "tuning.html#what-ms-means",
+    "PLC code": "design.html#write",
+    "C code": "how-do-i.html#get-c-code",
+    "sampling time": "digital.html#choose-h",
+    "aliasing": "digital.html",
+    "Bode plot": "how-do-i.html#draw-a-bode-plot",
+    "cascade control": "how-do-i.html#control-a-cascade",
+    "gain scheduling": "how-do-i.html#gain-scheduling",
+    "Smith predictor": "how-do-i.html#also-not-supported",
+    "Matlab": "how-do-i.html#hand-a-controller",
+    "settling time": "notation.html#conventions",
+    "PIDD2": "what-acceleration-does.html#names",
+}
+FOUND = """(queries) => queries.map((query) => {
+  Search.performSearch(query);
+  return [...document.querySelectorAll("#search-results li a")].slice(0, 3).map((a) => a.getAttribute("href"));
+})"""
+
+
+def test_what_readers_type_is_found(home, visit):
+    page, wrong = visit(f"{home}/search.html?q=noise")
+    page.locator("#search-results li a").first.wait_for()
+    found = dict(zip(ANSWERED, page.evaluate(FOUND, list(ANSWERED)), strict=True))
+    missed = {
+        query: found[query]
+        for query, answer in ANSWERED.items()
+        if not any(answer in each for each in found[query])
+    }
+    assert (missed, wrong) == ({}, [])
+
+
 # What the search shows of a long section whose title alone has its word, and how the section begins.
 IN_ITS_TITLE = """() => {
   for (const { title, page, text, url } of bookSections) {

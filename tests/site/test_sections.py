@@ -1,8 +1,11 @@
 """What the search looks through: the sections of a page, each with its own words."""
 
 import importlib.util
+import re
 
+import nbformat
 import pytest
+from docutils.nodes import make_id
 
 PAGE = """
 <section id="one"><h1>First <em>title</em><a class="headerlink">#</a></h1>
@@ -37,3 +40,24 @@ def test_each_section_has_its_own_words(search):
 
 def test_a_title_is_plain_text(search):
     assert search.words_of("1. The <em>PIDA</em> &amp; more") == "1. The PIDA & more"
+
+
+def anchors(page):
+    """Anchors of the headings of a page's source."""
+    if page.suffix == ".ipynb":
+        cells = nbformat.read(page, as_version=4).cells
+        text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    else:
+        text = page.read_text(encoding="utf-8")
+    return {make_id(heading) for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE)}
+
+
+def test_sections_with_words_of_readers_exist(search, root):
+    """Those of the reference are made by Sphinx; the tests in the browser look for them."""
+    missing = []
+    for address in search.ALSO:
+        name, anchor = address.split(".html#")
+        (page,) = root.glob(f"{name}.*")
+        if not name.startswith("book/api/") and anchor not in anchors(page):
+            missing.append(address)
+    assert missing == []

@@ -77,6 +77,23 @@ def test_text_is_shown_where_there_is_room(tool):
     assert "Led" not in tool.slide("", [lead[0], few, formula])
 
 
+def test_a_figure_comes_with_the_words_that_announce_it(tool):
+    question, announced = (tool.Block("shown", f"<p>{words}</p>") for words in ("A question?", "The answer:"))
+    figure, code = tool.Block("figure", "<figure></figure>"), tool.Block("code", "<pre></pre>")
+    first, second = tool.section("<h1>Title</h1>", [question, announced, code, figure])
+    assert "A question?" in first
+    assert "The answer:" not in first
+    assert second.index("The answer:") < second.index("<figure>")
+
+
+def test_exercises_share_slides(tool):
+    counts = {}
+    for number in (1, 4, 6, 7):
+        made = tool.shared([tool.Block("shown", "<h2>Exercise: </h2>")] * number)
+        counts[number] = [each.count("<h2>") for each in made]
+    assert counts == {1: [1], 4: [4], 6: [3, 3], 7: [4, 3]}
+
+
 def test_slides_are_moved_by_keys_and_fit(made, visit):
     for name, path in made.items():
         page, wrong = visit(path.as_uri(), viewport=PROJECTOR)
