@@ -66,8 +66,6 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "robustness/_scan": ("robustness/test_margins.py", "margins are read off it"),
     "robustness/_infimum": ("robustness/test_limits.py", "the criteria are infima"),
     "simulation/bank": ("simulation/test_portrait.py", "a part of the portrait"),
-    "simulation/digital_bank": ("simulation/test_portrait.py", "a part of the portrait"),
-    "simulation/kept": ("simulation/test_portrait.py", "a part of the portrait"),
     "simulation/lanes": ("simulation/test_portrait.py", "a part of the portrait"),
     "statespace": ("simulation/test_sampled.py", "a part of the sampled engine"),
     "simulation/kernels": ("simulation/test_sampled.py", "a part of the sampled engine"),
