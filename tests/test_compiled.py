@@ -11,15 +11,15 @@ import pytest
 
 import pidalab
 from pidalab.robustness import _scan
-from pidalab.simulation import chains, decoupling, kernels, ladder, realisation, ring
+from pidalab.simulation import kernels, ladder, ring
 
 SCRIPT = """
 from pidalab import _compiled
 from pidalab._compiled import compiled
 {before}
-import pidalab.simulation.chains as chains
+from pidalab.simulation.ring import shortened
 import numpy as np
-print(chains._monic(np.array([-1.0 + 0.0j])))
+print(shortened(np.array([[1.0, 1.0, 0.0]]), 0.0)[0])
 """
 
 
@@ -69,7 +69,7 @@ numba.njit = refusing
     assert run(tmp_path, nowhere).stdout == "[1. 1.]\n"
 
 
-@pytest.mark.parametrize("module", [chains, decoupling, kernels, ladder, realisation, ring, _scan])
+@pytest.mark.parametrize("module", [kernels, ladder, ring, _scan])
 def test_the_engine_brings_nothing_of_numba_along(module):
     # copying an array onto a part of another brings the text of an error, sorting brings quicksort: all callers
     # compile it again, and the first call of a reader takes twice as long

@@ -77,8 +77,6 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "digital/languages/structured_text": ("digital/test_code.py", "interpreted there"),
     "digital/languages/text": ("digital/test_code.py", "a part of the languages"),
     "simulation/steps": ("simulation/test_sampled.py", "a part of the sampled engine"),
-    "simulation/chains": ("simulation/test_exact.py", "a part of the exact engine"),
-    "simulation/decoupling": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/ladder": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/ring": ("simulation/test_exact.py", "a part of the exact engine"),
     "simulation/realisation": ("simulation/test_exact.py", "a part of the exact engine"),
