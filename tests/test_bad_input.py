@@ -21,7 +21,6 @@ L = Loop(P, 0.5)
 T = np.linspace(0.0, 20.0, 201)
 W = np.logspace(-1, 1, 20)
 ANSWER = pidalab.step_response(L, T)
-EXECUTOR = type("Client", (), {"get_executor": None})()
 RESET = pidalab.SeriesPIDA(0.1, 0.0, 0.0, ti=1.0, filter_time=0.5, filter_order=1)
 
 
@@ -153,10 +152,6 @@ REFUSED = {
         "gain of the loop leaves the range",
     ),
     "quietest": (lambda: pidalab.phase_crossovers(L, quietest=-1), "quietest must be above 0, found -1"),
-    "a client of dask": (
-        lambda: pidalab.portrait(Loop(ipdt(1, 1), RESET), {"kp": [0.1]}, T, load=1.0, executor=EXECUTOR),
-        r"found Client; pass its \.get_executor\(\)",
-    ),
     "a double integrator has no border": (
         lambda: classical.ziegler_nichols_ultimate(Process([1], [1, 0, 0], 1)),
         "process must have a border of stability",

@@ -193,7 +193,7 @@ def compile_simulation() -> None:
     from pidalab.simulation.realisation import Cut
 
     at_rest = Cut(*map(np.zeros, ((2, 2), 2, 2)), 0.0, *map(np.zeros, ((3, 2), 3, (2, 1))), 1.0)
-    responses(at_rest, 2, 0.1, 1.0)
+    responses(at_rest, 2, 0.1)
     loop = pidalab.Loop(pidalab.lags(3), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
     pidalab.simulate_sampled(loop, 0.001 * np.arange(3))
 

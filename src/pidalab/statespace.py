@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag, expm, matrix_balance
 
 from pidalab._check import Array
 from pidalab.roots import roots
 
-ALIGNED = (
-    1e-9  # share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
-)
-GAP = 10.0  # poles whose speeds differ by more than this factor go to different blocks
+# share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
+ALIGNED = 1e-9
+# poles whose speeds differ by more than this factor go to different parts
+GAP = 10.0
+# poles up to which a part is in companion form
+SHORT = 12
 
 
 class StateSpace(NamedTuple):
@@ -27,49 +30,118 @@ class StateSpace(NamedTuple):
     d: float
 
 
-def _parallel(
-    num: Array, den: Array
-) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...], float]:
-    """Split a proper rational function into parallel blocks (all A, b, c) by speed of the poles, and a direct part."""
-    poles = roots(den)
+class Part(NamedTuple):
+    """Partial fraction over poles of one speed: x' = A x + b w, y = c x."""
+
+    A: Array  # (n, n)
+    b: Array  # (n,)
+    c: Array  # (n,)
+    poles: Any  # (n,), by modulus
+
+
+def parallel(*fractions: tuple[Array, Array]) -> tuple[tuple[Part, ...], float]:
+    """Split proper rational functions in series into partial fractions by speed of the poles, and a direct part."""
+    return _parallel(*(np.ascontiguousarray(x, dtype=float).tobytes() for pair in fractions for x in pair))
+
+
+@lru_cache(maxsize=256)
+def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
+    num: Any = np.ones(1)
+    lead, poles = 1.0, np.zeros(0, dtype=complex)
+    for own_num, own_den in zip(raw[::2], raw[1::2], strict=True):
+        den = np.frombuffer(own_den)
+        num, lead = np.convolve(num, np.frombuffer(own_num)), lead * float(den[0])
+        poles = np.concatenate([poles, roots(den)])  # of each by itself, as its own poles are better known
+    poles = poles[np.argsort(np.abs(poles), kind="stable")]
     speeds = np.abs(poles)
     group = np.searchsorted([np.sqrt(a * b) for a, b in pairwise(speeds) if b > GAP * a], speeds)
-    parts = [
-        _fraction(num, den[0], poles[group == g], poles[group != g]) for g in range(max(group, default=0) + 1)
-    ]
-    A, b, c = zip(*parts, strict=True)
-    return A, b, c, float(num[0] / den[0]) if len(num) == len(den) else 0.0
+    parts = tuple(
+        _part(num, lead, poles[group == g], poles[group != g]) for g in range(max(group, default=-1) + 1)
+    )
+    return parts, float(num[0] / lead) if num.size == poles.size + 1 else 0.0
 
 
-def _fraction(num: Array, lead: float, own: Array, others: Array) -> tuple[Array, Array, Array]:
-    """Realise the partial fraction over some poles as (A, b, c), in companion form in their own unit of time.
-
-    Over powers of s the static gain keeps its digits, also behind a filter much faster than a sample.
-    """
-    n = own.size
-    unit = np.max(np.abs(own), initial=0.0) or 1.0
-    M = np.eye(n, k=-1)  # multiplication by x = s/unit, modulo the denominator
-    M[:, -1:] = -np.atleast_1d(np.poly(own / unit)).real[:0:-1, None]
-    numerator = np.zeros(n, dtype=complex)  # ascending powers of x
+def _part(num: Array, lead: float, own: Any, others: Any) -> Part:
+    """Realise the partial fraction over some poles, in their own unit of time."""
+    n, unit = own.size, np.max(np.abs(own)) or 1.0
+    M = _companion(own / unit) if n <= SHORT else _chain(own / unit)
+    numerator = np.zeros(
+        n, dtype=complex
+    )  # ascending, in powers of x = s/unit or in the polynomials of the chain
     for coefficient in num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0):
         numerator = M @ numerator
-        numerator[:1] += coefficient
+        numerator[0] += coefficient
     for p in others:
         numerator = np.linalg.solve(unit * M - p * np.eye(n), numerator)
-    return unit * M, numerator.real * unit ** (1.0 - n) / lead, np.eye(1, n, n - 1)[0]
+    return Part(unit * M, numerator.real * unit ** (1.0 - n) / lead, np.eye(1, n, n - 1)[0], own)
+
+
+def _companion(poles: Any) -> Array:
+    """Return multiplication by x, modulo the polynomial of the poles, of coefficients of powers of x.
+
+    So the static gain keeps its digits, also behind a filter much faster than a sample.
+    """
+    M = np.eye(poles.size, k=-1)
+    M[:, -1] = -np.poly(poles).real[:0:-1]
+    return M
+
+
+def _chain(poles: Any) -> Array:
+    """Return the same for coefficients of 1, x - p_1, (x - p_1)(x - p_2), ..., where long polynomials lose digits."""
+    M = np.diag(poles.real) + np.eye(poles.size, k=-1)
+    for i in np.flatnonzero(poles.imag > 0):
+        M[i, i + 1] = -(poles[i].imag ** 2)
+    return M
+
+
+def numerator(part: Part) -> Any:
+    """Return the numerator of a part over the monic polynomial of its poles, in descending powers."""
+    before, now, total = np.zeros(1), np.ones(1), np.zeros(1)  # polynomials that the states stand for
+    for i in range(part.b.size):
+        total = np.polyadd(total, part.b[i] * now)
+        if i + 1 < part.b.size:
+            after = np.convolve(now, [1.0, -part.A[i, i]])
+            if i:
+                after = np.polysub(after, part.A[i - 1, i] * before)
+            before, now = now, after / part.A[i + 1, i]
+    return total * np.prod(np.diag(part.A, -1))
+
+
+def _blocks(matrices: Sequence[Array]) -> Array:
+    """Return the block diagonal matrix."""
+    out = np.zeros((sum(map(len, matrices)),) * 2)
+    at = 0
+    for one in matrices:
+        out[at : at + len(one), at : at + len(one)] = one
+        at += len(one)
+    return out
+
+
+def _joined(vectors: Sequence[Array]) -> Array:
+    return np.concatenate([np.zeros(0), *vectors])
 
 
 def realise(num: Array, den: Array) -> StateSpace:
     """Realise a proper rational function."""
-    A, b, c, direct = _parallel(num, den)
-    return StateSpace(block_diag(*A), np.concatenate(b), np.concatenate(c), direct)
+    parts, direct = parallel((num, den))
+    return StateSpace(
+        _blocks([part.A for part in parts]),
+        _joined([part.b for part in parts]),
+        _joined([part.c for part in parts]),
+        direct,
+    )
 
 
 def discretise(num: Array, den: Array, h: float) -> StateSpace:
     """Discretise a proper rational function for an input that is held for h at a time."""
-    A, b, c, direct = _parallel(num, den)
-    phi, gamma = zip(*(held(*block, h) for block in zip(A, b, strict=True)), strict=True)
-    return StateSpace(block_diag(*phi), np.concatenate(gamma), np.concatenate(c), direct)
+    parts, direct = parallel((num, den))
+    steps = [held(part.A, part.b, h) for part in parts]
+    return StateSpace(
+        _blocks([phi for phi, _ in steps]),
+        _joined([gamma for _, gamma in steps]),
+        _joined([part.c for part in parts]),
+        direct,
+    )
 
 
 class Piece(NamedTuple):
@@ -92,6 +164,8 @@ def pieces(delay: float, h: float) -> list[Piece]:
 
 def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     """Return (phi, gamma) with x(t + duration) = phi x(t) + gamma w for an input w that is held."""
+    from scipy.linalg import expm, matrix_balance
+
     n = b.size
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n], augmented[:n, n] = A, b

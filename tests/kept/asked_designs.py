@@ -1,12 +1,10 @@
 """Questions at the edges: digital controllers, tuning rules, optima, and doors that few loops go through."""
 
 import math
-import tempfile
-from pathlib import Path
 
 import control
 import numpy as np
-from asked_edges import FIRST, LOOP, SERIES, THIRD, T, variants
+from asked_edges import FIRST, LOOP, THIRD, variants
 from asked_loops import PLANTS, controllers
 
 import pidalab
@@ -312,26 +310,9 @@ def more():
                 controllers(FIRST)[kind].discretise(0.02, **options),
                 PIDA(0.3, 2.0).discretise(0.02, **options),
             ]
-            grid = {"controller": np.array(k, object)}
-            asked[f"digital portrait: {kind}, {i}"] = lambda k=k, grid=grid: pidalab.portrait(
-                Loop(FIRST, k[0]), grid, 0.02 * np.arange(400.0), 0.4, 0.1
-            )
             asked[f"digital loop: {kind}, {i}"] = lambda k=k: (lambda r: (r.y, r.u))(
                 pidalab.simulate_sampled(Loop(FIRST, k[0]), 0.02 * np.arange(400.0), 0.4, 0.1)
             )
-    for i, (grid, h) in enumerate(
-        (
-            ({"controller": []}, 0.02),
-            ({"controller": [1.0]}, 0.02),
-            ({"kp": [1.0]}, 0.02),
-            (3.0, 0.02),
-            ({"controller": [PIDA(0.3, 2.0).discretise(0.03)]}, 0.02),
-        )
-    ):
-        asked[f"digital portrait, edge {i}"] = lambda g=grid, h=h: pidalab.portrait(
-            Loop(FIRST, PIDA(0.3, 2.0).discretise(0.02)), g, h * np.arange(50.0), 1.0
-        )
-    asked["kept portrait"] = _resumed
     plant = Process([1.0], np.poly([-1 / 9, -1 / 3, -1]) * 27, 0.4)
     for shape, sign in ((0.0, 1.0), (0.3, -1.0)):
         asked[f"spread: {shape}"] = lambda a=shape, b=sign: [
@@ -367,18 +348,3 @@ def _in_z(k):
         [path.fraction() for path in k.paths],
         [path.order for path in k.paths],
     )
-
-
-def _resumed():
-    """Ask for a portrait twice, with what was computed kept in a file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "kept.npz"
-        grid = {"kp": [0.2, 0.4, 0.6]}
-        found = [
-            pidalab.portrait(Loop(FIRST, SERIES), grid, T, 1.0, chunk=1, resume=path).iae for _ in range(2)
-        ]
-        try:
-            pidalab.portrait(Loop(FIRST, SERIES), {"kp": [0.2]}, T, 1.0, resume=path)
-        except ValueError as refusal:
-            found.append(str(refusal).replace(folder, ""))
-        return found

@@ -272,12 +272,4 @@ def sampled():
             asked[f"portrait: {name}, {i}"] = lambda loop=loop, t=t, one=one, grid=grid: pidalab.portrait(
                 loop, grid, t, **one
             )
-    digital = {k: PIDA(0.5, k, 0.3).discretise(0.02, "backward", limits=(-1.0, 0.8)) for k in (2.0, 4.0)}
-    t = 0.02 * np.arange(500.0)
-    asked["portrait: digital"] = lambda: pidalab.portrait(
-        Loop(PLANTS["four lags"], digital[2.0]),
-        {"controller": np.array(list(digital.values()), object)},
-        t,
-        1.0,
-    )
     return asked

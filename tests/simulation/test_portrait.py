@@ -1,9 +1,7 @@
 """Portraits: every measure is that of the loop alone, whoever computes it, and nothing is ever missing."""
 
 import os
-import signal
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 import control
@@ -13,7 +11,6 @@ import pytest
 
 import pidalab
 from pidalab import Loop, Process, SeriesPIDA, portrait, simulate_sampled
-from pidalab.simulation.kept import Kept
 from pidalab.simulation.lanes import LANES, _beyond
 from pidalab.simulation.portrait import Portrait
 
@@ -177,93 +174,11 @@ def test_process_pool_gives_the_same_bits(many):
         assert pool.submit(os.getpid).result() != os.getpid()  # it is left open
 
 
-@pytest.fixture(scope="module")
-def dask_client():
-    distributed = pytest.importorskip("distributed", reason="no distributed: pip install distributed")
-    import dask
-
-    with (
-        dask.config.set({"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": "30s"}),
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        yield client
-
-
-def test_dask_gives_the_same_bits(many, dask_client):
-    task, p = many
-    assert_same_bits(portrait(**task, executor=dask_client.get_executor()), p)
-    workers = dask_client.run(os.getpid)
-    assert len(set(workers.values()) | {os.getpid()}) == 3  # two other processes
-
-
-class Deadly(ProcessPoolExecutor):
-    """A pool whose third task ends its worker."""
-
-    tasks = 0
-
-    def submit(self, fn, /, *args, **kwargs):
-        self.tasks += 1
-        return super().submit(os._exit, 7) if self.tasks == 3 else super().submit(fn, *args, **kwargs)
-
-
-def test_a_worker_that_dies_is_an_error_that_names_the_sets(many):
-    task, _ = many
-    with (
-        Deadly(1, mp_context=get_context("spawn")) as pool,
-        pytest.raises(
-            RuntimeError, match=r"lost: \d+ of 500 sets are missing \(in flat order .*\)"
-        ) as caught,
-    ):
-        portrait(**task, executor=pool)
-    assert isinstance(caught.value.__cause__, BrokenProcessPool)
-    assert "128 to 191" in str(caught.value)
-
-
-def test_a_worker_that_fails_is_an_error_that_names_the_sets(many):
-    class Failing(ThreadPoolExecutor):
-        def submit(self, fn, /, *args, **kwargs):
-            self.tasks = getattr(self, "tasks", 0) + 1
-            return super().submit(int, "x") if self.tasks in (2, 8) else super().submit(fn, *args, **kwargs)
-
-    task, _ = many
-    with (
-        Failing(2) as pool,
-        pytest.raises(RuntimeError, match=r"116 of 500 sets .* order 64 to 127, 448 to 499\)"),
-    ):
-        portrait(**task, executor=pool)
-
-
-class Killing(Executor):
-    """An executor that ends a worker, which has some of the tasks then, once half of them are handed over."""
-
-    def __init__(self, inner, victim):
-        self.inner, self.victim, self.tasks = inner, victim, 0
-
-    def submit(self, fn, /, *args, **kwargs):
-        self.tasks += 1
-        if self.tasks == 5:
-            os.kill(self.victim, signal.SIGKILL)
-        return self.inner.submit(fn, *args, **kwargs)
-
-
-def test_dask_finishes_without_a_worker_that_dies(many, dask_client):
-    """The cluster hands the dead worker's sets to others."""
-    task = many[0] | {"t": 0.001 * np.arange(40_000)}
-    executor = dask_client.get_executor(retries=2)
-    victim = executor.submit(os.getpid).result()
-    assert_same_bits(portrait(**task, executor=Killing(executor, victim)), portrait(**task))
-    assert victim not in dask_client.run(os.getpid).values()
-
-
 def test_what_diverges_is_infinite():
     free = Loop(LOOP.process, SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4))
     p = portrait(free, {"kd": [0.45, 50.0]}, 0.1 * np.arange(5000), load=1.0)
     assert p.diverged.tolist() == [False, True]
-    assert not p.missing.any()
-    for name, x in zip(p._fields[:-2], p, strict=False):
+    for name, x in zip(p._fields[:-1], p, strict=False):
         assert np.isfinite(x[0]), name
         assert x[1] == np.inf, name
 
@@ -296,7 +211,7 @@ WIDE = np.ones(3000)
     ("arguments", "error", "message"),
     [
         ({"loop": PDA}, TypeError, "loop must be a pidalab.Loop, found SeriesPIDA"),
-        ({"loop": Loop(LOOP.process, 0.5)}, TypeError, "loop must have a SeriesPIDA and no output filter, or digital"),
+        ({"loop": Loop(LOOP.process, 0.5)}, TypeError, "loop must have a SeriesPIDA and no output filter, found"),
         ({"loop": Loop(LOOP.process, PDA, control.tf(1, [1, 1]))}, TypeError, "and no output filter"),
         ({"parameters": [1.0]}, TypeError, "parameters must be a mapping or a DataFrame .* found list"),
         ({"parameters": {"Kp": [1.0]}}, ValueError, "parameters must be among kp, kd, .* found 'Kp'"),
@@ -335,7 +250,7 @@ def test_portrait_complains(arguments, error, message):
 
 def test_half_a_byte_more_than_two_gigabytes_is_refused():
     """Of each set two numbers for every measure, and one for each lane and sample of dead time."""
-    numbers = 2 * 2 * len(Portrait._fields[:-1])
+    numbers = 2 * 2 * len(Portrait._fields)
     samples = ((2e9 + 0.5) / 8 - numbers) / LANES
     loop = Loop(pidalab.ipdt(1.0, samples * T[1]), PDA)
     with pytest.raises(MemoryError, match=r"memory = 2e\+09 are allowed"):
@@ -348,133 +263,6 @@ def test_derivatives_need_a_filter():
         portrait(Loop(LOOP.process, own), {"ka": [0.1]}, T, load=1.0)
 
 
-def digital_sets():
-    """PI, PID and PIDA as a computer runs them, in other units and with limits of their own."""
-    classes = [pidalab.PIDA(0.3, 6.0), pidalab.PIDA(0.4, 5.0, 0.4, 0.05, n=5, m=1), PDA]
-    usual = {"limits": (-2.0, 0.5), "c": 0.0}
-    units = {
-        "limits": (10.0, 90.0),
-        "bias": 50.0,
-        "u_span": 40.0,
-        "y_span": 2.0,
-        "y_offset": 7.0,
-        "rate_limit": 40.0,
-    }
-    return [[C.discretise(0.05, **options) for C in classes] for options in (usual, units)]
-
-
-DIGITAL = digital_sets()
-STEPS = 0.05 * np.arange(600)
-DIGITAL_LOOP = Loop(LOOP.process, DIGITAL[0][0], prefilter=control.tf([1.0], [0.5, 1.0]))
-TASK = {"loop": DIGITAL_LOOP, "parameters": {"controller": DIGITAL}, "t": STEPS, "setpoint": 0.7, "load": 0.2}
-
-
-def test_digital_controllers_are_those_of_the_response():
-    p = portrait(**TASK, limits=(-0.9, 1.5))
-    assert p.iae.shape == (2, 3)
-    assert not (p.diverged | p.missing).any()
-    for i, j in np.ndindex(2, 3):
-        loop = Loop(LOOP.process, DIGITAL[i][j], prefilter=DIGITAL_LOOP.prefilter)
-        record = simulate_sampled(loop, STEPS, setpoint=0.7, load=0.2, limits=(-0.9, 1.5))
-        for name, value in expected(record, 0.7, -0.2).items():
-            assert getattr(p, name)[i, j] == pytest.approx(value, rel=1e-9, abs=1e-12), name
-    assert_same_bits(portrait(**TASK, limits=(-0.9, 1.5), chunk=1, executor=ThreadPoolExecutor(1)), p)
-    alone = portrait(**(TASK | {"parameters": {}}), limits=(-0.9, 1.5))
-    assert (alone.iae.shape, alone.iae) == ((), p.iae[0, 0])
-
-
-def test_a_digital_loop_that_diverges_is_infinite():
-    wild = pidalab.PIDA(50.0, 1.0).discretise(0.05)
-    p = portrait(
-        Loop(LOOP.process, wild), {"controller": [wild, DIGITAL[0][0]]}, 0.05 * np.arange(6000), setpoint=0.7
-    )
-    assert p.diverged.tolist() == [True, False]
-    assert (p.iae[0], p.tv1_u[0]) == (np.inf, np.inf)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ({"parameters": {"kp": [1.0]}}, ValueError, "parameters must be 'controller', .* found 'kp'"),
-        ({"parameters": {"controller": [PDA]}}, TypeError, "found SeriesPIDA at index 0 .* discretise"),
-        ({"parameters": {"controller": []}}, ValueError, "at least one set"),
-        ({"parameters": [1.0]}, TypeError, "parameters must be a mapping, found list"),
-        ({"t": T}, ValueError, "t must have the sample time of the digital controllers, 0.05 at index 0"),
-        ({"prefilter": ([1.0], [1.0, 1.0])}, ValueError, "prefilter must be that of the loop"),
-        ({"limits": (0.1, 1.0)}, ValueError, "hold 0, the control signal at rest"),
-        ({"load": 0.8}, ValueError, "no state of rest: .* need u from -0.8 to -0.8, and the limits are"),
-        ({"resume": 3}, TypeError, "resume must be the path of a file, found 3"),
-        ({"resume": __file__}, ValueError, "resume must be a file that portrait wrote"),
-        ({"resume": "nowhere/p"}, ValueError, "resume must be in a folder that exists, found nowhere"),
-    ],
-)  # fmt: skip
-def test_portrait_of_digital_controllers_complains(arguments, error, message):
-    with pytest.raises(error, match=message):
-        portrait(**(TASK | {"limits": (-0.9, 0.6) if "load" not in arguments else (-0.7, 0.6)} | arguments))
-
-
-class Interrupting(ThreadPoolExecutor):
-    """An executor whose third result is a Ctrl-C; it counts the sets that it is given."""
-
-    def __init__(self, at=3):
-        super().__init__(1)
-        self.at, self.tasks, self.sets = at, 0, 0
-
-    def submit(self, fn, /, *args, **kwargs):
-        self.tasks += 1
-        self.sets += args[1].shape[0]
-        future = super().submit(fn, *args, **kwargs)
-        if self.tasks == self.at:
-            future.result()
-            future = Future()
-            future.set_exception(KeyboardInterrupt())
-        return future
-
-
-def test_what_is_interrupted_returns_what_it_has_and_goes_on_from_a_file(many, tmp_path):
-    task, whole = many
-    file = tmp_path / "portrait.npz"
-    with Interrupting() as pool, pytest.warns(UserWarning, match=r"interrupted: \d+ of 500 sets are missing"):
-        p = portrait(**task, executor=pool, resume=file)
-    assert 0 < p.missing.sum() < 500
-    assert not (p.missing & p.diverged).any()
-    for name, x, true in zip(p._fields[:-2], p, whole, strict=False):
-        assert np.isnan(x[p.missing]).all(), name
-        np.testing.assert_array_equal(x[~p.missing], true[~p.missing])
-    # only what is missing is computed, in whole chunks, and the result is the same to the bit
-    with Interrupting(at=0) as pool:
-        assert_same_bits(portrait(**task, executor=pool, resume=str(file)), whole)
-        assert p.missing.sum() <= pool.sets < 500
-        assert_same_bits(portrait(**task, executor=pool, resume=file, chunk=100), whole)
-        assert pool.sets < 500  # nothing more
-    assert [path.name for path in tmp_path.iterdir()] == ["portrait.npz"]
-    for other in ({"load": 1.1}, {"limits": (-2.0, 2.0)}, {"t": T[:-1]}, {"parameters": {"kp": [0.1, 0.2]}}):
-        with pytest.raises(ValueError, match=r"resume: .*portrait\.npz holds another portrait"):
-            portrait(**(task | other), resume=file)
-
-
-def test_what_a_lost_worker_leaves_is_kept(many, tmp_path):
-    class Failing(ThreadPoolExecutor):
-        def submit(self, fn, /, *args, **kwargs):
-            self.tasks = getattr(self, "tasks", 0) + 1
-            return super().submit(int, "x") if self.tasks == 2 else super().submit(fn, *args, **kwargs)
-
-    task, whole = many
-    with Failing(1) as pool, pytest.raises(RuntimeError, match="64 of 500 sets are missing"):
-        portrait(**task, executor=pool, resume=tmp_path / "p")
-    with Interrupting(at=0) as pool:
-        assert_same_bits(portrait(**task, executor=pool, resume=tmp_path / "p"), whole)
-        assert pool.sets == 64
-
-
-def test_digital_portraits_go_on_from_a_file(tmp_path):
-    whole = portrait(**TASK, limits=(-0.9, 1.5), resume=tmp_path / "p")
-    assert_same_bits(portrait(**TASK, limits=(-0.9, 1.5), resume=tmp_path / "p"), whole)
-    other = [[DIGITAL[0][0]] * 3, DIGITAL[1]]
-    with pytest.raises(ValueError, match="holds another portrait"):
-        portrait(**(TASK | {"parameters": {"controller": other}}), limits=(-0.9, 1.5), resume=tmp_path / "p")
-
-
 def test_sets_that_differ_in_the_prefilter_alone():
     lags = np.array([0.5, 1.0, 2.0])
     found = portrait(LOOP, {"kp": 0.1}, T, setpoint=1.0, prefilter=([1.0], [lags, 1.0]))
@@ -482,11 +270,3 @@ def test_sets_that_differ_in_the_prefilter_alone():
     for value, lag in zip(found.iae, lags, strict=True):
         single = portrait(LOOP, {"kp": 0.1}, T, setpoint=1.0, prefilter=([1.0], [lag, 1.0]))
         assert value == pytest.approx(float(single.iae), rel=1e-12)
-
-
-def test_a_portrait_is_written_at_once_only_if_asked(tmp_path):
-    kept, done = Kept(tmp_path / "p.npz"), np.zeros(3)
-    kept.save(done, 0)
-    assert not kept.path.exists()
-    kept.save(done, 0, now=True)
-    assert kept.path.exists()

@@ -15,6 +15,7 @@ from pidalab._check import Array
 from pidalab.digital.paths import Path
 from pidalab.digital.prefilter import Prefilter
 from pidalab.digital.stepping import Numbers, advance, fresh
+from pidalab.statespace import StateSpace
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
@@ -125,8 +126,9 @@ class DigitalController:
             weight=np.array([path.weight for path in self.paths], float),
             new=new,
             old=old,
-            order=np.array([path.order for path in self.paths], np.int64),
+            order=np.array([path.order for path in self.paths], np.intp),
             gain=gain,
+            fraction=StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0),
             integrates=self.integrates,
             from_signal=self.from_signal,
             growth_new=self.growth[0],
@@ -134,6 +136,7 @@ class DigitalController:
             taken_back=self.taken_back,
             tracked=self.tracked,
             clamps=self.anti_windup == "clamping",
+            clamps_next=False,
             low=self.limits[0],
             high=self.limits[1],
             rate=self.rate_limit * self.sample_time,

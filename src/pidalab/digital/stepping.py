@@ -1,7 +1,7 @@
-"""One step of a digital controller: plain Python, which the simulation compiles, and which the written code repeats.
+"""One step of a sampled controller: plain Python, which the simulation compiles, and which the written code repeats.
 
-In this order: the prefilter; the deadband; the chains of lags; what an external signal corrects; the growth of the
-integral; the limits of rate and range; what these take back from the integral.
+In this order: the prefilter; the deadband; the chains of lags; a fraction of any order; what an external signal
+corrects; the growth of the integral; the limits of rate and range; what these take back from the integral.
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from pidalab._check import Array
+from pidalab.statespace import StateSpace
 
 # places in the array of states; behind them the last set point and the states of a prefilter, for each path its last
-# input and its lags, then room for differences
+# input and its lags, then those of the fraction, and room for differences
 STARTED, INTEGRAL, CARRY, OLD, CONTROL, PATHS = range(6)
 
 
 class Numbers(NamedTuple):
-    """A digital controller as numbers: all that a step needs besides its states.
+    """A sampled controller as numbers: all that a step needs besides its states.
 
     Attributes
     ----------
@@ -34,6 +35,8 @@ class Numbers(NamedTuple):
         Number of lags.
     gain : ndarray, shape (paths, largest order + 1)
         Gains on the last state and its differences.
+    fraction : StateSpace
+        What else acts on the error: a fraction of any order for a held input, as of a continuous controller.
     integrates : bool
         Whether there is integral action.
     from_signal : bool
@@ -46,6 +49,8 @@ class Numbers(NamedTuple):
         Share of the difference to an external signal that the integral takes up.
     clamps : bool
         Whether the integral rests while it would drive the control signal further beyond a limit.
+    clamps_next : bool
+        The same for the growth by this sample's error, which comes with the next sample.
     low, high, rate : float
         Limits, and the largest change in a sample.
     deadband, bias, y_offset : float
@@ -61,6 +66,7 @@ class Numbers(NamedTuple):
     old: Array
     order: np.ndarray
     gain: Array
+    fraction: StateSpace
     integrates: bool
     from_signal: bool
     growth_new: float
@@ -68,6 +74,7 @@ class Numbers(NamedTuple):
     taken_back: float
     tracked: float
     clamps: bool
+    clamps_next: bool
     low: float
     high: float
     rate: float
@@ -79,11 +86,22 @@ class Numbers(NamedTuple):
 def fresh(numbers: Numbers, u: float) -> Array:
     """Return the states of a controller that will start with the control signal u."""
     before = numbers.before_out.size
-    states = np.zeros(
-        PATHS + before + min(before, 1) + int(np.sum(numbers.order + 1)) + numbers.new.shape[1] + 1
-    )
+    size = PATHS + before + min(before, 1) + int(np.sum(numbers.order + 1)) + numbers.fraction.b.size
+    states = np.zeros(size + room(numbers))
     states[CONTROL] = u
     return states
+
+
+def rest(numbers: Numbers) -> Array:
+    """Return the states of a controller at rest, all signals 0."""
+    states = fresh(numbers, 0.0)
+    states[STARTED] = 1.0
+    return states
+
+
+def room(n: Numbers) -> int:
+    """Return how many numbers a step works with besides the states."""
+    return max(n.new.shape[1] + 1, n.fraction.b.size)
 
 
 def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: float) -> float:
@@ -91,7 +109,7 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
     r, y = r - n.y_offset, y - n.y_offset
     starts = s[STARTED] == 0.0
     s[STARTED] = 1.0
-    at, room = PATHS, s.size - n.new.shape[1] - 1
+    at, free = PATHS, s.size - room(n)
 
     # the prefilter: its states move towards the set point
     m = n.before_out.size
@@ -101,11 +119,11 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
         aim = n.before_new * r + n.before_old * s[at]
         s[at] = r
         for i in range(m):
-            s[room + i] = s[at + 1 + i] - aim
+            s[free + i] = s[at + 1 + i] - aim
         for i in range(m):
             moved = 0.0
             for j in range(m):
-                moved += n.before_move[i, j] * s[room + j]
+                moved += n.before_move[i, j] * s[free + j]
             s[at + 1 + i] += moved
         added = 0.0
         for i in range(m):
@@ -124,24 +142,34 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
         y = r - error
 
     # chains of lags, and the differences that end at their last states
-    p = 0.0
+    p = n.fraction.d * error
     for i in range(n.order.size):
         order = n.order[i]
         now = n.weight[i] * r - y
         if starts:
             s[at : at + order + 1] = now
         before = s[at]
-        s[at] = s[room] = now
+        s[at] = s[free] = now
         for j in range(1, order + 1):
             x = s[at + j]
             now = x + (n.new[i, j - 1] * (now - x) + n.old[i, j - 1] * (before - x))
             before = x
-            s[at + j] = s[room + j] = now
+            s[at + j] = s[free + j] = now
         for k in range(order + 1):
-            p += n.gain[i, k] * s[room + order]
+            p += n.gain[i, k] * s[free + order]
             for j in range(order, k, -1):
-                s[room + j] = s[room + j - 1] - s[room + j]
+                s[free + j] = s[free + j - 1] - s[free + j]
         at += order + 1
+
+    # the fraction
+    for i in range(n.fraction.b.size):
+        p += n.fraction.c[i] * s[at + i]
+        moved = n.fraction.b[i] * error
+        for j in range(n.fraction.b.size):
+            moved += n.fraction.A[i, j] * s[at + j]
+        s[free + i] = moved
+    for i in range(n.fraction.b.size):
+        s[at + i] = s[free + i]
 
     # an external signal that acted in place of ours since the last sample
     if track == track and not starts:
@@ -154,6 +182,7 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
     if starts and n.integrates and manual != manual:
         manual = s[CONTROL]
 
+    old = error
     signal = p if n.from_signal else error
     growth = n.growth_new * signal + n.growth_old * s[OLD]
     if manual == manual:
@@ -167,6 +196,8 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
         integral = s[INTEGRAL] + added
         wanted = n.bias + p + integral
         u = limited(n, s[CONTROL], wanted)
+        if n.clamps_next and (u - wanted) * n.growth_old * error < 0.0:
+            old = 0.0
         if n.clamps and (u - wanted) * growth < 0.0:
             u = limited(n, s[CONTROL], n.bias + p + s[INTEGRAL])
         elif n.integrates:
@@ -176,7 +207,7 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
                 added = n.taken_back * (u - wanted) + s[CARRY]
                 s[INTEGRAL] = integral + added
                 s[CARRY] = added - (s[INTEGRAL] - integral)
-    s[OLD] = u - n.bias - s[INTEGRAL] if n.from_signal else error
+    s[OLD] = u - n.bias - s[INTEGRAL] if n.from_signal else old
     s[CONTROL] = u
     return u
 

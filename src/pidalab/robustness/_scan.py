@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pidalab._compiled import compiled
+from pidalab._compiled import compiled, plain
 
 PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 10_000_000  # along the axis: more would take too long
@@ -23,7 +23,14 @@ REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding
 GAIN, IMAGINARY, SENSITIVITY, COMPLEMENTARY, LOUD, QUIET = np.arange(6)
 
 
-@compiled
+def _fraction_by_products(s, gain, zeros, poles, reference):
+    """As `fraction`, with the factors as arrays."""
+    size = s + reference
+    num = np.prod((s - zeros) / size[: zeros.size]) / np.prod(size[zeros.size :])
+    return gain * num, np.prod((s - poles) / size)
+
+
+@plain(_fraction_by_products)
 def fraction(s, gain, zeros, poles, reference):
     """Numerator and denominator of L without its dead time, both over the product of all s + reference."""
     num, den = complex(gain), 1.0 + 0.0j
@@ -95,7 +102,7 @@ def gains(w, gain, zeros, poles, reference):
 @compiled
 def pieces(w, size, loud, delay, turn):
     """Into how many pieces each step of the grid is divided, and how many these are, if not too many."""
-    out = np.ones(w.size - 1, dtype=np.int64)
+    out = np.ones(w.size - 1, dtype=np.intp)
     total = 0.0
     for i in range(out.size):
         if delay > 0.0 and max(size[i], size[i + 1]) >= loud:

@@ -43,7 +43,7 @@ class Bank(NamedTuple):
             raise TypeError(
                 f"parameters must be a mapping or a DataFrame of arrays by name, found {type(parameters).__name__}"
             )
-        own = series_controller(loop)
+        own = require_series(loop)
         values = {name: np.asarray(getattr(own, name)) for name in ALLOWED}
         for name, given in dict(
             parameters
@@ -99,10 +99,6 @@ class Bank(NamedTuple):
         """Return the static gain of the prefilters."""
         return np.asarray(self.num[-1] / self.den[-1])
 
-    def limits(self, low: float, high: float) -> tuple[Array, Array]:
-        """Return the limits of each set: the same for all."""
-        return np.array(low), np.array(high)
-
     def measures(
         self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
     ) -> Array:
@@ -121,13 +117,11 @@ class Bank(NamedTuple):
         return Bank(size, values, self.order, [cut(x) for x in self.num], [cut(x) for x in self.den])
 
 
-def series_controller(loop: Loop) -> SeriesPIDA:
+def require_series(loop: Loop) -> SeriesPIDA:
     """Return the controller whose parameters differ from set to set, or raise."""
     require_loop(loop)
     if not isinstance(loop.controller, SeriesPIDA) or loop.output_filter is not None:
-        raise TypeError(
-            f"loop must have a SeriesPIDA and no output filter, or digital controllers, found {loop!r}"
-        )
+        raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
     return loop.controller
 
 

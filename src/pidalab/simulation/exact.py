@@ -66,7 +66,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     from pidalab.simulation.ladder import responses  # compiled code: loaded when it is needed
     from pidalab.simulation.realisation import cut_at_delay
 
-    unit = responses(cut_at_delay(loop, inputs), t.size, t[-1] / (t.size - 1), loop.process.delay)
+    unit = responses(cut_at_delay(loop, inputs), t.size, t[-1] / (t.size - 1))
     if not np.isfinite(unit).all():
         lost = ~np.isfinite(unit).all(axis=(0, 1))
         raise ValueError(

@@ -1,20 +1,18 @@
-"""Compiled loops over samples: a plant, its actuator, and a controller with an integral or any digital one."""
+"""The compiled loop over samples: a plant, its actuator, and a controller."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba.extending import register_jitable
 
 from pidalab._check import Array
-from pidalab._compiled import compiled
+from pidalab._compiled import also_compiled, compiled
 from pidalab.digital import stepping
 from pidalab.digital.stepping import Numbers, advance
-from pidalab.simulation.sampled_controller import SampledController
 from pidalab.simulation.steps import Actuator, Steps
 from pidalab.statespace import StateSpace
 
-for function in (stepping.limited, advance):  # plain Python there, machine code within what is compiled here
-    register_jitable(function)
+for function in (stepping.room, stepping.limited, advance):
+    also_compiled(function)
 
 
 @compiled
@@ -80,46 +78,7 @@ def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: in
     return x, x_new
 
 
-@compiled
-def run(
-    controller: SampledController,
-    plant: Steps,
-    actuator: Actuator,
-    fineness: float,
-    reference: Array,
-    load: Array,
-    noise: Array,
-) -> tuple[Array, Array, Array]:
-    """Run the loop; `reference` is the filtered set point. Returns y, u and the integral of y."""
-    n, before, block = reference.size, plant.ago[0], controller.block
-    y, u, area = np.empty(n), np.empty(n), np.empty(n)
-    v = np.zeros(n + before)  # input of the plant less its pulses, with its rest before t = 0 in front
-    width = np.zeros(n + before, np.int64)
-    x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
-    z, z_new = np.zeros(block.b.size), np.zeros(block.b.size)
-    integral = 0.0
-    for k in range(n):
-        y[k] = output(plant.c, plant.d, x, v[k])
-        area[k] = x[-1]
-        measured = y[k] + noise[k]
-        if fineness > 0:
-            measured = fineness * np.rint(measured / fineness)
-        error = reference[k] - measured
-        p = output(block.c, block.d, z, error)
-        wanted = p + integral
-        limited = min(max(wanted, actuator.low), actuator.high)
-        growth = controller.from_error * error + controller.from_block * p
-        excess = limited - wanted
-        if not (controller.clamped and excess * growth < 0):
-            integral += growth + controller.from_excess * excess
-        u[k] = acted(actuator, limited, load[k], v, width, k + before)
-        advanced(block.A, block.b, z, error, z_new)
-        z, z_new = z_new, z
-        x, x_new = crossed(plant, x, x_new, v, width, k + before)
-    return y, u, area
-
-
-def _run_digital(
+def _run(
     numbers: Numbers,
     states: Array,
     units: tuple[float, float],
@@ -130,11 +89,16 @@ def _run_digital(
     load: Array,
     noise: Array,
 ) -> tuple[Array, Array, Array]:
-    """Run the loop of a digital controller with the units of a unit of y and of u; otherwise as `run`."""
+    """Run the loop; `reference` is the filtered set point. Returns y, u and the integral of y.
+
+    The loop counts from rest in units of the model; `units` are those of a unit of y and of u in the controller's
+    signals.
+    """
     n, before = reference.size, plant.ago[0]
     y_span, u_span = units
     y, u, area = np.empty(n), np.empty(n), np.empty(n)
-    v, width = np.zeros(n + before), np.zeros(n + before, np.int64)
+    v = np.zeros(n + before)  # input of the plant less its pulses, with its rest before t = 0 in front
+    width = np.zeros(n + before, np.intp)
     x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
     for k in range(n):
         y[k] = output(plant.c, plant.d, x, v[k])
@@ -142,7 +106,6 @@ def _run_digital(
         measured = y[k] + noise[k]
         if fineness > 0:
             measured = fineness * np.rint(measured / fineness)
-        # the controller has the units of its signals, the loop counts from rest in those of the model
         there = numbers.y_offset + y_span * reference[k], numbers.y_offset + y_span * measured
         wanted = (advance(numbers, states, there[0], there[1], np.nan, np.nan) - numbers.bias) / u_span
         u[k] = acted(actuator, wanted, load[k], v, width, k + before)
@@ -150,4 +113,4 @@ def _run_digital(
     return y, u, area
 
 
-run_digital = compiled(_run_digital, advance)
+run = compiled(_run, advance)

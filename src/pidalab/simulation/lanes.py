@@ -11,10 +11,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pidalab._check import Array
-from pidalab._compiled import compiled
+from pidalab._compiled import compiled, inlined
 from pidalab.simulation.steps import Steps
 
 LANES = 64
@@ -70,7 +69,7 @@ def run(
     y, y_old = np.zeros(LANES), np.zeros(LANES)
     area_old, u_old = np.zeros(LANES), np.zeros(LANES)
     curve, plain = np.zeros(LANES), np.zeros(LANES)
-    largest, mixed = np.zeros(LANES), np.zeros(LANES, np.int64)
+    largest, mixed = np.zeros(LANES), np.zeros(LANES, np.intp)
     m = np.zeros((len(MEASURES), LANES))
     for k in range(reference.size):
         # output at the sample; a direct path sees the input that entered the dead time first
@@ -134,14 +133,14 @@ def run(
     return m
 
 
-@njit(inline="always")
+@inlined
 def _scale(row: Array, factor: float, out: Array) -> None:
     """Write a multiple of a row."""
     for i in range(LANES):
         out[i] = factor * row[i]
 
 
-@njit(inline="always")
+@inlined
 def _add_scaled(factors: Array, rows: Array, out: Array) -> None:
     """Add rows, each times a number that all lanes share."""
     for row in range(factors.size):
@@ -151,7 +150,7 @@ def _add_scaled(factors: Array, rows: Array, out: Array) -> None:
                 out[i] += factor * source[i]
 
 
-@njit(inline="always")
+@inlined
 def _add_products(factors: Array, rows: Array, out: Array) -> None:
     """Add rows, each lane times its own number."""
     for row in range(factors.shape[0]):
@@ -160,7 +159,7 @@ def _add_products(factors: Array, rows: Array, out: Array) -> None:
             out[i] += factor[i] * source[i]
 
 
-@njit(inline="always")
+@inlined
 def _follow(variation: Array, least: Array, most: Array, value: Array, old: Array) -> None:
     """Take a new value into total variation and extremes."""
     for i in range(LANES):
@@ -173,7 +172,7 @@ def _follow(variation: Array, least: Array, most: Array, value: Array, old: Arra
         old[i] = value[i]
 
 
-@njit(inline="always")
+@inlined
 def _integrate(
     m: Array,
     curve: Array,

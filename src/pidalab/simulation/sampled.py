@@ -25,11 +25,12 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab.digital import DigitalController
+from pidalab.digital.stepping import rest
 from pidalab.loop import Loop, require_loop
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.simulation.kernels import filtered, run, run_digital
+from pidalab.simulation.kernels import filtered, run
 from pidalab.simulation.sampled_controller import sampled_controller
 from pidalab.simulation.steps import Actuator, plant_steps
 from pidalab.statespace import discretise
@@ -138,14 +139,12 @@ def simulate_sampled(
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
     reference = filtered(discretise(*loop.blocks["prefilter"], h), r)
     if loop.digital is None:
-        controller = sampled_controller(loop, h, anti_windup)
-        y, u, area = run(controller, steps, actuator, fineness, reference, d, n)
+        numbers, units = sampled_controller(loop, h, at_rest, anti_windup), (1.0, 1.0)
+        states = rest(numbers)
     else:
         own = _limited(loop.digital, h, at_rest, anti_windup)
-        units = (own.y_span, own.u_span)
-        y, u, area = run_digital(
-            own.numbers, own.at_rest(), units, steps, actuator, fineness, reference, d, n
-        )
+        numbers, units, states = own.numbers, (own.y_span, own.u_span), own.at_rest()
+    y, u, area = run(numbers, states, units, steps, actuator, fineness, reference, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
         raise ValueError(

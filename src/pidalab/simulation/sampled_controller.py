@@ -1,34 +1,34 @@
-r"""Sampled controllers: a linear block and an integral that may hear of the limits.
+r"""Continuous controllers in a sampled loop: a fraction for held inputs, and an integral that reacts to the limits.
 
 Every controller here computes, from its difference :math:`\varepsilon_k`,
 
 .. math:: w_k = p_k + i_k, \qquad u_k = \operatorname{sat}(w_k), \qquad
-          i_{k+1} = i_k + \alpha\,\varepsilon_k + \beta\,p_k + \gamma\,(u_k - w_k),
+          i_{k+1} = i_k + \alpha\,\varepsilon_k + \beta\,(u_k - i_k) + \gamma\,(u_k - w_k),
 
-where p is what the block makes of :math:`\varepsilon`. What differs is what feeds the integral:
+where p is the output of the fraction for :math:`\varepsilon`. The rest is what the controller feeds to its integral:
 
-==========================  ============================  ============================================================
-controller                  block                         :math:`\alpha,\ \beta,\ \gamma`
-==========================  ============================  ============================================================
-without anti-windup         the controller                0, 0, 0: the integral is a state of the block
-clamping                    :math:`C - k_i/s`             :math:`k_i h`, 0, 0, and the integral rests while it would
-                                                          drive w further beyond a limit
-conditioning                :math:`C - k_i/s`             :math:`k_i h`, 0, :math:`k_i h/k_p`
-automatic reset             :math:`R_p Q_n`               0, :math:`1 - a`, :math:`1 - a` with :math:`a = e^{-h/t_i}`,
-                                                          that is, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k`
-==========================  ============================  ============================================================
+==========================  =========================  ===============================================================
+controller                  fraction                   :math:`\alpha,\ \beta,\ \gamma`
+==========================  =========================  ===============================================================
+without anti-windup         the controller             0, 0, 0: the integral is a state of the fraction
+clamping                    :math:`C - k_i/s`          :math:`k_i h`, 0, 0, and the integral rests while it would
+                                                       drive w further beyond a limit
+conditioning                :math:`C - k_i/s`          :math:`k_i h`, 0, :math:`k_i h/k_p`
+automatic reset             :math:`R_p Q_n`            0, :math:`1 - e^{-h/t_i}`, 0: the integral is a lag behind the
+                                                       limited control signal
+==========================  =========================  ===============================================================
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import AutomaticReset, Controller
+from pidalab.digital.stepping import Numbers
 from pidalab.loop import Loop
 from pidalab.process import binomial
 from pidalab.roots import roots
@@ -37,18 +37,8 @@ from pidalab.statespace import StateSpace, discretise
 ANTI_WINDUP = (None, "clamping", "conditioning")
 
 
-class SampledController(NamedTuple):
-    """A digital controller as in the table at the top of this module."""
-
-    block: StateSpace
-    from_error: float  # alpha
-    from_block: float  # beta
-    from_excess: float  # gamma
-    clamped: bool
-
-
-def sampled_controller(loop: Loop, h: float, anti_windup: str | None) -> SampledController:
-    """Discretise the controller of a loop, its output filter included, for the sample time h."""
+def sampled_controller(loop: Loop, h: float, limits: tuple[float, float], anti_windup: str | None) -> Numbers:
+    """Discretise the controller of a loop, its output filter included, for held inputs and the sample time h."""
     _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
@@ -57,13 +47,13 @@ def sampled_controller(loop: Loop, h: float, anti_windup: str | None) -> Sampled
             raise ValueError(
                 f"anti_windup must be None for a {kind}, whose reset is one; found {anti_windup!r}"
             )
-        return _with_reset(loop, loop.automatic_reset, h)
+        return _with_reset(loop, loop.automatic_reset, h, limits)
     num, den = (
         np.convolve(a, b)
         for a, b in zip(loop.blocks["controller"], loop.blocks["output_filter"], strict=True)
     )
     if anti_windup is None:
-        return SampledController(discretise(num, den, h), 0.0, 0.0, 0.0, False)
+        return _numbers(discretise(num, den, h), limits)
     if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:
         raise ValueError(
             f"anti_windup={anti_windup!r} needs a controller with integral action (one pole at 0), found "
@@ -73,7 +63,52 @@ def sampled_controller(loop: Loop, h: float, anti_windup: str | None) -> Sampled
     rest, den = np.polysub(num, ki * den[:-1]), den[:-1]
     num = rest[:-1] if rest.size > 1 else np.zeros(1)
     tracking = _tracking(ki, num[-1] / den[-1], h) if anti_windup == "conditioning" else 0.0
-    return SampledController(discretise(num, den, h), ki * h, 0.0, tracking, anti_windup == "clamping")
+    return _numbers(
+        discretise(num, den, h),
+        limits,
+        integrates=True,
+        growth_old=ki * h,
+        taken_back=tracking,
+        clamps_next=anti_windup == "clamping",
+    )
+
+
+def _numbers(
+    fraction: StateSpace,
+    limits: tuple[float, float],
+    integrates: bool = False,
+    from_signal: bool = False,
+    growth_old: float = 0.0,
+    taken_back: float = 0.0,
+    clamps_next: bool = False,
+) -> Numbers:
+    """Return a controller whose control signal is a fraction of the error and, if it integrates, an integral."""
+    return Numbers(
+        before_new=0.0,
+        before_old=0.0,
+        before_move=np.zeros((0, 0)),
+        before_out=np.zeros(0),
+        weight=np.zeros(0),
+        new=np.zeros((0, 0)),
+        old=np.zeros((0, 0)),
+        order=np.zeros(0, np.intp),
+        gain=np.zeros((0, 1)),
+        fraction=fraction,
+        integrates=integrates,
+        from_signal=from_signal,
+        growth_new=0.0,
+        growth_old=growth_old,
+        taken_back=taken_back,
+        tracked=0.0,
+        clamps=False,
+        clamps_next=clamps_next,
+        low=limits[0],
+        high=limits[1],
+        rate=math.inf,
+        deadband=0.0,
+        bias=0.0,
+        y_offset=0.0,
+    )
 
 
 def _tracking(ki: float, kp: float, h: float) -> float:
@@ -113,11 +148,11 @@ def _poles(loop: Loop, block: str) -> Array:
     return poles[poles != 0]
 
 
-def _with_reset(loop: Loop, reset: AutomaticReset, h: float) -> SampledController:
+def _with_reset(loop: Loop, reset: AutomaticReset, h: float, limits: tuple[float, float]) -> Numbers:
     """Discretise the stabilising controller with its filters; the reset is the integral."""
     num, den = loop.blocks["output_filter"]
     filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
-    block = discretise(np.convolve(num, reset.stabiliser), filters, h)
+    fraction = discretise(np.convolve(num, reset.stabiliser), filters, h)
     # share of the control signal that the lag of the reset takes up in a sample
-    new = -math.expm1(-h / reset.time)
-    return SampledController(block, 0.0, new, new, False)
+    share = -math.expm1(-h / reset.time)
+    return _numbers(fraction, limits, integrates=True, from_signal=True, growth_old=share)
