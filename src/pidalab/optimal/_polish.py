@@ -25,11 +25,12 @@ SAMPLES = 8192  # of the response whose IAE is made least
 ROOM = 1e-9  # share of a limit that is left, for rounding
 NEAR = 0.05  # share of a limit within which a peak is looked at
 BESIDE, ROUNDS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
-DIFFERENCE = 1e-4  # of what a descent sees, for second derivatives
+DIFFERENCE, FINEST = 1e-4, 1e-6  # of what a descent sees, for second derivatives
 STEPS, CLOSE, OPEN = 25, 1e-9, 1e-4  # of Newton at most; the last one, and the largest that is taken for one
 SMALL = 1e-3  # step after which second derivatives stay as they are
 WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the end; shortest trust in one
 SMALLEST = 1e-9  # unit of a gain
+
 FLATTEST = 1e-9  # curvature that a direction has at least
 
 
@@ -39,6 +40,7 @@ class Polished(NamedTuple):
     value: float  # IAE, in units of time of the problem
     x: Array
     step: float  # the last step, in the units of a descent: what is left open
+    w: Array  # frequencies of the peaks that come near their limits
 
 
 class Peaks:
@@ -165,7 +167,7 @@ class Lagrangian:
         left, _ = self.margins(z, *self.tops(z), self.search.exact_noise)
         return self.value(z)[0], float(np.maximum(-left, 0.0).sum())
 
-    def bends(self, z: Array, kinds: Array, w: Array, prices: Array, worth: Any) -> Array:
+    def bends(self, z: Array, kinds: Array, w: Array, prices: Array, worth: Any, h: float) -> Array:
         """Second derivatives of the Lagrangian, peaks followed to where they lie; of noise as in a descent."""
         bend, found = self.peaks.bend(self.seen.back(z), kinds, w), np.empty((z.size, z.size))
 
@@ -178,8 +180,8 @@ class Lagrangian:
                 - prices @ self.margins(z, kinds, moved, self.search.noise)[1]
             )
 
-        for k, h in enumerate(DIFFERENCE * np.eye(z.size)):
-            found[k] = (slope(z + h) - slope(z - h)) / (2 * DIFFERENCE)
+        for k, way in enumerate(h * np.eye(z.size)):
+            found[k] = (slope(z + way) - slope(z - way)) / (2 * h)
         return 0.5 * (found + found.T)
 
 
@@ -187,7 +189,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     """Go from near an optimum to where its conditions are met; None where Newton's method does not come to rest."""
     one = Lagrangian(search, x)
     z, trust, price, stale = np.clip(one.seen(x), one.low, one.high), WIDEST, 0.0, True
-    before, worth = math.inf, search.worth
+    before, worth, apart = math.inf, search.worth, DIFFERENCE
     value, missed = one.missed(z)
     eye, bends = np.eye(z.size), np.zeros(0)
     for _ in range(STEPS):
@@ -199,7 +201,7 @@ def polish(search: Search, x: Array) -> Polished | None:
         limits = left.size - 2 * z.size
         if stale:  # else the second derivatives of the last step serve
             prices = multipliers(slope, rows, left)
-            bends = convex(one.bends(z, kinds, w, prices[:limits], worth), rows[prices > 0])
+            bends = convex(one.bends(z, kinds, w, prices[:limits], worth, apart), rows[prices > 0])
         while True:
             found = programme(bends, slope, rows, left, trust)
             if found is None:
@@ -222,9 +224,9 @@ def polish(search: Search, x: Array) -> Polished | None:
             break
         stale = length > SMALL or length > 0.1 * before
         if length > 0.3 * before:
-            worth = search.fine  # that of a descent is too coarse to lead on
+            worth, apart = search.fine, min(DIFFERENCE, max(0.1 * length, FINEST))  # a closer look
         before = length
-    return Polished(math.exp(value), one.end(z), length) if length < OPEN else None
+    return Polished(math.exp(value), one.end(z), length, w) if length < OPEN else None
 
 
 def multipliers(slope: Array, rows: Array, left: Array) -> Array:

@@ -31,12 +31,10 @@ HORIZON = 80.0  # of a response, in units of the process
 MISSED = 30.0  # price of a missed limit where starts are compared
 SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
+BETWEEN = 0.01  # share of a frequency within which another stands for it
 NEARLY = 1e-4  # share by which a limit may be missed on the way
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
-AGAIN, LONG = (
-    4,
-    0.2,
-)  # descents one after the other at most, and the logarithm of the gain after which one is long
+AGAIN, LONG = 4, 0.2  # descents one after the other at most; gain after which one is long, a logarithm
 ROUNDS = 12  # of the last search, each with the worst frequency of the one before
 APART, FAR = 1e-2, 2.0  # share by which the values of two valleys differ at least, factor by which at most
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
@@ -47,7 +45,7 @@ SAME = 1e-4  # share by which values of descents differ that may have the same e
 SHAKES = (
     (0.3, 0.5),
     (0.8, 1.5),
-) * 20  # deviations of the logarithms of gains and filter time in the last descents
+) * 20  # deviations of logarithms of gains and filter time in the last descents
 
 
 class Limits(NamedTuple):
@@ -205,7 +203,10 @@ class Search:
                 return None
             x, end = found, polish(self, found)
             if end is None:
-                end = Polished(self.fine(x)[0], x, UNPOLISHED)
+                end = Polished(self.fine(x)[0], x, UNPOLISHED, np.zeros(0))
+            for peak in end.w:  # for the descents that follow
+                if np.min(np.abs(self.w - peak)) > BETWEEN * peak:
+                    self.w = self._with(peak)
             if self.sound(end.x) and self._keeps(end.x, self.true_noise(end.x)):
                 return end
         return None
