@@ -209,7 +209,7 @@ def test_uncertainty_of_white_residuals_in_closed_form():
 
 
 def test_uncertainty_of_an_exact_fit_is_none():
-    exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4))
+    exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True)
     assert not np.any(covariance(exact))
 
 

@@ -206,7 +206,7 @@ class Fit:
         found = refined(early, shape, self._found.values[2:].tolist(), float(np.ptp(early.t)))
         p = found.values[2:].tolist()
         late = data.t > cut
-        if np.std(data.y[late]) < max(3 * self.noise, 0.1 * float(np.std(data.y))):
+        if not found.converged or np.std(data.y[late]) < max(3 * self.noise, 0.1 * float(np.std(data.y))):
             return math.nan
         error = (data.y - data.basis(shape, p) @ projected(early, shape, p)[1])[late]
         return 1.0 - float(np.sqrt(np.mean(error**2)) / np.std(data.y[late]))
@@ -330,7 +330,14 @@ def fit(record: Record, model: str = "auto") -> Fit:
             "while, and then a larger step"
         )
     names = ("fopdt", "lags", "sopdt", "ipdt") if model == "auto" else (model,)
-    tried = [search(data, shape) for name in names for shape in _candidates(name)]
+    tried = []
+    for shape in (shape for name in names for shape in _candidates(name)):
+        try:
+            tried.append(search(data, shape))
+        except ArithmeticError as failed:
+            refusal = str(failed)
+    if not tried:
+        raise ValueError(f"{refusal}; step the input further, from rest")
     if model != "auto":
         best = min(tried, key=lambda found: found.cost)
         _require_settled(data, best)
