@@ -10,7 +10,7 @@ ENV := .venv/.installed
 SITE := _build/.built
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides faults foreign fuzz kept mutants lint bench studies study release archive pdf \
+.PHONY: help env book test notebooks slides faults foreign fuzz mutants lint bench studies study release archive pdf \
 	processors least versions twice shuffle lock clean
 .DELETE_ON_ERROR:
 
@@ -46,9 +46,6 @@ faults: $(ENV)  ## plant gross errors in the library and see every chapter notic
 
 fuzz: $(ENV)  ## random loops, arguments, records and files against second methods, FUZZ=2000 of each (hours)
 	FUZZ=$${FUZZ:-2000} $(BIN)/pytest -n auto tests/fuzz
-
-kept: $(ENV)  ## ask the library anew what tests/kept asks, write the answers down, and list those that changed
-	$(BIN)/python tests/kept/kept.py
 
 foreign: $(ENV)  ## tune on the plant records in FOLDER, which tools/foreign.toml lists, and write the table (10 minutes)
 	$(BIN)/python tools/foreign.py $(FOLDER) --out book/data/foreign.csv

@@ -9,8 +9,7 @@ import pytest
 
 # pytest's importlib mode adds no path
 sys.path[:0] = [
-    str(Path(__file__).parent / folder)
-    for folder in ("oracle", "lab", "digital", "site", "fuzz", "kept", "outputs")
+    str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs")
 ]
 
 LONG = ("tests/site/", "book/")  # pages in a browser, then notebooks

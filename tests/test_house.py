@@ -50,7 +50,6 @@ ELSEWHERE = {
     "lab",
     "oracle",
     "fuzz",
-    "kept",
     "outputs",
 }  # folders of tests about no module of src: the pages, all modules
 TESTED_WITH = {  # modules whose tests are those of another: path without suffix: test file, and why
@@ -191,7 +190,7 @@ def without_docstrings(path):
 
 
 @pytest.mark.parametrize(
-    "path", [*SRC.rglob("*.py"), *(ROOT / "book" / "checks").rglob("*.py")], ids=lambda p: p.stem
+    "path", [*SRC.rglob("*.py"), *(ROOT / "book" / "papers").rglob("*.py")], ids=lambda p: p.stem
 )
 def test_files_can_be_read_in_one_sitting(path):
     name = str(path.relative_to(ROOT))
