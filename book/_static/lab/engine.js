@@ -9,7 +9,7 @@
    The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control;
    polynomials have descending powers of s. `fine` is u at those times and at others, close together where derivatives kick.
    Nothing here is approximated by a rational function: see `march`. */
-(function () {
+(globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
 
   // --- what is asked ------------------------------------------------------------------------------------------------
@@ -893,4 +893,5 @@
   }
 
   globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, roots, remembering };
-})();
+});
+globalThis.pidalabScripts.at(-1)();
