@@ -4,7 +4,7 @@
    It needs engine.js alone, and optimum.js for the rule of that name, and knows nothing of a page. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
-  const { simulate, simulateSampled, margins, frequencyResponse, roots, remembering } = globalThis.pidalabEngine;
+  const { simulate, simulateSampled, margins, frequencyResponse, sampledResponse, roots, remembering } = globalThis.pidalabEngine;
 
   const multiply = (a, b) => {
     const product = Array(a.length + b.length - 1).fill(0);
@@ -235,7 +235,7 @@
 
   /* What a loop is, whatever steps, limits and noise it meets: margins, curves, the effort for noise. */
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
-    const process = { num, den, delay }, own = controller(design), curve = frequencyResponse({ process, controller: own });
+    const process = { num, den, delay }, own = controller(design), curve = sampleTime ? sampledResponse({ process, controller: own, sampleTime }) : frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
     const h = sampleTime || Math.min(own.filterOrder && own.filterTime || Infinity, end / 1000);
     let beyond;
@@ -256,13 +256,15 @@
     if (!noise || asked.controller.limits) return sampled({ ...asked, ...step }, noise);
     const calm = sampled({ ...asked, ...step }, 0), loud = sampled({ ...asked, ...SILENT }, 1);
     const sum = (key) => calm[key].map((value, k) => value + noise * loud[key][k]);
-    return { t: calm.t, y: sum("y"), u: sum("u") };
+    const between = calm.between && { t: calm.between.t, y: calm.between.y.map((value, k) => value + noise * loud.between.y[k]) };
+    return { t: calm.t, y: sum("y"), u: sum("u"), between };
   }
 
   /* How a design answers steps. A digital controller has differences for a sample time. */
   const answers = remembering(REMEMBERED, ({ num, den, delay }, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) => {
     const asked = { process: { num, den, delay }, controller: controller(design, limits), end, antiWindup, trackingTime };
-    const digital = { ...asked, sampleTime: sampleTime || end / 4000, method: "backward" };
+    const between = sampleTime ? Math.min(Math.max(Math.ceil((1200 * sampleTime) / end), 1), 30) : 1; // points of a sample
+    const digital = { ...asked, sampleTime: sampleTime || end / 4000, method: "backward", between };
     const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? noisy(digital, step, noise) : simulate({ ...asked, points, ...step })));
     let top = 1;
     for (let k = 0; k < setpoint.y.length; k++) top = Math.max(top, setpoint.y[k]);

@@ -339,8 +339,8 @@
     return { one, ends, best: ends[0] };
   }
 
-  /* Until the limits hold between the points that were looked at, too: a little less is allowed each time, and at last all
-     gains go down together. */
+  /* Until the limits hold between the points that were looked at, too: a little less is allowed each time, and at last the
+     integral gain goes down, or all of them. */
   function finished(process, one, start, ms, mks) {
     const designOf = (x) => {
       const { gains: [ki, kp, kd = 0, ka = 0], time } = one.read(x);
@@ -351,12 +351,12 @@
     for (let round = 0; round < 6; round++) {
       last = judged(x);
       if (last.keeps) return last;
-      // what a limit is missed by is taken off it
-      if (last.stable) aimed = [aimed[0] * Math.min(1, (ms * (1 - 1e-6)) / last.ms), aimed[1] * Math.min(1, (mks * (1 - 1e-6)) / last.mks)];
+      // what a limit is missed by is taken off it, and a little more each time
+      if (last.stable) aimed = [[ms, last.ms], [mks, last.mks]].map(([most, is], k) => aimed[k] * Math.min(1, Math.pow(((1 - 1e-6) * most) / is, 1 + round)));
       x = descend(one, x, ...aimed)?.x ?? x;
     }
-    for (let share = 1e-4; share < 3; share *= 2) {
-      last = judged(x.map((v, k) => (k < x.length - 1 ? v - share : v)));
+    for (let share = 1e-5; share < 3; share *= 2) for (const count of [1, x.length - 1]) {
+      last = judged(x.map((v, k) => (k < count ? v - share : v)));
       if (last.keeps) return last;
     }
     return null;
