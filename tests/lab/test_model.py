@@ -170,7 +170,9 @@ def test_the_multiple_pole_is_that_of_the_library(m, model):
     assert loop_of(INTEGRATOR, found).controller.coefficients == pytest.approx(true.coefficients, rel=1e-9)
 
 
-@pytest.mark.parametrize("setting", [automatic_reset.PI, automatic_reset.PID, automatic_reset.PIDA_1], ids=str)
+@pytest.mark.parametrize(
+    "setting", [automatic_reset.PI, automatic_reset.PID, automatic_reset.PIDA_1], ids=str
+)
 def test_the_automatic_reset_is_that_of_the_library(setting, model):
     kind = setting.name.removesuffix("_1")
     found = ruled(model, "reset", INTEGRATOR, None, kind=kind, filterTime=0.3, filterOrder=4)
