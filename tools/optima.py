@@ -19,8 +19,9 @@ LAB = ROOT / "book" / "_static" / "lab"
 RANDOM = 100  # plants of the test
 MS, NOISE = 1.4, 20.0  # largest Ms, and largest gain from noise to control, in units of 1/gain of the plant
 KINDS = ("PI", "PID", "PIDA")
-HEAD = """/* Optima from which the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each plant of the lab, with Ms at most
-   {ms:g} and a gain from noise to u of at most {noise:g}/K, K the gain of the plant. Written by tools/optima.py. */
+HEAD = """/* Optima from which the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each
+   plant of the lab, with Ms at most {ms:g} and a gain from noise to u of at most {noise:g}/K, K the gain of the
+   plant. Written by tools/optima.py. */
 globalThis.pidalabOptima = """
 
 

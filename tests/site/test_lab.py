@@ -396,7 +396,8 @@ FOUND = """() => {
   return problems.length && !problems.includes("is looked for");
 }"""
 HANDLE = """title => {
-  const { x, y, width, height } = document.querySelector(`svg[aria-label^="${title}"] .lab-handle`).getBoundingClientRect();
+  const handle = document.querySelector(`svg[aria-label^="${title}"] .lab-handle`);
+  const { x, y, width, height } = handle.getBoundingClientRect();
   return [x + width / 2, y + height / 2];
 }"""
 
