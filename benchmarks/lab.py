@@ -42,7 +42,10 @@ CHANGES: dict[str, tuple[dict, str, Callable[[int], object]]] = {
 }
 CHANGE = """async ([state, key, value]) => {
   const { lab } = document.querySelector(".pidalab-lab"), step = () => new Promise(requestAnimationFrame);
-  if (state) Object.assign(lab.state, state);
+  if (state) {
+    const { plant, sampled, noisy, kept, ...own } = state, designs = [own, ...kept];
+    lab.change({ plant, sampled, noisy, chosen: 0, designs: designs.map((each) => ({ ...lab.design, ...each })) });
+  }
   if (key in lab.state) lab.change({ [key]: value }); else lab.byHand({ [key]: value });
   for (let k = 0; k < 2; k++) { await step(); await new Promise((done) => setTimeout(done)); }
 }"""

@@ -1,22 +1,27 @@
-"""Find the optima that the lab has in store and write them to book/_static/lab/optima.js (a minute).
+"""Find the optima that the lab's search starts from, and those that it is held against (ten minutes).
 
-For each of the lab's plants the PI, PID and PIDA with the least IAE after a step of the load, under the limits below.
-The tests hold what is stored against the limits, and one of them against a new search.
+For each of the lab's plants the PI, PID and PIDA with the least IAE after a step of the load, under the limits below:
+book/_static/lab/optima.js. For 100 random plants, orders and limits the least IAE: tests/lab/least_iae.csv.
 """
 
+import csv
 import json
 from pathlib import Path
 
+import numpy as np
 from py_mini_racer import MiniRacer
 
 import pidalab
 from pidalab import optimal
 
-LAB = Path(__file__).resolve().parents[1] / "book" / "_static" / "lab"
+ROOT = Path(__file__).resolve().parents[1]
+LAB = ROOT / "book" / "_static" / "lab"
+RANDOM = 100  # plants of the test
 MS, NOISE = 1.4, 20.0  # largest Ms, and largest gain from noise to control, in units of 1/gain of the plant
 KINDS = ("PI", "PID", "PIDA")
-HEAD = """/* Optima in store: the least IAE that `pidalab.optimal.load` found for each plant of the lab, with Ms at most
-   {ms:g} and a gain from noise to u of at most {noise:g}/K, K the gain of the plant. Written by tools/optima.py. */
+HEAD = """/* Optima from which the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each
+   plant of the lab, with Ms at most {ms:g} and a gain from noise to u of at most {noise:g}/K, K the gain of the
+   plant. Written by tools/optima.py. */
 globalThis.pidalabOptima = """
 
 
@@ -49,8 +54,49 @@ def best(process: pidalab.Process, kind: str) -> dict[str, float]:
     return {key: float(f"{value:.7g}") for key, value in values.items()} | {"filterOrder": order + 1}
 
 
+def random_plant(rng: np.random.Generator) -> tuple[str, list[float], list[float], float]:
+    """Structure, numerator, denominator and dead time of a plant, with four digits."""
+
+    def times(count: int, low: float, high: float) -> np.ndarray:
+        return 10 ** rng.uniform(low, high, count)
+
+    gain = 10 ** rng.uniform(-1, 1)
+    delay = 10 ** rng.uniform(-1, 0.7) if rng.random() < 0.85 else 0.0
+    kinds = {
+        "lags": lambda: ([gain], np.poly(-1 / times(int(rng.integers(2, 5)), -0.7, 0.7)), delay),
+        "first order": lambda: ([gain], [10 ** rng.uniform(-0.5, 1), 1.0], max(delay, 0.1)),
+        "oscillating": lambda: ([gain], [1.0, 2 * rng.uniform(0.1, 0.9), 1.0], delay or 0.3),
+        "integrating": lambda: (
+            [gain],
+            np.append(np.poly(-1 / times(int(rng.integers(0, 3)), -0.7, 0.5)), 0.0),
+            delay or 0.5,
+        ),
+        "inverse": lambda: ([-gain * rng.uniform(0.2, 1.5), gain], np.poly(-1 / times(3, -0.5, 0.5)), delay),
+        "zero": lambda: ([gain * rng.uniform(0.3, 3), gain], np.poly(-1 / times(3, -0.5, 0.7)), delay),
+    }
+    name = list(kinds)[int(rng.integers(len(kinds)))]
+    num, den, delay = kinds[name]()
+    return name, *([float(f"{x:.4g}") for x in values] for values in (num, den)), float(f"{delay:.4g}")
+
+
+def random_optima() -> list[list[object]]:
+    """Rows of the plants, the limits and the least IAE."""
+    rng, rows = np.random.default_rng(36), []
+    for _ in range(RANDOM):
+        name, num, den, delay = random_plant(rng)
+        order = int(rng.integers(0, 3))
+        ms, noise = float(rng.choice([1.3, 1.4, 1.6, 2.0])), float(rng.choice([5, 10, 20, 50]))
+        process = pidalab.Process(num, den, delay)
+        mks = float(f"{noise / abs(gain(process)):.5g}")
+        iae = optimal.load(process, order, ms=ms, mks=mks).iae
+        rows.append(
+            [name, " ".join(map(str, num)), " ".join(map(str, den)), delay, order, ms, mks, f"{iae:.6g}"]
+        )
+    return rows
+
+
 def main() -> None:
-    """Find all of them and write the file."""
+    """Find all of them and write the files."""
     designs = {key: {kind: best(process, kind) for kind in KINDS} for key, process in plants().items()}
     lines = ",\n".join(
         f'  "{key}": {{\n' + ",\n".join(f'    "{k}": {json.dumps(x)}' for k, x in each.items()) + "\n  }"
@@ -58,6 +104,10 @@ def main() -> None:
     )
     text = f"{HEAD.format(ms=MS, noise=NOISE)}{{ ms: {MS:g}, noise: {NOISE:g}, designs: {{\n{lines}\n}} }};\n"
     (LAB / "optima.js").write_text(text, encoding="utf-8")
+    with (ROOT / "tests" / "lab" / "least_iae.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["plant", "num", "den", "delay", "order", "ms", "mks", "iae"])
+        writer.writerows(random_optima())
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Give the pages that hold the lab or a live figure its scripts, and no others."""
 
-SCRIPTS = ("lab/engine.js", "lab/optima.js", "lab/model.js", "lab/plot.js", "lab/lab.js", "lab/live.js")
+PARTS = ("engine", "optima", "model", "optimum", "plot", "record", "lab", "live")
+SCRIPTS = tuple(f"lab/{part}.js" for part in PARTS)
 MARKS = ('class="pidalab-lab"', 'class="pidalab-live"')
 
 

@@ -14,7 +14,7 @@ from pidalab.digital import DigitalController
 from pidalab.robustness.control import max_control_sensitivity
 
 SCRIPTS = "".join(
-    f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "plot", "lab", "live")
+    f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "record", "plot", "lab", "live")
 )
 LIVE_STATE = """{"plant": "lags3", "names": ["one"], "lab": true, "plots": ["bode"], "numbers": ["ms", "first", "hump"],
  "designs": [{"kind": "PIDA", "kp": 1, "ti": 3, "td": 1, "ta": 0.3, "filterTime": 0.1, "filterOrder": 3}],
@@ -44,6 +44,7 @@ CONTROLLERS = {
     "PID": pidalab.HighOrderPID([0.3, 1.5, 2.5], filter_time=0.1, filter_order=2),
     "PIDA": pidalab.HighOrderPID([0.4, 2.2, 4.4, 3.0], filter_time=0.1, filter_order=3),
 }
+LOOKS = (4, 1, 0)  # colours and dashes of PI, PID, PIDA
 PLOTS = ["setpoint", "load", "control", "effort", "nyquist", "bode", "closed", "lead", "noise"]
 NUMBERS = {  # names of the table by their keys
     "iae": "IAE load",
@@ -148,7 +149,7 @@ def test_numbers_and_curves_of_linear_loops_are_those_of_the_library(open_figure
         (ours, signals), (others, curves) = responses(loop), frequencies(loop)
         assert found[k] == pytest.approx({**ours, **others}, rel=6e-3)
         for title, curve in {**signals, **curves}.items():
-            assert drawn[title].apart(f"lab-{k}", *curve) < 1.0, (title, k)
+            assert drawn[title].apart(f"lab-{LOOKS[k]}", *curve) < 1.0, (title, k)
 
 
 @pytest.mark.parametrize("way", ["none", "clamping", "conditioning"])
@@ -166,7 +167,7 @@ def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
         assert found[k] == pytest.approx({**ours, "ms": pidalab.margins(loop).ms}, rel=6e-3)
         for title, curve in signals.items():
             expected = stairs(curve) if title.startswith("Control") else curve
-            assert drawn[title].apart(f"lab-{k}", *expected) < 1.0, (title, k)
+            assert drawn[title].apart(f"lab-{LOOKS[k]}", *expected) < 1.0, (title, k)
 
 
 def test_a_live_figure_takes_the_place_of_a_picture_and_keeps_its_caption(open_figure):

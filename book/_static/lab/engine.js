@@ -9,7 +9,7 @@
    The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control;
    polynomials have descending powers of s. `fine` is u at those times and at others, close together where derivatives kick.
    Nothing here is approximated by a rational function: see `march`. */
-(function () {
+(globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
 
   // --- what is asked ------------------------------------------------------------------------------------------------
@@ -769,7 +769,10 @@
     if (dy && delay < h * 1e-9) fail("the process answers within the sample");
     const own = A.slice(0, np).map((row) => row.slice(0, np)), whole = Math.floor(delay / h + 1e-9), part = delay - whole * h;
     const ways = part < h * 1e-9 ? [[h, whole]] : [[part, whole + 1], [h - part, whole]];
-    return { np, dy, out: cy.slice(0, np), steps: ways.map(([time, ago]) => ({ matrix: drift(own, b.slice(0, np), time), ago })) };
+    const piece = (time, ago) => ({ matrix: drift(own, b.slice(0, np), time), ago }), steps = ways.map((way) => piece(...way));
+    const until = (time) => (ways.length < 2 || time <= part ? [piece(time, ways[0][1])] : [steps[0], piece(time - part, whole)]);
+    const inside = remembering(2, (count) => Array.from({ length: count - 1 }, (_, j) => until(((j + 1) * h) / count)));
+    return { np, dy, out: cy.slice(0, np), steps, inside };
   }
 
   /* The chain of lags of the filter with the error as its input, and the control signal less its integral as a row:
@@ -848,12 +851,13 @@
     const count = Math.round(end / h) + 1;
     if (count > MOST_SAMPLES) fail(`sampleTime ${h} makes ${count} samples; take a longer one`);
     const [low, high] = loop.limits ?? [-Infinity, Infinity];
-    const { np, dy, out, steps } = prepared(asked).held(h), rule = integralOf(loop, way, h, backward, asked.trackingTime);
+    const { np, dy, out, steps, inside: parts } = prepared(asked).held(h), between = asked.between ?? 1, rule = integralOf(loop, way, h, backward, asked.trackingTime);
     const block = controllerBlock(rule.block), inside = backward ? null : drift(block.A, block.b, h), newest = h / (loop.time + h);
 
     const t = new Float64Array(count), y = new Float64Array(count), u = new Float64Array(count);
     const before = steps[0].ago, v = new Float64Array(count + before);
     const x = new Float64Array(np), z = new Float64Array(loop.order), next = new Float64Array(Math.max(np, loop.order));
+    const fine = between > 1 ? { t: new Float64Array((count - 1) * between + 1), y: new Float64Array((count - 1) * between + 1) } : null, copy = new Float64Array(np);
     let integral = 0;
     const limit = (value) => Math.min(Math.max(value, low), high);
     for (let k = 0; k < count; k++) {
@@ -871,9 +875,53 @@
       if (!rests) integral += growth + rule.tracking * excess;
       v[k + before] = u[k] + load;
       if (!backward) advance(inside, z, error, next);
+      if (fine) {
+        fine.t[k * between] = k * h;
+        fine.y[k * between] = y[k];
+        if (k + 1 < count) parts(between).forEach((pieces, j) => {
+          copy.set(x);
+          for (const { matrix, ago } of pieces) advance(matrix, copy, v[k + before - ago], next);
+          fine.t[k * between + j + 1] = (k + (j + 1) / between) * h;
+          fine.y[k * between + j + 1] = dot(out, copy) + dy * v[k + before - pieces[pieces.length - 1].ago];
+        });
+      }
       for (let j = 0; j < steps.length; j++) advance(steps[j].matrix, x, v[k + before - steps[j].ago], next);
     }
-    return { t, y, u };
+    return fine ? { t, y, u, between: fine } : { t, y, u };
+  }
+
+  /* The same as frequencyResponse for a controller of backward differences, from sample to sample, up to half the
+     sampling frequency. */
+  function sampledResponse(asked) {
+    const loop = readLoop(asked), h = asked.sampleTime, { np, dy, out, steps } = prepared(asked).held(h), { row } = controllerBlock(loop);
+    const wide = (matrix) => Array.from({ length: np }, (_, i) => Array.from(matrix.subarray(i * (np + 1), (i + 1) * (np + 1))));
+    const [first, second] = steps.map(({ matrix }) => wide(matrix)), last = second ?? first;
+    const through = last.map((one) => Array.from({ length: np + 1 }, (_, j) => (second ? one.slice(0, np).reduce((sum, a, k) => sum + a * first[k][j], 0) : one[j])));
+    const w = frequencyResponse(asked).w.filter((x) => x < Math.PI / h), found = Array.from(w, (x) => {
+      const back = [Math.cos(x * h), -Math.sin(x * h)], turned = (ago) => [Math.cos(x * h * ago), -Math.sin(x * h * ago)];
+      // (z - A) state = b by elimination
+      const rows = through.map((one, i) => [...one.slice(0, np).map((a, j) => [(i === j ? back[0] : 0) - a, i === j ? -back[1] : 0]),
+        [0, 1].map((part) => one[np] * turned(steps[0].ago)[part] + (second ? last[i][np] * turned(steps[1].ago)[part] : 0))]);
+      for (let p = 0; p < np; p++) {
+        const best = rows.reduce((top, one, i) => (i >= p && modulus(one[p]) > modulus(rows[top][p]) ? i : top), p);
+        [rows[p], rows[best]] = [rows[best], rows[p]];
+        for (let i = 0; i < np; i++) if (i !== p) {
+          const share = over(rows[i][p], rows[p][p]);
+          for (let j = p; j <= np; j++) { const less = times(share, rows[p][j]); rows[i][j] = [rows[i][j][0] - less[0], rows[i][j][1] - less[1]]; }
+        }
+      }
+      const direct = turned(steps[0].ago), plant = [dy * direct[0], dy * direct[1]];
+      for (let i = 0; i < np; i++) { const state = over(rows[i][np], rows[i][i]); plant[0] += out[i] * state[0]; plant[1] += out[i] * state[1]; }
+      const newest = h / (loop.time + h), lag = over([newest, 0], [1 - (1 - newest) * back[0], -(1 - newest) * back[1]]);
+      let control = over([loop.ki * h, 0], [1 - back[0], -back[1]]), power = [1, 0];
+      for (const gain of row) { control = [control[0] + gain * power[0], control[1] + gain * power[1]]; power = times(power, lag); }
+      return { control, open: times(plant, control) };
+    });
+    const column = (f) => Float64Array.from(found, f);
+    return {
+      w: Float64Array.from(w), re: column(({ open }) => open[0]), im: column(({ open }) => open[1]), size: column(({ open }) => modulus(open)),
+      control: column(({ control }) => modulus(control)), lead: column(({ control }) => (angle(control) * 180) / Math.PI),
+    };
   }
 
   /* A limited controller, sampled so fast that it is continuous to the eye. */
@@ -892,5 +940,6 @@
     return { t: times, y: pick(run.y), u: pick(run.u), fine: { t: fine(run.t), u: fine(run.u) } };
   }
 
-  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, roots, remembering };
-})();
+  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, sampledResponse, roots, remembering, drift };
+});
+globalThis.pidalabScripts.at(-1)();

@@ -3,17 +3,31 @@
 (function () {
   "use strict";
   const { PLANTS, RULES, ORDER, ownPlant, controller, study, write, read } = globalThis.pidalabModel;
+  const { readRecord, fit } = globalThis.pidalabRecord;
   const plot = globalThis.pidalabPlot;
 
+  /* A design is a card: its own rule, limits and anti-windup. Ms and noise limit are those of all, unless unlinked. */
+  const DESIGN = {
+    name: "", kind: "PIDA", rule: "hand", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3,
+    limited: false, low: -1, high: 3, antiWindup: "clamping",
+  };
   const START = {
     plant: "lags3", own: { gain: 1, t1: 1, t2: 1, t3: 1, damping: 1, zero: 0, delay: 1, integrating: false },
-    given: null, record: null,
-    design: { kind: "PIDA", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3 },
-    rule: "cancellation", ms: 1.4, tc: 1,
-    limited: false, low: -1, high: 3, antiWindup: "clamping", sampled: false, sampleTime: 0.1, noisy: false, noise: 0.02,
-    kept: [],
+    given: null, record: null, linked: true, ms: 1.4, noiseLimit: 20, tc: 1,
+    sampled: false, sampleTime: 0.1, noisy: false, noise: 0.02, chosen: 0, designs: [{ ...DESIGN, rule: "cancellation" }],
   };
-  const MOST_KEPT = 4;
+  const MOST = 5, PAST = 100;
+  const LOOKS = { PIDA: 0, PID: 1, PI: 4 };
+
+  /* A colour and a dash for each design: that of its kind, or for another of the same kind the next free one. */
+  function looksOf(kinds) {
+    const taken = new Set();
+    return kinds.map((kind) => {
+      const look = [LOOKS[kind], 2, 3, 1, 4, 0].find((each) => !taken.has(each)) ?? 0;
+      taken.add(look);
+      return look;
+    });
+  }
 
   // --- small parts of the page --------------------------------------------------------------------------------------
 
@@ -79,56 +93,10 @@
 
   const button = (text, onclick) => element("button", { type: "button", class: "lab-button", onclick }, text);
 
-  // --- a step record ------------------------------------------------------------------------------------------------
-
-  /* Numbers of a line; between semicolons or tabs a comma is a decimal one. A clock or a date is no number. */
-  const numbersOf = (line) => (/[;\t]/.test(line) ? line.replace(/,/g, ".").split(/[;\t]/) : line.split(",")).map(
-    (entry) => Number(entry.replace(/"/g, "").trim() || NaN));
-
-  /* Times and outputs of a step: the first two columns of a file with commas, semicolons or tabs, or the first and the third
-     of three (t, u, y). */
-  function readRecord(text) {
-    const rows = text.split(/\r?\n/).map(numbersOf).filter((row) => row.length >= 2 && row.every(Number.isFinite));
-    if (rows.length < 10) throw new RangeError(`the file needs ten rows of numbers or more (time, output; or time, input, output), found ${rows.length}`);
-    const back = rows.findIndex((row, k) => k && !(row[0] > rows[k - 1][0]));
-    if (back > 0) throw new RangeError(`times must rise, found ${rows[back][0]} after ${rows[back - 1][0]}`);
-    const three = rows[0].length > 2;
-    let start = 0, size = 1;
-    if (three) {
-      start = rows.findIndex((row, k) => k && row[1] !== rows[k - 1][1]);
-      if (start < 0) throw new RangeError("the input, the second of three columns, does not step");
-      size = rows[rows.length - 1][1] - rows[Math.max(start - 1, 0)][1];
-      if (!size) throw new RangeError("the input, the second of three columns, ends where it began");
-    }
-    const rest = rows.slice(0, Math.max(start, 1)), column = three ? 2 : 1;
-    const level = rest.reduce((sum, row) => sum + row[column], 0) / rest.length;
-    const t = [], y = [];
-    for (const row of rows.slice(Math.max(start, 0))) { t.push(row[0] - rows[start][0]); y.push((row[column] - level) / size); }
-    return { t, y };
-  }
-
-  /* Three points of the record give three lags and a dead time (haalman2024, eq. (5), levels 5, 35.3 and 85.3 %). */
-  function threePoint({ t, y }) {
-    const tail = y.slice(-Math.max(3, Math.floor(y.length / 20)));
-    const gain = tail.reduce((sum, value) => sum + value, 0) / tail.length;
-    const at = (level) => {
-      const k = y.findIndex((value) => value / gain >= level);
-      if (k < 1) throw new RangeError(`the record does not rise through ${100 * level} % of its change`);
-      return t[k - 1] + ((level * gain - y[k - 1]) / (y[k] - y[k - 1])) * (t[k] - t[k - 1]);
-    };
-    const t5 = at(0.05), t35 = at(0.353), t85 = at(0.853);
-    const apparent = 1.3 * t35 - 0.29 * t85, tau = 0.67 * (t85 - t35);
-    if (!(apparent > 0 && tau > 0 && t5 > 0)) throw new RangeError("three points of the record give no three lags and a dead time: it rises too early or too late");
-    const alpha = 0.598 + 0.4799 * (t5 / apparent) - 0.41 * Math.pow(tau / t5, 0.6);
-    if (!(alpha >= 0 && alpha <= 1)) throw new RangeError(`y does not fit a third-order model with dead time: alpha = ${digits(alpha, 4)} is outside [0, 1] (below 0 the response is too sluggish at first, above 1 too sudden)`);
-    const own = { t1: tau, t2: ((1 - alpha) * apparent) / 2, t3: ((1 - alpha) * apparent) / 2 };
-    return { gain, ...own, damping: 1, zero: 0, delay: alpha * apparent, integrating: false };
-  }
-
   // --- the plots ----------------------------------------------------------------------------------------------------
 
-  /* The control signal has more times than the output where derivatives kick. */
-  const signals = (s, key, which) => (key === "u" && s[which].fine) || s[which];
+  /* The control signal has more times than the output where derivatives kick, and the output those between samples. */
+  const signals = (s, key, which) => (key === "u" ? s[which].fine : s[which].between) || s[which];
 
   const made = new WeakMap(); // of what the engine found, what was made of it for a plot
 
@@ -174,14 +142,14 @@
   });
 
   /* Draw what there is a place for: places is an object of elements by the name of the plot. */
-  function drawPlots(places, process, shown, { ms, record }) {
+  function drawPlots(places, process, shown, { ms, record, handles = {}, noise }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
       x: { label: "time", range: [0, end * share] }, y: { around: rangeOf(shown, key, which) },
-      lines: shown.map((s) => ({ ...until(signals(s, key, which), key, end * share), kind: s.kind, stairs: s.stairs && key === "u" })),
+      lines: shown.map((s) => ({ ...until(signals(s, key, which), key, end * share), kind: s.look, stairs: s.stairs && key === "u" })),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
-    const over = (name, f) => shown.map((s) => ({ ...along(s.curve, name, bode.range, f), kind: s.kind }));
+    const over = (name, f) => shown.map((s) => ({ ...along(s.curve, name, bode.range, f), kind: s.look }));
     const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90);
     const circle = (radius, middle = 0) => ({ x: turn.map((a) => middle + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" });
     const around = (Array.isArray(ms) ? ms : [ms]).filter(Number.isFinite);
@@ -192,7 +160,7 @@
       effort: () => ({ title: "Control signal u, step of the load", ...run("u", "load") }),
       nyquist: () => ({
         title: "Nyquist curve, unit circle, circle 1/Ms", x: { label: "real part", range: [-2.4, 0.8] }, y: { range: [-1.3, 1.3] }, equal: true,
-        lines: [...around.map((each) => circle(1 / each, -1)), circle(1), { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...shown.map((s) => ({ x: s.curve.re, y: s.curve.im, kind: s.kind }))],
+        lines: [...around.map((each) => circle(1 / each, -1)), circle(1), { x: [-1.05, -0.95], y: [0, 0], kind: "mark" }, { x: [-1, -1], y: [-0.05, 0.05], kind: "mark" }, ...shown.map((s) => ({ x: s.curve.re, y: s.curve.im, by: s.curve.w, kind: s.look }))],
       }),
       bode: () => ({
         title: "Loop gain |L|", x: bode, y: { log: true, range: [1e-3, 1e2] },
@@ -203,12 +171,18 @@
         lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over("closed", (c, k) => Math.hypot(c.re[k], c.im[k]) / Math.hypot(1 + c.re[k], c.im[k]))],
       }),
       lead: () => ({ title: "Phase of the controller, degrees", x: bode, y: { range: [-95, 185] }, lines: [{ x: bode.range, y: [0, 0], kind: "mark" }, ...over("lead", (c, k) => c.lead[k])] }),
-      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: over("noise", (c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k])) }),
+      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: [...(noise ? [{ x: bode.range, y: [noise, noise], kind: "mark" }] : []), ...over("noise", (c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k]))] }),
+      record: () => ({
+        title: "The record and the model", x: { label: "time", range: [0, record.t[record.t.length - 1]] }, y: {},
+        lines: [{ x: record.t, y: record.y, kind: "dots" }, { x: record.t, y: record.fitted, kind: "0" }],
+      }),
     };
+    const ways = Object.fromEntries(Object.keys(places).map((key) => [key, key === "record" ? "record" : OVER_FREQUENCY.includes(key) ? "frequency" : "time"]));
     for (const [key, place] of Object.entries(places)) {
-      const picture = PLOTS[key]();
-      if (record && key === "setpoint") picture.lines.unshift({ x: record.t, y: record.y, kind: "dots" });
-      plot(place, picture);
+      if (key === "record" && !record) { place.hidden = true; continue; }
+      place.hidden = false;
+      const follow = (at) => { for (const other in places) if (ways[other] === ways[key]) plot.point(places[other], at); };
+      plot(place, { ...PLOTS[key](), handles: handles[key] ?? [], follow });
     }
   }
 
@@ -225,12 +199,8 @@
 
   const OVER_FREQUENCY = ["nyquist", "bode", "closed", "lead", "noise"];
 
-  /* Above a table: what noise is meant, and that curves over frequency know no sampling, where these are shown. */
-  function captionOf(shown, numbers, plots) {
-    const curves = shown.some((s) => s.stairs) && plots.some((key) => OVER_FREQUENCY.includes(key));
-    const words = [...(numbers.includes("sigma") ? [noiseMeant(shown)] : []), ...(curves ? ["curves over frequency: the controller before it is sampled"] : [])];
-    return words.length ? [["caption", {}, words.join("; ")]] : [];
-  }
+  /* Above a table: what noise is meant. */
+  const captionOf = (shown, numbers) => (numbers.includes("sigma") ? [["caption", {}, noiseMeant(shown)]] : []);
 
   /* What is said in the place of margins. */
   const verdict = (s) => (s.unknown ? "too slow for its sample time to tell whether it is stable" : "unstable");
@@ -247,14 +217,59 @@
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
 
-  /* A state from outside, if the lab can show it at all; of single numbers the engine judges. */
+  /* A state from outside, if the lab can show it at all; of single numbers the engine judges. One of the first labs has one
+     design, others that were kept, and limits for all. */
   function checked(state) {
-    const { design, kept = [], given } = state, of = (kind) => Object.hasOwn(ORDER, kind);
     if (typeof state !== "object" || Array.isArray(state)) throw new RangeError("it holds no state of the lab");
-    if (design?.kind !== undefined && !of(design.kind)) throw new RangeError(`there is no controller ${design.kind}`);
-    if (!Array.isArray(kept) || !kept.every((each) => of(each?.kind))) throw new RangeError("its kept designs are none");
+    const { design, kept, rule, limited, low, high, antiWindup, ...rest } = state, given = state.given;
+    let designs = state.designs;
+    if (design || kept) {
+      if (kept && !Array.isArray(kept)) throw new RangeError("its kept designs are none");
+      const limits = Object.fromEntries(Object.entries({ limited, low, high, antiWindup }).filter(([, value]) => value !== undefined));
+      designs = [{ ...(rule ? { rule } : {}), ...design }, ...(kept ?? [])].map((each) => each && { ...limits, ...each });
+    }
+    if (designs && !(Array.isArray(designs) && designs.length && designs.length <= MOST && designs.every((each) => each && typeof each === "object"))) throw new RangeError("its designs are none");
+    for (const { kind } of designs ?? []) if (kind !== undefined && !Object.hasOwn(ORDER, kind)) throw new RangeError(`there is no controller ${kind}`);
     if (given && !(given.end > 0 && Array.isArray(given.num) && Array.isArray(given.den))) throw new RangeError("its plant lacks num, den or end");
-    return state;
+    return { ...rest, ...(designs ? { designs } : {}) };
+  }
+
+  /* What of an object differs from another, with six digits. */
+  const differing = (object, from) => Object.fromEntries(Object.entries(object).filter(([key, value]) => value !== from[key])
+    .map(([key, value]) => [key, typeof value === "number" ? Number(value.toPrecision(6)) : value]));
+
+  // --- a search takes a second: in a worker, one at a time ----------------------------------------------------------
+
+  const WORK = `onmessage = ({ data: { key, process, kind, knobs } }) => {
+    let found;
+    try { found = pidalabOptimum.find(process, kind, knobs); } catch (error) { found = { problem: error.message }; }
+    postMessage({ key, found });
+  };`;
+
+  class Seeker {
+    constructor(heard) { this.known = new Map(); this.wanted = new Map(); this.heard = heard; }
+
+    /* What was found, or null: it is looked for. */
+    ask(process, kind, knobs) {
+      const task = { process: { num: process.num, den: process.den, delay: process.delay }, kind, knobs }, key = JSON.stringify(task);
+      if (!this.known.has(key)) { this.wanted.set(key, { key, ...task }); this.begin(); }
+      return this.known.get(key) ?? null;
+    }
+
+    begin() {
+      if (this.busy || !this.wanted.size) return;
+      if (!this.worker) {
+        const optima = `globalThis.pidalabOptima = ${JSON.stringify(globalThis.pidalabOptima)};`;
+        const source = [optima, ...globalThis.pidalabScripts.map((script) => `(${script})();`), WORK].join("\n");
+        this.worker = new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
+        this.worker.onmessage = ({ data: { key, found } }) => { this.busy = false; this.known.set(key, found); this.wanted.delete(key); this.heard(); this.begin(); };
+      }
+      this.busy = true;
+      this.worker.postMessage([...this.wanted.values()].pop()); // the last that was asked
+    }
+
+    /* Forget what is looked for and wanted no more. */
+    clear() { this.wanted.clear(); }
   }
 
   // --- one lab ------------------------------------------------------------------------------------------------------
@@ -262,6 +277,9 @@
   class Lab {
     constructor(host) {
       this.host = host;
+      this.past = [];
+      this.problems = [];
+      this.seeker = new Seeker(() => this.change({}));
       this.startAnew();
       this.hear();
       this.build();
@@ -271,7 +289,7 @@
 
     startAnew() {
       this.state = structuredClone(START);
-      this.takeOver(this.host.dataset.state ? JSON.parse(this.host.dataset.state) : null);
+      this.takeOver(this.host.dataset.state ? checked(JSON.parse(this.host.dataset.state)) : null);
     }
 
     /* Take over what the address holds: what it leaves out is as in a page that was just opened. */
@@ -281,7 +299,7 @@
       try {
         given = document.getElementById(this.heard.slice(1)) ? null : read(this.heard);
         if (given === null) return;
-        checked(given);
+        given = checked(given);
       } catch (error) {
         given = null;
         this.say(`The link is damaged: ${error.message}.`);
@@ -293,49 +311,93 @@
     /* Take over what is given of a state; a design without a rule is one by hand. */
     takeOver(given) {
       if (!given) return;
-      Object.assign(this.state, given, { own: { ...this.state.own, ...given.own }, design: { ...this.state.design, ...given.design } });
-      if (!given.rule && given.design) this.state.rule = "hand";
+      const designs = (given.designs ?? this.state.designs).map((each) => ({ ...DESIGN, ...(each.kind ? { filterOrder: ORDER[each.kind] + 1 } : {}), ...each }));
+      Object.assign(this.state, given, { own: { ...this.state.own, ...given.own }, designs, chosen: Math.min(given.chosen ?? 0, designs.length - 1) });
     }
+
+    get design() { return this.state.designs[this.state.chosen]; }
 
     get process() {
       const { plant, own, given } = this.state;
       return plant === "own" ? ownPlant(own) : plant === "given" && given ? given : PLANTS[plant] ?? PLANTS.lags3;
     }
 
-    get conditions() {
-      const { limited, low, high, antiWindup, sampled, sampleTime, noisy, noise } = this.state;
-      return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
+    /* The end is the same for all designs. */
+    conditionsOf({ limited, low, high, antiWindup, trackingTime }) {
+      const { sampled, sampleTime, noisy, noise } = this.state;
+      return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, trackingTime, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
     }
 
-    /* Change the state, apply the rule, draw. */
+    /* A knob that all designs share, unless they are unlinked. */
+    knob(key, design = this.design) { return this.state.linked ? this.state[key] : design[key] ?? this.state[key]; }
+
+    setKnob(key, value) { if (this.state.linked) this.change({ [key]: value }); else this.edit({ [key]: value }); }
+
+    /* A design by its rule, or as it was, with a word why. */
+    ruled(design, k) {
+      const rule = RULES[design.rule] ?? RULES.hand, knob = rule.knob && this.knob(rule.knob, design);
+      this.problems[k] = "";
+      try {
+        if (!rule.slow) return rule.apply(this.process, design, knob);
+        const found = this.seeker.ask(this.process, design.kind, { ms: knob, noise: this.knob("noiseLimit", design) });
+        if (!found) { this.problems[k] = "is looked for"; return design; }
+        if (found.problem) throw new RangeError(found.problem);
+        if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} descents ended here: there may be a better one`;
+        return { ...design, ...found.design };
+      } catch (error) {
+        this.problems[k] = `${error.message}; its gains are as before`;
+        return design;
+      }
+    }
+
+    /* Change the state, apply the rules, draw. */
     change(update, store = true) {
       Object.assign(this.state, update);
-      const rule = RULES[this.state.rule] ?? RULES.hand;
-      this.problem = "";
-      try {
-        this.state.design = rule.apply(this.process, this.state.design, this.state[rule.knob]);
-      } catch (error) { this.problem = `${rule.name}: ${error.message}.`; }
+      this.seeker.clear();
+      this.state.designs = this.state.designs.map((design, k) => this.ruled(design, k));
       this.unsaved ||= store;
       if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
+    }
+
+    /* Change the chosen design. */
+    edit(update) { this.change({ designs: this.state.designs.map((design, k) => (k === this.state.chosen ? { ...design, ...update } : design)) }); }
+
+    byHand(update) { this.edit({ rule: this.design.rule === "gain" && !("kp" in update) ? "gain" : "hand", ...update }); }
+
+    /* The state as a link holds it: what differs from a page that was just opened, and no record. */
+    link() {
+      const { designs, record, ...rest } = this.state;
+      return write({ ...differing(rest, START), ...(this.state.plant === "own" ? { own: differing(rest.own, {}) } : { own: undefined }), designs: designs.map((design) => differing(design, DESIGN)) });
     }
 
     /* Put the state into the address, once the hand rests: a browser bears few changes of it in a second. Not over one that
        was given meanwhile, of which the browser is about to tell. */
     save() {
       if (!this.unsaved || location.hash !== this.heard) return;
-      history.replaceState(null, "", `#${write(this.state)}`);
+      const now = JSON.stringify(this.state);
+      if (this.saved && this.saved !== now) this.past = [...this.past, this.saved].slice(-PAST);
+      this.saved = now;
+      history.replaceState(null, "", `#${this.link()}`);
       this.heard = location.hash;
       this.unsaved = false;
     }
 
-    byHand(update) { this.change({ rule: this.state.rule === "gain" && !("kp" in update) ? "gain" : "hand", design: { ...this.state.design, ...update } }); }
+    undo() {
+      if (this.unsaved) this.save();
+      const before = this.past.pop();
+      if (!before) return this.say("There is nothing to undo.");
+      this.saved = before;
+      this.state = JSON.parse(before);
+      this.change({});
+    }
 
     build() {
       const own = (update) => this.change({ own: { ...this.state.own, ...update } });
       const ownValue = (label, key, low, high, log, help) =>
         slider({ label, help, low, high, log, get: () => this.state.own[key], set: (value) => own({ [key]: value }) });
       const value = (label, key, low, high, help) =>
-        slider({ label, help, low, high, log: true, get: () => this.state.design[key], set: (x) => this.byHand({ [key]: x }) });
+        slider({ label, help, low, high, log: true, get: () => this.design[key], set: (x) => this.byHand({ [key]: x }) });
+      const ownChoice = (row) => ({ ...row, get: () => this.design[row.key], set: (x) => this.edit({ [row.key]: x }) });
 
       this.ownRows = element("div", {},
         ownValue("gain", "gain", 0.1, 10, true), ownValue("lag T1", "t1", 0.01, 100, true),
@@ -345,50 +407,59 @@
         ownValue("dead time", "delay", 0, 10, false),
         tick({ label: "integrating", get: () => this.state.own.integrating, set: (x) => own({ integrating: x }) }));
 
-      const file = element("input", { type: "file", accept: ".csv,.txt,.json,text/csv,text/plain,application/json", id: "lab-file", onchange: () => this.take(file.files[0]) });
+      const file = element("input", { type: "file", class: "lab-file", accept: ".csv,.txt,.json,text/csv,text/plain,application/json", id: "lab-file", onchange: () => this.take(file.files[0]) });
       const drop = element("div", { class: "lab-drop" },
-        element("label", { for: "lab-file" }, "A step record of your own (drop a CSV file: time, output, or time, input, output), or designs that were saved here (JSON): "), file);
+        element("label", { for: "lab-file" }, "A record of your own (drop a CSV file: time, input, output, or time, output), or designs that were saved here (JSON): "), file);
       drop.addEventListener("dragover", (event) => event.preventDefault());
       drop.addEventListener("drop", (event) => { event.preventDefault(); this.take(event.dataTransfer.files[0]); });
 
-      this.rows = [
-        choice({
-          label: "plant", options: [...Object.entries(PLANTS).map(([key, plant]) => [key, plant.name]), ["given", "the plant of the link"], ["own", "my own"]],
-          get: () => this.state.plant, set: (plant) => this.change({ plant, record: plant === "own" ? this.state.record : null }),
-        }),
-        ...this.ownRows.children,
-        choice({
-          label: "controller", options: Object.keys(ORDER).map((kind) => [kind, kind]), get: () => this.state.design.kind,
-          set: (kind) => this.change({ design: { ...this.state.design, kind, filterOrder: ORDER[kind] + 1 } }),
-        }),
-        choice({ label: "rule", options: Object.entries(RULES).map(([key, rule]) => [key, rule.name]), get: () => this.state.rule, set: (rule) => this.change({ rule }) }),
-        this.msRow = slider({ label: "Ms", help: "largest sensitivity allowed", low: 1.1, high: 2.5, step: 0.01, get: () => this.state.ms, set: (ms) => this.change({ ms }) }),
-        this.tcRow = slider({ label: "closed-loop time", low: 0.05, high: 20, log: true, get: () => this.state.tc, set: (tc) => this.change({ tc }) }),
+      const plantRow = choice({
+        label: "plant", options: [...Object.entries(PLANTS).map(([key, plant]) => [key, plant.name]), ["given", "the plant of the link"], ["own", "my own"]],
+        get: () => this.state.plant, set: (plant) => this.change({ plant, record: plant === "own" ? this.state.record : null }),
+      });
+      this.givenOption = plantRow.querySelector("option[value=given]");
+      this.nameBox = element("input", { type: "text", id: "lab-name", maxlength: 40, onchange: () => this.edit({ name: this.nameBox.value }) });
+      const nameRow = element("div", { class: "lab-row lab-choice" }, element("label", { for: "lab-name" }, "name"), this.nameBox);
+      nameRow.refresh = () => { if (document.activeElement !== this.nameBox) this.nameBox.value = this.design.name; };
+      const design = [
+        nameRow,
+        choice({ label: "controller", options: Object.keys(ORDER).map((kind) => [kind, kind]), get: () => this.design.kind, set: (kind) => this.edit({ kind, filterOrder: ORDER[kind] + 1 }) }),
+        choice(ownChoice({ label: "rule", key: "rule", options: Object.entries(RULES).map(([key, rule]) => [key, rule.name]) })),
+        this.msRow = slider({ label: "Ms", help: "largest sensitivity allowed", low: 1.1, high: 2.5, step: 0.01, get: () => this.knob("ms"), set: (ms) => this.setKnob("ms", ms) }),
+        this.limitRow = slider({ label: "noise limit", help: "largest gain from measurement noise to u, times the gain of the plant", low: 1.5, high: 200, log: true, get: () => this.knob("noiseLimit"), set: (x) => this.setKnob("noiseLimit", x) }),
+        this.tcRow = slider({ label: "closed-loop time", low: 0.05, high: 20, log: true, get: () => this.knob("tc"), set: (tc) => this.setKnob("tc", tc) }),
+        tick({ label: "one Ms and noise limit for all designs", get: () => this.state.linked, set: (linked) => this.change({ linked }) }),
         value("kp", "kp", 0.01, 100), value("ti", "ti", 0.05, 100),
         this.tdRow = value("td", "td", 0.005, 20), this.taRow = value("ta", "ta", 0.0005, 50, "acceleration: a squared time"),
-        slider({ label: "filter time", low: 0.001, high: 10, log: true, get: () => this.state.design.filterTime, set: (x) => this.change({ design: { ...this.state.design, filterTime: x } }) }),
-        slider({ label: "filter order", low: 1, high: 6, step: 1, get: () => this.state.design.filterOrder, set: (x) => this.change({ design: { ...this.state.design, filterOrder: Math.round(x) } }) }),
-        tick({ label: "limits of the actuator", get: () => this.state.limited, set: (limited) => this.change({ limited }) }),
-        this.lowRow = slider({ label: "lowest u", low: -10, high: 0, get: () => this.state.low, set: (low) => this.change({ low: Math.min(low, 0) }) }),
-        this.highRow = slider({ label: "highest u", low: 0.1, high: 20, get: () => this.state.high, set: (high) => this.change({ high: Math.max(high, 0.01) }) }),
-        this.windupRow = choice({ label: "anti-windup", options: [["none", "none"], ["clamping", "clamping"], ["conditioning", "conditioning"], ["reset", "automatic reset"]], get: () => this.state.antiWindup, set: (antiWindup) => this.change({ antiWindup }) }),
+        slider({ label: "filter time", low: 0.001, high: 10, log: true, get: () => this.design.filterTime, set: (x) => this.filter({ filterTime: x }) }),
+        slider({ label: "filter order", low: 1, high: 6, step: 1, get: () => this.design.filterOrder, set: (x) => this.filter({ filterOrder: Math.round(x) }) }),
+        tick({ label: "limits of the actuator", get: () => this.design.limited, set: (limited) => this.edit({ limited }) }),
+        this.lowRow = slider({ label: "lowest u", low: -10, high: 0, get: () => this.design.low, set: (low) => this.edit({ low: Math.min(low, 0) }) }),
+        this.highRow = slider({ label: "highest u", low: 0.1, high: 20, get: () => this.design.high, set: (high) => this.edit({ high: Math.max(high, 0.01) }) }),
+        this.windupRow = choice(ownChoice({ label: "anti-windup", key: "antiWindup", options: [["none", "none"], ["clamping", "clamping"], ["conditioning", "conditioning"], ["reset", "automatic reset"]] })),
+      ];
+      const world = [
         tick({ label: "digital controller", get: () => this.state.sampled, set: (sampled) => this.change({ sampled }) }),
         this.sampleRow = slider({ label: "sample time", low: 0.005, high: 2, log: true, get: () => this.state.sampleTime, set: (sampleTime) => this.change({ sampleTime }) }),
         tick({ label: "measurement noise", get: () => this.state.noisy, set: (noisy) => this.change({ noisy }) }),
         this.noiseRow = slider({ label: "noise, ±", low: 0.001, high: 0.5, log: true, get: () => this.state.noise, set: (noise) => this.change({ noise }) }),
       ];
-      const at = (label) => this.rows.findIndex((row) => row.querySelector("label").textContent === label);
-      const part = (title, from, to, ...more) => element("fieldset", {}, element("legend", {}, title), ...this.rows.slice(from, to), ...more);
-      const controllerAt = at("controller"), limitsAt = at("limits of the actuator");
-      const plantPart = element("fieldset", {}, element("legend", {}, "Plant"), this.rows[0], this.ownRows, drop);
-      const compare = element("fieldset", {}, element("legend", {}, "Side by side"), element("div", { class: "lab-actions" },
-        button("PI, PID and PIDA by this rule", () => this.threeKinds()),
-        button("Keep this design", () => this.keep([this.state.design])),
-        button("Forget the kept ones", () => this.change({ kept: [] }))));
-      const controls = element("div", { class: "lab-controls" }, plantPart, part("Controller", controllerAt, limitsAt), compare, part("Actuator, sampling, noise", limitsAt));
+      this.rows = [plantRow, ...this.ownRows.children, ...design, ...world];
+      this.cards = element("div", { class: "lab-cards", onclick: (event) => this.pressed(event.target) });
+      const part = (title, ...rows) => element("fieldset", {}, element("legend", {}, title), ...rows);
+      const controls = element("div", { class: "lab-controls" },
+        part("Plant", plantRow, this.ownRows, drop),
+        part("Designs", this.cards, element("div", { class: "lab-actions" },
+          button("PI, PID and PIDA by this rule", () => this.threeKinds()), button("Add a copy", () => this.copyOf()), button("Undo", () => this.undo()))),
+        part("The chosen design", ...design), part("Sampling, noise", ...world));
+      addEventListener("keydown", (event) => {
+        if ((event.ctrlKey || event.metaKey) && event.key === "z" && !/^(text|number)$/.test(event.target.type)) { event.preventDefault(); this.undo(); }
+      });
 
       this.plots = {};
-      const plots = element("div", { class: "lab-plots" }, ...["setpoint", "load", "control", "nyquist", "bode", "noise"].map((key) => (this.plots[key] = element("div", {}))));
+      const place = (...keys) => keys.map((key) => (this.plots[key] = element("div", {})));
+      const first = element("div", { class: "lab-plots lab-first" }, ...place("record", "setpoint", "load"));
+      const plots = element("div", { class: "lab-plots" }, ...place("control", "nyquist", "bode", "noise"));
       this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Numbers of the designs" });
       this.live = element("p", { class: "lab-live", role: "status" });
       this.out = element("pre", { class: "lab-out", hidden: true });
@@ -399,91 +470,116 @@
         button("As a library call", () => this.show(this.call(), "pida_designs.py")),
         button("As JSON", () => this.show(JSON.stringify(this.exported(), null, 1), "pida_designs.json")),
         button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
-      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, this.table, plots, actions, this.saving, this.out)));
+      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, first, this.table, plots, actions, this.saving, this.out)));
       this.host.classList.add("lab-ready");
       document.body.classList.add("lab-page");
     }
 
+    /* A change of the filter: rules that leave it to the user hold on, those that find it become designs by hand. */
+    filter(update) { this.edit({ ...(RULES[this.design.rule]?.slow ? { rule: "hand" } : {}), ...update }); }
+
     pick({ num, den, delay }) { return { num, den, delay }; }
 
-    keep(designs) { this.change({ kept: [...this.state.kept, ...designs.map((design) => ({ ...design }))].slice(-MOST_KEPT) }); }
+    /* A press on a card chooses its design, on its cross takes it away. */
+    pressed(target) {
+      const card = target.closest("[data-k]"), k = Number(card?.dataset.k), { designs, chosen } = this.state;
+      if (!card) return;
+      if (!target.closest(".lab-gone")) return this.change({ chosen: k });
+      this.change({ designs: designs.filter((_, other) => other !== k), chosen: Math.min(chosen - (k < chosen ? 1 : 0), designs.length - 2) });
+    }
+
+    copyOf() {
+      const { designs } = this.state;
+      if (designs.length >= MOST) return this.say(`${MOST} designs are the most: take one away before.`);
+      this.change({ designs: [...designs, { ...this.design }], chosen: designs.length });
+    }
 
     threeKinds() {
-      const rule = RULES[this.state.rule], made = [];
+      const made = [], missing = [], { rule } = this.design;
       for (const kind of Object.keys(ORDER)) {
-        const design = { ...this.state.design, kind, filterOrder: ORDER[kind] + 1 };
-        try { made.push(rule.apply(this.process, design, this.state[rule.knob])); } catch (error) { this.say(`${kind}: ${error.message}.`); }
+        const design = { ...this.design, name: "", kind, filterOrder: ORDER[kind] + 1 };
+        try {
+          if (!RULES[rule].slow) RULES[rule].apply(this.process, design, this.knob(RULES[rule].knob));
+          made.push(design);
+        } catch (error) { missing.push(`${kind}: ${error.message}.`); }
       }
-      this.change({ kept: made });
+      if (missing.length) this.say(missing.join(" "));
+      if (made.length) this.change({ designs: made, chosen: made.length - 1 });
     }
 
     async take(file) {
       if (!file) return;
       try {
         const text = await file.text();
-        if (file.name.endsWith(".json")) this.takeSaved(text); else this.takeRecord(text);
+        if (file.name.endsWith(".json")) this.takeSaved(text); else this.takeRecord(text, file.name);
       } catch (error) { this.say(`${file.name}: ${error.message}.`); }
     }
 
-    takeRecord(text) {
-      const record = readRecord(text);
-      this.change({ plant: "own", own: threePoint(record), record });
-      this.say(`Record of ${record.t.length} samples read; three points give the model shown.`);
+    /* A record becomes a plant, by least squares, and that a design with a filter that suits its noise: u is to move by a
+       tenth of the record's step for three standard deviations. */
+    takeRecord(text, name) {
+      const record = readRecord(text), { own, name: structure, t, fitted, sigma, explained, span, h } = fit(record), four = (x) => Number(x.toPrecision(4));
+      const rounded = Object.fromEntries(Object.entries(own).map(([key, x]) => [key, typeof x === "number" ? four(x) : x]));
+      const each = Math.max(1, Math.ceil(t.length / 400)), thin = (values) => Array.from(values, Number).filter((_, k) => k % each === 0).map(four);
+      const at = t.filter((_, k) => k % each === 0), y = at.map((x) => record.y[Math.max(record.t.findLastIndex((other) => other <= x + 1e-6 * h), 0)]);
+      const noiseLimit = four(Math.min(Math.max((0.1 * span * Math.abs(own.gain)) / (3 * sigma), 2), 50));
+      this.command = record.columns > 2 ? `pidalab tune ${name} --kind PIDA --ms 1.4 --sample-time ${digits(h)} --out code` : "";
+      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted) }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, rule: "optimum" }], chosen: 0 });
+      this.say(`Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} lines without numbers left out` : ""}. Model by least squares: ${structure}, it explains ${digits(100 * explained, 4)} % of the record; what is left has a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseLimit)}.`);
+      if (this.command) this.show(`# The same from the command line, with code for a controller in the folder code:\n${this.command}\n`, "command.txt", false);
     }
 
     takeSaved(text) {
       const saved = JSON.parse(text).lab;
-      if (!saved?.design) throw new RangeError("this JSON was not saved by the lab, it has no design under lab");
-      this.takeOver(checked(saved));
+      if (!(saved?.designs ?? saved?.design)) throw new RangeError("this JSON was not saved by the lab, it has no designs under lab");
+      const state = checked(saved);
+      this.state = structuredClone(START);
+      this.takeOver(state);
       this.change({});
-      this.say(`${1 + this.state.kept.length} designs read.`);
+      this.say(`${this.state.designs.length} designs read.`);
     }
 
     /* All designs for other programs, and the state for this one. */
     exported() {
-      const designs = this.designs().map(({ kind, ...design }) => ({ kind, ...controller({ kind, ...design }) }));
+      const names = this.names();
+      const designs = this.state.designs.map(({ kind, ...design }, k) => ({ name: names[k], kind, ...controller({ kind, ...design }) }));
       return { process: this.pick(this.process), designs, lab: this.state };
     }
 
-    designs() { return [this.state.design, ...this.state.kept]; }
+    /* Names that differ: a second one of a name has its number. */
+    names() {
+      const plain = this.state.designs.map(({ name, kind }) => name || kind);
+      return plain.map((name, k) => { const before = plain.slice(0, k).filter((other) => other === name).length; return before ? `${name} ${before + 1}` : name; });
+    }
 
+    /* All designs with their limits, sampling and noise as Python, and what it leaves out. */
     call() {
-      const { num, den, delay } = this.process, list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`;
-      const { limits, time, simulation, left, after } = this.conditionsInWords();
-      const lines = this.designs().map((design, k) => {
-        const { gains, filterTime, filterOrder } = controller(design), name = k ? `kept ${k}: ${design.kind}` : design.kind;
-        return `    "${name}": pidalab.HighOrderPID(${list(gains.slice(0, ORDER[design.kind] + 2))}, filter_time=${filterTime}, filter_order=${filterOrder})${after},\n`;
+      const { num, den, delay, end } = this.process, { designs, sampled, sampleTime, noisy, noise } = this.state, names = this.names();
+      const list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`, left = noisy ? [`Left out: the measurement noise of the lab, ±${noise}.`] : [];
+      if (designs.some(({ limited, antiWindup }) => limited && antiWindup === "reset")) left.push("Left out: the automatic reset of the lab, see pidalab.rules.automatic_reset; clamping stands for it.");
+      const lines = designs.map((design, k) => {
+        const { gains, filterTime, filterOrder } = controller(design);
+        const way = { none: "None", conditioning: sampled ? '"reset"' : '"conditioning"' }[design.antiWindup] ?? '"clamping"';
+        const tracking = sampled && design.trackingTime && design.antiWindup === "conditioning" ? ['"back-calculation"', `, "tracking_time": ${design.trackingTime}`] : [way, ""];
+        const limits = design.limited ? `{"limits": (${design.low}, ${design.high}), "anti_windup": ${tracking.join("")}}` : "{}";
+        return `    ${JSON.stringify(names[k])}: (pidalab.HighOrderPID(${list(gains.slice(0, ORDER[design.kind] + 2))}, filter_time=${filterTime}, filter_order=${filterOrder}), ${limits}),\n`;
       });
-      return `import numpy as np\nimport pidalab\n\n${left.map((words) => `# ${words}\n`).join("")}process = pidalab.Process(${list(num)}, ${list(den)}, delay=${delay})\n` +
-        `${limits}controllers = {\n${lines.join("")}}\nt = ${time}\n` +
-        "for name, controller in controllers.items():\n    loop = pidalab.Loop(process, controller)\n" +
-        `    load = pidalab.${simulation}\n    print(name, pidalab.margins(loop))\n    print(f"IAE {load.iae():.4g}")\n`;
-    }
-
-    /* Limits, sampling and noise as parts of a library call, and what of them it leaves out. */
-    conditionsInWords() {
-      const { end, limits, antiWindup, sampleTime, noise } = this.conditions, left = [], digital = sampleTime > 0;
-      if (noise) left.push(`Left out: the measurement noise of the lab, ±${noise}.`);
-      const reset = limits && antiWindup === "reset";
-      if (reset) left.push("Left out: the automatic reset of the lab, see pidalab.rules.automatic_reset; clamping stands for it.");
-      const way = { none: "None", conditioning: digital ? '"reset"' : '"conditioning"' }[antiWindup] ?? '"clamping"';
-      const bounded = limits ? `limits=limits, anti_windup=${way}` : "";
-      const filters = this.designs().map(controller).filter(({ filterOrder, filterTime }) => filterOrder && filterTime).map(({ filterTime }) => filterTime);
+      const filters = designs.map(controller).filter(({ filterOrder, filterTime }) => filterOrder && filterTime).map(({ filterTime }) => filterTime);
       const samples = Math.ceil(Math.max(4000, (4 * end) / Math.min(...filters, Infinity))); // limits meet a controller that is sampled fast
-      return {
-        left, limits: limits ? `limits = (${limits.join(", ")})\n` : "",
-        after: digital ? `.discretise(${[sampleTime, bounded].filter(Boolean).join(", ")})` : "",
-        time: digital ? `${sampleTime} * np.arange(${Math.round(end / sampleTime) + 1})` : `np.linspace(0, ${digits(end)}, ${limits ? samples + 1 : 2001})`,
-        simulation: digital ? "simulate_sampled(loop, t, load=1.0)" : limits ? `simulate_sampled(loop, t, load=1.0, ${bounded})` : "load_response(loop, t)",
-      };
+      const time = sampled ? `${sampleTime} * np.arange(${Math.round(end / sampleTime) + 1})` : `np.linspace(0, ${digits(end)}, ${designs.some(({ limited }) => limited) ? samples + 1 : 2001})`;
+      const loops = sampled
+        ? "    loop = pidalab.Loop(process, controller.discretise(" + sampleTime + ", **limits))\n    load = pidalab.simulate_sampled(loop, t, load=1.0)\n"
+        : "    loop = pidalab.Loop(process, controller)\n    limited = limits and pidalab.simulate_sampled(loop, t, load=1.0, **limits)\n    load = limited or pidalab.load_response(loop, t)\n";
+      return `import numpy as np\nimport pidalab\n\n${left.map((words) => `# ${words}\n`).join("")}process = pidalab.Process(${list(num)}, ${list(den)}, delay=${delay})\n` +
+        `designs = {\n${lines.join("")}}\nt = ${time}\nfor name, (controller, limits) in designs.items():\n${loops}    print(name, pidalab.margins(loop))\n    print(f"IAE {load.iae():.4g}")\n`;
     }
 
-    show(text, name) {
+    show(text, name, copied = true) {
       this.shown = { text, name };
       this.out.hidden = this.saving.hidden = false;
       this.out.textContent = text;
       this.saving.textContent = `Save as ${name}`;
-      this.copy(text, "The text below");
+      if (copied) this.copy(text, "The text below");
     }
 
     download() {
@@ -501,29 +597,48 @@
     say(text) { this.message = text; if (this.live) this.announce(); }
 
     draw() {
-      const { state } = this, rule = RULES[state.rule] ?? RULES.hand, order = ORDER[state.design.kind];
+      const { state, design } = this, rule = RULES[design.rule] ?? RULES.hand, order = ORDER[design.kind];
       const visible = (row, yes) => { if (row.hidden === Boolean(yes)) row.hidden = !yes; };
       visible(this.ownRows, state.plant === "own");
-      visible(this.rows[0].querySelector("option[value=given]"), state.given);
-      visible(this.msRow, rule.knob === "ms"); visible(this.tcRow, rule.knob === "tc");
+      visible(this.givenOption, state.given);
+      visible(this.msRow, rule.knob === "ms"); visible(this.tcRow, rule.knob === "tc"); visible(this.limitRow, rule.noise);
       visible(this.tdRow, order > 0); visible(this.taRow, order > 1);
-      for (const row of [this.lowRow, this.highRow, this.windupRow]) visible(row, state.limited);
+      for (const row of [this.lowRow, this.highRow, this.windupRow]) visible(row, design.limited);
       visible(this.sampleRow, state.sampled); visible(this.noiseRow, state.noisy);
       for (const row of this.rows) if (!row.hidden) row.refresh?.();
 
-      const all = this.designs(), shown = [];
-      all.forEach((design, k) => {
-        try { shown.push({ ...study(this.process, design, this.conditions), kind: k }); } catch (error) { if (!k) this.problem = `${error.message}.`; }
+      const looks = looksOf(state.designs.map(({ kind }) => kind)), names = this.names(), shown = [];
+      state.designs.forEach((each, k) => {
+        try { shown.push({ ...study(this.process, each, this.conditionsOf(each)), k, look: looks[k], name: names[k] }); } catch (error) { this.problems[k] = error.message; }
       });
-      this.current = shown.find(({ kind }) => kind === 0);
+      this.current = shown.find(({ k }) => k === state.chosen);
+      this.drawCards(looks, names);
       this.drawPlots(shown);
       this.drawTable(shown);
       this.announce();
     }
 
+    drawCards(looks, names) {
+      const { designs, chosen } = this.state;
+      plot.show(this.cards, ...designs.map((design, k) => {
+        const rule = RULES[design.rule] ?? RULES.hand, { limited, low, high, antiWindup } = design;
+        const facts = [rule.name, ...(limited ? [`u from ${digits(low)} to ${digits(high)}, ${antiWindup === "none" ? "no anti-windup" : antiWindup}`] : [])].join("; ");
+        return ["div", { class: `lab-card${k === chosen ? " lab-chosen" : ""}`, "data-k": k },
+          ["button", { type: "button", class: "lab-choose", "aria-pressed": String(k === chosen) }, ["span", { class: `lab-key lab-key-${looks[k]}` }], ` ${names[k]}`],
+          ["span", { class: "lab-facts" }, facts], ...(this.problems[k] ? [["span", { class: "lab-problem" }, this.problems[k]]] : []),
+          ...(designs.length > 1 ? [["button", { type: "button", class: "lab-gone", "aria-label": `Take ${names[k]} away` }, "×"]] : [])];
+      }));
+    }
+
     drawPlots(shown) {
-      const ms = RULES[this.state.rule]?.knob === "ms" ? this.state.ms : this.current?.ms;
-      drawPlots(this.plots, this.process, shown, { ms, record: this.state.record });
+      const { design, current } = this, rule = RULES[design.rule] ?? RULES.hand, byMs = rule.knob === "ms", ms = byMs ? this.knob("ms") : current?.ms;
+      const gain = Math.abs(this.process.num[this.process.num.length - 1] / this.process.den[this.process.den.findLastIndex((c) => c !== 0)]), noise = rule.noise ? this.knob("noiseLimit") / gain : null;
+      const between = (low, x, high) => Number(Math.min(Math.max(x, low), high).toPrecision(3)), handles = {};
+      if (byMs) handles.nyquist = [{ label: "drag: Ms", x: -1 + Math.SQRT1_2 / ms, y: Math.SQRT1_2 / ms, drag: (x, y) => this.setKnob("ms", between(1.1, 1 / Math.hypot(x + 1, y), 2.5)) }];
+      const w = 1 / design.filterTime, at = current?.stable ? current.curve.w.findIndex((x) => x >= w) : -1;
+      if (noise) handles.noise = [{ label: "drag: noise limit", x: 8 / this.process.end, y: noise, drag: (_, y) => this.setKnob("noiseLimit", between(1.5, y * gain, 200)) }];
+      else if (at >= 0) handles.noise = [{ label: "drag: filter time", x: w, y: current.curve.control[at] / Math.hypot(1 + current.curve.re[at], current.curve.im[at]), drag: (x) => this.filter({ filterTime: between(0.001, 1 / x, 10) }) }];
+      drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles, noise });
     }
 
     drawTable(shown) {
@@ -532,11 +647,11 @@
       const numbers = (s) => (s.stable ? columns.map(([, get]) => ["td", {}, digits(get(s), 4)]) : [["td", { colspan: columns.length }, s.unknown ? verdict(s) : "unstable: it has no margins"]]);
       const rows = (s) => [
         ["tr", { class: "lab-numbers" },
-          ["th", { scope: "rowgroup", rowspan: 2 }, ["span", { class: `lab-key lab-key-${s.kind}` }], ` ${s.kind ? "kept: " : ""}${s.design.kind}`], ...numbers(s)],
-        ["tr", { class: "lab-gains" }, ["td", { colspan: columns.length }, gains(s.design)]],
+          ["th", { scope: "rowgroup", rowspan: 2 }, ["span", { class: `lab-key lab-key-${s.look}` }], ` ${s.name}`], ...numbers(s)],
+        ["tr", { class: "lab-gains" }, ["td", { colspan: columns.length }, `${gains(s.design)}; filter ${digits(s.design.filterTime)}, order ${s.design.filterOrder}`]],
       ];
       plot.show(this.table, ["table", {},
-        ...captionOf(shown, COLUMNS, Object.keys(this.plots)),
+        ...captionOf(shown, COLUMNS),
         ["thead", {}, ["tr", {}, heading("design"), ...columns.map(([name]) => heading(name))]],
         ...shown.map((s) => ["tbody", {}, ...rows(s)])]);
     }
@@ -544,15 +659,19 @@
     /* Say the result in words and save it in the address, once the hand rests. */
     announce() {
       clearTimeout(this.speaking);
-      const s = this.current;
+      const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];
       const numbers = !s ? "" : s.stable
-        ? `${s.design.kind}: IAE ${digits(s.iae)} for a load step, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
-        : `${s.design.kind}: the loop is ${verdict(s)}.`;
-      this.speaking = setTimeout(() => { this.live.textContent = [this.problem, this.message, numbers].filter(Boolean).join(" "); this.message = ""; this.save(); }, 250);
+        ? `${name}: IAE ${digits(s.iae)} for a load step, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
+        : `${name}: the loop is ${verdict(s)}.`;
+      this.speaking = setTimeout(() => {
+        this.live.textContent = [problem && `${RULES[this.design.rule]?.name ?? "by hand"}: ${problem}.`, this.message, numbers].filter(Boolean).join(" ");
+        this.message = "";
+        this.save();
+      }, 250);
     }
   }
 
-  globalThis.pidalabLab = { Lab, readRecord, threePoint, element, slider, digits, drawPlots, NUMBERS, captionOf, verdict, heading };
+  globalThis.pidalabLab = { Lab, looksOf, element, slider, digits, drawPlots, NUMBERS, captionOf, verdict, heading };
   const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
 })();

@@ -17,7 +17,7 @@
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
-  const { element, slider, digits, drawPlots, NUMBERS, captionOf, verdict, heading } = globalThis.pidalabLab;
+  const { element, slider, digits, drawPlots, looksOf, NUMBERS, captionOf, verdict, heading } = globalThis.pidalabLab;
   const { show } = globalThis.pidalabPlot;
 
   class Live {
@@ -81,21 +81,21 @@
 
     draw() {
       const { state } = this, rule = RULES[state.rule ?? "hand"];
-      const end = state.conditions.end ?? this.process.end, shown = [], trouble = [];
+      const end = state.conditions.end ?? this.process.end, shown = [], trouble = [], looks = looksOf(state.designs.map((design) => design.kind));
       this.process.end = end;
       state.designs.forEach((design, kind) => {
         try {
           const made = rule.apply(this.process, design, design[rule.knob] ?? state[rule.knob]);
-          shown.push({ ...study(this.process, made, { ...state.conditions, end, ...design.conditions }), kind, name: state.names?.[kind] ?? design.kind });
+          shown.push({ ...study(this.process, made, { ...state.conditions, end, ...design.conditions }), kind, look: looks[kind], name: state.names?.[kind] ?? design.kind });
         } catch (error) { trouble.push(`${state.names?.[kind] ?? design.kind}: ${error.message}.`); }
       });
       for (const knob of this.knobs) knob.refresh();
       drawPlots(this.plots, this.process, shown, { ms: shown.map((s) => s.design.ms ?? (rule.knob === "ms" ? state.ms : s.ms)) });
       const keys = state.numbers ?? ["iae", "ms", "sigma"], columns = keys.map((key) => NUMBERS[key]);
-      show(this.table, ["table", {}, ...captionOf(shown, keys, state.plots),
+      show(this.table, ["table", {}, ...captionOf(shown, keys),
         ["thead", {}, ["tr", {}, heading("loop"), ...columns.map(([name]) => heading(name))]],
         ["tbody", {}, ...shown.map((s) => ["tr", {},
-          ["th", { scope: "row" }, ["span", { class: `lab-key lab-key-${s.kind}` }], ` ${s.name}`], ...this.cells(s, columns)])]]);
+          ["th", { scope: "row" }, ["span", { class: `lab-key lab-key-${s.look}` }], ` ${s.name}`], ...this.cells(s, columns)])]]);
       if (this.link && shown[0]) this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       clearTimeout(this.speaking);
       const words = shown.map((s) => `${s.name}: ${s.stable ? "" : `${verdict(s)}, `}${this.known(s, columns).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
@@ -112,15 +112,20 @@
       ];
     }
 
-    /* What the lab needs to show the same: the first design as its own, the others as kept ones, on the plant as the knobs
-       left it. */
+    /* What the lab needs to show the same: all designs by their names, each between its limits, on the plant as the knobs left
+       it. */
     forLab(shown) {
-      const { limits, sampleTime, noise, antiWindup } = { ...this.state.conditions, ...shown[0].design.conditions };
-      const [own, ...kept] = shown.map(({ design: { conditions: _, ...design } }) => design);
-      const { num, den, delay, end } = this.process, untouched = PLANTS[this.state.plant]?.delay === delay;
+      const { sampleTime, noise } = { ...this.state.conditions, ...shown[0].design.conditions };
+      const designs = shown.map(({ name, design: { conditions, ...design } }) => {
+        const { limits, antiWindup, trackingTime } = { ...this.state.conditions, ...conditions };
+        return {
+          ...design, ...(name === design.kind ? {} : { name }), ...(limits ? { limited: true, low: limits[0], high: limits[1] } : {}),
+          ...(antiWindup ? { antiWindup } : {}), ...(trackingTime ? { trackingTime } : {}),
+        };
+      });
+      const { num, den, delay, end } = this.process, untouched = PLANTS[this.state.plant]?.delay === delay && PLANTS[this.state.plant].end === end;
       return {
-        ...(untouched ? { plant: this.state.plant } : { plant: "given", given: { num, den, delay, end } }), design: own, kept, rule: "hand",
-        ...(limits ? { limited: true, low: limits[0], high: limits[1] } : {}), ...(antiWindup ? { antiWindup } : {}),
+        ...(untouched ? { plant: this.state.plant } : { plant: "given", given: { num, den, delay, end } }), designs,
         ...(sampleTime ? { sampled: true, sampleTime } : {}), ...(noise ? { noisy: true, noise } : {}),
       };
     }

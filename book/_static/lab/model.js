@@ -1,10 +1,10 @@
 /* What the lab and the live figures share: plants, controllers in standard form, rules, and all numbers of a design.
 
    A design is {kind, kp, ti, td, ta, filterTime, filterOrder}: kp (1 + 1/(ti s) + td s + ta s^2) / (1 + filterTime s)^filterOrder.
-   It stands on engine.js alone and knows nothing of a page. */
-(function () {
+   It needs engine.js alone, and optimum.js for the rule of that name, and knows nothing of a page. */
+(globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
-  const { simulate, simulateSampled, margins, frequencyResponse, roots, remembering } = globalThis.pidalabEngine;
+  const { simulate, simulateSampled, margins, frequencyResponse, sampledResponse, roots, remembering } = globalThis.pidalabEngine;
 
   const multiply = (a, b) => {
     const product = Array(a.length + b.length - 1).fill(0);
@@ -163,9 +163,11 @@
     return sizes;
   }
 
+  const circleOf = remembering(2, (count) => [Math.cos, (x) => -Math.sin(x)].map((f) => Float64Array.from({ length: count / 2 }, (_, k) => f((2 * Math.PI * k) / count))));
+
   /* Fast Fourier transform in place, radix 2. */
   function transform(re, im) {
-    const count = re.length;
+    const count = re.length, [cos, sin] = circleOf(count);
     const swap = (x, i, j) => { const kept = x[i]; x[i] = x[j]; x[j] = kept; };
     for (let i = 1, j = 0; i < count; i++) { // to the order of the reversed bits
       let bit = count >> 1;
@@ -176,7 +178,7 @@
     for (let size = 2; size <= count; size *= 2) {
       const half = size / 2;
       for (let k = 0; k < half; k++) {
-        const c = Math.cos((Math.PI * k) / half), d = -Math.sin((Math.PI * k) / half);
+        const c = cos[(k * count) / size], d = sin[(k * count) / size];
         for (let i = k; i < count; i += size) {
           const j = i + half, a = re[j] * c - im[j] * d, b = re[j] * d + im[j] * c;
           re[j] = re[i] - a;
@@ -233,7 +235,7 @@
 
   /* What a loop is, whatever steps, limits and noise it meets: margins, curves, the effort for noise. */
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
-    const process = { num, den, delay }, own = controller(design), curve = frequencyResponse({ process, controller: own });
+    const process = { num, den, delay }, own = controller(design), curve = sampleTime ? sampledResponse({ process, controller: own, sampleTime }) : frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
     const h = sampleTime || Math.min(own.filterOrder && own.filterTime || Infinity, end / 1000);
     let beyond;
@@ -254,13 +256,15 @@
     if (!noise || asked.controller.limits) return sampled({ ...asked, ...step }, noise);
     const calm = sampled({ ...asked, ...step }, 0), loud = sampled({ ...asked, ...SILENT }, 1);
     const sum = (key) => calm[key].map((value, k) => value + noise * loud[key][k]);
-    return { t: calm.t, y: sum("y"), u: sum("u") };
+    const between = calm.between && { t: calm.between.t, y: calm.between.y.map((value, k) => value + noise * loud.between.y[k]) };
+    return { t: calm.t, y: sum("y"), u: sum("u"), between };
   }
 
   /* How a design answers steps. A digital controller has differences for a sample time. */
   const answers = remembering(REMEMBERED, ({ num, den, delay }, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) => {
     const asked = { process: { num, den, delay }, controller: controller(design, limits), end, antiWindup, trackingTime };
-    const digital = { ...asked, sampleTime: sampleTime || end / 4000, method: "backward" };
+    const between = sampleTime ? Math.min(Math.max(Math.ceil((1200 * sampleTime) / end), 1), 30) : 1; // points of a sample
+    const digital = { ...asked, sampleTime: sampleTime || end / 4000, method: "backward", between };
     const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? noisy(digital, step, noise) : simulate({ ...asked, points, ...step })));
     let top = 1;
     for (let k = 0; k < setpoint.y.length; k++) top = Math.max(top, setpoint.y[k]);
@@ -436,36 +440,117 @@
     return made;
   }
 
-  /* The optimum in store for one of the plants above; see optima.js. */
-  function storedOptimum({ num, den, delay }, design) {
-    const words = (plant) => JSON.stringify([plant.num, plant.den, plant.delay]), wanted = words({ num, den, delay });
-    const key = Object.keys(PLANTS).find((name) => words(PLANTS[name]) === wanted);
-    const stored = globalThis.pidalabOptima?.designs[key]?.[design.kind];
-    if (!stored) throw new RangeError("no optimum is in store for this plant: pidalab.optimal.load looks for one");
-    return { ...design, ...stored };
+  /* Velocity gain and dead time of an integrator with dead time, which the next two rules are for. */
+  function integratorOf({ num, den, delay }) {
+    if (num.length !== 1 || den.length !== 2 || den[1] !== 0) throw new RangeError("this rule needs an integrator with dead time and nothing else");
+    return { velocity: num[0] / den[0], delay };
   }
 
+  const factorial = (k) => (k < 2 ? 1 : k * factorial(k - 1));
+
+  /* Numerator c0 + c1 x + ... of the controller over x that puts m + 3 poles of the loop at one place, x = s times the dead
+     time: huba2018, eq. (6) and Table I. */
+  function multiplePole(m) {
+    const mu = Math.sqrt(m + 2), a = mu * mu - mu;
+    return Array.from({ length: m + 2 }, (_, j) => {
+      const rest = m + 1 - j, head = ((mu + j - 1) * Math.pow(a, rest + 1)) / factorial(rest);
+      const tail = Array.from({ length: rest + 1 }, (_, i) => Math.pow(a, i) / factorial(i)).reduce((sum, x) => sum + x, 0);
+      return (Math.exp(-a) / factorial(j)) * (head - j * (j - 1) * tail);
+    });
+  }
+
+  /* A design of numbers c0, c1, ... for a dead time of 1 and a gain of 1; stable, or else the filter is too short. */
+  function dimensioned(process, design, velocity, delay, [c0, c1, c2 = 0, c3 = 0]) {
+    const made = { ...design, kp: c1 / (velocity * delay), ti: (c1 / c0) * delay, td: (c2 / c1) * delay, ta: (c3 / c1) * delay * delay };
+    if (!margins({ process, controller: controller(made) }).stable) throw new RangeError("this rule makes no stable loop with so short a filter: take a longer one");
+    return made;
+  }
+
+  /* Multiple real dominant pole (huba2018): the filter stands for a dead time T_e, of eq. (11) and Table II. */
+  function dominantPole(process, design) {
+    const { velocity, delay } = integratorOf(process), m = ORDER[design.kind], { filterTime, filterOrder: n } = controller(design), mu = Math.sqrt(m + 2);
+    const pole = (m + 2) * (n + 1) - Math.sqrt((m + 2) * (n + 1) * (n - m)), ratio = pole / ((n + 1) * (n + 2) * (mu * mu - mu));
+    return dimensioned(process, design, velocity, delay + filterTime / ratio, multiplePole(m));
+  }
+
+  /* Automatic reset (huba2024): PI and PID by the multiple pole; PIDA_1 with a double real zero, of which one is the reset,
+     eqs. (26) to (29). The dead time is that of the plant and n T_f, eqs. (10) and (11). */
+  function automaticReset(process, design) {
+    const { velocity, delay } = integratorOf(process), m = ORDER[design.kind], { filterTime, filterOrder } = controller(design), c = multiplePole(m);
+    if (m < 2) return dimensioned(process, design, velocity, delay + filterOrder * filterTime, c);
+    const slow = -1 / roots(c.slice().reverse()).find(([, im]) => Math.abs(im) < 1e-9)[0];
+    const first = c[0] * slow, second = (c[1] - first) * slow, short = (2 * c[3]) / second; // the double zero
+    const kp = (first * short) / slow, kd = kp * (slow + short), ka = kp * slow * short;
+    return dimensioned(process, design, velocity, delay + filterOrder * filterTime, [kp / short, kp + kd / short, kd + ka / short, ka]);
+  }
+
+  /* Least ITAE (heo2023) for a second-order model with dead time, as pidalab.rules.itae reads the tables; the plant itself, or
+     its two lags by the half rule. Its gains, with the filter of the lab. */
+  function itae(process, design, load) {
+    const order = ORDER[design.kind], { num, den } = process;
+    if (!order) throw new RangeError("this rule has no PI");
+    let gain = num[num.length - 1] / lastNonzero(den), { delay } = process, tau, xi;
+    if (num.length === 1 && den.length === 3 && den[2]) [tau, xi] = [Math.sqrt(den[0] / den[2]), den[1] / (2 * Math.sqrt(den[0] * den[2]))];
+    else {
+      const model = halfRule(process, 2), [first, second] = model.lags;
+      if (model.integrating || !second) throw new RangeError("this rule needs a plant with two lags that does not integrate");
+      [tau, xi, delay] = [Math.sqrt(first * second), (first + second) / (2 * Math.sqrt(first * second)), model.delay];
+    }
+    const r = delay / tau;
+    if (!(xi >= 0.3 && xi < 2.0000001 && r >= 0.1 && r <= 2)) throw new RangeError(`this rule needs a model with damping from 0.3 to 2 and dead time / time constant from 0.1 to 2, found ${xi.toPrecision(3)} and ${r.toPrecision(3)}`);
+    let share = 0, factor = 0;
+    if (order > 1) { // Table 1
+      const row = r <= 0.37 ? 0 : r <= 1 ? 1 : 2, over = xi > 1;
+      const [a, b, c] = (over ? [[0.966, 0.088, 1.136], [0.22, 0.02, 6.255], [0.0825, 0.0075, 18]] : [[0.105, 0.949, 0.149], [0.024, 0.216, 1.908], [0.009, 0.081, 6.407]])[row];
+      share = over ? 0.5175 - 0.0875 * xi - 0.12 * r : 0.3425 + 0.0875 * xi - 0.12 * r;
+      factor = (over ? -0.768 : 0.273) + (a + b * xi) * (r + c);
+    }
+    const time = tau + 0.5 * delay * share, [kc, ti, inverse] = (load ? loadTable : setpointTable)((delay * (1 - share)) / time, xi);
+    if (!(Math.min(kc, ti, inverse) > 0)) throw new RangeError("the tables of this rule do not hold for this plant");
+    const td = time / inverse;
+    return { ...design, kp: kc / gain, ti: ti * time, td, ta: (td * factor) ** 2 / 2 };
+  }
+
+  const setpointTable = (r, xi) => [ // Table 2
+    xi <= 0.9 ? -0.04 + (0.333 + 0.949 * r ** -0.983) * xi : -0.544 + 0.308 * r + 1.408 * xi * r ** -0.832,
+    (r <= 1 ? 2.055 + 0.072 * r : 1.768 + 0.329 * r) * xi, -Math.expm1((-(r ** 1.06) * xi) / 0.87) * (0.55 + 1.683 * r ** -1.09)];
+  const loadTable = (r, xi) => [ // Table 3
+    2.189 * xi * r ** -0.766 + (r < 0.9 ? -0.67 + 0.297 * r ** -2.001 : -0.365 + 0.26 * (r - 1.4) ** 2),
+    r < 0.4 ? 2.2122 * r ** 0.52 - 0.3 : -0.975 + 0.91 * (r - 1.845) ** 2 - Math.expm1(-xi / (0.15 + 0.33 * r)) * (5.25 - 0.88 * (r - 2.8) ** 2),
+    -1.9 + 1.576 * r ** -0.53 - Math.expm1(-xi / (-0.15 + 0.939 * r ** -1.121)) * (1.45 + 0.969 * r ** -1.171)];
+
+  /* By name: what it is called, the knob it has, and the design it makes of a plant, a design and the knob. */
   const RULES = {
     hand: { name: "by hand", knob: null, apply: (process, design) => design },
+    optimum: {
+      name: "least IAE", knob: "ms", noise: true, slow: true,
+      apply: (process, design, ms, noise = 20) => ({ ...design, ...globalThis.pidalabOptimum.find(process, design.kind, { ms, noise }).design }),
+    },
     gain: { name: "this shape, gain by Ms", knob: "ms", apply: (process, design, ms) => ({ ...design, kp: gainForMs(process, design, ms) }) },
     cancellation: { name: "cancel the lags, gain by Ms (haalman2024)", knob: "ms", apply: cancellation },
     magnitude: { name: "magnitude optimum (vrancic2021)", knob: null, apply: magnitudeOptimum },
-    optimum: { name: "least IAE: Ms 1.4, noise limit 20/gain (in store)", knob: null, apply: storedOptimum },
+    multiple: { name: "multiple dominant pole (huba2018)", knob: null, apply: dominantPole },
+    reset: { name: "automatic reset (huba2024)", knob: null, apply: automaticReset },
+    itaeSetpoint: { name: "ITAE, set point (heo2023)", knob: null, apply: (process, design) => itae(process, design, false) },
+    itaeLoad: { name: "ITAE, load (heo2023)", knob: null, apply: (process, design) => itae(process, design, true) },
     simc: { name: "SIMC (PI, PID)", knob: "tc", apply: simc },
   };
 
   // --- a state as the end of an address: letters that are also a valid name of an anchor -----------------------------
 
   const PREFIX = "lab-";
-  const write = (state) => PREFIX + btoa(encodeURIComponent(JSON.stringify(state))).replace(/\+/g, "_").replace(/\//g, "-").replace(/=+$/, "");
+  const write = (state) => PREFIX + btoa(String.fromCharCode(...new TextEncoder().encode(JSON.stringify(state)))).replace(/\+/g, "_").replace(/\//g, "-").replace(/=+$/, "");
 
-  /* The state in an address, or null where it holds none. */
+  /* The state in an address, or null where it holds none; older ones are percent-encoded. */
   function read(hash) {
     const text = hash.replace(/^#/, "");
     if (!text.startsWith(PREFIX)) return null;
-    try { return JSON.parse(decodeURIComponent(atob(text.slice(PREFIX.length).replace(/_/g, "+").replace(/-/g, "/")))); }
-    catch { throw new RangeError("it is cut short or mistyped"); }
+    try {
+      const bytes = atob(text.slice(PREFIX.length).replace(/_/g, "+").replace(/-/g, "/"));
+      return JSON.parse(bytes.startsWith("%") ? decodeURIComponent(bytes) : new TextDecoder("utf-8", { fatal: true }).decode(Uint8Array.from(bytes, (c) => c.charCodeAt(0))));
+    } catch { throw new RangeError("it is cut short or mistyped"); }
   }
 
-  globalThis.pidalabModel = { write, read, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
-})();
+  globalThis.pidalabModel = { write, read, transform, solve, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
+});
+globalThis.pidalabScripts.at(-1)();

@@ -2,7 +2,9 @@
 
    pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element
    `host`; a second call moves the lines, and draws the axes anew where they changed. An axis has a `range`, or shows what its lines need; `around` says what of them. A line with `stairs` holds each value until the next. `kind` 0, 1, 2 … takes the colour and dash of that design, "mark" a thin grey line,
-   "dots" a record. All colours come from the style sheet, so that both themes fit. */
+   "dots" a record. `handles` are dots {x, y, label, drag}: a drag calls drag(x, y). A pointer over the plot calls `follow` with the
+   place on the horizontal axis, and pidalabPlot.point(host, place) shows there the values of all lines, along their `by` where
+   that is not x. A mouse that draws a box zooms, a double click undoes that. All colours come from the style sheet, so that both themes fit. */
 (function () {
   "use strict";
   const WIDTH = 440, HEIGHT = 270, LEFT = 56, RIGHT = 10, TOP = 26, BOTTOM = 40;
@@ -166,8 +168,11 @@
 
   let count = 0;
 
-  function draw(host, { title, x, y, lines, equal }) {
-    let xRange = x.range ?? extent(lines, "x", x.log), yRange = y.range ?? rounded(y.around ?? extent(lines, "y", y.log), y.log);
+  function draw(host, picture) {
+    const { title, x, y, lines, equal } = picture, found = places.get(host) ?? frame(host, title);
+    places.set(host, found);
+    found.picture = picture;
+    let xRange = found.zoom?.x ?? x.range ?? extent(lines, "x", x.log), yRange = found.zoom?.y ?? y.range ?? rounded(y.around ?? extent(lines, "y", y.log), y.log);
     if (equal) { // the same scale on both axes, as a Nyquist plot needs
       const perX = (xRange[1] - xRange[0]) / (WIDTH - LEFT - RIGHT), perY = (yRange[1] - yRange[0]) / (HEIGHT - TOP - BOTTOM);
       const grow = (range, factor) => {
@@ -182,11 +187,81 @@
     };
     const px = along(xRange, x.log, LEFT, WIDTH - RIGHT), py = along(yRange, y.log, HEIGHT - BOTTOM, TOP);
 
-    const found = places.get(host) ?? frame(host, title), key = JSON.stringify([title, x.label, x.log, xRange, y.log, yRange]);
-    places.set(host, found);
+    const key = JSON.stringify([title, x.label, x.log, xRange, y.log, yRange]);
+    Object.assign(found, { px, py });
     if (found.key !== key) show(found.axes, ...grid({ title, x, y, xRange, yRange, px, py }));
     found.key = key;
     show(found.inside, ...lines.map((line) => ["path", { class: `lab-line lab-${line.kind}`, d: remembered(line, px, py) }]));
+    showFront(found);
+  }
+
+  const value = ({ log, start, each }, at) => (log ? Math.pow(10, (at - start) / each) : (at - start) / each);
+
+  /* Where a rising list passes a value. */
+  function passed(list, at) {
+    let low = 0, high = list.length;
+    while (low < high) { const middle = (low + high) >> 1; if (list[middle] < at) low = middle + 1; else high = middle; }
+    return low;
+  }
+
+  /* What lies before the lines: handles, the box of a zoom, and the values at a place. */
+  function showFront(found) {
+    const { px, py, at, box, picture: { lines, handles = [] } } = found, parts = [], words = [];
+    if (box) parts.push(["rect", { class: "lab-box", x: Math.min(box[0], box[2]), y: Math.min(box[1], box[3]), width: Math.abs(box[2] - box[0]), height: Math.abs(box[3] - box[1]) }]);
+    if (at != null) {
+      const straight = lines.every(({ by }) => !by), across = place(px, at);
+      if (straight && across >= LEFT && across <= WIDTH - RIGHT) parts.push(["path", { class: "lab-cursor", d: `M${word(across)} ${TOP}V${HEIGHT - BOTTOM}` }]);
+      for (const { x, y, by = x, kind, stairs } of lines) {
+        const k = passed(by, at);
+        if (kind === "mark" || !k || k >= by.length) continue;
+        const share = stairs ? 0 : (at - by[k - 1]) / (by[k] - by[k - 1]), h = x[k - 1] + share * (x[k] - x[k - 1]), v = y[k - 1] + share * (y[k] - y[k - 1]);
+        const [cx, cy] = [place(px, h), place(py, v)];
+        if (straight) words.push(["tspan", { class: `lab-word-${kind}`, dx: 8 }, named(Number(v.toPrecision(3)), false)]);
+        if (cx >= LEFT && cx <= WIDTH - RIGHT && cy >= TOP && cy <= HEIGHT - BOTTOM) parts.push(["circle", { class: `lab-point lab-${kind}`, cx: word(cx), cy: word(cy), r: 4 }]);
+      }
+      if (words.length) parts.push(["text", { class: "lab-values", x: WIDTH - RIGHT - 4, y: 16, "text-anchor": "end" }, ["tspan", {}, named(Number(at.toPrecision(3)), false) + ":"], ...words]);
+    }
+    handles.forEach((handle, k) => parts.push(["circle", { class: "lab-handle", "data-handle": k, cx: word(place(px, handle.x)), cy: word(place(py, handle.y)), r: 8 }, ["title", {}, handle.label]]));
+    show(found.front, ...parts);
+  }
+
+  /* Show in a plot the values at a place, or none. */
+  function point(host, at) {
+    const found = places.get(host);
+    if (!found || found.at === at) return;
+    found.at = at;
+    showFront(found);
+  }
+
+  /* Hear a pointer over a plot: a handle is dragged, a mouse draws a box to zoom, and what is passed over is followed. */
+  function hear(host, svg, found) {
+    let held = null;
+    const spot = (event) => { const { left, top, width } = svg.getBoundingClientRect(); return [((event.clientX - left) * WIDTH) / width, ((event.clientY - top) * WIDTH) / width]; };
+    svg.addEventListener("pointerdown", (event) => {
+      const handle = event.target.dataset?.handle;
+      if (handle === undefined && event.pointerType !== "mouse") return;
+      held = { handle, from: spot(event) };
+      svg.setPointerCapture(event.pointerId);
+      event.preventDefault();
+    });
+    svg.addEventListener("pointermove", (event) => {
+      const [x, y] = spot(event), { px, py, picture: { lines, handles, follow } } = found;
+      if (held?.handle !== undefined) return handles[held.handle]?.drag(value(px, x), value(py, y));
+      if (held) { found.box = [...held.from, x, y]; return showFront(found); }
+      const curve = lines.find(({ by }) => by);
+      if (!curve) return follow?.(x >= LEFT ? value(px, x) : null);
+      let near = 0, least = Infinity;
+      for (let k = 0; k < curve.x.length; k++) { const far = Math.hypot(place(px, curve.x[k]) - x, place(py, curve.y[k]) - y); if (far < least) [least, near] = [far, k]; }
+      follow?.(curve.by[near]);
+    });
+    svg.addEventListener("pointerup", () => {
+      const { box, px, py } = found, sorted = (a, b) => (a < b ? [a, b] : [b, a]);
+      if (box && Math.abs(box[2] - box[0]) > 12 && Math.abs(box[3] - box[1]) > 12) found.zoom = { x: sorted(value(px, box[0]), value(px, box[2])), y: sorted(value(py, box[1]), value(py, box[3])) };
+      held = found.box = null;
+      draw(host, found.picture);
+    });
+    svg.addEventListener("pointerleave", () => { if (!held) found.picture.follow?.(null); });
+    svg.addEventListener("dblclick", () => { found.zoom = null; draw(host, found.picture); });
   }
 
   /* An empty plot: a group for its axes and one for its lines. */
@@ -194,10 +269,11 @@
     const clip = `pidalab-clip-${++count}`, box = { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
     const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
     alter(svg, ["svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title, class: "lab-plot" },
-      ["defs", {}, ["clipPath", { id: clip }, ["rect", box]]], ["g", {}], ["g", { "clip-path": `url(#${clip})` }]]);
+      ["defs", {}, ["clipPath", { id: clip }, ["rect", box]]], ["g", {}], ["g", { "clip-path": `url(#${clip})` }], ["g", {}]]);
     host.replaceChildren(svg);
-    const [, axes, inside] = svg.children;
-    return { axes, inside };
+    const [, axes, inside, front] = svg.children, found = { axes, inside, front };
+    hear(host, svg, found);
+    return found;
   }
 
   /* Title, grid and words of a plot. The lines of the grid are one path, its words follow in their order. */
@@ -215,5 +291,5 @@
     ];
   }
 
-  globalThis.pidalabPlot = Object.assign(draw, { show });
+  globalThis.pidalabPlot = Object.assign(draw, { show, point });
 })();

@@ -1,0 +1,398 @@
+/* The least IAE after a step of the load, for any plant, order, largest Ms and noise limit: found in the page.
+
+   find(process, kind, {ms, noise}) -> {design, iae, ms, mks, ends, agree}; the largest |C S| is at most noise over the gain of
+   the plant. `ends` are the IAE of all descents by the least, `agree` how many ended there. Unknown are the logarithms of
+   the gains and of the filter time, in units of the plant. The error comes from its Laplace transform right of the axis by a
+   fast Fourier transform, dead time exact, and its slope by one more; the limits are those of the peaks of |S| and |C S|. A
+   sequential quadratic programme goes down from several starts, and a last step makes the limits hold at all frequencies. */
+(globalThis.pidalabScripts ??= []).push(function () {
+  "use strict";
+  const { margins, simulate, roots } = globalThis.pidalabEngine;
+  const { ORDER, controller, transform, solve, uniform, iae: areaOf, PLANTS } = globalThis.pidalabModel;
+
+  const SAMPLES = 2048, DAMPING = 3, HORIZON = 80; // of a response, in units of the plant
+  const LOW = -16, HIGH = 14, FASTEST = -7, SLOWEST = 3; // logarithms of gains and of the filter time
+  const PRICE = 10, LONGEST = 1; // of a missed limit, in logarithms; a step
+
+  const gainOf = ({ num, den }) => num[num.length - 1] / den[den.findLastIndex((c) => c !== 0)];
+
+  /* Points of the complex plane with the plant there, and |C|, |S| and slopes in them. */
+  function places(process, re, im) {
+    const count = re.length, pr = new Float64Array(count), pi = new Float64Array(count);
+    const at = (values, x, y) => values.reduce(([a, b], c) => [a * x - b * y + c, b * x + a * y], [0, 0]);
+    for (let k = 0; k < count; k++) {
+      const [a, b] = at(process.num, re[k], im[k]), [c, d] = at(process.den, re[k], im[k]), size = c * c + d * d;
+      const fading = Math.exp(-re[k] * process.delay), cos = fading * Math.cos(im[k] * process.delay), sin = -fading * Math.sin(im[k] * process.delay);
+      const x = (a * c + b * d) / size, y = (b * c - a * d) / size;
+      pr[k] = x * cos - y * sin;
+      pi[k] = x * sin + y * cos;
+    }
+    return { count, re, im, pr, pi, cr: new Float64Array(count), ci: new Float64Array(count), sr: new Float64Array(count), si: new Float64Array(count) };
+  }
+
+  /* C and S at all places, for gains [ki, kp, kd, ka] and a filter. */
+  function close(here, [ki, kp, kd = 0, ka = 0], time, order) {
+    const { count, re, im, pr, pi, cr, ci, sr, si } = here;
+    for (let k = 0; k < count; k++) {
+      const x = re[k], y = im[k], fx = 1 + time * x, fy = time * y;
+      let a = x, b = y, t; // s (1 + T s)^order
+      for (let n = 0; n < order; n++) { t = a * fx - b * fy; b = a * fy + b * fx; a = t; }
+      let c = ka * x + kd, d = ka * y;
+      t = c * x - d * y + kp; d = c * y + d * x; c = t;
+      t = c * x - d * y + ki; d = c * y + d * x; c = t;
+      const size = a * a + b * b, u = (c * a + d * b) / size, v = (d * a - c * b) / size;
+      const lr = 1 + pr[k] * u - pi[k] * v, li = pr[k] * v + pi[k] * u, far = lr * lr + li * li;
+      cr[k] = u;
+      ci[k] = v;
+      sr[k] = lr / far;
+      si[k] = -li / far;
+    }
+  }
+
+  /* Sum of re and im times the slopes of C by all unknowns, which are logarithms. */
+  function slopes({ re, im, cr, ci }, gains, time, order, k, wr, wi, sum) {
+    const x = re[k], y = im[k], fx = 1 + time * x, fy = time * y, size = fx * fx + fy * fy, tr = fx / size, ti = -fy / size;
+    let a = 1, b = 0, t; // of the filter over s
+    for (let n = 0; n < order; n++) { t = a * tr - b * ti; b = a * ti + b * tr; a = t; }
+    const far = x * x + y * y;
+    t = (a * x + b * y) / far; b = (b * x - a * y) / far; a = t;
+    for (let j = 0; j < gains.length; j++) {
+      sum[j] += gains[j] * (wr * a - wi * b);
+      t = a * x - b * y; b = a * y + b * x; a = t;
+    }
+    const lag = tr - 1;
+    sum[gains.length] += order * (wr * (lag * cr[k] - ti * ci[k]) - wi * (lag * ci[k] + ti * cr[k]));
+  }
+
+  /* The time in which a loop around the plant has numbers near 1: where its phase has fallen to -135 degrees, or where it may
+     act at all under the noise limit. */
+  function unitOf(process, mks) {
+    const poles = roots(process.den), speeds = [...poles, ...roots(process.num)].map(([a, b]) => Math.hypot(a, b)).filter(Boolean);
+    if (process.delay) speeds.push(1 / process.delay);
+    if (!speeds.length) return Math.pow(gainOf(process) * 0.1 * mks, -1 / poles.length);
+    const low = Math.min(...speeds), high = Math.max(...speeds), growing = Math.max(0, ...poles.map(([a]) => a));
+    if (growing > 0) return 1 / Math.sqrt(growing * high);
+    const w = Array.from({ length: 1500 }, (_, k) => 1e-3 * low * Math.pow((1e6 * high) / low, k / 1499));
+    const { pr, pi } = places(process, w.map(() => 0), w), rest = -0.5 * Math.PI * poles.filter(([a, b]) => !a && !b).length;
+    let phase = rest, fastest = high, loudest = 0, last = Math.atan2(pi[0], pr[0]);
+    for (let k = 1; k < w.length; k++) {
+      const next = Math.atan2(pi[k], pr[k]), turn = next - last;
+      phase += turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI));
+      last = next;
+      if (phase < Math.min(-0.75 * Math.PI, rest - 0.25 * Math.PI)) { fastest = w[k]; break; }
+    }
+    for (let k = 0; k < w.length; k++) if (1 / Math.hypot(pr[k], pi[k]) <= mks) loudest = w[k];
+    return 1 / (loudest && fastest > 8 * loudest ? loudest : fastest);
+  }
+
+  const span = (from, to, count) => Array.from({ length: count }, (_, k) => from * Math.pow(to / from, k / (count - 1)));
+
+  /* One plant and order: what a design costs, and its limits. */
+  function problem(process, order, unit) {
+    const n = order + 1, size = order + 3, scale = 1 / placesOf([1 / unit]), units = Array.from({ length: order + 2 }, (_, k) => scale * Math.pow(unit, k - 1));
+    function placesOf(w) { const { pr, pi } = places(process, w.map(() => 0), w); return Math.hypot(pr[0], pi[0]); }
+    const horizon = HORIZON * unit, sigma = DAMPING / horizon, half = SAMPLES / 2 + 1;
+    const line = places(process, new Float64Array(half).fill(sigma), Float64Array.from({ length: half }, (_, k) => (2 * Math.PI * k) / horizon));
+    const growth = Float64Array.from({ length: SAMPLES }, (_, k) => (Math.exp((DAMPING * k) / SAMPLES) * SAMPLES) / horizon), step = horizon / SAMPLES;
+    const turns = process.delay ? Array.from({ length: 300 }, (_, k) => (0.3 * (k + 1)) / process.delay).filter((w) => w < 1e3 / unit) : [];
+    const slowest = Math.min(1, ...roots(process.den).map(([a, b]) => Math.hypot(a, b) * unit).filter(Boolean));
+    const grid = Float64Array.from([...span(Math.min(1e-3, 0.01 * slowest) / unit, 0.03 / unit, 40), ...span(0.031 / unit, 12 / unit, 260), ...span(12.5 / unit, 1e3 / unit, 130), ...turns]).sort();
+    const axis = places(process, new Float64Array(grid.length), grid);
+    // s den / (s + 1/unit)^(n+1) along the axis: 1 + L times this turns as the loop is stable or not
+    const own = Array.from(grid, (w) => {
+      let a = 0, b = 0, t;
+      for (const c of process.den) { t = a * 0 - b * w + c; b = a * w; a = t; }
+      return Math.atan2(b, a) + Math.PI / 2 - process.den.length * Math.atan(w * unit);
+    });
+    const read = (x) => ({ gains: units.map((one, k) => one * Math.exp(x[k])), time: unit * Math.exp(x[order + 2]) });
+    const peaks = (sizes) => {
+      const found = [];
+      for (let k = 0; k < sizes.length; k++) if (!(sizes[k] < sizes[k - 1]) && !(sizes[k] <= sizes[k + 1])) found.push(k);
+      return found;
+    };
+    /* The top of the parabola through a peak and its neighbours. */
+    const topOf = (sizes, k) => {
+      if (!k || k === sizes.length - 1) return sizes[k];
+      const a = grid[k - 1] - grid[k], b = grid[k + 1] - grid[k], u = (sizes[k - 1] - sizes[k]) / a, v = (sizes[k + 1] - sizes[k]) / b;
+      const bend = (v - u) / (b - a), slope = u - bend * a;
+      return bend < 0 ? sizes[k] - (slope * slope) / (4 * bend) : sizes[k];
+    };
+    const sensitivity = new Float64Array(grid.length), noise = new Float64Array(grid.length);
+
+    /* Limits that are near, and whether the loop is stable at all. */
+    function limits(x, ms, mks, near = 0.3) {
+      const { gains, time } = read(x), { cr, ci, sr, si } = axis;
+      close(axis, gains, time, n);
+      let turned = 0, last = 0;
+      for (let k = 0; k < grid.length; k++) {
+        const angle = own[k] - Math.atan2(si[k], sr[k]), turn = angle - last;
+        turned += turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI));
+        last = angle;
+        const s = Math.log(sr[k] * sr[k] + si[k] * si[k]) / 2;
+        sensitivity[k] = s - Math.log(ms);
+        noise[k] = s + Math.log(cr[k] * cr[k] + ci[k] * ci[k]) / 2 - Math.log(mks);
+      }
+      const slopeOf = (k, loud) => {
+        // log |S| falls with Re(P S dC), log |C S| grows with Re(dC/C - P S dC)
+        const pr = axis.pr[k] * sr[k] - axis.pi[k] * si[k], pi = axis.pr[k] * si[k] + axis.pi[k] * sr[k], far = cr[k] * cr[k] + ci[k] * ci[k];
+        const sum = new Float64Array(size);
+        slopes(axis, gains, time, n, k, (loud ? cr[k] / far : 0) - pr, (loud ? -ci[k] / far : 0) - pi, sum);
+        return sum;
+      };
+      const near_ = [], most = [-Infinity, -Infinity];
+      [sensitivity, noise].forEach((sizes, which) => {
+        for (const k of peaks(sizes)) {
+          const value = topOf(sizes, k);
+          most[which] = Math.max(most[which], value);
+          if (value > -near) near_.push({ which, k, value, slope: () => slopeOf(k, which) });
+        }
+      });
+      return { stable: Math.abs(turned) < 0.5 * Math.PI, near: near_, missed: Math.max(0, most[0]) + Math.max(0, most[1]) };
+    }
+
+    const re = new Float64Array(SAMPLES), im = new Float64Array(SAMPLES), er = new Float64Array(half), ei = new Float64Array(half);
+    /* Logarithm of the IAE, what comes after the horizon as IE, and its slope. */
+    function worth(x) {
+      const { gains, time } = read(x), { pr, pi, sr, si } = line;
+      close(line, gains, time, n);
+      re.fill(0);
+      im.fill(0);
+      for (let k = 0; k < half; k++) {
+        const a = pr[k] * sr[k] - pi[k] * si[k], b = pr[k] * si[k] + pi[k] * sr[k], x0 = line.re[k], y0 = line.im[k], far = x0 * x0 + y0 * y0;
+        er[k] = (a * x0 + b * y0) / far;
+        ei[k] = (b * x0 - a * y0) / far;
+        const share = k && k < half - 1 ? 2 / SAMPLES : 1 / SAMPLES;
+        re[k] = share * er[k];
+        im[k] = -share * ei[k];
+      }
+      transform(re, im); // of the conjugate: its real part is the error
+      let area = 0, sum = 0;
+      for (let k = 0; k < SAMPLES; k++) {
+        const share = (k ? 1 : 0.5) * step, error = re[k] * growth[k];
+        area += share * Math.abs(error);
+        sum += share * error;
+        re[k] = error;
+      }
+      const rest = 1 / gains[0] - sum, value = area + Math.abs(rest);
+      return { value: Math.log(value), slope: () => slopeOfLast(gains, time, value, Math.sign(rest)) };
+    }
+
+    /* Of the last response. */
+    function slopeOfLast(gains, time, value, sign) {
+      const slope = new Float64Array(size);
+      for (let k = 0; k < SAMPLES; k++) { re[k] = (Math.sign(re[k]) - sign) * (k ? 1 : 0.5) * step * growth[k]; im[k] = 0; }
+      transform(re, im);
+      for (let k = 0; k < half; k++) {
+        // conj(weight) times -P S e, P S = s e
+        const share = k && k < half - 1 ? 2 / SAMPLES : 1 / SAMPLES, a = er[k] * er[k] - ei[k] * ei[k], b = 2 * er[k] * ei[k];
+        const u = -(a * line.re[k] - b * line.im[k]), v = -(a * line.im[k] + b * line.re[k]), p = share * re[k], q = -share * im[k];
+        slopes(line, gains, time, n, k, u * p - v * q, u * q + v * p, slope);
+      }
+      slope[0] -= sign / gains[0];
+      return slope.map((each) => each / value);
+    }
+    return { size, units, unit, order, read, limits, worth };
+  }
+
+  const dot = (a, b) => { let sum = 0; for (let k = 0; k < a.length; k++) sum += a[k] * b[k]; return sum; };
+
+  /* Step d that makes g d + d B d / 2 least where c + a d <= 0, at a price for what is missed, by ascent along the
+     multipliers one after the other; no unknown moves by more than `reach`, nor out of its range. */
+  function stepOf(B, g, rows, lows, highs) {
+    const n = g.length, inverse = Array.from({ length: n }, (_, j) => solve(B, Array.from({ length: n }, (_, k) => (k === j ? 1 : 0))));
+    const times = (a) => inverse.map((row) => dot(row, a));
+    const all = [...rows.map(({ value, slope }) => ({ c: value, a: slope, most: PRICE })), ...Array.from({ length: 2 * n }, (_, k) => {
+      const a = new Float64Array(n);
+      a[k >> 1] = k % 2 ? -1 : 1;
+      return { c: k % 2 ? lows[k >> 1] : -highs[k >> 1], a, most: Infinity };
+    })].map((row) => ({ ...row, ha: times(row.a), l: 0 }));
+    const d = times(g).map((x) => -x);
+    for (let sweep = 0; sweep < 400; sweep++) {
+      let moved = 0;
+      for (const row of all) {
+        const before = row.l;
+        row.l = Math.min(Math.max(before + (row.c + dot(row.a, d)) / dot(row.a, row.ha), 0), row.most);
+        const by = row.l - before;
+        if (by) for (let j = 0; j < n; j++) d[j] -= by * row.ha[j];
+        moved = Math.max(moved, Math.abs(by));
+      }
+      if (moved < 1e-9) break;
+    }
+    const pull = rows.map((_, k) => all[k].l);
+    return { d, pull };
+  }
+
+  /* Sequential quadratic programming from a start, until it hardly moves. */
+  function descend(one, start, ms, mks, most = 60, fixed = null) {
+    const { size } = one, low = Array(size).fill(LOW), high = Array(size).fill(HIGH);
+    low[size - 1] = FASTEST;
+    high[size - 1] = SLOWEST;
+    if (fixed) for (const [k, value] of fixed) low[k] = high[k] = value;
+    let x = start.map((value, k) => Math.min(Math.max(value, low[k]), high[k])), limit = one.limits(x, ms, mks);
+    if (!limit.stable) return null;
+    const costs = (x) => { const { value, slope } = one.worth(x); return { value, slope: slope() }; };
+    let B = x.map((_, i) => x.map((_, j) => (i === j ? 1 : 0))), at = costs(x), reach = LONGEST, calm = 0;
+    const merit = (value, missed) => value + PRICE * missed;
+    for (let turn = 0; turn < most; turn++) {
+      const rows = limit.near.map(({ value, slope }) => ({ value, slope: slope() }));
+      const { d, pull } = stepOf(B, at.slope, rows, x.map((v, k) => Math.max(low[k] - v, -reach)), x.map((v, k) => Math.min(high[k] - v, reach)));
+      const before = merit(at.value, limit.missed);
+      let share = 1, next, ahead, then = null;
+      for (let halving = 0; halving < 9; halving++, share /= 2.5) {
+        next = x.map((v, k) => v + share * d[k]);
+        ahead = one.limits(next, ms, mks);
+        if (!ahead.stable) continue;
+        const cost = one.worth(next);
+        if (merit(cost.value, ahead.missed) < before) { then = { value: cost.value, slope: cost.slope() }; break; }
+      }
+      if (!then) { if (calm++) break; reach /= 10; B = x.map((_, i) => x.map((_, j) => (i === j ? 1 : 0))); continue; }
+      const gain = before - merit(then.value, ahead.missed);
+      // the curvature of what the multipliers make of cost and limits, damped
+      const s = next.map((v, k) => v - x[k]), slopesThen = limit.near.length ? closest(limit.near, ahead.near) : [];
+      const y = s.map((_, k) => then.slope[k] - at.slope[k]);
+      slopesThen.forEach((other, i) => { if (other && pull[i]) { const ours = rows[i].slope, theirs = other.slope(); for (let k = 0; k < size; k++) y[k] += pull[i] * (theirs[k] - ours[k]); } });
+      const Bs = B.map((row) => dot(row, s)), sBs = dot(s, Bs), sy = dot(s, y), theta = sy < 0.2 * sBs ? (0.8 * sBs) / (sBs - sy) : 1;
+      const r = y.map((v, k) => theta * v + (1 - theta) * Bs[k]), sr = dot(s, r);
+      if (sr > 1e-14) B = B.map((row, i) => row.map((v, j) => v + (r[i] * r[j]) / sr - (Bs[i] * Bs[j]) / sBs));
+      reach = share === 1 ? Math.min(LONGEST, 2 * reach) : Math.max(share * reach, 1e-3);
+      [x, at, limit] = [next, then, ahead];
+      calm = gain < 1e-6 ? calm + 1 : 0;
+      if (calm > 2) break;
+    }
+    return { x, value: at.value, missed: limit.missed };
+  }
+
+  /* For each limit that was near, the nearest along the axis after a step. */
+  const closest = (before, after) => before.map(({ which, k }) => {
+    let found = null;
+    for (const other of after) if (other.which === which && !(Math.abs(other.k - k) >= Math.abs((found?.k ?? Infinity) - k))) found = other;
+    return found && Math.abs(found.k - k) < 15 ? found : null;
+  });
+
+  /* Controllers to start from: PI and PID behind filters of several speeds, those with all zeros in one place below a chosen
+     crossover, which plants need that only a derivative stabilises, and the optima in store for other plants. */
+  function candidates(one, process) {
+    const found = [], { order, unit } = one, least = Math.exp(-12);
+    const add = (actions, time) => found.push([...one.units.map((_, k) => Math.log(Math.max(actions[k] ?? 0, least))), Math.min(Math.max(time, FASTEST), SLOWEST)]);
+    for (const gain of [2, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003]) for (const share of [0.5, 0.1, 0.02, 0.004])
+      for (const derivative of order ? [0, 1, 5] : [0]) for (const time of [-4, -2, 0]) add([gain * share, gain, gain * derivative], time);
+    for (const w of span(0.02, 5, 9)) for (const below of [3, 8, 25]) for (let zeros = 1; zeros <= order + 1; zeros++) {
+      const zero = w / below, action = [[zero, 1], [zero * zero, 2 * zero, 1], [zero ** 3, 3 * zero * zero, 3 * zero, 1]][zeros - 1];
+      const { pr, pi } = places(process, [0], [w / unit]), size = Math.hypot(pr[0], pi[0]) * Math.pow(Math.hypot(w, zero), zeros) * one.units[0] * unit / w;
+      for (const above of [5, 30, 200]) add(action.map((x) => x / size), -Math.log(w * above));
+    }
+    for (const [key, kinds] of Object.entries(globalThis.pidalabOptima?.designs ?? {})) {
+      const other = PLANTS[key], stored = Object.values(kinds)[order], { ms } = globalThis.pidalabOptima;
+      if (!other || !ms) continue;
+      const theirs = unitOf(other, globalThis.pidalabOptima.noise / gainOf(other)), { pr, pi } = places(other, [0], [1 / theirs]);
+      const { gains } = controller({ ...stored, kind: KINDS[order] });
+      add(gains.map((gain, k) => gain * Math.hypot(pr[0], pi[0]) * Math.pow(theirs, 1 - k)), Math.log(stored.filterTime / theirs));
+    }
+    return found;
+  }
+
+  const KINDS = Object.keys(ORDER), STARTS = 6, APART = 0.8, SAME = 0.005;
+
+  /* The best candidates that differ: stable, near the limits, quick. */
+  function startsOf(one, process, ms, mks) {
+    const ranked = candidates(one, process).map((x) => ({ x, ...one.limits(x, ms, mks, 0) })).filter(({ stable }) => stable)
+      .map(({ x, missed }) => ({ x, cost: 3 * missed - x[0] })).sort((a, b) => a.cost - b.cost).slice(0, 60)
+      .map(({ x, cost }) => ({ x, cost: one.worth(x).value + (cost + x[0]) })).sort((a, b) => a.cost - b.cost);
+    const chosen = [];
+    for (const { x } of ranked) if (chosen.length < STARTS && chosen.every((other) => other.some((v, k) => Math.abs(v - x[k]) > APART))) chosen.push(x);
+    return chosen;
+  }
+
+  /* Of a positive plant: the descents from all starts, the best first. */
+  function searched(process, order, unit, ms, mks, below) {
+    const one = problem(process, order, unit), ends = [];
+    const go = (start) => {
+      const end = descend(one, start, ms, mks, 40);
+      if (end && end.missed < 1e-3) ends.push(end);
+      return end;
+    };
+    for (const start of startsOf(one, process, ms, mks)) go(start);
+    const lower = below?.best; // with hardly any of the highest derivative, and with some
+    if (lower) for (const share of [-6, -1.5]) go([...lower.x.slice(0, -1), lower.x[order] + share, lower.x[order + 1]]);
+    ends.sort((a, b) => a.value - b.value);
+    if (ends.length) for (const by of [-1.5, 1.5]) { // a valley beside the best
+      const { x } = ends[0];
+      go(x.map((v, k) => (k === x.length - 1 ? Math.min(Math.max(v + by, FASTEST), SLOWEST) : v - (by > 0 ? 0.3 : 0))));
+    }
+    const further = () => {
+      ends.sort((a, b) => a.value - b.value);
+      for (const k of [0, 1, 2]) for (let again = 0; ends[k] && again < 5; again++) { // with the curvature learnt anew
+        const end = descend(one, ends[k].x, ms, mks);
+        if (!end || end.missed > 1e-3 || !(end.value < ends[k].value - 1e-4)) break;
+        ends[k] = end;
+      }
+      ends.sort((a, b) => a.value - b.value);
+    };
+    further();
+    // as long as a single start found the best, others from around it
+    const lone = () => ends.length && !(ends[1]?.value < ends[0].value + Math.log(1 + SAME));
+    for (let round = 0; round < 3 && lone(); round++) {
+      const { x } = ends[0], shaken = uniform(1, 3 * (round + 1) * x.length);
+      for (let k = 3 * round; k < 3 * round + 3; k++) go(x.map((v, j) => v + shaken[k * x.length + j]));
+      further();
+    }
+    return { one, ends, best: ends[0] };
+  }
+
+  /* Until the limits hold between the points that were looked at, too: a little less is allowed each time, and at last the
+     integral gain goes down, or all of them. */
+  function finished(process, one, start, ms, mks) {
+    const designOf = (x) => {
+      const { gains: [ki, kp, kd = 0, ka = 0], time } = one.read(x);
+      return { kind: KINDS[one.order], kp, ti: kp / ki, td: kd / kp, ta: ka / kp, filterTime: time, filterOrder: one.order + 1 };
+    };
+    const judged = (x) => { const design = designOf(x), found = margins({ process, controller: controller(design) }); return { x, design, ...found, keeps: found.stable && found.ms <= ms && found.mks <= mks }; };
+    let aimed = [ms, mks], x = start.x, last;
+    for (let round = 0; round < 6; round++) {
+      last = judged(x);
+      if (last.keeps) return last;
+      // what a limit is missed by is taken off it, and a little more each time
+      if (last.stable) aimed = [[ms, last.ms], [mks, last.mks]].map(([most, is], k) => aimed[k] * Math.min(1, Math.pow(((1 - 1e-6) * most) / is, 1 + round)));
+      x = descend(one, x, ...aimed)?.x ?? x;
+    }
+    for (let share = 1e-5; share < 3; share *= 2) for (const count of [1, x.length - 1]) {
+      last = judged(x.map((v, k) => (k < count ? v - share : v)));
+      if (last.keeps) return last;
+    }
+    return null;
+  }
+
+  /* IAE after a unit step of the load until it has settled: what is left counts as IE. */
+  function settled(process, design, unit) {
+    const own = controller(design), end = 100 * unit, { t, y } = simulate({ process, controller: own, end, points: 4001, load: 1 });
+    let sum = 0;
+    for (let k = 1; k < t.length; k++) sum += 0.5 * (y[k] + y[k - 1]) * (t[k] - t[k - 1]);
+    return areaOf(t, y, 0) + Math.abs(1 / own.gains[0] - sum);
+  }
+
+  function find(process, kind, { ms, noise }) {
+    const { num, den, delay } = process, order = ORDER[kind], mks = noise / Math.abs(gainOf(process));
+    const sign = Math.sign(num[num.length - 1]) * Math.sign(den[0]); // integral action is stable with no other
+    if (!sign) throw new RangeError("the plant has no gain");
+    if (!(ms > 1)) throw new RangeError(`Ms must be above 1, found ${ms}`);
+    if (den[den.length - 1] !== 0 && noise <= 1) throw new RangeError(`the noise limit must be above 1, which integral action takes, found ${noise}`);
+    const upright = { num: num.map((c) => sign * c), den, delay };
+    for (const factor of [1, 8, 64]) {
+      const unit = factor * unitOf(upright, mks);
+      let found;
+      for (let lower = 0; lower <= order; lower++) found = searched(upright, lower, unit, ms, mks, found);
+      for (const end of found.ends.slice(0, 3)) {
+        const best = finished(upright, found.one, end, ms, mks);
+        if (!best) continue;
+        const iae = settled(upright, best.design, unit);
+        if (iae > 1.02 * Math.exp(end.value) && factor < 64) break; // the response is longer than what was looked at
+        const ends = found.ends.map(({ value }) => Math.exp(value - found.best.value));
+        return { design: { ...best.design, kp: sign * best.design.kp }, iae, ms: best.ms, mks: best.mks, ends, agree: ends.filter((x) => x < 1 + SAME).length };
+      }
+    }
+    throw new RangeError(`no ${kind} controller was found that keeps Ms ${ms} and this noise limit: allow more`);
+  }
+
+  globalThis.pidalabOptimum = { find, problem, descend, unitOf, gainOf };
+});
+globalThis.pidalabScripts.at(-1)();

@@ -1,0 +1,121 @@
+/* A plant record of a text file: read as the library's reader reads it, and a model fitted to it by least squares. */
+(globalThis.pidalabScripts ??= []).push(function () {
+  "use strict";
+  const { drift } = globalThis.pidalabEngine;
+  const { ownPlant } = globalThis.pidalabModel;
+
+  const MISSING = /^(|nan|na|n\/a|null|none|-|bad|bad input|no data|#n\/a|\?)$/i;
+
+  /* Seconds of a clock or a date. */
+  function stamp(text) {
+    const clock = /^(\d+):(\d\d):(\d\d(?:\.\d+)?)$/.exec(text), day = /^(\d\d?)\.(\d\d?)\.(\d{4})[ T](.*)$/.exec(text);
+    if (clock) return 3600 * clock[1] + 60 * clock[2] + Number(clock[3]);
+    return Date.parse(day ? `${day[3]}-${day[2].padStart(2, "0")}-${day[1].padStart(2, "0")}T${day[4]}Z` : text.replace(" ", "T")) / 1000;
+  }
+
+  /* Times, inputs and outputs: the first three columns, or two of time and output after a unit step at the first time.
+     Rows with a missing value are left out, times sorted, equal ones averaged. */
+  function readRecord(text) {
+    const lines = text.split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
+    const count = (mark) => lines.filter((line) => line.includes(mark)).length;
+    const mark = [";", "\t", "|", ","].find((each) => count(each) > lines.length / 2) ?? ",";
+    const number = (entry, first) => {
+      const plain = entry.replace(/"/g, "").trim(), value = MISSING.test(plain) ? NaN : Number(mark === "," ? plain : plain.replace(",", "."));
+      return Number.isNaN(value) && first && /\d[:.-]\d/.test(plain) ? stamp(plain) : value;
+    };
+    const cells = lines.map((line) => line.split(mark)), wide = cells.filter((row) => row.length > 2).length > cells.length / 2 ? 3 : 2;
+    const read = cells.map((row) => row.slice(0, wide).map((entry, k) => number(entry, !k))), usable = read.filter((row) => row.length === wide && row.every(Number.isFinite));
+    if (usable.length < 10) throw new RangeError(`the file needs ten rows of numbers or more (time, output; or time, input, output), found ${usable.length}`);
+    usable.sort((a, b) => a[0] - b[0]);
+    const t = [], u = [], y = [];
+    for (let k = 0, next; k < usable.length; k = next) {
+      for (next = k; next < usable.length && usable[next][0] === usable[k][0];) next++;
+      const same = usable.slice(k, next);
+      t.push(usable[k][0] - usable[0][0]);
+      u.push(wide > 2 ? same[same.length - 1][1] : 1);
+      y.push(same.reduce((sum, row) => sum + row[wide - 1], 0) / same.length);
+    }
+    if (t.length < 10) throw new RangeError("the times do not rise");
+    for (const [name, signal] of [["input", wide > 2 ? u : [0, 1]], ["output", y]]) if (signal.every((x) => x === signal[0])) throw new RangeError(`the ${name} never changes`);
+    return { t, u, y, columns: wide, missing: lines.length - usable.length };
+  }
+
+  /* Output of a plant without dead time on an even grid, for an input that is held and comes `delay` later. */
+  function response({ num, den }, delay, u, h) {
+    const n = den.length - 1, A = Array.from({ length: n }, (_, i) => Float64Array.from({ length: n }, (_, j) => (i ? (j === i - 1 ? 1 : 0) : -den[j + 1] / den[0])));
+    const b = Float64Array.from({ length: n }, (_, i) => (i ? 0 : 1)), whole = Math.floor(delay / h), part = delay - whole * h, out = [...Array(n - num.length).fill(0), ...num].map((c) => c / den[0]);
+    const steps = [[part, whole + 1], [h - part, whole]].filter(([time]) => time > 1e-9 * h).map(([time, ago]) => [drift(A, b, time), ago]);
+    const y = new Float64Array(u.length), x = new Float64Array(n), next = new Float64Array(n);
+    for (let k = 0; k < u.length; k++) {
+      for (let i = 0; i < n; i++) y[k] += out[i] * x[i];
+      for (const [matrix, ago] of steps) {
+        const input = k < ago ? 0 : u[k - ago];
+        for (let i = 0, at = 0; i < n; i++) { next[i] = 0; for (let j = 0; j < n; j++) next[i] += matrix[at++] * x[j]; next[i] += matrix[at++] * input; }
+        x.set(next);
+      }
+    }
+    return y;
+  }
+
+  /* Least value by the simplex of Nelder and Mead. */
+  function simplex(f, start, size, turns = 250) {
+    let points = [start, ...start.map((_, j) => start.map((v, k) => v + (j === k ? size : 0)))].map((x) => ({ x, f: f(x) }));
+    for (let turn = 0; turn < turns; turn++) {
+      points.sort((a, b) => a.f - b.f);
+      const worst = points[points.length - 1], rest = points.slice(0, -1), middle = start.map((_, k) => rest.reduce((sum, p) => sum + p.x[k], 0) / rest.length);
+      if (worst.f - points[0].f < 1e-10 * Math.abs(points[0].f)) break;
+      const toward = (share) => { const x = middle.map((v, k) => v + share * (worst.x[k] - v)); return { x, f: f(x) }; };
+      let better = toward(-1);
+      if (better.f < points[0].f) { const far = toward(-2); if (far.f < better.f) better = far; } else if (better.f >= rest[rest.length - 1].f) better = toward(better.f < worst.f ? -0.5 : 0.5);
+      points = better.f < worst.f ? [...rest, better] : points.map((p) => { const x = p.x.map((v, k) => (v + points[0].x[k]) / 2); return { x, f: f(x) }; });
+    }
+    return points.sort((a, b) => a.f - b.f)[0];
+  }
+
+  const MOST = 800; // samples of a fit
+  /* Structures, from unknowns that are free: logarithms of times, and a share or a damping. */
+  const share = (x) => 1 / (1 + Math.exp(-x));
+  const STRUCTURES = [
+    { name: "lags and a dead time", from: [0, -1], own: ([t, s, r]) => ({ t1: Math.exp(t), t2: Math.exp(t) * share(s), t3: Math.exp(t) * share(s) * share(r), damping: 1, integrating: false }) },
+    { name: "an integrator, a lag and a dead time", from: [], own: ([t]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 1, integrating: true }) },
+    { name: "an oscillating pair and a dead time", from: [0], own: ([t, s]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 0.02 + 0.97 * share(s), integrating: false }) },
+  ];
+
+  /* The model of least squares: the simplest structure, unless another one leaves a tenth less. Gain and level at rest are
+     linear in it; dead time and times by a search from several starts. */
+  function fit({ t, u, y }) {
+    const span = t[t.length - 1], steps = t.slice(1).map((x, k) => x - t[k]).sort((a, b) => a - b), h = Math.max(steps[steps.length >> 1], span / MOST);
+    const grid = Array.from({ length: Math.floor(span / h + 1e-9) + 1 }, (_, k) => k * h), input = [], output = [];
+    for (let k = 0, i = 0; k < grid.length; k++) {
+      while (i + 1 < t.length && t[i + 1] <= grid[k] + 1e-6 * h) i++;
+      const next = Math.min(i + 1, t.length - 1), part = next > i ? (grid[k] - t[i]) / (t[next] - t[i]) : 0;
+      input.push(u[i]);
+      output.push(y[i] + part * (y[next] - y[i]));
+    }
+    const start = u.every((x) => x === u[0]) ? 0 : u[0], moved = input.map((x) => x - start);
+    const made = (structure, x) => ({ zero: 0, gain: 1, ...structure.own(x), delay: Math.exp(x[x.length - 1]) });
+    const judged = (own) => {
+      const z = response(ownPlant(own), own.delay, moved, h), n = z.length;
+      let sz = 0, sy = 0, szz = 0, szy = 0, rest = 0;
+      for (let k = 0; k < n; k++) { sz += z[k]; sy += output[k]; szz += z[k] * z[k]; szy += z[k] * output[k]; }
+      const gain = (n * szy - sz * sy) / (n * szz - sz * sz), level = (sy - gain * sz) / n;
+      const fitted = z.map((value) => level + gain * value);
+      for (let k = 0; k < n; k++) rest += (output[k] - fitted[k]) ** 2;
+      return { rest: Number.isFinite(rest) ? rest : Infinity, gain, fitted, own: { ...own, gain } };
+    };
+    let best = null;
+    for (const structure of STRUCTURES) {
+      const cost = (x) => (x.some((v) => Math.abs(v) > 30) || x[0] > Math.log(10 * span) || x[x.length - 1] > Math.log(0.7 * span) ? Infinity : judged(made(structure, x)).rest);
+      const starts = [0.02, 0.06, 0.2].flatMap((a) => [0.003, 0.03, 0.1].map((d) => [Math.log(a * span), ...structure.from, Math.log(d * span)]));
+      const ends = starts.map((x) => ({ x, f: cost(x) })).sort((a, b) => a.f - b.f).slice(0, 2).map(({ x }) => simplex(cost, simplex(cost, x, 0.5).x, 0.1));
+      const found = { ...judged(made(structure, (ends[0].f < ends[1].f ? ends[0] : ends[1]).x)), structure };
+      if (!best || found.rest < 0.9 * best.rest) best = found;
+    }
+    if (!Number.isFinite(best.rest)) throw new RangeError("no model fits this record");
+    const whole = output.reduce((sum, value) => sum + value, 0) / output.length, total = output.reduce((sum, value) => sum + (value - whole) ** 2, 0);
+    return { own: best.own, name: best.structure.name, t: grid, fitted: Array.from(best.fitted), sigma: Math.sqrt(best.rest / output.length), explained: 1 - best.rest / total, span: Math.max(...moved) - Math.min(...moved, 0), h };
+  }
+
+  globalThis.pidalabRecord = { readRecord, fit };
+});
+globalThis.pidalabScripts.at(-1)();
