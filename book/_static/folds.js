@@ -10,6 +10,15 @@ addEventListener("load", () => {
   }
 });
 
+/* An address that leads into a fold opens it: the row of a ledger, for one. */
+function reveal() {
+  const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  if (!target?.closest("details:not([open])")) return;
+  for (let fold = target.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+  target.scrollIntoView({ block: "center" });
+}
+for (const when of ["load", "hashchange"]) addEventListener(when, reveal);
+
 /* On paper nothing can be unfolded: notes and outputs are open while the page is printed, folded code is left out. */
 const folds = () => document.querySelectorAll("article details:not(.above-input)");
 addEventListener("beforeprint", () => {

@@ -144,12 +144,15 @@ def verdict(row: Row) -> Cell:
     return Cell(f"{word} ({basis})" if basis else word, chip(word) + below, "verdict text")
 
 
-def claim(row: Row, unfold: bool = True) -> Cell:
-    """Make a cell of what is claimed, and where; it unfolds to the note. A terminal also shows the id."""
+def claim(row: Row, unfold: bool = True, anchor: bool = False) -> Cell:
+    """Make a cell of what is claimed, and where; it unfolds to the note. A terminal shows the id, an anchor links to it."""
     text = row.printed if row.is_statement else row.quantity
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if row.note and unfold:
         html = f"<details><summary>{html}</summary><p>{markup(row.note)}</p></details>"
+    if anchor:
+        name = escape(row.id)
+        html += f' <a class="row-id" id="{name}" href="#{name}">{name}</a>'
     return Cell(f"{row.id}: {text} ({row.where})", html, "claim text")
 
 
@@ -164,11 +167,11 @@ def evidence(row: Row, span: int = 1) -> Cell:
     return Cell("; ".join([first, *rest]), f"{markup(first)}{below}", "evidence text", span)
 
 
-def claims(rows: Sequence[Row]) -> Display:
+def claims(rows: Sequence[Row], anchors: bool = False) -> Display:
     """Show rows of a ledger: a number in units of the last printed place off its print, a statement by its evidence."""
     statements = all(row.is_statement for row in rows)
     last = ["evidence"] if statements else ["printed", "computed", "difference"]
-    cells = [[verdict(row), claim(row), *_found(row, len(last))] for row in rows]
+    cells = [[verdict(row), claim(row, anchor=anchors), *_found(row, len(last))] for row in rows]
     return grid("claims", ["verdict", "claim", *last], cells, 1, [row.note for row in rows])
 
 

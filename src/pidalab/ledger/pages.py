@@ -129,7 +129,7 @@ def scoreboard(folder: Path | str | None = None) -> Display:
 
 
 def every_row(folder: Path | str | None = None) -> Display:
-    """Show every row of every ledger, folded by paper, with the way to the chapter and to its evidence.
+    """Show every row of every ledger, each with an anchor, folded by paper, and the way to chapter and evidence.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def every_row(folder: Path | str | None = None) -> Display:
             f"<p>{', '.join([paper, *ways])}</p>",
             scorebar(paper, counts).html,
             f"<details><summary>All {len(book.rows)} rows</summary>",
-            book.table().html,
+            display.claims([*book.rows.values()], anchors=True).html,
             "</details>",
         ]
         text.append(score_line(paper, counts))
