@@ -47,9 +47,15 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
     assert result.exit_code == 0, result.output
     for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
         assert said in result.stdout
-    worst = float(re.search(r"worst Ms within it, sampled: (\S+)", result.stdout)[1])
+    worst = float(re.search(r"worst Ms .*, sampled: (\S+)", result.stdout)[1])
     controller = from_json((tmp_path / "controller.json").read_text())
-    assert 1.6 < pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst < 2.0
+    assert pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst <= 2.0
+    assert "Ms, sampled: 1.6\n" in result.stdout or "Ms, sampled: 1.59" in result.stdout
+    assert "price of robustness: ×1" in result.stdout
+    doubts = re.findall(r"Doubt: (.*)", (tmp_path / "controller.c").read_text())
+    assert any(doubt.startswith("noise_gain = ") for doubt in doubts)
+    for file in ("controller.st", "controller.py", "controller.json"):
+        assert (tmp_path / file).read_text().count("Doubt: ") == len(doubts)
     program = tmp_path / "test"
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-DPIDA_SELFTEST"]
     subprocess.run(["gcc", *flags, "-o", program, tmp_path / "controller.c", "-lm"], check=True)
@@ -105,6 +111,14 @@ def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
     assert "Closed loops, simulated" in result.stdout
     assert np.loadtxt(tmp_path / "PI.csv", delimiter=",", skiprows=1).shape == (1201, 5)
     assert "<svg" in (tmp_path / "report.html").read_text()
+
+
+def test_an_unsafe_design_is_refused_and_nothing_is_written(record, tmp_path):
+    options = ("--kind", "PI", "--sample-time", 0.2, "--rule", "ziegler-nichols", "--spread", 0.4)
+    result = run("tune", record, *options, "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    assert "the model is too uncertain for this controller" in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

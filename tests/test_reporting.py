@@ -18,9 +18,9 @@ def both():
 def test_every_kind_keeps_the_limits_and_a_derivative_helps(both):
     assert [row.kind for row in both.rows] == ["PI", "PID"]
     for row in both.rows:
-        assert row.ms <= 1.5 * 1.001
+        assert 1.5 * 0.999 <= row.ms_sampled <= 1.5 * (1 + 1e-6) or row.ms_worst >= 2.0 * 0.999
         assert row.noise_gain <= 4.0 * 1.001
-        assert row.ms < row.ms_worst
+        assert row.ms_sampled < row.ms_worst <= 2.0 * (1 + 1e-6)
     errors = [row.iae for row in both.rows]
     assert errors == sorted(errors, reverse=True)
     assert f"IAE {errors[1] / errors[0]:.2f} times" in both.verdict
@@ -35,7 +35,7 @@ def test_rows_are_what_the_loops_do(both):
     assert row.overshoot == pytest.approx(pidalab.step_response(loop, t).overshoot(), abs=0.1)
     digital = pidalab.Loop(THIRD, row.design.controller.discretise(0.2))
     assert row.ms_sampled == pytest.approx(pidalab.margins(digital).ms)
-    worst = max(pidalab.margins(row.design.loop(plant)).ms for plant in both.plants)
+    worst = max(pidalab.margins(pidalab.Loop(plant, digital.controller)).ms for plant in both.plants)
     assert row.ms_worst == pytest.approx(worst)
 
 

@@ -9,6 +9,7 @@ import pidalab
 from pidalab import Record, fopdt, ipdt, lags, sopdt, tune
 from pidalab.identification import fit
 from pidalab.rules.registry import find
+from pidalab.tuning import corners
 
 THIRD = lags(3, delay=1.0)
 
@@ -47,9 +48,42 @@ def test_limits_that_nothing_keeps_are_refused():
 def test_spread_prices_what_the_model_does_not_know():
     design = tune(THIRD, "PI", spread=0.2)
     gains = [tune(THIRD, "PI", spread=share).ms_worst for share in (0.05, 0.1)]
-    assert 1.6 < gains[0] < gains[1] < design.ms_worst
+    assert 1.6 < gains[0] < gains[1] < design.ms_worst <= 2.0 * (1 + 1e-6)
     worst = pidalab.Loop(lags(3, 1.2, 1.2, delay=1.2), design.controller)
     assert pidalab.margins(worst).ms <= design.ms_worst * (1 + 1e-9)
+
+
+def test_a_design_that_is_not_safe_with_all_plants_is_made_safer_at_a_price():
+    bold, design = (tune(THIRD, "PID", spread=0.2, ms_worst=most) for most in (3.0, 2.0))
+    assert bold.price == 1.0
+    assert bold.ms == pytest.approx(1.6, rel=1e-6)
+    assert bold.ms_worst > 2.1
+    worst = max(pidalab.margins(design.loop(plant)).ms for plant in corners(THIRD, 0.2))
+    assert worst == pytest.approx(2.0, rel=1e-6)
+    assert design.ms_worst == pytest.approx(worst, rel=1e-6)
+    assert 1.01 < design.price == pytest.approx(design.iae / bold.iae, rel=1e-6)
+
+
+def test_plants_that_no_controller_serves_are_refused():
+    with pytest.raises(
+        ValueError, match=r"too uncertain for this controller: .* unstable .* a smaller spread"
+    ):
+        tune(pidalab.Process([1.0], [1.0, -1.0], 0.2), "PID", spread=0.5)
+
+
+@pytest.mark.parametrize(("kind", "sample_time"), [("PI", 0.5), ("PID", 0.2)])
+def test_the_sampled_loop_has_the_ms_that_is_asked_for(kind, sample_time):
+    design = tune(THIRD, kind, sample_time=sample_time)
+    loop = pidalab.Loop(THIRD, design.controller.discretise(sample_time, "backward"))
+    assert 1.6 * 0.999 <= pidalab.margins(loop).ms <= 1.6 * (1 + 1e-6)
+    assert design.ms_sampled == pytest.approx(pidalab.margins(loop).ms, rel=1e-9)
+
+
+def test_a_sample_time_slower_than_the_loop_and_a_filter_faster_than_it_are_doubted():
+    slow = tune(fopdt(1.0, 2.0, 0.1), "PI", rule="simc", sample_time=1.0)
+    assert any("the sample time of 1 is long for this loop" in doubt for doubt in slow.doubts)
+    quick = tune(THIRD, "PID", rule="simc", sample_time=0.5)
+    assert any("faster than the sample of 0.5" in doubt for doubt in quick.doubts)
 
 
 def test_a_fit_brings_its_uncertainty_and_its_noise():
@@ -64,6 +98,8 @@ def test_a_fit_brings_its_uncertainty_and_its_noise():
     )  # below it, since half of the record's sample was added to the dead time
     assert design.ms < design.ms_worst
     assert any("noise_gain" in doubt for doubt in design.doubts)
+    with pytest.raises(ValueError, match=r"too uncertain .*; a longer record, a larger step"):
+        tune(fitted, "PI", spread=0.9)
 
 
 BY_NAME = [

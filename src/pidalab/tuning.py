@@ -10,8 +10,10 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab._safety import Asked, Make, Runs, load_iae, safe, unsafe
 from pidalab.identification import Fit
 from pidalab.loop import Loop
+from pidalab.optimal._design import sign_of_gain
 from pidalab.process import Process, rational, require_gain
 from pidalab.record import Record
 from pidalab.roots import roots
@@ -25,6 +27,9 @@ QUIET = 0.01  # share of the input's step in a record that noise may make of u, 
 AT_REST = 10.0  # longest times of the process that pass until it is at rest: slower sampling sees nothing but its gain
 UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
+DEAR = 1.5  # price of robustness in IAE that is doubted
+SLOW = 0.5  # turn of the crossover in a sample, in rad, from which on a loop is too fast for its sampling
+KNOWS_MS = "haalman"  # the one rule that does
 
 
 def tune(
@@ -36,6 +41,7 @@ def tune(
     rule: str = "optimal",
     spread: float | None = None,
     output_filter: Any = None,
+    ms_worst: float = 2.0,
 ) -> Design:
     r"""Tune a PI, PID or PIDA controller.
 
@@ -46,15 +52,16 @@ def tune(
     kind : {"PIDA", "PID", "PI"}, optional
         Which controller.
     ms : float, optional
-        Largest maximum sensitivity, above 1: 1.4 is cautious, 2 fast. Rules that do not know Ms ignore it; the value
-        reached is in the result.
+        Largest maximum sensitivity, above 1: 1.4 is cautious, 2 fast. With a sample time, that of the sampled loop.
+        Rules that do not know Ms (all but "optimal" and "haalman") ignore it; the value reached is in the result.
     noise_gain : float, optional
         Largest standard deviation of u per unit of that of white measurement noise, sampled with `sample_time`.
         Without it, a Fit whose record is noisy allows the noise to move u by 1 % of the record's step, and a Process
         allows a gain of 10 from noise to u, over all frequencies, per unit of what it asks of u for a unit of y.
     sample_time : float, optional
-        Sample time of the controller that will run the design, above 0: half of it is added to the dead time in the
-        design, as holding does in the loop.
+        Sample time of the controller that will run the design, by backward differences, above 0. Half of it is added to
+        the dead time in the design, as holding does in the loop, and what is asked of the design is corrected until the
+        sampled loop has the Ms that is wanted, to 0.1 %.
     rule : str, optional
         "optimal", the least IAE for loads; or a name of the registry, `pidalab.rules.registry`, such as "haalman" or
         "simc".
@@ -64,29 +71,33 @@ def tune(
         that is no bound: of a hundred random plants of three lags four were worse, by about 1 % of Ms.
     output_filter : control.TransferFunction, optional
         A filter of your own (or the lag of a sensor) in series with the controller: the design knows it.
+    ms_worst : float, optional
+        Largest maximum sensitivity with any plant of the spread, above 1.
 
     Returns
     -------
     Design
         Its `info`: ``iae``, that of a load step in units of y times time; ``ms``; ``mks``, the largest gain from noise
-        to u; ``ms_worst`` and ``iae_worst`` over the spread, if there is one (infinite where a plant of the spread is
-        unstable); ``doubts``, what a user should know.
+        to u; with a sample time ``ms_sampled``; over the spread, if there is one, ``ms_worst`` (of the sampled loop,
+        with a sample time), ``iae_worst``, and ``price``: how many times the IAE is that of the design without
+        `ms_worst`; ``doubts``, what a user should know.
 
     Raises
     ------
     TypeError, ValueError
         For arguments out of range, a rule that does not make this kind of controller, and what the rule itself refuses:
-        a model outside its validity, or limits that nothing satisfies.
+        a model outside its validity, or limits that nothing satisfies. Also for a loop that would be unstable with the
+        model, or have a worst Ms above `ms_worst`, unless three times the IAE is enough to avoid it.
 
     Examples
     --------
     >>> import pidalab
     >>> design = pidalab.tune(pidalab.lags(3, delay=1.0), kind="PI", ms=1.6, spread=0.1)
-    >>> design.ms <= 1.6 * (1 + 1e-6) < design.ms_worst
-    True
+    >>> print(f"{design.ms:.2f} {design.ms_worst:.2f} {design.price:.2f}")
+    1.60 1.87 1.00
     """
     _check.choice("kind", kind, ORDER)
-    ms = _check.real("ms", ms, above=1.0)
+    ms, ms_worst = _check.real("ms", ms, above=1.0), _check.real("ms_worst", ms_worst, above=1.0)
     named = None if rule == "optimal" else find(rule, "optimal")
     if sample_time is not None:
         sample_time = _check.real("sample_time", sample_time, above=0.0)
@@ -104,17 +115,41 @@ def tune(
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
-    designed = _seen_by_the_controller(process, sample_time, output_filter)
+    remedy = _remedy(model)
+    if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
+        raise ValueError(f"the sign of the gain is not settled, and no controller serves both: {remedy}")
+    designed, *others = (
+        _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
+    )
+    runs = Runs(sample_time, output_filter)
     if named is None:
-        made = _optimal(model, designed, kind, ms, noise_gain, sample_time, doubts)
+        make = _optimal(model, designed, others, kind, noise_gain, sample_time, doubts)
+        made, price = safe(make, runs, process, plants, (ms, ms_worst), remedy)
+        if "sample_time" in made.active:
+            doubts.append(
+                f"the filter is as fast as the sample, {made.info['sample_time']:g}, allows: with faster sampling it "
+                "would be faster"
+            )
     else:
-        made = named.tune(designed, kind, ms)
+        made, price = _by_rule(named, designed, kind, runs, process, plants, (ms, ms_worst), remedy)
         if noise_gain is not None:
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
+    if price > DEAR:
+        doubts.append(
+            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {remedy}"
+        )
     _doubt_unknown_dynamics(designed, kind, doubts)
-    loop = Loop(process, made.controller, _in_series(made.output_filter, output_filter), made.prefilter)
-    info = {**_measured(loop), **_worst(loop, plants), "doubts": tuple(doubts)}
+    loop = runs.loop(made, process)
+    info: dict[str, Any] = _measured(loop)
+    if sample_time is not None:
+        info["ms_sampled"] = runs.ms(made, process)
+        _doubt_sampling(loop, sample_time, doubts)
+    if plants:
+        info["ms_worst"] = runs.worst(made, plants)
+        info["iae_worst"] = max(_measured(runs.loop(made, plant))["iae"] for plant in plants)
+        info["price"] = price
+    info["doubts"] = (*doubts, *runs.lacking)
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
 
 
@@ -125,25 +160,69 @@ def _seen_by_the_controller(process: Process, sample_time: float | None, output_
     return Process(np.convolve(process.num, num), np.convolve(process.den, den), delay)
 
 
-def _in_series(first: Any, second: Any) -> Any:
-    """Return both filters as one, None for none."""
-    if first is None or second is None:
-        return second if first is None else first
-    import control
+def _remedy(model: Process | Fit) -> str:
+    """What would make a model more certain."""
+    if isinstance(model, Fit):
+        return "a longer record, a larger step or several of them, or less noise would help"
+    return "a smaller spread would help"
 
-    (a, b), (c, d) = rational("output_filter", first), rational("output_filter", second)
-    return control.TransferFunction(np.convolve(a, c), np.convolve(b, d))
+
+def _by_rule(
+    rule: Any,
+    designed: Process,
+    kind: str,
+    runs: Runs,
+    process: Process,
+    plants: list[Process],
+    limits: Asked,
+    remedy: str,
+) -> tuple[Design, float]:
+    """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
+    if rule.name == KNOWS_MS:
+
+        def make(asked: Asked, near: Design | None) -> tuple[Design, list[str]]:
+            return rule.tune(designed, kind, min(asked)), ["ms" if asked[0] <= asked[1] else "ms_worst"]
+
+        return safe(make, runs, process, plants, limits, remedy)
+    made = rule.tune(designed, kind, limits[0])
+    if math.isinf(runs.ms(made, process)):
+        raise ValueError(
+            f"the loop of the rule {rule.name!r} is unstable with the model itself: take another rule"
+        )
+    worst = runs.worst(made, plants)
+    if worst > limits[1]:
+        other = f"{remedy}, or the rule 'optimal', which knows Ms"
+        raise ValueError(unsafe(worst, limits[1], other))
+    return made, 1.0
+
+
+def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
+    """Say where the sample time is too long for the loop, or for its filters."""
+    from pidalab.robustness.margins import gain_crossovers
+
+    turn = sample_time * float(gain_crossovers(loop).max(initial=0.0))
+    if turn > SLOW:
+        doubts.append(
+            f"the sample time of {sample_time:g} is long for this loop: it turns by {turn:.2g} rad in a sample at its "
+            f"crossover; {SLOW / turn * sample_time:.2g} or less would be better"
+        )
+    fastest = float(np.abs(roots(loop.controller.fraction()[1])).max(initial=0.0))
+    if fastest * sample_time > 1 + UNSEEN:
+        doubts.append(
+            f"the controller has a filter of {1 / fastest:.3g}, faster than the sample of {sample_time:g}: the code "
+            "hardly filters"
+        )
 
 
 def _optimal(
     model: Process | Fit,
     designed: Process,
+    others: list[Process],
     kind: str,
-    ms: float,
     noise_gain: float | None,
     sample_time: float | None,
     doubts: list[str],
-) -> Design:
+) -> Make:
     """Least IAE under Ms and a limit for noise; without one given, a default that is said."""
     from pidalab import optimal
 
@@ -161,12 +240,14 @@ def _optimal(
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
     # without noise the half sample in `designed` is enough
     sampled = None if noise_gain is None else sample_time
-    found = optimal.load(designed, ORDER[kind], ms, mks, noise_gain, sampled)
-    if "sample_time" in found.active:
-        doubts.append(
-            f"the filter is as fast as the sample, {sample_time:g}, allows: with faster sampling it would be faster"
-        )
-    return found
+
+    def make(asked: Asked, near: Design | None) -> tuple[Design, Any]:
+        family = others if math.isfinite(asked[1]) else []
+        limits = asked[0], mks, noise_gain, sampled, family, asked[1] if family else 2.0
+        found = optimal.load(designed, ORDER[kind], *limits, near)
+        return found, found.active
+
+    return make
 
 
 def _without_unseen_delay(process: Process, fastest: float, doubts: list[str]) -> Process:
@@ -243,17 +324,7 @@ def _measured(loop: Loop) -> dict[str, float]:
 
     if not is_stable(loop):
         return {"iae": math.inf, "ms": math.inf, "mks": math.inf}
-    return {"iae": _load_iae(loop), "ms": max_sensitivity(loop)[0], "mks": max_control_sensitivity(loop)[0]}
-
-
-def _load_iae(loop: Loop) -> float:
-    """IAE of a unit step of the load, over a horizon that is doubled until the loop has settled."""
-    from pidalab.robustness.poles import rightmost_poles
-    from pidalab.simulation.exact import load_response
-    from pidalab.simulation.settling import settled
-
-    slowest = -float(np.max(rightmost_poles(loop).real))
-    return settled(load_response, loop, 12.0 / slowest + 10.0 * loop.process.delay).iae(horizon=math.inf)
+    return {"iae": load_iae(loop), "ms": max_sensitivity(loop)[0], "mks": max_control_sensitivity(loop)[0]}
 
 
 def plants_within(model: Process | Fit, process: Process, spread: float | None) -> list[Process]:
@@ -299,13 +370,3 @@ def _varied(process: Process, gain: int, time: int, delay: int, share: float) ->
 
     num = scaled(process.num) * (1 + gain * share)
     return Process(num, scaled(process.den), process.delay * (1 + delay * share))
-
-
-def _worst(loop: Loop, plants: list[Process]) -> dict[str, float]:
-    """Return the worst Ms and IAE over plants in place of the model."""
-    if not plants:
-        return {}
-    measured = [
-        _measured(Loop(plant, loop.controller, loop.output_filter, loop.prefilter)) for plant in plants
-    ]
-    return {f"{name}_worst": max(each[name] for each in measured) for name in ("ms", "iae")}

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import pidalab
 from pidalab import HighOrderPID, Loop
 from pidalab.optimal._descent import Last, Scaled
-from pidalab.optimal._design import _edge, _sign
+from pidalab.optimal._design import _edge, sign_of_gain
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import polish
 from pidalab.optimal._problem import Problem, _other_side
@@ -76,7 +76,9 @@ def test_less_noise_or_more_robustness_costs_error():
     assert pidalab.optimal.load(THIRD, 2, ms=1.4, mks=4.0).iae > base > 2.654
     assert pidalab.optimal.load(THIRD, 2, ms=1.25, mks=10.0).iae > base
     assert pidalab.optimal.load(THIRD, 2, ms=2.0, mks=10.0).iae < base
-    quiet, loud = (pidalab.optimal.load(THIRD, 2, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0))
+    quiet, loud = (
+        pidalab.optimal.load(THIRD, 2, 1.4, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0)
+    )
     assert 2.654 < loud < quiet
 
 
@@ -103,7 +105,7 @@ def test_pi_beside_brute_force():
     ],
 )
 def test_noise_gain_is_kept_behind_a_filter_that_can_be_sampled(process, order, most, h, active):
-    design = pidalab.optimal.load(process, order, noise_gain=most, sample_time=h)
+    design = pidalab.optimal.load(process, order, 1.4, noise_gain=most, sample_time=h)
     assert pidalab.noise_gain(design.loop(), h) == pytest.approx(design.noise_gain, rel=1e-5)
     assert design.noise_gain <= most
     assert design.controller.filter_time >= h * (1 - 1e-6)
@@ -140,7 +142,7 @@ def test_an_unstable_process():
 def test_a_limit_of_noise_that_makes_a_loop_slow():
     """A lag of a thousand dead times, and a limit that leaves the gain far below what robustness would allow."""
     process = pidalab.fopdt(1.0, 1000.0, 1.0)
-    design = pidalab.optimal.load(process, 0, mks=5.0)
+    design = pidalab.optimal.load(process, 0, 1.4, mks=5.0)
     assert keeps(design, 1.4, 5.0)
     assert "mks" in design.active
     t = np.linspace(0.0, 8000.0, 2001)
@@ -169,7 +171,7 @@ def test_plants_that_only_a_derivative_or_acceleration_stabilises(den, delay, or
 
 def test_integrators_alone_are_limited_by_noise_only():
     process = pidalab.Process([1.0], [1.0, 0.0, 0.0])
-    one, other = (pidalab.optimal.load(process, 1, mks=m) for m in (20.0, 80.0))
+    one, other = (pidalab.optimal.load(process, 1, 1.4, mks=m) for m in (20.0, 80.0))
     assert keeps(one, 1.4, 20.0)
     # time counts in the root of the gain: four times the noise, half of the time, a quarter of the gain to hold
     assert one.iae / other.iae == pytest.approx(8.0, rel=1e-3)
@@ -221,7 +223,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
             "keeps ms <= 2; the nearest has ms = 4.0",
         ),
         (
-            lambda: pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, noise_gain=1e-5, sample_time=0.1),
+            lambda: pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, 1.4, noise_gain=1e-5, sample_time=0.1),
             ValueError,
             "too slow to be followed",
         ),
@@ -240,7 +242,7 @@ def test_a_dead_time_too_short_for_the_noise_sets_no_unit():
 
 
 def test_dead_time_alone_has_a_design():
-    assert keeps(pidalab.optimal.load(pidalab.Process([1.0], [1.0], 1.0), 0), 1.4)
+    assert keeps(pidalab.optimal.load(pidalab.Process([1.0], [1.0], 1.0), 0, 1.4), 1.4)
 
 
 def stored(name="optimal_check"):
@@ -288,7 +290,7 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
     monkeypatch.setattr("pidalab.optimal._solver.search", lambda *_: inside.append(threads()))
     with threadpool_limits(limits=2, user_api="blas"):
         with pytest.raises(ValueError, match="ms"):
-            pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0)
+            pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, 1.4)
         assert inside[0] == {1}
         assert threads() == {2}
 
@@ -505,9 +507,9 @@ def test_what_lies_at_the_edge_of_the_search():
 
 
 def test_integrators_and_signs_of_a_process():
-    assert _sign(pidalab.fopdt(-2.0, 1.0, 1.0)) == -1.0
-    assert _sign(pidalab.Process([1.0], [-1.0, 1.0])) == -1.0
-    assert _sign(pidalab.Process([-1.0, -2.0], [-1.0, 1.0, 0.0])) == 1.0
+    assert sign_of_gain(pidalab.fopdt(-2.0, 1.0, 1.0)) == -1.0
+    assert sign_of_gain(pidalab.Process([1.0], [-1.0, 1.0])) == -1.0
+    assert sign_of_gain(pidalab.Process([-1.0, -2.0], [-1.0, 1.0, 0.0])) == 1.0
 
 
 @pytest.mark.parametrize("limits", [{}, {"mks": 9.0}])

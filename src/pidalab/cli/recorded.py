@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from pidalab.cli.parts import KINDS, column, limits, ms, one_line, out, show, together
+from pidalab.cli.parts import KINDS, column, limits, ms, ms_worst, one_line, out, show, together
 
 if TYPE_CHECKING:
     from pidalab.digital import DigitalController
@@ -58,6 +58,7 @@ design = together(
         help="The optimum, or a rule by its name, see 'pidalab rules'.",
     ),
     ms,
+    ms_worst,
     click.option(
         "--noise-gain", type=float, help="Largest gain from noise to u; by default from the record."
     ),
@@ -78,6 +79,7 @@ class Result(NamedTuple):
     digital: DigitalController
     candidate: Candidate
     sections: list[tuple[str, str]]
+    doubts: tuple[str, ...]
 
 
 @click.command("report")
@@ -147,6 +149,7 @@ def _tuned(
     kind: str,
     rule: str,
     ms: float,
+    ms_worst: float,
     noise_gain: float | None,
     spread: float | None,
     sample_time: float,
@@ -162,33 +165,36 @@ def _tuned(
     from pidalab.tuning import tune
 
     found = fit(read, model)
-    design = tune(found, kind, ms, noise_gain, sample_time, rule, spread)
+    design = tune(found, kind, ms, noise_gain, sample_time, rule, spread, ms_worst=ms_worst)
     # the working point of the record: model and controller count from there
     rest = float(read.steps[0].before) if read.steps else read.u_before
     digital = design.discretise(
         sample_time, "backward", b=b, c=c, limits=(u_min, u_max), bias=rest, y_offset=read.rest
     )
     sampled = margins(Loop(found.process, digital))
+    doubts = [*design.doubts, *_no_limits(u_min, u_max)]
     sections = [
         ("Record", str(read)),
         ("Model", f"{found.process!r}\n{found}"),
         ("Controller", f"{design.controller}\n{_vendors(design)}"),
         ("Margins, continuous", str(margins(design.loop(found.process)))),
         (f"Margins, sampled every {sample_time:g}", str(sampled)),
-        ("Expected", _expected(design, worst_sampled(found, digital, spread))),
-        ("Doubts", "\n".join([*design.doubts, *_stability(sampled.stable)]) or "none found"),
+        ("Expected", _expected(design)),
+        ("Doubts", "\n".join(doubts) or "none found"),
     ]
-    return Result(found, design, digital, judged(design, kind, found, sample_time), sections)
+    return Result(
+        found, design, digital, judged(design, kind, found, sample_time), sections, (*read.doubts, *doubts)
+    )
 
 
-def worst_sampled(found: Fit, digital: DigitalController, spread: float | None) -> float:
-    """Return the worst Ms of the sampled loop with the plants that the record does not rule out."""
-    from pidalab.loop import Loop
-    from pidalab.robustness.margins import margins
-    from pidalab.tuning import plants_within
-
-    judged = [margins(Loop(plant, digital)) for plant in plants_within(found, found.process, spread)]
-    return max((each.ms if each.stable else math.inf for each in judged), default=math.nan)
+def _no_limits(low: float, high: float) -> list[str]:
+    """Say which limits of u are missing."""
+    lacking = [name for name, limit in (("--u-min", low), ("--u-max", high)) if math.isinf(limit)]
+    if not lacking:
+        return []
+    return [
+        f"{' and '.join(lacking)} not given: the code does not know where the actuator ends, and may wind up"
+    ]
 
 
 def _vendors(design: Design) -> str:
@@ -199,20 +205,17 @@ def _vendors(design: Design) -> str:
         return f"no vendor's form: {refusal}"
 
 
-def _expected(design: Design, sampled: float) -> str:
+def _expected(design: Design) -> str:
     names = {
         "iae": "IAE of a unit load step",
         "iae_worst": "worst IAE within the uncertainty of the model",
         "ms": "Ms",
-        "ms_worst": "worst Ms within the uncertainty of the model",
+        "ms_sampled": "Ms, sampled",
+        "ms_worst": "worst Ms within the uncertainty of the model, sampled",
         "mks": "largest gain from noise to u",
     }
     lines = [f"{said}: {design.info[name]:.5g}" for name, said in names.items() if name in design.info]
-    return "\n".join([*lines, f"worst Ms within it, sampled: {sampled:.5g}"])
-
-
-def _stability(stable: bool) -> list[str]:
-    return [] if stable else ["the sampled loop is unstable: take a shorter sample time"]
+    return "\n".join([*lines, f"price of robustness: ×{design.price:.2f} of the IAE"])
 
 
 # --- what is written --------------------------------------------------------------------------------------------------
@@ -226,7 +229,9 @@ def _written(result: Result, title: str, ms: float, spread: float | None, out: P
 
     out.mkdir(parents=True, exist_ok=True)
     sampled = margins(Loop(result.fit.process, result.digital))
+    note = "\n".join(f"Doubt: {doubt}" for doubt in result.doubts)
     for name, language in CODE.items():
-        (out / name).write_text(getattr(result.digital, language)(margins=sampled), encoding="utf-8")
+        code = getattr(result.digital, language)(margins=sampled, note=note)
+        (out / name).write_text(code, encoding="utf-8")
     page = gathered(result.fit, ms, [result.candidate], spread)
     return [*(out / name for name in CODE), page.html(out / "report.html", title, result.sections)]

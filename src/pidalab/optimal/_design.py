@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -31,10 +32,13 @@ SAME = (
 def load(
     process: Process,
     order: int,
-    ms: float = 1.4,
+    ms: float = 1.6,
     mks: float | None = None,
     noise_gain: float | None = None,
     sample_time: float | None = None,
+    family: Sequence[Process] = (),
+    ms_worst: float = 2.0,
+    start: Design | None = None,
 ) -> Design:
     r"""Return the controller with the least IAE for a step of the load at the process input.
 
@@ -55,12 +59,21 @@ def load(
     sample_time : float, optional
         Sample time of that noise; with `noise_gain` only. The filter is then not faster than that, for which there is
         no sampled controller; where this is what holds the filter back, ``active`` has "sample_time".
+    family : sequence of Process, optional
+        Plants that the controller may meet in place of the process, all with gains of its sign. The IAE remains that of
+        the process.
+    ms_worst : float, optional
+        Largest allowed maximum sensitivity with each of them, above 1.
+    start : Design, optional
+        A design of this function for the same process and order: the search goes on from there, in place of many
+        starts.
 
     Returns
     -------
     Design
         With a `HighOrderPID`, its gains negative for a process with negative gain. Its `info` has ``iae``, ``ms`` and
-        ``mks`` as they are, ``noise_gain`` if that was asked for, ``active`` (the limits that are reached, by name),
+        ``mks`` as they are, ``noise_gain`` and ``ms_worst`` if they were asked for, ``active`` (the limits that are
+        reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
         shorter would be better) and ``valleys`` (what the descents from different starts ended with: the least IAE
         first, then others up to twice of it, as the search has them, to two digits), and ``digits``: how many digits
@@ -71,12 +84,13 @@ def load(
     TypeError, ValueError
         For arguments out of range, limits that contradict each other or the process (whatever the controller, its
         integral action makes \|C S\| at zero frequency 1/\|P(0)\|), and a process for which no controller of this order
-        was found that keeps them.
+        was found that keeps them, or none with which all of the family keep theirs.
 
     Notes
     -----
     The search is deterministic and has many starts, but proves no global optimum. It ends in a point that meets the
-    conditions of a local one: the limits that are reached as equations, and a stationary Lagrangian.
+    conditions of a local one: the limits that are reached as equations, and a stationary Lagrangian. With a family it
+    goes on from the optimum of the process alone, and takes the worst plants in until all keep their limit.
 
     Examples
     --------
@@ -87,6 +101,13 @@ def load(
     >>> pid, pida = (pidalab.optimal.load(process, order, ms=1.4, mks=20.0) for order in (1, 2))
     >>> print(f"{pid.iae:.2f} {pida.iae:.2f} {pida.active}")
     3.41 2.65 ('ms', 'mks')
+
+    A plant that is slower to answer than was thought costs some of it:
+
+    >>> late = pidalab.lags(3, delay=1.5)
+    >>> safe = pidalab.optimal.load(process, 2, ms=1.4, mks=20.0, family=[late], ms_worst=1.6, start=pida)
+    >>> pidalab.margins(safe.loop(late)).ms <= 1.6 < pidalab.margins(pida.loop(late)).ms, safe.iae > pida.iae
+    (True, True)
     """
     from pidalab.optimal._refusal import refusal
     from pidalab.optimal._solver import Limits
@@ -110,26 +131,46 @@ def load(
             f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, which integral action makes of |C S| at zero "
             f"frequency, found {mks:g}"
         )
+    plants = list(family)
+    for k, plant in enumerate(plants):
+        require_gain(f"family[{k}]", plant)
+    if any(sign_of_gain(plant) != sign_of_gain(process) for plant in plants):
+        raise ValueError("family must have gains of the sign of the process: no controller serves both signs")
     seen: list[Search] = []
-    best = _best(process, order, limits, seen)
+    guarded = plants, _check.real("ms_worst", ms_worst, above=1.0)
+    best = _best(process, order, limits, seen, guarded, start)
+    if best is None and any(one.family for one in seen):
+        raise ValueError(
+            f"no controller of order {order} was found that keeps ms_worst <= {ms_worst:g} with all of the family: "
+            "allow more, or a narrower family"
+        )
     if best is None:
         raise ValueError(refusal(seen, HIGHEST))
     return best
 
 
-def _best(process: Process, order: int, limits: Limits, seen: list[Search]) -> Design | None:
+def _best(
+    process: Process,
+    order: int,
+    limits: Limits,
+    seen: list[Search],
+    guarded: tuple[list[Process], float],
+    near: Design | None,
+) -> Design | None:
     """The best design over the units of time; first from starts at hand, and where none serves from approached ones."""
     import scipy.optimize  # noqa: F401  # whose own BLAS is to be known when its threads are limited
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
 
     from pidalab.optimal._problem import Problem
-    from pidalab.optimal._solver import Search, search
+    from pidalab.optimal._solver import Found, Search, search
     from pidalab.optimal._starts import approached, at_once
     from pidalab.optimal._units import unit_of_time
 
-    sign = _sign(process)
-    upright = process if sign > 0 else Process(-process.num, process.den, process.delay)
+    sign = sign_of_gain(process)
+    upright, *others = (
+        plant if sign > 0 else Process(-plant.num, plant.den, plant.delay) for plant in (process, *guarded[0])
+    )
     shortest, best = unit_of_time(upright, limits), None
     if limits.sample_time is not None and limits.sample_time > SLOW * shortest:
         raise ValueError(
@@ -141,17 +182,29 @@ def _best(process: Process, order: int, limits: Limits, seen: list[Search]) -> D
         threadpool_limits(limits=1, user_api="blas"),
         tqdm(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar,
     ):
-        for start, factor in product((at_once, approached), UNITS):
-            if best is not None and factor == UNITS[0]:
+        ways: list[Any] = [at_once, approached] if near is None else [None, at_once, approached]
+        for start, factor in product(ways, UNITS):
+            # where the family alone stood in the way, other starts lead to the same
+            if factor == UNITS[0] and (best is not None or any(one.family for one in seen)):
                 break
             unit = factor * shortest
             problem = Problem(upright, order, (abs(complex(upright(1j / unit))), unit))
             one = Search(problem, limits)
             seen.append(one)
-            starts = start(one)
-            found = search(one, starts, bar) if starts else None
+            if near is not None and start is None:
+                end = one.finish(problem.unknowns(near.controller, sign))
+                found = None if end is None else Found(end, near.valleys)
+            else:
+                starts = start(one)
+                found = search(one, starts, bar) if starts else None
             if found is None:
                 continue
+            if others:
+                one.family, one.ms_worst = tuple(others), guarded[1]
+                end = one.finish(found.best.x)
+                if end is None:
+                    continue
+                found = Found(end, found.valleys)
             design = _design(process, sign, one, found)
             if best is None or design.iae < best.iae:
                 best = design
@@ -160,7 +213,7 @@ def _best(process: Process, order: int, limits: Limits, seen: list[Search]) -> D
     return best
 
 
-def _sign(process: Process) -> float:
+def sign_of_gain(process: Process) -> float:
     """Sign of the gains: integral action is stable only if the last coefficient of all has the sign of the first."""
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
@@ -184,7 +237,14 @@ def _design(process: Process, sign: float, one: Search, found: Found) -> Design:
     }
     if one.noise is not None:
         info["noise_gain"] = one.true_noise(x)
-    reached = [name for name, limit in limits.named().items() if info[name] >= limit * (1 - ACTIVE)]
+    if one.family:
+        info["ms_worst"] = max(
+            max_sensitivity(Loop(plant, one.loop(x).controller))[0] for plant in one.family
+        )
+    named = limits.named() | ({"ms_worst": one.ms_worst} if one.family else {})
+    reached = [name for name, limit in named.items() if info[name] >= limit * (1 - ACTIVE)]
+    if one.noise is not None:
+        info["sample_time"] = one.noise.h
     if one.noise is not None and time <= one.noise.h * (1 + ACTIVE):
         reached.append("sample_time")
     none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if gains[k] == 0]

@@ -10,6 +10,7 @@ a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.optimal._descent import Scaled
 from pidalab.optimal._problem import Problem
+from pidalab.process import Process
 
 if TYPE_CHECKING:
     from pidalab.optimal._solver import Search
@@ -32,6 +34,7 @@ WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the e
 SMALLEST = 1e-9  # unit of a gain
 
 FLATTEST = 1e-9  # curvature that a direction has at least
+NOMINAL = 2  # kinds of peaks of the process itself
 
 
 class Polished(NamedTuple):
@@ -44,18 +47,29 @@ class Polished(NamedTuple):
 
 
 class Peaks:
-    """Heights of the peaks of |S| and |C S| as smooth functions of the unknowns, with gradients."""
+    """Heights of the peaks of |S| and |C S|, and of |S| with other plants, as smooth functions of the unknowns.
 
-    def __init__(self, problem: Problem, limits: dict[str, float], looked: Array, fastest: float) -> None:
+    The kinds of peaks are numbers: 0 for |S|, 1 for |C S|, then one for each other plant.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        limits: dict[str, float],
+        looked: Array,
+        fastest: float,
+        others: Sequence[Process] = (),
+        worst: float = math.inf,
+    ) -> None:
         self.problem = problem
-        self.tops = np.log([limits["ms"], limits.get("mks", np.inf)])
+        self.plants = [problem.process, problem.process, *others]
+        self.tops = np.log([limits["ms"], limits.get("mks", np.inf), *[worst] * len(others)])
         delay = problem.process.delay
         w = np.geomspace(1e-3, 30.0 / fastest, 700) / problem.time
         turns = np.arange(1.0, 400.0) * 0.3 / delay if delay else np.zeros(0)
         self.w = np.unique(np.concatenate([w, turns[turns < w[-1]], looked]))
         self.at_grid = self._known(self.w)
-        num, den = problem.process.num, problem.process.den
-        self.rational = num, np.polyder(num), den, np.polyder(den)
+        self.others_at_grid = np.array([plant(self.at_grid[0]) for plant in others])
 
     def _known(self, w: Array) -> tuple[Any, Any, Any]:
         s = 1j * w
@@ -66,7 +80,25 @@ class Peaks:
         s, plant, actions = self.at_grid if w is None else self._known(w)
         controller = self.problem._controller(x, s, actions)[0]
         back = -np.log(np.abs(1 + plant * controller))
-        return np.array([back - self.tops[0], back + np.log(np.abs(controller)) - self.tops[1]])
+        found = np.array([back - self.tops[0], back + np.log(np.abs(controller)) - self.tops[1]])
+        if len(self.plants) == NOMINAL:
+            return found
+        others = self.others_at_grid if w is None else np.array([p(s) for p in self.plants[NOMINAL:]])
+        return np.vstack([found, -np.log(np.abs(1 + others * controller)) - self.tops[NOMINAL:, None]])
+
+    def _plant(self, s: Any, kinds: Array) -> tuple[Any, Any]:
+        """The plant of each peak, and s P'/P."""
+        value, turn = np.empty(s.size, dtype=complex), np.empty(s.size, dtype=complex)
+        owner = np.where(kinds == 1, 0, kinds)
+        for kind in np.unique(owner):
+            at, plant = owner == kind, self.plants[kind]
+            here = s[at]
+            value[at] = plant(here)
+            by_num, by_den = (
+                np.polyval(np.polyder(c), here) / np.polyval(c, here) for c in (plant.num, plant.den)
+            )
+            turn[at] = here * (by_num - by_den - plant.delay)
+        return value, turn
 
     def near(self, x: Array) -> tuple[Any, Array]:
         """Which peaks come near their limits: kinds (0 for S, 1 for C S) and frequencies."""
@@ -99,17 +131,15 @@ class Peaks:
         whole = lag**order
         controller = powers.sum(axis=0) * whole
         turn = (np.arange(-1.0, gains.size - 1.0) @ powers) * whole + controller * order * (lag - 1)  # s C'
-        num, by_num, den, by_den = (np.polyval(c, s) for c in self.rational)
-        plant = self.problem.process(s)
-        loop_turn = plant * (
-            turn + controller * s * (by_num / num - by_den / den - self.problem.process.delay)
-        )
+        plant, plant_turn = self._plant(s, kinds)
+        loop_turn = plant * (turn + controller * plant_turn)
         back = -np.real(loop_turn / (1 + plant * controller))
         return np.asarray(back + np.where(kinds == 1, np.real(turn / controller), 0.0))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
         """Heights of peaks, and their slopes by the unknowns."""
-        s, plant, actions = self._known(w)
+        s = 1j * w
+        plant, actions = self._plant(s, kinds)[0], self.problem._actions(s)
         controller, slopes = self.problem._controller(x, s, actions)
         by_all, back = slopes(), 1 / (1 + plant * controller)
         slope = -np.real(plant * back * by_all) + np.where(kinds == 1, np.real(by_all / controller), 0.0)
@@ -129,7 +159,8 @@ class Lagrangian:
         low, high = np.transpose(search.bounds)
         self.low, self.high = self.seen(low), self.seen(high)
         limits = {name: limit * (1 - ROOM) for name, limit in search.limits.named().items()}
-        self.peaks = Peaks(problem, limits, search.w, math.exp(low[problem.gains]))
+        others, worst = [search.family[k] for k in search.active], search.ms_worst * (1 - ROOM)
+        self.peaks = Peaks(problem, limits, search.w, math.exp(low[problem.gains]), others, worst)
         self.most = math.log(limits.get("noise_gain", 1.0))
 
     def end(self, z: Array) -> Array:

@@ -56,6 +56,12 @@ class Problem:
         """Gains K_-1 ... K_m and filter time of a vector of unknowns."""
         return x[: self.gains] * self.units, self.time * float(np.exp(x[self.gains]))
 
+    def unknowns(self, controller: Any, sign: float) -> Array:
+        """Vector of unknowns of a `HighOrderPID`."""
+        return np.append(
+            sign * np.array(controller.coefficients) / self.units, np.log(controller.filter_time / self.time)
+        )
+
     def _actions(self, s: Any) -> Any:
         """s^-1 ... s^m at complex s, for unknowns without dimension and without the filter."""
         return self.units[:, None] * s ** np.arange(-1.0, self.order + 1)[:, None]
@@ -139,10 +145,13 @@ class Problem:
             abs(float(np.angle(f[1:] / f[:-1]).sum() + np.angle(self.process.den[0] / f[-1]))) > 0.5 * np.pi
         )
 
-    def limits(self, w: Array, ms: float, mks: float | None) -> Any:
-        """Return the function of what is left to the limits of |S| and |C S| at frequencies w, and of its gradient."""
+    def limits(self, w: Array, ms: float, mks: float | None, process: Process | None = None) -> Any:
+        """Return the function of what is left to the limits of |S| and |C S| at frequencies w, and of its gradient.
+
+        With another process in place of the problem's own, if that is given.
+        """
         s = 1j * w
-        plant, actions = self.process(s), self._actions(s)
+        plant, actions = (process or self.process)(s), self._actions(s)
 
         def value(x: Array) -> tuple[Array, Slope]:
             controller, slopes = self._controller(x, s, actions)

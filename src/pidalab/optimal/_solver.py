@@ -20,6 +20,7 @@ from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import SAMPLES, Polished, polish
 from pidalab.optimal._problem import Problem, Slope
 from pidalab.optimal._starts import WALL
+from pidalab.process import Process
 from pidalab.robustness.control import max_control_sensitivity
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.robustness.poles import is_stable
@@ -42,6 +43,8 @@ BEST = 3  # searches that are brought to the end
 UNPOLISHED = 1e-2  # what is left open of an end whose conditions were not reached
 ALIKE = 0.01  # what two ends of the same valley differ by at most
 SAME = 1e-4  # share by which values of descents differ that may have the same end
+WORST = 2  # plants of the family that join at a time
+SHRINK, SHRINKS, ASTRAY = 0.85, 40, 0.5  # factor, steps at most, and by how much a limit may then be missed
 SHAKES = (
     (0.3, 0.5),
     (0.8, 1.5),
@@ -65,9 +68,12 @@ class Search:
     """One problem and its limits, at frequencies that grow in number as peaks are found between them."""
 
     nearest: Array | None = None  # what comes nearest to limits that nothing keeps
+    family: tuple[Process, ...] = ()  # plants that keep ms_worst at the end
+    ms_worst = np.inf
 
     def __init__(self, problem: Problem, limits: Limits) -> None:
         self.problem, self.limits = problem, limits
+        self.active: list[int] = []  # plants of the family that the descents see
         time = problem.time
         # dense where the loop crosses over, and fine enough for the turns of the dead time
         delay = problem.process.delay
@@ -122,6 +128,9 @@ class Search:
         mks = None if self.limits.mks is None else self.limits.mks * (1 - SPARE)
         left = Last(self.problem.limits(self.w, self.limits.ms * (1 - SPARE), mks))
         found = [{"type": "ineq", "fun": left.value, "jac": left.slope}]
+        for k in self.active:
+            other = Last(self.problem.limits(self.w, self.ms_worst * (1 - SPARE), None, self.family[k]))
+            found.append({"type": "ineq", "fun": other.value, "jac": other.slope})
         if self.noise is not None:
             noise, most = self.noise, self.aim
 
@@ -208,8 +217,36 @@ class Search:
                 if np.min(np.abs(self.w - peak)) > BETWEEN * peak:
                     self.w = self._with(peak)
             if self.sound(end.x) and self._keeps(end.x, self.true_noise(end.x)):
-                return end
+                if self._safe(end.x):
+                    return end
+                x = self._shrunk(x)
         return None
+
+    def _safe(self, x: Array) -> bool:
+        """Whether all plants of the family keep their limit; where not, the worst two are seen from now on."""
+        loop, found = self.loop(x), []
+        for k, plant in enumerate(self.family):
+            other = Loop(plant, loop.controller)
+            ms, at = max_sensitivity(other)
+            found.append((ms if _settles(other) else np.inf, at, k))
+        over = [one for one in sorted(found, reverse=True)[:WORST] if one[0] > self.ms_worst]
+        for _, at, k in over:
+            if k in self.active:
+                self.w = self._with(at)
+            else:
+                self.active.append(k)
+        return not over
+
+    def _shrunk(self, x: Array) -> Array:
+        """Take gains back until the loops with the plants that are seen are stable and near their limits."""
+        x, gains = x.copy(), self.problem.gains
+        for _ in range(SHRINKS):
+            loops = (Loop(self.family[k], self.loop(x).controller) for k in self.active)
+            if self.missed(x) <= ASTRAY and all(_settles(loop) for loop in loops):
+                break
+            x[:gains] *= SHRINK
+            x[0] *= SHRINK**0.5
+        return x
 
     def true_noise(self, x: Array) -> float:
         """Noise gain of the sampled loop, 0 where it does not matter, infinite where that loop is unstable."""

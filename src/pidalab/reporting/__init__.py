@@ -37,12 +37,15 @@ class Candidate(NamedTuple):
         "PI", "PID" or "PIDA".
     iae, iae_worst : float
         IAE of a unit load step, with the model and the worst within the spread.
+    price : float
+        How many times the IAE is that of the design without a limit for the worst Ms.
     peak : float
         Largest deviation of the output after that step.
     overshoot : float
         After a step of the set point, in per cent.
     ms, ms_worst, ms_sampled : float
-        Maximum sensitivity with the model, the worst within the spread, and that of the digital loop with the model.
+        Maximum sensitivity with the model, the worst within the spread (of the digital loop, if there is one), and that
+        of the digital loop with the model.
     mks : float
         Largest gain from noise to u over all frequencies.
     noise_gain : float
@@ -58,6 +61,7 @@ class Candidate(NamedTuple):
     kind: str
     iae: float = math.nan
     iae_worst: float = math.nan
+    price: float = math.nan
     peak: float = math.nan
     overshoot: float = math.nan
     ms: float = math.nan
@@ -80,6 +84,7 @@ class Candidate(NamedTuple):
 COLUMNS = {
     "IAE load": "iae",
     "worst IAE": "iae_worst",
+    "price": "price",
     "peak": "peak",
     "overshoot %": "overshoot",
     "Ms": "ms",
@@ -269,6 +274,7 @@ def report(
     spread: float | None = None,
     output_filter: Any = None,
     kinds: Sequence[str] = ("PI", "PID", "PIDA"),
+    ms_worst: float = 2.0,
 ) -> Report:
     """Tune PI, PID and PIDA for one plant with the same limits, and set them side by side.
 
@@ -280,6 +286,8 @@ def report(
         As for `pidalab.tune`.
     kinds : sequence of str, optional
         Which controllers.
+    ms_worst : float, optional
+        As for `pidalab.tune`.
 
     Returns
     -------
@@ -305,7 +313,7 @@ def report(
     rows = []
     for kind in wanted:
         try:
-            design = tune(fitted, kind, ms, noise_gain, sample_time, rule, spread, output_filter)
+            design = tune(fitted, kind, ms, noise_gain, sample_time, rule, spread, output_filter, ms_worst)
         except ValueError as refusal:
             rows.append(Candidate(kind, reason=" ".join(str(refusal).split())))
         else:
@@ -339,7 +347,8 @@ def judged(design: Design, kind: str, model: Process | Fit, sample_time: float |
         settled(run, loop, 20.0 * time_scale(process)) for run in (load_response, step_response)
     )
     measured = {
-        name: design.info.get(name, math.nan) for name in ("iae", "iae_worst", "ms", "ms_worst", "mks")
+        name: design.info.get(name, math.nan)
+        for name in ("iae", "iae_worst", "price", "ms", "ms_worst", "mks")
     }
     noise, reason = math.nan, ""
     if sample_time is not None:

@@ -126,6 +126,16 @@ def unstable_poles_sampled(loop: Loop, k: DigitalController) -> int:
     return count
 
 
+def max_sensitivity_sampled(loop: Loop, k: DigitalController) -> float:
+    """Return Ms of a loop at the samples, infinite where it is unstable."""
+    if unstable_poles_sampled(loop, k):
+        return math.inf
+    sampled = sampled_loop(loop, k)
+    w = _grid(sampled, loop.process.den, loop.process.delay)
+    still = _static(loop.process, sampled, w[0])
+    return _peak(lambda x: np.abs(1 / (1 + sampled.L(x))), w, 1 / abs(1 + still))[0]
+
+
 def _count(loop: SampledLoop, w: Array) -> int | None:
     """Return the winding of 1 + L, with its unstable poles moved inside, from frequency 0 to half that of sampling."""
 

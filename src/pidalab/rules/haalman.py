@@ -44,7 +44,7 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float | None = None)
     model : Process
         Constant numerator, three stable poles, dead time.
     ms : float, optional
-        Maximum sensitivity wanted, above 1; 1.4 is cautious, 2.0 fast.
+        Maximum sensitivity wanted, above 1; 1.4, the paper's, is cautious, 2.0 fast.
     n : float, optional
         Ratio of the derivative time and its filter's, above 0.
     m : float, optional
@@ -83,7 +83,7 @@ def pid(model: Process, ms: float = 1.4, n: float = 10) -> PIDA:
     model : Process
         Constant numerator, two stable poles, dead time.
     ms : float, optional
-        Maximum sensitivity wanted, above 1.
+        Maximum sensitivity wanted, above 1; by default the paper's.
     n : float, optional
         Filter ratio of the derivative, above 0.
 
@@ -116,7 +116,7 @@ def pi(model: Process, ms: float = 1.4) -> PIDA:
     model : Process
         Constant numerator, one stable pole, dead time: `fopdt`.
     ms : float, optional
-        Maximum sensitivity wanted, above 1.
+        Maximum sensitivity wanted, above 1; by default the paper's.
 
     Returns
     -------
@@ -149,7 +149,8 @@ def tune(
     model : Process
         Constant numerator, dead time, and as many stable poles as the kind cancels: three, two or one.
     ms : float, optional
-        Maximum sensitivity wanted, above 1, of the loop without the output filter, which raises it somewhat.
+        Maximum sensitivity wanted, above 1, of the loop without the output filter, which raises it somewhat; by default
+        the paper's.
     kind : {"PIDA", "PID", "PI"}, optional
         Which controller.
     n, m : float, optional

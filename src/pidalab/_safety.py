@@ -1,0 +1,192 @@
+"""Designs that are safe in the loop that will run, with the model and with all plants that it may stand for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pidalab.loop import Loop
+from pidalab.process import Process, rational
+from pidalab.rules import Design
+
+TOO_DEAR = 3.0  # price of robustness in IAE that is refused
+EXACT, ROUNDING = 1e-3, 1e-6  # shares of a limit: below it what meets it, and above it what still keeps it
+ROUNDS = 20  # corrections of what is asked for at most
+FACTORS = (0.5, 2.0)  # of Ms less 1, in a correction
+
+Asked = tuple[float, float]  # Ms with the model, and the worst Ms over other plants
+# a design for what is asked, near another one, and which of the two limits hold it back
+Make = Callable[[Asked, Design | None], tuple[Design, Sequence[str]]]
+
+
+@dataclass(frozen=True)
+class Runs:
+    """How a design will run.
+
+    Parameters
+    ----------
+    sample_time : float or None
+        Of backward differences; None for the continuous controller.
+    output_filter : control.TransferFunction or None
+        In series with the controller.
+    """
+
+    sample_time: float | None
+    output_filter: Any
+    lacking: list[str] = field(default_factory=list)  # why a sampled loop has no Ms
+
+    def loop(self, made: Design, plant: Process) -> Loop:
+        """Close the continuous loop."""
+        return Loop(plant, made.controller, in_series(made.output_filter, self.output_filter), made.prefilter)
+
+    def ms(self, made: Design, plant: Process) -> float:
+        """Ms, infinite for an unstable loop; that of the continuous loop where the sampled one has none."""
+        from pidalab.robustness.margins import max_sensitivity
+        from pidalab.robustness.poles import is_stable
+        from pidalab.robustness.sampled import max_sensitivity_sampled
+
+        loop = self.loop(made, plant)
+        if self.sample_time is not None and not self.lacking:
+            try:
+                k = made.controller.discretise(self.sample_time, "backward", loop.output_filter)
+                return max_sensitivity_sampled(Loop(plant, k), k)
+            except ValueError as refusal:
+                self.lacking.append(f"Ms is that of the continuous loop: {refusal}")
+        return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
+
+    def worst(self, made: Design, plants: Sequence[Process]) -> float:
+        """Return the largest Ms over plants, 0 without any."""
+        return max((self.ms(made, plant) for plant in plants), default=0.0)
+
+
+def in_series(first: Any, second: Any) -> Any:
+    """Return both filters as one, None for none."""
+    if first is None or second is None:
+        return second if first is None else first
+    import control
+
+    (a, b), (c, d) = rational("output_filter", first), rational("output_filter", second)
+    return control.TransferFunction(np.convolve(a, c), np.convolve(b, d))
+
+
+def corrected(
+    make: Make, sizes: Callable[[Design], Asked], limits: Asked, start: Design | None = None
+) -> Design:
+    """Correct what is asked of a design until the loop that runs has what is wanted, to 0.1 % and from below.
+
+    Parameters
+    ----------
+    make : callable
+        Makes a design for what is asked.
+    sizes : callable
+        Measures both values of Ms of a design.
+    limits : tuple of float
+        What they may be.
+    start : Design, optional
+        To begin near.
+
+    Returns
+    -------
+    Design
+        The last one that keeps the limits, where none meets them.
+
+    Raises
+    ------
+    ValueError
+        If none keeps the limits.
+    """
+    asked, kept, made = limits, None, start
+    for _ in range(ROUNDS):
+        made, active = make(asked, made)
+        found = sizes(made)
+        if all(size <= limit * (1 + ROUNDING) for size, limit in zip(found, limits, strict=True)):
+            kept = made
+        names = ("ms" in active, "ms_worst" in active)
+        again = (_next(*one) for one in zip(asked, found, limits, names, strict=True))
+        before, asked = asked, (next(again), next(again))
+        if asked == before:
+            return made
+    if kept is None:
+        raise ValueError(
+            f"no controller was found whose loop keeps ms <= {limits[0]:g} and ms_worst <= {limits[1]:g}: the last one "
+            f"has {found[0]:.3g} and {found[1]:.3g}"
+        )
+    return kept
+
+
+def _next(asked: float, found: float, limit: float, active: bool) -> float:
+    """What to ask for next, the same where the limit is met, or kept and not what holds the design back."""
+    if found <= limit * (1 + ROUNDING) and not (active and found < limit * (1 - EXACT)):
+        return asked
+    wanted = (limit * (1 - 0.5 * EXACT) - 1) / (found - 1)
+    return 1 + (asked - 1) * min(max(wanted, FACTORS[0]), FACTORS[1])
+
+
+def safe(
+    make: Make, runs: Runs, process: Process, plants: Sequence[Process], limits: Asked, remedy: str
+) -> tuple[Design, float]:
+    """Return a design that is safe with all plants, and its price.
+
+    Parameters
+    ----------
+    make : callable
+        Makes a design for what is asked; it takes no other plants into account where an infinite worst Ms is asked for.
+    runs : Runs
+        How it will run.
+    process : Process
+        The model.
+    plants : sequence of Process
+        What may be in its place.
+    limits : tuple of float
+        Largest Ms with the model, and with any of the plants.
+    remedy : str
+        What would help if there is none.
+
+    Returns
+    -------
+    design : Design
+    price : float
+        How many times its IAE is that of the design without the second limit.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or none that is worth having.
+    """
+    plain = corrected(make, lambda made: (runs.ms(made, process), 0.0), (limits[0], math.inf))
+    worst = runs.worst(plain, plants)
+    if worst <= limits[1] * (1 + ROUNDING):
+        return plain, 1.0
+    try:
+        made = corrected(make, lambda made: (runs.ms(made, process), runs.worst(made, plants)), limits, plain)
+    except ValueError as refusal:
+        raise ValueError(unsafe(worst, limits[1], remedy, f" ({refusal})")) from None
+    price = load_iae(runs.loop(made, process)) / load_iae(runs.loop(plain, process))
+    if price > TOO_DEAR:
+        raise ValueError(
+            unsafe(worst, limits[1], remedy, f", and a design that is safe has {price:.1f} times the IAE")
+        )
+    return made, price
+
+
+def unsafe(worst: float, limit: float, remedy: str, more: str = "") -> str:
+    """Say why there is no design."""
+    found = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
+    return (
+        f"the model is too uncertain for this controller: a plant that it may stand for gives {found}, where "
+        f"ms_worst = {limit:g} is allowed{more}; {remedy}"
+    )
+
+
+def load_iae(loop: Loop) -> float:
+    """IAE of a unit step of the load, over a horizon that is doubled until the loop has settled."""
+    from pidalab.robustness.poles import rightmost_poles
+    from pidalab.simulation.exact import load_response
+    from pidalab.simulation.settling import settled
+
+    slowest = -float(np.max(rightmost_poles(loop).real))
+    return settled(load_response, loop, 12.0 / slowest + 10.0 * loop.process.delay).iae(horizon=math.inf)
