@@ -145,7 +145,7 @@ def verdict(row: Row) -> Cell:
 
 
 def claim(row: Row, unfold: bool = True, anchor: bool = False) -> Cell:
-    """Make a cell of what is claimed, and where; it unfolds to the note. A terminal shows the id, an anchor links to it."""
+    """Make a cell of a claim and its place; it unfolds to the note. A terminal shows the id, an anchor links to it."""
     text = row.printed if row.is_statement else row.quantity
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if row.note and unfold:
