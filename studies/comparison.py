@@ -26,7 +26,8 @@ from own_units import COLUMNS, SAMPLES, Units, least_robust, one_line, optimum, 
 from processes import batch
 
 from pidalab import Process
-from pidalab.comparison import Row, at_equal_terms, designs, judged
+from pidalab.comparison import at_equal_terms, designs, first_horizon
+from pidalab.judging import Row, measure_row
 from pidalab.rules import Design
 from pidalab.rules.registry import Limits
 from pidalab.rules.starting_models import StartingModels
@@ -84,12 +85,12 @@ def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]
 def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
     """Every rule on one plant: its own design, then at equal terms."""
     own = units(process)
-    rows, known = [], {}
+    rows, known, horizon = [], {}, first_horizon(process)
     for rule, kind, make in designs(process, Limits(MS, TERMS["loud"] * own.gain, own.sample_time)):
         if rule == "optimal":
             continue
         about = {"plant": name, "rule": rule, "kind": kind}
-        row = judged(rule, kind, make, process, own.sample_time)
+        row = measure_row(rule, kind, make, process, own.sample_time, horizon)
         rows.append(about | {"terms": "own"} | measures(row, process, own))
         if row.design is not None:
             # at equal terms two rules with the same proportions are the same controller
@@ -147,7 +148,7 @@ def fair(design: Design, noise: float, process: Process, own: Units) -> dict[str
     """A design at equal terms, measured; its prefilter is gone, so that its set-point response says nothing."""
     try:
         made = at_equal_terms(design, process, MS, noise * own.gain, own.sample_time)
-        row = judged("", "", lambda: made, process, own.sample_time)
+        row = measure_row("", "", lambda: made, process, own.sample_time, first_horizon(process))
         known = measures(row, process, own, off=noise == TERMS["loud"])
     except (ValueError, ArithmeticError) as refusal:
         return {"reason": one_line(refusal)}

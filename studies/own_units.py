@@ -27,7 +27,7 @@ import pidalab
 from pidalab import Process
 from pidalab.reduction import ultimate_frequency
 from pidalab.simulation import noise
-from pidalab.tuning import corners
+from pidalab.tuning import perturbed_plants
 
 DATA = Path(__file__).parents[1] / "book" / "data"
 SAMPLES = 100  # of the noise, in an ultimate period
@@ -107,7 +107,9 @@ def least_robust(loop: pidalab.Loop, process: Process, own: Units) -> dict[str, 
 
 def off(loop: pidalab.Loop, process: Process) -> list[pidalab.Loop]:
     """The same controller around the plants that are off."""
-    return [pidalab.Loop(plant, loop.controller, loop.output_filter) for plant in corners(process, OFF)]
+    return [
+        pidalab.Loop(plant, loop.controller, loop.output_filter) for plant in perturbed_plants(process, OFF)
+    ]
 
 
 def load_iae(loop: pidalab.Loop, own: Units) -> float:

@@ -9,7 +9,7 @@ import pidalab
 from pidalab import Record, fopdt, ipdt, lags, sopdt, tune
 from pidalab.identification import fit
 from pidalab.rules.registry import find
-from pidalab.tuning import corners
+from pidalab.tuning import perturbed_plants
 
 THIRD = lags(3, delay=1.0)
 
@@ -58,7 +58,7 @@ def test_a_design_that_is_not_safe_with_all_plants_is_made_safer_at_a_price():
     assert bold.price == 1.0
     assert bold.ms == pytest.approx(1.6, rel=1e-6)
     assert bold.ms_worst > 2.1
-    worst = max(pidalab.margins(design.loop(plant)).ms for plant in corners(THIRD, 0.2))
+    worst = max(pidalab.margins(design.loop(plant)).ms for plant in perturbed_plants(THIRD, 0.2))
     assert worst == pytest.approx(2.0, rel=1e-6)
     assert design.ms_worst == pytest.approx(worst, rel=1e-6)
     assert 1.01 < design.price == pytest.approx(design.iae / bold.iae, rel=1e-6)

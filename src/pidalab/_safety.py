@@ -12,6 +12,7 @@ import numpy as np
 from pidalab.loop import Loop
 from pidalab.process import Process, rational
 from pidalab.rules import Design
+from pidalab.simulation.settling import load_iae
 
 TOO_DEAR = 3.0  # price of robustness in IAE that is refused
 EXACT, ROUNDING = 1e-3, 1e-6  # shares of a limit: below it what meets it, and above it what still keeps it
@@ -180,13 +181,3 @@ def unsafe(worst: float, limit: float, remedy: str, more: str = "") -> str:
         f"the model is too uncertain for this controller: a plant that it may stand for gives {found}, where "
         f"ms_worst = {limit:g} is allowed{more}; {remedy}"
     )
-
-
-def load_iae(loop: Loop) -> float:
-    """IAE of a unit step of the load, over a horizon that is doubled until the loop has settled."""
-    from pidalab.robustness.poles import rightmost_poles
-    from pidalab.simulation.exact import load_response
-    from pidalab.simulation.settling import settled
-
-    slowest = -float(np.max(rightmost_poles(loop).real))
-    return settled(load_response, loop, 12.0 / slowest + 10.0 * loop.process.delay).iae(horizon=math.inf)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab._safety import Asked, Make, Runs, load_iae, safe, unsafe
+from pidalab._safety import Asked, Make, Runs, safe, unsafe
 from pidalab.identification import Fit
 from pidalab.loop import Loop
 from pidalab.optimal._design import sign_of_gain
@@ -105,7 +105,7 @@ def tune(
     if isinstance(process, Record):
         raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
     require_gain("model", process)
-    slowest = max((1 / speed for speed in _corners(process)), default=math.inf)
+    slowest = max((1 / speed for speed in _corner_frequencies(process)), default=math.inf)
     if sample_time is not None and sample_time > AT_REST * slowest:
         raise ValueError(
             f"sample_time must be at most {AT_REST * slowest:.4g} for this process, {AT_REST:g} times its longest time "
@@ -141,13 +141,13 @@ def tune(
         )
     _doubt_unknown_dynamics(designed, kind, doubts)
     loop = runs.loop(made, process)
-    info: dict[str, Any] = _measured(loop)
+    info: dict[str, Any] = _iae_ms_mks(loop)
     if sample_time is not None:
         info["ms_sampled"] = runs.ms(made, process)
         _doubt_sampling(loop, sample_time, doubts)
     if plants:
         info["ms_worst"] = runs.worst(made, plants)
-        info["iae_worst"] = max(_measured(runs.loop(made, plant))["iae"] for plant in plants)
+        info["iae_worst"] = max(_iae_ms_mks(runs.loop(made, plant))["iae"] for plant in plants)
         info["price"] = price
     info["doubts"] = (*doubts, *runs.lacking)
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
@@ -273,7 +273,7 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
     if sample_time is not None:
         return 1 / sample_time
     plain = Process(process.num, process.den)
-    corners = _corners(plain)
+    corners = _corner_frequencies(plain)
     if rule != "optimal" or noise_gain is not None or not corners.size:
         return math.inf
     # |T| is at most |P| times the gain from noise to u
@@ -282,7 +282,7 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
     return math.inf if acts[-1] else float(w[np.flatnonzero(acts).max(initial=0)])
 
 
-def _corners(process: Process) -> Array:
+def _corner_frequencies(process: Process) -> Array:
     """Return the frequencies of poles and zeros, and that of the dead time."""
     found = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
     return np.append(found[found > 0], [1 / process.delay] if process.delay else [])
@@ -293,7 +293,7 @@ def _asked_of_u(process: Process) -> float:
     gain = process.gain()
     if math.isfinite(gain):
         return 1 / abs(gain)
-    corners = _corners(process)
+    corners = _corner_frequencies(process)
     if not corners.size:
         raise ValueError(
             "noise_gain and sample_time must be given for integrators without lag and dead time: nothing else limits "
@@ -316,11 +316,12 @@ def _doubt_unknown_dynamics(process: Process, kind: str, doubts: list[str]) -> N
         )
 
 
-def _measured(loop: Loop) -> dict[str, float]:
+def _iae_ms_mks(loop: Loop) -> dict[str, float]:
     """Ms, mks and the IAE of a load step; nan and infinity for an unstable loop."""
     from pidalab.robustness.control import max_control_sensitivity
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.robustness.poles import is_stable
+    from pidalab.simulation.settling import load_iae
 
     if not is_stable(loop):
         return {"iae": math.inf, "ms": math.inf, "mks": math.inf}
@@ -334,10 +335,10 @@ def plants_within(model: Process | Fit, process: Process, spread: float | None) 
     share = _check.real("spread", spread, above=0.0)
     if share >= 1:
         raise ValueError(f"spread must be a share below 1, found {spread!r}")
-    return corners(process, share)
+    return perturbed_plants(process, share)
 
 
-def corners(process: Process, share: float) -> list[Process]:
+def perturbed_plants(process: Process, share: float) -> list[Process]:
     """Return the eight plants whose gain, time scale of poles and zeros, and dead time are off by a share.
 
     Parameters
@@ -355,8 +356,8 @@ def corners(process: Process, share: float) -> list[Process]:
     Examples
     --------
     >>> import pidalab
-    >>> from pidalab.tuning import corners
-    >>> [round(float(plant.gain()), 1) for plant in corners(pidalab.fopdt(1.0, 2.0, 1.0), 0.2)]
+    >>> from pidalab.tuning import perturbed_plants
+    >>> [round(float(plant.gain()), 1) for plant in perturbed_plants(pidalab.fopdt(1.0, 2.0, 1.0), 0.2)]
     [0.8, 0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2]
     """
     return [_varied(process, gain, time, delay, share) for gain, time, delay in product((-1, 1), repeat=3)]

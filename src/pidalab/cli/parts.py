@@ -38,7 +38,7 @@ def together(*options: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def numbers(ctx: click.Context, param: click.Parameter, value: str) -> list[float]:
-    """Read numbers with commas between them; an entry that is none names the option."""
+    """Read numbers with commas between them; report non-numbers by option."""
     try:
         return [float(part) for part in value.replace(",", " ").split()]
     except ValueError:

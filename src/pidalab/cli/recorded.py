@@ -13,8 +13,8 @@ from pidalab.cli.parts import KINDS, column, limits, ms, ms_worst, one_line, out
 if TYPE_CHECKING:
     from pidalab.digital import DigitalController
     from pidalab.identification import Fit
+    from pidalab.judging import Row
     from pidalab.record import Record
-    from pidalab.reporting import Candidate
     from pidalab.rules import Design
 
 MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt")
@@ -77,7 +77,7 @@ class Result(NamedTuple):
     fit: Fit
     design: Design
     digital: DigitalController
-    candidate: Candidate
+    candidate: Row
     sections: list[tuple[str, str]]
     doubts: tuple[str, ...]
 
@@ -160,7 +160,7 @@ def _tuned(
 ) -> Result:
     from pidalab.identification import fit
     from pidalab.loop import Loop
-    from pidalab.reporting import judged
+    from pidalab.reporting import measure_candidate
     from pidalab.robustness.margins import margins
     from pidalab.tuning import tune
 
@@ -182,9 +182,8 @@ def _tuned(
         ("Expected", _expected(design)),
         ("Doubts", "\n".join(doubts) or "none found"),
     ]
-    return Result(
-        found, design, digital, judged(design, kind, found, sample_time), sections, (*read.doubts, *doubts)
-    )
+    candidate = measure_candidate(design, rule, kind, found, sample_time)
+    return Result(found, design, digital, candidate, sections, (*read.doubts, *doubts))
 
 
 def _no_limits(low: float, high: float) -> list[str]:

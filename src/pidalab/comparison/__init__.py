@@ -6,22 +6,17 @@ points of its step response, or an integrator with dead time. All are judged on 
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from pidalab import _check
-from pidalab._check import Array
 from pidalab.comparison.fairness import at_equal_terms
-from pidalab.loop import Loop
+from pidalab.judging import Row, html_table, measure_row, text_table
 from pidalab.process import Process, require_gain
 from pidalab.rules import Design
-from pidalab.rules._sampled import sampled_noise
 from pidalab.rules.registry import KINDS, RULES, Limits, Rule, find
 from pidalab.rules.starting_models import StartingModels, time_scale
 
@@ -30,28 +25,16 @@ if TYPE_CHECKING:
 
 MARKS = {"PI": "o", "PID": "s", "PIDA": "D"}
 PERIODS = 12.0  # ultimate periods of a first response
-HEAD = ("rule", "kind", "IAE load", "IAE set pt", "Ms", "max |CS|", "noise gain", "TV(u) load", "delay m.")
-
-
-class Row(NamedTuple):
-    """One rule on the process; a measure that could not be had is NaN, and `reason` says why."""
-
-    rule: str
-    kind: str
-    iae_load: float
-    iae_setpoint: float
-    ms: float
-    mks: float
-    noise_gain: float
-    tv: float
-    delay_margin: float
-    reason: str
-    design: Design | None
-
-    @property
-    def applies(self) -> bool:
-        """Whether there is a design and its loop with the process is stable."""
-        return math.isfinite(self.ms)
+COLUMNS = {
+    "IAE load": "iae_load",
+    "IAE set pt": "iae_setpoint",
+    "Ms": "ms",
+    "max |CS|": "mks",
+    "noise gain": "noise_gain",
+    "TV(u) load": "tv",
+    "delay m.": "delay_margin",
+}
+NAMES = {"rule": 27, "kind": 5}
 
 
 @dataclass(frozen=True)
@@ -65,9 +48,7 @@ class Comparison:
     ms, noise_gain, sample_time : float
         The limits of the optima.
     rows : tuple of Row
-        ``rule``, ``kind``; ``iae_load`` and ``iae_setpoint`` of unit steps; ``ms``; ``mks``, the largest gain from
-        noise to u; ``noise_gain`` of the sampled loop; ``tv``, total variation of u after the load step;
-        ``delay_margin``; ``reason``, why the rule does not apply or a measure is missing; ``design``.
+        See `pidalab.judging.Row`.
     """
 
     process: Process
@@ -101,25 +82,18 @@ class Comparison:
         return row.ms <= self.ms * 1.001 and row.noise_gain <= self.noise_gain * 1.001
 
     def __str__(self) -> str:
-        lines = [f"{self.process!r}: limits Ms = {self.ms:g}, noise gain = {self.noise_gain:g}", _line(HEAD)]
-        for row in self.rows:
-            lines.append(
-                f"{_line(_cells(row))}  {self._note(row)}".rstrip()
-                if row.applies
-                else f"{row.rule:27}{row.kind:5} {row.reason}"
-            )
-        return "\n".join(lines)
+        limits = f"limits Ms = {self.ms:g}, noise gain = {self.noise_gain:g}"
+        head = "".join(f"{name:{size}}" for name, size in NAMES.items())
+        head += "".join(f"{name:>11}" for name in COLUMNS)
+        return "\n".join(
+            [f"{self.process!r}: {limits}", head, *text_table(self.rows, NAMES, COLUMNS, 11, self._note)]
+        )
 
     def _note(self, row: Row) -> str:
         return "; ".join(filter(None, ("keeps both limits" * self.keeps(row), row.reason)))
 
     def _repr_html_(self) -> str:
-        head = "".join(f"<th>{html.escape(name)}</th>" for name in (*HEAD, "note"))
-        body = []
-        for row in self.rows:
-            cells = "".join(f"<td>{html.escape(cell)}</td>" for cell in (*_cells(row), self._note(row)))
-            body.append(f"<tr>{cells}</tr>")
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+        return html_table(self.rows, tuple(NAMES), COLUMNS, self._note)
 
     def plot(self) -> Figure:
         """Draw the IAE of a load step for every stable row, filled where both limits are kept.
@@ -203,7 +177,8 @@ def compare(
     noise_gain = _check.real("noise_gain", noise_gain, above=0.0)
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     limits = Limits(ms, noise_gain, sample_time)
-    rows = [judged(*candidate, process, sample_time) for candidate in designs(process, limits, rules)]
+    horizon = first_horizon(process)
+    rows = [measure_row(*one, process, sample_time, horizon) for one in designs(process, limits, rules)]
     return Comparison(process, ms, noise_gain, sample_time, tuple(rows))
 
 
@@ -257,82 +232,11 @@ def designs(
             yield "optimal", kind, search
 
 
-def judged(rule: str, kind: str, make: Callable[[], Design], process: Process, sample_time: float) -> Row:
-    """Make a design and measure its loop with the process.
-
-    Parameters
-    ----------
-    rule, kind : str
-        Names of the row.
-    make : callable
-        Returns the design, or raises ValueError where the rule does not apply.
-    process : Process
-        The plant.
-    sample_time : float
-        Sample time of the noise.
-
-    Returns
-    -------
-    Row
-        Its reason says what could not be had.
-
-    Examples
-    --------
-    >>> import pidalab
-    >>> from pidalab.comparison import judged
-    >>> process = pidalab.lags(3, delay=1.0)
-    >>> row = judged("simc", "PI", lambda: pidalab.rules.classical.simc(process, "PI"), process, sample_time=0.05)
-    >>> print(f"{row.iae_load:.2f} {row.ms:.2f}")
-    5.36 1.53
-    """
-    try:
-        return _measured(rule, kind, make(), process, sample_time)
-    except (ValueError, ArithmeticError) as refusal:
-        return _without(rule, kind, str(refusal))
-
-
-# --- judging ----------------------------------------------------------------------------------------------------------
-
-
-def _measured(rule: str, kind: str, design: Design, process: Process, sample_time: float) -> Row:
-    """Measure the loop of a design with the process itself."""
-    from pidalab.robustness.control import max_control_sensitivity
-    from pidalab.robustness.margins import margins
-    from pidalab.simulation.exact import load_response, step_response
-    from pidalab.simulation.settling import settled
-
-    loop = design.loop(process)
-    found = margins(loop)
-    if not found.stable:
-        return _without(rule, kind, "the loop with the process is unstable", design)
-    horizon = _first_horizon(process)
-    load, setpoint = (settled(simulate, loop, horizon) for simulate in (load_response, step_response))
-    noise, reason = sampled_noise(loop, sample_time)
-    mks = max_control_sensitivity(loop)[0]
-    iae, iae_setpoint = (response.iae(horizon=math.inf) for response in (load, setpoint))
-    return Row(rule, kind, iae, iae_setpoint, found.ms, mks, noise, load.tv("u"), found.dm, reason, design)
-
-
-def _first_horizon(process: Process) -> float:
-    """The end of the first response that is tried: the pace of a good loop, which may be far from the plant's own."""
+def first_horizon(process: Process) -> float:
+    """Return the end of the first response that is tried: at the pace of a good loop, perhaps not the plant's own."""
     from pidalab.reduction import ultimate_frequency
 
     try:
         return PERIODS * 2 * math.pi / ultimate_frequency(process)
     except ValueError:  # no gain makes it oscillate
         return 20.0 * time_scale(process)
-
-
-def _without(rule: str, kind: str, reason: str, design: Design | None = None) -> Row:
-    nan = math.nan
-    return Row(rule, kind, nan, nan, nan, nan, nan, nan, nan, " ".join(reason.split()), design)
-
-
-def _cells(row: Row) -> tuple[str, ...]:
-    numbers = (row.iae_load, row.iae_setpoint, row.ms, row.mks, row.noise_gain, row.tv, row.delay_margin)
-    return row.rule, row.kind, *("-" if math.isnan(x) else f"{x:.4g}" for x in numbers)
-
-
-def _line(cells: tuple[str, ...]) -> str:
-    rule, kind, *numbers = cells
-    return f"{rule:27}{kind:5}" + "".join(f"{number:>11}" for number in numbers)

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pidalab._check import Array
 from pidalab.identification import Fit, fit
+from pidalab.judging import Row, html_table, measure_row, one_line, text_table
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.record import Record
-from pidalab.response import Response
 from pidalab.rules import Design
-from pidalab.rules._sampled import sampled_noise
 from pidalab.rules.registry import ORDER
 from pidalab.rules.starting_models import time_scale
 from pidalab.tuning import plants_within, tune
@@ -28,61 +26,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Candidate(NamedTuple):
-    """One kind of controller on the plant; a measure that could not be had is NaN, and `reason` says why.
-
-    Attributes
-    ----------
-    kind : str
-        "PI", "PID" or "PIDA".
-    iae, iae_worst : float
-        IAE of a unit load step, with the model and the worst within the spread.
-    price : float
-        How many times the IAE is that of the design without a limit for the worst Ms.
-    peak : float
-        Largest deviation of the output after that step.
-    overshoot : float
-        After a step of the set point, in per cent.
-    ms, ms_worst, ms_sampled : float
-        Maximum sensitivity with the model, the worst within the spread (of the digital loop, if there is one), and that
-        of the digital loop with the model.
-    mks : float
-        Largest gain from noise to u over all frequencies.
-    noise_gain : float
-        Standard deviation of u per unit of that of white, sampled noise.
-    delay_margin : float
-    reason : str
-        Why there is no design, or why a measure is missing.
-    design : Design or None
-    load, setpoint : Response or None
-        Responses to unit steps.
-    """
-
-    kind: str
-    iae: float = math.nan
-    iae_worst: float = math.nan
-    price: float = math.nan
-    peak: float = math.nan
-    overshoot: float = math.nan
-    ms: float = math.nan
-    ms_worst: float = math.nan
-    ms_sampled: float = math.nan
-    mks: float = math.nan
-    noise_gain: float = math.nan
-    delay_margin: float = math.nan
-    reason: str = ""
-    design: Design | None = None
-    load: Response | None = None
-    setpoint: Response | None = None
-
-    @property
-    def applies(self) -> bool:
-        """Whether there is a design and its loop with the model is stable."""
-        return math.isfinite(self.ms)
-
-
+HORIZON = 20.0  # of the first responses, in time scales of the process
 COLUMNS = {
-    "IAE load": "iae",
+    "IAE load": "iae_load",
     "worst IAE": "iae_worst",
     "price": "price",
     "peak": "peak",
@@ -98,7 +44,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """Candidates on one plant, with the same limits.
+    """Rows on one plant, with the same limits.
 
     Attributes
     ----------
@@ -108,7 +54,7 @@ class Report:
         Where the model comes from, if that was a record.
     ms : float
         The Ms that was asked for.
-    rows : tuple of Candidate
+    rows : tuple of Row
         Each with its design, measures and responses.
     plants : tuple of Process
         Plants within the spread.
@@ -117,7 +63,7 @@ class Report:
     process: Process
     fit: Fit | None
     ms: float
-    rows: tuple[Candidate, ...]
+    rows: tuple[Row, ...]
     plants: tuple[Process, ...]
 
     @property
@@ -146,39 +92,27 @@ class Report:
             for old, new in pairwise(able)
         )
 
-    def _worst(self, old: Candidate, new: Candidate) -> str:
+    def _worst(self, old: Row, new: Row) -> str:
         return "" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} after {old.ms_worst:.2f}"
 
     def __repr__(self) -> str:
         return f"Report({', '.join(row.kind for row in self.rows)}; Ms at most {self.ms:g})"
 
     def __str__(self) -> str:
-        names = self._columns()
-        lines = [
-            f"{self.process!r}: Ms at most {self.ms:g}",
-            f"{'':5}" + "".join(f"{name:>13}" for name in names),
-        ]
-        for row in self.rows:
-            cells = "".join(f"{cell:>13}" for cell in _cells(row, names))
-            lines.append(f"{row.kind:5}{cells if row.applies else '  ' + row.reason}")
+        columns = self._columns()
+        head = f"{'':5}" + "".join(f"{name:>13}" for name in columns)
+        lines = [f"{self.process!r}: Ms at most {self.ms:g}", head]
+        lines += text_table(self.rows, {"kind": 5}, columns, 13)
         return "\n".join([*lines, *self.verdict.splitlines(), *(f"doubt: {doubt}" for doubt in self.doubts)])
 
     def _repr_html_(self) -> str:
-        names = self._columns()
-        head = "".join(f"<th scope='col'>{html.escape(name)}</th>" for name in ("kind", *names))
-        body = []
-        for row in self.rows:
-            cells = _cells(row, names) if row.applies else [row.reason]
-            span = "" if row.applies else f" colspan='{len(names)}'"
-            inner = "".join(f"<td{span}>{html.escape(cell)}</td>" for cell in cells)
-            body.append(f"<tr><td>{row.kind}</td>{inner}</tr>")
-        return (
-            f"<table class='dataframe'><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
-        )
+        return html_table(self.rows, ("kind",), self._columns())
 
-    def _columns(self) -> list[str]:
-        """Names of the columns in which any candidate has a number."""
-        return [name for name, x in COLUMNS.items() if any(not math.isnan(getattr(r, x)) for r in self.rows)]
+    def _columns(self) -> dict[str, str]:
+        """Columns in which any candidate has a number."""
+        return {
+            name: x for name, x in COLUMNS.items() if any(not math.isnan(getattr(r, x)) for r in self.rows)
+        }
 
     def plot(self) -> Figure:
         """Draw load and set-point responses with their control signals, the gain from noise to u, and Nyquist curves.
@@ -315,15 +249,15 @@ def report(
         try:
             design = tune(fitted, kind, ms, noise_gain, sample_time, rule, spread, output_filter, ms_worst)
         except ValueError as refusal:
-            rows.append(Candidate(kind, reason=" ".join(str(refusal).split())))
+            rows.append(Row(rule, kind, reason=one_line(refusal)))
         else:
-            rows.append(judged(design, kind, fitted, sample_time))
+            rows.append(measure_candidate(design, rule, kind, fitted, sample_time))
     if all(row.design is None for row in rows):
         raise ValueError(rows[0].reason)
     return gathered(fitted, ms, rows, spread)
 
 
-def gathered(model: Process | Fit, ms: float, rows: Sequence[Candidate], spread: float | None) -> Report:
+def gathered(model: Process | Fit, ms: float, rows: Sequence[Row], spread: float | None) -> Report:
     """Return the report about candidates that have been judged."""
     process, fitted = (model.process, model) if isinstance(model, Fit) else (model, None)
     return Report(process, fitted, ms, tuple(rows), tuple(plants_within(model, process, spread)))
@@ -332,41 +266,20 @@ def gathered(model: Process | Fit, ms: float, rows: Sequence[Candidate], spread:
 # --- judging ----------------------------------------------------------------------------------------------------------
 
 
-def judged(design: Design, kind: str, model: Process | Fit, sample_time: float | None) -> Candidate:
-    """Measure a design of `tune` with the model."""
-    from pidalab.robustness.margins import margins
-    from pidalab.simulation.exact import load_response, step_response
-    from pidalab.simulation.settling import settled
-
+def measure_candidate(
+    design: Design, rule: str, kind: str, model: Process | Fit, sample_time: float | None
+) -> Row:
+    """Measure a design of `tune` with the model, also as the digital controller; its worst is that of the design."""
     process = model.process if isinstance(model, Fit) else model
-    loop = design.loop(process)
-    found = margins(loop)
-    if not found.stable:
-        return Candidate(kind, reason="the loop with the model is unstable", design=design)
-    load, setpoint = (
-        settled(run, loop, 20.0 * time_scale(process)) for run in (load_response, step_response)
-    )
-    measured = {
-        name: design.info.get(name, math.nan)
-        for name in ("iae", "iae_worst", "price", "ms", "ms_worst", "mks")
-    }
-    noise, reason = math.nan, ""
-    if sample_time is not None:
-        noise, reason = sampled_noise(loop, sample_time)
-        measured["ms_sampled"], lacking = _sampled(design, process, sample_time)
-        reason = "; ".join(filter(None, (reason, lacking)))
-    return Candidate(
-        kind,
-        **measured,
-        peak=abs(load.peak()),
-        overshoot=setpoint.overshoot(),
-        noise_gain=noise,
-        delay_margin=found.dm,
-        reason=reason,
-        design=design,
-        load=load,
-        setpoint=setpoint,
-    )
+    row = measure_row(rule, kind, lambda: design, process, sample_time, HORIZON * time_scale(process))
+    if not row.applies:
+        return row
+    worst = {name: design.info.get(name, math.nan) for name in ("iae_worst", "price", "ms_worst")}
+    if sample_time is None:
+        return row._replace(**worst)
+    ms_sampled, lacking = _sampled(design, process, sample_time)
+    reason = "; ".join(filter(None, (row.reason, lacking)))
+    return row._replace(**worst, ms_sampled=ms_sampled, reason=reason)
 
 
 def _sampled(design: Design, process: Process, sample_time: float) -> tuple[float, str]:
@@ -377,10 +290,5 @@ def _sampled(design: Design, process: Process, sample_time: float) -> tuple[floa
         digital = design.controller.discretise(sample_time, "backward", design.output_filter)
         found = margins(Loop(process, digital))
     except ValueError as refusal:
-        return math.nan, f"no sampled Ms: {' '.join(str(refusal).split())}"
+        return math.nan, f"no sampled Ms: {one_line(refusal)}"
     return (found.ms, "") if found.stable else (math.inf, "the sampled loop is unstable: sample faster")
-
-
-def _cells(row: Candidate, names: Sequence[str]) -> list[str]:
-    numbers = [getattr(row, COLUMNS[name]) for name in names]
-    return ["-" if math.isnan(x) else f"{x:.4g}" for x in numbers]

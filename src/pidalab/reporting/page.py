@@ -19,7 +19,8 @@ from pidalab.robustness.margins import max_sensitivity
 from pidalab.simulation.exact import load_response, step_response
 
 if TYPE_CHECKING:
-    from pidalab.reporting import Candidate, Report
+    from pidalab.judging import Row
+    from pidalab.reporting import Report
 
 LINES = {"PI": ("#1f5fa8", "-"), "PID": ("#c8591a", "--"), "PIDA": ("#2a8f5b", "-.")}
 LEFT = 0.005  # share of the largest error, below which a figure need not go on
@@ -84,13 +85,13 @@ def _lasting(response: Response) -> float:
     return float(response.t[large[-1]]) or float(response.t[-1])
 
 
-def _frequencies(rows: Sequence[Candidate], low: float, high: float) -> Array:
+def _frequencies(rows: Sequence[Row], low: float, high: float) -> Array:
     """Frequencies around those of the largest sensitivities, as multiples of the lowest and the highest."""
     centres = [max_sensitivity(row.design.loop())[1] for row in rows if row.design is not None]
     return np.geomspace(low * min(centres), high * max(centres), CURVE)
 
 
-def _draw_responses(axes: Any, rows: Sequence[Candidate]) -> None:
+def _draw_responses(axes: Any, rows: Sequence[Row]) -> None:
     runs = {"load": load_response, "setpoint": step_response}
     for column, (name, simulate) in enumerate(runs.items()):
         until = max(_lasting(getattr(row, name)) for row in rows)
@@ -107,7 +108,7 @@ def _draw_responses(axes: Any, rows: Sequence[Candidate]) -> None:
     axes[1, 0].set(ylabel="control signal u")
 
 
-def _draw_noise(ax: Any, rows: Sequence[Candidate]) -> None:
+def _draw_noise(ax: Any, rows: Sequence[Row]) -> None:
     w = _frequencies(rows, 0.05, 50.0)
     for row in rows:
         assert row.design is not None
@@ -116,7 +117,7 @@ def _draw_noise(ax: Any, rows: Sequence[Candidate]) -> None:
     ax.set(xlabel="frequency, rad per time unit", ylabel="gain from noise to u")
 
 
-def _draw_nyquist(ax: Any, report: Report, rows: Sequence[Candidate]) -> None:
+def _draw_nyquist(ax: Any, report: Report, rows: Sequence[Row]) -> None:
     w = _frequencies(rows, 0.1, 30.0)
     for row in rows:
         assert row.design is not None

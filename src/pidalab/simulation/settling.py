@@ -68,3 +68,36 @@ def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: fl
             continue
         return response
     raise ValueError(f"the response does not settle within {horizon * 2**DOUBLINGS:.3g}")
+
+
+def load_iae(loop: Loop) -> float:
+    """IAE of a unit step of the load, over a horizon that fits the loop.
+
+    Parameters
+    ----------
+    loop : Loop
+        A stable loop.
+
+    Returns
+    -------
+    float
+        Until infinity, in units of y times time.
+
+    Raises
+    ------
+    ValueError
+        As `settled`.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.simulation.settling import load_iae
+    >>> loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(kp=0.8, ti=1.0))
+    >>> print(f"{load_iae(loop):.4f}")
+    1.2500
+    """
+    from pidalab.robustness.poles import rightmost_poles
+    from pidalab.simulation.exact import load_response
+
+    slowest = -float(np.max(rightmost_poles(loop).real))
+    return settled(load_response, loop, 12.0 / slowest + 10.0 * loop.process.delay).iae(horizon=math.inf)

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
-
-import numpy as np
 
 from pidalab import _check
 from pidalab.areas import exact
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
-from pidalab.response import Response
 from pidalab.rules._design import Design
 from pidalab.rules.magnitude_optimum.noise import tune_for_exact_noise
-from pidalab.rules.magnitude_optimum.system import time_scale
-from pidalab.simulation.exact import load_response
-
-SAMPLES = 4000  # of a load response
-LONGEST = 2000.0  # of a load response, in residence times
+from pidalab.simulation.settling import load_iae
 
 
 class Candidate(NamedTuple):
@@ -82,21 +74,7 @@ def rank_orders(
             except ValueError as reason:
                 refused.append(f"m = {m}, n = {n}: {reason}")
                 continue
-            found.append(Candidate(m, n, design, _load_iae(Loop(process, design.controller))))
+            found.append(Candidate(m, n, design, load_iae(Loop(process, design.controller))))
     if not found:
         raise ValueError("no orders up to largest_m and largest_n have such a design; " + "; ".join(refused))
     return sorted(found, key=lambda candidate: candidate.iae)
-
-
-def _load_iae(loop: Loop) -> float:
-    """IAE after a unit step of the load, on a record that is lengthened until it has settled."""
-    unit = time_scale(exact(loop.process, 4))
-    horizon = 10 * unit
-    while True:
-        record: Response = load_response(loop, np.linspace(0.0, horizon, SAMPLES + 1))
-        try:
-            return record.iae(math.inf)
-        except ValueError:
-            if horizon > LONGEST * unit:
-                raise
-            horizon *= 2
