@@ -46,7 +46,7 @@ def known_at_every_door(name, tmp_path):
 
 def test_chien_hrones_and_reswick_are_known_at_every_door(tmp_path):
     assert len(CHR) == 4
-    known_at_every_door("CHR load 20 %", tmp_path)
+    known_at_every_door("CHR setpoint 0 %", tmp_path)
 
 
 def test_a_new_entry_is_known_at_every_door(monkeypatch, tmp_path):
