@@ -67,6 +67,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "areas/_power_series": ("areas/test_model.py", "areas are power series"),
     "rules/_sampled": ("test_comparison.py", "a column of the table"),
     "robustness/_grid": ("robustness/test_margins.py", "a peak between two points would be missed"),
+    "robustness/_fraction": ("robustness/test_margins.py", "what is followed along the axis"),
     "robustness/_scan": ("robustness/test_margins.py", "margins are read off it"),
     "robustness/_infimum": ("robustness/test_limits.py", "the criteria are infima"),
     "simulation/bank": ("simulation/test_portrait.py", "a part of the portrait"),

@@ -91,7 +91,6 @@ def test_numbers_of_samples_that_are_tried():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"amplitude": 1e308}, r"amplitude must be at most 1e\+307"),
         ({"amplitude": -1.0}, r"amplitude must be at least 0, found -1\.0"),
         ({"hold": 0.07}, r"hold must be a multiple of the step of t \(0\.05\), found 0\.07"),
         ({"hold": 0.01}, r"hold must be a multiple of the step of t"),

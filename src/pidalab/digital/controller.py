@@ -119,10 +119,10 @@ class DigitalController:
             new[i, : path.order], old[i, : path.order] = path.new, path.old
             gain[i, : path.order + 1] = path.gains
         return Numbers(
-            before_new=before.new,
-            before_old=before.old,
-            before_move=np.array(before.move).reshape(len(before.out), len(before.out)),
-            before_out=np.array(before.out, float),
+            prefilter_new=before.new,
+            prefilter_old=before.old,
+            prefilter_move=np.array(before.move).reshape(len(before.out), len(before.out)),
+            prefilter_out=np.array(before.out, float),
             weight=np.array([path.weight for path in self.paths], float),
             new=new,
             old=old,

@@ -206,7 +206,7 @@ def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float]
 
 
 def _taken_back(parts: tuple[FilteredGains, ...], h: float, way: str | None, time: float | None) -> float:
-    """Return the share of what was cut off that the integral takes back."""
+    """Return the back-calculation gain: the share of u less its wanted value that is added to the integral."""
     if way in (None, "clamping"):
         return 0.0
     if time is None:

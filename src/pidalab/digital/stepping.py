@@ -23,9 +23,9 @@ class Numbers(NamedTuple):
 
     Attributes
     ----------
-    before_new, before_old : float
+    prefilter_new, prefilter_old : float
         Shares of the set point now and one sample ago in what the states of a prefilter move towards.
-    before_move, before_out : ndarray, shape (states, states) and (states,)
+    prefilter_move, prefilter_out : ndarray, shape (states, states) and (states,)
         How they move with their distances from it, and what these add to the set point; none without a prefilter.
     weight : ndarray, shape (paths,)
         Weight of the set point.
@@ -44,9 +44,9 @@ class Numbers(NamedTuple):
     growth_new, growth_old : float
         By how much of its value now, and of that one sample ago.
     taken_back : float
-        Share of what a limit cut off that the integral takes back.
+        Back-calculation gain: share of u less its wanted value that is added to the integral.
     tracked : float
-        Share of the difference to an external signal that the integral takes up.
+        Tracking gain: share of an external signal less u that is added to the integral.
     clamps : bool
         Whether the integral rests while it would drive the control signal further beyond a limit.
     clamps_next : bool
@@ -57,10 +57,10 @@ class Numbers(NamedTuple):
         In the units of the signals.
     """
 
-    before_new: float
-    before_old: float
-    before_move: Array
-    before_out: Array
+    prefilter_new: float
+    prefilter_old: float
+    prefilter_move: Array
+    prefilter_out: Array
     weight: Array
     new: Array
     old: Array
@@ -85,7 +85,7 @@ class Numbers(NamedTuple):
 
 def fresh(numbers: Numbers, u: float) -> Array:
     """Return the states of a controller that will start with the control signal u."""
-    before = numbers.before_out.size
+    before = numbers.prefilter_out.size
     size = PATHS + before + min(before, 1) + int(np.sum(numbers.order + 1)) + numbers.fraction.b.size
     states = np.zeros(size + room(numbers))
     states[CONTROL] = u
@@ -112,22 +112,22 @@ def advance(n: Numbers, s: Array, r: float, y: float, manual: float, track: floa
     at, free = PATHS, s.size - room(n)
 
     # the prefilter: its states move towards the set point
-    m = n.before_out.size
+    m = n.prefilter_out.size
     if m:
         if starts:
             s[at : at + m + 1] = r
-        aim = n.before_new * r + n.before_old * s[at]
+        aim = n.prefilter_new * r + n.prefilter_old * s[at]
         s[at] = r
         for i in range(m):
             s[free + i] = s[at + 1 + i] - aim
         for i in range(m):
             moved = 0.0
             for j in range(m):
-                moved += n.before_move[i, j] * s[free + j]
+                moved += n.prefilter_move[i, j] * s[free + j]
             s[at + 1 + i] += moved
         added = 0.0
         for i in range(m):
-            added += n.before_out[i] * (s[at + 1 + i] - r)
+            added += n.prefilter_out[i] * (s[at + 1 + i] - r)
         r += added
         at += m + 1
 

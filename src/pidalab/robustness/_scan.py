@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pidalab._compiled import compiled, plain
+from pidalab._compiled import compiled
+from pidalab.robustness._fraction import fraction
 
 PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 10_000_000  # along the axis: more would take too long
@@ -21,26 +22,6 @@ NEAR_AXIS = 0.5  # cosine of the angle to the positive axis below which the nega
 REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding
 # functions of frequency; integers of numpy, since code would be compiled for each of Python's
 GAIN, IMAGINARY, SENSITIVITY, COMPLEMENTARY, LOUD, QUIET = np.arange(6)
-
-
-def _fraction_by_products(s, gain, zeros, poles, reference):
-    """As `fraction`, with the factors as arrays."""
-    size = s + reference
-    num = np.prod((s - zeros) / size[: zeros.size]) / np.prod(size[zeros.size :])
-    return gain * num, np.prod((s - poles) / size)
-
-
-@plain(_fraction_by_products)
-def fraction(s, gain, zeros, poles, reference):
-    """Numerator and denominator of L without its dead time, both over the product of all s + reference."""
-    num, den = complex(gain), 1.0 + 0.0j
-    for i in range(poles.size):
-        re, im = s.real + reference[i], s.imag
-        size = 1.0 / (re * re + im * im)
-        small = complex(re * size, -im * size)
-        den *= (s - poles[i]) * small
-        num *= (s - zeros[i]) * small if i < zeros.size else small
-    return num, den
 
 
 @compiled

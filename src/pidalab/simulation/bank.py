@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import expm
 from scipy.special import gammainc
 
 from pidalab._check import Array
@@ -254,30 +255,9 @@ def _prefilter(bank: Bank, sets: int, size: int, h: float) -> tuple[Array, Array
     if q:
         augmented[:, :q, :q] = _companion(den)
         augmented[:, 0, q] = 1.0
-    transition = _exponentials(augmented * (h / unit)[:, :, None])
+    transition = expm(augmented * (h / unit)[:, :, None])
     phi, gamma = transition[:, :q, :q], transition[:, :q, q]
     # output: what is left of the numerator when the direct share is taken out
     d = num[:, 0]
     c = num[:, 1:] - d[:, None] * den[:, 1:]
     return tuple(np.moveaxis(x, 0, -1) for x in (phi, gamma, c, d))  # type: ignore[return-value]
-
-
-def _exponentials(M: Array) -> Array:
-    """Return the exponentials of many small matrices, by Taylor's series of a 2^k-th part, squared k times.
-
-    The k is each matrix's own, so that its bits do not depend on the others.
-    """
-    # halve each matrix until its norm is at most 1/4
-    largest = np.max(np.sum(np.abs(M), axis=-1), axis=-1, initial=1e-300)[:, None, None]
-    k = np.maximum(0, np.ceil(np.log2(4 * largest))).astype(int)
-    part = M / 2.0**k
-    # Taylor's series; what is left out is 0.25^16/16! = 1e-23
-    total = np.zeros_like(M) + np.eye(M.shape[-1])
-    term = total
-    for i in range(1, 16):
-        term = term @ part / i
-        total = total + term
-    # square as often as each was halved
-    for done in range(int(k.max())):
-        total = np.where(k > done, total @ total, total)
-    return total

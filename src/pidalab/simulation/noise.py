@@ -14,7 +14,6 @@ from pidalab.loop import Loop, require_loop
 from pidalab.robustness.poles import is_stable
 from pidalab.simulation.sampled import simulate_sampled
 
-LOUDEST = 1e307  # amplitude of noise: twice as much must be a number
 FIRST, MOST = 4096, 1 << 20  # samples of a response to noise, at first and at most
 FADED = 1e-12  # share of the squares that the second half of such a response may hold
 ECHOES = (
@@ -54,8 +53,6 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     """
     t = _check.uniform_time("t", t)
     amplitude = _check.real("amplitude", amplitude, at_least=0.0)
-    if amplitude > LOUDEST:
-        raise ValueError(f"amplitude must be at most {LOUDEST:g}, found {amplitude:g}")
     step = t[-1] / (t.size - 1)
     each = 1.0 if hold is None else _check.real("hold", hold, above=0.0) / step
     repeats = round(each)

@@ -84,10 +84,10 @@ def _numbers(
 ) -> Numbers:
     """Return a controller whose control signal is a fraction of the error and, if it integrates, an integral."""
     return Numbers(
-        before_new=0.0,
-        before_old=0.0,
-        before_move=np.zeros((0, 0)),
-        before_out=np.zeros(0),
+        prefilter_new=0.0,
+        prefilter_old=0.0,
+        prefilter_move=np.zeros((0, 0)),
+        prefilter_out=np.zeros(0),
         weight=np.zeros(0),
         new=np.zeros((0, 0)),
         old=np.zeros((0, 0)),
