@@ -22,7 +22,7 @@ from mdit_py_plugins.dollarmath import dollarmath_plugin
 
 ROOT = Path(__file__).resolve().parents[1]
 HERE, LAB = Path(__file__).parent, ROOT / "book" / "_static" / "lab"
-SCRIPTS = ("engine", "optima", "model", "plot", "lab", "live")
+SCRIPTS = ("engine", "optima", "model", "optimum", "plot", "record", "lab", "live")
 SHOWN = {"list", "formula", "figure", "live", "result", "table", "shown"}  # on the slide; the rest are notes
 PICTURES = {"figure", "live"}
 SHORT, LEAD_IN = 1000, 200  # characters that a slide without a figure bears, and of what leads to a formula

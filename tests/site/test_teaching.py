@@ -109,7 +109,7 @@ def changed(cells: list, old: str, new: str) -> list:
         (lecture_problems, "```{exercise}", "```{note}", "fewer than 6"),
         (lecture_problems, "design = ", "\n" * 9 + "design = ", "a recipe of"),
         (without_lab, IN_THE_LAB, '"lab": false', "1 live figures, 0"),
-        (unanswered, "Above 1: the output of the optima swings", "```{solution-end}\n```\n", "without words"),
+        (unanswered, "IAE is larger: the output of the optima", "```{solution-end}\n```\n", "without words"),
         (unanswered, "```{exercise}", "```{note}", "5 exercises, 6 answers"),
     ],
 )
