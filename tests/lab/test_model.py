@@ -9,6 +9,7 @@ from engine import SCRIPT, Engine, asked
 
 import pidalab
 from pidalab.robustness.control import max_control_sensitivity
+from pidalab.robustness.sampled import sampled_plant
 from pidalab.rules import automatic_reset, classical, itae, mrdp
 
 RULE = """pidalabEngine.rule = ({rule, process, design, knob}) =>
@@ -86,8 +87,9 @@ def test_a_change_costs_little_work(plant, conditions, counting):
     by_limits = counting.work(**asked, changed={"conditions": {"limits": [-0.3, 0.8]}})
     assert by_limits["frequencies"] == by_limits["pieces"] == 0  # nor the response without limits
     by_sample_time = counting.work(**asked, changed={"conditions": {"sampleTime": 0.06}})
-    assert by_sample_time["frequencies"] == 0  # the curves are those of the controller as designed
-    assert 0 < by_sample_time["matrices"] <= 2  # one for each piece of a sample, for whatever is run with it
+    assert by_sample_time["frequencies"] == 0  # the grid is that of the controller as designed
+    # one for each piece of a sample, for whatever is run with it, and one or two for the point halfway
+    assert 0 < by_sample_time["matrices"] <= 4
 
 
 @pytest.mark.parametrize("conditions", CONDITIONS, ids=str)
@@ -327,6 +329,19 @@ def test_ms_of_a_digital_controller_is_that_from_sample_to_sample(h, gains, mode
     found = model.sampledMargins(**case, sampleTime=h, end=40.0)
     assert found["stable"] is True
     assert found["ms"] == pytest.approx(true.ms, rel=1e-3)
+
+
+@pytest.mark.parametrize("h", [0.1, 0.4, 0.777])
+def test_curves_of_a_digital_loop_are_those_of_the_library(h, model):
+    """Ms of the curve, and the process from sample to sample behind it."""
+    process = pidalab.Process([0.3, 1.0], [2.0, 3.0, 1.0], delay=0.777)
+    controller = pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
+    found = model.sampledResponse(**asked(process, controller), sampleTime=h)
+    w, re, im, control = (np.array(found[key]) for key in ("w", "re", "im", "control"))
+    plant = np.abs(sampled_plant(process, h)(np.exp(1j * w * h)))
+    assert np.hypot(re, im) == pytest.approx(plant * control, rel=1e-9)
+    true = pidalab.margins(pidalab.Loop(process, controller.discretise(h))).ms
+    assert (1 / np.hypot(1 + re, im)).max() == pytest.approx(true, rel=0.01)
 
 
 def test_no_peak_of_a_digital_loop_is_passed_by(model):
