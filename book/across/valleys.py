@@ -9,13 +9,12 @@ import numpy as np
 import pidalab
 from IPython.display import Markdown
 from pidalab.optimal._problem import Problem
-from pidalab.optimal._solver import Limits, Search
+from pidalab.optimal._solver import FINE, NEARLY, Limits, Search
 from pidalab.optimal._starts import at_once
 from pidalab.optimal._units import unit_of_time
 
 MS, MKS = 1.4, 20.0
 RUNGS = np.linspace(0.0, -4.7, 34)  # logarithms of filter times, in units of the problem
-KEPT = 1e-6  # share by which a limit may be missed
 PROCESS = pidalab.lags(3, delay=1.0)
 
 
@@ -41,8 +40,8 @@ def walk(search: Search, x: np.ndarray, rungs: np.ndarray) -> Walk:
     for rung in rungs:
         start = x.copy()
         start[search.problem.gains] = rung
-        value, reached, missed = search.descend(start, float(rung))
-        if missed <= KEPT:
+        value, reached, missed = search.descend(start, float(rung), effort=FINE)
+        if missed <= NEARLY:
             x = reached
             gains, time = search.problem.controller(x)
             found.append((time, value * search.problem.time, gains[3]))
@@ -58,14 +57,13 @@ def figure(one: Walk) -> None:
     below.set(xlabel="filter time (time)", ylabel="ka (u/y × time²)")
 
 
-def sentence(one: Walk) -> Markdown:
-    """What the walk finds, beside the search."""
+def sentence() -> Markdown:
+    """The shelf and the valley of the walk in numbers of the search."""
     pid, pida = (pidalab.optimal.load(PROCESS, order, ms=MS, mks=MKS) for order in (1, 2))
-    bottom = int(np.argmin(one.iae))
     return Markdown(
         "Fast filters leave hardly any acceleration: there the best PIDA is the best PID, with an IAE of "
         f"{pid.iae:.2f}, and the curve is level: the shelf. The valley is at a filter "
-        f"{one.filter_time[bottom] / pid.controller.filter_time:.0f} times as slow, with an IAE of {pida.iae:.2f}. "
+        f"{pida.controller.filter_time / pid.controller.filter_time:.0f} times as slow, with an IAE of {pida.iae:.2f}. "
         "Local searches of all parameters at once, from different starts, end at either; those of the library at "
         + ", ".join(f"{value:.2f}" for value in pida.valleys)
         + "."
