@@ -95,6 +95,8 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "optimal/_units": ("optimal/test_design.py", "its unit of time"),
     "optimal/_refusal": ("optimal/test_design.py", "why there is no design"),
     "optimal/_solver": ("optimal/test_design.py", "what finds it"),
+    "optimal/_walk": ("optimal/test_design.py", "where it looks"),
+    "safety": ("test_tuning.py", "a part of tune"),
     "judging": ("test_comparison.py", "the rows of a comparison and of a report"),
     "reporting/page": ("test_reporting.py", "the report that it draws"),
     "cli/__main__": ("test_cli.py", "the same command"),

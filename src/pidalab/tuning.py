@@ -10,7 +10,6 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab._safety import Asked, Make, Runs, safe, unsafe
 from pidalab.identification import Fit
 from pidalab.loop import Loop
 from pidalab.optimal._design import sign_of_gain
@@ -19,6 +18,7 @@ from pidalab.record import Record
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, find
+from pidalab.safety import Asked, Make, Runs, safe, unsafe
 
 LOUDEST = (
     10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y

@@ -18,9 +18,10 @@ from pidalab.optimal._design import _edge, sign_of_gain
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import polish
 from pidalab.optimal._problem import Problem, _other_side
-from pidalab.optimal._solver import Limits, Search, _distinct, _valleys
+from pidalab.optimal._solver import Limits, Search
 from pidalab.optimal._starts import _apart, approached, at_once, stabilising
 from pidalab.optimal._units import _turn, unit_of_time
+from pidalab.optimal._walk import _distinct, _valleys
 
 THIRD = pidalab.lags(3, delay=1.0)
 INTEGRATING = pidalab.Process([1.0], [0.3, 1.0, 0.0], 0.7)
@@ -287,7 +288,7 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
     inside = []
-    monkeypatch.setattr("pidalab.optimal._solver.search", lambda *_: inside.append(threads()))
+    monkeypatch.setattr("pidalab.optimal._walk.search", lambda *_: inside.append(threads()))
     with threadpool_limits(limits=2, user_api="blas"):
         with pytest.raises(ValueError, match="ms"):
             pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, 1.4)

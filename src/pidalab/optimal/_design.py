@@ -17,7 +17,8 @@ from pidalab.process import Process, require_gain
 from pidalab.rules import Design
 
 if TYPE_CHECKING:
-    from pidalab.optimal._solver import Found, Limits, Search
+    from pidalab.optimal._solver import Limits, Search
+    from pidalab.optimal._walk import Found
 
 HIGHEST = 4  # order of a controller
 ACTIVE = 1e-3  # share of a limit within which it is called active
@@ -163,9 +164,10 @@ def _best(
     from tqdm import tqdm
 
     from pidalab.optimal._problem import Problem
-    from pidalab.optimal._solver import Found, Search, search
+    from pidalab.optimal._solver import Search
     from pidalab.optimal._starts import approached, at_once
     from pidalab.optimal._units import unit_of_time
+    from pidalab.optimal._walk import Found, search
 
     sign = sign_of_gain(process)
     upright, *others = (

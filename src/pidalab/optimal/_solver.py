@@ -8,7 +8,7 @@ without the highest derivative, which keeps to the first. Descents from around t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,18 +37,12 @@ NEARLY = 1e-4  # share by which a limit may be missed on the way
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
 AGAIN, LONG = 4, 0.2  # descents one after the other at most; gain after which one is long, a logarithm
 ROUNDS = 12  # of the last search, each with the worst frequency of the one before
-APART, FAR = 1e-2, 2.0  # share by which the values of two valleys differ at least, factor by which at most
+APART = 1e-2  # share by which the values of two valleys differ at least
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
-BEST = 3  # searches that are brought to the end
 UNPOLISHED = 1e-2  # what is left open of an end whose conditions were not reached
 ALIKE = 0.01  # what two ends of the same valley differ by at most
-SAME = 1e-4  # share by which values of descents differ that may have the same end
 WORST = 2  # plants of the family that join at a time
 SHRINK, SHRINKS, ASTRAY = 0.85, 40, 0.5  # factor, steps at most, and by how much a limit may then be missed
-SHAKES = (
-    (0.3, 0.5),
-    (0.8, 1.5),
-) * 20  # deviations of logarithms of gains and filter time in the last descents
 
 
 class Limits(NamedTuple):
@@ -291,83 +285,3 @@ def _settles(loop: Loop) -> bool:
         return is_stable(loop)
     except ArithmeticError:
         return False
-
-
-class Found(NamedTuple):
-    """Result of a search."""
-
-    best: Polished
-    valleys: tuple[float, ...]  # the least value, and what other descents ended with up to FAR times it
-
-
-def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
-    """Find the best unknowns from starts that keep all limits; None where no descent ends well."""
-    first = starts[0]
-    x, rungs = first, []
-    down, up = one.rungs, one.rungs[::-1]
-    # down, up, and down once more without the highest derivative: the valley of the order below
-    for ladder, highest in ((down, LARGEST), (up, LARGEST), (down, 0.0)):
-        for time in ladder:
-            value, found, missed = one.descend(one.near(x, first, float(time)), float(time), highest)
-            if missed <= NEARLY:
-                x = found
-                rungs.append((value, found))
-            bar.update()
-    # the filter time set free: from every rung and the other starts, then to the end from the best
-    free = []
-    for start in [*(x for _, x in _distinct(rungs, len(rungs))), *starts[1:]]:
-        value, found, missed = one.descend(start)
-        if missed <= NEARLY:
-            free.append((value, found))
-        bar.update()
-    finished: list[Polished] = []
-    for ends in (free, rungs):
-        for _, start in _distinct(ends, BEST):
-            end = one.finish(start, finished)
-            finished += [] if end is None else [end]
-        if finished:
-            break
-    else:
-        return None
-    best = min(finished, key=lambda end: end.value)
-    # a last doubt: from places around the best, near and far
-    shaken = [one.descend(start) for start in _shaken(one, best.x)]
-    value, start, _ = min(
-        (end for end in shaken if end[2] <= NEARLY), default=(np.inf, x, 0.0), key=lambda end: end[0]
-    )
-    if value < one.worth(best.x)[0] * (1 + SAME):
-        last = one.finish(start, [best])
-        if last is not None and last.value < best.value:
-            best = last
-    return Found(best, _valleys([best.value, *(other for other, _ in free)]))
-
-
-def _shaken(one: Search, x: Array) -> Iterator[Array]:
-    """Places around a controller, the same at each run; those whose loop is unstable are left out."""
-    rng, at = np.random.default_rng(0), one.problem.gains
-    for gains, filter_time in SHAKES:
-        start = x.copy()
-        start[:at] *= np.exp(rng.normal(0.0, gains, at))
-        start[at] = np.clip(x[at] + rng.normal(0.0, filter_time), *one.bounds[at])
-        if not one.problem.unstable(start):
-            yield start
-
-
-def _valleys(values: list[float]) -> tuple[float, ...]:
-    """Values that differ, each the least of those next to it."""
-    chosen: list[float] = []
-    for value in sorted(values):
-        if not chosen or chosen[-1] * (1 + APART) < value < FAR * chosen[0]:
-            chosen.append(value)
-    return tuple(chosen)
-
-
-def _distinct(rungs: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
-    """The best rungs that are not the same point."""
-    chosen: list[tuple[float, Array]] = []
-    for rung in sorted(rungs, key=lambda pair: pair[0]):
-        if all(np.max(np.abs(rung[1] - other[1])) > 1e-3 for other in chosen):
-            chosen.append(rung)
-        if len(chosen) == most:
-            break
-    return chosen
