@@ -44,6 +44,6 @@ def pytest_terminal_summary(terminalreporter):
         return
     terminalreporter.write_sep("=", f"{len(skipped)} tests did not run", yellow=True)
     reasons = Counter((report.fspath, report.longrepr[2].removeprefix("Skipped: ")) for report in skipped)
-    for reason in dict.fromkeys(reason for _, reason in reasons):
+    for reason in sorted({reason for _, reason in reasons}):
         where = [f"{path} ({n})" for (path, other), n in sorted(reasons.items()) if other == reason]
         terminalreporter.write_line(f"{reason}\n    {', '.join(where)}")

@@ -271,7 +271,7 @@ def maps(
     values: Mapping[str, ArrayLike],
     levels: Sequence[float],
     label: str,
-    names: tuple[str, str] = (r"$\theta/\tau$", "ξ"),
+    names: tuple[str, str] = ("θ/τ", "ξ"),
 ) -> Figure:
     """Draw a quantity over two parameters, in maps side by side, two in a row, with one scale.
 

@@ -94,7 +94,7 @@ def tune(
     >>> import pidalab
     >>> design = pidalab.tune(pidalab.lags(3, delay=1.0), kind="PI", ms=1.6, spread=0.1)
     >>> print(f"{design.ms:.2f} {design.ms_worst:.2f} {design.price:.2f}")
-    1.60 1.87 1.00
+    1.60 1.78 1.00
     """
     _check.choice("kind", kind, ORDER)
     ms, ms_worst = _check.real("ms", ms, above=1.0), _check.real("ms_worst", ms_worst, above=1.0)

@@ -137,13 +137,6 @@ CALLS = {
         prefilter=([1.0], [1.0, 1.0]),
         chunk=2,
     ),
-    "portrait of digital ones": partial(
-        pidalab.portrait,
-        loop=Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.4, 9.0).discretise(0.1)),
-        parameters={"controller": [PIDA(0.4, 9.0).discretise(0.1)]},
-        t=0.1 * np.arange(401),
-        load=1.0,
-    ),
     "vendor_forms": partial(PIDA(1.0, 3.0, 1.0).vendor_forms, time_unit="s"),
 }
 FROM_BELOW = re.compile(

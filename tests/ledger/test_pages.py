@@ -60,7 +60,7 @@ def test_every_row_leads_to_the_chapter_and_its_evidence(project):
 
 def test_every_row_has_an_anchor(project):
     page = every_row()
-    assert '<a class="row-id" id="demo.t1.kp" href="#demo.t1.kp">demo.t1.kp</a>' in page.html
+    assert '<a class="row-id" id="demo-t1-kp" href="#demo-t1-kp">demo.t1.kp</a>' in page.html
     assert len(set(re.findall(r' id="(.*?)"', page.html))) == 10
 
 

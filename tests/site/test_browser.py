@@ -33,23 +33,16 @@ def home(site):
         yield address
 
 
-SCREEN = {"width": 1400, "height": 900}
-SCREENS = 12  # a method chapter is read in a sitting
-
-
 @pytest.fixture(scope="module")
 def judged():
     """Kinds of text whose contrast was judged on a page before."""
     return set()
 
 
-def test_page(page_name, home, site, visit, root, judged):
+def test_page(page_name, home, site, visit, judged):
     """A page is loaded once for all that is looked at, since that takes longest."""
     page, wrong = visit(f"{home}/{page_name}.html", viewport=NARROW)
     assert page.locator("html").get_attribute("data-theme") == "light"
-    if page_name in chapters(root):
-        page.set_viewport_size(SCREEN)
-        assert page.locator("article").bounding_box()["height"] <= SCREENS * SCREEN["height"]
     found = astray(page, site / f"{page_name}.html") + looked_over(page) + wrong
     assert found + contrasts(page, judged) == []
 

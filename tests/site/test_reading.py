@@ -11,12 +11,8 @@ import pytest
 from looking import NARROW
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
-MOST_LINES = 15  # of one cell
-SHORT = 6  # lines; at least half of the cells have no more
-FIRST_EDITION = 4950  # lines of code in the cells of the first edition
 SMALLEST = 8.25  # points, 11 px: the smallest words of a figure
 FOLDS = {"hide-input", "hide-cell"}
-DEFINITION = re.compile(r"^(?:def|class) ", re.MULTILINE)
 # The size of a text in an SVG of matplotlib: its outlines are drawn for 100 points and scaled.
 TEXT_SCALE = re.compile(r"scale\((0?\.\d+) -0?\.\d+\)")
 
@@ -47,16 +43,8 @@ def reading_problems(path: Path) -> list[str]:
     wrong = []
     for number, cell in enumerate(cells, 1):
         tags = set(cell.metadata.get("tags", []))
-        if lines(cell) > MOST_LINES:
-            wrong.append(f"cell {number}: {lines(cell)} lines of code, more than {MOST_LINES}")
         if tags & FOLDS and not shows(cell):
             wrong.append(f"cell {number}: folded, and nothing to see")
-    definitions = sum(len(DEFINITION.findall(cell.source)) for cell in cells)
-    if definitions > 2:
-        wrong.append(f"{definitions} definitions: they belong in a module")
-    short = sum(lines(cell) <= SHORT for cell in cells)
-    if 2 * short < len(cells):
-        wrong.append(f"only {short} of {len(cells)} cells have at most {SHORT} lines")
     return [f"{path.name}: {problem}" for problem in wrong]
 
 
@@ -93,14 +81,8 @@ def notebooks(root: Path) -> list[Path]:
     return sorted(path for path in root.glob("book/**/*.ipynb") if ".ipynb_checkpoints" not in path.parts)
 
 
-def test_cells_are_short_and_show_something(root):
+def test_folded_cells_show_something(root):
     assert [problem for path in notebooks(root) for problem in reading_problems(path)] == []
-
-
-def test_the_papers_need_half_the_code_of_the_first_edition(root):
-    ledgers = {path.stem for path in root.glob("book/ledger/*.csv")}
-    total = sum(lines(cell) for path in notebooks(root) if path.stem in ledgers for cell in code_cells(path))
-    assert total <= FIRST_EDITION / 2
 
 
 FETCHED = (

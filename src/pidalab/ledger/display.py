@@ -151,8 +151,8 @@ def claim(row: Row, unfold: bool = True, anchor: bool = False) -> Cell:
     if row.note and unfold:
         html = f"<details><summary>{html}</summary><p>{markup(row.note)}</p></details>"
     if anchor:
-        name = escape(row.id)
-        html += f' <a class="row-id" id="{name}" href="#{name}">{name}</a>'
+        place = row.id.replace(".", "-")  # a dot in an address means something else to a script
+        html += f' <a class="row-id" id="{place}" href="#{place}">{escape(row.id)}</a>'
     return Cell(f"{row.id}: {text} ({row.where})", html, "claim text")
 
 
