@@ -48,7 +48,7 @@ ALSO = {
     "book/learn/filter-and-noise.html#why-filter-at-all": "derivative filter low pass measurement noise",
     "book/notation.html#conventions": "definition of IAE ISE ITAE TV settling time overshoot",
     "book/api/process.html#pidalab.fopdt": "first order plus dead time FOPDT FOLPD",
-    "book/api/rules.html#module-pidalab.rules.classical": "Ziegler–Nichols lambda tuning AMIGO SIMC",
+    "book/api/rules.html#module-pidalab.rules.classical": "Ziegler–Nichols lambda tuning",
 }
 
 

@@ -129,11 +129,8 @@ def cell(source="1 + 1", *outputs, tags=()):
 
 
 BAD = {
-    "16 lines of code": [cell("\n".join(["x = 1"] * 16), SHOWN), cell(), cell()],
     "folded, and nothing to see": [cell("x = 1", tags=["hide-input"])],
     "cell 1: folded, and nothing to see": [cell("x = 1", KEPT, tags=["hide-cell"])],
-    "3 definitions": [cell("def f(): ...\ndef g(): ...\nclass H: ...", SHOWN)],
-    "only 1 of 3 cells": [cell(), cell("x = 1\n" * 7, SHOWN), cell("x = 1\n" * 8, SHOWN)],
 }
 
 
