@@ -46,6 +46,7 @@ ALSO = {
     "book/learn/digital.html#bumpless-transfer": "bumpless transfer manual automatic switching",
     "book/learn/digital.html#choose-h": "sampling time sample period sampling rate aliasing",
     "book/learn/filter-and-noise.html#why-filter-at-all": "derivative filter low pass measurement noise",
+    "book/across/which-controller.html#the-rules-as-published": "SIMC Skogestad tuning rules",
     "book/notation.html#conventions": "definition of IAE ISE ITAE TV settling time overshoot",
     "book/api/process.html#pidalab.fopdt": "first order plus dead time FOPDT FOLPD",
     "book/api/rules.html#module-pidalab.rules.classical": "Ziegler–Nichols lambda tuning",
