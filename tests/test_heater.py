@@ -87,14 +87,6 @@ def test_runs_repeat_and_leave_the_random_numbers_of_others_alone():
     assert not np.array_equal(first.y, other.y)
 
 
-def test_a_second_run_goes_on_where_the_first_one_ended():
-    lab = Lab()
-    ended = lab.step_test(duration=300.0).y[-1]
-    assert lab.step_test(before=50.0, after=60.0, duration=20.0, rest=20.0).y[0] == pytest.approx(
-        ended, abs=1.0
-    )
-
-
 def test_hold_warms_up_and_cools_down(board):
     lab = Lab(connected=True)
     lab.hold(50.0, 600.0)

@@ -46,7 +46,6 @@ def test_no_loops():
         (lambda: pidalab.margins_many(LOOPS, executor=2), TypeError, "executor must be .* found int"),
         (lambda: pidalab.simulate_many(LOOPS, T[1:]), ValueError, "t must start at 0"),
     ],
-    ids=["process", "single", "executor", "time"],
 )
 def test_many_complain(call, error, message):
     with pytest.raises(error, match=message):

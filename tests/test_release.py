@@ -4,12 +4,9 @@ import importlib.util
 import json
 import re
 import sys
-import tarfile
 import tomllib
-import zipfile
 from pathlib import Path
 
-import pytest
 import yaml
 
 from pidalab.ledger import papers
@@ -100,38 +97,6 @@ def test_every_paper_of_the_book_is_cited():
 def plain(title):
     """Letters alone, small ones: the two files spell capitals, dashes and indices differently."""
     return re.sub(r"[^a-z]", "", title.replace("ₙᵐ", "nm").lower())
-
-
-@pytest.fixture
-def packed(tmp_path):
-    """A wheel and a source archive with every module, but for those that are left out."""
-
-    def pack(left_out=(), beside=()):
-        wheel, archive = tmp_path / "a.whl", tmp_path / "a.tar.gz"
-        own = [path for path in release.PACKAGE.rglob("*") if path.suffix in {".py", ".typed"}]
-        with zipfile.ZipFile(wheel, "w") as to_wheel, tarfile.open(archive, "w:gz") as to_archive:
-            for path in own:
-                name = path.relative_to(release.PACKAGE.parent).as_posix()
-                if name not in left_out:
-                    to_wheel.write(path, name)
-                    to_archive.add(path, f"pidalab-1/src/{name}")
-            for name in beside:
-                to_wheel.writestr(name, "")
-        return wheel, archive
-
-    return pack
-
-
-def test_a_wheel_that_is_whole(packed):
-    assert release.missing(*packed()) == []
-
-
-def test_a_wheel_that_is_not(packed):
-    assert release.missing(*packed(["pidalab/py.typed"], ["tests/test_x.py"])) == [
-        "the wheel lacks pidalab/py.typed",
-        "the wheel has tests/test_x.py",
-        "the source archive lacks pidalab/py.typed",
-    ]
 
 
 def test_constraints_are_the_locked_versions(tmp_path):

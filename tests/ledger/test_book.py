@@ -93,12 +93,6 @@ def test_drift_and_the_verdict_it_gives():
     ]
 
 
-def test_what_was_refused_may_be_corrected():
-    book = ledger()
-    failures(book.compare, {"t1.kp": 1.4})
-    book.compare({"t1.kp": 1.309812345})
-
-
 def test_verdict_no_longer_follows():
     row = replace(KP, computed="1.315100000")
     wrong = "demo.t1.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit"
@@ -124,17 +118,6 @@ def test_declared_disagreement_starts_to_agree(verdict):
         "demo.x: drifted from 1.400000000 to 1.310000000",
         f"demo.x: declared {verdict} starts to agree, 1.310000000 against printed 1.31 gives reproduced",
     ]
-
-
-def test_declared_statement_starts_to_agree():
-    row = Row("demo.s", "eq. (7)", "statement", "the sign is +", "fails", "misprint", page="demo")
-    row = replace(row, relation="slope > none", evidence="-1 > 0", note="a pole in the right half")
-    assert not row.problems()
-    assert ledger(row).decide("s", (-1, 0)) == "fails: -1 ≯ 0"
-    assert (
-        failures(ledger(row).decide, "s", (1, 0))[1]
-        == "demo.s: declared misprint starts to agree, 1 > 0 gives holds"
-    )
 
 
 def test_unknown_id_names_the_closest():
