@@ -1,7 +1,6 @@
 """The benchmarks, as far as they do not depend on time: independent methods approach the exact engine."""
 
 import csv
-import importlib.util
 import json
 import re
 import sys
@@ -15,12 +14,9 @@ import pidalab
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # pytest's importlib mode does not add it
 
-from benchmarks import dead_time, lab, loops, measure, optimum, peers, portraits, run
+from benchmarks import dead_time, loops, measure, peers
 
 SPEED = Path(__file__).parents[1] / "book" / "speed"
-SPEC = importlib.util.spec_from_file_location("shown", SPEED / "shown.py")
-shown = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(shown)
 HORIZON = 8.0  # dead times
 STIFF, STABLE, LARGE, UNSTABLE = (measure.case_loop(dead_time.case_of(*design)) for design in dead_time.LOOPS)
 
@@ -112,54 +108,6 @@ def test_stored_errors_of_the_exact_engine():
     errors = [float(row["error"]) for row in stored() if row["method"] == "pidalab"]
     assert len(errors) == len(dead_time.LOOPS)
     assert max(errors) < 1e-9
-
-
-def test_python_control_simulates_the_loops_of_the_portrait():
-    """The same loops but for sampling and Padé approximation, which makes waves where y should still rest."""
-    fine = portraits.T[:20_001]
-    for index in portraits.FEW:
-        own = portraits.one_set(index)
-        sampled = pidalab.simulate_sampled(pidalab.Loop(portraits.LOOP.process, own), fine, 0.0, load=1.0)
-        record = portraits.plain(own, fine[::10])
-        assert np.max(np.abs(record.y - sampled.y[::10])) < 0.05
-        assert record.iae() == pytest.approx(sampled.iae(), rel=0.003)
-    first, last = (portraits.one_set(i).ti / portraits.AROUND["ti"] for i in (0, -1))
-    assert (first, last) == pytest.approx((0.8, 1.2))
-
-
-def asked():
-    """Quantity, loop and value of every case that `make bench` goes through, and by how many methods."""
-    every = len(loops.METHODS)
-    yield from ((("response", n, str(20 * k + 1)), every) for n, k in product(loops.LOOPS, loops.EACH))
-    yield from ((("margins", n, ""), 4 if n == "ipdt_pida_stable" else 3) for n in loops.LOOPS)
-    yield from (((f"many {x}", "third_order_pida", str(loops.MANY)), 2) for x in ("responses", "margins"))
-    plans = {"horizon": loops.HORIZONS, "dead time": loops.DEAD_TIMES, "order": loops.ORDERS}
-    yield from (((name, "SIMC PI", f"{x:g}"), every) for name, values in plans.items() for x in values)
-    yield from ((("optimum", n, str(m)), 2) for n, m in product(optimum.NAMES, optimum.ORDERS))
-
-
-def test_the_table_of_speed_has_every_case():
-    rows = table(run.RESULTS)
-    cases = {}
-    for row in rows:
-        cases.setdefault((row["quantity"], row["loop"], row["value"]), []).append(row)
-    assert {case: len(some) for case, some in cases.items()} == dict(asked())
-    for some in cases.values():
-        own = float(some[0]["seconds"])
-        assert some[0]["method"] in ("pidalab", "one call")
-        for row in some:
-            assert row["note"] if not row["seconds"] else float(row["error"]) >= 0
-            if row["seconds"]:
-                assert float(row["ratio"]) == pytest.approx(float(row["seconds"]) / own, rel=0.01)
-
-
-def test_the_table_of_the_lab_has_every_change():
-    cases = [(row["change"], row["designs"], row["slowed"]) for row in table(lab.RESULTS)]
-    designs = ("1", str(1 + len(lab.KEPT)))
-    assert cases == [
-        (name, count, str(slowed)) for slowed, name, count in product(lab.SLOWED, lab.CHANGES, designs)
-    ]
-    assert all(float(row["seconds"]) > 0 for row in table(lab.RESULTS))
 
 
 def test_the_page_on_speed_types_no_number():

@@ -24,7 +24,6 @@ def loaded(path):
 
 
 setup = loaded(ROOT / "setup.py")
-release = loaded(ROOT / "tools" / "release.py")
 vendored = loaded(ROOT / "tools" / "vendored.py")
 
 
@@ -99,12 +98,6 @@ def plain(title):
     return re.sub(r"[^a-z]", "", title.replace("ₙᵐ", "nm").lower())
 
 
-def test_constraints_are_the_locked_versions(tmp_path):
-    lines = release.locked(tmp_path).read_text().splitlines()
-    assert all(re.match(r"[\w.-]+==\S+( ; .+)?$", line) for line in lines)
-    assert {"numpy", "numba", "scipy"} <= {line.partition("==")[0] for line in lines}
-
-
 def test_what_colab_is_given_runs(capsys, monkeypatch):
     """Its first cell fetches the repository that pyproject.toml names; the others run in a clone."""
     cells = json.loads((ROOT / "colab.ipynb").read_text(encoding="utf-8"))["cells"]
@@ -114,13 +107,3 @@ def test_what_colab_is_given_runs(capsys, monkeypatch):
     for source in others:
         exec(compile(source, "colab.ipynb", "exec"), {})
     assert "gain margin" in capsys.readouterr().out
-
-
-def test_what_is_done_with_the_installed_library(tmp_path, monkeypatch):
-    """`make release` does the same in an empty environment."""
-    exercise = loaded(ROOT / "tools" / "exercise.py")
-    monkeypatch.setattr(exercise, "COMMAND", [sys.executable, "-m", "pidalab.cli"])
-    monkeypatch.chdir(tmp_path)
-    assert "Haalman" in exercise.loop()
-    assert "controller.c" in exercise.command_line()
-    assert "come with a clone" in exercise.ledger()

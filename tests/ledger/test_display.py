@@ -36,12 +36,6 @@ def test_table_of_statements_shows_what_decides():
     assert '<span class="basis">by reading</span>' in table.html
 
 
-def test_notes_unfold():
-    html = ledger().table("t1").html
-    assert html.count("<details>") == html.count("<summary>") == 3
-    assert '<details><summary>time (s) <span class="where">Table 1</span></summary><p>eq. (3) gives' in html
-
-
 @pytest.mark.parametrize(
     ("text", "html"),
     [
