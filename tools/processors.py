@@ -42,18 +42,8 @@ TESTS = [
     for one in sorted((ROOT / "tests").iterdir())
     if one.stem.removeprefix("test_") in NAMES
 ]
-TOOLS = [
-    "pytest",
-    "pytest-xdist",
-    "nbval",
-    "hypothesis",
-    "mpmath",
-    "pandas",
-    "numpydoc",
-    "mini-racer",
-    "pyyaml",
-    "tclab",
-]
+TOOLS = ["pytest", "pytest-xdist", "nbval", "hypothesis", "mpmath", "pandas", "numpydoc", "mini-racer"]
+TOOLS += ["pyyaml", "tclab"]
 UV = Path(sys.executable).with_name("uv")
 PARALLEL = ["-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder"]
 # what is in force, under the names of the variables that ask for it, and the versions of packages
