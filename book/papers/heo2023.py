@@ -76,21 +76,21 @@ DIFFERENCES = {  # of s/(T s + 1): its gain c and pole p in v[k] = p v[k-1] + c 
 
 
 def printed_itae(
-    case, C=None, process=None, derivative="tustin", present=True, late=False, exact=False
+    case, C=None, plant=None, derivative="tustin", present=True, late=False, exact=False
 ):
     """ITAE of an experiment of sec. 3, stepped every 0.001, acceleration filters by Tustin's rule.
 
-    `C`, `process`: others than those of the case. `derivative`: how the derivative filter is
+    `C`, `plant`: others than those of the case. `derivative`: how the derivative filter is
     discretised. `present`: the integral knows the present error. `late`: a sample is weighed with the
-    time at its end. `exact`: the plant for a held input, not by Euler's method.
+    time at its end. `exact`: it is stepped for a held input, not by Euler's method.
     """
     ex, _, test = case
-    C, process = C or CONTROLLERS[case], process or SIMULATED[ex, test]
-    h, n = 0.001, process.den.size - 1
+    C, plant = C or CONTROLLERS[case], plant or SIMULATED[ex, test]
+    h, n = 0.001, plant.den.size - 1
     A, b = np.zeros((n, n)), np.zeros(n)
     A[:-1, 1:] = np.eye(n - 1)
-    A[-1] = -process.den[:0:-1] / process.den[0]
-    b[-1] = process.num[-1] / process.den[0]
+    A[-1] = -plant.den[:0:-1] / plant.den[0]
+    b[-1] = plant.num[-1] / plant.den[0]
     phi, gamma = np.eye(n) + h * A, h * b
     if exact:
         both = expm(h * np.block([[A, b[:, None]], [np.zeros((1, n + 1))]]))
@@ -98,7 +98,7 @@ def printed_itae(
     slow = DIFFERENCES[derivative](C.alpha_d * C.tau_d, h)
     fast = DIFFERENCES["tustin"](C.alpha_a * C.tau_a, h)
     gains = C.kc, C.tau_i, C.tau_d, C.tau_a**2 / 2
-    delay, samples = round(process.delay / h), round(ENDS[ex][test] / h)
+    delay, samples = round(plant.delay / h), round(ENDS[ex][test] / h)
     load = test == "load"
     error = _march(h, phi, gamma, delay, samples, slow, fast, gains, load, present)
     return h**2 * np.sum((np.arange(samples) + late) * np.abs(error))
