@@ -56,7 +56,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "_check": ("test_process.py", "every module's refusals go through it"),
     "forms": ("test_controllers.py", "controllers convert"),
     "plants": ("simulation/test_sampled.py", "only a simulation tells what they do"),
-    "plots": ("robustness/test_limits.py", "figures are looked at in the book"),
+    "_style": ("test_plots.py", "what the figures look like"),
     "record/cleaning": ("record/test_cleaned.py", "a record is made by it"),
     "record/inputs": ("record/test_cleaned.py", "a record is described by it"),
     "identification/judging": ("identification/test_fitting.py", "what a fit refuses"),
