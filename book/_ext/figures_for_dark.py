@@ -3,8 +3,8 @@
 A figure is an SVG in dark ink on nothing. For the dark theme a second file is written in which each ink has its
 counterpart for a dark page: black becomes nearly white, a hue keeps its hue and becomes lighter. Colour maps mean
 numbers, so they stay as they are, and so does every group whose id begins with ``as-drawn``.
-The page carries both images, and the theme shows the one that fits. The dark one is fetched when it is to be seen; print
-shows the other. The words of a figure are in the font of the page around it.
+The page carries both images, and the theme shows the one that fits. The dark one is fetched when it is to be seen;
+print shows the other. The words of a figure are in the font of the page around it.
 """
 
 import colorsys
