@@ -15,8 +15,8 @@ import words
 
 ROLLOFF = (-np.inf, 0.5, 1.0, 1.5, 2.0, np.inf)
 DEAD = (-np.inf, 1e-3, 0.1, 0.2, 1 / 3, 2 / 3, np.inf)
-ROWS = ("below 0.5", "0.5 to 1", "1 to 1.5", "1.5 to 2", "2 and more")
-COLUMNS = ("none", "below 0.1", "0.1 to 0.2", "0.2 to 0.33", "0.33 to 0.67", "0.67 and more")
+ROWS = ("< 0.5", "0.5–1", "1–1.5", "1.5–2", "≥ 2")
+COLUMNS = ("0", "< 0.1", "0.1–0.2", "0.2–0.33", "0.33–0.67", "≥ 0.67")
 FEW = 3  # plants of a field, of which a rule must serve as many for a recommendation
 PERIODS = 6.0  # ultimate periods that the lab shows
 
@@ -86,7 +86,7 @@ def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
     plant = found["typical"]
     text = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in rows.items())
     return (
-        f'<div class="map-panel" id="{name}"><p><strong>{title}</strong>, {len(some)} '
+        f'<div class="map-panel" id="{name}"><p><strong>{escape(title)}</strong>, {len(some)} '
         f"plant{'s' if len(some) > 1 else ''}</p><dl>{text}</dl>"
         f'<p><a href="{lab(plant, kinds["loud"])}">Open the lab</a> with {escape(plant["plant"])}, typical of these.'
         "</p></div>"
@@ -98,7 +98,7 @@ def shown() -> HTML:
     table, body, panels = fields(), [], []
     study = words.simplest(), tables.pays(), tables.compared("loud").dropna(subset=["of_best"])
     for i in reversed(range(len(ROWS))):
-        cells = [f'<th scope="row">{ROWS[i]}</th>']
+        cells = [f'<th scope="row">{escape(ROWS[i])}</th>']
         for j in range(len(COLUMNS)):
             some = table[(table["row"] == i) & (table["column"] == j)]
             if some.empty:
@@ -112,7 +112,7 @@ def shown() -> HTML:
             title = f"Roll-off {ROWS[i]}, dead time {COLUMNS[j]}"
             panels.append(panel(name, title, some, found))
         body.append(f"<tr>{''.join(cells)}</tr>")
-    head = "".join(f'<th scope="col">{name}</th>' for name in COLUMNS)
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in COLUMNS)
     return HTML(
         '<div class="plant-map"><table><caption>Normalised dead time to the right, roll-off upwards. In a field the '
         "simplest kind that is enough where noise may be loud, and what acceleration saves of the IAE there.</caption>"

@@ -69,7 +69,8 @@ FIGURES = """async () => {
     if (!box.width) continue;
     const drawn = new DOMParser().parseFromString(await (await fetch(image.src)).text(), "image/svg+xml");
     const scale = box.width / drawn.documentElement.viewBox.baseVal.width;
-    const size = (word) => Math.max(...[word, ...word.children].map((one) => parseFloat(one.style.fontSize) || 0));
+    const own = (word) => word.closest("[font-size]")?.getAttribute("font-size") || 0; // of a hand-written file
+    const size = (word) => Math.max(...[word, ...word.children].map((one) => parseFloat(one.style.fontSize || own(word))));
     judge(image.src, box, [...drawn.querySelectorAll("text")].map((word) => scale * size(word)));
   }
   for (const plot of document.querySelectorAll("main svg.lab-plot")) {

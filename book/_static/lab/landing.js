@@ -25,7 +25,8 @@
       this.words = element("p", { className: "lab-live" });
       this.words.setAttribute("role", "status");
       const label = element("label", { htmlFor: this.bar.id }, "Noise that is allowed in u: drag this, or the dot");
-      host.replaceChildren(element("div", { className: "lab-plots" }, ...this.plots), element("div", { className: "landing-knob" }, label, this.bar), this.words);
+      const [saved, y, u] = this.plots, side = element("div", { className: "landing-side" }, element("div", { className: "landing-knob" }, label, this.bar), this.words);
+      host.replaceChildren(element("div", { className: "lab-plots" }, saved, y, side, u));
       this.turn(this.k);
     }
 
@@ -51,18 +52,21 @@
           { x: this.limits, y: this.saved, kind: 0 },
           ...[[quiet, few], [loud, many]].map(([at, value]) => ({ x: [at / 1.12, at * 1.12], y: [value, value], kind: "median" })),
         ],
-        notes: [[quiet, few], [loud, many]].map(([x, value]) => ({ x, y: value, words: `134 plants: ${Math.round(value)} %` })),
+        notes: [
+          { x: quiet, y: few, words: `134 plants: ${Math.round(few)} %` },
+          { x: loud, y: many, anchor: "end", words: `median of 134 plants: ${Math.round(many)} %` },
+          { x: this.limits[k], y: this.saved[k], anchor: k > 8 ? "end" : "start", below: true, words: `this plant: ${Math.round(this.saved[k])} %` },
+        ],
         handles: [{ x: this.limits[k], y: this.saved[k], label: "Drag: the noise that is allowed", drag }],
       });
       const lines = (key) => runs.map((run) => ({ ...run[key], kind: run.look }));
-      draw(y, { title: "Output y", x: time, y: { range: [-0.05, 0.85] }, lines: lines("y") });
+      draw(y, { title: "Output y", x: time, y: { range: [-0.1, 0.85] }, lines: lines("y") });
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;
       this.bar.setAttribute("aria-valuetext", `noise gain ${this.limits[k]}`);
       const key = (kind) => element("span", { className: `lab-key lab-key-${KINDS[kind]}` });
-      this.words.replaceChildren(
-        ...Object.keys(KINDS).flatMap((kind) => [key(kind), ` ${kind} ${this[kind][k][0].toFixed(2)} `]),
-        `: IAE at a noise gain of ${this.limits[k]}. Acceleration saves ${Math.round(this.saved[k])} % of the IAE that PID leaves, at the same Ms of ${this.ms}.`);
+      this.words.replaceChildren(`Noise gain ${this.limits[k]}. IAE:`,
+        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind), ` ${kind} ${this[kind][k][0].toFixed(2)}`]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.`);
     }
   }
 
