@@ -397,7 +397,9 @@ class Ledger:
         """
         rows = []
         for prefix in prefixes or ("",):
-            found = [row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))]
+            found = [
+                row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))
+            ]
             if not found:
                 raise LedgerError(f"{self.paper}: no id starts with {prefix}")
             rows += found
