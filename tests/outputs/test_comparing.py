@@ -120,11 +120,7 @@ def test_nbval_sees_it_too(tmp_path):
     assert "a line is off by" in run.stdout
 
 
-@pytest.mark.parametrize(
-    "other",
-    [{}, {"x": 1 + 1e-6}, {"x": 1 - 1e-4}, {"simplify": 1 / 30}, {"simplify": 0.0}, {"picture": 0.502}],
-    ids=str,
-)
+@pytest.mark.parametrize("other", [{}, {"x": 1 + 1e-6}, {"simplify": 1 / 30}, {"picture": 0.502}], ids=str)
 def test_what_draws_the_same(other):
     assert figure_difference(drawn(), drawn(**other)) is None
 
