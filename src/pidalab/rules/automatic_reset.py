@@ -161,7 +161,7 @@ def tune(
     r"""Make a series controller and its prefilter from a dimensionless setting and an integrator with dead time.
 
     The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`, in which
-    :math:`T_e = n N T_f` stands for the filter, eqs. (10) and (11).
+    :math:`T_e = n N T_f` represents the filter, eqs. (10) and (11).
 
     ============  ====================
     huba2024      argument
@@ -199,7 +199,7 @@ def tune(
         Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` runs its
         loop with the limits; all else sees it between them. The filter is a part of the controller, so the set point
         passes it too; the paper does not say whether it does. Load and noise do not see the difference. Its `info`:
-        the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that stands for it, 0
+        the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that represents it, 0
         where the dead time of the model contains it; the total dead time ``delay``; ``kp``, ``kd``, ``ka`` and ``ti``
         of controller and reset; ``lead``, b_1 of the prefilter.
 
