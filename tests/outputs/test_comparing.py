@@ -21,7 +21,7 @@ LINE = re.compile(
     r'(<g id="line2d_\d+">\s*<path d=")([^"]*)(" clip-path="[^"]*" style="fill: none; stroke: #1f5fa8)'
 )
 TICK = re.compile(
-    r'<g id="ytick_\d+">.*?<use xlink:href="#\w+" x="\S+" y="(\S+)".*?<!-- (\S+) -->', re.DOTALL
+    r'<g id="ytick_\d+">.*?<use xlink:href="#\w+" x="\S+" y="(\S+)".*?<text[^>]*>([^<]+)</text>', re.DOTALL
 )
 
 
