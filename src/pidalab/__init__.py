@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         robustness as robustness,
         rules as rules,
     )
+    from pidalab.checking import Check as Check, check as check
     from pidalab.comparison import Comparison as Comparison, compare as compare
     from pidalab.controllers import (
         PIDA as PIDA,
@@ -79,6 +80,7 @@ ROOMS = (
     "rules",
 )
 HOMES = {
+    "checking": ("Check", "check"),
     "comparison": ("Comparison", "compare"),
     "controllers": ("PIDA", "HighOrderPID", "NonInteractivePIDA", "SeriesPIDA"),
     "loop": ("Loop",),

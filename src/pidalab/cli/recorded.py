@@ -132,6 +132,42 @@ def tune_command(out: Path | None, **options: Any) -> None:
             click.echo(f"written: {path}")
 
 
+@click.command("check")
+@record
+@click.option("--kp", type=float, required=True, help="Gain, in units of u per unit of y.")
+@click.option("--ti", type=float, required=True, help="Integral time, in the log's unit of time.")
+@click.option("--td", default=0.0, show_default=True, help="Derivative time.")
+@click.option("--ta", default=0.0, show_default=True, help="Acceleration time squared.")
+@click.option("--n", default=10.0, show_default=True, help="The derivative's filter is td/n.")
+@click.option("--m", default=10.0, show_default=True, help="The acceleration's filter is ta/m, twice.")
+@click.option("--filter", "lag", default=0.0, show_default=True, help="Time constant of the measurement's filter.")
+@click.option("--sample-time", type=float, help="Of the controller; by default that of the log.")
+@ms_worst
+@one_line
+def check_command(
+    model: str, lag: float, sample_time: float | None, ms_worst: float, **options: Any
+) -> None:
+    """Judge the gains of a running loop by a log of it, the RECORD.
+
+    Changes of the set point, a step of the load or a bump of u show the plant. Prints the Ms of the loop with its
+    interval, what the gains miss, and three sets to try.
+
+    \b
+    Example:
+      pidalab check log.csv --time time --u valve --y level --kp 0.6 --ti 12 --sample-time 0.5
+    """
+    import control
+
+    from pidalab.checking import check
+    from pidalab.controllers import PIDA
+    from pidalab.identification import fit
+
+    read = _read(options)
+    lags = control.TransferFunction([1.0], [lag, 1.0]) if lag else None
+    found = check(read if model == "auto" else fit(read, model), PIDA(**options), lags, sample_time, ms_worst)
+    show([("Log", str(read)), ("Model", f"{found.fit.process!r}\n{found.fit}"), ("Gains", str(found))])
+
+
 # --- from the record to the controller --------------------------------------------------------------------------------
 
 

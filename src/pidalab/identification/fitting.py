@@ -20,6 +20,7 @@ from pidalab.identification.searching import (
     LEVEL,
     Data,
     Found,
+    loaded,
     prepared,
     projected,
     refined,
@@ -276,7 +277,7 @@ class Fit:
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
 
 
-def fit(record: Record, model: str = "auto") -> Fit:
+def fit(record: Record, model: str = "auto", load: bool = False) -> Fit:
     """Fit a simple model with dead time to a record, in open or in closed loop.
 
     Parameters
@@ -286,6 +287,9 @@ def fit(record: Record, model: str = "auto") -> Fit:
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt"}, optional
         One lag, two poles with damping, up to eight equal lags, an integrator, each with dead time; "auto" takes the
         simplest that no other one beats by more than 3 % in the residuals, of those that the record settles.
+    load : bool, optional
+        Whether a step of the load, of a size and at a time that are found with the model, moved the output as well. So
+        a loop at a constant set point shows its plant, too.
 
     Returns
     -------
@@ -319,12 +323,12 @@ def fit(record: Record, model: str = "auto") -> Fit:
         raise ValueError(
             f"{record.apart}; leave it out with outliers='drop' (--outliers drop), or keep it with 'keep'"
         )
-    if record.experiment == FOLLOWER:
+    if record.experiment == FOLLOWER and not load:
         raise ValueError(
             f"the input tells nothing of the plant: {FOLLOWER}; step the input by hand, or move the set point"
         )
-    data = prepared(record)
-    if drifts(data):
+    data = loaded(prepared(record)) if load else prepared(record)
+    if not load and drifts(data):
         raise ValueError(
             "the output answers to the input not clearly above noise and a drift in time: record it at rest for a "
             "while, and then a larger step"
@@ -407,6 +411,6 @@ def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
         reason=reason,
         record=record,
         _covariance=spread[np.ix_(keep, keep)],
-        _data=data,
+        _data=found.data,
         _found=found,
     )
