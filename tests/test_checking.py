@@ -90,7 +90,7 @@ def test_gains_of_the_wrong_sign_are_refused():
 
 def test_without_integral_action_and_digital_controllers_are_refused():
     with pytest.raises(ValueError, match="integral action"):
-        check(bumped(), pidalab.PIDA(kp=0.6))
+        check(bumped(), pidalab.PIDA(kp=0.6, ti=np.inf))
     with pytest.raises(TypeError, match="DigitalController"):
         check(bumped(), RUNNING.discretise(1.0))
 

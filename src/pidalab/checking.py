@@ -22,9 +22,10 @@ from pidalab.reporting import measure_candidate
 from pidalab.rules import Design
 from pidalab.rules.registry import KINDS
 from pidalab.safety import Runs
-from pidalab.tuning import SPREAD, tune
+from pidalab.tuning import tune
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
+DRAWN = 60  # plants by which Ms gets its interval: of fewer the worst is too often not worse than the true one
 CLEARER = 0.8  # times the residuals: with a load that explains more than a third of their variance, it is there
 SHOWN = 20.0  # standard deviations of the noise by which the output has to move
 COLOURED = 3.0  # samples that share one error, from which on a residual is no white noise
@@ -193,7 +194,7 @@ def check(
         doubts.append(f"the controller is taken to have the sample time of the log, {sample_time:.4g}")
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     running = Design(process, controller, output_filter=output_filter, source="the gains that run")
-    runs, plants = Runs(sample_time, None), tuple(fitted.spread(SPREAD))
+    runs, plants = Runs(sample_time, None), tuple(fitted.spread(DRAWN))
     sizes = [runs.ms(running, plant) for plant in (process, *plants)]
     doubts += runs.lacking
     if math.isinf(sizes[0]):

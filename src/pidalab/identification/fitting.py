@@ -38,6 +38,11 @@ if TYPE_CHECKING:
 MODELS = ("fopdt", "sopdt", "lags", "ipdt", "auto")
 UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
 MOVED = 0.05  # share of its span by which the input moves, if it does
+DRIFTS = (
+    "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, and "
+    "then a larger step"
+)
+HALF = 0.5  # share of the variance of the output that a load and a model may leave at most
 LEFT = 0.5  # share of the movement of the output that no model may leave beyond noise
 TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
 
@@ -329,10 +334,7 @@ def fit(record: Record, model: str = "auto", load: bool = False) -> Fit:
         )
     data = loaded(prepared(record)) if load else prepared(record)
     if not load and drifts(data):
-        raise ValueError(
-            "the output answers to the input not clearly above noise and a drift in time: record it at rest for a "
-            "while, and then a larger step"
-        )
+        raise ValueError(DRIFTS)
     names = ("fopdt", "lags", "sopdt", "ipdt") if model == "auto" else (model,)
     tried = []
     for shape in (shape for name in names for shape in _candidates(name)):
@@ -342,6 +344,8 @@ def fit(record: Record, model: str = "auto", load: bool = False) -> Fit:
             refusal = str(failed)
     if not tried:
         raise ValueError(f"{refusal}; step the input further, from rest")
+    if load and min(found.cost for found in tried) > HALF * float(np.sum((data.y - data.y.mean()) ** 2)):
+        raise ValueError(DRIFTS)  # so many times and models would explain some noise, too
     if model != "auto":
         best = min(tried, key=lambda found: found.cost)
         _require_settled(data, best)
