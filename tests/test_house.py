@@ -75,7 +75,7 @@ TESTED_WITH = {  # modules whose tests are those of another: path without suffix
     "statespace": ("simulation/test_sampled.py", "a part of the sampled engine"),
     "simulation/kernels": ("simulation/test_sampled.py", "a part of the sampled engine"),
     "digital/paths": ("digital/test_discretisation.py", "only together they are a discretisation"),
-    "digital/stepping": ("digital/test_controller.py", "what the controller steps through"),
+    "simulation/operations": ("digital/test_controller.py", "the compiled step, against the written one"),
     "digital/program": ("digital/test_code.py", "what languages print"),
     "digital/languages/c": ("digital/test_code.py", "compiled there"),
     "digital/languages/python": ("digital/test_code.py", "executed there"),

@@ -47,43 +47,80 @@ def parallel(*fractions: tuple[Array, Array]) -> tuple[tuple[Part, ...], float]:
 @lru_cache(maxsize=256)
 def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
     num: Any = np.ones(1)
-    lead, poles = 1.0, np.zeros(0, dtype=complex)
+    lead, poles = 1.0, []
     for own_num, own_den in zip(raw[::2], raw[1::2], strict=True):
         den = np.frombuffer(own_den)
         num, lead = np.convolve(num, np.frombuffer(own_num)), lead * float(den[0])
-        poles = np.concatenate([poles, roots(den)])  # of each by itself, as its own poles are better known
-    poles = poles[np.argsort(np.abs(poles), kind="stable")]
-    speeds = np.abs(poles)
-    group = np.searchsorted([np.sqrt(a * b) for a, b in pairwise(speeds) if b > GAP * a], speeds)
-    parts = tuple(
-        _part(num, lead, poles[group == g], poles[group != g]) for g in range(max(group, default=-1) + 1)
-    )
-    return parts, float(num[0] / lead) if num.size == poles.size + 1 else 0.0
+        if den.size > 1:
+            poles += roots(den).tolist()  # of each by itself, as its own poles are better known
+    groups: list[list[complex]] = []
+    for p in sorted(poles, key=abs):
+        if groups and abs(p) <= GAP * abs(groups[-1][-1]):
+            groups[-1].append(p)
+        else:
+            groups.append([p])
+    parts = tuple(_part(num, lead, own, [p for one in groups if one is not own for p in one]) for own in groups)
+    return parts, float(num[0] / lead) if num.size == len(poles) + 1 else 0.0
 
 
-def _part(num: Array, lead: float, own: Any, others: Any) -> Part:
+def _part(num: Array, lead: float, own: list[complex], others: list[complex]) -> Part:
     """Realise the partial fraction over some poles, in their own unit of time."""
-    n, unit = own.size, np.max(np.abs(own)) or 1.0
-    M = _companion(own / unit) if n <= SHORT else _chain(own / unit)
-    numerator = np.zeros(
-        n, dtype=complex
-    )  # ascending, in powers of x = s/unit or in the polynomials of the chain
-    for coefficient in num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0):
-        numerator = M @ numerator
-        numerator[0] += coefficient
-    for p in others:
-        numerator = np.linalg.solve(unit * M - p * np.eye(n), numerator)
-    return Part(unit * M, numerator.real * unit ** (1.0 - n) / lead, np.eye(1, n, n - 1)[0], own)
+    n, unit = len(own), abs(own[-1]) or 1.0
+    scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
+    if n <= SHORT:
+        # in powers of x = s/unit, so that the static gain keeps its digits behind a filter much faster than a sample
+        q = _monic([p / unit for p in own])
+        M = np.eye(n, k=-1)
+        M[:, -1] = [-c for c in q]
+        numerator = np.array(_divided(scaled.tolist(), q, [p / unit for p in others])) * unit ** -len(others)
+    else:
+        M = _chain(np.array(own) / unit)
+        numerator = np.zeros(n, dtype=complex)
+        for coefficient in scaled:
+            numerator = M @ numerator
+            numerator[0] += coefficient
+        for p in others:
+            numerator = np.linalg.solve(unit * M - p * np.eye(n), numerator)
+    return Part(unit * M, numerator.real * unit ** (1.0 - n) / lead, np.eye(1, n, n - 1)[0], np.array(own))
 
 
-def _companion(poles: Any) -> Array:
-    """Return multiplication by x, modulo the polynomial of the poles, of coefficients of powers of x.
+def _monic(poles: list[complex]) -> list[float]:
+    """Return the coefficients of the polynomial of the poles, the lowest first, but for that of the highest, 1."""
+    q: list[complex] = []
+    for p in poles:
+        q = [low - p * high for low, high in zip([0.0, *q], [*q, 1.0], strict=True)]
+    return [c.real for c in q]
 
-    So the static gain keeps its digits, also behind a filter much faster than a sample.
+
+def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[complex]:
+    """Return num (descending powers of x) divided by all x - p, modulo q (see `_monic`): the lowest power first.
+
+    In plain Python, which for so few numbers is faster than array operations.
     """
-    M = np.eye(poles.size, k=-1)
-    M[:, -1] = -np.poly(poles).real[:0:-1]
-    return M
+    v: list[complex] = [0.0] * len(q)
+    for coefficient in num:
+        top = v[-1]
+        v = [low - c * top for low, c in zip([coefficient, *v[:-1]], q, strict=True)]
+    for p in poles:
+        # (x - p) w = v + top q, from the side on which rounding does not grow
+        above, below = 0j, 1 + 0j
+        for numerator, denominator in zip(v[::-1], q[::-1], strict=True):
+            above, below = above * p + numerator, below * p + denominator
+        top = -above / below
+        rest = [c + top * d for c, d in zip(v, q, strict=True)]
+        w = [top]
+        if abs(p) <= 1.0:
+            for c in rest[:0:-1]:
+                w.append(c + p * w[-1])
+            v = w[::-1]
+        else:
+            last = 0j
+            v = []
+            for c in rest[:-1]:
+                last = (last - c) / p
+                v.append(last)
+            v.append(top)
+    return v
 
 
 def _chain(poles: Any) -> Array:

@@ -21,7 +21,6 @@ from pidalab import (
     simulate_sampled,
 )
 from pidalab.digital.controller import DigitalController
-from pidalab.digital.stepping import INTEGRAL, advance
 
 OPEN = Process([0.0], [1.0])  # a loop in which the controller sees the set point alone
 
@@ -203,12 +202,16 @@ def test_weights_by_hand():
 def test_a_small_integral_adds_up_in_single_precision():
     """Growth of a hundred-millionth of the integral in a sample, which rounding alone would lose, is carried over."""
     k = PIDA(1.0, 1000.0).discretise(0.001)
-    states = k.at_rest().astype(np.float32)
-    states[INTEGRAL] = 8.0
-    numbers = k.numbers._replace(growth_new=np.float32(1e-6))
+    assert k.coefficients["INTEGRAL_NEW"] == pytest.approx(1e-6)
+    space = {}
+    exec(k.python(), space)
+    space |= {name: np.float32(value) for name, value in k.coefficients.items()}
+    single = space["Pida"]()
+    vars(single).update(started=True, integral=np.float32(8.0), carry=np.float32(0.0))
     for _ in range(20000):
-        advance(numbers, states, np.float32(0.1), np.float32(0.0), math.nan, math.nan)
-    assert states[INTEGRAL] == pytest.approx(8.002, abs=2e-6)
+        single.step(np.float32(0.1), np.float32(0.0))
+    assert single.integral.dtype == np.float32
+    assert single.integral == pytest.approx(8.002, abs=2e-6)
 
 
 def test_it_does_not_change():

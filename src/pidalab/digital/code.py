@@ -89,7 +89,6 @@ def written(k: DigitalController, language: str, name: str, margins: Any, note: 
 
 def as_json(k: DigitalController, margins: Any, note: str) -> str:
     """Return the controller as JSON; infinite limits are null."""
-    made = program(k)
     content = {
         "about": head(k, margins, note),
         "controller": k.source,
@@ -115,7 +114,7 @@ def as_json(k: DigitalController, margins: Any, note: str) -> str:
             "taken_back": k.taken_back,
             "tracked": k.tracked,
         },
-        "coefficients": made.constants,
+        "coefficients": k.coefficients,
         "test": vector(k),
     }
     return json.dumps(content, indent=2) + "\n"

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
-from pidalab._check import Array
+from pidalab.digital.languages import python
 from pidalab.digital.paths import Path
 from pidalab.digital.prefilter import Prefilter
-from pidalab.digital.stepping import Numbers, advance, fresh
-from pidalab.statespace import StateSpace
+from pidalab.digital.program import Program, program
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
@@ -99,10 +99,6 @@ class DigitalController:
     u_span: float
     source: str
     prefilter: Prefilter | None = None
-    _states: Array = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        self.reset()
 
     @property
     def limited(self) -> bool:
@@ -110,40 +106,17 @@ class DigitalController:
         return bool(np.isfinite([*self.limits, self.rate_limit]).any())
 
     @cached_property
-    def numbers(self) -> Numbers:
-        """Everything that a step needs, as numbers and arrays."""
-        before = self.prefilter or Prefilter((), (), 0.0, 0.0, (), ())
-        widest = max([path.order for path in self.paths] + [len(before.out)])
-        new, old, gain = (np.zeros((len(self.paths), widest + one)) for one in (0, 0, 1))
-        for i, path in enumerate(self.paths):
-            new[i, : path.order], old[i, : path.order] = path.new, path.old
-            gain[i, : path.order + 1] = path.gains
-        return Numbers(
-            prefilter_new=before.new,
-            prefilter_old=before.old,
-            prefilter_move=np.array(before.move).reshape(len(before.out), len(before.out)),
-            prefilter_out=np.array(before.out, float),
-            weight=np.array([path.weight for path in self.paths], float),
-            new=new,
-            old=old,
-            order=np.array([path.order for path in self.paths], np.intp),
-            gain=gain,
-            fraction=StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0),
-            integrates=self.integrates,
-            from_signal=self.from_signal,
-            growth_new=self.growth[0],
-            growth_old=self.growth[1],
-            taken_back=self.taken_back,
-            tracked=self.tracked,
-            clamps=self.anti_windup == "clamping",
-            clamps_next=False,
-            low=self.limits[0],
-            high=self.limits[1],
-            rate=self.rate_limit * self.sample_time,
-            deadband=self.deadband,
-            bias=self.bias,
-            y_offset=self.y_offset,
-        )
+    def _program(self) -> Program:
+        """The step as statements, with its constants and states."""
+        return program(self)
+
+    @cached_property
+    def _code(self) -> str:
+        return python.step(self._program)
+
+    @cached_property
+    def _states(self) -> SimpleNamespace:
+        return SimpleNamespace(**self._program.states)
 
     @cached_property
     def coefficients(self) -> dict[str, float]:
@@ -154,25 +127,11 @@ class DigitalController:
         ``INTEGRAL_OLD`` say how the integral grows, ``TAKEN_BACK`` what it takes back of what a limit cut off, and
         ``TRACKED`` what it takes up of the difference to a tracked signal.
         """
-        from pidalab.digital.program import constants
+        return self._program.constants
 
-        return constants(self)
-
-    def at_rest(self) -> Array:
-        """Return states of rest at the working point, for a simulation that advances them.
-
-        Returns
-        -------
-        ndarray
-            Of `pidalab.digital.stepping`.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5, bias=3.0).at_rest()[:5].tolist()
-        [1.0, 0.0, 0.0, 0.0, 3.0]
-        """
-        return self._resting(self.y_offset, self.y_offset, self.bias)
+    def at_rest(self) -> dict[str, float]:
+        """Return the states at rest at the working point, by name, for a simulation that has its own."""
+        return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
         """Set the states: to a start at the next measurement, or to rest at given signals.
@@ -202,19 +161,19 @@ class DigitalController:
                 f"r and y must be given together, or none of them, found r = {r!r} and y = {y!r}"
             )
         u = self.bias if u is None else _check.real("u", u)
-        if r is None or y is None:
-            object.__setattr__(self, "_states", fresh(self.numbers, u))
-        else:
-            object.__setattr__(self, "_states", self._resting(_check.real("r", r), _check.real("y", y), u))
+        if r is not None and y is not None:
+            r, y = _check.real("r", r), _check.real("y", y)
+        self.__dict__["_states"] = self._started(r, y, u)
 
-    def _resting(self, r: float, y: float, u: float) -> Array:
-        """Return states after a rest at these signals."""
-        states = fresh(self.numbers, u)
-        advance(self.numbers, states, r, y, u, math.nan)
+    def _started(self, r: float | None, y: float | None, u: float) -> SimpleNamespace:
+        """Return states before the first sample, or after one at which everything rests."""
+        states = SimpleNamespace(**{**self._program.states, "control": u})
+        if r is not None:
+            python.executed(self._code)(states, r, y)
         return states
 
     def step(self, r: float, y: float, manual: float | None = None, track: float | None = None) -> float:
-        """Advance by one sample: the reference that all written code repeats.
+        """Advance by one sample: runs what `python` writes, which C and structured text repeat.
 
         Parameters
         ----------
@@ -243,11 +202,12 @@ class DigitalController:
         >>> k.step(r=2.0, y=2.0), k.step(r=9.0, y=2.0), k.step(r=9.0, y=2.0, track=4.0)
         (1.0, 5.0, 5.0)
         """
-        signals = [_check.real("r", r), _check.real("y", y)]
-        signals += [
-            math.nan if x is None else _check.real(k, x) for k, x in (("manual", manual), ("track", track))
+        r, y = _check.real("r", r), _check.real("y", y)
+        acts = [
+            (x is not None, 0.0 if x is None else _check.real(name, x))
+            for name, x in (("manual", manual), ("track", track))
         ]
-        return float(advance(self.numbers, self._states, *signals))
+        return python.executed(self._code)(self._states, r, y, *acts[0], *acts[1])
 
     def __call__(self, z: ArrayLike) -> Any:
         """Evaluate the transfer function from -y to u at complex z, in the units of the signals.

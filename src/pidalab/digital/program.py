@@ -1,8 +1,12 @@
-"""A step of a digital controller as statements, specialised to what it has; languages print them.
+"""The step of a digital controller as statements, specialised to what it has.
 
-They repeat `pidalab.digital.stepping.advance`, operation by operation, and leave out what is 0 or infinite there. A
-statement is a `Note`, a `Set` or an `If`. Expressions are strings of names, numbers, ``+ - * ( ) < >``, ``and``, ``or``
-and ``not``, which every language has.
+This is the one description of the step: languages print it, ``step`` runs what is printed as Python, and simulations
+compile it (`pidalab.simulation.operations`). In this order: the prefilter; the deadband; the chains of lags; what an
+external signal corrects; the growth of the integral; the limits of rate and range; what these take back from the
+integral.
+
+A statement is a `Note`, a `Set` or an `If`. Expressions are strings of names, numbers, ``+ - * ( ) < >``, ``and``,
+``or`` and ``not``, which every language has.
 """
 
 from __future__ import annotations
@@ -93,8 +97,8 @@ def constants(k: DigitalController) -> dict[str, float]:
     return found | {name: value for name, value in ends.items() if math.isfinite(value)}
 
 
-def program(k: DigitalController) -> Program:
-    """Write the step of a controller as statements."""
+def program(k: DigitalController, block: bool = False) -> Program:
+    """Write the step of a controller as statements; `action` is given where a block outside makes it of the error."""
     found = constants(k)
     states: dict[str, float | bool] = {"started": False}
     offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
@@ -110,7 +114,7 @@ def program(k: DigitalController) -> Program:
     for path in k.paths:
         states |= dict.fromkeys(_chain(path), 0.0)
         body += _path(path, found, first=path is k.paths[0])
-    body += [] if k.paths else [Set("action", "0.0")]
+    body += [] if k.paths or block else [Set("action", "0.0")]
     body += _tracking(k, found)
     if k.integrates:
         states |= {"integral": 0.0, "carry": 0.0} | ({"old": 0.0} if _remembers(k) else {})
@@ -279,6 +283,9 @@ def _with_integral(k: DigitalController, found: dict[str, float]) -> list[Statem
     body += [If("not started", [Set("forced", "true")]), If("forced", forced, automatic)]
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(found)} - integral" if k.from_signal else "error"))
+    if k.anti_windup == "clamping ahead":
+        # the same for what this sample's error adds, which comes with the next sample
+        body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
 

@@ -5,14 +5,43 @@ from __future__ import annotations
 import numpy as np
 
 from pidalab._check import Array
-from pidalab._compiled import also_compiled, compiled
-from pidalab.digital import stepping
-from pidalab.digital.stepping import Numbers, advance
+from pidalab._compiled import compiled
+from pidalab.simulation.operations import (
+    ACTION,
+    ADD,
+    CHOOSE,
+    CONTROL,
+    COPY,
+    GREATER,
+    LESS,
+    MEASUREMENT,
+    MULTIPLY,
+    SETPOINT,
+    SUBTRACT,
+)
 from pidalab.simulation.steps import Actuator, Steps
 from pidalab.statespace import StateSpace
 
-for function in (stepping.room, stepping.limited, advance):
-    also_compiled(function)
+
+@compiled
+def step(code: np.ndarray, numbers: Array) -> None:
+    """Carry out the operations of a step."""
+    for k in range(code.shape[0]):
+        kind, target, left, right = code[k, 0], code[k, 1], numbers[code[k, 2]], numbers[code[k, 3]]
+        if kind == MULTIPLY:
+            numbers[target] = left * right
+        elif kind == ADD:
+            numbers[target] = left + right
+        elif kind == SUBTRACT:
+            numbers[target] = left - right
+        elif kind == COPY:
+            numbers[target] = left
+        elif kind == LESS:
+            numbers[target] = 1.0 if left < right else 0.0
+        elif kind == GREATER:
+            numbers[target] = 1.0 if left > right else 0.0
+        elif kind == CHOOSE and right != 0.0:
+            numbers[target] = left
 
 
 @compiled
@@ -78,10 +107,12 @@ def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: in
     return x, x_new
 
 
-def _run(
-    numbers: Numbers,
-    states: Array,
-    units: tuple[float, float],
+@compiled
+def run(
+    code: np.ndarray,
+    numbers: Array,
+    block: StateSpace,
+    units: tuple[float, float, float, float],
     plant: Steps,
     actuator: Actuator,
     fineness: float,
@@ -91,26 +122,32 @@ def _run(
 ) -> tuple[Array, Array, Array]:
     """Run the loop; `reference` is the filtered set point. Returns y, u and the integral of y.
 
-    The loop counts from rest in units of the model; `units` are those of a unit of y and of u in the controller's
-    signals.
+    The controller is a block that acts on the error, and the operations of a step. The loop counts from rest in units
+    of the model; `units` are y_offset, y_span, bias and u_span of the controller's signals.
     """
     n, before = reference.size, plant.ago[0]
-    y_span, u_span = units
+    y_offset, y_span, bias, u_span = units
     y, u, area = np.empty(n), np.empty(n), np.empty(n)
     v = np.zeros(n + before)  # input of the plant less its pulses, with its rest before t = 0 in front
     width = np.zeros(n + before, np.intp)
     x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
+    z, z_new = np.zeros(block.b.size), np.zeros(block.b.size)
     for k in range(n):
         y[k] = output(plant.c, plant.d, x, v[k])
         area[k] = x[-1]
         measured = y[k] + noise[k]
         if fineness > 0:
             measured = fineness * np.rint(measured / fineness)
-        there = numbers.y_offset + y_span * reference[k], numbers.y_offset + y_span * measured
-        wanted = (advance(numbers, states, there[0], there[1], np.nan, np.nan) - numbers.bias) / u_span
+        numbers[SETPOINT], numbers[MEASUREMENT] = (
+            y_offset + y_span * reference[k],
+            y_offset + y_span * measured,
+        )
+        error = numbers[SETPOINT] - numbers[MEASUREMENT]
+        numbers[ACTION] = output(block.c, block.d, z, error)
+        advanced(block.A, block.b, z, error, z_new)
+        z, z_new = z_new, z
+        step(code, numbers)
+        wanted = (numbers[CONTROL] - bias) / u_span
         u[k] = acted(actuator, wanted, load[k], v, width, k + before)
         x, x_new = crossed(plant, x, x_new, v, width, k + before)
     return y, u, area
-
-
-run = compiled(_run, advance)

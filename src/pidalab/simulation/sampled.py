@@ -25,15 +25,18 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab.digital import DigitalController
-from pidalab.digital.stepping import rest
+from pidalab.digital.program import program
 from pidalab.loop import Loop, require_loop
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.simulation.kernels import filtered, run
+from pidalab.simulation.operations import operations
 from pidalab.simulation.sampled_controller import sampled_controller
 from pidalab.simulation.steps import Actuator, plant_steps
-from pidalab.statespace import discretise
+from pidalab.statespace import StateSpace, discretise
+
+NO_BLOCK = StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)
 
 
 def simulate_sampled(
@@ -139,12 +142,14 @@ def simulate_sampled(
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
     reference = filtered(discretise(*loop.blocks["prefilter"], h), r)
     if loop.digital is None:
-        numbers, units = sampled_controller(loop, h, at_rest, anti_windup), (1.0, 1.0)
-        states = rest(numbers)
+        block, own = sampled_controller(loop, h, at_rest, anti_windup)
+        made = program(own, block=True)
+        code, _, numbers = operations(made, made.states)
     else:
-        own = _limited(loop.digital, h, at_rest, anti_windup)
-        numbers, units, states = own.numbers, (own.y_span, own.u_span), own.at_rest()
-    y, u, area = run(numbers, states, units, steps, actuator, fineness, reference, d, n)
+        block, own = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
+        code, _, numbers = operations(program(own), own.at_rest())
+    units = own.y_offset, own.y_span, own.bias, own.u_span
+    y, u, area = run(code, numbers, block, units, steps, actuator, fineness, reference, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
         raise ValueError(

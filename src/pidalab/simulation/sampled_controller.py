@@ -28,7 +28,7 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import AutomaticReset, Controller
-from pidalab.digital.stepping import Numbers
+from pidalab.digital import DigitalController
 from pidalab.loop import Loop
 from pidalab.process import binomial
 from pidalab.roots import roots
@@ -37,8 +37,13 @@ from pidalab.statespace import StateSpace, discretise
 ANTI_WINDUP = (None, "clamping", "conditioning")
 
 
-def sampled_controller(loop: Loop, h: float, limits: tuple[float, float], anti_windup: str | None) -> Numbers:
-    """Discretise the controller of a loop, its output filter included, for held inputs and the sample time h."""
+def sampled_controller(
+    loop: Loop, h: float, limits: tuple[float, float], anti_windup: str | None
+) -> tuple[StateSpace, DigitalController]:
+    """Discretise the controller of a loop, its output filter included, for held inputs and the sample time h.
+
+    Returns the fraction, and what is behind it: the integral and the limits.
+    """
     _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
@@ -53,7 +58,7 @@ def sampled_controller(loop: Loop, h: float, limits: tuple[float, float], anti_w
         for a, b in zip(loop.blocks["controller"], loop.blocks["output_filter"], strict=True)
     )
     if anti_windup is None:
-        return _numbers(discretise(num, den, h), limits)
+        return discretise(num, den, h), _behind(h, limits)
     if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:
         raise ValueError(
             f"anti_windup={anti_windup!r} needs a controller with integral action (one pole at 0), found "
@@ -63,51 +68,38 @@ def sampled_controller(loop: Loop, h: float, limits: tuple[float, float], anti_w
     rest, den = np.polysub(num, ki * den[:-1]), den[:-1]
     num = rest[:-1] if rest.size > 1 else np.zeros(1)
     tracking = _tracking(ki, num[-1] / den[-1], h) if anti_windup == "conditioning" else 0.0
-    return _numbers(
-        discretise(num, den, h),
-        limits,
-        integrates=True,
-        growth_old=ki * h,
-        taken_back=tracking,
-        clamps_next=anti_windup == "clamping",
-    )
+    way = "clamping ahead" if anti_windup == "clamping" else None
+    return discretise(num, den, h), _behind(h, limits, integral=ki * h, taken_back=tracking, anti_windup=way)
 
 
-def _numbers(
-    fraction: StateSpace,
+def _behind(
+    h: float,
     limits: tuple[float, float],
-    integrates: bool = False,
+    integral: float = 0.0,
     from_signal: bool = False,
-    growth_old: float = 0.0,
     taken_back: float = 0.0,
-    clamps_next: bool = False,
-) -> Numbers:
-    """Return a controller whose control signal is a fraction of the error and, if it integrates, an integral."""
-    return Numbers(
-        prefilter_new=0.0,
-        prefilter_old=0.0,
-        prefilter_move=np.zeros((0, 0)),
-        prefilter_out=np.zeros(0),
-        weight=np.zeros(0),
-        new=np.zeros((0, 0)),
-        old=np.zeros((0, 0)),
-        order=np.zeros(0, np.intp),
-        gain=np.zeros((0, 1)),
-        fraction=fraction,
-        integrates=integrates,
+    anti_windup: str | None = None,
+) -> DigitalController:
+    """Return the digital controller that adds an integral, where it grows, to a given signal, and limits the sum."""
+    return DigitalController(
+        sample_time=h,
+        method="zoh",
+        paths=(),
+        integrates=integral != 0.0,
         from_signal=from_signal,
-        growth_new=0.0,
-        growth_old=growth_old,
+        growth=(0.0, integral),
         taken_back=taken_back,
         tracked=0.0,
-        clamps=False,
-        clamps_next=clamps_next,
-        low=limits[0],
-        high=limits[1],
-        rate=math.inf,
+        anti_windup=anti_windup,
+        weights=(1.0, 1.0),
+        limits=limits,
+        rate_limit=math.inf,
         deadband=0.0,
         bias=0.0,
         y_offset=0.0,
+        y_span=1.0,
+        u_span=1.0,
+        source="",
     )
 
 
@@ -148,11 +140,13 @@ def _poles(loop: Loop, block: str) -> Array:
     return poles[poles != 0]
 
 
-def _with_reset(loop: Loop, reset: AutomaticReset, h: float, limits: tuple[float, float]) -> Numbers:
+def _with_reset(
+    loop: Loop, reset: AutomaticReset, h: float, limits: tuple[float, float]
+) -> tuple[StateSpace, DigitalController]:
     """Discretise the stabilising controller with its filters; the reset is the integral."""
     num, den = loop.blocks["output_filter"]
     filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
     fraction = discretise(np.convolve(num, reset.stabiliser), filters, h)
     # share of the control signal that the lag of the reset takes up in a sample
     share = -math.expm1(-h / reset.time)
-    return _numbers(fraction, limits, integrates=True, from_signal=True, growth_old=share)
+    return fraction, _behind(h, limits, integral=share, from_signal=True)

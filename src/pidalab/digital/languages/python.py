@@ -2,15 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any
 
 from pidalab.digital.languages.text import renamed, rows
 from pidalab.digital.program import INPUTS, If, Note, Program, Set, Statement, Vector
 
+USUAL: dict[str, Any] = {"manual": False, "manual_value": 0.0, "tracking": False, "track_value": 0.0}
 
-def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
-    """Return a module without imports: a class with a step, and a test."""
+
+def step(program: Program) -> str:
+    """Return the constants and the step as a function."""
+    return "\n".join([*_constants(program), *_step(program, "")])
+
+
+@lru_cache(maxsize=256)
+def executed(code: str) -> Callable[..., float]:
+    """Return the function of `step`: of an object with the states, which it changes, and of the inputs."""
+    space: dict[str, Any] = {}
+    exec(code, space)
+    return space["step"]
+
+
+def _constants(program: Program) -> list[str]:
+    return [f"{x} = {value!r}" for x, value in program.constants.items()]
+
+
+def _step(program: Program, indent: str) -> list[str]:
+    """Return the lines of the step, a method of a class."""
 
     def namer(token: str) -> str:
         return {"true": "True", "false": "False"}.get(
@@ -33,11 +53,19 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
                     lines += [f"{indent}else:", *statements(one.otherwise, indent + "    ")]
         return lines
 
+    inputs = ", ".join(f"{x}={USUAL[x]!r}" if x in USUAL else x for x in INPUTS)
+    return [
+        f"{indent}def step(self, {inputs}):",
+        *statements(program.body, indent + "    "),
+        f"{indent}    return self.control",
+    ]
+
+
+def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
+    """Return a module without imports: a class with a step, and a test."""
     arrays: list[str] = []
     for signal, values in vector.items():
         arrays += [f'    "{signal}": [', *rows([repr(value) for value in values], "        "), "    ],"]
-    usual: dict[str, Any] = {"manual": False, "manual_value": 0.0, "tracking": False, "track_value": 0.0}
-    inputs = ", ".join(f"{x}={usual[x]!r}" if x in usual else x for x in INPUTS)
     kind = "".join(word.capitalize() for word in name.split("_"))
     return "\n".join(
         [
@@ -49,16 +77,14 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
             "signal that acted since the last sample. Signals must be finite: check measurements before.",
             '"""',
             "",
-            *(f"{x} = {value!r}" for x, value in program.constants.items()),
+            *_constants(program),
             "",
             "",
             f"class {kind}:",
             "    def __init__(self):",
             *(f"        self.{x} = {value!r}" for x, value in program.states.items()),
             "",
-            f"    def step(self, {inputs}):",
-            *statements(program.body, "        "),
-            "        return self.control",
+            *_step(program, "    "),
             "",
             "",
             "TEST = {",
