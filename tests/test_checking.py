@@ -33,7 +33,9 @@ def bumped(noise=0.02):
     u = steps((20, 1.0), (60, -1.0))
     y = pidalab.open_loop_step(PLANT, T).y
     shifted = (np.interp(T - at, T, y, left=0.0) for at in (20, 60))
-    return pidalab.Record(T, u, next(shifted) - next(shifted) + np.random.default_rng(1).normal(0, noise, T.size))
+    return pidalab.Record(
+        T, u, next(shifted) - next(shifted) + np.random.default_rng(1).normal(0, noise, T.size)
+    )
 
 
 LOGS = {
@@ -79,12 +81,16 @@ def test_the_optimum_itself_misses_nothing():
 
 @pytest.mark.parametrize("record", [lambda: log(), lambda: log(load=0.02 * steps((20, 1.0)))])
 def test_a_log_that_shows_nothing_is_refused_with_what_would_do(record):
-    with pytest.raises(ValueError, match="needs a change of the set point, a step of the load or a bump of u"):
+    with pytest.raises(
+        ValueError, match="needs a change of the set point, a step of the load or a bump of u"
+    ):
         check(record(), RUNNING)
 
 
 def test_gains_of_the_wrong_sign_are_refused():
-    with pytest.raises(ValueError, match="gains of the sign of the plant's, found kp = -0.6 for a plant of gain 2"):
+    with pytest.raises(
+        ValueError, match="gains of the sign of the plant's, found kp = -0.6 for a plant of gain 2"
+    ):
         check(bumped(), -1 * RUNNING)
 
 

@@ -121,7 +121,9 @@ def test_check_judges_the_gains_of_a_log(tmp_path):
     log = pidalab.simulate_sampled(loop, t, setpoint=np.where(t < 20, 0.0, 1.0), noise=noise)
     path = tmp_path / "log.csv"
     np.savetxt(path, np.column_stack([t, log.u, log.y + noise]), delimiter=",", header="t,u,y", comments="")
-    result = run("check", path, "--kp", 0.6, "--ti", 12, "--sample-time", 1, "--filter", 0.5, "--model", "fopdt")
+    result = run(
+        "check", path, "--kp", 0.6, "--ti", 12, "--sample-time", 1, "--filter", 0.5, "--model", "fopdt"
+    )
     assert result.exit_code == 0, result.output
     low, high = map(float, re.search(r"these gains: Ms \S+; (\S+) to (\S+) with", result.stdout).groups())
     filtered = pidalab.Loop(loop.process, running, pidalab.fopdt(1.0, 0.5, 0.0))

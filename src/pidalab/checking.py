@@ -25,8 +25,12 @@ from pidalab.safety import Runs
 from pidalab.tuning import tune
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
-DRAWN = 60  # plants by which Ms gets its interval: of fewer the worst is too often not worse than the true one
-CLEARER = 0.8  # times the residuals: with a load that explains more than a third of their variance, it is there
+DRAWN = (
+    60  # plants by which Ms gets its interval: of fewer the worst is too often not worse than the true one
+)
+CLEARER = (
+    0.8  # times the residuals: with a load that explains more than a third of their variance, it is there
+)
 SHOWN = 20.0  # standard deviations of the noise by which the output has to move
 COLOURED = 3.0  # samples that share one error, from which on a residual is no white noise
 FED_BACK = 0.05  # share of the variance of u that may answer to it
@@ -107,7 +111,9 @@ class Check:
         lines = [f"these gains: {ms}; {low} to {high} with the plants that the log does not rule out"]
         if not math.isnan(self.loss):
             than = f"{self.loss:.0f} % above" if self.loss >= 0.5 else "not above"
-            lines.append(f"their IAE for a load is {than} that of the best {self.rows[0].kind} of the same Ms and noise")
+            lines.append(
+                f"their IAE for a load is {than} that of the best {self.rows[0].kind} of the same Ms and noise"
+            )
         lines.append(" " * 14 + "".join(f"{name:>12}" for name in COLUMNS))
         lines += text_table(self.rows, {"rule": 14}, COLUMNS, 12, self._gains)
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
@@ -198,7 +204,9 @@ def check(
     sizes = [runs.ms(running, plant) for plant in (process, *plants)]
     doubts += runs.lacking
     if math.isinf(sizes[0]):
-        doubts.append("the loop of the model is unstable: if the log shows this loop, other gains ran, or other units")
+        doubts.append(
+            "the loop of the model is unstable: if the log shows this loop, other gains ran, or other units"
+        )
     else:
         doubts += _biased(fitted, running.loop(process))
     worst = _check.real("ms_worst", ms_worst, above=1.0)

@@ -59,7 +59,9 @@ def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
             groups[-1].append(p)
         else:
             groups.append([p])
-    parts = tuple(_part(num, lead, own, [p for one in groups if one is not own for p in one]) for own in groups)
+    parts = tuple(
+        _part(num, lead, own, [p for one in groups if one is not own for p in one]) for own in groups
+    )
     return parts, float(num[0] / lead) if num.size == len(poles) + 1 else 0.0
 
 

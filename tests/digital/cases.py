@@ -72,6 +72,9 @@ def reference(k, rows):
         now = dict(zip(rows, values, strict=True))
         if now.get("retuned"):
             k.retune(k)
-        acts = (now[f"{way}_value"] if now[mode] else None for way, mode in (("manual", "manual"), ("track", "tracking")))
+        acts = (
+            now[f"{way}_value"] if now[mode] else None
+            for way, mode in (("manual", "manual"), ("track", "tracking"))
+        )
         found.append(k.step(now["setpoint"], now["measurement"], *acts, now.get("feedforward", 0.0)))
     return np.array(found)

@@ -275,7 +275,10 @@ def test_new_gains_come_without_a_bump_and_then_act(method):
 
 def test_new_gains_are_those_of_the_same_kind():
     pi = pidalab.PIDA(1.0, 2.0).discretise(0.1, tunable=True)
-    for other in (pidalab.PIDA(1.0, 2.0, 0.5).discretise(0.1, tunable=True), pidalab.PIDA(1.0, 2.0).discretise(0.1)):
+    for other in (
+        pidalab.PIDA(1.0, 2.0, 0.5).discretise(0.1, tunable=True),
+        pidalab.PIDA(1.0, 2.0).discretise(0.1),
+    ):
         with pytest.raises(ValueError, match="same kind and sample time"):
             pi.retune(other)
     with pytest.raises(ValueError, match="same kind and sample time"):

@@ -77,7 +77,9 @@ def vector(k: DigitalController) -> Vector:
         values = (k.y_offset + k.y_span * target, k.y_offset + k.y_span * round(y, 4))
         more = {"feedforward": round(0.05 * span, 6) if 5 <= i < 8 else 0.0, "retuned": i == 26}
         further = [more[name] for name in rows if name in more]
-        for name, value in zip(rows, (*values, 10 <= i < 13, by_hand, i == 17, by_hand, *further), strict=True):
+        for name, value in zip(
+            rows, (*values, 10 <= i < 13, by_hand, i == 17, by_hand, *further), strict=True
+        ):
             rows[name].append(value)
     size = 0.25
     for _ in range(DOUBLINGS):
@@ -92,8 +94,14 @@ def vector(k: DigitalController) -> Vector:
 
 def _far(k: DigitalController, rows: Vector, size: float) -> Vector:
     """Return the inputs with the measurement far on either side of the set point at the end, in units of the model."""
-    usual = {"setpoint": k.y_offset, "manual_value": rows["manual_value"][0], "track_value": rows["track_value"][0]}
-    longer: Vector = {name: values + 2 * FAR * [usual.get(name, type(values[0])(0))] for name, values in rows.items()}
+    usual = {
+        "setpoint": k.y_offset,
+        "manual_value": rows["manual_value"][0],
+        "track_value": rows["track_value"][0],
+    }
+    longer: Vector = {
+        name: values + 2 * FAR * [usual.get(name, type(values[0])(0))] for name, values in rows.items()
+    }
     ends = [k.y_offset + side * k.y_span * size for side in (1.0, -1.0) for _ in range(FAR)]
     longer["measurement"] = rows["measurement"] + ends
     return longer

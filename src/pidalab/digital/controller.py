@@ -205,7 +205,11 @@ class DigitalController:
         if not isinstance(other, DigitalController):
             raise TypeError(f"other must be a DigitalController, found {type(other).__name__}")
         gains = other._program.gains
-        if not self.tunable or gains.keys() != self._program.gains.keys() or other.sample_time != self.sample_time:
+        if (
+            not self.tunable
+            or gains.keys() != self._program.gains.keys()
+            or other.sample_time != self.sample_time
+        ):
             raise ValueError(
                 "other must be a tunable controller of the same kind and sample time as this tunable one, found "
                 f"{other!r} for {self!r}"

@@ -27,7 +27,9 @@ INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_v
     "track_value": "real",
 }
 MORE = {"feedforward": "real", "retuned": "bool"}  # inputs of a controller that was asked for them
-FIXED = re.compile("LOWEST|HIGHEST|LARGEST_CHANGE|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")  # are no gains
+FIXED = re.compile(
+    "LOWEST|HIGHEST|LARGEST_CHANGE|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT"
+)  # are no gains
 
 
 class Note(NamedTuple):

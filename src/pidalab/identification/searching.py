@@ -211,10 +211,7 @@ def _sensitivity(data: Data, shape: Shape, linear: Array, p: Sequence[float]) ->
 def loaded(data: Data) -> Data:
     """Return the data with a step of the load where one explains most of what the input does not."""
     span = float(np.ptp(data.t))
-    tried = [
-        data._replace(load=data.t[0] + span * at)
-        for at in np.linspace(0.0, 0.9, LOADS)
-    ]
+    tried = [data._replace(load=data.t[0] + span * at) for at in np.linspace(0.0, 0.9, LOADS)]
     ways = [[span * lag, span * delay] for lag in (0.01, 0.03, 0.1, 0.3) for delay in (0.0, 0.01, 0.03, 0.1)]
     return min(tried, key=lambda one: min(float(np.sum(projected(one, FIRST, p)[0] ** 2)) for p in ways))
 
