@@ -162,9 +162,9 @@ def check_command(model: str, lag: float, sample_time: float | None, ms_worst: f
     """
     import control
 
-    from pidalab.checking import check
     from pidalab.controllers import PIDA
     from pidalab.identification import fit
+    from pidalab.running_loop import check
 
     read = _read(options)
     lags = control.TransferFunction([1.0], [lag, 1.0]) if lag else None

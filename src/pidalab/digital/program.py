@@ -26,10 +26,8 @@ INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_v
     "tracking": "bool",
     "track_value": "real",
 }
-MORE = {"feedforward": "real", "retuned": "bool"}  # inputs of a controller that was asked for them
-FIXED = re.compile(
-    "LOWEST|HIGHEST|LARGEST_CHANGE|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT"
-)  # are no gains
+MORE = {"feedforward": "real", "retuned": "bool"}  # inputs that a controller is asked to have
+FIXED = re.compile(r"LOWEST|HIGHEST|LARGEST_.*|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")  # are no gains
 
 
 class Note(NamedTuple):
@@ -137,8 +135,8 @@ def program(k: DigitalController, block: bool = False) -> Program:
         body += _limited(found)
     body += [Set("control", "limited"), Set("started", "true")]
     variables = sorted(_targets(body) - {*states, "control"})
-    wanted = {"feedforward": k.feedforward, "retuned": k.tunable}
-    inputs = INPUTS | {name: kind for name, kind in MORE.items() if wanted[name]}
+    asked = (k.feedforward, k.tunable)
+    inputs = INPUTS | {name: MORE[name] for name, has in zip(MORE, asked, strict=True) if has}
     fixed = {name: x for name, x in found.items() if name not in gains and name not in inputs}
     return Program(fixed, gains, inputs, {**states, **gains, "control": k.bias}, variables, body)
 
@@ -293,9 +291,7 @@ def _with_integral(k: DigitalController, found: dict[str, float]) -> list[Statem
         *keep,
     ]
     body: list[Statement] = [
-        Note(
-            f"manual, {'new gains, ' if k.tunable else ''}or the first sample: it starts with the signal it has"
-        ),
+        Note(f"manual, {'new gains, ' * k.tunable}or the first sample: it starts with the signal it has"),
         Set("forced", "manual or retuned" if k.tunable else "manual"),
     ]
     body += [If("not started", [Set("forced", "true")]), If("forced", forced, automatic)]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
+from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
 from pidalab.identification import Fit, fit
 from pidalab.identification.judging import together
@@ -120,9 +121,9 @@ class Check:
 
     def _gains(self, row: Row) -> str:
         """Return the IAE as a multiple of that now, and what to type in."""
-        if row.design is None or row.design is self.design:
+        k = None if row.design is None else row.design.controller
+        if row.design is self.design or not isinstance(k, HighOrderPID):
             return ""
-        k = row.design.controller
         values = {name: value for name, value in k.gains().standard()._asdict().items() if value}
         said = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
         share = row.iae / self.rows[0].iae
@@ -217,7 +218,8 @@ def check(
 
 def _fitted(record: Record) -> Fit:
     """Fit the plant, with a step of the load where it explains much of what u does not."""
-    found, refusal = [], None
+    found: list[Fit] = []
+    refusal = None
     for load in (False, True):
         if found and together(found[0].residuals) < COLOURED:
             break  # nothing is left that a load would explain
@@ -247,6 +249,6 @@ def _biased(fitted: Fit, loop: Loop) -> list[str]:
     if share < FED_BACK:
         return []
     return [
-        f"slow disturbances make up about {100 * min(share, 1.0):.0f} % of the movement of u, by way of the controller, "
+        f"slow disturbances make up about {100 * min(share, 1.0):.0f} % of the movement of u, through the controller, "
         "and pull the model towards -1/C: Ms may lie outside its interval; a larger change of the set point would help"
     ]
