@@ -51,17 +51,8 @@ def test_products_with_python_control(system):
     [
         (lambda: P * CONTROLLERS[0], TypeError, r"a Process .* found PIDA; blocks meet in a loop"),
         (lambda: CONTROLLERS[0] * P, TypeError, r"a PIDA .* found Process; blocks meet in a loop"),
-        (
-            lambda: CONTROLLERS[0] * CONTROLLERS[1],
-            TypeError,
-            "a PIDA can be multiplied by a number or .* found NonInt",
-        ),
         (lambda: np.array([1.0, 2.0]) * CONTROLLERS[0], TypeError, "found ndarray"),
-        (lambda: P * "2", TypeError, "a Process can be multiplied by a number or .* found str"),
         (lambda: P * np.nan, ValueError, "the factor must be finite, found nan"),
-        (lambda: P * True, TypeError, "the factor must be a real number, found True"),
-        (lambda: P / 0, ValueError, "the divisor must not be 0"),
-        (lambda: 0 * CONTROLLERS[0], ValueError, "kp must not be 0"),
         (lambda: P * control.tf([1], [1, 1], 0.1), ValueError, r"continuous in time, found sample time 0\.1"),
         (lambda: P * control.tf([[[1], [1]]], [[[1, 1], [1, 1]]]), ValueError, "one input and one output"),
     ],
@@ -84,15 +75,6 @@ def test_frequency_response_has_the_dead_time_exactly():
     assert LOOP.frequency_response([0.5, 1.0]).omega.tolist() == [0.5, 1.0]
 
 
-@pytest.mark.parametrize(
-    "process", [pidalab.ipdt(1.0, 1e3), pidalab.lags(3), Process([1.0], [1.0], 1.0), Process([1.0], [1.0])]
-)
-def test_frequencies_of_other_loops(process):
-    w = Loop(process, 0.5).frequency_response().omega
-    assert 100 < w.size < 2000
-    assert np.all(np.diff(w) > 0)
-
-
 @pytest.mark.parametrize("name", ["bode", "nyquist", "nichols"])
 def test_plots_of_python_control_in_a_book_of_another_layout(name):
     """python-control lays out its figures itself; the book's setting would only be overruled, with a warning."""
@@ -107,14 +89,6 @@ def test_plots_of_python_control_in_a_book_of_another_layout(name):
     plt.close("all")
 
 
-def test_a_plot_of_python_control_goes_where_it_is_told():
-    with plt.rc_context({"figure.constrained_layout.use": False}):
-        _, ax = plt.subplots(2, 1)
-        plt.figure()
-        assert LOOP.bode(ax=ax).axes[0, 0] is ax[0]
-    plt.close("all")
-
-
 @pytest.mark.parametrize(("name", "shape"), [("bode", (2, 1)), ("nyquist", (1, 1)), ("nichols", (1, 1))])
 def test_plots_of_python_control(name, shape):
     options = {"nichols": {"grid": False}}.get(name, {})
@@ -125,22 +99,3 @@ def test_plots_of_python_control(name, shape):
         curves = [np.ma.filled(x.get_xdata(), np.nan) for x in drawn.axes[0, 0].lines]
         assert any(x.size == 50 and np.allclose(x, expected.real) for x in curves)
     plt.close("all")
-
-
-@pytest.mark.parametrize(
-    ("loop", "frequencies", "error", "message"),
-    [
-        (LOOP, [1.0, 0.5], ValueError, "frequencies must rise and be above 0"),
-        (LOOP, [0.0, 0.5], ValueError, "frequencies must rise and be above 0"),
-        (LOOP, [1.0, np.inf], ValueError, "frequencies must be finite"),
-        (
-            Loop(P, CONTROLLERS[0].discretise(0.1)),
-            None,
-            TypeError,
-            "digital with sample time 0.1: it has no transfer",
-        ),
-    ],
-)
-def test_frequency_responses_that_do_not_exist(loop, frequencies, error, message):
-    with pytest.raises(error, match=message):
-        loop.frequency_response(frequencies)

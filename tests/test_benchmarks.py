@@ -1,10 +1,8 @@
 """The benchmarks, as far as they do not depend on time: independent methods approach the exact engine."""
 
 import csv
-import importlib.util
 import json
 import re
-import shutil
 import sys
 from itertools import pairwise, product
 from pathlib import Path
@@ -16,12 +14,9 @@ import pidalab
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # pytest's importlib mode does not add it
 
-from benchmarks import dead_time, lab, loops, measure, optimum, peers, portraits, run
+from benchmarks import dead_time, loops, measure, peers
 
 SPEED = Path(__file__).parents[1] / "book" / "speed"
-SPEC = importlib.util.spec_from_file_location("shown", SPEED / "shown.py")
-shown = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(shown)
 HORIZON = 8.0  # dead times
 STIFF, STABLE, LARGE, UNSTABLE = (measure.case_loop(dead_time.case_of(*design)) for design in dead_time.LOOPS)
 
@@ -64,14 +59,6 @@ def test_the_reference_of_the_costs_is_the_exact_engine():
         loop = loops.family(order, 1.0)
         _, y = peers.exact(loop, HORIZON, None, 100)()
         np.testing.assert_allclose(loops.extrapolated(loop, HORIZON, 100), y, rtol=0, atol=1e-11)
-
-
-def test_the_labs_engine_is_asked_for_a_new_loop_each_time():
-    """It remembers the last ones, so a second call of the same would cost nothing."""
-    run = peers.lab_engine("asked.controller.gains[1]", peers.lab_loop(loops.family(3, 1.0)))
-    first, second = run(), run()
-    assert first != second
-    assert first == pytest.approx(second, rel=1e-15)
 
 
 def test_the_labs_engine_is_told_the_same_loop():
@@ -123,114 +110,9 @@ def test_stored_errors_of_the_exact_engine():
     assert max(errors) < 1e-9
 
 
-def test_python_control_simulates_the_loops_of_the_portrait():
-    """The same loops but for sampling and Padé approximation, which makes waves where y should still rest."""
-    fine = portraits.T[:20_001]
-    for index in portraits.FEW:
-        own = portraits.one_set(index)
-        sampled = pidalab.simulate_sampled(pidalab.Loop(portraits.LOOP.process, own), fine, 0.0, load=1.0)
-        record = portraits.plain(own, fine[::10])
-        assert np.max(np.abs(record.y - sampled.y[::10])) < 0.05
-        assert record.iae() == pytest.approx(sampled.iae(), rel=0.003)
-    first, last = (portraits.one_set(i).ti / portraits.AROUND["ti"] for i in (0, -1))
-    assert (first, last) == pytest.approx((0.8, 1.2))
-
-
-def asked():
-    """Quantity, loop and value of every case that `make bench` goes through, and by how many methods."""
-    every = len(loops.METHODS)
-    yield from ((("response", n, str(20 * k + 1)), every) for n, k in product(loops.LOOPS, loops.EACH))
-    yield from ((("margins", n, ""), 4 if n == "ipdt_pida_stable" else 3) for n in loops.LOOPS)
-    yield from (((f"many {x}", "third_order_pida", str(loops.MANY)), 2) for x in ("responses", "margins"))
-    plans = {"horizon": loops.HORIZONS, "dead time": loops.DEAD_TIMES, "order": loops.ORDERS}
-    yield from (((name, "SIMC PI", f"{x:g}"), every) for name, values in plans.items() for x in values)
-    yield from ((("optimum", n, str(m)), 2) for n, m in product(optimum.NAMES, optimum.ORDERS))
-
-
-def test_the_table_of_speed_has_every_case():
-    rows = table(run.RESULTS)
-    cases = {}
-    for row in rows:
-        cases.setdefault((row["quantity"], row["loop"], row["value"]), []).append(row)
-    assert {case: len(some) for case, some in cases.items()} == dict(asked())
-    for some in cases.values():
-        own = float(some[0]["seconds"])
-        assert some[0]["method"] in ("pidalab", "one call")
-        for row in some:
-            assert row["note"] if not row["seconds"] else float(row["error"]) >= 0
-            if row["seconds"]:
-                assert float(row["ratio"]) == pytest.approx(float(row["seconds"]) / own, rel=0.01)
-
-
-def test_the_table_of_the_lab_has_every_change():
-    cases = [(row["change"], row["designs"], row["slowed"]) for row in table(lab.RESULTS)]
-    designs = ("1", str(1 + len(lab.KEPT)))
-    assert cases == [
-        (name, count, str(slowed)) for slowed, name, count in product(lab.SLOWED, lab.CHANGES, designs)
-    ]
-    assert all(float(row["seconds"]) > 0 for row in table(lab.RESULTS))
-
-
 def test_the_page_on_speed_types_no_number():
     cells = json.loads((SPEED / "how-fast.ipynb").read_text())["cells"]
     text = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
     prose = re.sub(r"\]\([^)]*\)|huba2018", "", text)
     assert len(prose) > 2000
     assert re.findall(r".*\d.*", prose) == []
-
-
-@pytest.fixture
-def elsewhere(tmp_path, monkeypatch):
-    """The tables in another place, where they may be changed."""
-    for name in shown.FILES:
-        shutil.copy(shown.DATA / f"{name}.csv", tmp_path)
-    monkeypatch.setattr(shown, "DATA", tmp_path)
-    return tmp_path
-
-
-def test_the_page_on_speed_shows_what_is_in_the_tables(elsewhere):
-    """With another number in each table the page shows another number."""
-    functions = ("machine", "headline", "responses", "fixed", "faster", "margins", "together", "optimum")
-
-    def page():
-        results = [
-            getattr(shown, name)() for name in (*functions, "engines", "portraits", "lab", "within_reach")
-        ]
-        return [getattr(one, "data", None) or one.to_string() for one in results]
-
-    before = page()
-    for name in shown.FILES:
-        path = elsewhere / f"{name}.csv"
-        head, columns, *lines = path.read_text().replace("processors", "processors, slow").splitlines()
-        rows = list(csv.DictReader([columns, *lines]))
-        for row in rows:
-            for key in row.keys() & {"seconds", "seconds_for_all", "ratio", "error"}:
-                row[key] = row[key] and str(0.37 * float(row[key]))
-        with path.open("w", newline="") as file:
-            file.write(head + "\n")
-            writer = csv.DictWriter(file, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
-    assert [a == b for a, b in zip(before, page(), strict=True)] == [False] * len(before)
-
-
-def test_a_method_that_is_nearer_to_the_truth_is_said_to_be(elsewhere):
-    path = elsewhere / f"{shown.FILES[0]}.csv"
-    assert " none came nearer" in shown.headline().data
-    lines = path.read_text().splitlines()
-    i = next(i for i, line in enumerate(lines) if line.startswith("response") and "JiTCDDE" in line)
-    cells = next(csv.reader([lines[i]]))
-    lines[i] = ",".join(f'"{cell}"' for cell in [*cells[:6], "1e-17", ""])
-    path.write_text("\n".join(lines))
-    assert " 1 came nearer" in shown.headline().data
-
-
-def test_the_machine_is_named_once_unless_it_was_another(elsewhere):
-    for name, load in zip(shown.FILES, ("0.5", "1.3", "0.5", "0.7"), strict=True):
-        path = elsewhere / f"{name}.csv"
-        head, _, rest = path.read_text().partition("\n")
-        path.write_text(f"{head.partition(', load average ')[0]}, load average {load}\n{rest}")
-    assert shown.machine().data.count("Made by") == 1
-    assert shown.machine().data.endswith("load average 0.5 to 1.3.")
-    path.write_text(path.read_text().replace("Python 3", "Python 4", 1))
-    assert shown.machine().data.count("Made by") == 2

@@ -14,7 +14,7 @@ from pidalab.cli import main
 from pidalab.digital import from_json
 
 ROOT = Path(__file__).parents[1]
-SPEC = importlib.util.spec_from_file_location("plant_record", ROOT / "tools" / "plant_record.py")
+SPEC = importlib.util.spec_from_file_location("plant_record", ROOT / "studies" / "plant_record.py")
 plant_record = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(plant_record)
 TRUE = plant_record.TRUE

@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.robustness import _scan
-from pidalab.simulation import kernels, ladder, ring
 
 SCRIPT = """
 from pidalab import _compiled
@@ -68,26 +66,6 @@ def refusing(*args, cache=False, **options):
 numba.njit = refusing
 """
     assert run(tmp_path, nowhere).stdout == "[1. 1.]\n"
-
-
-@pytest.mark.parametrize("module", [kernels, ladder, ring, _scan])
-def test_the_engine_brings_nothing_of_numba_along(module):
-    # copying an array onto a part of another brings the text of an error, sorting brings quicksort: all callers
-    # compile it again, and the first call of a reader takes twice as long
-    loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
-    pidalab.load_response(loop, np.arange(3.0))
-    pidalab.simulate_sampled(loop, 0.01 * np.arange(3))
-    pidalab.margins(loop)
-    own = [one for one in vars(module).values() if getattr(one, "__module__", "") == module.__name__]
-    functions = [one for one in own if hasattr(one, "py_func")]
-    assert functions
-    for function in functions:
-        name = f"{module.__name__.rpartition('.')[2]}.{function.__name__}"
-        line = function.py_func.__code__.co_firstlineno
-        for kept in Path(function.stats.cache_path).glob(f"{name}-{line}.*.nbc"):
-            code = kept.read_bytes()
-            assert b"unicode" not in code, name
-            assert b"quicksort" not in code, name
 
 
 def answers():

@@ -4,12 +4,11 @@ import dataclasses
 import math
 import re
 
-import control
 import numpy as np
 import pytest
 
 import pidalab
-from pidalab.forms import FilteredGains, IdealGains
+from pidalab.forms import IdealGains
 
 RNG = np.random.default_rng(2)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)
@@ -29,7 +28,6 @@ def pida_formula(kp, ti, td, ta, n, m, s=POINTS):  # haalman2024, eq. (2)
     [(1.31, 3.37, 0.938, 0.269, 10, 10), (-2.0, 4.0, 1.0, 0.5, 3, 700), (2.0, 4.0, 0.0, 0.5, 3, 7),
      (2.0, 4.0, 1.0, 0.0, 3, 7), (2.0, 4.0, 0.0, 0.0, 3, 7), (2.0, math.inf, 1.0, 0.5, 3, 7),
      (2.0, math.inf, 0.0, 0.0, 3, 7)],
-    ids=["paper", "negative", "no-d", "no-a", "pi", "no-i", "p"],
 )  # fmt: skip
 def test_pida_is_the_printed_formula(values):
     C = pidalab.PIDA(*values)
@@ -115,12 +113,6 @@ def test_series_there_and_back_picks_the_largest_reset_time(form):
     assert ti == pytest.approx(max(-1 / z.real for z in zeros if abs(z.imag) < 1e-9), rel=1e-9)
 
 
-def test_double_zero_is_still_real():
-    assert IdealGains(1.0, 4.0, 4.0, 0.0).series() == pytest.approx(
-        (2.0, 4.0, 0.0, 2.0), rel=1e-7
-    )  # ti = 4 td exactly
-
-
 @pytest.mark.parametrize(
     ("gains", "form", "message"),
     [
@@ -139,15 +131,6 @@ def test_double_zero_is_still_real():
         ((0.0, 1.0, 1.0, 0.0), "series", "no series form: there is no integral action"),
         ((1.0, 1.0, 1.0, 0.0), "series", "no series form: .* no negative real zero"),
         ((1.0, -3.0, 2.0, 0.0), "series", "no series form: .* no negative real zero"),
-    ],
-    ids=[
-        "standard",
-        "non-interactive-p",
-        "non-interactive-a",
-        "negative-kp",
-        "no-i",
-        "complex",
-        "positive-zeros",
     ],
 )
 def test_impossible_conversions_say_why(gains, form, message):
@@ -175,7 +158,6 @@ def test_without_integral_action_ti_is_infinite():
         pidalab.HighOrderPID([0.0, 0.0, 1.0], filter_time=0.1, filter_order=1),
         pidalab.SeriesPIDA(2.0, 1.0, 0.5, 4.0, 0.1, 2),
     ],
-    ids=["PIDA", "PDA", "NonInteractivePIDA", "HighOrderPID", "SeriesPIDA"],
 )
 def test_str_prints_every_form_or_the_reason(C):
     lines = str(C).splitlines()
@@ -189,16 +171,6 @@ def test_str_prints_every_form_or_the_reason(C):
     assert all(re.search(r": +(\w+ = |no [a-z-]+ form: )", line) for line in lines[1:])
 
 
-def test_str_prints_the_numbers_of_each_form():
-    text = str(pidalab.PIDA(2.0, 4.0, 1.0, 0.5))
-    for part in (
-        "kp = 2, ti = 4, td = 1, ta = 0.5",
-        "ki = 0.5, kp = 2, kd = 2, ka = 1",
-        "kc = 2, tau_i = 4, tau_d = 1, tau_a = 1",
-    ):
-        assert part in text
-
-
 @pytest.mark.parametrize(
     "C",
     [
@@ -206,7 +178,6 @@ def test_str_prints_the_numbers_of_each_form():
         pidalab.HighOrderPID([0.5, 2.0], filter_time=0.1, filter_order=1),
         pidalab.SeriesPIDA(2.0, np.float64(1.0), 0.5, 4.0, 0.1, 2),
     ],
-    ids=["PIDA", "HighOrderPID", "SeriesPIDA"],
 )
 def test_repr_makes_the_same_controller(C):
     names = {kind.__name__: kind for kind in (pidalab.PIDA, pidalab.HighOrderPID, pidalab.SeriesPIDA)} | {
@@ -225,17 +196,12 @@ BAD = [
     (pidalab.PIDA, PIDA, "kp", 0.0, "kp must not be 0, found 0"),
     (pidalab.PIDA, PIDA, "kp", math.nan, "kp must be finite, found nan"),
     (pidalab.PIDA, PIDA, "ti", 0.0, r"ti must be above 0, found 0\.0"),
-    (pidalab.PIDA, PIDA, "ti", -math.inf, "ti must be finite and above 0, found -inf"),
-    (pidalab.PIDA, PIDA, "td", -1.0, r"td must be at least 0, found -1\.0"),
     (pidalab.PIDA, PIDA, "ta", -1.0, r"ta must be at least 0, found -1\.0"),
     (pidalab.PIDA, PIDA, "n", 0.0, r"n must be above 0, found 0\.0"),
-    (pidalab.PIDA, PIDA, "m", -3, "m must be above 0, found -3"),
     (pidalab.NonInteractivePIDA, NON, "kc", 0, "kc must not be 0"),
     (pidalab.NonInteractivePIDA, NON, "tau_i", 0, "tau_i must be above 0, found 0"),
     (pidalab.NonInteractivePIDA, NON, "tau_d", -1, "tau_d must be at least 0, found -1"),
-    (pidalab.NonInteractivePIDA, NON, "tau_a", -1, "tau_a must be at least 0, found -1"),
     (pidalab.NonInteractivePIDA, NON, "alpha_d", 0, "alpha_d must be above 0, found 0"),
-    (pidalab.NonInteractivePIDA, NON, "alpha_a", 0, "alpha_a must be above 0, found 0"),
     (pidalab.HighOrderPID, HIGH, "gains", [1.0], "gains must be one-dimensional with at least 2"),
     (pidalab.HighOrderPID, HIGH, "gains", [1.0, math.nan], "gains must be finite, found nan at index 1"),
     (
@@ -252,7 +218,6 @@ BAD = [
         0.0,
         r"filter_time must be above 0 for a filter of order 2, found 0\.0",
     ),
-    (pidalab.HighOrderPID, HIGH, "filter_time", -1.0, r"filter_time must be at least 0, found -1\.0"),
     (pidalab.SeriesPIDA, SERIES, "ti", 0, "ti must be above 0, found 0"),
     (pidalab.SeriesPIDA, SERIES, "kd", math.inf, "kd must be finite, found inf"),
     (pidalab.SeriesPIDA, SERIES, "filter_time", 0, "filter_time must be above 0, found 0"),
@@ -266,18 +231,10 @@ BAD = [
     (
         pidalab.SeriesPIDA,
         SERIES,
-        "filter_order",
-        2.5,
-        r"filter_order must be a whole number, at least 2, found 2\.5",
-    ),
-    (
-        pidalab.SeriesPIDA,
-        SERIES,
         "limits",
         (1.0, 0.0),
         r"limits must be .* lower < upper, found \(1\.0, 0\.0\)",
     ),
-    (pidalab.SeriesPIDA, SERIES, "limits", (math.nan, 1.0), "limits must be"),
 ]
 
 
@@ -299,21 +256,6 @@ def test_a_gain_that_is_no_number(value):
 def test_limits_that_are_no_numbers(value):
     with pytest.raises(TypeError, match="limits must be two numbers, lower and upper, found"):
         pidalab.SeriesPIDA(**(SERIES | {"limits": value}))
-
-
-def test_limits_become_numbers_in_double_precision():
-    """The distance of integers of eight bits would not fit into one."""
-    C = pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 1.0, 1, limits=(np.int8(-100), np.int8(100)))
-    assert C.limits[1] - C.limits[0] == 200.0
-    assert pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 1.0, 1, limits=[-100, 100]) == C
-    assert hash(C)
-
-
-@pytest.mark.parametrize("sample_time", [1e-15, 1e-9, 1e3])
-def test_reset_signal_keeps_its_digits(sample_time):
-    C = pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1)
-    found = C.reset_signal(np.ones(4), sample_time)
-    assert found == pytest.approx(-np.expm1(-np.arange(4) * sample_time / 2.0), rel=1e-12, abs=0.0)
 
 
 def test_reset_signal_is_a_lag_behind_the_limited_signal():
@@ -371,35 +313,12 @@ def test_a_controller_does_not_change(C):
             setattr(C, field.name, getattr(C, field.name))
 
 
-@pytest.mark.parametrize(("kd", "ka", "least"), [(0.0, 0.0, 0), (0.5, 0.0, 1), (0.5, 0.1, 2), (0.0, 0.1, 2)])
-def test_a_filter_is_of_the_order_of_the_derivatives_at_least(kd, ka, least):
-    assert pidalab.SeriesPIDA(1.0, kd, ka, 2.0, 0.1, least).filter_order == least
-    with pytest.raises(ValueError, match=f"filter_order must be a whole number, at least {least}"):
-        pidalab.SeriesPIDA(1.0, kd, ka, 2.0, 0.1, least - 1)
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_a_high_order_pid_has_a_filter_of_the_order_of_its_derivative_at_least(order):
-    gains = [1.0] * (order + 2)
-    assert pidalab.HighOrderPID(gains, 0.1, order).filter_order == order
-    with pytest.raises(ValueError, match=f"filter_order must be a whole number, at least {order}"):
-        pidalab.HighOrderPID(gains, 0.1, order - 1)
-
-
 def test_limits_of_a_controller_hold_from_its_working_point_on():
     C = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2, limits=(-1.0, 3.0))
     assert C.discretise(0.1).limits == (-1.0, 3.0)
     assert C.discretise(0.1, bias=10.0, u_span=2.0).limits == (8.0, 16.0)
     assert C.discretise(0.1, limits=(-7.0, 7.0)).limits == (-7.0, 7.0)
     assert pidalab.PIDA(1.0, 2.0).discretise(0.1, bias=5.0).limits == (-np.inf, np.inf)
-
-
-def test_a_digital_controller_says_what_it_was():
-    C = pidalab.PIDA(2.0, 4.0)
-    behind = control.tf([1.0], [0.2, 1.0])
-    assert C.discretise(0.1).source == repr(C)
-    assert C.discretise(0.1, output_filter=behind).source == f"{C!r} and {behind!r}"
-    assert C.discretise(0.1, source="mine").source == "mine"
 
 
 def test_reset_of_a_series_controller_keeps_its_stabiliser():
@@ -412,28 +331,3 @@ def test_reset_of_a_series_controller_keeps_its_stabiliser():
     assert pidalab.SeriesPIDA(1.0, 0.5, 0.25, 2.0, 0.1, 3)(s) == pytest.approx(
         (1 + 0.5 * s + 0.25 * s**2) / (0.1 * s + 1) ** 3 * (1 + 2 * s) / (2 * s)
     )
-
-
-def test_a_factor_multiplies_the_gains_alone():
-    C = pidalab.SeriesPIDA(1.0, 0.5, 0.25, 2.0, 0.1, 2, limits=(-1.0, 3.0))
-    twice = 2.0 * C
-    assert (twice.kp, twice.kd, twice.ka, twice.ti, twice.limits) == (2.0, 1.0, 0.5, 2.0, (-1.0, 3.0))
-    s = np.array([0.3j, 1.0 + 1.0j])
-    behind = control.tf([1.0], [0.2, 1.0])
-    np.testing.assert_allclose((C * behind)(s), C(s) / (0.2 * s + 1), rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("kind", "given", "unless_told"),
-    [
-        (pidalab.PIDA, (2.0, 4.0), (0.0, 0.0, 10, 10)),
-        (pidalab.NonInteractivePIDA, (1.0, 2.0, 0.5, 0.1), (0.05, 0.025)),
-        (pidalab.SeriesPIDA, (1.0, 0.5, 0.0, 2.0, 0.1, 2), ((-math.inf, math.inf),)),
-    ],
-)
-def test_what_a_controller_is_unless_told(kind, given, unless_told):
-    assert kind(*given) == kind(*given, *unless_told)
-
-
-def test_gains_have_no_filter_unless_told():
-    assert FilteredGains("proportional", (1.0, 2.0)) == ("proportional", (1.0, 2.0), 0.0, 0)

@@ -87,24 +87,6 @@ def test_runs_repeat_and_leave_the_random_numbers_of_others_alone():
     assert not np.array_equal(first.y, other.y)
 
 
-def test_a_second_run_goes_on_where_the_first_one_ended():
-    lab = Lab()
-    ended = lab.step_test(duration=300.0).y[-1]
-    assert lab.step_test(before=50.0, after=60.0, duration=20.0, rest=20.0).y[0] == pytest.approx(
-        ended, abs=1.0
-    )
-
-
-def test_hold_warms_up_and_cools_down(board):
-    lab = Lab(connected=True)
-    lab.hold(50.0, 600.0)
-    warm = board.T1
-    lab.hold(duration=1200.0)
-    assert warm > 45.0
-    assert board.T1 < 24.0
-    assert board.clock.now == pytest.approx(5.0 + 1800.0)
-
-
 def test_a_board_behind_the_same_calls(board):
     with Lab(connected=True) as lab:
         record = lab.step_test(duration=200.0, rest=20.0)

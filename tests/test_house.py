@@ -1,4 +1,4 @@
-"""The design in CONTRIBUTING, kept: one way for imports, short files, tests that mirror the library, a quick import."""
+"""The design in CONTRIBUTING, kept: one way for imports, short files, a quick import."""
 
 import ast
 import json
@@ -30,86 +30,6 @@ CORRIDOR = [  # a room imports only from those on earlier lines, and from its ow
 ]
 APART = "ledger"
 LONGEST = 300  # lines of a file, docstrings aside
-TOO_LONG: dict[str, str] = {}  # path: reason
-WHOLE = {
-    "bad_input",
-    "house",
-    "faults",
-    "public_names",
-    "readme",
-    "release",
-    "benchmarks",
-    "honesty",
-    "mutants",
-    "processors",
-    "sixth_paper",
-}  # about the whole project
-ELSEWHERE = {
-    "papers",
-    "site",
-    "lab",
-    "oracle",
-    "fuzz",
-    "outputs",
-}  # folders of tests about no module of src: the pages, all modules
-TESTED_WITH = {  # modules whose tests are those of another: path without suffix: test file, and why
-    "_check": ("test_process.py", "every module's refusals go through it"),
-    "forms": ("test_controllers.py", "controllers convert"),
-    "plants": ("simulation/test_sampled.py", "only a simulation tells what they do"),
-    "plots": ("robustness/test_limits.py", "figures are looked at in the book"),
-    "record/cleaning": ("record/test_cleaned.py", "a record is made by it"),
-    "record/inputs": ("record/test_cleaned.py", "a record is described by it"),
-    "identification/judging": ("identification/test_fitting.py", "what a fit refuses"),
-    "identification/searching": ("identification/test_fitting.py", "what a fit is found by"),
-    "controllers/base": ("test_controllers.py", "one test for all controllers"),
-    "controllers/parallel": ("test_controllers.py", "one test for all controllers"),
-    "controllers/series": ("test_controllers.py", "one test for all controllers"),
-    "areas/_power_series": ("areas/test_model.py", "areas are power series"),
-    "rules/_sampled": ("test_comparison.py", "a column of the table"),
-    "robustness/_grid": ("robustness/test_margins.py", "a peak between two points would be missed"),
-    "robustness/_fraction": ("robustness/test_margins.py", "what is followed along the axis"),
-    "robustness/_scan": ("robustness/test_margins.py", "margins are read off it"),
-    "robustness/_infimum": ("robustness/test_limits.py", "the criteria are infima"),
-    "simulation/bank": ("simulation/test_portrait.py", "a part of the portrait"),
-    "simulation/lanes": ("simulation/test_portrait.py", "a part of the portrait"),
-    "statespace": ("simulation/test_sampled.py", "a part of the sampled engine"),
-    "simulation/kernels": ("simulation/test_sampled.py", "a part of the sampled engine"),
-    "digital/paths": ("digital/test_discretisation.py", "only together they are a discretisation"),
-    "simulation/operations": ("digital/test_controller.py", "the compiled step, against the written one"),
-    "digital/program": ("digital/test_code.py", "what languages print"),
-    "digital/languages/c": ("digital/test_code.py", "compiled there"),
-    "digital/languages/python": ("digital/test_code.py", "executed there"),
-    "digital/languages/structured_text": ("digital/test_code.py", "interpreted there"),
-    "digital/languages/text": ("digital/test_code.py", "a part of the languages"),
-    "simulation/steps": ("simulation/test_sampled.py", "a part of the sampled engine"),
-    "simulation/ladder": ("simulation/test_exact.py", "a part of the exact engine"),
-    "simulation/ring": ("simulation/test_exact.py", "a part of the exact engine"),
-    "simulation/realisation": ("simulation/test_exact.py", "a part of the exact engine"),
-    "robustness/many": ("test_many.py", "one test for both engines"),
-    "simulation/many": ("test_many.py", "one test for both engines"),
-    "optimal/_problem": ("optimal/test_design.py", "what a design is worth"),
-    "optimal/_noise": ("optimal/test_design.py", "what noise makes of u"),
-    "optimal/_descent": ("optimal/test_design.py", "what a descent sees"),
-    "optimal/_polish": ("optimal/test_design.py", "what its last steps are"),
-    "optimal/_starts": ("optimal/test_design.py", "where the search starts"),
-    "optimal/_units": ("optimal/test_design.py", "its unit of time"),
-    "optimal/_refusal": ("optimal/test_design.py", "why there is no design"),
-    "optimal/_solver": ("optimal/test_design.py", "what finds it"),
-    "optimal/_walk": ("optimal/test_design.py", "where it looks"),
-    "safety": ("test_tuning.py", "a part of tune"),
-    "judging": ("test_comparison.py", "the rows of a comparison and of a report"),
-    "reporting/page": ("test_reporting.py", "the report that it draws"),
-    "cli/__main__": ("test_cli.py", "the same command"),
-    "cli/parts": ("test_cli.py", "commands refuse through it"),
-    "cli/recorded": ("test_cli.py", "a command is run as a user does"),
-    "cli/given": ("test_cli.py", "a command is run as a user does"),
-    "cli/desk": ("test_cli.py", "a command is run as a user does"),
-    "rules/_models": ("rules/test_itae.py", "the models that rules refuse"),
-    "rules/magnitude_optimum/design": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
-    "rules/magnitude_optimum/noise": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
-    "rules/magnitude_optimum/orders": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
-    "rules/magnitude_optimum/system": ("rules/test_magnitude_optimum.py", "one rule, one test file"),
-}
 
 
 def name_of(path):
@@ -197,37 +117,7 @@ def without_docstrings(path):
     "path", [*SRC.rglob("*.py"), *(ROOT / "book" / "papers").rglob("*.py")], ids=lambda p: p.stem
 )
 def test_files_can_be_read_in_one_sitting(path):
-    name = str(path.relative_to(ROOT))
-    assert (without_docstrings(path) > LONGEST) == (name in TOO_LONG)
-
-
-def test_tests_mirror_the_library():
-    """tests/simulation/test_exact_oracle.py is about simulation/exact.py: its name begins with that of the module."""
-    for path in TESTS.rglob("test_*.py"):
-        folder, stem = path.parent.relative_to(TESTS), path.stem.removeprefix("test_")
-        if stem in WHOLE or (folder.parts and folder.parts[0] in ELSEWHERE):
-            continue
-        mirrored = [
-            p.stem.removeprefix("_") for p in (SRC / folder).iterdir() if p.suffix == ".py" or p.is_dir()
-        ]
-        assert any(stem == name or stem.startswith(f"{name}_") for name in mirrored), (
-            f"{path.relative_to(ROOT)} is about no module of src: rename it, or name it in WHOLE or ELSEWHERE"
-        )
-
-
-def test_every_module_has_its_tests():
-    for module, path in MODULES.items():
-        if path.name == "__init__.py" or room(module) == APART:
-            continue
-        inner = path.relative_to(SRC).with_suffix("")
-        own = list((TESTS / inner.parent).glob(f"test_{inner.name.removeprefix('_')}*.py"))
-        other = TESTED_WITH.get(str(inner))
-        assert own or other, (
-            f"no tests of {module}: add tests/{inner.parent}/test_{inner.name}.py or a line in TESTED_WITH"
-        )
-        assert not (own and other), f"{module} has tests of its own"
-        assert other is None or (TESTS / other[0]).exists()
-    assert {str(name).replace("/", ".") for name in TESTED_WITH} <= set(MODULES)
+    assert without_docstrings(path) <= LONGEST
 
 
 def test_a_quick_import():

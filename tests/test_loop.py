@@ -40,12 +40,6 @@ def test_loop_and_sensitivities():
     np.testing.assert_allclose(LOOP.S(POINTS) + LOOP.T(POINTS), 1.0, rtol=1e-11)
 
 
-def test_integral_action_has_no_error_at_zero_frequency():
-    """S(0) = 0 and T(0) = 1: the limit, not a division by zero."""
-    assert abs(LOOP.S(0.0)) == pytest.approx(0.0, abs=1e-12)
-    assert abs(LOOP.T(0.0)) == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize(
     ("process", "y_of_d", "u_of_r"),
     [(pidalab.fopdt(4.0, 2.0, 1.0), 0.0, 0.25), (pidalab.ipdt(4.0, 1.0), 0.0, 0.0)],
@@ -61,23 +55,12 @@ def test_transfer_functions_at_a_pole_of_a_block_are_their_limits(process, y_of_
     assert alone.transfer("y", "d", [0.0, 1e-9j]) == pytest.approx(10.0)
 
 
-def test_integral_action_has_no_error_near_zero_frequency():
-    assert abs(LOOP.S(1e-9j)) < 1e-8
-    assert LOOP.transfer("y", "r", 1e-9j) == pytest.approx(1.0, abs=1e-8)
-    assert abs(LOOP.transfer("y", "d", 1e-9j)) < 1e-8
-
-
 def test_closed_loop_is_that_of_python_control_without_dead_time():
     plant = control.tf([1.0, 3.0], [1.0, 2.0, 4.0])
     loop = pidalab.Loop(plant, CONTROLLER, FILTER)
     closed = control.feedback(plant * CONTROLLER.transfer_function() * FILTER)
     np.testing.assert_allclose(loop.T(POINTS), closed(POINTS), rtol=1e-9)
     np.testing.assert_allclose(loop.transfer("y", "r", POINTS), closed(POINTS), rtol=1e-9)
-
-
-def test_block_is_the_rational_part():
-    np.testing.assert_allclose(LOOP.block("process", POINTS), PROCESS.rational_part()(POINTS), rtol=1e-12)
-    np.testing.assert_allclose(LOOP.block("prefilter", POINTS), PREFILTER(POINTS), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -101,17 +84,13 @@ def test_repr_names_what_is_there():
     ("arguments", "error", "message"),
     [
         ({"controller": "PI"}, TypeError, "controller must be a number, a pidalab controller or .* found str"),
-        ({"controller": 1j}, TypeError, "controller must be a number, .* found complex"),
         ({"controller": control.tf([1.0, 0.0], [1.0])}, ValueError, "controller must be proper .* degrees 1 and 0"),
         ({"controller": np.nan}, ValueError, "controller.num must be finite, found nan"),
         ({"controller": control.tf([1.0], [1.0, 0.5], 0.1)}, ValueError, r"controller must be continuous .* 0\.1"),
-        ({"output_filter": control.tf([1.0, 1.0], [1.0])}, ValueError, "output_filter must be proper"),
         ({"prefilter": control.tf([1.0], [1.0, -2.0])}, ValueError, "prefilter must be stable, found a pole at 2"),
         ({"prefilter": control.tf([1.0], [1.0, 0.0])}, ValueError, "prefilter must be stable, found a pole at 0"),
         ({"process": "P"}, TypeError, "process must be a number, .* found str"),
-        ({"process": control.tf([1.0, 0.0, 0.0], [1.0, 1.0])}, ValueError, "process must be proper .* degrees 2 and 1"),
     ],
-    ids=["text", "complex", "improper", "nan", "z", "filter", "prefilter", "integrates", "process", "degree"],
 )  # fmt: skip
 def test_loop_complains(arguments, error, message):
     with pytest.raises(error, match=message):
@@ -128,7 +107,6 @@ def test_loop_complains(arguments, error, message):
             "name must be one of process, controller, output_filter, prefilter, found 'plant'",
         ),
     ],
-    ids=["output", "source", "block"],
 )
 def test_unknown_names(call, message):
     with pytest.raises(ValueError, match=message):
@@ -155,12 +133,6 @@ def test_a_loop_travels():
     for other in (pickle.loads(pickle.dumps(LOOP)), copy.deepcopy(LOOP)):
         np.testing.assert_array_equal(other.L(POINTS), LOOP.L(POINTS))
         assert other.process == LOOP.process
-
-
-def test_frequencies_of_a_plot_lie_around_the_corners():
-    loop = pidalab.Loop(pidalab.Process([1.0], np.convolve([10.0, 1.0], [0.01, 1.0])), 1.0)
-    w = loop.frequency_response().omega
-    assert np.allclose([w[0], w[-1]], [0.01, 1000.0])
 
 
 @pytest.mark.parametrize(
@@ -193,7 +165,6 @@ def test_limits_are_those_of_the_controller_seen_from_rest():
         (PROCESS, "found Process; for a process alone use open_loop_step"),
         (CONTROLLER, r"found PIDA; close one with pidalab\.Loop\(process, controller\)"),
     ],
-    ids=["design", "process", "controller"],
 )
 def test_what_is_no_loop_is_told_what_to_do(value, message):
     for asks in (require_loop, open_loop):
@@ -221,31 +192,6 @@ def test_frequencies_of_a_plot_in_closed_form(delay):
     else:
         assert w[-1] == pytest.approx(top)
         assert w.size == 1000
-
-
-def test_frequencies_of_a_loop_without_corners():
-    w = pidalab.Loop(pidalab.Process([2.0], [1.0]), 1.0).frequency_response().omega
-    assert (w[0], w[-1], w.size) == (pytest.approx(0.1), pytest.approx(10.0), 1000)
-
-
-def test_given_frequencies_are_taken_as_they_are():
-    w = np.array([0.1, 0.5, 3.0])
-    found = LOOP.frequency_response(w)
-    assert found.omega.tolist() == w.tolist()
-    np.testing.assert_allclose(found(1j * w), LOOP.L(1j * w), rtol=1e-14)
-    for wrong, said in (([0.0, 1.0], "0 to 1"), ([0.5, 0.5], "0.5 to 0.5"), ([1.0, 2.0, 1.5], "1 to 1.5")):
-        with pytest.raises(ValueError, match=f"frequencies must rise and be above 0, found {said}"):
-            LOOP.frequency_response(wrong)
-
-
-@pytest.mark.parametrize(("off", "fails"), [(0.0, True), (0.5e-12, True), (2e-12, False), (-2e-12, False)])
-def test_ill_posed_to_twelve_digits(off, fails):
-    loop = pidalab.Loop(pidalab.Process([-1.0 + off, 1.0], [1.0, 2.0]), 1.0)
-    if fails:
-        with pytest.raises(ValueError, match="ill-posed"):
-            require_well_posed(loop)
-    else:
-        require_well_posed(loop)
 
 
 def test_a_digital_controller_has_no_transfer_function_in_s():
@@ -296,12 +242,6 @@ def test_a_reset_is_that_of_the_controller():
     assert pidalab.Loop(PROCESS, CONTROLLER).automatic_reset is None
     assert pidalab.Loop(PROCESS, FILTER).automatic_reset is None
     assert pidalab.Loop(PROCESS, FILTER).limits == (-np.inf, np.inf)
-
-
-def test_repr_says_what_stands_beside_the_controller():
-    half = control.tf([1.0], [2.0])
-    assert "output_filter" not in repr(pidalab.Loop(PROCESS, 0.5, prefilter=half))
-    assert "prefilter" not in repr(pidalab.Loop(PROCESS, 0.5, output_filter=half))
 
 
 def test_a_process_without_dead_time_is_a_filter():

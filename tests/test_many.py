@@ -30,10 +30,6 @@ def test_processes_give_the_same():
     np.testing.assert_array_equal(many[2].y, pidalab.step_response(LOOPS[2], T).y)
 
 
-def test_no_loops():
-    assert pidalab.simulate_many([], T) == pidalab.margins_many([]) == []
-
-
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
@@ -46,16 +42,10 @@ def test_no_loops():
         (lambda: pidalab.margins_many(LOOPS, executor=2), TypeError, "executor must be .* found int"),
         (lambda: pidalab.simulate_many(LOOPS, T[1:]), ValueError, "t must start at 0"),
     ],
-    ids=["process", "single", "executor", "time"],
 )
 def test_many_complain(call, error, message):
     with pytest.raises(error, match=message):
         call()
-
-
-def test_unless_told_otherwise_nothing_moves():
-    rest = pidalab.simulate_many(LOOPS[:1], T)[0]
-    assert not any(getattr(rest, name).any() for name in ("r", "d", "n", "y", "u"))
 
 
 def test_there_is_no_bar_unless_asked(capsys):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.process import SMALLEST, binomial, fraction_at, latex_polynomial, quotient, require_gain
+from pidalab.process import latex_polynomial, quotient, require_gain
 
 RNG = np.random.default_rng(1)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(
@@ -36,16 +36,9 @@ def test_dead_time_turns_the_phase_and_leaves_the_magnitude():
         (pidalab.ipdt(0.3, 2.0), lambda s: 0.3 / s * np.exp(-2 * s)),
         (pidalab.lags(5, lag=0.4, gain=3.0, delay=0.1), lambda s: 3 / (0.4 * s + 1) ** 5 * np.exp(-0.1 * s)),
     ],
-    ids=["fopdt", "sopdt", "undamped", "ipdt", "lags"],
 )
 def test_named_models(process, formula):
     np.testing.assert_allclose(process(POINTS), formula(POINTS), rtol=1e-12)
-
-
-def test_static_gain():
-    assert pidalab.lags(3, gain=-2.0).gain() == -2.0
-    assert pidalab.Process([1.0, 6.0], [1.0, 1.0, 3.0]).gain() == 2.0
-    assert pidalab.ipdt(1.0, 0.0).gain() == np.inf
 
 
 def test_leading_zeros_are_no_degrees():
@@ -95,7 +88,6 @@ def test_from_control_keeps_the_rational_part():
             "sys must be a number, a pidalab controller or a control.TransferFunction, found str",
         ),
     ],
-    ids=["discrete", "mimo", "improper", "text"],
 )
 def test_from_control_complains(system, error, message):
     with pytest.raises(error, match=message):
@@ -107,34 +99,14 @@ def test_from_control_complains(system, error, message):
     [
         (([1.0, 0.0], [1.0]), ValueError, "must be proper .* found degrees 1 and 0"),
         (([1.0], [0.0, 0.0]), ValueError, "den must not be the zero polynomial"),
-        (([1.0], [1.0, 1.0], -0.1), ValueError, r"delay must be at least 0, found -0\.1"),
         (([1.0], [1.0, 1.0], np.inf), ValueError, "delay must be finite and at least 0, found inf"),
-        (([1.0], [1.0, 1.0], "soon"), TypeError, "delay must be a real number, found 'soon'"),
         (([1.0], [1.0, np.nan]), ValueError, "den must be finite, found nan at index 1"),
-        (([np.inf], [1.0, 1.0]), ValueError, "num must be finite, found inf at index 0"),
         (
             ([[1.0]], [1.0, 1.0]),
             ValueError,
             r"num must be one-dimensional with at least 1 value\(s\), found shape \(1, 1\)",
         ),
-        (([], [1.0, 1.0]), ValueError, "num must be one-dimensional with at least 1"),
-        ((["a"], [1.0, 1.0]), TypeError, "num must be a one-dimensional array of real numbers"),
         (([1.0 + 1.0j], [1.0, 1.0]), TypeError, "num must be a one-dimensional array of real numbers"),
-        (([1.0], [[1.0], [1.0, 2.0]]), (TypeError, ValueError), "den must be"),
-    ],
-    ids=[
-        "improper",
-        "zero",
-        "negative",
-        "infinite",
-        "text",
-        "nan",
-        "inf",
-        "shape",
-        "empty",
-        "letters",
-        "complex",
-        "ragged",
     ],
 )
 def test_process_complains(arguments, error, message):
@@ -146,11 +118,8 @@ def test_process_complains(arguments, error, message):
     ("call", "message"),
     [
         (lambda: pidalab.fopdt(1.0, 0.0, 1.0), "lag must be above 0, found 0"),
-        (lambda: pidalab.fopdt(np.nan, 1.0, 1.0), "gain must be finite, found nan"),
         (lambda: pidalab.sopdt(1.0, -1.0, 0.5, 1.0), r"tau must be above 0, found -1\.0"),
         (lambda: pidalab.sopdt(1.0, 1.0, -0.5, 1.0), r"damping must be at least 0, found -0\.5"),
-        (lambda: pidalab.ipdt(1.0, -1.0), r"delay must be at least 0, found -1\.0"),
-        (lambda: pidalab.lags(0), "order must be a whole number, at least 1, found 0"),
         (lambda: pidalab.lags(2.5), r"order must be a whole number, at least 1, found 2\.5"),
         (lambda: pidalab.lags(2, lag=-1.0), r"lag must be above 0, found -1\.0"),
     ],
@@ -177,36 +146,9 @@ def test_repr_makes_the_same_process():
         ([0.0], "0"),
         ([1.5e-7, 1.0], r"1.5\cdot 10^{-7}s+1"),
     ],
-    ids=["gap", "signs", "zero", "small"],
 )
 def test_latex(coefficients, text):
     assert latex_polynomial(coefficients) == text
-
-
-def test_latex_of_a_process_names_the_dead_time_only_if_there_is_one():
-    assert pidalab.fopdt(2.0, 3.0, 0.5)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}\,e^{-0.5s}$"
-    assert pidalab.fopdt(2.0, 3.0, 0.0)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}$"
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: pidalab.sopdt(1.0, 1e-200, 1.0, 1.0), "tau must lie between"),
-        (lambda: pidalab.sopdt(1.0, 1e200, 1.0, 1.0), "tau must lie between"),
-        (lambda: pidalab.lags(3, lag=1e-200), "leaves the range of numbers"),
-        (lambda: pidalab.lags(3, lag=1e200), "leaves the range of numbers"),
-    ],
-)
-def test_time_constants_whose_powers_are_no_numbers(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
-
-
-def test_text_is_not_a_frequency():
-    loop = pidalab.Loop(pidalab.lags(2), 1.0)
-    for call in (loop.process, loop.S, loop.L, lambda s: loop.block("process", s), pidalab.PIDA(1.0, 1.0)):
-        with pytest.raises(TypeError, match="s must be complex numbers, found '1j'"):
-            call("1j")
 
 
 def test_a_pole_is_infinite_without_a_warning():
@@ -255,47 +197,6 @@ def test_quotients_at_poles_and_where_both_are_zero():
     assert quotient(1.0 + 1j, 2.0) == 0.5 + 0.5j
 
 
-def test_binomials():
-    assert binomial(2.0, 0).tolist() == [1.0]
-    assert binomial(2.0, 3).tolist() == [8.0, 12.0, 6.0, 1.0]
-
-
-def test_products_of_processes_and_blocks():
-    one, other = pidalab.Process([2.0, 1.0], [1.0, 3.0, 2.0], 0.5), pidalab.ipdt(4.0, 0.25)
-    for product in (one * other, other * one):
-        assert product.delay == 0.75
-        np.testing.assert_allclose(product(POINTS), one(POINTS) * other(POINTS), rtol=1e-12)
-    lag = control.tf([3.0], [5.0, 1.0])
-    for product in (one * lag, lag * one) if hasattr(lag, "fraction") else (one * lag,):
-        np.testing.assert_allclose(product(POINTS), one(POINTS) * lag(POINTS), rtol=1e-12)
-        assert product.delay == 0.5
-    np.testing.assert_allclose((-2.0 * one)(POINTS), -2 * one(POINTS), rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("coefficients", "expected"),
-    [
-        ([1.0, -1.0, 1.0, -1.0], "s^3-s^2+s-1"),
-        ([-2.5, 0.0, 1.0, 0.0], "-2.5s^3+s"),
-        ([0.0], "0"),
-        ([123456.0, -1e-7], r"1.235\cdot 10^{5}s-1\cdot 10^{-7}"),
-    ],
-)
-def test_polynomials_in_latex(coefficients, expected):
-    assert latex_polynomial(coefficients) == expected
-
-
 def test_a_process_in_latex():
     assert pidalab.fopdt(2.0, 3.0, 0.5)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}\,e^{-0.5s}$"
     assert pidalab.lags(1)._repr_latex_() == r"$\displaystyle \frac{1}{s+1}$"
-
-
-def test_a_dead_time_has_an_inverse():
-    assert pidalab.ipdt(1.0, SMALLEST).delay == SMALLEST
-    with pytest.raises(ValueError, match="delay must be 0, or at least"):
-        pidalab.ipdt(1.0, 0.99 * SMALLEST)
-
-
-def test_a_fraction_has_no_dead_time_unless_told():
-    num, den = np.array([2.0, -3.0]), np.array([1.0, 4.0, 5.0])
-    np.testing.assert_array_equal(quotient(*fraction_at(num, den, POINTS)), pidalab.Process(num, den)(POINTS))

@@ -1,6 +1,5 @@
 """Every public name has a docstring with the sections that its signature and source call for."""
 
-import dataclasses
 import importlib
 import inspect
 import re
@@ -8,7 +7,7 @@ from functools import cached_property
 from types import ModuleType
 
 import pytest
-from numpydoc.docscrape import FunctionDoc
+from numpydoc.validate import validate
 
 MODULES = ["pidalab", "pidalab.rules", "pidalab.identification", "pidalab.ledger", "pidalab.plots"]
 
@@ -78,62 +77,24 @@ def collect():
 
 
 NAMES = collect()
+# of numpydoc's checks: a docstring with a summary, parameters as in the signature, what is returned, an example
+ASKED = {"GL08", "SS01", "SS02", "SS03", "PR01", "PR02", "PR03", "PR04", "PR07", "RT01", "EX01"}
 
 
-class Subject:
-    """One public name: its docstring, parameters and source."""
-
-    def __init__(self, name):
-        self.value = NAMES[name]
-        self.property = isinstance(self.value, (property, cached_property))
-        if self.property:
-            self.function = getattr(self.value, "fget", None) or self.value.func
-        else:
-            self.function = self.value
-        self.text = inspect.getdoc(self.function) or ""
-        self.doc = FunctionDoc(None, doc=self.text) if self.text else {}
-
-    @property
-    def is_class(self):
-        return inspect.isclass(self.value)
-
-    @property
-    def is_record(self):
-        """A class that functions return and nobody constructs documents attributes instead of parameters."""
-        return self.is_class and (
-            issubclass(self.value, tuple)
-            or bool(self.doc.get("Attributes"))
-            or issubclass(self.value, Exception)
-        )
-
-    def parameters(self):
-        if self.is_class and dataclasses.is_dataclass(self.value) and "__init__" not in vars(self.value):
-            return [field.name for field in dataclasses.fields(self.value) if field.init]
-        target = self.value.__init__ if self.is_class else self.function
-        if self.is_class and target is object.__init__:
-            return []
-        names = inspect.signature(target).parameters
-        return [name for name in names if name not in ("self", "cls")]
-
-    def source(self):
-        if not self.is_class:
-            return inspect.getsource(self.function)
-        hooks = [vars(self.value)[name] for name in ("__init__", "__post_init__") if name in vars(self.value)]
-        return "".join(inspect.getsource(hook) for hook in hooks if hook.__code__.co_filename.endswith(".py"))
-
-    def raises(self):
-        return re.findall(r"^\s+raise (\w+)", self.source(), re.M)
-
-    def returns_something(self):
-        if self.is_class or self.property:
-            return False
-        annotation = inspect.signature(self.function).return_annotation
-        return annotation not in (None, "None", inspect.Signature.empty)
+def is_record(value):
+    """A class that functions return and nobody constructs documents attributes instead of parameters."""
+    return inspect.isclass(value) and (
+        issubclass(value, (tuple, Exception)) or "\nAttributes\n---" in (inspect.getdoc(value) or "")
+    )
 
 
-@pytest.fixture(params=list(NAMES))
-def subject(request):
-    return Subject(request.param)
+def needless(value):
+    """Checks that do not go with a kind of object."""
+    if isinstance(value, (property, cached_property)):
+        return {"EX01"}
+    if is_record(value):
+        return {"PR01", "PR02", "PR03", "EX01"}
+    return {"GL08"} if inspect.getdoc(value) else set()  # the docstring of the method that it overrides
 
 
 def test_the_walk_finds_what_users_call():
@@ -145,52 +106,17 @@ def test_the_walk_finds_what_users_call():
     assert not any("._" in name for name in NAMES)
 
 
-def test_summary(subject):
-    """One sentence on the first line, which is what an index page shows."""
-    first = subject.text.split("\n")[0].strip()
-    assert first, "no docstring"
-    assert first[0].isupper() or not first[0].isalpha() or subject.is_record
-    assert first.endswith((".", ".`", ":")) or subject.text.split("\n\n")[0].strip().endswith((".", ":"))
+@pytest.mark.parametrize("name", NAMES)
+def test_a_docstring_has_what_its_signature_calls_for(name):
+    found = validate(name)["errors"]
+    assert [said for code, said in found if code in ASKED - needless(NAMES[name])] == []
 
 
-def test_parameters(subject):
-    """As many as in the signature, with the same names, in the same order."""
-    documented = [
-        name.strip().lstrip("*")
-        for entry in subject.doc.get("Parameters", [])
-        for name in entry.name.split(",")
-    ]
-    if subject.property:
-        assert documented == []
-    elif subject.is_record and not documented:
-        assert issubclass(subject.value, (tuple, Exception)) or subject.doc["Attributes"]
-    else:
-        assert documented == subject.parameters()
-
-
-def test_parameters_have_a_type_and_a_text(subject):
-    for entry in subject.doc.get("Parameters", []):
-        assert entry.type, f"{entry.name} has no type"
-        assert " ".join(entry.desc).strip(), f"{entry.name} has no description"
-
-
-def test_returns(subject):
-    if subject.returns_something():
-        assert subject.doc.get("Returns") or subject.doc.get("Yields"), (
-            "returns something, and does not say what"
-        )
-    elif not subject.is_class:
-        assert not subject.doc.get("Returns") or subject.property
-
-
-def test_raises(subject):
-    """A raise in the source is documented, with its type."""
-    documented = ", ".join(f"{entry.type} {entry.name}" for entry in subject.doc.get("Raises", []))
-    for error in subject.raises():
-        assert error in documented, f"raises {error}, and documents {documented or 'nothing'}"
-
-
-def test_examples(subject):
-    if subject.property or subject.is_record:
-        return
-    assert any(">>>" in line for line in subject.doc.get("Examples", [])), "no example"
+@pytest.mark.parametrize("name", [name for name in NAMES if not inspect.isclass(NAMES[name])])
+def test_a_raise_in_the_source_is_documented(name):
+    value = NAMES[name]
+    function = getattr(value, "fget", None) or getattr(value, "func", value)
+    text = inspect.getdoc(function) or ""
+    documented = text.partition("\nRaises\n")[2]
+    for error in re.findall(r"^\s+raise (\w+)", inspect.getsource(function), re.M):
+        assert error in documented, f"raises {error}"

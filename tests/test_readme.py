@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 import pidalab
@@ -50,10 +51,18 @@ def test_the_bibliography_has_every_paper_of_the_ledgers():
     assert set(papers(ROOT / "book" / "ledger")) <= set(known)
 
 
-def test_the_caption_of_the_first_figure_is_what_its_designs_say():
-    """`python tools/landing_figure.py` draws the figure and writes its caption."""
+def test_the_first_figure_is_what_its_designs_say():
+    """`python tools/landing_figure.py` draws the figure and writes its caption, with `--search` its designs, too."""
     spec = importlib.util.spec_from_file_location("landing_figure", ROOT / "tools" / "landing_figure.py")
     landing = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(landing)
-    made = landing.designs(pidalab.lags(3, delay=1.0))
-    assert landing.markdown(made) in (ROOT / "book" / "intro.md").read_text()
+    state, (gain, sample) = landing.stored(), landing.units()
+    many = landing.medians()
+    assert state.pop("median") == list(many.values())
+    assert landing.markdown(state, many) in (ROOT / "book" / "intro.md").read_text()
+    t = np.linspace(0, 80, 8001)
+    for k, limit in enumerate(landing.LIMITS):
+        for kind, loop in landing.loops(state, k).items():
+            assert pidalab.max_sensitivity(loop)[0] <= landing.MS + 1e-4
+            assert pidalab.noise_gain(loop, sample) <= limit * gain * (1 + 1e-4)
+            assert pidalab.load_response(loop, t).iae() == pytest.approx(state[kind][k][0], rel=1e-3)

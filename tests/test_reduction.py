@@ -35,52 +35,14 @@ def test_printed_models(k):
     assert (round(second.tau, 3), round(second.delay, 3), round(second.damping, 3)) == SECOND[k]
 
 
-def fit(process, frequencies, weight):
-    """tau by least squares of weight (1 + a w^2 + b w^4 - 1/g)."""
-    w = frequencies[frequencies > 0]
-    g = np.abs(process(1j * w)) ** 2
-    rows = np.column_stack([w**2, w**4]) * weight(g)[:, None]
-    return float(np.linalg.lstsq(rows, (1 / g - 1) * weight(g), rcond=None)[0][1] ** 0.25)
-
-
-def test_only_this_fit_gives_the_printed_models():
-    """The paper does not write the fit down: other weights, ends and numbers of points miss a printed time constant."""
-
-    def misses(frequencies, weight):
-        taus = (
-            fit(process, frequencies(ultimate_frequency(process)), weight(process))
-            for process in EXAMPLES.values()
-        )
-        return [k for k, tau in zip(EXAMPLES, taus, strict=True) if round(tau, 3) != SECOND[k][0]]
-
-    def plain(_):
-        return lambda g: g
-
-    assert misses(lambda wu: np.linspace(0, wu, 10), plain) == []
-    assert misses(lambda wu: np.linspace(0, wu, 10), lambda _: np.ones_like) == [1, 2, 3]
-    assert misses(lambda wu: np.linspace(0, wu, 10), lambda _: np.sqrt) == [1, 2, 3]
-    assert misses(lambda wu: np.linspace(0, wu, 9), plain) == [1, 2, 3]
-    assert misses(lambda wu: np.linspace(0, wu, 11), plain) == [1, 2, 3]
-    assert misses(lambda wu: np.linspace(0, wu, 11)[:-1], plain) == [1, 2, 3]
-
-
-def test_points_is_the_number_of_frequencies():
-    assert to_sopdt(EXAMPLES[1], points=9).tau == pytest.approx(1.4910803, abs=1e-7)
-    assert to_sopdt(EXAMPLES[1], points=2000).tau == pytest.approx(1.4793, abs=1e-3)
-
-
 @pytest.mark.parametrize("gain", [1.0, -3.0])
-@pytest.mark.parametrize("tau", [1e-3, 1.0, 400.0])
+@pytest.mark.parametrize("tau", [1e-3, 400.0])
 @pytest.mark.parametrize(
     ("damping", "ratio"), [(0.0625, 0.5), (0.3, 0.1), (0.7, 2.0), (1.0, 1.0), (2.0, 0.1), (6.0, 5.0)]
 )
 def test_a_second_order_model_is_returned_as_it_is(gain, tau, damping, ratio):
     model = to_sopdt(pidalab.sopdt(gain, tau, damping, ratio * tau))
     assert model[:4] == pytest.approx((gain, tau, damping, ratio * tau), rel=1e-7)
-    for points in (3, 50):
-        assert to_sopdt(pidalab.sopdt(gain, tau, damping, ratio * tau), points).tau == pytest.approx(
-            tau, rel=1e-7
-        )
 
 
 @pytest.mark.parametrize("gain", [1.0, -3.0])
@@ -108,7 +70,7 @@ def test_ultimate_frequency_is_the_first_phase_crossover(process):
     assert ultimate_frequency(process) == pytest.approx(pidalab.phase_crossovers(loop, 1e-7)[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("n", range(3, 21))
+@pytest.mark.parametrize("n", [3, 4, 7, 20])
 def test_ultimate_frequency_of_equal_lags(n):
     assert ultimate_frequency(pidalab.lags(n, lag=2.0)) == pytest.approx(math.tan(math.pi / n) / 2, rel=1e-9)
 
@@ -171,21 +133,13 @@ def test_units_of_gain_and_time():
     assert d == pytest.approx((-5 * c.gain, c.tau * scale, c.delay * scale, c.wu / scale), rel=1e-9)
 
 
-def test_process_of_a_model():
-    first, second = to_fopdt(EXAMPLES[1]), to_sopdt(EXAMPLES[1])
-    assert first.process == pidalab.fopdt(first.gain, first.tau, first.delay)
-    assert second.process == pidalab.sopdt(second.gain, second.tau, second.damping, second.delay)
-
-
 @pytest.mark.parametrize("reduce", [to_fopdt, to_sopdt, ultimate_frequency])
 @pytest.mark.parametrize(
     ("process", "message"),
     [
         (pidalab.Process([1.0], [1.0, 0.0, 1.0], 1.0), "process must be stable, found an unstable one"),
-        (pidalab.Process([1.0], [1.0, 1.0, 1.0, 5.0], 1.0), "process must be stable, found an unstable one"),
         (pidalab.Process([1.0, 0.0], [1.0, 1.0], 1.0), "process must have a static gain other than 0"),
         (pidalab.fopdt(1.0, 1.0, 0.0), "process must have an ultimate frequency.*it never does"),
-        (pidalab.sopdt(1.0, 1.0, 0.1, 0.0), "process must have an ultimate frequency.*it never does"),
         (pidalab.Process([1.0, 1.0], [1.0, 3.0, 3.0, 1.0]), "process must have an ultimate frequency"),
         (
             pidalab.Process([1.0, 0.0, 0.25], [1.0, 3.0, 3.0, 1.0], 1.0),

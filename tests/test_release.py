@@ -4,12 +4,9 @@ import importlib.util
 import json
 import re
 import sys
-import tarfile
 import tomllib
-import zipfile
 from pathlib import Path
 
-import pytest
 import yaml
 
 from pidalab.ledger import papers
@@ -27,7 +24,6 @@ def loaded(path):
 
 
 setup = loaded(ROOT / "setup.py")
-release = loaded(ROOT / "tools" / "release.py")
 vendored = loaded(ROOT / "tools" / "vendored.py")
 
 
@@ -102,44 +98,6 @@ def plain(title):
     return re.sub(r"[^a-z]", "", title.replace("ₙᵐ", "nm").lower())
 
 
-@pytest.fixture
-def packed(tmp_path):
-    """A wheel and a source archive with every module, but for those that are left out."""
-
-    def pack(left_out=(), beside=()):
-        wheel, archive = tmp_path / "a.whl", tmp_path / "a.tar.gz"
-        own = [path for path in release.PACKAGE.rglob("*") if path.suffix in {".py", ".typed"}]
-        with zipfile.ZipFile(wheel, "w") as to_wheel, tarfile.open(archive, "w:gz") as to_archive:
-            for path in own:
-                name = path.relative_to(release.PACKAGE.parent).as_posix()
-                if name not in left_out:
-                    to_wheel.write(path, name)
-                    to_archive.add(path, f"pidalab-1/src/{name}")
-            for name in beside:
-                to_wheel.writestr(name, "")
-        return wheel, archive
-
-    return pack
-
-
-def test_a_wheel_that_is_whole(packed):
-    assert release.missing(*packed()) == []
-
-
-def test_a_wheel_that_is_not(packed):
-    assert release.missing(*packed(["pidalab/py.typed"], ["tests/test_x.py"])) == [
-        "the wheel lacks pidalab/py.typed",
-        "the wheel has tests/test_x.py",
-        "the source archive lacks pidalab/py.typed",
-    ]
-
-
-def test_constraints_are_the_locked_versions(tmp_path):
-    lines = release.locked(tmp_path).read_text().splitlines()
-    assert all(re.match(r"[\w.-]+==\S+( ; .+)?$", line) for line in lines)
-    assert {"numpy", "numba", "scipy"} <= {line.partition("==")[0] for line in lines}
-
-
 def test_what_colab_is_given_runs(capsys, monkeypatch):
     """Its first cell fetches the repository that pyproject.toml names; the others run in a clone."""
     cells = json.loads((ROOT / "colab.ipynb").read_text(encoding="utf-8"))["cells"]
@@ -149,13 +107,3 @@ def test_what_colab_is_given_runs(capsys, monkeypatch):
     for source in others:
         exec(compile(source, "colab.ipynb", "exec"), {})
     assert "gain margin" in capsys.readouterr().out
-
-
-def test_what_is_done_with_the_installed_library(tmp_path, monkeypatch):
-    """`make release` does the same in an empty environment."""
-    exercise = loaded(ROOT / "tools" / "exercise.py")
-    monkeypatch.setattr(exercise, "COMMAND", [sys.executable, "-m", "pidalab.cli"])
-    monkeypatch.chdir(tmp_path)
-    assert "Haalman" in exercise.loop()
-    assert "controller.c" in exercise.command_line()
-    assert "come with a clone" in exercise.ledger()

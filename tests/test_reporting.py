@@ -81,11 +81,3 @@ def test_a_kind_that_the_rule_does_not_make_is_a_row_with_its_message():
 def test_refusals(call, error, message):
     with pytest.raises(error, match=message):
         call()
-
-
-def test_a_sampling_far_too_fast_leaves_the_sampled_ms_out():
-    found = pidalab.report(pidalab.lags(3, delay=1.0), sample_time=1e-300, rule="simc", kinds=("PI",))
-    assert np.isnan(found.rows[0].ms_sampled)
-    assert "at most 1e+06 samples" in found.rows[0].reason
-    with pytest.raises(ValueError, match="kinds must be some of"):
-        pidalab.report(pidalab.lags(3), kinds=[["PI"]])

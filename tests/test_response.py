@@ -7,7 +7,6 @@ import pytest
 
 import pidalab
 from pidalab import Response
-from pidalab.response import SETTLED
 
 
 def record(t, y, r=1.0, **signals):
@@ -73,11 +72,6 @@ def test_parabolas_are_exact():
     assert parabola.ie(0.5) == pytest.approx(F(0.5), rel=1e-13)
 
 
-def test_recorded_area_is_the_trapezoidal_rule():
-    y = np.array([0.0, 1.0, 3.0, 2.0])
-    np.testing.assert_allclose(record(np.arange(4) * 0.5, y).area, [0.0, 0.25, 1.25, 2.5])
-
-
 def test_held_set_point_and_noise():
     """r and n are held: the error jumps at the samples and is no straight line between them."""
     held = record(np.arange(4.0), 0.0, r=[1.0, -2.0, 3.0, 100.0], n=[0.5, 0.5, -1.0, 7.0])
@@ -104,37 +98,16 @@ def test_infinite_horizon_needs_a_settled_record(name):
         getattr(SINE, name)(math.inf)
 
 
-@pytest.mark.parametrize(("factor", "settled"), [(0.99, True), (1.01, False)])
-def test_settled_means_a_millionth_of_the_largest_error_over_the_last_tenth(factor, settled):
-    y = np.ones(100)
-    y[0], y[90] = 0.0, 1 + factor * SETTLED
-    if settled:
-        record(np.arange(100.0), y).iae(math.inf)
-    else:
-        with pytest.raises(ValueError, match="simulate longer or give a finite horizon"):
-            record(np.arange(100.0), y).iae(math.inf)
-
-
-def test_a_horizon_that_is_no_number_is_refused_by_name():
-    with pytest.raises(TypeError, match="horizon must be a real number, found 'long'"):
-        DECAY.iae("long")
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: DECAY.iae(30.1), r"horizon must be within the record \(up to 30\), found 30\.1"),
-        (lambda: DECAY.iae(0.0), r"horizon must be above 0, found 0\.0"),
-        (lambda: DECAY.ie(math.nan), "horizon must be finite and above 0, found nan"),
         (
             lambda: DECAY.itae(origin=0.5),
             r"origin must not be after the start of the record \(0\), found 0\.5",
         ),
         (lambda: DECAY.tv("e"), "signal must be 'u' or 'y', found 'e'"),
-        (lambda: DECAY.tv1("r"), "signal must be 'u' or 'y', found 'r'"),
-        (lambda: DECAY.peak("d"), "signal must be 'u' or 'y', found 'd'"),
         (lambda: DECAY.tv("u", rest=math.inf), "rest must be finite, found inf"),
-        (lambda: DECAY.tv("u", final=math.nan), "final must be finite, found nan"),
         (lambda: DECAY.overshoot(), "overshoot needs a final value other than 0"),
         (
             lambda: SINE.settling_time(),
@@ -145,36 +118,11 @@ def test_a_horizon_that_is_no_number_is_refused_by_name():
             lambda: record(T, 0.5 * T / T[-1]).rise_time(),
             r"the output reaches 0\.5 of the final value .* not 0\.9",
         ),
-        (lambda: record(T, 0.8999 * T / T[-1]).rise_time(), r"the output reaches 0\.8999 of"),
-        (lambda: SINE.rise_time(0.9, 0.9), r"low and high must be shares with 0 < low < high < 1"),
-        (lambda: SINE.rise_time(0.0, 0.9), r"low and high must be shares with 0 < low < high < 1"),
-        (lambda: SINE.rise_time(0.1, 1.0), r"low and high must be shares with 0 < low < high < 1"),
         (
             lambda: SINE.rise_time(0.9, 0.1),
             r"low and high must be shares with 0 < low < high < 1, found 0\.9 and 0\.1",
         ),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
-    ],
-    ids=[
-        "beyond",
-        "zero",
-        "nan",
-        "origin",
-        "tv",
-        "tv1",
-        "peak",
-        "start",
-        "end",
-        "overshoot",
-        "fall",
-        "slow",
-        "just-below",
-        "same-shares",
-        "share-0",
-        "share-1",
-        "shares",
-        "unsettled",
-        "band",
     ],
 )
 def test_measures_complain(call, message):
@@ -191,8 +139,6 @@ def test_measures_complain(call, message):
             r"t must be uniform with step 1\.5, found 1 at index 1 instead of 1\.5",
         ),
         ({"t": [1.0, 2.0, 3.0]}, ValueError, "t must start at 0, found 1"),
-        ({"t": [0.0, -1.0, -2.0]}, ValueError, "t must increase, found a last value of -2"),
-        ({"t": [0.0]}, ValueError, r"t must be one-dimensional with at least 2 value\(s\)"),
         ({"t": [0.0, np.nan, 2.0]}, ValueError, "t must be finite, found nan at index 1"),
         (
             {"y": [1.0, 2.0]},
@@ -200,25 +146,8 @@ def test_measures_complain(call, message):
             r"y must be a number or an array as long as t \(3\), found shape \(2,\)",
         ),
         ({"u": [1.0, np.inf, 0.0]}, ValueError, "u must be finite, found inf at index 1"),
-        ({"n": np.nan}, ValueError, "n must be finite, found nan"),
-        ({"area": [0.0, 1.0]}, ValueError, "area must be a number or an array as long as t"),
         ({"r": "one"}, TypeError, "r must be"),
-        ({"d": [[1.0], [1.0, 2.0]]}, (TypeError, ValueError), "d must be"),
         ({"y": np.array([1.0, 1j, 0.0])}, TypeError, "y must be"),
-    ],
-    ids=[
-        "uneven",
-        "late",
-        "backwards",
-        "single",
-        "nan-time",
-        "short",
-        "inf",
-        "nan",
-        "area",
-        "text",
-        "ragged",
-        "complex",
     ],
 )
 def test_record_complains(change, error, message):
@@ -375,43 +304,6 @@ def test_stretches_that_are_none(start, stop, message):
             call(start, stop)
 
 
-def test_undershoot_needs_a_set_point():
-    with pytest.raises(ValueError, match="undershoot needs a final value"):
-        half_seconds(y=[0.0] * 4, u=[0.0] * 4, r=[1, 1, 2, 0]).undershoot()
-
-
-def test_settling_time_of_a_record_that_ends_on_the_band():
-    assert record(np.arange(3.0), [0.0, 0.5, 0.75]).settling_time(0.25) == 2.0
-
-
-@pytest.mark.parametrize(
-    ("size", "ise"), [(1e150, 2e300 / 3), (1e-150, 2e-300 / 3), (1e300, np.inf), (0.0, 0.0)]
-)
-def test_squares_that_leave_double_precision(size, ise):
-    """An error beyond 1e154 has an infinite ISE, not none."""
-    response = pidalab.Response(t=[0.0, 1.0, 2.0], r=size, d=0.0, n=0.0, y=[0.0, 2 * size, 0.0], u=0.0)
-    assert response.ise() == pytest.approx(ise, rel=1e-14)
-
-
-def test_what_is_not_given_is_nothing():
-    found = record([0.0, 1.0, 2.0], [0.0, 2.0, 3.0])
-    assert found.held.tolist() == [0.0, 0.0, 0.0]
-    assert found.area.tolist() == [0.0, 1.0, 3.5]
-    assert found != record([0.0, 1.0, 2.0], [0.0, 2.0, 3.0])  # it equals itself alone
-    assert len({found}) == 1
-    with pytest.raises(AttributeError):
-        found.y = np.zeros(3)
-
-
-def test_what_an_unsettled_record_is_told():
-    t = np.arange(41.0)
-    error = np.where(t < 30, 8.0, 2e-5)
-    with pytest.raises(
-        ValueError, match=r"still 2e-05 in the last tenth before t = 40, and 8e-06 is allowed"
-    ):
-        record(t, -error, r=0.0).iae(math.inf)
-
-
 def test_a_tenth_of_the_record_has_to_be_settled_and_no_more():
     t = np.arange(41.0)
     for last, settled in ((36, True), (37, False)):
@@ -421,42 +313,6 @@ def test_a_tenth_of_the_record_has_to_be_settled_and_no_more():
         else:
             with pytest.raises(ValueError, match="needs a settled record"):
                 loud.iae(math.inf)
-
-
-@pytest.mark.parametrize(("band", "time"), [(0.02, None), (0.5, 30.0 + 0.5)])
-def test_a_band_is_left_in_the_last_tenth(band, time):
-    t = np.arange(41.0)
-    y = np.select([t <= 30, t == 38], [0.0, 0.9], 1.0)
-    found = record(t, y)
-    if time is None:
-        with pytest.raises(
-            ValueError, match=r"the error is 0\.1 in the last tenth .*t = 40\), outside the band of 0\.02"
-        ):
-            found.settling_time(band)
-    else:
-        assert found.settling_time(band) == pytest.approx(time)
-
-
-def test_times_at_limits_count_both_limits():
-    t = 0.5 * np.arange(8.0)
-    found = record(t, np.zeros(8), u=[2.0, 3.0, 1.0, 0.0, -1.0, 0.0, 0.5, 2.0])
-    assert found.saturated((0.0, 2.0)) == 0.5 * 6
-    assert found.saturated((0.0, 2.0), 0.5, 2.0) == 0.5 * 2
-    assert found.saturated((0.0, 2.0), stop=1.0) == 0.5 * 2
-
-
-def test_a_rise_between_samples_and_at_the_start():
-    t = np.arange(5.0)
-    y = [0.2, 0.6, 1.6, 2.4, 2.0]
-    found = record(t, y, r=2.0)
-    assert found.rise_time(0.2, 0.7) == pytest.approx(1.8 - 0.5)
-    assert found.rise_time(0.05, 0.7) == pytest.approx(1.8)
-    assert found.rise_time(0.1, 0.3) == pytest.approx(1.0)
-    with pytest.raises(ValueError, match=r"the output reaches 0\.3 of the final value .*t = 1\), not 0\.9"):
-        record([0.0, 1.0], [0.0, 0.6], r=2.0).rise_time()
-    for low, high in ((0.0, 0.9), (0.5, 0.5), (0.1, 1.0)):
-        with pytest.raises(ValueError, match="low and high must be shares with 0 < low < high < 1"):
-            found.rise_time(low, high)
 
 
 def test_the_set_point_that_counts_is_the_last():

@@ -51,7 +51,6 @@ def test_nearly_equal_roots_stay_apart():
         (np.ones(500), "degree 499 is too long: at most 400"),
         (np.random.default_rng(0).normal(size=120), "cannot be found from its coefficients"),
     ],
-    ids=["long", "ill"],
 )
 def test_what_cannot_be_found_is_refused(coefficients, message):
     with pytest.raises(ValueError, match=message):

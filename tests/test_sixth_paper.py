@@ -13,7 +13,7 @@ import pytest
 import yaml
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-from pidalab.ledger import Row, score_markdown, update, write_rows, write_score
+from pidalab.ledger import Row, update, write_rows, write_score
 from pidalab.ledger.pages import freeze
 
 ROOT = Path(__file__).parents[1]
@@ -188,25 +188,3 @@ def test_its_pages_run(book, name):
             if cell.cell_type == "code":
                 exec(compile(cell.source, name, "exec"), names)
     assert names["book"].rows[f"{KEY}.table1.kp"].verdict == "reproduced"
-
-
-def test_its_chapter_fails_when_the_library_changes(book, monkeypatch):
-    """The sixth paper guards the library from its first day."""
-    import pidalab
-
-    root, _ = book
-    right = pidalab.rules.haalman.pi
-    monkeypatch.setattr(pidalab.rules.haalman, "pi", lambda model, ms=1.4: right(model, 1.01 * ms))
-    with (
-        contextlib.chdir(root / "book"),
-        pytest.raises(pidalab.ledger.LedgerError, match=r"table1\.kp"),
-    ):
-        exec(CHAPTER, {})
-
-
-def test_it_is_on_the_generated_pages(book):
-    ledgers = book[0] / "book" / "ledger"
-    assert f"| {KEY} |" in score_markdown(ledgers)
-    from pidalab.ledger import scoreboard
-
-    assert KEY in scoreboard(folder=ledgers)._repr_html_()

@@ -38,9 +38,3 @@ def test_forms_that_do_not_exist():
     assert "series:   no such form" in str(PIDA(1.0, 3.0, 1.0).vendor_forms())
     with pytest.raises(ValueError, match=r"time_unit must be 's', 'min' or 'h', found 'ms'"):
         PIDA(1.0, 2.0).vendor_forms("ms")
-
-
-def test_filters_are_said():
-    assert PIDA(2.0, 8.0).vendor_forms().filters == "none"
-    assert PIDA(2.0, 8.0, 1.5, n=5).vendor_forms("min").filters == "derivative 18 s"
-    assert HighOrderPID([1.0, 2.0, 0.5], 0.1, 2).vendor_forms().filters == "all parts 0.1 s (2 equal lags)"

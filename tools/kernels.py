@@ -12,7 +12,6 @@ import gc
 import importlib
 import json
 import logging
-import multiprocessing
 import os
 import select
 import signal
@@ -159,42 +158,20 @@ def become_kernel(request: dict[str, Any]) -> None:
 
 def warm_up() -> None:
     """Import what the notebooks import, draw a figure, and compile the engine or read its machine code."""
-    other = multiprocessing.get_context("fork").Process(target=compile_analysis)
-    other.start()
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     for name in PRELOADED:
         importlib.import_module(name)
+    import numpy as np
     import pandas as pd
     from matplotlib.figure import Figure
 
+    import pidalab
+
     pd.set_option("display.max_columns", 20)  # its default in a kernel; it takes this process for a terminal
     Figure().subplots(subplot_kw={"xlabel": "$t$"}).figure.savefig(BytesIO(), format="svg")
-    compile_simulation()
-    other.join()
-    compile_analysis()
-
-
-def compile_analysis() -> None:
-    """Have the code that cuts a loop at its dead time and that finds margins."""
-    import pidalab
-    from pidalab.simulation.realisation import cut_at_delay
-
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
-    cut_at_delay(loop, "d")
     pidalab.margins(loop)
-
-
-def compile_simulation() -> None:
-    """Have the code that goes from dead time to dead time, and from sample to sample."""
-    import numpy as np
-
-    import pidalab
-    from pidalab.simulation.ladder import responses
-    from pidalab.simulation.realisation import Cut
-
-    at_rest = Cut(*map(np.zeros, ((2, 2), 2, 2)), 0.0, *map(np.zeros, ((3, 2), 3, (2, 1))), 1.0)
-    responses(at_rest, 2, 0.1)
-    loop = pidalab.Loop(pidalab.lags(3), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
+    pidalab.load_response(loop, np.arange(3.0))
     pidalab.simulate_sampled(loop, 0.001 * np.arange(3))
 
 

@@ -36,19 +36,12 @@ KERNELS = {"Nehalem": "SSE42", "Sandybridge": "AVX", "Haswell": "AVX2", "Zen": "
 PYTHONS = ("3.11", "3.12", "3.13")
 SETS = {"lowest": "lowest-direct", "newest": "highest"}
 # the tests of src; the book, its ledger and the house have nothing to do with processors
-FOLDERS = ("areas", "digital", "identification", "optimal", "record", "robustness", "rules", "simulation")
-FILES = (
-    "cli",
-    "comparison",
-    "controllers",
-    "loop",
-    "process",
-    "reduction",
-    "response",
-    "roots",
-    "tuning",
-)
-TESTS = [*(f"tests/{name}" for name in FOLDERS), *(f"tests/test_{name}.py" for name in FILES)]
+NAMES = {path.stem for path in (ROOT / "src" / "pidalab").iterdir()} - {"ledger", "__init__", "__main__"}
+TESTS = [
+    f"tests/{one.name}"
+    for one in sorted((ROOT / "tests").iterdir())
+    if one.stem.removeprefix("test_") in NAMES
+]
 TOOLS = ["pytest", "pytest-xdist", "nbval", "hypothesis", "mpmath", "pandas", "numpydoc", "mini-racer"]
 TOOLS += ["pyyaml", "tclab"]
 UV = Path(sys.executable).with_name("uv")

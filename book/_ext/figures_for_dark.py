@@ -3,12 +3,11 @@
 A figure is an SVG in dark ink on nothing. For the dark theme a second file is written in which each ink has its
 counterpart for a dark page: black becomes nearly white, a hue keeps its hue and becomes lighter. Colour maps mean
 numbers, so they stay as they are, and so does every group whose id begins with ``as-drawn``.
-The page carries both images, and the theme shows the one that fits. Each says how wide it must be on a phone for its
-smallest words to have 11 px there. The dark one is fetched when it is to be seen; print shows the other.
+The page carries both images, and the theme shows the one that fits. The dark one is fetched when it is to be seen;
+print shows the other. The words of a figure are in the font of the page around it.
 """
 
 import colorsys
-import math
 import re
 from pathlib import Path
 from urllib.parse import unquote
@@ -21,9 +20,11 @@ GROUP = re.compile(r'<g\b(?:[^>]*?\bid="([^"]*)")?[^>]*?(/?)>|</g>')
 AS_DRAWN = ("as-drawn", "QuadMesh", "QuadContourSet", "ContourSet", "TriContourSet")
 
 SIZE = re.compile(r'<svg\b[^>]*?\bwidth="([\d.]+)pt" height="([\d.]+)pt"')
-WORDS = re.compile(r"\bscale\((0?\.\d+) -0?\.\d+\)")  # matplotlib draws the outlines of a text for 100 points
-SMALLEST = 11  # px, of words on a phone
 PX = 4 / 3  # of a point
+FONT = re.compile(r"'DejaVu Sans'(, [^;\"]*sans-serif)?")  # by whose widths matplotlib places the words
+OF_THE_PAGE = (  # as pidalab.css has it
+    "system-ui, -apple-system, 'Segoe UI', 'Noto Sans', 'Liberation Sans', Helvetica, Arial, sans-serif"
+)
 
 GREY = 0.15  # saturation below which a colour counts as grey
 LIGHTEST, DARKEST = 0.92, 0.08  # of a grey: neither glare nor a hole
@@ -68,13 +69,12 @@ def _inked(text: str) -> str:
 
 
 def room(svg: str) -> str:
-    """Return the attributes of an image that say how large it is, and how wide where its smallest words have 11 px."""
-    size, words = SIZE.search(svg), [100 * PX * float(scale) for scale in WORDS.findall(svg)]
-    if not size or not words:
+    """Return the attributes of an image that say how large it is, so that a page does not move as it loads."""
+    size = SIZE.search(svg)
+    if not size:
         return ""
     width, height = (PX * float(length) for length in size.groups())
-    phone = math.ceil(width * min(1, SMALLEST / min(words)))
-    return f' style="--phone: {phone}px" width="{width:.0f}" height="{height:.0f}"'
+    return f' width="{width:.0f}" height="{height:.0f}"'
 
 
 def _pair(tag: str, attributes: str) -> str:
@@ -104,13 +104,14 @@ def show_both(app, pagename, templatename, context, doctree):
 
 
 def write_dark(app, exception):
-    """Write the dark twins, once all figures are copied."""
+    """Write all figures in the font of the page, and their dark twins, once they are copied."""
     if exception or app.builder.format != "html":
         return
     for path in Path(app.outdir, "_images").glob("*.svg"):
         if not path.stem.endswith("-dark"):
-            dark = darkened(path.read_text(encoding="utf-8"))
-            path.with_name(f"{path.stem}-dark.svg").write_text(dark, encoding="utf-8")
+            light = FONT.sub(OF_THE_PAGE, path.read_text(encoding="utf-8"))
+            path.write_text(light, encoding="utf-8")
+            path.with_name(f"{path.stem}-dark.svg").write_text(darkened(light), encoding="utf-8")
 
 
 def setup(app):

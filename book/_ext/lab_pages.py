@@ -1,16 +1,16 @@
-"""Give the pages that hold the lab or a live figure its scripts, and no others."""
+"""Give the pages that hold the lab, a live figure or the figure of the first page its scripts, and no others."""
 
-PARTS = ("engine", "optima", "model", "optimum", "plot", "record", "lab", "live")
-SCRIPTS = tuple(f"lab/{part}.js" for part in PARTS)
-MARKS = ('class="pidalab-lab"', 'class="pidalab-live"')
+LAB = ("engine", "optima", "model", "optimum", "plot", "record", "lab", "live")
+PARTS = {"lab": LAB, "live": LAB, "landing": ("engine", "model", "plot", "landing")}
 
 
 def add_scripts(app, pagename, templatename, context, doctree):
     """Add scripts and styles where the page has a mark."""
-    if any(mark in context.get("body", "") for mark in MARKS):
-        app.add_css_file("lab/lab.css")
-        for script in SCRIPTS:
-            app.add_js_file(script)
+    for mark, parts in PARTS.items():
+        if f'class="pidalab-{mark}"' in context.get("body", ""):
+            app.add_css_file("lab/lab.css")
+            for part in parts:
+                app.add_js_file(f"lab/{part}.js")
 
 
 def setup(app):

@@ -6,30 +6,28 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from pidalab._style import LOOKS
 
 MARKS = {"PI": "o", "PID": "s", "PIDA": "D", "m = 3": "^"}
-COLOURS = {"PI": "#1f5fa8", "PID": "#c8591a", "PIDA": "#2a8f5b", "m = 3": "#8a4fa3"}
-DASHES = {"PI": ":", "PID": "--", "PIDA": "-", "m = 3": "-."}
-SMALL = 9.5  # points
 
 
 def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = True) -> None:
     """One line for each group of rows: from the lowest to the highest tenth, the median marked by its kind."""
     labels = list(groups)
-    figure, ax = plt.subplots(figsize=(6.4, 0.8 + 0.21 * len(labels)))
+    figure, ax = plt.subplots(figsize=(6.4, 0.9 + 0.25 * len(labels)))
     for place, rows in enumerate(groups.values()):
         kind, values = rows["kind"].iloc[0], rows[value].replace(np.inf, np.nan).dropna()
         low, middle, high = values.quantile([0.1, 0.5, 0.9])
-        ax.plot([low, high], [place, place], color=COLOURS[kind], linestyle="-", linewidth=1.5)
-        ax.plot(middle, place, MARKS[kind], color=COLOURS[kind], label=kind)
-    ax.set_yticks(range(len(labels)), labels, fontsize=SMALL)
+        ax.plot([low, high], [place, place], color=LOOKS[kind]["color"], linestyle="-", linewidth=1.5)
+        ax.plot(middle, place, MARKS[kind], label=kind)
+    ax.set_yticks(range(len(labels)), labels)
     ax.set(xlabel=xlabel, xscale="log" if log else "linear")
     ax.invert_yaxis()
     if log:
         plain(ax)
     handles, names = ax.get_legend_handles_labels()
     unique = dict(zip(names, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc="outside upper left", ncols=3, fontsize=SMALL)
+    figure.legend(unique.values(), unique.keys(), loc="outside upper left", ncols=3)
 
 
 def plain(ax: Axes) -> None:
@@ -43,14 +41,14 @@ def plain(ax: Axes) -> None:
 def over_rolloff(table: pd.DataFrame, terms: tuple[str, ...] = ("quiet", "loud")) -> None:
     """What acceleration saves, over how steeply the plant's gain falls where its phase is -180 degrees."""
     _, ax = plt.subplots(figsize=(6.4, 3.6))
-    for term, mark, colour in zip(terms, ("o", "D"), ("#1f5fa8", "#2a8f5b"), strict=True):
+    for term, mark in zip(terms, ("o", "D"), strict=True):
         rows = table[table["terms"] == term]
-        ax.plot(rows["rolloff"], 100 * rows["saves"], mark, color=colour, markersize=4, label=term, alpha=0.8)
+        ax.plot(rows["rolloff"], 100 * rows["saves"], mark, markersize=4, label=term, alpha=0.8)
     ax.set(
         xlabel="roll-off of the plant at its ultimate frequency (order)",
         ylabel="IAE saved by acceleration (%)",
     )
-    ax.legend(title="noise", fontsize=SMALL)
+    ax.legend(title="noise")
 
 
 def curves(table: pd.DataFrame, names: list[str]) -> None:
@@ -60,9 +58,9 @@ def curves(table: pd.DataFrame, names: list[str]) -> None:
     for ax, name in zip(axes.flat, names, strict=False):
         for order, kind in enumerate(MARKS):
             one = table[(table["plant"] == name) & (table["order"] == order)].sort_values("noise_limit")
-            ax.plot(one["noise_limit"], one["iae"], DASHES[kind], color=COLOURS[kind], label=kind)
+            ax.plot(one["noise_limit"], one["iae"], label=kind)
         ax.set(xscale="log", yscale="log")
-        ax.set_title(name, fontsize=10)
+        ax.set_title(name)
         ax.yaxis.set_major_formatter("{x:g}")
         ax.yaxis.set_minor_formatter("")
         low, high = ax.get_ylim()
@@ -70,10 +68,10 @@ def curves(table: pd.DataFrame, names: list[str]) -> None:
         ax.set_yticks(ticks, [f"{t:g}" for t in ticks])
     for ax in axes.flat[len(names) :]:
         ax.set_visible(False)
-    figure.supxlabel("allowed noise gain (ultimate gains)", fontsize=11)
-    figure.supylabel("least IAE of a load step (Pu/Ku)", fontsize=11)
+    figure.supxlabel("allowed noise gain (ultimate gains)")
+    figure.supylabel("least IAE of a load step (Pu/Ku)")
     handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=4, fontsize=SMALL)
+    figure.legend(handles, labels, loc="outside upper left", ncols=4)
 
 
 def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
@@ -82,7 +80,7 @@ def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
     figure, axes = plt.subplots(count, 2, figsize=(6.4, 0.6 + 2.3 * count), squeeze=False)
     for ax, (title, table) in zip(axes.flat, tables.items(), strict=False):
         share = 100 * table.to_numpy()
-        image = ax.imshow(share, cmap="viridis", vmin=0, vmax=45, aspect="auto", origin="lower")
+        image = ax.imshow(share, cmap="Blues", vmin=0, vmax=45, aspect="auto", origin="lower")
         for (i, j), value in np.ndenumerate(share):
             if np.isfinite(value):
                 ax.text(
@@ -91,18 +89,17 @@ def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
                     f"{round(value)}",
                     ha="center",
                     va="center",
-                    fontsize=9,
-                    color="w" if value < 28 else "k",
+                    color="k" if value < 28 else "w",
                     gid="as-drawn",
                 )
-        ax.set_xticks(range(table.shape[1]), [f"{x:g}" for x in table.columns], fontsize=SMALL)
-        ax.set_yticks(range(table.shape[0]), [f"{y:.2f}" for y in table.index], fontsize=SMALL)
-        ax.set_title(title, fontsize=10)
+        ax.set_xticks(range(table.shape[1]), [f"{x:g}" for x in table.columns])
+        ax.set_yticks(range(table.shape[0]), [f"{y:.2f}" for y in table.index])
+        ax.set_title(title)
         ax.grid(visible=False)
     for ax in axes.flat[len(tables) :]:
         ax.set_visible(False)
-    figure.supxlabel("allowed noise gain (ultimate gains)", fontsize=11)
-    figure.supylabel(rows, fontsize=11)
+    figure.supxlabel("allowed noise gain (ultimate gains)")
+    figure.supylabel(rows)
     figure.colorbar(image, ax=axes, label="IAE saved (%)", shrink=0.7)
 
 
@@ -111,12 +108,10 @@ def chart(table: pd.DataFrame) -> None:
     figure, ax = plt.subplots(figsize=(6.4, 4.2))
     for kind in ("PI", "PID", "PIDA"):
         rows = table[table["enough"] == kind]
-        ax.plot(
-            rows["rolloff"], rows["noise_limit"], MARKS[kind], color=COLOURS[kind], markersize=5, label=kind
-        )
+        ax.plot(rows["rolloff"], rows["noise_limit"], MARKS[kind], markersize=5, label=kind)
     ax.set(
         yscale="log",
         xlabel="roll-off of the plant at its ultimate frequency (order)",
         ylabel="allowed noise gain (ultimate gains)",
     )
-    figure.legend(title="simplest that is enough", loc="outside upper left", ncols=3, fontsize=SMALL)
+    figure.legend(title="simplest that is enough", loc="outside upper left", ncols=3)

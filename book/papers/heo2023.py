@@ -17,8 +17,8 @@ EXAMPLES = {  # eqs. (17), (18) and (19)
 }
 TABLES = {"ex1": "table4", "ex2": "table5", "ex3": "table6"}
 METHODS = {"imc": "IMC", "itae2": "ITAE-2", "proposed": "proposed"}
+KINDS = {"itae2": "PID", "proposed": "PIDA"}
 TESTS = {"setpoint": pidalab.step_response, "load": pidalab.load_response}
-SPOKEN = {"setpoint": "set point", "load": "load"}
 FIRST = {ex: pidalab.reduction.to_fopdt(process) for ex, process in EXAMPLES.items()}
 SECOND = {ex: pidalab.reduction.to_sopdt(process) for ex, process in EXAMPLES.items()}
 
@@ -27,8 +27,7 @@ def tuned(ex, method, test):
     """Controller of Tables 4 to 6."""
     if method == "imc":
         return itae.imc_pid(FIRST[ex].process)
-    kind = {"itae2": "PID", "proposed": "PIDA"}[method]
-    return itae.tune(SECOND[ex].process, test, kind).controller
+    return itae.tune(SECOND[ex].process, test, KINDS[method]).controller
 
 
 def with_f_d(ex, test, f_d):
@@ -39,26 +38,35 @@ def with_f_d(ex, test, f_d):
 
 
 NAMES = {
-    (ex, test): f"Example {ex[2]}, {SPOKEN[test]}"
+    (ex, test): f"Example {ex[2]}, {test.replace('setpoint', 'set point')}"
     for ex, test in product(EXAMPLES, TESTS)
 }
 CASES = list(product(EXAMPLES, METHODS, TESTS))
 CONTROLLERS = {case: tuned(*case) for case in CASES}
 LOOPS = {case: pidalab.Loop(EXAMPLES[case[0]], C) for case, C in CONTROLLERS.items()}
 
+
+def shape(model):
+    """Parameters of a model by the names of the tables."""
+    found = {"tau": model.tau, "theta": model.delay}
+    return found | ({"xi": model.damping} if hasattr(model, "damping") else {})
+
+
+def tunings(C):
+    """Tunings of a controller by the names of the tables."""
+    found = {"kc": C.kc, "taui": C.tau_i, "taud": C.tau_d}
+    return found | ({"taua": C.tau_a} if C.tau_a else {})
+
+
 # ---- the printed ITAE: unit steps at t = 1, integrals from t = 0 to these ends
 ENDS = {
-    ("ex1", "setpoint"): 8,
-    ("ex1", "load"): 12,
-    ("ex2", "setpoint"): 20,
-    ("ex2", "load"): 25,
-    ("ex3", "setpoint"): 15,
-    ("ex3", "load"): 15,
+    "ex1": {"setpoint": 8, "load": 12},
+    "ex2": {"setpoint": 20, "load": 25},
+    "ex3": {"setpoint": 15, "load": 15},
 }
-SIMULATED = {key: EXAMPLES[key[0]] for key in ENDS}
-SIMULATED["ex2", "setpoint"] = pidalab.lags(
-    5, delay=0.2
-)  # the dead time of Example 1 left in
+SIMULATED = {(ex, test): EXAMPLES[ex] for ex, test in NAMES}
+# the dead time of Example 1 left in
+SIMULATED["ex2", "setpoint"] = pidalab.lags(5, delay=0.2)
 DIFFERENCES = {  # of s/(T s + 1): its gain c and pole p in v[k] = p v[k-1] + c (e[k] - e[k-1])
     "tustin": lambda T, h: (2 / (2 * T + h), (2 * T - h) / (2 * T + h)),
     "hold": lambda T, h: (1 / T, math.exp(-h / T)),
@@ -67,44 +75,33 @@ DIFFERENCES = {  # of s/(T s + 1): its gain c and pole p in v[k] = p v[k-1] + c 
 }
 
 
-def script_itae(
-    process,
-    controller,
-    load,
-    end,
-    derivative="tustin",
-    present=True,
-    late=False,
-    exact=False,
+def printed_itae(
+    case, C=None, plant=None, derivative="tustin", present=True, late=False, exact=False
 ):
-    """ITAE of a loop stepped every 0.001, with acceleration filters by Tustin's rule.
+    """ITAE of an experiment of sec. 3, stepped every 0.001, acceleration filters by Tustin's rule.
 
-    `present`: the integral knows the present error. `late`: a sample is weighed with the time at its
-    end. `exact`: the plant for a held input, not by Euler's method.
+    `C`, `plant`: others than those of the case. `derivative`: how the derivative filter is
+    discretised. `present`: the integral knows the present error. `late`: a sample is weighed with the
+    time at its end. `exact`: it is stepped for a held input, not by Euler's method.
     """
-    h, n = 0.001, process.den.size - 1
+    ex, _, test = case
+    C, plant = C or CONTROLLERS[case], plant or SIMULATED[ex, test]
+    h, n = 0.001, plant.den.size - 1
     A, b = np.zeros((n, n)), np.zeros(n)
     A[:-1, 1:] = np.eye(n - 1)
-    A[-1] = -process.den[:0:-1] / process.den[0]
-    b[-1] = process.num[-1] / process.den[0]
+    A[-1] = -plant.den[:0:-1] / plant.den[0]
+    b[-1] = plant.num[-1] / plant.den[0]
     phi, gamma = np.eye(n) + h * A, h * b
     if exact:
         both = expm(h * np.block([[A, b[:, None]], [np.zeros((1, n + 1))]]))
         phi, gamma = both[:n, :n].copy(), both[:n, n].copy()
-    C = controller
     slow = DIFFERENCES[derivative](C.alpha_d * C.tau_d, h)
     fast = DIFFERENCES["tustin"](C.alpha_a * C.tau_a, h)
     gains = C.kc, C.tau_i, C.tau_d, C.tau_a**2 / 2
-    delay, samples = round(process.delay / h), round(end / h)
+    delay, samples = round(plant.delay / h), round(ENDS[ex][test] / h)
+    load = test == "load"
     error = _march(h, phi, gamma, delay, samples, slow, fast, gains, load, present)
     return h**2 * np.sum((np.arange(samples) + late) * np.abs(error))
-
-
-def printed_itae(ex, test, controller, **how):
-    """The same for an experiment of sec. 3."""
-    return script_itae(
-        SIMULATED[ex, test], controller, test == "load", ENDS[ex, test], **how
-    )
 
 
 @numba.njit(error_model="numpy")
@@ -134,7 +131,15 @@ def _march(h, phi, gamma, delay, samples, slow, fast, gains, load, present):
     return error
 
 
-# ---- beyond the paper: four rules on models of gain and time constant 1
+# ---- beyond the paper: a limited actuator, and four rules on models of gain and time constant 1
+def limited(C, limit, lag):
+    """Set-point step of Example 1, u within ±limit, behind a filter 1/(lag s + 1)²."""
+    digital = C.discretise(0.001, "tustin", limits=(-limit, limit), anti_windup=None)
+    smooth = pidalab.Process([1.0], [lag**2, 2 * lag, 1.0]) if lag else None
+    loop = pidalab.Loop(EXAMPLES["ex1"], digital, prefilter=smooth)
+    return pidalab.simulate_sampled(loop, np.linspace(0, 12, 12001), setpoint=1.0)
+
+
 RULES = {
     "setpoint": {
         "ITAE-2": itae.pid_setpoint,
@@ -161,13 +166,11 @@ def measures(model, controller, test):
     loop = pidalab.Loop(model, controller)
     if not pidalab.is_stable(loop):
         return math.inf, math.inf, math.nan, math.nan
-    run = TESTS[test](
-        loop, np.linspace(0, 80, math.ceil(80 / min(0.04, model.delay / 8)) + 1)
-    )
+    samples = math.ceil(80 / min(0.04, model.delay / 8)) + 1
+    run = TESTS[test](loop, np.linspace(0, 80, samples))
     over = run.overshoot() if test == "setpoint" else math.nan
-    return (
-        run.itae(),
+    ms, kick = (
         pidalab.max_sensitivity(loop)[0],
-        over,
         pidalab.step_response(loop, [0.0, 0.01]).u[0],
     )
+    return run.itae(), ms, over, kick

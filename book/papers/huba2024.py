@@ -67,10 +67,18 @@ def excess(response, step):
     return max(found[0], 0.0), max(found[1], 0.0)
 
 
-def change(response, step):
-    """How far y and u move: what an excess is measured against."""
-    of_y = 1.0 if step == "setpoint" else np.max(np.abs(response.y))
-    return of_y, np.ptp(np.append(response.u, 0.0))
+def shapes(runs, *names):
+    """Excess of y and u, with the change of the signal that it is measured against, for both steps."""
+    found = {}
+    for name, step in product(names, STEPS):
+        r = runs[name, step]
+        of_y = 1.0 if step == "setpoint" else np.max(np.abs(r.y))
+        changes = of_y, np.ptp(np.append(r.u, 0.0))
+        for signal, e, size in zip("yu", excess(r, step), changes, strict=True):
+            # below a billionth of the change an excess is rounding
+            e = e if e > 1e-9 * size else 0.0
+            found[f"{name}, {signal} after the {step}"] = e, size
+    return found
 
 
 def beyond(response, step):

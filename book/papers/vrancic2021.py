@@ -77,7 +77,28 @@ def contest(g: int) -> dict[str, pidalab.Loop]:
     return {name: pidalab.Loop(P[g], C) for name, C in found.items()}
 
 
-# %% Names and prefilters
+ENDS = {5: (4, 4), 6: (4, 4), 7: (20, 40)}  # of the integrals of Tables 7 to 9, s
+
+
+def smooth(loop: pidalab.Loop, time: float, order: int = 2) -> pidalab.Loop:
+    """Return the loop with the prefilter (9)."""
+    return pidalab.Loop(
+        loop.process, loop.controller, prefilter=pidalab.lags(order, lag=time)
+    )
+
+
+def ise(
+    loop: pidalab.Loop, until: float, load_until: float, prefilter_time: float = 0.01
+) -> dict[str, float]:
+    """ISE of r_f - y after a set-point step, and of y after a load step."""
+    t = np.linspace(0, until, 40001)
+    run = pidalab.step_response(smooth(loop, prefilter_time), t)
+    wanted = pidalab.open_loop_step(pidalab.lags(2, lag=prefilter_time), t)
+    load = pidalab.load_response(loop, np.linspace(0, load_until, 40001))
+    return {"tracking": run.against(wanted).ise(), "load": load.ise()}
+
+
+# %% Names
 def label(m: int, n: int) -> str:
     """PID with m derivatives and a filter of order n, as a table or a figure shows it."""
     return f"PID{'₀₁₂₃₄₅₆'[n]}{'⁰¹²³⁴'[m]}"
@@ -92,10 +113,3 @@ def title(key: str) -> str:
 def plant(g: int) -> str:
     """Name of a process, as a table shows it."""
     return f"Gₚ{'₁₂₃₄₅₆₇'[g - 1]}"
-
-
-def smooth(loop: pidalab.Loop, time: float, order: int = 2) -> pidalab.Loop:
-    """Return the loop with the prefilter (9)."""
-    return pidalab.Loop(
-        loop.process, loop.controller, prefilter=pidalab.lags(order, lag=time)
-    )

@@ -127,7 +127,7 @@ def faster() -> pd.DataFrame:
 def cost(quantity: str, xlabel: str, log: bool = True) -> None:
     """Time and error of every method over what the quantity varies."""
     table = rows(quantity)
-    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.2))
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.6))
     for method, (mark, line, colour) in STYLES.items():
         some = table[table["method"] == method]
         style = {"marker": mark, "linestyle": line, "color": colour, "markersize": 5, "label": method}
@@ -135,7 +135,7 @@ def cost(quantity: str, xlabel: str, log: bool = True) -> None:
         axes[1].plot(some["value"], some["error"], **style)
     for ax, ylabel in zip(axes, ("time, ms", "largest error"), strict=True):
         ax.set(xscale="log" if log else "linear", yscale="log", xlabel=xlabel, ylabel=ylabel)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2, fontsize=9.5)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
 
 
 def margins() -> pd.DataFrame:

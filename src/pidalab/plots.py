@@ -1,6 +1,6 @@
 """Figures: pure functions of responses, loops and axes. They compute nothing but what a picture needs.
 
-After `use_book_style` lines differ in dash as well as in colour, so that figures can be read in grey.
+After `use_book_style` a kind of controller has one colour and one dash in all figures, which can be read in grey, too.
 """
 
 from __future__ import annotations
@@ -13,42 +13,21 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
-from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
+from matplotlib.projections import register_projection
 from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab._style import GREY, STYLE, BookAxes
 from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.robustness._infimum import LinearPart
 
-STYLE: dict[str, Any] = {
-    "figure.dpi": 100,
-    "figure.facecolor": "none",
-    "savefig.facecolor": "none",
-    "axes.facecolor": "none",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.titlesize": "medium",
-    "axes.titlelocation": "left",
-    "axes.prop_cycle": cycler(
-        color=["#1f5fa8", "#c8591a", "#2a8f5b", "#8a4fa3", "#7a6a1c"],
-        linestyle=["-", "--", "-.", ":", (0, (5, 1))],
-    ),
-    "grid.color": "#808080",
-    "grid.alpha": 0.25,
-    "font.size": 11,
-    "legend.frameon": False,
-    "lines.linewidth": 1.8,
-    "figure.constrained_layout.use": True,
-    "svg.hashsalt": "pidalab",
-}
 POINTS = 4000  # of a line; a vector file keeps only those that can be seen
 NOISY_POINTS = 400  # of a noisy line, of which it would keep nearly all
 
@@ -56,12 +35,15 @@ NOISY_POINTS = 400  # of a noisy line, of which it would keep nearly all
 def use_book_style() -> None:
     """Set matplotlib up for the book: transparent SVG that is the same to the byte on every run.
 
+    From then on a line whose label names a kind of controller has the colour and the dash of that kind.
+
     Examples
     --------
     >>> from pidalab import plots
     >>> plots.use_book_style()
     """
     mpl.rcParams.update(STYLE)  # type: ignore[arg-type]
+    register_projection(BookAxes)
     try:
         from matplotlib_inline.backend_inline import set_matplotlib_formats
     except ImportError:  # not in a notebook
@@ -204,7 +186,7 @@ def comparison(
                 raise ValueError(
                     f"{name}[{label!r}] must have 'setpoint' and 'load', {missing.pop()!r} is missing"
                 )
-    figure, axes = plt.subplots(2, 2, figsize=(8.4, 5.4))
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.0))
     for column, (experiment, end) in enumerate((("setpoint", u_until), ("load", until))):
         lines, faint = ({label: run[experiment] for label, run in runs.items()} for runs in (clean, noisy))
         signal(axes[0, column], lines, "y", until=until, faint=faint)
@@ -255,8 +237,8 @@ def experiment(
             raise ValueError(
                 f"runs must have the same times and the same set point, found others in {label!r}"
             )
-    figure, axes = plt.subplots(2, 1, figsize=(8.4, 5.0), sharex=True)
-    axes[0].plot(*thin(first.t, first.r), "-", color="#808080", linewidth=1.0, drawstyle="steps-post")
+    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True)
+    axes[0].plot(*thin(first.t, first.r), "-", color=GREY, linewidth=1.0, drawstyle="steps-post")
     for ax, name, label in zip(axes, "yu", (y_label, u_label), strict=True):
         signal(ax, runs, name)
         ax.set(ylabel=label, xlabel="")
@@ -316,7 +298,7 @@ def maps(
         if drawn.shape != (y.size, x.size):
             raise ValueError(f"values[{title!r}] must have the shape {y.size, x.size}, found {drawn.shape}")
         drawn = np.where(np.isfinite(drawn), np.maximum(drawn, levels[0]), np.nan)
-        ax.patch.set(hatch="////", edgecolor="#808080")
+        ax.patch.set(hatch="////", edgecolor=GREY)
         shades = ax.contourf(x, y, drawn, levels, cmap="viridis_r", extend="max")
         ax.grid(False)
         ax.set(xscale="log", title=title, xticks=[tick for tick in (0.1, 0.3, 1, 2) if x[0] <= tick <= x[-1]])
@@ -368,8 +350,8 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
         ax.plot(value.real, value.imag, label=label)
     if radius is not None:
         angle = np.linspace(0, 2 * np.pi, 200)
-        ax.plot(-1 + radius * np.cos(angle), radius * np.sin(angle), ":", color="#555555", linewidth=1.2)
-    ax.plot([-1], [0], "+", color="#555555", markersize=9)
+        ax.plot(-1 + radius * np.cos(angle), radius * np.sin(angle), ":", color=GREY, linewidth=1.2)
+    ax.plot([-1], [0], "+", color=GREY, markersize=9)
     ax.set_aspect("equal")
     ax.set(xlabel="real part", ylabel="imaginary part")
 
@@ -438,8 +420,8 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
     for label, part in parts.items():
         value = part(1j * frequencies)
         ax.plot(value.real, value.imag, label=label)
-    ax.axvline(-1.0, linestyle=":", color="#808080", linewidth=1.2, zorder=1)
-    ax.plot([-1], [0], "+", color="#808080", markersize=9)
+    ax.axvline(-1.0, linestyle=":", color=GREY, linewidth=1.2, zorder=1)
+    ax.plot([-1], [0], "+", color=GREY, markersize=9)
     ax.set(xlabel="real part of G", ylabel="imaginary part of G")
 
 
@@ -496,7 +478,7 @@ def popov_plot(
                 linewidth=1.0,
                 zorder=1,
             )
-    ax.plot([-1], [0], "+", color="#808080", markersize=9)
+    ax.plot([-1], [0], "+", color=GREY, markersize=9)
     ax.set(xlabel="real part of G", ylabel="frequency times imaginary part of G")
 
 

@@ -25,7 +25,7 @@ def driven(process, t, u):
 
 
 @pytest.mark.parametrize("process", [G1, G2, pidalab.sopdt(-3.0, 0.5, 0.6, 1.0)])
-@pytest.mark.parametrize("h", [0.002, 0.05])
+@pytest.mark.parametrize("h", [0.01, 0.05])
 def test_step(process, h):
     """The output starts smoothly, and so a coarse record is as good. What is left is rounding of y."""
     found = areas.from_record(*step_record(process, h=h), 10, start=(0.0, 0.0))
@@ -103,9 +103,7 @@ def test_settled_from():
 
 
 @pytest.mark.parametrize("hold", [1, 5])
-@pytest.mark.parametrize(
-    ("process", "horizon", "noise"), [(G1, 30, 1e-3), (G1, 30, 1e-2), (G2, 20, 1e-3), (G2, 50, 1e-3)]
-)
+@pytest.mark.parametrize(("process", "horizon", "noise"), [(G1, 30, 1e-2), (G2, 20, 1e-3)])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_uncertainty_is_that_of_many_records(process, horizon, noise, hold):
     """White noise, and noise that is held for five samples: errors of 40 records against what each says of itself."""
@@ -147,25 +145,8 @@ def test_uncertainty_of_the_gain(noisy, step_at, start, low, high):
     assert 0.4 < claimed[1] / error[1] < 6
 
 
-@pytest.mark.parametrize("kind", ["held", "linear"])
-def test_moments_of_an_input_that_moves_to_the_end(kind):
-    """Between two samples a step or a line: integrals of polynomials, written out interval by interval."""
-    h, x = 0.3, np.random.default_rng(1).normal(size=8)
-    tau = h * np.arange(x.size)
-    weights = np.array([tau**k / math.factorial(k) for k in range(6)])
-    found = (measured._of_steps if kind == "held" else measured._of_lines)(x, weights, h)
-    for k in range(1, 5):
-        total = 0.0
-        for i in range(x.size - 1):
-            slope = (x[i + 1] - x[i]) / h if kind == "linear" else 0.0
-            weight = Polynomial([0.0] * (k - 1) + [1 / math.factorial(k - 1)])
-            integral = (Polynomial([x[i] - slope * tau[i], slope]) * weight).integ()
-            total += integral(tau[i + 1]) - integral(tau[i])
-        assert found[k - 1] == pytest.approx(total, rel=1e-12)
-
-
 @pytest.mark.parametrize("process", [G1, G2, pidalab.lags(3, delay=0.5)])
-@pytest.mark.parametrize(("h", "noise"), [(0.2, 1e-3), (0.2, 1e-2), (0.02, 1e-3), (0.02, 1e-2)])
+@pytest.mark.parametrize(("h", "noise"), [(0.2, 1e-3), (0.02, 1e-2)])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
     """Of 20 records nearly all claim enough, bias included, and are cut where next to nothing is left of the step."""
@@ -230,22 +211,6 @@ def test_an_oscillation_that_decays_is_no_noise(noise):
     assert np.all(np.abs(found.values - areas.from_process(process, 4)) < 3 * found.uncertainty + 1e-3)
 
 
-def test_noise_is_told_with_figures():
-    t, u, y = step_record(G1, 30.0)
-    y = y + 1e-3 * np.random.default_rng(0).normal(size=t.size)
-    with pytest.warns(
-        RecordWarning, match=r"noise of standard deviation 0.0\d+\): it leaves A_. by .* and A_9 by .* %"
-    ) as told:
-        found = areas.from_record(t, u, y, 10, start=(0.0, 0.0))
-    shares = found.uncertainty / found.values
-    first = int(np.flatnonzero(shares > 0.05)[0])
-    message = str(told[0].message)
-    assert f"only those before A_{first} better" in message
-    assert f"A_{first} by {100 * shares[first]:.2g} % and A_9 by {100 * shares[9]:.2g} %" in message
-    assert 4 <= first <= 8
-    assert areas.from_record(t, u, y, 4, start=(0.0, 0.0)).settled  # no warning: the first four are good
-
-
 def test_a_short_record_is_told():
     with pytest.warns(RecordWarning, match="still drifts at its end"):
         found = areas.from_record(*step_record(G1, 8.0), 4, start=(0.0, 0.0))
@@ -260,15 +225,10 @@ RECORD = step_record(G1, 30.0, 0.1)
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"u": 1.0}, "u must move, found 1 throughout"),
         ({"u": (RECORD[0] < 9) * 1.0, "start": (0.0, 0.0)}, "u must end elsewhere than it begins"),
         ({"y": RECORD[2][:-1]}, "y must be a number or an array as long as t"),
-        ({"t": RECORD[0] + 1.0}, "t must start at 0"),
-        ({"count": 0}, "count must be a whole number, at least 1"),
         ({"start": (0.0, 0.0), "settled_from": 29.9}, "settled_from must leave 16 samples after it"),
-        ({"start": (0.0, 0.0), "settled_from": 0.0}, "settled_from must"),
         ({"start": 0.0}, "start must be two levels"),
-        ({"start": (0.0, np.nan)}, "start.1. must be finite"),
         ({"between": "smooth"}, "between must be 'held' or 'linear', found 'smooth'"),
         (
             {"u": np.arange(301) >= 295.0},
@@ -344,13 +304,6 @@ def test_a_tail_beyond_the_end_by_quadrature(values):
         assert tail[k] == pytest.approx(expected, rel=1e-8)
 
 
-def test_a_tail_is_no_longer_than_a_thousand_windows():
-    for values, lag in (((0.0, 1.0, 1.0), 0.007), ((1e-9, 1.0, 0.0), 7000.0)):
-        tail, _ = measured._tail(np.array(values), np.array([1.0, 7.0, 24.5]), 7.0)
-        assert tail[0] == pytest.approx(lag / 7 * -math.expm1(-7 / lag), rel=1e-9)
-        assert tail[1] == pytest.approx(7 * tail[0] + lag, rel=1e-9)
-
-
 def test_noise_of_a_steady_state_in_closed_form():
     """Sixteen pieces of three samples, one sample over; their means step by 1, 2, 1, 2 ..."""
     means = np.concatenate([[0.0], np.cumsum(np.resize([1.0, 2.0], 15))])
@@ -364,45 +317,6 @@ def test_noise_of_a_steady_state_in_closed_form():
     assert drift == pytest.approx(np.max(np.abs(quarters - means.mean())))
     steep = measured._pieces(np.repeat(np.arange(16.0) ** 2, 5))[1]
     assert steep == pytest.approx(15.0 / 0.954)  # the median of 1, 3, ..., 29
-
-
-@pytest.mark.parametrize("spread", [0.0, 0.1, 0.2, 0.6, 9.0])
-def test_what_a_converter_hides_in_closed_form(spread):
-    """Half a step of 0.5, times exp(-2 pi^2 s^2/step^2); beyond four steps of noise nothing changes any more."""
-    end = spread * np.resize([1.0, -1.0], 64)
-    y = np.array([0.0, 0.5, 2.0, 0.5, 3.0])
-    expected = 0.25 * math.exp(-2 * math.pi**2 * min(spread / 0.5, 4.0) ** 2)
-    assert measured._unseen(y, end) == pytest.approx(expected, rel=1e-12)
-    assert measured._unseen(y[:2], end) == 0.0
-    assert measured._unseen(np.array([0.0, 0.5, 2.0]), end) == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("rest", [0, 8])
-def test_errors_are_the_sum_of_their_sources(rest):
-    rng = np.random.default_rng(4)
-    h, count, size = 0.5, 40, 4
-    u, y = 3.0 + rng.normal(0, 0.02, 80), 7.0 + rng.normal(0, 0.1, 80)
-    tau = h * np.arange(count)
-    weights = np.array([tau**k / math.factorial(k) for k in range(size + 1)])
-    values = np.array([2.0, 8.0, 20.0, 40.0])
-    window, unseen = h * 79, 0.03
-    (density, drift), (_, of_u) = measured._noise(y, h), measured._noise(u, h)
-    tail, per_drift = measured._tail(values, weights[:size, -1], window)
-    expected = np.zeros((size, size))
-    for i in range(size):
-        for k in range(size):
-            if i and k:
-                expected[i, k] += (
-                    density * h * sum(weights[i - 1, j] * weights[k - 1, j] for j in range(count))
-                )
-            expected[i, k] += weights[i, -1] * weights[k, -1] * (density / window + unseen**2)
-            height = per_drift * (drift + np.finfo(float).eps * np.max(np.abs(y))) + unseen
-            expected[i, k] += tail[i] * tail[k] * height**2
-            moved = [sum(values[j] * tail[n - j] for j in range(n + 1)) * per_drift * of_u for n in (i, k)]
-            expected[i, k] += moved[0] * moved[1]
-    if rest:
-        expected[0, 0] += density / (h * rest)
-    np.testing.assert_allclose(measured._errors(values, weights, u, y, h, rest, unseen), expected, rtol=1e-12)
 
 
 def test_weights_beside_quadrature():
@@ -429,46 +343,6 @@ def test_weights_beside_quadrature():
         assert found[k - 1] == pytest.approx(exact, rel=1e-8)
 
 
-def test_the_transients_that_are_looked_for_have_unit_size():
-    """Of a decaying exponential its own share is its size about its mean; a constant has none."""
-    for index, lag in enumerate((0.5, 1.0, 2.0, 4.0, 8.0)):
-        shape = np.exp(-np.arange(16.0) / lag)
-        size = np.linalg.norm(shape - shape.mean())
-        shares, spread = measured._transients(np.repeat(3.0 + shape, 2))
-        assert shares[index] == pytest.approx(size, rel=1e-9)
-        assert np.max(shares) == pytest.approx(size, rel=1e-9)
-        assert spread == pytest.approx(np.median(np.abs(np.diff(shape))) / 0.954, rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("samples", "text"), [(16, None), (15, "settled_from must leave 16 samples after it")]
-)
-def test_a_steady_state_of_sixteen_samples(samples, text):
-    t, _, y = step_record(pidalab.lags(2), horizon=40.0, h=0.5)
-    u = np.where(t < 1.0, 0.0, 1.0)
-    y = np.append(np.zeros(2), y[:-2])
-    where = float(t[t.size - samples])
-    if text is None:
-        found = areas.from_record(t, u, y, 2, settled_from=where)
-        assert found.span == (1.0, where)
-        assert found.values == pytest.approx([1.0, 2.0], rel=1e-3)
-        with pytest.raises(ValueError, match=r"come after the first move of u at t = 1, found 1\.0"):
-            areas.from_record(t, u, y, 2, settled_from=1.0)
-    else:
-        with pytest.raises(ValueError, match=text):
-            areas.from_record(t, u, y, 2, settled_from=where)
-
-
-def test_an_input_that_ends_where_it_began_is_no_step():
-    t = 0.1 * np.arange(400)
-    y = np.where(t < 1, 0.0, np.exp(-t))
-    for u in (np.where((t > 1) & (t < 2), 1.0, 0.0), np.where((t > 1) & (t < 2), 1.0, 0.0) + 1e-10 * (t > 2)):
-        with pytest.raises(
-            ValueError, match="u must end elsewhere than it begins: it starts at 0 and ends at"
-        ):
-            areas.from_record(t, u, y, 2)
-
-
 def test_the_record_is_summed_up():
     t = 0.1 * np.arange(600)
     u = np.where(t < 2.0, 5.0, 7.0)
@@ -479,23 +353,3 @@ def test_the_record_is_summed_up():
     assert found.output_levels == pytest.approx((20.0, 22.0), abs=1e-9)
     assert found.span == (2.0, 50.0)
     assert found.noise == pytest.approx(0.01, rel=1e-6)
-
-
-@pytest.mark.parametrize("which", ["u", "y"])
-def test_signals_whose_squares_leave_double_precision_are_refused(which):
-    t, u, y = step_record(G1, horizon=30.0)
-    signals = {"u": u, "y": y}
-    signals[which] = 1e200 * signals[which]
-    with pytest.raises(ValueError, match=f"{which} must be below"):
-        areas.from_record(t, **signals, start=(0.0, 0.0))
-
-
-def test_a_warning_points_at_the_line_that_asked():
-    t, u, y = step_record(G1, horizon=4.0)
-    with pytest.warns(RecordWarning) as caught:
-        found = areas.from_record(t, u, y, 4, start=(0.0, 0.0))
-    assert caught[0].filename == __file__
-    assert found != areas.MeasuredAreas(**vars(found))  # it equals itself alone
-    assert len({found}) == 1
-    with pytest.raises(AttributeError):
-        found.noise = 0.0

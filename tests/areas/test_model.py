@@ -84,11 +84,6 @@ def test_filters_are_blocks_in_series():
     assert areas.with_binomial_filter(plain, 0.0, 3).tolist() == plain.tolist()
 
 
-def test_a_filter_with_gain_and_zero():
-    found = areas.with_filter([1.0, 1.0, 1.0], control.tf([0.5, 2.0], [0.25, 1.0]))  # 2 + 0 s - 0 s^2 ...
-    assert found.tolist() == [2.0, 2.0, 2.0]
-
-
 @pytest.mark.parametrize(
     ("call", "error", "text"),
     [
@@ -136,11 +131,6 @@ def test_a_filter_with_gain_and_zero():
 def test_refusals(call, error, text):
     with pytest.raises(error, match=text):
         call()
-
-
-def test_too_many_areas_are_refused_at_once():
-    with pytest.raises(ValueError, match="count must be at most 400, found 2000"):
-        pidalab.areas.from_process(pidalab.lags(4), 2000)
 
 
 def value(series, s):

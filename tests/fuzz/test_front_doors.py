@@ -4,15 +4,12 @@ What comes out keeps what it says, by a second calculation; or the door refuses,
 """
 
 import math
-import subprocess
 
 import control
 import drawn
 import numpy as np
 import pytest
-from cases import record, reference
 from hypothesis import assume, given, strategies as st
-from st import Instance, Parser
 
 import pidalab
 from pidalab import PIDA, Loop, NonInteractivePIDA, Process, SeriesPIDA
@@ -116,37 +113,6 @@ def test_digital_controllers_are_what_was_discretised(drawing):
         assert k.prefilter(1.0) == 1.0
 
 
-@drawn.cases(12)
-@given(digital_ones(), st.integers(0, 99))
-def test_code_in_every_language_is_the_reference(tmp_path_factory, drawing, seed):
-    k = drawing[-1]
-    rows = record(k, seed, 200)
-    expected = reference(k, rows)
-    assume(np.all(np.isfinite(expected)) and np.max(np.abs(expected)) < 1e9)
-    assert pidalab.digital.from_json(k.json()) == k
-    space = {}
-    exec(k.python("pida"), space)
-    controller, block = space["Pida"](), Instance(Parser(k.structured_text("pida")).blocks, "pida")
-    columns = list(zip(*(x.tolist() for x in rows.values()), strict=True))
-    np.testing.assert_array_equal([controller.step(*row) for row in columns], expected)
-    found = [block(**dict(zip(rows, row, strict=True)))["control"] for row in columns]
-    np.testing.assert_array_equal(found, expected)
-    folder = tmp_path_factory.mktemp("code")
-    (folder / "pida.c").write_text(k.c("pida"))
-    command = [
-        "gcc",
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-pedantic",
-        "-ffp-contract=off",
-        "-DPIDA_SELFTEST",
-    ]
-    subprocess.run([*command, "pida.c", "-o", "pida", "-lm"], cwd=folder, check=True)
-    subprocess.run(["./pida"], cwd=folder, check=True, capture_output=True)
-
-
 @drawn.cases(3, share=0.3)
 @given(drawn.processes, KINDS, st.sampled_from([1.3, 1.6, 2.0]), st.booleans())
 def test_a_design_keeps_what_it_promises(process, kind, ms, sampled):
@@ -188,53 +154,3 @@ def test_a_rule_by_its_name_designs_or_refuses(process, rule, kind):
         assert design.ms == pytest.approx(found.ms, rel=1e-6)
     k = answer(lambda: design.discretise(0.05), "integral time, which must be above 0")
     assert k is None or (k.prefilter is None) == (design.prefilter is None)
-
-
-@drawn.cases(2, share=0.15)
-@given(drawn.stable, st.sampled_from([1.4, 1.8]))
-def test_a_report_is_of_its_candidates(tmp_path_factory, process, ms):
-    path = tmp_path_factory.mktemp("report") / "report.html"
-    found = answer(
-        lambda: pidalab.report(process, ms, sample_time=0.05, rule="haalman", kinds=("PI", "PID")),
-        "stable pole",
-    )
-    if found is None:
-        return
-    text = found.html(path).read_text(encoding="utf-8")
-    for row in found.rows:
-        assert row.kind in text
-        assert row.design is None or row.ms == pytest.approx(pidalab.margins(row.design.loop()).ms, rel=1e-6)
-        assert row.design is not None or row.reason
-
-
-@drawn.cases(1, share=0.03)
-@given(drawn.stable)
-def test_a_comparison_keeps_its_limits(process):
-    found = pidalab.compare(process, ms=1.6, noise_gain=10.0, sample_time=0.05)
-    for row in found.rows:
-        if not row.applies:
-            assert row.reason
-        elif found.keeps(row):
-            assert pidalab.margins(row.design.loop(process)).ms <= 1.6 * (1 + 1e-3)
-
-
-@drawn.cases(8)
-@given(
-    drawn.decades(-1, 0.3), drawn.decades(0.3, 1.5), drawn.decades(-1, 0), st.integers(1, 4), st.booleans()
-)
-def test_a_portrait_is_made_of_runs(kp, ti, filter_time, order, limited):
-    process, t = pidalab.ipdt(1.0, 0.7), 0.1 * np.arange(301)
-    own = SeriesPIDA(kp, 0.1 * kp, 0.0, ti, filter_time, order)
-    limits = (-0.5, 0.7) if limited else (-math.inf, math.inf)
-    grid = {"kp": [kp, 0.5 * kp], "ti": [ti, 2 * ti]}
-    found = pidalab.portrait(Loop(process, own), grid, t, setpoint=1.0, load=0.1, limits=limits)
-    for i in range(2):
-        one = SeriesPIDA(grid["kp"][i], 0.1 * kp, 0.0, grid["ti"][i], filter_time, order)
-        loop = Loop(process, one)
-        run = answer(
-            lambda loop=loop: pidalab.simulate_sampled(loop, t, setpoint=1.0, load=0.1, limits=limits),
-            "unstable loop",
-        )
-        if run is not None and np.abs(run.y).max() < 1e6:
-            assert found.iae[i] == pytest.approx(run.iae(), rel=1e-8)
-            assert found.tv_u[i] == pytest.approx(run.tv("u"), rel=1e-6)

@@ -101,23 +101,6 @@ def test_a_rule_knows_no_unit(name, data, times):
     np.testing.assert_allclose(second, first * times ** np.arange(-1.0, 3.0), rtol=1e-6)
 
 
-@drawn.cases(20)
-@given(drawn.loops(drawn.stable))
-def test_gains_come_back_from_the_other_forms(loop):
-    """The ideal form of a controller, written as a PIDA and read again."""
-    ki, kp, kd, ka = loop.controller.gains()
-    again = pidalab.PIDA(kp, kp / ki, kd / kp, ka / kp).gains()
-    np.testing.assert_allclose(again, (ki, kp, kd, ka), rtol=1e-12)
-
-
-@drawn.cases(10)
-@given(st.integers(1, 6), drawn.decades(-0.5, 0.5), drawn.gains, drawn.delays)
-def test_areas_say_what_the_process_is(order, lag, gain, delay):
-    """Of equal lags: the first area is the gain, the second the gain times all lags and the dead time."""
-    areas = pidalab.areas.from_process(pidalab.lags(order, lag, gain, delay), 2)
-    np.testing.assert_allclose(areas, [gain, gain * (order * lag + delay)], rtol=1e-9)
-
-
 @drawn.cases(10)
 @given(st.integers(1, 5), drawn.decades(-0.5, 0.5), drawn.delays, st.integers(0, 2))
 def test_the_magnitude_optimum_is_flat(order, lag, delay, m):

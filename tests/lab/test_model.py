@@ -209,7 +209,7 @@ with SCRIPT.parents[3].joinpath("tests", "lab", "least_iae.csv").open(encoding="
 
 @pytest.mark.parametrize("part", range(20))
 def test_the_least_iae_is_that_of_the_library(part, model):
-    """100 random plants, orders and limits, by tools/optima.py: within half a percent, and no limit is missed."""
+    """100 random plants, orders and limits, by studies/lab_optima.py: within half a percent, and no limit is missed."""
     model.context.eval(FIND)
     for row in LEAST[part::20]:
         num, den = (list(map(float, row[key].split())) for key in ("num", "den"))

@@ -8,7 +8,6 @@ from demo_ledger import KP
 
 from pidalab.ledger import (
     LedgerError,
-    Row,
     errata,
     every_row,
     score_markdown,
@@ -56,29 +55,6 @@ def test_every_row_leads_to_the_chapter_and_its_evidence(project):
     )
     assert "<summary>All 10 rows</summary>" in page.html
     assert page.html.count("<tr>") == 11
-
-
-def test_every_row_has_an_anchor(project):
-    page = every_row()
-    assert '<a class="row-id" id="demo-t1-kp" href="#demo-t1-kp">demo.t1.kp</a>' in page.html
-    assert len(set(re.findall(r' id="(.*?)"', page.html))) == 10
-
-
-def test_errata_of_a_statement(project):
-    row = Row(
-        "demo.s",
-        "eq. (7)",
-        "statement",
-        "the sign is +",
-        "fails",
-        "misprint",
-        page="demo",
-        relation="a > b",
-        evidence="-1 > 0",
-        note="a pole in the right half",
-    )
-    write_rows(project / "book" / "ledger" / "demo.csv", [row])
-    assert "-1 ≯ 0" in errata().html
 
 
 def test_markdown_score(project):

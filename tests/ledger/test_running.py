@@ -57,11 +57,6 @@ def test_update_leaves_agreeing_values_and_the_judgement_to_a_person(project):
         load_all()
 
 
-def test_update_replaces_digits_that_hide_drift(project):
-    write_rows(PATH, [replace(KP, computed="1.32"), *ROWS[1:]])
-    assert update("demo").changes[0] == "demo.t1.kp: computed '1.32' -> '1.315100000'"
-
-
 def test_the_first_page_that_closes_the_ledger_owes_a_row(project):
     cells = [
         "from pidalab.ledger import Ledger\nbook = Ledger.open('demo')",

@@ -1,13 +1,8 @@
-"""Reference values of a loop to a stated number of digits, their checks, and the file that holds them.
+"""Reference values of a loop to a stated number of digits, and their checks.
 
 Everything here is the same for every oracle of loops with dead time: make_delay_loops.py says what is
 computed and why it can be trusted.
 """
-
-import json
-import time
-from multiprocessing import Pool
-from pathlib import Path
 
 import numpy as np
 from delay_loop_series import by_talbot, circles, last_term, on_circles
@@ -97,16 +92,3 @@ def nest(values, sources, convert):
 
 def text(v, digits):
     return nstr(v, digits) if abs(v) > mpf(10) ** -(digits + 5) else "0.0"
-
-
-def write(out, maker, solve, cases, digits):
-    """Solve the cases on two processes; report progress; write the file."""
-    start, done = time.perf_counter(), []
-    with Pool(2) as pool:
-        for case, line in pool.imap(solve, cases):
-            done.append(case)
-            print(f"{time.perf_counter() - start:4.0f} s  {line}", flush=True)
-    about = f"Made by {Path(maker).name}, which says how; see README.md for the format."
-    out.write_text(json.dumps({"about": about, "digits": digits, "cases": done}, indent=1) + "\n")
-    count = sum(len(row) for case in done for rows in case["values"].values() for row in rows.values())
-    print(f"{len(done)} cases, {count} values -> {out.name}")

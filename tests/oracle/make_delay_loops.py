@@ -34,11 +34,10 @@ The script fails if one of these checks fails.  Run: python tests/oracle/make_de
 
 import math
 from fractions import Fraction
-from pathlib import Path
 
-from delay_loop_cases import cases
-from delay_loop_values import reference, stored, write
+from delay_loop_values import reference, stored
 from mpmath import mpf, workdps
+from problems import store
 
 DIGITS = 25
 
@@ -66,4 +65,4 @@ def solve(case):
 
 
 if __name__ == "__main__":
-    write(Path(__file__).with_name("delay_loops.json"), __file__, solve, cases(), DIGITS)
+    store(__file__, DIGITS, solve)

@@ -27,94 +27,19 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from delay_loop_cases import poly, rational
 from delay_loop_values import reference
 from make_limited_optima import Problem
 from make_margins import AxisFunctions, all_margins, unstable_poles
 from mpmath import diff, exp, fabs, mp, mpc, mpf
 from numpy.polynomial.polynomial import polyint, polyval
+from problems import poly, rational, store
 from scipy.optimize import brentq
-from storing import store
 
 DIGITS, PRECISION = 10, 60
 SHARE, TERMS = 6.0, 44  # step of the series over the filter time at most, and how many terms it has
 LONGEST, FADED = 400.0, 1e-13  # time that is followed at most; share of the largest value that counts no more
 AGREE, ROUGH = 1e-10, 1e-6  # of everything with half the step; of a slope and of a difference
 AROUND, NEAREST, FARTHEST, ROOM = 1000, 1e-4, 0.2, 1e-5
-
-
-def cases():
-    """Where Newton's method begins: gains, T, frequencies of the peaks, all to a few digits."""
-    lag, integrator = rational([1.0], [1.0, 1.0]), rational([1.0], [1.0, 0.0])
-    two, three = (rational([1.0], poly(*[[1.0, 1.0]] * n)) for n in (2, 3))
-    listed = [  # name, process, dead time, order, Ms, Mks, gains and T, peaks of S, peaks of C S
-        (
-            "pid_lag",
-            lag,
-            1.0,
-            1,
-            1.4,
-            10.0,
-            (0.652695, 0.643677, 0.257543, 0.0149468),
-            (1.2153, 2.085),
-            (58.2371,),
-        ),
-        (
-            "pid_two_lags",
-            two,
-            0.5,
-            1,
-            1.4,
-            10.0,
-            (0.911583, 1.307276, 0.745209, 0.0378244),
-            (1.8557,),
-            (25.3396,),
-        ),
-        (
-            "pid_three_lags",
-            three,
-            1.0,
-            1,
-            1.4,
-            20.0,
-            (0.356595, 0.730189, 0.810978, 0.0202775),
-            (0.941,),
-            (49.136,),
-        ),
-        (
-            "pid_integrator",
-            integrator,
-            1.0,
-            1,
-            1.6,
-            5.0,
-            (0.193102, 0.593112, 0.266934, 0.0312598),
-            (0.8362, 1.6073),
-            (26.7979,),
-        ),
-        (
-            "pida_three_lags",
-            three,
-            1.0,
-            2,
-            1.4,
-            20.0,
-            (0.386369, 1.231489, 1.277496, 0.802299, 0.124977),
-            (0.7393, 1.4223),
-            (11.246,),
-        ),
-    ]
-    for name, process, delay, order, ms, mks, unknowns, by_ms, by_mks in listed:
-        yield {
-            "name": name,
-            "process": process,
-            "delay": delay,
-            "order": order,
-            "ms": ms,
-            "mks": mks,
-            "filter_time": None,
-            "start": [unknowns, by_ms, by_mks],
-        }
 
 
 class Late(Problem):
@@ -307,10 +232,11 @@ def solve(case):
     """The case with its values, and a line of evidence."""
     mp.dps = PRECISION
     problem = Late(case)
-    start, by_ms, by_mks = case.pop("start")
-    peaks = [*((w, False) for w in by_ms), *((w, True) for w in by_mks)]
+    begin = case.pop("start")
+    *by_ms, by_mks = begin["frequencies"]
+    peaks = [*((w, False) for w in by_ms), (by_mks, True)]
     equations = Equations(problem, peaks)
-    v = equations.start(start)
+    v = equations.start([*begin["gains"], begin["time"]])
     slopes = equations.slopes(v)
     first = equations.solve(v, slopes, SHARE)
     second = equations.solve(first, slopes, 0.5 * SHARE)
@@ -346,4 +272,4 @@ def text(value):
 
 
 if __name__ == "__main__":
-    store(__file__, DIGITS, solve, cases())
+    store(__file__, DIGITS, solve)

@@ -20,68 +20,13 @@ The script fails if one of these checks fails.  Run: python tests/oracle/make_li
 """
 
 import numpy as np
-from delay_loop_cases import poly, rational
 from make_margins import AxisFunctions, all_margins, unstable_poles
 from mpmath import diff, exp, fabs, findroot, matrix, mp, mpc, mpf, nstr, polyroots, polyval
-from storing import store
+from problems import add, poly, rational, store
 
 DIGITS, PRECISION, FADED = 30, 60, 150  # exponent beyond which a response has died away
 AROUND, NEAREST, FARTHEST = 4000, 1e-4, 0.2  # controllers that are tried, and how far away
 ROOM, ROUGH = 1e-5, 1e-6  # share of the limits that they leave free; how exact a sum over samples is
-
-
-def cases():
-    """Where Newton's method begins: gains, T (given if `fixed`), frequencies of the peaks, all to a few digits."""
-    two, three, four = (rational([1.0], poly(*[[1.0, 1.0]] * n)) for n in (2, 3, 4))
-    resonant = rational([1.0], [1.0, 1.0, 1.0])
-    shortest = 0.0009103081670576373
-    listed = [  # name, process, order, Ms, Mks, gains, T, fixed, peaks of S, peaks of C S
-        ("pi_noise", three, 0, 1.6, 1.3, (0.374, 0.696), shortest, True, (), (0.6226,)),
-        ("pid", three, 1, 1.4, 10.0, (1.038, 1.947, 1.633), 0.0818, False, (1.5265,), (12.11,)),
-        ("pid_bold", three, 1, 2.0, 20.0, (2.214, 4.230, 3.082), 0.0773, False, (1.814,), (12.72,)),
-        ("pid_two_lags", two, 1, 1.4, 10.0, (3.711, 4.680, 1.524), 0.0847, False, (2.804,), (9.215,)),
-        ("pid_four_lags", four, 1, 1.4, 10.0, (0.4823, 1.131, 1.383), 0.0691, False, (0.9873,), (14.48,)),
-        ("pid_resonant", resonant, 1, 1.4, 10.0, (2.394, 3.010, 1.612), 0.0886, False, (2.807,), (9.126,)),
-        (
-            "pida",
-            three,
-            2,
-            1.4,
-            20.0,
-            (1.5504, 4.14521, 3.21379, 1.42209),
-            0.166106,
-            False,
-            (1.4347, 2.2696),
-            (7.976,),
-        ),
-    ]
-    for name, process, order, ms, mks, gains, time, fixed, by_ms, by_mks in listed:
-        yield {
-            "name": name,
-            "process": process,
-            "delay": 0.0,
-            "order": order,
-            "ms": ms,
-            "mks": mks,
-            "filter_time": time if fixed else None,
-            "start": [[*gains] if fixed else [*gains, time], by_ms, by_mks],
-        }
-
-
-def product(*polynomials):
-    """Of polynomials in descending powers."""
-    out = [mpf(1)]
-    for p in polynomials:
-        out = [
-            sum((out[i] * p[k - i] for i in range(len(out)) if 0 <= k - i < len(p)), mpf(0))
-            for k in range(len(out) + len(p) - 1)
-        ]
-    return out
-
-
-def total(p, q):
-    n = max(len(p), len(q))
-    return [a + b for a, b in zip([mpf(0)] * (n - len(p)) + p, [mpf(0)] * (n - len(q)) + q, strict=True)]
 
 
 def slope(p):
@@ -101,7 +46,7 @@ class Problem:
         """Gains, T, the filter q and its slope by T."""
         time = x[self.order + 2] if self.given is None else mpf(self.given)
         lag, n = [time, mpf(1)], self.order + 1
-        return x[: self.order + 2], time, product(*[lag] * n), product([mpf(n), mpf(0)], *[lag] * (n - 1))
+        return x[: self.order + 2], time, poly(*[lag] * n), poly([mpf(n), mpf(0)], *[lag] * (n - 1))
 
     def controller(self, x, w):
         """C at jw, and its slopes by the unknowns."""
@@ -130,11 +75,11 @@ class Problem:
     def transform(self, x):
         """Numerator and denominator of y after a step of the load, and their slopes by the unknowns."""
         gains, _, q, by_time = self.parts(x)
-        num, s = product(self.b, q), [mpf(1), mpf(0)]
-        den = total(product(self.a, s, q), product(self.b, list(reversed(gains))))
-        slopes = [([mpf(0)], product(self.b, *[s] * k)) for k in range(len(gains))]
+        num, s = poly(self.b, q), [mpf(1), mpf(0)]
+        den = add(poly(self.a, s, q), poly(self.b, list(reversed(gains))))
+        slopes = [([mpf(0)], poly(self.b, *[s] * k)) for k in range(len(gains))]
         if self.given is None:
-            slopes.append((product(self.b, by_time), product(self.a, s, by_time)))
+            slopes.append((poly(self.b, by_time), poly(self.a, s, by_time)))
         return num, den, slopes
 
     def iae(self, x):
@@ -280,14 +225,16 @@ def solve(case):
     """The case with its values, and a line of evidence."""
     mp.dps = PRECISION
     problem = Problem(case)
-    start, by_ms, by_mks = case.pop("start")
-    peaks = [*((w, False) for w in by_ms), *((w, True) for w in by_mks)]
+    begin = case.pop("start")
+    start = begin["gains"] + ([begin["time"]] if problem.given is None else [])
+    *by_ms, by_mks = begin["frequencies"]
+    peaks = [*((w, False) for w in by_ms), (by_mks, True)]
     x, frequencies, multipliers = optimum(problem, start, peaks)
     assert all(m > 0 for m in multipliers), multipliers
     value, slopes = problem.iae(x)
     kept = check(problem, x, value, slopes)
     gains, time, q, _ = problem.parts(x)
-    block = rational([float(k) for k in reversed(gains)], [float(v) for v in product(q, [mpf(1), mpf(0)])])
+    block = rational([float(k) for k in reversed(gains)], [float(v) for v in poly(q, [mpf(1), mpf(0)])])
     f = AxisFunctions({"process": case["process"], "controller": block, "output_filter": None, "delay": 0.0})
     assert unstable_poles(f) == 0
     margins = all_margins(f)
@@ -305,4 +252,4 @@ def solve(case):
 
 
 if __name__ == "__main__":
-    store(__file__, DIGITS, solve, cases())
+    store(__file__, DIGITS, solve)

@@ -14,54 +14,12 @@ zeros are isolated with proof.
 Closed forms are compared to 40 digits.  The script fails if a check fails.  Run: python tests/oracle/make_limits.py
 """
 
-import json
 from fractions import Fraction
-from pathlib import Path
 
-from delay_loop_cases import pida, poly, rational
 from make_margins import CHECKED, DIGITS, PRECISION, AxisFunctions, text, unstable_poles
 from mpmath import cos, diff, fabs, findroot, inf, mp, mpf, pi
+from problems import rational, store
 from quasipolynomials import Quasi, add, fraction, number, positive_beyond, scaled, times
-
-
-def plain(name, process, controller, delay):
-    return {"name": name, "process": process, "controller": controller, "output_filter": None, "delay": delay}
-
-
-def with_reset(name, process, delay, **arguments):
-    """An automatic reset around a stabilising controller: pidalab.SeriesPIDA."""
-    own = arguments
-    filters = poly(*[[own["filter_time"], 1.0]] * own["filter_order"])
-    stabiliser = rational([own["ka"], own["kd"], own["kp"]], filters)
-    return plain(name, process, stabiliser, delay) | {"arguments": arguments}
-
-
-def cases():
-    integrator, lag = rational([1.0], [1.0, 0.0]), rational([1.0], [1.0, 1.0])
-    chain = rational([1.0], poly(*[[1.0, 1.0]] * 3))
-    light = rational([1.0], poly([1.0, 0.02, 1.0], [0.3, 1.0]))
-    slow = rational([3.0], poly([20.0, 1.0], [2.0, 1.0]))
-    wrong = rational([-0.7, 1.0], poly([1.0, 2.0, 1.0], [0.2, 1.0]))
-    one = rational([3.0], [1.0])
-    pda = {"kp": 0.4, "kd": 0.25, "ka": 0.05, "ti": 2.5, "filter_time": 0.1, "filter_order": 4}
-    return [
-        plain("three_lags", chain, one, 0.0),
-        plain("three_lags_late", chain, rational([1.5], [1.0]), 0.5),
-        plain("lag_and_delay", rational([1.0], poly([1.0, 1.0], [0.1, 1.0])), rational([2.0], [1.0]), 0.3),
-        plain("resonance", light, rational([0.015], [1.0]), 0.4),
-        plain("slow_plant", slow, rational([0.6], [1.0]), 1.7),
-        plain("inverse_response", wrong, rational([0.7], [1.0]), 0.3),
-        plain("integral_action", lag, pida(0.5, 1.2, 0.2), 0.4),
-        plain("delay_dominated", lag, pida(0.2, 2.0), 6.0),
-        with_reset("reset_integrator", integrator, 1.0, **pda),
-        with_reset("reset_lags", rational([2.0], [1.0, 2.0, 1.0]), 0.7, **pda),
-        with_reset(
-            "reset_stiff",
-            integrator,
-            1.0,
-            **(pda | {"kp": 0.2, "ka": 0.0, "filter_time": 1e-3, "filter_order": 2}),
-        ),
-    ]
 
 
 def infimum(top, below, end):
@@ -119,7 +77,12 @@ def shortest_filter():
 
     def poles(t):
         controller = rational([kp * t + kd, kp], [t, 1.0])
-        return unstable_poles(AxisFunctions(plain("", plant, controller, delay)))
+        return unstable_poles(loop(controller))
+
+    def loop(controller):
+        return AxisFunctions(
+            {"process": plant, "controller": controller, "output_filter": None, "delay": delay}
+        )
 
     inside, outside = 0.5, 1e-3
     assert poles(inside) == 0 < poles(outside)
@@ -132,33 +95,28 @@ def shortest_filter():
         value = (s + 1) * (t * s + 1) + ((kp * t + kd) * s + kp) * mp.exp(-mpf(delay) * s)
         return value.real, value.imag
 
-    loops = [plain("", plant, rational([kp * inside + kd, kp], [inside, 1.0]), delay)]
-    start = AxisFunctions(loops[0]).phase_crossovers(mpf(100))[0]
+    start = loop(rational([kp * inside + kd, kp], [inside, 1.0])).phase_crossovers(mpf(100))[0]
     _, t = findroot(on_axis, (start, mpf(inside)))
     assert poles(float(t * (1 + mpf(10) ** -6))) == 0 < poles(float(t * (1 - mpf(10) ** -6)))
     return {"process": plant, "delay": delay, "kp": kp, "kd": kd, "longest": 0.5, "filter_time": text(t)}
 
 
-def main():
+def solve(case):
+    """The case with its values, and a line of evidence."""
     mp.dps = PRECISION
-    done = []
-    for case in cases():
-        f = AxisFunctions(case)
-        ti = case["arguments"]["ti"] if "arguments" in case else None
-        margin, w = circle(f, ti)
-        found = {"circle": text(margin), "frequency": text(w)}
-        if case["name"] == "three_lags":  # 1 - K cos(pi/(n + 1))^(n + 1)
-            assert fabs(margin - (1 - 3 * cos(pi / 4) ** 4)) < mpf(10) ** -CHECKED
-        best = popov(f) if ti is None else None
-        if best:
-            found |= {"popov": text(best[0]), "popov_frequency": text(best[1]), "multiplier": text(best[2])}
-            assert best[0] >= margin
-        print(case["name"], found, flush=True)
-        done.append(case | {"values": found})
-    about = "Made by make_limits.py, which says how; see README.md for the format."
-    content = {"about": about, "digits": DIGITS, "filter": shortest_filter(), "cases": done}
-    Path(__file__).with_name("limits.json").write_text(json.dumps(content, indent=1) + "\n")
+    f = AxisFunctions(case)
+    ti = case["arguments"]["ti"] if "arguments" in case else None
+    margin, w = circle(f, ti)
+    found = {"circle": text(margin), "frequency": text(w)}
+    if case["name"] == "three_lags":  # 1 - K cos(pi/(n + 1))^(n + 1)
+        assert fabs(margin - (1 - 3 * cos(pi / 4) ** 4)) < mpf(10) ** -CHECKED
+    best = popov(f) if ti is None else None
+    if best:
+        found |= {"popov": text(best[0]), "popov_frequency": text(best[1]), "multiplier": text(best[2])}
+        assert best[0] >= margin
+    return case | {"values": found}, f"{case['name']:20s}{found}"
 
 
 if __name__ == "__main__":
-    main()
+    mp.dps = PRECISION
+    store(__file__, DIGITS, solve, filter=shortest_filter())

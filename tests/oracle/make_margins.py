@@ -26,10 +26,9 @@ Why they can be trusted.
 The script fails if one of these checks fails.  Run: python tests/oracle/make_margins.py
 """
 
-from margin_cases import cases
 from mpmath import arg, atan, exp, fabs, inf, isinf, isnan, mp, mpc, mpf, nan, nstr, pi, polyroots, sqrt
+from problems import store
 from quasipolynomials import Quasi, add, exact, number, on_axis, positive_beyond, scaled, squared, times
-from storing import store
 
 DIGITS, PRECISION, CHECKED = 30, 90, 40
 MOST_TURNS = 500  # rad of the dead time over which |C S| is followed
@@ -309,4 +308,4 @@ def solve(case):
 
 
 if __name__ == "__main__":
-    store(__file__, DIGITS, solve, cases())
+    store(__file__, DIGITS, solve)

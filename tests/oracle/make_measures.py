@@ -29,51 +29,13 @@ Run: python tests/oracle/make_measures.py
 
 from itertools import pairwise
 
-from delay_loop_cases import ideal_pida, lag_filter, pida, poly, rational
 from delay_loop_values import reference
 from mpmath import fabs, mp, mpf, nstr
-from storing import store
+from problems import poly, store
+from quasipolynomials import shifted
 
 DIGITS, PRECISION, CUT, AGREE = 25, 60, 45, 30
 BAND, LOW, HIGH = mpf("0.02"), mpf("0.1"), mpf("0.9")
-
-
-def cases():
-    integrator, lag = rational([1.0], [1.0, 0.0]), rational([1.0], [1.0, 1.0])
-    third = rational([1.0], [0.905, 3.159, 3.37, 1.0])
-    four = rational([1.0], poly(*[[1.0, 1.0]] * 4))
-    filtered = pida(1.31, 3.37, 0.938, 0.269)
-    listed = [  # name, process, controller, dead time, step of the series, end, filter
-        ("integrator_gain", integrator, rational([0.5], [1.0]), 1.0, 0.5, 20, None),
-        ("integrator_pi", integrator, pida(0.4, 8.0), 1.0, 0.5, 60, None),
-        ("lag_dominated", rational([1.0], [100.0, 1.0]), pida(50.0, 8.0), 1.0, 0.5, 60, None),
-        ("balanced_pid", lag, pida(1.8, 1.1, 0.12), 0.25, 0.0625, 10, None),
-        ("delay_dominated", lag, pida(0.2, 1.5), 8.0, 1.0, 160, None),
-        ("third_order_pida", third, filtered, 0.75, 0.125, 20, lag_filter(0.125)),
-        ("four_lags", four, filtered, 0.0, 0.125, 30, lag_filter(0.125)),
-        ("oscillating", rational([1.0], [1.0, 0.4, 1.0]), pida(0.15, 0.7), 1.75, 0.4375, 56, None),
-        ("inverse_response", rational([-0.7, 1.0], [1.0, 2.0, 1.0]), pida(0.4, 1.5), 0.25, 0.25, 20, None),
-        ("unstable_pi", rational([1.0], [1.0, -1.0]), pida(2.6, 4.0), 0.25, 0.25, 20, None),
-        (
-            "integrator_pida",
-            integrator,
-            ideal_pida(0.6, 6.0, 0.4, 0.06, *[[0.125, 1.0]] * 3),
-            1.0,
-            0.125,
-            30,
-            None,
-        ),
-    ]
-    for name, process, controller, delay, step, end, output_filter in listed:
-        yield {
-            "name": name,
-            "process": process,
-            "controller": controller,
-            "output_filter": output_filter,
-            "delay": delay,
-            "step": step,
-            "end": float(end),
-        }
 
 
 def realised(num, den):
@@ -192,15 +154,6 @@ def zeros(p, step):
     return sorted(step * x for x in found)
 
 
-def shifted(p, at):
-    """Coefficients of p(at + x)."""
-    out = list(p)
-    for i in range(len(out)):
-        for k in range(len(out) - 2, i - 1, -1):
-            out[k] += at * out[k + 1]
-    return out
-
-
 def newton(p, a, b):
     """The zero of a monotonic stretch; where Newton's method leaves the bracket, a bisection."""
     change, falls, x = slope(p), value(p, a) > 0, (a + b) / 2
@@ -245,7 +198,7 @@ def measured(case, source, step):
             sums["ie"] += plain
             sums["iae"] += fabs(plain)
             sums["itae"] += fabs(start * plain + integral([mpf(0), *e], a, b))
-        sums["ise"] += integral(product_of(e, e), mpf(0), step)
+        sums["ise"] += integral(poly(e, e), mpf(0), step)
         for t in places:
             rates["iae"] += fabs(value(third, t)) / 192
             rates["itae"] += (start + t) * fabs(value(third, t)) / 192
@@ -268,14 +221,6 @@ def measured(case, source, step):
         rates["rise_time"] = passages[0][1] + passages[1][1]
         found["settling_time"], rates["settling_time"] = last_passage(errors, step, BAND)
     return found, rates, done, step
-
-
-def product_of(p, q):
-    out = [mpf(0)] * (len(p) + len(q) - 1)
-    for i, x in enumerate(p):
-        for j, y in enumerate(q):
-            out[i + j] += x * y
-    return out
 
 
 def first_passage(errors, step, level):
@@ -332,4 +277,4 @@ def solve(case):
 
 
 if __name__ == "__main__":
-    store(__file__, DIGITS, solve, cases())
+    store(__file__, DIGITS, solve)

@@ -16,37 +16,12 @@ Why they can be trusted.
 The script fails if one of these checks fails.  Run: python tests/oracle/make_optima.py
 """
 
-import json
-from pathlib import Path
-
 import numpy as np
-from delay_loop_cases import poly, rational
 from make_margins import AxisFunctions, all_margins, unstable_poles
 from mpmath import diff, exp, fabs, findroot, mp, mpc, mpf, nstr
+from problems import rational, store
 
 DIGITS, PRECISION = 30, 60
-
-
-def cases():
-    """Name, plant, dead time, Ms, filter time, where to begin: gains and frequency."""
-    lag = rational([1.0], [1.0, 1.0])
-    yield "lag", lag, 1.0, 1.2, 0.0006488610125612514, (0.217, 0.206, 1.6)
-    yield (
-        "four_lags",
-        rational([1.0], poly(*[[1.0, 1.0]] * 4)),
-        0.0,
-        1.4,
-        0.0013637423427817967,
-        (0.431, 0.192, 0.7),
-    )
-    yield (
-        "four_lags_robust",
-        rational([1.0], poly(*[[1.0, 1.0]] * 4)),
-        0.0,
-        1.2,
-        0.0013637423427817967,
-        (0.25, 0.105, 0.7),
-    )
 
 
 def largest_gain(process, delay, ms, time, start):
@@ -85,33 +60,22 @@ def bound(process, delay, ms, time, top):
     return most
 
 
-def solve(name, process, delay, ms, time, start):
-    kp, ki, w = largest_gain(process, delay, ms, time, start)
+def solve(case):
+    """The case with its values, and a line of evidence."""
+    mp.dps = PRECISION
+    begin = case.pop("start")
+    process, delay, ms, time = (case[key] for key in ("process", "delay", "ms", "filter_time"))
+    kp, ki, w = largest_gain(process, delay, ms, time, [begin[key] for key in ("kp", "ki", "frequency")])
     block = rational([float(kp), float(ki)], [time, 1.0, 0.0])
     f = AxisFunctions({"process": process, "controller": block, "output_filter": None, "delay": delay})
     assert unstable_poles(f) == 0
     assert fabs(all_margins(f)["ms"] / mpf(ms) - 1) < 1e-12
     most = bound(process, delay, ms, time, 4 * float(kp))
     assert most < float(ki) * (1 + 1e-4), (most, float(ki))
-    print(f"{name:20s}ki = {nstr(ki, 15)}, from the other side {most:.8f}", flush=True)
     values = {"kp": kp, "ki": ki, "frequency": w, "iae_at_least": 1 / ki}
-    return {
-        "name": name,
-        "process": process,
-        "delay": delay,
-        "ms": ms,
-        "filter_time": time,
-        "values": {key: nstr(x, DIGITS) for key, x in values.items()},
-    }
-
-
-def main():
-    mp.dps = PRECISION
-    done = [solve(*case) for case in cases()]
-    about = "Made by make_optima.py, which says how; see README.md for the format."
-    path = Path(__file__).with_name("optima.json")
-    path.write_text(json.dumps({"about": about, "digits": DIGITS, "cases": done}, indent=1) + "\n")
+    line = f"{case['name']:20s}ki = {nstr(ki, 15)}, from the other side {most:.8f}"
+    return case | {"values": {key: nstr(x, DIGITS) for key, x in values.items()}}, line
 
 
 if __name__ == "__main__":
-    main()
+    store(__file__, DIGITS, solve)

@@ -10,46 +10,12 @@ script fails if the two differ by more than 1e-8. Run: python tests/oracle/make_
 
 import json
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
+from problems import file_of, problems
 from scipy.integrate import solve_ivp
 
 END, EVERY, AGREEMENT = 30.0, 0.5, 1e-8
-TD = 1.8
-SETPOINT, LOAD = {"setpoint": 1.0, "load": 0.0}, {"setpoint": 0.0, "load": 1.0}
-PAPER = {  # eqs. (18), (25), (30), (31): K_p T_d, K_d, K_a / T_d, T_i / T_d
-    "MRDP": (0.9323, 0.3885, 0.0451, 2.5832),
-    "PPM": (0.17, 0.45, 0.1157, 0.36),
-    "PIDA_1": (0.0837, 0.236, 0.0502, 0.232),
-    "PIDA_2": (0.126, 0.368, 0.113, 0.348),
-}
-
-
-def cases():
-    """Yield controller, limits, dead time and inputs of every case."""
-    for name, (kp, kd, ka, ti) in PAPER.items():
-        own = {"kp": kp / TD, "kd": kd, "ka": ka * TD, "ti": ti * TD, "filter_time": 0.2, "filter_order": 4}
-        cancelled = np.convolve(
-            [own["ka"] / own["kp"], own["kd"] / own["kp"], 1.0], [own["ti"], 1.0]
-        ).tolist()
-        yield {
-            "name": name,
-            "controller": own,
-            "limits": [-0.1, 0.1],
-            "delay": 1.0,
-            "prefilter": cancelled,
-        } | SETPOINT
-        yield {
-            "name": name,
-            "controller": own,
-            "limits": [-1.1, 0.1],
-            "delay": 1.0,
-            "prefilter": [1.0],
-        } | LOAD
-    own = {"kp": 0.35, "kd": 0.25, "ka": 0.0, "ti": 1.7, "filter_time": 0.15, "filter_order": 2}
-    odd = {"controller": own, "limits": [-0.3, 0.25], "delay": 0.73, "prefilter": [0.4, 1.0]}
-    yield {"name": "PD, n = 2"} | odd | {"setpoint": 1.0, "load": 0.15}
 
 
 class Run:
@@ -132,15 +98,14 @@ class Run:
 def main():
     times = np.arange(0.0, END + EVERY / 2, EVERY)
     stored, worst = [], 0.0
-    for case in cases():
+    for case in problems(__file__):
         first, second = (Run(case, *setting).go().values(times) for setting in ((0.02, 1e-12), (0.01, 1e-11)))
         worst = max(worst, *(float(np.max(np.abs(a - b))) for a, b in zip(first, second, strict=True)))
         y, u = (np.round(x, 10).tolist() for x in second)
         stored.append(case | {"y": y, "u": u})
     assert worst < AGREEMENT, worst
     head = {"made_by": "tests/oracle/make_reset_loops.py", "agreement": worst, "times": times.tolist()}
-    path = Path(__file__).with_name("reset_loops.json")
-    path.write_text(json.dumps(head | {"cases": stored}, indent=1) + "\n")
+    file_of(__file__).write_text(json.dumps(head | {"cases": stored}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -29,29 +29,11 @@ from itertools import pairwise
 
 from delay_loop_series import horner
 from mpmath import acos, arg, exp, fabs, inf, matrix, mp, mpc, mpf, nan, nstr, pi, polyroots, sqrt
+from problems import add, poly, store
 from quasipolynomials import Quasi, slope
-from sampled_loop_cases import cases
-from storing import store
 
 DIGITS, PRECISION, CHECKED = 30, 130, 40
 NODES = 400  # of the circles
-
-
-def poly(*factors):
-    """Product of polynomials in descending powers."""
-    out = [mpf(1)]
-    for f in factors:
-        new = [mpf(0)] * (len(out) + len(f) - 1)
-        for i, x in enumerate(out):
-            for j, y in enumerate(f):
-                new[i + j] += x * y
-        out = new
-    return out
-
-
-def add(p, q):
-    n = max(len(p), len(q))
-    return [x + y for x, y in zip([mpf(0)] * (n - len(p)) + p, [mpf(0)] * (n - len(q)) + q, strict=True)]
 
 
 def terms(kind, own):
@@ -322,4 +304,4 @@ def solve(case):
 
 
 if __name__ == "__main__":
-    store(__file__, DIGITS, solve, cases())
+    store(__file__, DIGITS, solve)

@@ -68,41 +68,6 @@ def test_table_1():
     assert [round(row.times[1], 4) for row in rows] == [0.0, 0.0, 0.0484]
 
 
-def test_poles():
-    """Equations (14)-(17)."""
-    assert [round(-1 / row.lag, 4) for row in (reset.PI, reset.PID)] == [-0.5858, -1.2679]
-    assert reset.MRDP_PIDA.lag == pytest.approx(0.5, rel=1e-15)
-
-
-def test_misprints():
-    """(15): the closed form printed for T_i is half the number beside it. (16): K_d is K_p T_D, not 0.2062."""
-    printed_form = (math.sqrt(2) - 1) / (10 * math.sqrt(2) - 14)
-    assert 2 * printed_form == pytest.approx(reset.PI.ti, rel=1e-12)
-    assert round(2 * printed_form, 4) == 5.8284
-    assert round(reset.PID.kd, 4) == 0.2060
-    assert round(0.0598 * 3.4475, 4) == 0.2062  # product of the rounded factors
-
-
-def test_chained_from_rounded_numbers():
-    """(26)-(31) come out to the printed digit if, as in (30), every step starts from the printed numbers."""
-    zeros = np.roots([0.0484, 0.4168, 1.0])
-    assert (round(-zeros[0].real, 4), round(abs(zeros[0].imag), 4)) == (4.3058, 1.4565)
-    assert round(1 / 4.3058, 3) == 0.232
-    for short, kp, td, kd, ta, ka, places in (
-        (0.232, 0.0837, 2.8152, 0.236, 0.5993, 0.0502, (4, 4, 3, 4, 4)),
-        (0.348, 0.126, 2.931, 0.368, 0.899, 0.113, (3, 3, 3, 3, 3)),
-    ):
-        gain = 0.9323 * short / 2.5832
-        ours = gain, 2.5832 + short, gain * (2.5832 + short), 2.5832 * short, gain * 2.5832 * short
-        assert [round(x, p) for x, p in zip(ours, places, strict=True)] == [kp, td, kd, ta, ka]
-    assert -zeros[0].real != pytest.approx(1 / reset.TAU_2, abs=5e-4)  # the exact one is 4.3064
-
-
-def test_printed_data():
-    assert reset.PPM_PIDA[3:] == (0.17, 0.45, 0.1157, 0.36)
-    assert [round(x, places) for x, places in zip(reset.PPM_PIDA.times, (2, 3), strict=True)] == [2.65, 0.681]
-
-
 def test_quintuple_pole():
     """All derivatives of eq. (13) up to the fourth vanish at -2/T_d, in 40 digits; the fifth does not."""
     design = reset.tune(pidalab.ipdt(0.5, delay=2.0), reset.MRDP_PIDA, n=2, filter_time=1.0, weight=0)
@@ -217,11 +182,10 @@ def test_loops_are_stable_and_print_their_sources(setting):
         ({"model": pidalab.Process([0.0], [1.0, 0.0], 1.0)}, "model must be an integrator with dead time"),
         ({"model": pidalab.ipdt(1.0, 0.0), "weight": 0.0}, "model must have a dead time where weight is 0"),
         ({"n": 1}, "n must be at least 2 for PIDA_1, or the controller is not proper; found 1"),
-        ({"n": 2.5}, "n must be a whole number"),
         ({"filter_time": 0.0}, "filter_time must be above 0"),
         (
-            {"weight": 0.3},
-            r"weight must be from 0\.5 to 1, or 0 if the model contains the filter; found 0\.3",
+            {"weight": 0.49},
+            r"weight must be from 0\.5 to 1, or 0 if the model contains the filter; found 0\.49",
         ),
         ({"weight": 1.5}, r"weight must be from 0\.5 to 1"),
         ({"cancelled": 2}, "cancelled must be 0 or 1, found 2"),
@@ -244,26 +208,3 @@ def test_bad_types_and_orders():
         reset.multiple_pole(3)
     with pytest.raises(ValueError, match="ratio must be above 0"):
         reset.double_zero(0.0)
-
-
-def test_borders_of_orders_weights_and_times():
-    with pytest.raises(ValueError, match="m must be a whole number, at least 0, found -1"):
-        reset.multiple_pole(-1)
-    with pytest.raises(ValueError, match="ratio must be above 0"):
-        reset.double_zero(0.0)
-    model = pidalab.ipdt(1.0, delay=1.0)
-    for weight in (0.0, 0.5, 1.0):
-        assert reset.tune(model, reset.PI, n=1, filter_time=0.2, weight=weight).te == 0.2 * weight
-    for wrong, message in (
-        ({"weight": 0.49}, r"weight must be from 0\.5 to 1, or 0"),
-        ({"weight": 1.01}, r"weight must be from 0\.5 to 1, or 0"),
-        ({"weight": -0.1}, r"weight must be from 0\.5 to 1, or 0"),
-        ({"n": 0}, "n must be a whole number, at least 1"),
-        ({"filter_time": 0.0}, "filter_time must be above 0"),
-        ({"cancelled": -1}, "cancelled must be a whole number, at least 0"),
-        ({"cancelled": 2}, "cancelled must be 0 or 1, found 2"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            reset.tune(model, reset.PI, **({"n": 1, "filter_time": 0.2} | wrong))
-    with pytest.raises(ValueError, match="the total dead time is 0"):
-        reset.tune(pidalab.ipdt(1.0, 0.0), reset.PI, n=1, filter_time=0.2, weight=0.0)

@@ -49,12 +49,6 @@ def model_of(k, rule="pid_setpoint"):
     return to_fopdt(EXAMPLES[k]) if rule == "imc_pid" else to_sopdt(EXAMPLES[k])
 
 
-def printed(name):
-    """All printed values of one parameter, by example and rule."""
-    index = ("kc", "tau_i", "tau_d", "tau_a").index(name)
-    return {key: float(v[index]) for key, text in PRINTED.items() if len(v := text.split()) > index}
-
-
 @pytest.mark.parametrize(("k", "rule"), PRINTED)
 def test_printed_tunings(k, rule):
     """Agreement is recorded digit by digit: 51 numbers, 7 of them off, 2 by more than one unit of the last digit."""
@@ -66,50 +60,7 @@ def test_printed_tunings(k, rule):
     assert (controller.alpha_d, controller.alpha_a) == (0.05, 0.025)
 
 
-def test_units_off_are_within_the_precision_of_the_ultimate_frequency():
-    """With one wrong by 1.5e-5 all the units come out but one: 2.123 stays 2.122."""
-
-    def wrong(k, by):
-        w = to_sopdt(EXAMPLES[k]).wu * (1 + by)
-        x = np.linspace(0, w, 10)
-        g = np.abs(EXAMPLES[k](1j * x)) ** 2
-        a, b = np.linalg.lstsq(np.column_stack([g * x**2, g * x**4]), 1 - g, rcond=None)[0]
-        tau, damping, lag = b**0.25, math.sqrt((a / b**0.5 + 2) / 4), math.sqrt(1 / g[-1] - 1) / w
-        delay = (math.pi - math.atan2(2 * damping * tau * w, 1 - (tau * w) ** 2)) / w
-        return pidalab.fopdt(1.0, lag, math.pi / w - math.atan(lag * w) / w), pidalab.sopdt(
-            1.0, tau, damping, delay
-        )
-
-    assert round(itae.imc_pid(wrong(1, 1.5e-5)[0]).kc, 3) == 2.690
-    assert round(itae.pid_setpoint(wrong(2, -1.5e-5)[1]).tau_i, 3) == 3.726
-    load, setpoint = itae.pida_load(wrong(3, -1.5e-5)[1]), itae.pida_setpoint(wrong(3, -1.5e-5)[1])
-    assert (round(load.tau_d, 3), round(load.tau_a, 3), round(setpoint.tau_a, 3)) == (1.857, 1.002, 2.122)
-
-
 # Corrections. Each test computes the formula as printed, without the library, and shows what it does.
-
-
-def values(rule, k):
-    """Time constant, ratio and damping of the model that Tables 2 and 3 are used for."""
-    _, tau, damping, delay, _ = model_of(k)
-    f = itae.factors(model_of(k).process)
-    if rule.startswith("pida"):
-        tau, delay = tau + 0.5 * delay * f.f_d, delay * (1 - f.f_d)
-    return tau, delay / tau, damping
-
-
-def test_derivative_time_is_the_reciprocal():
-    """As printed, tau_d is 25 % and more off; its reciprocal gives all twelve numbers to 1 in the last digit."""
-    for (k, rule), target in printed("tau_d").items():
-        if rule != "imc_pid":
-            tau, r, xi = values(rule, k)
-            if rule.endswith("setpoint"):
-                right = (1 - math.exp(-(r**1.06) * xi / 0.87)) * (0.55 + 1.683 * r**-1.09)
-            else:
-                right = 1 - math.exp(-xi / (-0.15 + 0.939 * r**-1.121))
-                right = -1.9 + 1.576 * r**-0.53 + right * (1.45 + 0.969 * r**-1.171)
-            assert tau / right == pytest.approx(target, abs=1e-3)
-            assert abs(tau * right / target - 1) > 0.25
 
 
 def test_derivative_time_for_short_dead_times():
@@ -118,38 +69,6 @@ def test_derivative_time_for_short_dead_times():
         controller = itae.pid_setpoint(unit(0.1, xi))
         assert controller.tau_d == pytest.approx(1 / (2 * xi), rel=0.07)
         assert controller.tau_i == pytest.approx(2 * xi, rel=0.04)
-
-
-@pytest.mark.parametrize(("k", "rule"), [key for key in PRINTED if key[1].endswith("load")])
-def test_exponentials_of_table_3_fall(k, rule):
-    """With the arguments as printed, positive, no time comes out; the one of tau_i is used in three of six tunings."""
-    tau, r, xi = values(rule, k)
-    for sign in (-1, 1):
-        share = 1 - math.exp(sign * xi / (-0.15 + 0.939 * r**-1.121))
-        inverse = -1.9 + 1.576 * r**-0.53 + share * (1.45 + 0.969 * r**-1.171)
-        assert (abs(tau / inverse - printed("tau_d")[k, rule]) <= 1e-3) == (sign == -1)
-        if r >= 0.4:
-            share = 1 - math.exp(sign * xi / (0.15 + 0.33 * r))
-            integral = -0.975 + 0.91 * (r - 1.845) ** 2 + share * (5.25 - 0.88 * (r - 2.8) ** 2)
-            assert (abs(tau * integral - printed("tau_i")[k, rule]) <= 1e-3) == (sign == -1)
-    assert (r >= 0.4) == ((k, rule) in [(2, "pid_load"), (3, "pid_load"), (2, "pida_load")])
-
-
-def test_acceleration_time_is_tau_d_times_f_a_of_the_given_model():
-    """f_d, printed in (12), misses the six printed times by a third and more; f_a of the changed model by 7 %."""
-    for (k, rule), target in printed("tau_a").items():
-        f, tau_d = itae.factors(model_of(k).process), RULES[rule](model_of(k).process).tau_d
-        tau, r, xi = values(rule, k)
-        assert tau_d * f.f_a == pytest.approx(target, abs=1.2e-3)
-        assert tau_d * f.f_d < 0.67 * target
-        assert abs(tau_d * itae.factors(pidalab.sopdt(1.0, tau, xi, r * tau)).f_a / target - 1) > 0.07
-
-
-def test_no_printed_tuning_tells_2_2122_from_2_212():
-    for k, rule in ((1, "pid_load"), (1, "pida_load"), (3, "pida_load")):
-        tau, r, _ = values(rule, k)
-        found = {round(tau * (c * r**0.52 - 0.3), 3) for c in (2.2122, 2.212)}
-        assert found == {printed("tau_i")[k, rule]}
 
 
 def load_gains(r, xi):
@@ -170,25 +89,6 @@ def test_gain_of_table_3_changes_with_the_ratio():
             kc = itae.pid_load(unit(r, xi)).kc
             assert kc == pytest.approx(load_gains(r, xi)[0 if round(r, 9) < 0.9 else 1], rel=1e-9)
             assert kc > 0
-
-
-@pytest.mark.parametrize(
-    ("r", "xi"), [(0.2, 1.0), (0.3, 1.5), (0.5, 1.2), (1.5, 0.5), (1.5, 0.8), (2.0, 0.6)]
-)
-def test_the_formula_chosen_by_the_ratio_has_the_smaller_itae(r, xi):
-    """What the rule is for, simulated: models for which the printed condition would choose the other formula."""
-    controller, t = itae.pid_load(unit(r, xi)), np.linspace(0, 60, 12001)
-
-    def cost(kc):
-        loop = pidalab.Loop(
-            unit(r, xi), pidalab.NonInteractivePIDA(kc, controller.tau_i, controller.tau_d, 0.0)
-        )
-        return pidalab.load_response(loop, t).itae()
-
-    low, high = load_gains(r, xi)
-    as_printed = low if xi <= 0.9 else high
-    assert as_printed != pytest.approx(controller.kc)
-    assert cost(controller.kc) < 0.97 * cost(as_printed)
 
 
 # Break points: value just after minus value just before, as a share of the latter.
@@ -214,17 +114,6 @@ def test_jumps_at_break_points(rule, name, variable, at, smallest, largest):
         before, after = (getattr(rule(unit(*x)), name) for x in where)
         jumps.append(after / before - 1)
     assert (min(jumps), max(jumps)) == pytest.approx((smallest, largest), abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    "inner", [((0.024, 0.216, 1.908), (0.009, 0.081, 6.407)), ((0.22, 0.02, 6.255), (0.0825, 0.0075, 18))]
-)
-def test_last_two_branches_of_f_a_meet_near_0_79(inner):
-    """In both halves of Table 1 and for any damping, not at the printed break point 1.0."""
-    for xi in DAMPINGS:
-        (a, b, c), (d, e, f) = inner
-        first, second = a + b * xi, d + e * xi
-        assert (second * f - first * c) / (first - second) == pytest.approx(0.7914, abs=1e-3)
 
 
 def test_branches_that_no_example_reaches():
@@ -261,13 +150,6 @@ def test_loops_with_the_model_are_stable(rule):
 def test_pida_load_is_not_always_stable(xi, unstable, stable):
     assert not pidalab.is_stable(pidalab.Loop(unit(unstable, xi), itae.pida_load(unit(unstable, xi))))
     assert pidalab.is_stable(pidalab.Loop(unit(stable, xi), itae.pida_load(unit(stable, xi))))
-
-
-def test_pida_load_cannot_be_stable_without_filters_where_the_acceleration_is_too_strong():
-    """Far above all lags |L| tends to kc tau_a^2/(2 tau^2); above 1 the dead time makes it unstable."""
-    controller = itae.pida_load(unit(2.0, 2.0))
-    assert controller.kc * controller.tau_a**2 / 2 == pytest.approx(1.333, abs=1e-3)
-    assert max(itae.pida_setpoint(unit(r, xi)).gains().ka for r in RATIOS for xi in DAMPINGS) < 1
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -320,12 +202,9 @@ def test_filters():
         (unit(0.0999, 1.0), r"dead time / time constant of the model must be from 0\.1 to 2, found 0\.0999"),
         (unit(2.001, 1.0), r"dead time / time constant of the model must be from 0\.1 to 2, found 2\.001"),
         (unit(1.0, 0.29), r"damping of the model must be from 0\.3 to 2, found 0\.29"),
-        (unit(1.0, 2.1), r"damping of the model must be from 0\.3 to 2, found 2\.1"),
         (pidalab.lags(3, delay=1.0), "model must have a constant numerator .* two stable poles"),
-        (pidalab.fopdt(1.0, 1.0, 1.0), "two stable poles"),
         (pidalab.Process([1.0, 1.0], [1.0, 1.0, 1.0], 1.0), "two stable poles"),
         (pidalab.Process([0.0], [1.0, 1.0, 1.0], 1.0), r"constant numerator \(not 0\)"),
-        (pidalab.Process([1.0], [1.0, 1.0, 0.0], 1.0), "two stable poles"),
         (pidalab.Process([1.0], [1.0, -1.0, 1.0], 1.0), "two stable poles"),
     ],
 )
@@ -395,9 +274,7 @@ def test_factors_that_are_refused():
 @pytest.mark.parametrize(
     ("rule", "r", "gain"),
     [
-        (itae.pida_setpoint, 5e-14, 1.0),  # the ratio is rounded to 0
         (itae.pida_load, 0.01, 1.0),  # the integral time is below 0
-        (itae.pida_load, 5.146, -2.0),  # beside the pole of the derivative time; the exponential overflows
         (itae.pida_load, 7.0, -2.0),  # the derivative time is below 0
     ],
 )

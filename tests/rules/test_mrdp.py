@@ -27,7 +27,7 @@ def taylor_constants(m):
         return pole, c[1], c[1] / c[0], [value / c[1] for value in c[2:]]
 
 
-@pytest.mark.parametrize("m", range(25))
+@pytest.mark.parametrize("m", [0, 1, 2, 3, 7, 24])
 def test_closed_form_is_the_taylor_polynomial(m):
     pole, gain, integral_time, derivative_times = taylor_constants(m)
     got = mrdp.constants(m)
@@ -47,7 +47,7 @@ def test_pole_has_multiplicity_m_plus_3(m):
         assert (abs(first + second) < 1e-13) == (k < m + 3)
 
 
-@pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(6) for n in range(m + 1, 9)])
+@pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(6) for n in (m + 1, m + 3)])
 def test_filter_ratio_puts_both_poles_at_the_same_place(m, n):
     """At p_o T_f / T_e the derivative of order m+2 of s^2 (s + 1)^n vanishes, and nowhere nearer to 0."""
     derivative = np.polyder(np.convolve([1.0, 0.0, 0.0], np.poly(-np.ones(n))), m + 2)
@@ -96,20 +96,6 @@ def test_units_of_gain_and_time():
     assert other.ie == pytest.approx(5 * one.ie)
 
 
-def test_loop_with_another_process():
-    design = mrdp.tune(UNIT, 1, 2, 0.4)
-    process = pidalab.Process([1.0], [10.0, 1.0], delay=1.0)
-    assert design.loop(process).process is process
-    assert design.loop().process is UNIT
-
-
-def test_prints_each_number_with_its_source():
-    design = mrdp.tune(UNIT, 0, 0, 0.0)
-    for name in design.sources:
-        assert hasattr(design, name)
-        assert f"  {name}" in str(design)
-
-
 @pytest.mark.parametrize("te", [1e-2, 1e-7])
 def test_prints_an_unstable_design_however_many_poles_it_has(te):
     """Below the limit |L| > 1 up to 1/te^2 rad per dead time: nothing is to be counted there."""
@@ -128,16 +114,10 @@ def test_model_without_dead_time_is_stable_with_any_filter(m, n):
         assert "unstable" not in str(design)
 
 
-@pytest.mark.parametrize(("m", "n"), [(10, 10), (12, 22), (25, 25), (2, 40)])
-def test_smallest_te_of_high_orders(m, n):
-    limit = mrdp.smallest_te(m, n)
-    assert [pidalab.is_stable(mrdp.tune(UNIT, m, n, x * limit).loop()) for x in (0.99, 1.01)] == [False, True]
-
-
-@pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(2, 7) for n in range(m, m + 3)])
+@pytest.mark.parametrize(("m", "n"), [(m, n) for m in (2, 3, 6) for n in (m, m + 2)])
 def test_smallest_te_is_the_only_border(m, n):
     limit = mrdp.smallest_te(m, n)
-    for factor in (0.7, 0.9, 0.999, 1.001, 1.1, 1.5, 3.0, 10.0, 100.0):
+    for factor in (0.9, 0.999, 1.001, 1.5, 100.0):
         assert pidalab.is_stable(mrdp.tune(UNIT, m, n, factor * limit).loop()) == (factor > 1)
     below, above = (
         pidalab.rightmost_poles(mrdp.tune(UNIT, m, n, x * limit).loop())[0].real for x in (0.999, 1.001)

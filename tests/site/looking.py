@@ -52,6 +52,36 @@ HINDRANCES = """() => {
   return found;
 }"""
 
+# Figures on a small screen, those in folds, too: words below 9 px (an index is a part of its word), and what is cut or
+# scrolls. A picture's words are read from its file.
+FIGURES = """async () => {
+  const shut = [...document.querySelectorAll("main details:not([open])")], found = [];
+  shut.forEach((fold) => { fold.open = true; });
+  const judge = (what, box, sizes) => {
+    if (Math.min(...sizes) < 9) found.push(`words of ${Math.min(...sizes).toFixed(1)} px in ${what}`);
+    if (box.left < 0 || box.right > innerWidth) found.push(`cut: ${what}`);
+  };
+  for (const image of document.querySelectorAll("main img[src$='.svg']")) {
+    const box = image.getBoundingClientRect();
+    for (let one = image; one.matches("main *"); one = one.parentElement)
+      if (one.scrollWidth > one.clientWidth + 1 && /auto|scroll/.test(getComputedStyle(one).overflowX))
+        found.push(`scrolls: ${image.src}`);
+    if (!box.width) continue;
+    const drawn = new DOMParser().parseFromString(await (await fetch(image.src)).text(), "image/svg+xml");
+    const scale = box.width / drawn.documentElement.viewBox.baseVal.width;
+    const own = (word) => word.closest("[font-size]")?.getAttribute("font-size") || 0; // of a hand-written file
+    const size = (word) => Math.max(...[word, ...word.children].map((one) => parseFloat(one.style.fontSize || own(word))));
+    judge(image.src, box, [...drawn.querySelectorAll("text")].map((word) => scale * size(word)));
+  }
+  for (const plot of document.querySelectorAll("main svg.lab-plot")) {
+    const box = plot.getBoundingClientRect(), scale = box.width / plot.viewBox.baseVal.width;
+    const sizes = [...plot.querySelectorAll("text")].map((word) => parseFloat(getComputedStyle(word).fontSize));
+    if (box.width) judge(plot.textContent, box, sizes.map((size) => scale * size));
+  }
+  shut.forEach((fold) => { fold.open = false; });
+  return found;
+}"""
+
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
 # Formulas as boxes of their size and code as plain text: axe-core is not to take their thousands of parts apart. The
@@ -188,7 +218,7 @@ def looked_over(page: Page) -> list[str]:
     """What is wrong with a page that was opened in light, narrow and wide; its formulas become boxes."""
     page.add_style_tag(content=STILL)
     page.set_viewport_size(NARROW)
-    wrong = [f"narrow: {problem}" for problem in problems(page)]
+    wrong = [f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES)]
     page.set_viewport_size(WIDE)
     wrong += problems(page)
     page.evaluate(PLAINER)

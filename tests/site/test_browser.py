@@ -186,6 +186,10 @@ def test_print_unfolds_all_but_answers(home, visit):
 
 BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</main></html>"""
 GOOD = "<p>good</p>" * 20  # so many that not all of a kind are judged
+SVG = (  # of a width, with a word of a size
+    "<img alt='x' style='width: %dpx' src=\"data:image/svg+xml,%%3Csvg xmlns='http://www.w3.org/2000/svg' "
+    "viewBox='0 0 600 9'%%3E%%3Ctext style='font-size: %dpx'%%3Ex%%3C/text%%3E%%3C/svg%%3E#.svg\">"
+)
 LARGE = "<p style='color: #888; font-size: 30px'>large</p>" * 20
 LINKS = "<p>many words <a href='#'>a link</a> more words</p>" * 20
 
@@ -237,6 +241,9 @@ def test_bad_page_is_caught(html, found, bad_page):
     [
         ("<p>$$K_p$$</p>", "maths left raw"),
         ("<div style='width: 100%; min-width: 600px'>wide</div>", "narrow: page"),
+        (SVG % (500, 6), "narrow: words of 5"),
+        ("<div style='overflow: auto'>" + SVG % (900, 30) + "</div>", "narrow: scrolls"),
+        (SVG % (900, 30), "narrow: cut"),
         ("<img src='data:,' alt='x'><a href='#'></a>", "axe link-name"),
         ("<pre>code <a href='#'></a></pre>", "axe link-name"),
     ],

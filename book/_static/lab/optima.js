@@ -1,6 +1,6 @@
 /* Optima from which the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each
    plant of the lab, with Ms at most 1.4 and a gain from noise to u of at most 20/K, K the gain of the
-   plant. Written by tools/optima.py. */
+   plant. Written by studies/lab_optima.py. */
 globalThis.pidalabOptima = { ms: 1.4, noise: 20, designs: {
   "lags3": {
     "PI": {"kp": 0.3297703, "ti": 1.981397, "td": 0.0, "ta": 0.0, "filterTime": 0.001416565, "filterOrder": 1},

@@ -2,7 +2,7 @@
 
    pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element
    `host`; a second call moves the lines, and draws the axes anew where they changed. An axis has a `range`, or shows what its lines need; `around` says what of them. A line with `stairs` holds each value until the next. `kind` 0, 1, 2 … takes the colour and dash of that design, "mark" a thin grey line,
-   "dots" a record. `handles` are dots {x, y, label, drag}: a drag calls drag(x, y). A pointer over the plot calls `follow` with the
+   "dots" a record. `notes` are {x, y, words, anchor, below} at a place; `handles` are dots {x, y, label, drag}: a drag calls drag(x, y). A pointer over the plot calls `follow` with the
    place on the horizontal axis, and pidalabPlot.point(host, place) shows there the values of all lines, along their `by` where
    that is not x. A mouse that draws a box zooms, a double click undoes that. All colours come from the style sheet, so that both themes fit. */
 (function () {
@@ -206,7 +206,8 @@
 
   /* What lies before the lines: handles, the box of a zoom, and the values at a place. */
   function showFront(found) {
-    const { px, py, at, box, picture: { lines, handles = [] } } = found, parts = [], words = [];
+    const { px, py, at, box, picture: { lines, notes = [], handles = [] } } = found, parts = [], words = [];
+    for (const { x, y, words, anchor = "middle", below } of notes) parts.push(["text", { x: word(place(px, x)), y: word(place(py, y) + (below ? 24 : -9)), "text-anchor": anchor }, words]);
     if (box) parts.push(["rect", { class: "lab-box", x: Math.min(box[0], box[2]), y: Math.min(box[1], box[3]), width: Math.abs(box[2] - box[0]), height: Math.abs(box[3] - box[1]) }]);
     if (at != null) {
       const straight = lines.every(({ by }) => !by), across = place(px, at);

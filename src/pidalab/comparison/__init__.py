@@ -114,9 +114,12 @@ class Comparison:
         """
         import matplotlib.pyplot as plt
 
+        from pidalab._style import LOOKS
+
         shown = sorted((row for row in self.rows if row.applies), key=lambda row: -row.iae_load)
-        figure, ax = plt.subplots(figsize=(6.4, 1.2 + 0.22 * len(shown)), layout="constrained")
-        for kind, colour in zip(KINDS, ("C0", "C1", "C2"), strict=True):
+        figure, ax = plt.subplots(figsize=(6.4, 1.4 + 0.26 * len(shown)), layout="constrained")
+        for kind in KINDS:
+            colour = LOOKS[kind]["color"]
             for kept in (True, False):
                 places = [i for i, row in enumerate(shown) if row.kind == kind and self.keeps(row) is kept]
                 label = f"{kind}, {'keeps both limits' if kept else 'does not'}"
@@ -124,10 +127,10 @@ class Comparison:
                 iae = [shown[i].iae_load for i in places]
                 if places:
                     ax.plot(iae, places, MARKS[kind], color=colour, markerfacecolor=face, label=label)
-        ax.set_yticks(range(len(shown)), [f"{row.rule} {row.kind}" for row in shown], fontsize=9)
+        ax.set_yticks(range(len(shown)), [f"{row.rule} {row.kind}" for row in shown])
         ax.set(xscale="log", xlabel="IAE of a unit load step (y × time)")
         ax.grid(alpha=0.3)
-        figure.legend(loc="outside upper left", ncols=2, fontsize=9)
+        figure.legend(loc="outside upper left", ncols=2)
         return figure
 
 

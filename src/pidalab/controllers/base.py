@@ -254,7 +254,7 @@ class Controller(Block):
         return "\n".join(lines)
 
 
-def stored(controller: Controller, names: Sequence[str], **bounds: float) -> None:
+def coerce_floats(controller: Controller, names: Sequence[str], **bounds: float) -> None:
     """Check attributes of a frozen controller and store them as plain floats."""
     for name in names:
         object.__setattr__(controller, name, _check.real(name, getattr(controller, name), **bounds))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab.controllers.base import Controller, Fraction, stored, without_common_s
+from pidalab.controllers.base import Controller, Fraction, coerce_floats, without_common_s
 from pidalab.forms import FilteredGains, IdealGains
 from pidalab.process import binomial
 
@@ -100,11 +100,11 @@ class PIDA(Controller):
     m: float = 10
 
     def __post_init__(self) -> None:
-        stored(self, ("kp",))
-        stored(
+        coerce_floats(self, ("kp",))
+        coerce_floats(
             self, ("n", "m") if np.ndim(self.ti) == 0 and self.ti == math.inf else ("ti", "n", "m"), above=0.0
         )
-        stored(self, ("td", "ta"), at_least=0.0)
+        coerce_floats(self, ("td", "ta"), at_least=0.0)
         if self.kp == 0:
             raise ValueError("kp must not be 0, found 0")
 
@@ -182,9 +182,9 @@ class NonInteractivePIDA(Controller):
     alpha_a: float = 0.025
 
     def __post_init__(self) -> None:
-        stored(self, ("kc",))
-        stored(self, ("tau_i", "alpha_d", "alpha_a"), above=0.0)
-        stored(self, ("tau_d", "tau_a"), at_least=0.0)
+        coerce_floats(self, ("kc",))
+        coerce_floats(self, ("tau_i", "alpha_d", "alpha_a"), above=0.0)
+        coerce_floats(self, ("tau_d", "tau_a"), at_least=0.0)
         if self.kc == 0:
             raise ValueError("kc must not be 0, found 0")
 

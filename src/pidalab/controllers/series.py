@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.controllers.base import AutomaticReset, Controller, Fraction, stored, without_common_s
+from pidalab.controllers.base import AutomaticReset, Controller, Fraction, coerce_floats, without_common_s
 from pidalab.forms import FilteredGains, IdealGains
 from pidalab.process import binomial
 
@@ -61,8 +61,8 @@ class SeriesPIDA(Controller):
     limits: tuple[float, float] = (-math.inf, math.inf)
 
     def __post_init__(self) -> None:
-        stored(self, ("kp", "kd", "ka"))
-        stored(self, ("ti", "filter_time"), above=0.0)
+        coerce_floats(self, ("kp", "kd", "ka"))
+        coerce_floats(self, ("ti", "filter_time"), above=0.0)
         _check.order("filter_order", self.filter_order, at_least=2 if self.ka else 1 if self.kd else 0)
         object.__setattr__(self, "limits", _check.limits(self.limits))
 

@@ -371,13 +371,13 @@ class Ledger:
         """
         return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
 
-    def table(self, prefix: str = "") -> Display:
+    def table(self, *prefixes: str) -> Display:
         """Return rows of the file as a table, printed beside computed.
 
         Parameters
         ----------
-        prefix : str, optional
-            What the ids start with, the key of the paper apart; by default the table has all rows.
+        *prefixes : str
+            What the ids start with, the key of the paper apart; without any the table has all rows.
 
         Returns
         -------
@@ -386,7 +386,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            If no id starts with `prefix`.
+            If no id starts with one of the prefixes.
 
         Examples
         --------
@@ -395,9 +395,14 @@ class Ledger:
         verdict     claim                    printed  computed  difference
         reproduced  demo.kp: gain (Table 1)  1.31     1.3098    -0.0
         """
-        rows = [row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))]
-        if not rows:
-            raise LedgerError(f"{self.paper}: no id starts with {prefix}")
+        rows = []
+        for prefix in prefixes or ("",):
+            found = [
+                row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))
+            ]
+            if not found:
+                raise LedgerError(f"{self.paper}: no id starts with {prefix}")
+            rows += found
         return display.claims(rows)
 
 

@@ -14,6 +14,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from pidalab._check import Array
+from pidalab._style import GREY, LOOKS, STYLE
 from pidalab.response import Response
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.simulation.exact import load_response, step_response
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from pidalab.judging import Row
     from pidalab.reporting import Report
 
-LINES = {"PI": ("#1f5fa8", "-"), "PID": ("#c8591a", "--"), "PIDA": ("#2a8f5b", "-.")}
 LEFT = 0.005  # share of the largest error, below which a figure need not go on
 DRAWN = 8  # plants of the spread in the figure
 CURVE = 500  # points of a curve in the figure
@@ -57,7 +57,7 @@ def page(report: Report, title: str, sections: Sequence[tuple[str, str]]) -> str
 def svg(report: Report) -> str:
     """Return the figure as an element of a page, the same to the byte on every run."""
     text = io.StringIO()
-    with rc_context({"svg.hashsalt": "pidalab"}):
+    with rc_context(STYLE):  # type: ignore[arg-type]
         figure(report).savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     return text.getvalue()[text.getvalue().index("<svg") :]
 
@@ -67,8 +67,8 @@ def figure(report: Report) -> Figure:
     able = [row for row in report.rows if row.applies]
     if not able:
         raise ValueError("there is nothing to draw: no candidate is stable with the model")
-    with rc_context({"font.size": 9, "axes.titlesize": 9, "axes.grid": True, "grid.alpha": 0.3}):
-        drawn = Figure(figsize=(6.4, 7.4), layout="constrained")
+    with rc_context(STYLE):  # type: ignore[arg-type]
+        drawn = Figure(figsize=(6.4, 8.4))
         FigureCanvasSVG(drawn)
         axes = drawn.subplots(3, 2)
         _draw_responses(axes, able)
@@ -100,8 +100,7 @@ def _draw_responses(axes: Any, rows: Sequence[Row]) -> None:
             assert row.design is not None
             response = simulate(row.design.loop(), t)
             for panel, values in zip(axes[:2, column], (response.y, response.u), strict=True):
-                colour, dash = LINES[row.kind]
-                panel.plot(t, values, dash, color=colour, label=row.kind)
+                panel.plot(t, values, **LOOKS[row.kind], label=row.kind)
         axes[0, column].set(title=f"unit step of the {name.replace('setpoint', 'set point')}")
         axes[1, column].set(xlabel="time")
     axes[0, 0].set(ylabel="output y")
@@ -112,8 +111,7 @@ def _draw_noise(ax: Any, rows: Sequence[Row]) -> None:
     w = _frequencies(rows, 0.05, 50.0)
     for row in rows:
         assert row.design is not None
-        colour, dash = LINES[row.kind]
-        ax.loglog(w, np.abs(row.design.loop().transfer("u", "n", 1j * w)), dash, color=colour)
+        ax.loglog(w, np.abs(row.design.loop().transfer("u", "n", 1j * w)), **LOOKS[row.kind])
     ax.set(xlabel="frequency, rad per time unit", ylabel="gain from noise to u")
 
 
@@ -121,15 +119,15 @@ def _draw_nyquist(ax: Any, report: Report, rows: Sequence[Row]) -> None:
     w = _frequencies(rows, 0.1, 30.0)
     for row in rows:
         assert row.design is not None
-        colour, dash = LINES[row.kind]
+        look = LOOKS[row.kind]
         for plant in report.plants[:DRAWN]:
             value = row.design.loop(plant).L(1j * w)
-            ax.plot(value.real, value.imag, "-", color=colour, alpha=0.25, linewidth=0.6)
+            ax.plot(value.real, value.imag, "-", color=look["color"], alpha=0.25, linewidth=0.6)
         value = row.design.loop(report.process).L(1j * w)
-        ax.plot(value.real, value.imag, dash, color=colour)
+        ax.plot(value.real, value.imag, **look)
     angle = np.linspace(0.0, 2 * np.pi, 200)
-    ax.plot(-1 + np.cos(angle) / report.ms, np.sin(angle) / report.ms, ":", color="#555555")
-    ax.plot([-1], [0], "+", color="#555555")
+    ax.plot(-1 + np.cos(angle) / report.ms, np.sin(angle) / report.ms, ":", color=GREY)
+    ax.plot([-1], [0], "+", color=GREY)
     ax.set(
         xlim=(-1.9, 0.5),
         ylim=(-1.5, 0.9),

@@ -307,7 +307,7 @@ def chien_hrones_reswick(
 ) -> Design:
     r"""Chien, Hrones and Reswick's rule: the fastest response without overshoot, or with 20 % of it.
 
-    With :math:`a = K L/T`, as in Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2:
+    With :math:`a = K L/T`, as it is quoted after Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2:
 
     ========  =========  ========  =====  =========  =====  ======
     step      overshoot  PI: a kp  ti     PID: a kp  ti     td
@@ -342,6 +342,10 @@ def chien_hrones_reswick(
 
     Notes
     -----
+    The original paper was not at hand. All eight settings are as an independent public program quotes the table, those
+    for the set point as several do. Copies with more digits have ti = 1.16 T (set point 0 %, PI), ti = 1.357 T and
+    td = 0.473 L (set point 20 %, PID), ti = 2.357 L (load 0 %, PID); German textbooks round 1.357 T to 1.35 T.
+
     The authors had an analogue computer and the model of a lag and a dead time. With that model, ``n = 10``, and T/L
     from 4 to 50, exact simulation gives for 0 %: at most 2 % after the set point, and after the load 0 % (PI) and up to
     9 % (PID) of the largest deviation. For 20 %: 11.6 % (PI) and 27 to 39 % (PID) after the set point, and after the
@@ -396,15 +400,10 @@ def _lag_or_integrator(model: Process) -> tuple[bool, float, float, float]:
     """Return whether the model integrates, its gain, its lag (infinite for an integrator) and its dead time."""
     require_process("model", model)
     integrating = len(model.den) == 2 and model.den[-1] == 0
-    gain, lag = (integrator(model)[0], math.inf) if integrating else _first_order(model)
+    gain, (lag,) = (integrator(model)[0], (math.inf,)) if integrating else lags(model, 1)
     if model.delay == 0:
         raise ValueError(f"model must have a dead time above 0: this rule divides by it; found {model!r}")
     return integrating, gain, lag, model.delay
-
-
-def _first_order(model: Process) -> tuple[float, float]:
-    gain, (lag,) = lags(model, 1)
-    return gain, lag
 
 
 def _half_rule(model: Process, keep: int) -> tuple[float, list[float], float, bool]:

@@ -34,6 +34,7 @@ from pidalab.rules._sampled import sampled_noise
 
 ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
 KINDS = tuple(ORDER)
+TESTS = ("load", "setpoint")  # steps that a rule is made for
 # dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of an automatic reset
@@ -176,8 +177,22 @@ def _imc(model: Process, kind: str, limits: Limits) -> Design:
     return Design(model, itae.imc_pid(model), source="heo2023, rows IMC")
 
 
-def _direct(test: str) -> Callable[[Process, str, Limits], Design]:
-    return lambda model, kind, limits: direct.tune(model, test)
+def _itae(test: str) -> Rule:
+    source, models = "heo2023, Table 1 and eqs. (9) and (12)", _from("second_order", "PID", "PIDA")
+    return Rule(f"itae {test}", source, models, _by_kind(itae.tune, test), _short("itae", test))
+
+
+def _direct(test: str) -> Rule:
+    def design(model: Process, kind: str, limits: Limits) -> Design:
+        return direct.tune(model, test)
+
+    source, models = "fitted to optima, not from a paper", _from("second_order", "PIDA")
+    return Rule(f"direct {test}", source, models, design, _short("direct", test))
+
+
+def _short(name: str, test: str) -> str:
+    """A rule for two tests has its short name where it is meant for the load."""
+    return name if test == "load" else ""
 
 
 def _magnitude_optimum(model: Process, kind: str, limits: Limits) -> Design:
@@ -271,34 +286,10 @@ RULES: dict[str, Rule] = {
             _by_kind(classical.ziegler_nichols_ultimate),
             short="ziegler-nichols",
         ),
-        *(_chr(test, overshoot) for test, overshoot in product(("load", "setpoint"), (0, 20))),
+        *(_chr(test, overshoot) for test, overshoot in product(TESTS, (0, 20))),
         Rule("imc", "heo2023, rows IMC", {"PID": "first_order"}, _imc),
-        Rule(
-            "itae load",
-            "heo2023, Table 1 and eqs. (9) and (12)",
-            _from("second_order", "PID", "PIDA"),
-            _by_kind(itae.tune, "load"),
-            short="itae",
-        ),
-        Rule(
-            "itae setpoint",
-            "heo2023, Table 1 and eqs. (9) and (12)",
-            _from("second_order", "PID", "PIDA"),
-            _by_kind(itae.tune, "setpoint"),
-        ),
-        Rule(
-            "direct load",
-            "fitted to optima, not from a paper",
-            {"PIDA": "second_order"},
-            _direct("load"),
-            short="direct",
-        ),
-        Rule(
-            "direct setpoint",
-            "fitted to optima, not from a paper",
-            {"PIDA": "second_order"},
-            _direct("setpoint"),
-        ),
+        *map(_itae, TESTS),
+        *map(_direct, TESTS),
         Rule(
             "magnitude optimum",
             "vrancic2021, eqs. (8) and (14) to (17)",

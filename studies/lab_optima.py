@@ -21,7 +21,7 @@ MS, NOISE = 1.4, 20.0  # largest Ms, and largest gain from noise to control, in 
 KINDS = ("PI", "PID", "PIDA")
 HEAD = """/* Optima from which the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each
    plant of the lab, with Ms at most {ms:g} and a gain from noise to u of at most {noise:g}/K, K the gain of the
-   plant. Written by tools/optima.py. */
+   plant. Written by studies/lab_optima.py. */
 globalThis.pidalabOptima = """
 
 

@@ -1,0 +1,120 @@
+"""The map of the page: roll-off and dead time of a plant lead to a kind, a rule, a saving, and the lab."""
+
+from __future__ import annotations
+
+import base64
+import json
+from html import escape
+
+import numpy as np
+import pandas as pd
+from IPython.display import HTML
+
+import tables
+import words
+
+ROLLOFF = (-np.inf, 0.5, 1.0, 1.5, 2.0, np.inf)
+DEAD = (-np.inf, 1e-3, 0.1, 0.2, 1 / 3, 2 / 3, np.inf)
+ROWS = ("< 0.5", "0.5–1", "1–1.5", "1.5–2", "≥ 2")
+COLUMNS = ("0", "< 0.1", "0.1–0.2", "0.2–0.33", "0.33–0.67", "≥ 0.67")
+FEW = 3  # plants of a field, of which a rule must serve as many for a recommendation
+PERIODS = 6.0  # ultimate periods that the lab shows
+
+
+def fields() -> pd.DataFrame:
+    """The 134 plants, with the field of the map that each is in."""
+    table = tables.plants()
+    row = pd.cut(table["rolloff"], ROLLOFF, right=False, labels=False)
+    return table.assign(row=row, column=pd.cut(table["dead_time"], DEAD, right=False, labels=False))
+
+
+def facts(some: pd.DataFrame, study: tuple[pd.DataFrame, ...]) -> dict[str, object]:
+    """What the study says of the plants of a field."""
+    enough, saves, loud = (table[table["plant"].isin(some["plant"])] for table in study)
+    saves = saves.groupby("terms")["saves"]
+    rules = loud.groupby(["rule", "kind"])["of_best"].agg(["size", "median"]).reset_index()
+    rules = rules[rules["size"] >= min(FEW, len(some))].sort_values("median")
+    center = some[["rolloff", "dead_time"]].median()
+    far = ((some[["rolloff", "dead_time"]] - center) / (0.5, 0.2)).pow(2).sum(axis=1)
+    return {
+        "kinds": {term: common(enough, noise) for term, noise in tables.NOISE.items()},
+        "saves": {
+            term: (saves.median()[term], saves.min()[term], saves.max()[term]) for term in tables.NOISE
+        },
+        "rule": tables.with_kind(*rules.iloc[0][["rule", "kind"]]) if len(rules) else None,
+        "distance": rules.iloc[0]["median"] if len(rules) else None,
+        "typical": some.loc[far.idxmin()],
+    }
+
+
+def common(enough: pd.DataFrame, noise: float) -> str:
+    """The kind that is enough for the most plants of a field; of two, the simpler one."""
+    count = enough[enough["noise_limit"] == noise]["enough"].value_counts()
+    return max(tables.KINDS, key=lambda kind: (count.get(kind, 0), -tables.KINDS.index(kind)))
+
+
+def lab(plant: pd.Series, kind: str) -> str:
+    """The address of the lab with a plant, the best controller of a kind, and that of the kind below."""
+    num, den = ([float(x) for x in plant[key].split()] for key in ("num", "den"))
+    given = {"num": num, "den": den, "delay": float(plant["delay"])}
+    given["end"] = float(f"{PERIODS * plant['ultimate_period']:.3g}")
+    below = tables.KINDS[max(tables.KINDS.index(kind) - 1, 0)]
+    designs = [{"kind": each, "rule": "optimum"} for each in dict.fromkeys((kind, below))]
+    text = json.dumps({"plant": "given", "given": given, "designs": designs})
+    code = base64.b64encode(text.encode()).decode().replace("+", "_").replace("/", "-").rstrip("=")
+    return f"../lab.html#lab-{code}"
+
+
+def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
+    """What a click on a field shows."""
+
+    def saving(term: str) -> str:
+        middle, least, most = (f"{100 * x:.0f}" for x in found["saves"][term])
+        return f"{middle} % in the median, from {least} to {most} %"
+
+    kinds = found["kinds"]
+    rule = "none serves here"
+    if found["rule"]:
+        rule = f"{found['rule']}; IAE {found['distance']:.2f} times the least, in the median"
+    rows = {
+        "Simplest kind within 20 % of the best": f"{kinds['loud']} where noise may be loud, {kinds['quiet']} where "
+        "it must be quiet",
+        "Acceleration saves, noise loud": saving("loud"),
+        "Acceleration saves, noise quiet": saving("quiet"),
+        "Nearest rule, noise loud": rule,
+    }
+    plant = found["typical"]
+    text = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in rows.items())
+    return (
+        f'<div class="map-panel" id="{name}"><p><strong>{escape(title)}</strong>, {len(some)} '
+        f"plant{'s' if len(some) > 1 else ''}</p><dl>{text}</dl>"
+        f'<p><a href="{lab(plant, kinds["loud"])}">Open the lab</a> with {escape(plant["plant"])}, typical of these.'
+        "</p></div>"
+    )
+
+
+def shown() -> HTML:
+    """The map: a field for each pair of ranges, coloured by the kind that is enough where noise may be loud."""
+    table, body, panels = fields(), [], []
+    study = words.simplest(), tables.pays(), tables.compared("loud").dropna(subset=["of_best"])
+    for i in reversed(range(len(ROWS))):
+        cells = [f'<th scope="row">{escape(ROWS[i])}</th>']
+        for j in range(len(COLUMNS)):
+            some = table[(table["row"] == i) & (table["column"] == j)]
+            if some.empty:
+                cells.append("<td></td>")
+                continue
+            found, name = facts(some, study), f"map-{i}-{j}"
+            kind, saves = found["kinds"]["loud"], 100 * found["saves"]["loud"][0]
+            cells.append(
+                f'<td class="map-{kind}"><a href="#{name}"><strong>{kind}</strong><br>{saves:.0f} %</a></td>'
+            )
+            title = f"Roll-off {ROWS[i]}, dead time {COLUMNS[j]}"
+            panels.append(panel(name, title, some, found))
+        body.append(f"<tr>{''.join(cells)}</tr>")
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in COLUMNS)
+    return HTML(
+        '<div class="plant-map"><table><caption>Normalised dead time to the right, roll-off upwards. In a field the '
+        "simplest kind that is enough where noise may be loud, and what acceleration saves of the IAE there.</caption>"
+        f"<thead><tr><td></td>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>{''.join(panels)}</div>"
+    )

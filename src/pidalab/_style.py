@@ -1,0 +1,77 @@
+"""What figures look like: a colour and a dash for each kind of controller, and sizes that can be read on a phone."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+GREY = "#808080"  # of limits, set points and records
+LOOKS: dict[str, dict[str, Any]] = {  # the same as in the lab, book/_static/lab/lab.css
+    "PIDA": {"color": "#1f5fa8", "linestyle": "-"},
+    "m = 3": {"color": "#2a8f5b", "linestyle": (0, (6, 1.5))},
+    "m = 4": {"color": "#8a4fa3", "linestyle": (0, (1, 1.5))},
+    "PID": {"color": "#c8591a", "linestyle": (0, (3.5, 1.5))},
+    "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
+}
+OTHERS = ("m = 3", "m = 4", "PID", "PI", "PIDA")  # looks of a second design of a kind, the first that is free
+STYLE: dict[str, Any] = {
+    "figure.dpi": 100,
+    "figure.figsize": (6.4, 4.0),
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+    "axes.facecolor": "none",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.titlesize": "medium",
+    "axes.titlelocation": "left",
+    "axes.prop_cycle": cycler(
+        **{key: [look[key] for look in LOOKS.values()] for key in ("color", "linestyle")}
+    ),
+    "grid.color": GREY,
+    "grid.alpha": 0.25,
+    "font.size": 12,  # points: the size of the text, and 9 px where a figure 6.4 inches wide fills a phone
+    "figure.titlesize": "medium",
+    "figure.labelsize": "medium",
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "lines.linewidth": 1.8,
+    "figure.constrained_layout.use": True,
+    "svg.fonttype": "none",  # words, not outlines: they have the font of the page around them
+    "svg.hashsalt": "pidalab",
+}
+
+
+def kind_of(label: str) -> str | None:
+    """Return the kind of controller that a label names; "m = 2" and "PID₄²" are those with two derivatives."""
+    if found := re.match(r"m = ([0-4])|PID[₀-₉]([⁰¹²³⁴])", label):
+        derivatives = int(found[1] or "⁰¹²³⁴".index(found[2]))
+        return ("PI", "PID", "PIDA", "m = 3", "m = 4")[derivatives]
+    named = re.search(r"\b(PIDA|PID|PI)(?![A-Za-z])", label)
+    return named[1] if named else None
+
+
+class BookAxes(Axes):
+    """Axes whose lines look as the kind of controller in their label does; a figure remembers who has which look."""
+
+    name = "rectilinear"
+
+    def plot(self, *args: Any, **kwargs: Any) -> list[Line2D]:
+        label = kwargs.get("label")
+        if isinstance(label, str) and kind_of(label) and not {"color", "c"} & set(kwargs):
+            look = dict(self._look(label))
+            if {"linestyle", "ls"} & set(kwargs) or any(isinstance(each, str) for each in args):
+                del look["linestyle"]
+            kwargs |= look
+        return super().plot(*args, **kwargs)
+
+    def _look(self, label: str) -> dict[str, Any]:
+        given = vars(self.figure).setdefault("_pidalab_looks", {})
+        if label not in given:
+            order = (kind_of(label), *OTHERS)
+            given[label] = next((each for each in order if each not in given.values()), order[0])
+        return LOOKS[given[label]]

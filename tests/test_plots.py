@@ -1,0 +1,42 @@
+"""Figures of the book: a kind of controller looks the same in all of them."""
+
+import matplotlib.pyplot as plt
+import pytest
+
+from pidalab import plots
+from pidalab._style import LOOKS
+
+
+@pytest.fixture
+def axes():
+    with plt.rc_context():
+        plots.use_book_style()
+        figure, axes = plt.subplots(1, 2)
+        yield axes
+        plt.close(figure)
+
+
+def look(line):
+    return next(kind for kind, look in LOOKS.items() if look["color"] == line.get_color())
+
+
+def drawn(ax, *labels, **style):
+    return [look(ax.plot([0, 1], [0, 1], label=label, **style)[0]) for label in labels]
+
+
+def test_a_kind_has_its_look_in_any_order(axes):
+    assert drawn(axes[0], "PI", "PID", "PIDA") == ["PI", "PID", "PIDA"]
+    assert drawn(axes[1], "PIDA, Ms 1.4", "m = 0", "PID₃²") == ["m = 3", "m = 4", "PIDA"]
+
+
+def test_a_second_design_of_a_kind_keeps_its_look_in_every_panel(axes):
+    assert drawn(axes[0], "PIDA$_1$", "PIDA$_2$") == ["PIDA", "m = 3"]
+    assert drawn(axes[1], "PIDA$_2$", "PIDA$_1$") == ["m = 3", "PIDA"]
+
+
+def test_marks_and_given_dashes_keep_their_own(axes):
+    (line,) = axes[0].plot([0, 1], [0, 1], "o", label="PID")
+    assert (look(line), line.get_linestyle()) == ("PID", "None")
+    (line,) = axes[0].loglog([1, 2], [1, 2], linestyle=":", label="PI")
+    assert (look(line), line.get_linestyle()) == ("PI", ":")
+    assert axes[0].plot([0, 1], [0, 1], color="red", label="PIDA")[0].get_color() == "red"
