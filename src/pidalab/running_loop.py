@@ -242,7 +242,7 @@ def _biased(fitted: Fit, loop: Loop) -> list[str]:
     from pidalab.simulation.exact import simulate
 
     record, rest = fitted.record, fitted.residuals
-    if together(rest) < COLOURED or fitted.deviation < CLEARER * fitted.noise:
+    if together(rest) < COLOURED:
         return []
     t = np.linspace(0.0, float(np.ptp(record.t)), rest.size)
     share = float(np.var(simulate(loop, t, noise=rest).u) / np.var(record.u))

@@ -384,7 +384,7 @@ class Record:
                     f"the input takes more than {np.ptp(slow):.3g} to go from {step.before:.6g} to {step.after:.6g}: "
                     "what looks at a step takes it for one at half the way; fit takes the input as it is"
                 )
-        for end in (self.u.max(), self.u.min()) if self.experiment in MOVING else ():
+        for end in (self.u.max(), self.u.min()) if self.experiment == MOVING else ():
             away = np.flatnonzero(np.abs(self.u - end) > 1e-3 * np.ptp(self.u))
             longest = int(np.diff(away, prepend=-1, append=self.u.size).max()) - 1
             if longest > max(FEW, LONG * self.u.size):
