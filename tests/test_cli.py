@@ -113,6 +113,26 @@ def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
     assert "<svg" in (tmp_path / "report.html").read_text()
 
 
+def test_check_judges_the_gains_of_a_log(tmp_path):
+    running = pidalab.PIDA(kp=0.6, ti=12.0)
+    loop = pidalab.Loop(pidalab.fopdt(2.0, 12.0, 4.0), running.discretise(1.0))
+    t = np.arange(150.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.02, t.size)
+    log = pidalab.simulate_sampled(loop, t, setpoint=np.where(t < 20, 0.0, 1.0), noise=noise)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack([t, log.u, log.y + noise]), delimiter=",", header="t,u,y", comments="")
+    result = run(
+        "check", path, "--kp", 0.6, "--ti", 12, "--sample-time", 1, "--filter", 0.5, "--model", "fopdt"
+    )
+    assert result.exit_code == 0, result.output
+    low, high = map(float, re.search(r"these gains: Ms \S+; (\S+) to (\S+) with", result.stdout).groups())
+    filtered = pidalab.Loop(loop.process, running, pidalab.fopdt(1.0, 0.5, 0.0))
+    assert low <= pidalab.max_sensitivity(filtered)[0] + 0.1 <= high + 0.1
+    for name in ("now", "best like it", "calmer", "same noise", "faster"):
+        assert re.search(rf"^  {name} ", result.stdout, flags=re.MULTILINE)
+    assert run("check", path, "--kp", -0.6, "--ti", 12, "--model", "fopdt").exit_code == 1
+
+
 def test_an_unsafe_design_is_refused_and_nothing_is_written(record, tmp_path):
     options = ("--kind", "PI", "--sample-time", 0.2, "--rule", "ziegler-nichols", "--spread", 0.4)
     result = run("tune", record, *options, "--out", tmp_path / "out")
@@ -163,7 +183,7 @@ def test_usage_is_status_2_and_help_has_an_example(record):
     assert long.exit_code == 2
     assert "--until must be at most 1e+07 samples of 1e-09, found 30" in long.stderr
     assert run("tclab", "--power", 500).exit_code == 2
-    for command in ("tune", "report", "compare", "simulate", "tclab"):
+    for command in ("tune", "report", "check", "compare", "simulate", "tclab"):
         assert re.search(rf"Examples?:\n\s+pidalab {command}\b", run(command, "--help").stdout)
 
 

@@ -35,6 +35,8 @@ def test_short_answers_run(capsys):
     # what the words beside them claim
     assert space["overshoot"](space["ms"]) == pytest.approx(5.0, abs=0.2)
     assert space["quiet"].deadband == 0.02
+    assert space["low"] < pidalab.margins(space["heater"]).ms < space["high"]
+    assert space["after"] == space["before"][1]
     plt.close("all")
 
 

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         unstable_poles as unstable_poles,
     )
     from pidalab.rules import Design as Design
+    from pidalab.running_loop import Check as Check, check as check
     from pidalab.simulation.exact import (
         load_response as load_response,
         open_loop_step as open_loop_step,
@@ -99,6 +100,7 @@ HOMES = {
     "robustness.many": ("margins_many",),
     "robustness.poles": ("is_stable", "rightmost_poles", "unstable_poles"),
     "rules": ("Design",),
+    "running_loop": ("Check", "check"),
     "simulation.exact": ("load_response", "open_loop_step", "simulate", "simulate_ensemble", "step_response"),
     "simulation.many": ("simulate_many",),
     "simulation.noise": ("noise_gain", "uniform_noise"),

@@ -6,6 +6,7 @@ import control
 import numpy as np
 
 from pidalab import PIDA, HighOrderPID, NonInteractivePIDA, SeriesPIDA
+from pidalab.digital.program import program
 from pidalab.rules.haalman import OutputFilter
 
 RANGE = {"limits": (-4.0, 6.0), "bias": 0.5}
@@ -32,6 +33,12 @@ CASES = {
     "prefilter_tustin": PIDA(1.3, 3.3).discretise(0.1, "tustin", prefilter=RINGING, b=0.5, **RANGE),
     "prefilter_zoh": SERIES.discretise(0.1, "zoh", prefilter=RINGING, rate_limit=50.0, **RANGE),
     "reset_behind": SERIES.discretise(0.1, output_filter=OutputFilter(0.3, 1, math.nan), **RANGE),
+    "integral": HighOrderPID([0.4, 0.0], 0.0, 0).discretise(0.2, **RANGE),
+    "integral_tustin": HighOrderPID([0.4, 0.0], 0.3, 1).discretise(0.2, "tustin", tunable=True, **RANGE),
+    "fed": STANDARD.discretise(0.1, b=0.5, feedforward=True, rate_limit=50.0, **RANGE),
+    "fed_clamping": STANDARD.discretise(0.1, anti_windup="clamping", feedforward=True, tunable=True, **RANGE),
+    "fed_pd": PIDA(1.3, math.inf, 0.9).discretise(0.1, feedforward=True, **RANGE),
+    "tuned_reset": SERIES.discretise(0.1, "tustin", tunable=True, **RANGE),
     "reset_weights": SERIES.discretise(0.1, b=0.6, c=0.0, **RANGE),
 }  # fmt: skip
 
@@ -49,7 +56,10 @@ def record(k, seed=0, n=300):
         "manual_value": k.bias + rng.uniform(-6.0, 6.0, n),
         "tracking": rng.random(n) < 0.05,
         "track_value": k.bias + rng.uniform(-3.0, 3.0, n),
+        "feedforward": np.repeat(rng.uniform(-2.0, 2.0, n // 30), 30),
+        "retuned": rng.random(n) < 0.03,
     }
+    rows = {name: rows[name] for name in program(k).inputs}
     # numbers that single precision has, too
     return {name: x if x.dtype == bool else x.astype(np.float32).astype(float) for name, x in rows.items()}
 
@@ -57,10 +67,14 @@ def record(k, seed=0, n=300):
 def reference(k, rows):
     """Control signals of the reference implementation."""
     k.reset()
-    columns = (x.tolist() for x in rows.values())
-    return np.array(
-        [
-            k.step(r, y, m if manual else None, v if tracking else None)
-            for r, y, manual, m, tracking, v in zip(*columns, strict=True)
-        ]
-    )
+    found = []
+    for values in zip(*(x.tolist() for x in rows.values()), strict=True):
+        now = dict(zip(rows, values, strict=True))
+        if now.get("retuned"):
+            k.retune(k)
+        acts = (
+            now[f"{way}_value"] if now[mode] else None
+            for way, mode in (("manual", "manual"), ("track", "tracking"))
+        )
+        found.append(k.step(now["setpoint"], now["measurement"], *acts, now.get("feedforward", 0.0)))
+    return np.array(found)

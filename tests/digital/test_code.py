@@ -14,9 +14,10 @@ from scipy.signal import lfilter
 from st import Instance, Parser
 
 import pidalab
-from pidalab.digital.code import STEPS, head, vector
+from pidalab import HighOrderPID
+from pidalab.digital.code import FAR, STEPS, head, vector
 from pidalab.digital.languages.structured_text import _st_number
-from pidalab.digital.program import If, Note, program
+from pidalab.digital.program import INPUTS, If, Note, program
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}
@@ -24,10 +25,11 @@ MAIN = """
 #include <stdio.h>
 int main(void)
 {
-    double r, y, m, v, u;
-    int which, manual, tracking;
+    double r, y, m, v, f, u;
+    int which, manual, tracking, retuned;
     %s
-    while (scanf("%%d %%lf %%lf %%d %%lf %%d %%lf", &which, &r, &y, &manual, &m, &tracking, &v) == 7) {
+    while (scanf("%%d %%lf %%lf %%d %%lf %%d %%lf %%lf %%d", &which, &r, &y, &manual, &m, &tracking, &v, &f,
+        &retuned) == 9) {
         u = 0.0;
         %s
         printf("%%.17g\\n", u);
@@ -46,6 +48,7 @@ def run_c(folder, precision):
         starts += f"{name}_state s{i}; {name}_init(&s{i});\n    "
         real = f"({name}_real)"
         inputs = f"{real}r, {real}y, manual, {real}m, tracking, {real}v"
+        inputs += f", {real}f" * CASES[name].feedforward + ", retuned" * CASES[name].tunable
         calls += f"if (which == {i}) u = (double){name}_step(&s{i}, {inputs});\n        "
     source = folder / f"{precision}.c"
     source.write_text("\n".join(k.c(name) for name, k in CASES.items()) + MAIN % (starts, calls))
@@ -53,7 +56,9 @@ def run_c(folder, precision):
     subprocess.run([*GCC, *kinds, str(source), "-o", str(folder / precision)], check=True, text=True)
     rows = []
     for i, name in enumerate(names):
-        for row in zip(*(x.tolist() for x in RECORDS[name].values()), strict=True):
+        usual = {"feedforward": np.zeros(300), "retuned": np.zeros(300, dtype=bool)} | RECORDS[name]
+        usual = {name: usual[name] for name in (*INPUTS, "feedforward", "retuned")}
+        for row in zip(*(x.tolist() for x in usual.values()), strict=True):
             rows.append(" ".join([str(i), *(str(int(x)) if isinstance(x, bool) else repr(x) for x in row)]))
     out = subprocess.run(
         [str(folder / precision)], input="\n".join(rows), capture_output=True, text=True, check=True
@@ -136,7 +141,8 @@ def test_json_has_all_that_the_code_has(name):
     assert content["about"][-1] == "made for a test"
     code = k.c(name)
     for constant, value in k.coefficients.items():
-        assert f"{name.upper()}_{constant} = ({name}_real){value!r};" in code
+        where = "s->" if constant in program(k).gains else f"{name.upper()}_"
+        assert f"{where}{constant} = ({name}_real){value!r};" in code
     rows = content["test"]
     expected = rows.pop("control")
     assert reference(k, {x: np.array(values) for x, values in rows.items()}).tolist() == expected
@@ -232,14 +238,74 @@ def test_the_test_signals_in_closed_form(limits, by_hand):
         np.arange(STEPS) >= 20
     )
     names = list(rows)
-    assert rows[names[0]] == pytest.approx(7.0 + 2.0 * target)
-    assert rows[names[1]] == pytest.approx(7.0 + 2.0 * y, abs=1.1e-4)
+    assert rows[names[0]][:STEPS] == pytest.approx(7.0 + 2.0 * target)
+    assert rows[names[1]][:STEPS] == pytest.approx(7.0 + 2.0 * y, abs=1.1e-4)
     acts = [i for i, on in enumerate(rows[names[2]]) if on]
     tracks = [i for i, on in enumerate(rows[names[4]]) if on]
     assert (acts, tracks) == ([10, 11, 12], [17])
     assert set(rows[names[3]]) == set(rows[names[5]]) == {by_hand}
-    assert len(rows["control"]) == STEPS
+    assert len(rows["control"]) == STEPS + 2 * FAR
     assert rows["control"][10:13] == [by_hand] * 3
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_test_signals_take_the_control_signal_over_its_whole_range(name):
+    k = CASES[name]
+    assert {end for end in k.limits if math.isfinite(end)} <= set(vector(k)["control"])
+
+
+@pytest.mark.parametrize("method", ["backward", "tustin", "zoh"])
+def test_new_gains_come_without_a_bump_and_then_act(method):
+    old, new = (HighOrderPID(gains, lag, 2).discretise(0.1, method, tunable=True)
+                for gains, lag in (([0.4, 1.3, 0.3], 0.2), ([2.0, 4.0, 1.0], 0.4)))  # fmt: skip
+    space = {}
+    exec(old.python("loop"), space)
+    code = space["Loop"]()
+    before = [(old.step(1.0, y), code.step(1.0, y))[0] for y in (0.0, 0.1, 0.2, 0.25)][-1]
+    old.retune(new)
+    for name, value in program(new).gains.items():
+        setattr(code, name, value)
+    found = [old.step(1.0, 0.3) for _ in range(3)]
+    assert found == [code.step(1.0, 0.3, retuned=k == 0) for k in range(3)]
+    assert found[0] == before
+    # at rest again, the integral grows as that of the new gains
+    settled = [old.step(1.0, 0.3) for _ in range(200)][-2:]
+    assert np.diff(settled) == pytest.approx(2.0 * 0.1 * 0.7)
+
+
+def test_new_gains_are_those_of_the_same_kind():
+    pi = pidalab.PIDA(1.0, 2.0).discretise(0.1, tunable=True)
+    for other in (
+        pidalab.PIDA(1.0, 2.0, 0.5).discretise(0.1, tunable=True),
+        pidalab.PIDA(1.0, 2.0).discretise(0.1),
+    ):
+        with pytest.raises(ValueError, match="same kind and sample time"):
+            pi.retune(other)
+    with pytest.raises(ValueError, match="same kind and sample time"):
+        pidalab.PIDA(1.0, 2.0).discretise(0.1).retune(pi)
+    with pytest.raises(TypeError, match="DigitalController, found PIDA"):
+        pi.retune(pidalab.PIDA(1.0, 2.0))
+    with pytest.raises(ValueError, match="tunable must be False without integral action"):
+        pidalab.PIDA(1.0, math.inf).discretise(0.1, tunable=True)
+    with pytest.raises(TypeError, match="feedforward must be True or False, found 1"):
+        pidalab.PIDA(1.0, 2.0).discretise(0.1, feedforward=1)
+
+
+def test_a_feedforward_signal_is_added_before_the_limits_and_leaves_without_a_bump():
+    k = pidalab.PIDA(1.0, 2.0).discretise(0.1, limits=(0.0, 5.0), bias=1.0, feedforward=True)
+    k.reset(r=0.0, y=0.0)
+    assert [k.step(0.0, 0.0, feedforward=f) for f in (0.0, 2.0, 9.0, 0.0)][:3] == [1.0, 3.0, 5.0]
+    assert k.step(0.0, 0.0, manual=4.0, feedforward=2.0) == k.step(0.0, 0.0, feedforward=2.0) == 4.0
+    with pytest.raises(ValueError, match="feedforward must be asked for"):
+        CASES["pi"].step(0.0, 0.0, feedforward=1.0)
+
+
+def test_integral_action_alone_stays_at_its_limit():
+    k = CASES["integral"]
+    k.reset()
+    up = [k.step(20.0, 0.0) for _ in range(20)]
+    assert up[-1] == 6.0
+    assert k.step(-1.0, 0.0) == pytest.approx(6.0 - 0.4 * 0.2)
 
 
 def test_code_begins_with_where_it_comes_from():

@@ -299,10 +299,12 @@ def test_what_an_integral_takes_back(own, way, time, expected):
     found = _taken_back(own.parts(), 0.1, way, time)
     assert found == pytest.approx(0.1 / (expected + 0.1) if expected else 0.0, rel=1e-12)
     for way_ in ("reset", "back-calculation"):
-        for ratio in (-0.5, 0.0):
-            part = own.parts()[0]._replace(gains=(1.0, ratio))
-            with pytest.raises(ValueError, match=f"must be above 0, found kp/ki = {ratio:.4g}"):
+        for gains in ((1.0, -0.5), (1.0, 0.0, 0.3)):
+            part = own.parts()[0]._replace(gains=gains)
+            with pytest.raises(ValueError, match=f"must be above 0, found kp/ki = {gains[1]:.4g}"):
                 _taken_back((part,), 0.1, way_, None)
+        # integral action alone has the time 0
+        assert _taken_back((own.parts()[0]._replace(gains=(1.0, 0.0)),), 0.1, way_, None) == 1.0
 
 
 def test_borders_of_the_arguments():

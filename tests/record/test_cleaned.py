@@ -443,3 +443,11 @@ def test_a_warm_up_before_the_step_is_no_noise():
     assert warm.noise.deviation == pytest.approx(0.1, rel=0.4)
     still = Record(t, u, np.round(step_record()[2]))
     assert still.noise.deviation == pytest.approx(1 / np.sqrt(12))
+
+
+@pytest.mark.parametrize(("limit", "said"), [(1.0, True), (np.inf, False)])
+def test_an_input_that_stays_at_its_limit_while_it_moves_else_is_doubted(limit, said):
+    moving = np.cumsum(np.random.default_rng(2).normal(0, 0.1, 400))
+    u = np.minimum(moving + 3.0 * ((TIMES > 50) & (TIMES < 120)), limit)
+    doubts = Record(TIMES, u, np.cumsum(np.random.default_rng(1).normal(0, 1, 400))).doubts
+    assert any("the input stays at 1, its largest value, for" in doubt for doubt in doubts) == said

@@ -16,6 +16,7 @@ def main() -> None:
     From a record, a delimited text file with an open-loop step:
       pidalab report step.csv --sample-time 0.2                PI, PID and PIDA side by side
       pidalab tune step.csv --sample-time 0.2 --out folder     one of them, as code
+      pidalab check log.csv --kp 0.6 --ti 12                   whether the gains that run are right
     For a plant that you know:
       pidalab compare --num 1 --den 1,3,3,1 --delay 1          every rule on it
       pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  one loop
@@ -28,6 +29,7 @@ def main() -> None:
 for command in (
     recorded.tune_command,
     recorded.report_command,
+    recorded.check_command,
     given.compare_command,
     given.rules_command,
     given.simulate_command,

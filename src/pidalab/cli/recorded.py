@@ -112,6 +112,10 @@ def report_command(out: Path | None, model: str, **options: Any) -> None:
 @limits
 @click.option("--b", default=1.0, show_default=True, help="Weight of the set point in the proportional part.")
 @click.option("--c", default=1.0, show_default=True, help="Weight of the set point in the derivatives.")
+@click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal.")
+@click.option(
+    "--tunable", is_flag=True, help="Code with gains that may change while it runs, without a bump."
+)
 @out
 @one_line
 def tune_command(out: Path | None, **options: Any) -> None:
@@ -130,6 +134,42 @@ def tune_command(out: Path | None, **options: Any) -> None:
     if out is not None:
         for path in _written(result, title, options["ms"], options["spread"], out):
             click.echo(f"written: {path}")
+
+
+@click.command("check")
+@record
+@click.option("--kp", type=float, required=True, help="Gain, in units of u per unit of y.")
+@click.option("--ti", type=float, required=True, help="Integral time, in the log's unit of time.")
+@click.option("--td", default=0.0, show_default=True, help="Derivative time.")
+@click.option("--ta", default=0.0, show_default=True, help="Acceleration time squared.")
+@click.option("--n", default=10.0, show_default=True, help="The derivative's filter is td/n.")
+@click.option("--m", default=10.0, show_default=True, help="The acceleration's filter is ta/m, twice.")
+@click.option(
+    "--filter", "lag", default=0.0, show_default=True, help="Time constant of the measurement's filter."
+)
+@click.option("--sample-time", type=float, help="Of the controller; by default that of the log.")
+@ms_worst
+@one_line
+def check_command(model: str, lag: float, sample_time: float | None, ms_worst: float, **options: Any) -> None:
+    """Judge the gains of a running loop by a log of it, the RECORD.
+
+    Changes of the set point, a step of the load or a bump of u show the plant. Prints the Ms of the loop with its
+    interval, what the gains miss, and three sets to try.
+
+    \b
+    Example:
+      pidalab check log.csv --time time --u valve --y level --kp 0.6 --ti 12 --sample-time 0.5
+    """
+    import control
+
+    from pidalab.controllers import PIDA
+    from pidalab.identification import fit
+    from pidalab.running_loop import check
+
+    read = _read(options)
+    lags = control.TransferFunction([1.0], [lag, 1.0]) if lag else None
+    found = check(read if model == "auto" else fit(read, model), PIDA(**options), lags, sample_time, ms_worst)
+    show([("Log", str(read)), ("Model", f"{found.fit.process!r}\n{found.fit}"), ("Gains", str(found))])
 
 
 # --- from the record to the controller --------------------------------------------------------------------------------
@@ -157,6 +197,8 @@ def _tuned(
     u_max: float,
     b: float,
     c: float,
+    feedforward: bool,
+    tunable: bool,
 ) -> Result:
     from pidalab.identification import fit
     from pidalab.loop import Loop
@@ -168,11 +210,12 @@ def _tuned(
     design = tune(found, kind, ms, noise_gain, sample_time, rule, spread, ms_worst=ms_worst)
     # the working point of the record: model and controller count from there
     rest = float(read.steps[0].before) if read.steps else read.u_before
+    further = {"b": b, "c": c, "feedforward": feedforward, "tunable": tunable}
     digital = design.discretise(
-        sample_time, "backward", b=b, c=c, limits=(u_min, u_max), bias=rest, y_offset=read.rest
+        sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest, **further
     )
     sampled = margins(Loop(found.process, digital))
-    doubts = [*design.doubts, *_no_limits(u_min, u_max)]
+    doubts = [*found.doubts, *design.doubts, *_no_limits(u_min, u_max)]
     sections = [
         ("Record", str(read)),
         ("Model", f"{found.process!r}\n{found}"),

@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import replace
+from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from pidalab.digital.languages import c, python, structured_text
-from pidalab.digital.program import INPUTS, Vector, program
+from pidalab.digital.program import INPUTS, MORE, Vector, program
 
 if TYPE_CHECKING:
     from pidalab.digital.controller import DigitalController
 
-STEPS = 30  # samples of the test vector
+STEPS = 30  # samples of the test vector within the working range
+FAR = 5  # samples after them on either side of the set point
+DOUBLINGS = 24  # of the distance at most
 LANGUAGES = {"c": c, "python": python, "structured_text": structured_text}
 RESERVED = re.compile(  # words of structured text, in which the name stands alone, and of Python as a class
     "a(nd|t|ction)|bool|by|case|config|constant|do|d?int|else|elsif|exit|false|for|from|function|if|l?real|mod|none|not|"
@@ -25,7 +28,7 @@ RESERVED = re.compile(  # words of structured text, in which the name stands alo
 def identifier(name: str) -> str:
     """Check a name for the code: letters, digits and single underscores, as all three languages allow."""
     allowed = isinstance(name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", name)
-    if not allowed or RESERVED.fullmatch(name) or name in INPUTS or name == "control":
+    if not allowed or RESERVED.fullmatch(name) or name in (*INPUTS, *MORE) or name == "control":
         raise ValueError(
             f"name must be an identifier of small letters, digits and single underscores that begins with a letter "
             f"and is no word of a language, found {name!r}"
@@ -58,26 +61,57 @@ def head(k: DigitalController, margins: Any, note: str) -> list[str]:
 
 
 def vector(k: DigitalController) -> Vector:
-    """Return inputs and expected control signals: a set-point jump, a manual spell, a tracked signal, a disturbance."""
+    """Return inputs and expected control signals: a set-point jump, a manual spell, a tracked signal, a disturbance.
+
+    Then the measurement goes to either side, as far as takes the control signal over its whole range.
+    """
     low, high = k.limits
     # a manual signal within the limits, and another one that acts in between
     span = high - low if math.isfinite(high - low) else 2.0 * k.u_span
     by_hand = round(min(max(k.bias + 0.1 * span, low), high), 6)
-    rows: Vector = {name: [] for name in INPUTS}
+    rows: Vector = {name: [] for name in program(k).inputs}
     y = 0.0
     for i in range(STEPS):
         target = 0.0 if i < 2 else 0.2 if i < 24 else -0.1
         y += 0.25 * (target - y) + (0.02 if i == 20 else 0.0)
         values = (k.y_offset + k.y_span * target, k.y_offset + k.y_span * round(y, 4))
-        acts = (10 <= i < 13, by_hand, i == 17, by_hand)
-        for name, value in zip(rows, (*values, *acts), strict=True):
+        more = {"feedforward": round(0.05 * span, 6) if 5 <= i < 8 else 0.0, "retuned": i == 26}
+        further = [more[name] for name in rows if name in more]
+        for name, value in zip(
+            rows, (*values, 10 <= i < 13, by_hand, i == 17, by_hand, *further), strict=True
+        ):
             rows[name].append(value)
-    own = replace(k)
-    rows["control"] = [
-        own.step(r, y, manual=m if by else None, track=t if tracks else None)
-        for r, y, by, m, tracks, t in zip(*(rows[name] for name in INPUTS), strict=True)
-    ]
-    return rows
+    size = 0.25
+    for _ in range(DOUBLINGS):
+        far = _far(k, rows, size)
+        control = signals(k, [*far.values()])
+        reached = [not math.isfinite(end) or end in control for end in k.limits]
+        if all(reached):
+            break
+        size *= 2.0
+    return {**far, "control": control}
+
+
+def _far(k: DigitalController, rows: Vector, size: float) -> Vector:
+    """Return the inputs with the measurement far on either side of the set point at the end, in units of the model."""
+    usual = {
+        "setpoint": k.y_offset,
+        "manual_value": rows["manual_value"][0],
+        "track_value": rows["track_value"][0],
+    }
+    longer: Vector = {
+        name: values + 2 * FAR * [usual.get(name, type(values[0])(0))] for name, values in rows.items()
+    }
+    ends = [k.y_offset + side * k.y_span * size for side in (1.0, -1.0) for _ in range(FAR)]
+    longer["measurement"] = rows["measurement"] + ends
+    return longer
+
+
+def signals(k: DigitalController, inputs: Sequence[Sequence[Any]]) -> list[float]:
+    """Return the control signals of a controller from its start, for a row of each input."""
+    states = SimpleNamespace(**program(k).states)
+    step = python.executed(k._code)
+    return [step(states, *row) for row in zip(*inputs, strict=True)]
 
 
 def written(k: DigitalController, language: str, name: str, margins: Any, note: str, **options: str) -> str:
@@ -100,6 +134,8 @@ def as_json(k: DigitalController, margins: Any, note: str) -> str:
         "rate_limit": k.rate_limit if math.isfinite(k.rate_limit) else None,
         "deadband": k.deadband,
         "working_point": {"u": k.bias, "y": k.y_offset},
+        "feedforward": k.feedforward,
+        "tunable": k.tunable,
         "units": {"u": k.u_span, "y": k.y_span},
         "paths": [
             {"name": p.name, "weight": p.weight, "new": p.new, "old": p.old, "gains": p.gains}

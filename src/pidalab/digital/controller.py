@@ -15,7 +15,7 @@ from pidalab import _check
 from pidalab.digital.languages import python
 from pidalab.digital.paths import Path
 from pidalab.digital.prefilter import Prefilter
-from pidalab.digital.program import Program, program
+from pidalab.digital.program import Program, constants, program
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
@@ -68,6 +68,10 @@ class DigitalController:
         What was discretised.
     prefilter : Prefilter or None
         Filter of the set point.
+    feedforward : bool
+        Whether it takes a signal that is added before the limits.
+    tunable : bool
+        Whether its gains may change while it runs.
 
     Examples
     --------
@@ -99,6 +103,8 @@ class DigitalController:
     u_span: float
     source: str
     prefilter: Prefilter | None = None
+    feedforward: bool = False
+    tunable: bool = False
 
     @property
     def limited(self) -> bool:
@@ -127,7 +133,7 @@ class DigitalController:
         ``INTEGRAL_OLD`` say how the integral grows, ``TAKEN_BACK`` what it takes back of what a limit cut off, and
         ``TRACKED`` what it takes up of the difference to a tracked signal.
         """
-        return self._program.constants
+        return constants(self)
 
     def at_rest(self) -> dict[str, float]:
         """Return the states at rest at the working point, by name, for a simulation that has its own."""
@@ -172,7 +178,53 @@ class DigitalController:
             python.executed(self._code)(states, r, y)
         return states
 
-    def step(self, r: float, y: float, manual: float | None = None, track: float | None = None) -> float:
+    def retune(self, other: DigitalController) -> None:
+        """Take over the gains of another controller while it runs, without a bump.
+
+        The control signal stays for the next sample, and goes on from there: the integral takes up the difference.
+
+        Parameters
+        ----------
+        other : DigitalController
+            Of the same kind: sample time, actions and filters with other values.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a controller that is not tunable, and for one of another kind.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> k, other = (pidalab.PIDA(kp, ti=4.0).discretise(0.5, tunable=True) for kp in (2.0, 6.0))
+        >>> before = k.step(r=0.0, y=0.0), k.step(r=1.0, y=0.0)
+        >>> k.retune(other)
+        >>> before, k.step(r=1.0, y=0.0), k.step(r=1.0, y=0.0)
+        ((0.0, 2.25), 2.25, 3.0)
+        """
+        if not isinstance(other, DigitalController):
+            raise TypeError(f"other must be a DigitalController, found {type(other).__name__}")
+        gains = other._program.gains
+        if (
+            not self.tunable
+            or gains.keys() != self._program.gains.keys()
+            or other.sample_time != self.sample_time
+        ):
+            raise ValueError(
+                "other must be a tunable controller of the same kind and sample time as this tunable one, found "
+                f"{other!r} for {self!r}"
+            )
+        vars(self._states).update(gains)
+        self.__dict__["_retuned"] = True
+
+    def step(
+        self,
+        r: float,
+        y: float,
+        manual: float | None = None,
+        track: float | None = None,
+        feedforward: float = 0.0,
+    ) -> float:
         """Advance by one sample: runs what `python` writes, which C and structured text repeat.
 
         Parameters
@@ -184,6 +236,8 @@ class DigitalController:
         track : float, optional
             Signal that acted since the last sample in place of the one that was returned: that of a selector, of an
             operator at the actuator, or the position of the actuator.
+        feedforward : float, optional
+            Signal that is added, of a controller that was discretised with ``feedforward=True``.
 
         Returns
         -------
@@ -207,7 +261,11 @@ class DigitalController:
             (x is not None, 0.0 if x is None else _check.real(name, x))
             for name, x in (("manual", manual), ("track", track))
         ]
-        return python.executed(self._code)(self._states, r, y, *acts[0], *acts[1])
+        further: list[float] = [_check.real("feedforward", feedforward)] * self.feedforward
+        if feedforward and not self.feedforward:
+            raise ValueError("feedforward must be asked for: discretise(..., feedforward=True)")
+        further += [self.__dict__.pop("_retuned", False)] * self.tunable
+        return python.executed(self._code)(self._states, r, y, *acts[0], *acts[1], *further)
 
     def __call__(self, z: ArrayLike) -> Any:
         """Evaluate the transfer function from -y to u at complex z, in the units of the signals.
@@ -396,6 +454,8 @@ class DigitalController:
             "y_span": (self.y_span, 1.0),
             "u_span": (self.u_span, 1.0),
             "prefilter": (self.prefilter, None),
+            "feedforward": (self.feedforward, False),
+            "tunable": (self.tunable, False),
         }
         extras = "".join(f", {name}={value!r}" for name, (value, usual) in options.items() if value != usual)
         return f"{self.source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"

@@ -35,6 +35,8 @@ def discretise(
     u_span: float = 1.0,
     prefilter: Any = None,
     output_filter: Any = None,
+    feedforward: bool = False,
+    tunable: bool = False,
     reset: tuple[FilteredGains, float] | None = None,
     source: str = "",
 ) -> DigitalController:
@@ -81,7 +83,7 @@ def discretise(
         As in the table. Without integral action there is nothing that could wind up.
     tracking_time : float, optional
         Of back-calculation, above 0; by default the root of integral and derivative time, or the integral time where
-        there is no derivative.
+        there is no derivative. (Of integral action alone that is 0: the integral stays at the limit.)
     deadband : float, optional
         Errors up to this size count as none, larger ones less it. In units of the measurement, not negative.
     bias : float, optional
@@ -96,6 +98,11 @@ def discretise(
         too, and starts at rest at the first set point.
     output_filter : OutputFilter or control.TransferFunction, optional
         A filter behind the controller that becomes a part of it: equal lags of gain 1.
+    feedforward : bool, optional
+        Whether ``step`` and the written code take a further signal, which is added before the limits: what a load
+        that is measured, or the set point, asks of u.
+    tunable : bool, optional
+        Whether the gains may change while it runs, without a bump: variables of the written code, and ``retune`` here.
     reset : tuple of FilteredGains and float, optional
         Stabilising controller and time constant of an automatic reset.
     source : str, optional
@@ -140,6 +147,9 @@ def discretise(
     bias = _check.real("bias", bias)
     if not low <= bias <= high:
         raise ValueError(f"bias must be within the limits ({low:g}, {high:g}), found {bias:g}")
+    for name, flag in (("feedforward", feedforward), ("tunable", tunable)):
+        if not isinstance(flag, bool):
+            raise TypeError(f"{name} must be True or False, found {flag!r}")
     behind = equal_lags(output_filter)
     ki = sum(part.gains[0] for part in parts)
     native = anti_windup == "reset" and reset is not None and b == c == 1.0
@@ -154,6 +164,8 @@ def discretise(
             raise ValueError(
                 f"b must not be {b:g} with c = {c:g} without integral action: the set point would have no effect"
             )
+        if tunable and not ki:
+            raise ValueError("tunable must be False without integral action, which is what takes up a bump")
         growth = (ki * h * scale * SHARES[method][0], ki * h * scale * SHARES[method][1])
         taken_back = _taken_back(parts, h, anti_windup, tracking_time) if ki else 0.0
         tracked = taken_back or 1.0
@@ -179,6 +191,8 @@ def discretise(
         u_span=u_span,
         source=source,
         prefilter=None if prefilter is None else discrete(*rational("prefilter", prefilter), h, method),
+        feedforward=feedforward,
+        tunable=tunable,
     )
 
 
@@ -211,6 +225,8 @@ def _taken_back(parts: tuple[FilteredGains, ...], h: float, way: str | None, tim
         return 0.0
     if time is None:
         ki, kp, kd = (sum(part.gains[k] for part in parts if len(part.gains) > k) for k in range(3))
+        if not any(any(part.gains[1:]) for part in parts):
+            return 1.0  # integral action alone: its time is 0, and it stays at the limit
         if kp / ki <= 0:
             raise ValueError(
                 f"anti_windup={way!r} goes by the integral time, which must be above 0, found kp/ki = {kp / ki:.4g}; "

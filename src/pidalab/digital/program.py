@@ -12,6 +12,7 @@ A statement is a `Note`, a `Set` or an `If`. Expressions are strings of names, n
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,6 +26,8 @@ INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_v
     "tracking": "bool",
     "track_value": "real",
 }
+MORE = {"feedforward": "real", "retuned": "bool"}  # inputs that a controller is asked to have
+FIXED = re.compile(r"LOWEST|HIGHEST|LARGEST_.*|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")  # are no gains
 
 
 class Note(NamedTuple):
@@ -59,6 +62,10 @@ class Program(NamedTuple):
     ----------
     constants : dict
         Values by name.
+    gains : dict
+        Initial values by name of what may be changed while it runs; they are among the states.
+    inputs : dict
+        Kinds of the inputs, "real" or "bool", by name.
     states : dict
         Initial values by name; the truth value `started` says whether the first sample is past.
     variables : list of str
@@ -68,6 +75,8 @@ class Program(NamedTuple):
     """
 
     constants: dict[str, float]
+    gains: dict[str, float]
+    inputs: dict[str, str]
     states: dict[str, float | bool]
     variables: list[str]
     body: list[Statement]
@@ -100,6 +109,7 @@ def constants(k: DigitalController) -> dict[str, float]:
 def program(k: DigitalController, block: bool = False) -> Program:
     """Write the step of a controller as statements; `action` is given where a block outside makes it of the error."""
     found = constants(k)
+    gains = {name: x for name, x in found.items() if k.tunable and not FIXED.fullmatch(name)}
     states: dict[str, float | bool] = {"started": False}
     offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
     body: list[Statement] = [
@@ -115,6 +125,7 @@ def program(k: DigitalController, block: bool = False) -> Program:
         states |= dict.fromkeys(_chain(path), 0.0)
         body += _path(path, found, first=path is k.paths[0])
     body += [] if k.paths or block else [Set("action", "0.0")]
+    found |= {"feedforward": 0.0} if k.feedforward else {}  # an input, which is added as the bias is
     body += _tracking(k, found)
     if k.integrates:
         states |= {"integral": 0.0, "carry": 0.0} | ({"old": 0.0} if _remembers(k) else {})
@@ -124,7 +135,10 @@ def program(k: DigitalController, block: bool = False) -> Program:
         body += _limited(found)
     body += [Set("control", "limited"), Set("started", "true")]
     variables = sorted(_targets(body) - {*states, "control"})
-    return Program(found, {**states, "control": k.bias}, variables, body)
+    asked = (k.feedforward, k.tunable)
+    inputs = INPUTS | {name: MORE[name] for name, has in zip(MORE, asked, strict=True) if has}
+    fixed = {name: x for name, x in found.items() if name not in gains and name not in inputs}
+    return Program(fixed, gains, inputs, {**states, **gains, "control": k.bias}, variables, body)
 
 
 def _kept(prefilter: Prefilter) -> list[str]:
@@ -277,8 +291,8 @@ def _with_integral(k: DigitalController, found: dict[str, float]) -> list[Statem
         *keep,
     ]
     body: list[Statement] = [
-        Note("manual, or the first sample: it starts with the signal it has"),
-        Set("forced", "manual"),
+        Note(f"manual, {'new gains, ' * k.tunable}or the first sample: it starts with the signal it has"),
+        Set("forced", "manual or retuned" if k.tunable else "manual"),
     ]
     body += [If("not started", [Set("forced", "true")]), If("forced", forced, automatic)]
     if _remembers(k):
@@ -295,14 +309,13 @@ def _remembers(k: DigitalController) -> bool:
 
 
 def _less_bias(found: dict[str, float]) -> str:
-    return " - BIAS" if "BIAS" in found else ""
+    return "".join(f" - {name}" for name in ("BIAS", "feedforward") if name in found)
 
 
 def _wanted(found: dict[str, float], integral: str = "") -> Set:
     """Return the statement that sums up what the controller wants."""
-    return Set(
-        "wanted", ("BIAS + " if "BIAS" in found else "") + "action" + (f" + {integral}" if integral else "")
-    )
+    first = "".join(f"{name} + " for name in ("BIAS", "feedforward") if name in found)
+    return Set("wanted", first + "action" + (f" + {integral}" if integral else ""))
 
 
 def _limited(found: dict[str, float]) -> list[Statement]:

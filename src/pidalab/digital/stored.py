@@ -6,10 +6,11 @@ import json
 import math
 from typing import Any
 
-from pidalab.digital.code import vector
+from pidalab.digital.code import signals
 from pidalab.digital.controller import DigitalController
 from pidalab.digital.paths import Path
 from pidalab.digital.prefilter import Prefilter
+from pidalab.digital.program import program
 
 
 def from_json(text: str) -> DigitalController:
@@ -64,8 +65,11 @@ def from_json(text: str) -> DigitalController:
             u_span=stored["units"]["u"],
             source=stored["controller"],
             prefilter=None if stored["prefilter"] is None else _prefilter(**stored["prefilter"]),
+            feedforward=stored.get("feedforward", False),
+            tunable=stored.get("tunable", False),
         )
-        expected, found = stored["test"]["control"], vector(k)["control"]
+        *inputs, expected = (stored["test"][name] for name in (*program(k).inputs, "control"))
+        found = signals(k, inputs)
     except (KeyError, TypeError, ValueError) as wrong:
         raise ValueError(f"text must be the JSON of a digital controller, found none: {wrong!r}") from None
     if found != expected:

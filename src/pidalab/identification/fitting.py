@@ -20,6 +20,7 @@ from pidalab.identification.searching import (
     LEVEL,
     Data,
     Found,
+    loaded,
     prepared,
     projected,
     refined,
@@ -37,6 +38,11 @@ if TYPE_CHECKING:
 MODELS = ("fopdt", "sopdt", "lags", "ipdt", "auto")
 UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
 MOVED = 0.05  # share of its span by which the input moves, if it does
+DRIFTS = (
+    "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, and "
+    "then a larger step"
+)
+HALF = 0.5  # share of the variance of the output that a load and a model may leave at most
 LEFT = 0.5  # share of the movement of the output that no model may leave beyond noise
 TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
 
@@ -276,7 +282,7 @@ class Fit:
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
 
 
-def fit(record: Record, model: str = "auto") -> Fit:
+def fit(record: Record, model: str = "auto", load: bool = False) -> Fit:
     """Fit a simple model with dead time to a record, in open or in closed loop.
 
     Parameters
@@ -286,6 +292,9 @@ def fit(record: Record, model: str = "auto") -> Fit:
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt"}, optional
         One lag, two poles with damping, up to eight equal lags, an integrator, each with dead time; "auto" takes the
         simplest that no other one beats by more than 3 % in the residuals, of those that the record settles.
+    load : bool, optional
+        Whether a step of the load, of a size and at a time that are found with the model, moved the output as well. So
+        a loop at a constant set point shows its plant, too.
 
     Returns
     -------
@@ -319,16 +328,13 @@ def fit(record: Record, model: str = "auto") -> Fit:
         raise ValueError(
             f"{record.apart}; leave it out with outliers='drop' (--outliers drop), or keep it with 'keep'"
         )
-    if record.experiment == FOLLOWER:
+    if record.experiment == FOLLOWER and not load:
         raise ValueError(
             f"the input tells nothing of the plant: {FOLLOWER}; step the input by hand, or move the set point"
         )
-    data = prepared(record)
-    if drifts(data):
-        raise ValueError(
-            "the output answers to the input not clearly above noise and a drift in time: record it at rest for a "
-            "while, and then a larger step"
-        )
+    data = loaded(prepared(record)) if load else prepared(record)
+    if not load and drifts(data):
+        raise ValueError(DRIFTS)
     names = ("fopdt", "lags", "sopdt", "ipdt") if model == "auto" else (model,)
     tried = []
     for shape in (shape for name in names for shape in _candidates(name)):
@@ -338,6 +344,8 @@ def fit(record: Record, model: str = "auto") -> Fit:
             refusal = str(failed)
     if not tried:
         raise ValueError(f"{refusal}; step the input further, from rest")
+    if load and min(found.cost for found in tried) > HALF * float(np.sum((data.y - data.y.mean()) ** 2)):
+        raise ValueError(DRIFTS)  # so many times and models would explain some noise, too
     if model != "auto":
         best = min(tried, key=lambda found: found.cost)
         _require_settled(data, best)
@@ -407,6 +415,6 @@ def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
         reason=reason,
         record=record,
         _covariance=spread[np.ix_(keep, keep)],
-        _data=data,
+        _data=found.data,
         _found=found,
     )

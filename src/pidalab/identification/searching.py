@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
 from pidalab._check import Array
-from pidalab.identification.shapes import SECOND, Shape, behind_lag
+from pidalab.identification.shapes import FIRST, SECOND, Shape, behind_lag
 from pidalab.record import Record
 
 MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
@@ -25,6 +25,7 @@ BETTER = 0.03  # share by which the residual must fall for a model with one more
 NONE = 1e-3  # dead time in samples that counts as none
 LEVEL = 1  # place of the output's level among the parameters
 MOST_DAMPED = 20.0  # damping beyond which a second order is a first one
+LOADS = 46  # times at which a step of the load is tried
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
 
 
@@ -38,6 +39,12 @@ class Data(NamedTuple):
     unseen: float  # mean interval between samples in which the input changed
     grid: float  # sampling interval of a uniform grid on which the input changes at every sample; 0 otherwise
     free: bool = False  # whether the plant starts from a state that is not rest
+    load: float = np.nan  # when the output begins to answer a step of the load; nan for none
+
+    @property
+    def loaded(self) -> bool:
+        """Whether a step of the load moved the output, too."""
+        return not np.isnan(self.load)
 
     def simulated(self, shape: Shape, p: Sequence[float], delay: float) -> Array:
         """Response of the shape with gain 1 and dead time to the recorded input."""
@@ -48,13 +55,15 @@ class Data(NamedTuple):
         return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
 
     def basis(self, shape: Shape, p: Sequence[float]) -> Array:
-        """Return columns for what enters linearly: gain, level, and a free initial state and its slope."""
+        """Return columns for what enters linearly: gain, level, a free initial state and its slope, a load."""
         columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
         if self.free:
             settling = shape.step(self.t - self.t[0], p[:-1])
             columns.append(settling)
             if shape.name in ("lags", "sopdt"):
                 columns.append(np.gradient(settling, self.t))
+        if self.loaded:
+            columns.append(shape.step(self.t - self.load, p[:-1]))
         return np.column_stack(columns)
 
     def until(self, time: float) -> Data:
@@ -94,6 +103,7 @@ class Found(NamedTuple):
     residuals: Array
     jacobian: Array
     converged: bool  # whether the descent came to rest
+    data: Data  # with the load at its place
 
     @property
     def cost(self) -> float:
@@ -149,29 +159,36 @@ def refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> Fo
     count = len(shape.parameters)
 
     def times(x: Array) -> list[float]:
-        return [*(span * np.exp(x[:count])).tolist(), span * float(x[-1])]
+        return [*(span * np.exp(x[:count])).tolist(), span * float(x[count])]
+
+    def placed(x: Array) -> Data:
+        return data._replace(load=data.t[0] + span * float(x[-1])) if data.loaded else data
 
     low, high = [-9.0] * count, [3.0] * count
     if shape.name == "sopdt":  # its second parameter is a damping, kept as a share of the span for one scale
         low[1], high[1] = np.log(0.02 / span), np.log(MOST_DAMPED / span)
     x = np.array([*np.log(np.array(start[:-1]) / span), start[-1] / span])
     x = np.clip(x, [*(np.array(low) + 1e-6), 1e-6], [*(np.array(high) - 1e-6), 0.9])
+    low, high = [*low, 0.0], [*high, 0.95]
+    if data.loaded:
+        low, high = [*low, 0.0], [*high, float(np.ptp(data.t)) / span]
+        x = np.append(x, np.clip((data.load - data.t[0]) / span, 1e-6, 0.99 * high[-1]))
     found = least_squares(
-        lambda x: projected(data, shape, times(x))[0],
+        lambda x: projected(placed(x), shape, times(x))[0],
         x,
-        bounds=([*low, 0.0], [*high, 0.95]),
-        x_scale=[*([0.1] * count), 0.02],
+        bounds=(low, high),
+        x_scale=[*([0.1] * count), *([0.02] * (x.size - count))],
         xtol=1e-12,
         ftol=1e-12,
         gtol=1e-12,
         max_nfev=200,
     )
-    p = times(found.x)
+    p, data = times(found.x), placed(found.x)
     # the search stops a hair above the edge; no record tells so short a dead time from none
     p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
     residuals, linear = projected(data, shape, p)
     jacobian = _sensitivity(data, shape, linear, p)
-    return Found(shape, np.array([*linear[:2], *p]), residuals, jacobian, bool(found.success))
+    return Found(shape, np.array([*linear[:2], *p]), residuals, jacobian, bool(found.success), data)
 
 
 def _sensitivity(data: Data, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
@@ -185,7 +202,18 @@ def _sensitivity(data: Data, shape: Shape, linear: Array, p: Sequence[float]) ->
         high[k], low[k] = p[k] + h, max(p[k] - h, 0.0)
         above, below = (data.basis(shape, q) @ linear for q in (high, low))
         columns.append((above - below) / (high[k] - low[k]))
-    return np.column_stack([*columns, *basis[:, 2:].T])
+    columns += list(basis[:, 2:].T)
+    if data.loaded:
+        columns.append(np.gradient(linear[-1] * basis[:, -1], data.t))
+    return np.column_stack(columns)
+
+
+def loaded(data: Data) -> Data:
+    """Return the data with a step of the load where one explains most of what the input does not."""
+    span = float(np.ptp(data.t))
+    tried = [data._replace(load=data.t[0] + span * at) for at in np.linspace(0.0, 0.9, LOADS)]
+    ways = [[span * lag, span * delay] for lag in (0.01, 0.03, 0.1, 0.3) for delay in (0.0, 0.01, 0.03, 0.1)]
+    return min(tried, key=lambda one: min(float(np.sum(projected(one, FIRST, p)[0] ** 2)) for p in ways))
 
 
 def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.record.cleaning import cleaned, column, far_off, named
-from pidalab.record.inputs import Step, find_steps, name_experiment, said
+from pidalab.record.inputs import MOVING, Step, find_steps, name_experiment, said
 from pidalab.record.reading import LONG_AGO, read_columns
 
 GAP = 5.0  # times the usual sampling interval: a longer one is a gap
 COARSE = 20  # levels of y: fewer are worth a word
+LONG = 0.1  # share of the samples that an input which moves all the time stays at its largest or least value
 FEW = 5  # samples between two levels of the input: more are worth a word
 
 
@@ -382,6 +383,15 @@ class Record:
                 found.append(
                     f"the input takes more than {np.ptp(slow):.3g} to go from {step.before:.6g} to {step.after:.6g}: "
                     "what looks at a step takes it for one at half the way; fit takes the input as it is"
+                )
+        for end in (self.u.max(), self.u.min()) if self.experiment == MOVING else ():
+            away = np.flatnonzero(np.abs(self.u - end) > 1e-3 * np.ptp(self.u))
+            longest = int(np.diff(away, prepend=-1, append=self.u.size).max()) - 1
+            if longest > max(FEW, LONG * self.u.size):
+                found.append(
+                    f"the input stays at {end:.6g}, its {'largest' if end > self.u.min() else 'least'} value, for "
+                    f"{longest} samples: if the actuator is at its limit there, the record may have what was asked of "
+                    "it, and not what it did"
                 )
         if not self.steps:
             found.append(f"the input does not step between lasting levels: {self.experiment}")

@@ -13,6 +13,7 @@ SHORT = 4  # samples that a level of the input takes at least
 MANY = 12  # levels of the input, in steps of a hundredth of its span
 FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
+MOVING = "it moves all the time, as in a closed loop or by a test signal"
 LISTED = 4  # changes of the input that are said one by one
 
 
@@ -89,9 +90,7 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     lags = range(1, t.size // 4, t.size // 40 or 1)
     if left(0) < min((1 - FOLLOWS) * float(np.mean(rest**2)), *map(left, lags)):
         return FOLLOWER
-    return (
-        "steps to many levels" if steps else "it moves all the time, as in a closed loop or by a test signal"
-    )
+    return "steps to many levels" if steps else MOVING
 
 
 def said(steps: tuple[Step, ...]) -> str:

@@ -68,8 +68,9 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What a user should know, of the record and of every design."""
-        kinds: dict[str, list[str]] = {doubt: [] for doubt in (self.fit.record.doubts if self.fit else ())}
+        """What a user should know, of the record, of the model and of every design."""
+        known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
+        kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [row for row in self.rows if row.design is not None]
         for row in designs:
             for doubt in row.design.info.get("doubts", ()) if row.design else ():

@@ -43,8 +43,22 @@ class Operations(NamedTuple):
 
 def operations(program: Program, states: Mapping[str, float]) -> Operations:
     """Turn the statements of a program that has started, in automatic mode, into operations."""
-    known = {"started": True, "manual": False, "tracking": False, "true": True, "false": False}
-    values = {**dict.fromkeys(SIGNALS, 0.0), **program.constants, **states, "zero": 0.0, "one": 1.0}
+    known = {
+        "started": True,
+        "manual": False,
+        "tracking": False,
+        "retuned": False,
+        "true": True,
+        "false": False,
+    }
+    values = {
+        **dict.fromkeys(SIGNALS, 0.0),
+        **program.constants,
+        **states,
+        "feedforward": 0.0,
+        "zero": 0.0,
+        "one": 1.0,
+    }
     compiler = _Compiler(known, {name: k for k, name in enumerate(values)})
     compiler.statements(program.body, None)
     numbers = np.zeros(len(compiler.places))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pidalab.digital.languages.text import renamed, rows
-from pidalab.digital.program import INPUTS, If, Note, Program, Set, Statement, Vector
+from pidalab.digital.languages.text import more, renamed, rows
+from pidalab.digital.program import If, Note, Program, Set, Statement, Vector
 
 
 def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
@@ -18,9 +18,9 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
             return operators[token]
         if token[0].isdigit():
             return f"({real}){token}"
-        if token.isupper():
-            return f"{upper}_{token}"
-        return f"s->{token}" if token in program.states else token
+        if token in program.states:
+            return f"s->{token}"
+        return f"{upper}_{token}" if token.isupper() else token
 
     def statements(body: Sequence[Statement], indent: str) -> list[str]:
         lines: list[str] = []
@@ -38,7 +38,7 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
         return lines
 
     kinds = {"real": real, "bool": "bool"}
-    inputs = [f"{kinds[kind]} {x}" for x, kind in INPUTS.items()]
+    inputs = [f"{kinds[kind]} {x}" for x, kind in program.inputs.items()]
     signature = [
         f"{real} {name}_step({name}_state *s, {', '.join(inputs[:2])},",
         f"    {', '.join(inputs[2:])})",
@@ -51,6 +51,7 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
         f" * {name}_init sets the states to a start at the next measurement, and {name}_step advances by a sample.",
         " * With manual it gives manual_value, within the limits. With tracking it takes track_value for the signal",
         " * that acted since the last sample. Signals must be finite: check measurements before. No -ffast-math.",
+        *(f" * {line}" for line in more(program)),
         f" * For single precision define {upper}_REAL as float. With {upper}_SELFTEST defined it tests itself.",
         " */",
         "",
@@ -87,18 +88,18 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
     lines[-1] += ";"
     lines += ["    bool forced;"] if "forced" in program.variables else []
     lines += [*statements(program.body, "    "), "    return s->control;", "}", ""]
-    return "\n".join([*lines, *_c_test(name, vector)])
+    return "\n".join([*lines, *_c_test(program, name, vector)])
 
 
-def _c_test(name: str, vector: Vector) -> list[str]:
+def _c_test(program: Program, name: str, vector: Vector) -> list[str]:
     upper, real = name.upper(), f"{name}_real"
     lines = [f"#ifdef {upper}_SELFTEST", "#include <math.h>", "#include <stdio.h>", ""]
     for signal, values in vector.items():
-        kind = "bool" if signal in ("manual", "tracking") else "double"
+        kind = "bool" if program.inputs.get(signal) == "bool" else "double"
         lines.append(f"static const {kind} test_{signal}[] = {{")
         lines += [*rows([repr(value).lower() for value in values], "    "), "};"]
     steps, call = len(vector["control"]), []
-    for signal, kind in INPUTS.items():
+    for signal, kind in program.inputs.items():
         call.append(f"({real})test_{signal}[k]" if kind == "real" else f"test_{signal}[k]")
     return [
         *lines,

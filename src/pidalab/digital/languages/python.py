@@ -6,10 +6,13 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
-from pidalab.digital.languages.text import renamed, rows
-from pidalab.digital.program import INPUTS, If, Note, Program, Set, Statement, Vector
+from pidalab.digital.languages.text import more, renamed, rows
+from pidalab.digital.program import If, Note, Program, Set, Statement, Vector
 
-USUAL: dict[str, Any] = {"manual": False, "manual_value": 0.0, "tracking": False, "track_value": 0.0}
+USUAL: dict[str, Any] = {"manual": False, "manual_value": 0.0, "tracking": False, "track_value": 0.0} | {
+    "feedforward": 0.0,
+    "retuned": False,
+}
 
 
 def step(program: Program) -> str:
@@ -53,7 +56,7 @@ def _step(program: Program, indent: str) -> list[str]:
                     lines += [f"{indent}else:", *statements(one.otherwise, indent + "    ")]
         return lines
 
-    inputs = ", ".join(f"{x}={USUAL[x]!r}" if x in USUAL else x for x in INPUTS)
+    inputs = ", ".join(f"{x}={USUAL[x]!r}" if x in USUAL else x for x in program.inputs)
     return [
         f"{indent}def step(self, {inputs}):",
         *statements(program.body, indent + "    "),
@@ -75,6 +78,7 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
             "",
             "With manual it gives manual_value, within the limits. With tracking it takes track_value for the",
             "signal that acted since the last sample. Signals must be finite: check measurements before.",
+            *more(program),
             '"""',
             "",
             *_constants(program),

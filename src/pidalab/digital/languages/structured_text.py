@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pidalab.digital.languages.text import renamed, rows
-from pidalab.digital.program import INPUTS, If, Note, Program, Set, Statement, Vector
+from pidalab.digital.languages.text import more, renamed, rows
+from pidalab.digital.program import If, Note, Program, Set, Statement, Vector
 
 
 def write(program: Program, head: list[str], vector: Vector, name: str, real: str) -> str:
@@ -32,16 +32,16 @@ def write(program: Program, head: list[str], vector: Vector, name: str, real: st
         return lines
 
     kinds = {"real": real, "bool": "BOOL"}
-    states = {x: value for x, value in program.states.items() if x != "control"}
+    states = {x: value for x, value in program.states.items() if x != "control" and x not in program.gains}
     steps = len(vector["control"])
     arrays: list[str] = []
     for signal, values in vector.items():
-        kind = "BOOL" if signal in ("manual", "tracking") else real
+        kind = "BOOL" if program.inputs.get(signal) == "bool" else real
         written = [str(value).upper() if isinstance(value, bool) else number(value) for value in values]
         arrays.append(f"    test_{signal} : ARRAY [0..{steps - 1}] OF {kind} := [")
         arrays += rows(written, "        ")
         arrays[-1] += "];"
-    arguments = [f"{x} := test_{x}[k]" for x in INPUTS]
+    arguments = [f"{x} := test_{x}[k]" for x in program.inputs]
     return "\n".join(
         [
             "(*",
@@ -50,10 +50,12 @@ def write(program: Program, head: list[str], vector: Vector, name: str, real: st
             "   Call it once in each sample time. It starts at the first measurement, with the signal `control` has.",
             "   With manual it gives manual_value, within the limits. With tracking it takes track_value for the",
             "   signal that acted since the last sample. Signals must be finite: check measurements before.",
+            *(f"   {line}" for line in more(program)),
             "*)",
             f"FUNCTION_BLOCK {name}",
             "VAR_INPUT",
-            *(f"    {x} : {kinds[kind]};" for x, kind in INPUTS.items()),
+            *(f"    {x} : {kinds[kind]};" for x, kind in program.inputs.items()),
+            *(f"    {x} : {real} := {number(value)};" for x, value in program.gains.items()),
             "END_VAR",
             "VAR_OUTPUT",
             f"    control : {real} := {number(float(program.states['control']))};",
