@@ -11,7 +11,7 @@ from matplotlib.lines import AxLine
 import pidalab
 from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
 from pidalab.robustness._infimum import SLACK, TOLERANCE, _Function, _majorant, infimum, line
-from pidalab.robustness.limits import _top
+from pidalab.robustness.limits import _best_multiplier
 from pidalab.rules import automatic_reset as reset
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)
@@ -177,11 +177,11 @@ def test_no_multiplier_of_a_grid_has_more_margin_than_that_of_popov(loop):
 
 def test_where_the_least_of_lines_is_largest():
     rising, falling = (0.0, 1.0), (3.0, -0.5)
-    assert _top([rising], 5.0) == (5.0, 5.0)
-    assert _top([rising, falling], 5.0) == (2.0, 2.0)
-    assert _top([rising, falling, (1.0, 0.0)], 5.0) == (1.0, 1.0)  # the shortest of equals
-    assert _top([rising, falling], 1.5) == (1.5, 1.5)
-    assert _top([falling, falling], 5.0) == (0.0, 3.0)
+    assert _best_multiplier([rising], 5.0) == (5.0, 5.0)
+    assert _best_multiplier([rising, falling], 5.0) == (2.0, 2.0)
+    assert _best_multiplier([rising, falling, (1.0, 0.0)], 5.0) == (1.0, 1.0)  # the shortest of equals
+    assert _best_multiplier([rising, falling], 1.5) == (1.5, 1.5)
+    assert _best_multiplier([falling, falling], 5.0) == (0.0, 3.0)
 
 
 @pytest.mark.parametrize("n", [2, 4])

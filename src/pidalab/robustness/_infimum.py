@@ -21,16 +21,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize_scalar
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab._search import succeeded
 from pidalab.process import Process
+from pidalab.robustness.explorer import lowest
 
-TOLERANCE = (
-    1e-6  # the true infimum is at most this far below what is returned, relative to it if that is beyond 1
-)
+# the true infimum is at most this far below what is returned, relative to it if that is beyond 1
+TOLERANCE = 1e-6
 SLACK = 1.1  # multiple roots of a polynomial are found to a few digits only: the bounds are taken larger
 PER_DECADE = 30  # stretches to begin with
 MOST_STRETCHES = 1_000_000  # at a time: more would fill the memory
@@ -207,12 +205,7 @@ def _below(best: float) -> float:
 
 def _descend(f: _Function, w: Array, values: Array, best: float) -> tuple[float, float]:
     """Halve every stretch that could hide a value below the best one; return the lowest and its frequency."""
-    i = int(np.argmin(values))
-    found, where, around = (
-        float(values[i]),
-        float(w[i]),
-        (float(w[max(i - 1, 0)]), float(w[min(i + 1, w.size - 1)])),
-    )
+    points, heights = [w], [values]
     a, b, fa, fb = w[:-1], w[1:], values[:-1], values[1:]
     while True:
         suspect = np.minimum(fa, fb) - (b - a) ** 2 / 8 * f.curvature(a, b) < _below(best)
@@ -225,21 +218,16 @@ def _descend(f: _Function, w: Array, values: Array, best: float) -> tuple[float,
         a, b, fa, fb = a[suspect], b[suspect], fa[suspect], fb[suspect]
         middle = 0.5 * (a + b)
         fm = f(middle)
-        i = int(np.argmin(fm))
-        if fm[i] < found:
-            found, where, around = float(fm[i]), float(middle[i]), (float(a[i]), float(b[i]))
-        best = min(best, found)
+        best = min(best, float(fm.min()))
+        points.append(middle)
+        heights.append(fm)
         a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
         fa, fb = np.concatenate([fa, fm]), np.concatenate([fm, fb])
-    if where == 0.0:
-        return where, found
-    polished = succeeded(
-        minimize_scalar(
-            lambda x: float(f(np.array([x]))[0]),
-            bounds=around,
-            method="bounded",
-            options={"xatol": 1e-10 * where},
-        ),
-        "an infimum over frequency",
-    )
-    return (float(polished.x), float(polished.fun)) if polished.fun < found else (where, found)
+    w, first = np.unique(np.concatenate(points), return_index=True)
+    values = np.concatenate(heights)[first]
+    i = int(np.argmin(values))
+    if 0 < i < w.size - 1:
+        (where,), (polished,) = lowest(lambda x: f(np.atleast_1d(x)).item(), w, np.array([i]))
+        if polished < values[i]:
+            return float(where), float(polished)
+    return float(w[i]), float(values[i])
