@@ -105,18 +105,19 @@ class Explorer:
         num, den = self.fraction(1j * w)
         return num / den
 
-    def _seen(self, w: Array) -> Seen:
+    def at(self, w: Any) -> Seen:
+        """Evaluate the loop at frequencies."""
         return Seen(w, *self.fraction(1j * w))
 
     @cached_property
     def on_grid(self) -> Seen:
         """The loop at the points of the grid."""
-        return self._seen(self.grid)
+        return self.at(self.grid)
 
     @cached_property
     def followed(self) -> Seen:
         """The loop at points that follow it wherever it is loud."""
-        return self._seen(self.follow(LOUD)) if self.delay else self.on_grid
+        return self.at(self.follow(LOUD)) if self.delay else self.on_grid
 
     @cached_property
     def size(self) -> Array:
@@ -177,7 +178,7 @@ class Explorer:
             return (num * den.conjugate()).imag
 
         w = self.follow(quietest, COARSE)
-        _, num, den = self._seen(w[w < self.end])
+        _, num, den = self.at(w[w < self.end])
         with np.errstate(all="ignore"):
             product = num * np.conj(den)
             seen = np.abs(product.imag) >= REAL * np.abs(product)
@@ -228,10 +229,12 @@ class Explorer:
                 # where 1 + L cannot be small enough for a higher value, the turns need not be followed
                 best = np.nanmax(values) * (1 + NO_HIGHER)
                 numerator = height(self.on_grid) * self.on_grid.distance
-                bound = _most(numerator[:-1], numerator[1:]) / (1 - np.fmax(self.size[:-1], self.size[1:]))
+                bound = most_between(numerator[:-1], numerator[1:]) / (
+                    1 - np.fmax(self.size[:-1], self.size[1:])
+                )
                 loud, further = self._steps(LOUD), ~((bound <= best) & (bound > 0))
                 if np.any(further & ~loud):
-                    seen = self._seen(self.points(loud | further))
+                    seen = self.at(self.points(loud | further))
                     values = height(seen)
             best = np.nanmax(values) * (1 + NO_HIGHER)
             around = np.fmin(values[:-2], values[2:]), np.fmax(values[:-2], values[2:])
@@ -240,9 +243,9 @@ class Explorer:
             # beside a point L comes no closer to -1 than its way to the next one allows
             way, distance = np.abs(np.diff(seen.num / seen.den)), seen.distance
             closest = distance[hills] - BENT * np.fmax(way[hills - 1], way[hills])
-            bound = _most(*((values * distance)[hills + k] for k in (-1, 0, 1))) / closest
+            bound = most_between(*((values * distance)[hills + k] for k in (-1, 0, 1))) / closest
             hills = hills[~((bound <= best) & (closest > 0))]
-            at, least = lowest(lambda w: -height(self._seen(w)), seen.w, hills)
+            at, least = lowest(lambda w: -height(self.at(w)), seen.w, hills)
         first = int(np.nanargmax(values))
         candidates = zip([values[first], *-least], [seen.w[first], *at], strict=True)
         top, where = max(candidates, key=lambda one: float(one[0]))
@@ -288,7 +291,7 @@ class Explorer:
         return round(count) if abs(count - round(count)) < 0.2 else None
 
 
-def _most(*neighbours: Any) -> Any:
+def most_between(*neighbours: Any) -> Any:
     """Largest value of a smooth function between points: as much more as it changes from point to point."""
     low, high = np.fmin.reduce(neighbours), np.fmax.reduce(neighbours)
     return high * np.where(low > 0, high / low, 1.0)

@@ -30,7 +30,8 @@ With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \th
 the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`; without derivative the
 circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is not read off a grid: see `pidalab.robustness._infimum`.
+The infimum is found as the peaks of margins are, with the turns of the dead time followed wherever they may matter: see
+`pidalab.robustness._infimum`.
 """
 
 from __future__ import annotations
@@ -45,9 +46,10 @@ from pidalab import _check
 from pidalab._search import border
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
-from pidalab.robustness._infimum import TOLERANCE, LinearPart, infimum, line
+from pidalab.robustness._infimum import LinearPart, infimum, line
 from pidalab.roots import roots
 
+TOLERANCE = 1e-6  # margin above which a criterion surely holds
 SLOWEST = 1e3  # without a reset the multiplier is searched up to so many times the slowest time of the loop
 BELOW = 1 - 1e-6  # the largest multiplier, as a share of the time of a reset
 CLOSE = 1e-9  # share of the margin that a better multiplier may add
@@ -60,8 +62,7 @@ class Criterion(NamedTuple):
     Attributes
     ----------
     margin : float
-        Infimum of Re[1 + (1 + jωθ) G(jω)]; the true one is at most 1e-6 lower, relative to it if it is
-        beyond 1.
+        Infimum of Re[1 + (1 + jωθ) G(jω)], right to nine digits.
     frequency : float
         Where it lies, in rad per time unit; 0 or infinite where it is only approached.
     multiplier : float
