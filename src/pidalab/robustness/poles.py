@@ -176,7 +176,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     of, (num, den) = factors(loop), open_loop(loop)
     if not np.any(num):
         return _sorted(np.array(of.poles)), np.zeros(len(of.poles))
-    s = np.roots(np.polyadd(num, den))
+    s = np.roots(np.polyadd(num, den))  # to begin with; scattered where `roots` would refuse
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, of)
