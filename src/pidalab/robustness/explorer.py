@@ -34,6 +34,7 @@ REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding; and l
 TOUCHING = 0.1  # logarithm of |L| at an extremum, below which it may cross 0 unseen
 BENT = 1.5  # times that the way of L between two points may be longer than the straight line
 NO_HIGHER = 1e-11  # share by which a peak between two points must exceed the best to be sought
+SMALLEST = 1e-300  # |L| that is not 0
 FEW = 20  # crossovers or peaks that are found one by one
 CLOSE = 1e-8  # of the distance of two points, to which a peak between them is found
 # distances of points from a lightly damped root, in units of its damping
@@ -165,7 +166,8 @@ class Explorer:
                     (v[1:-1] <= v[:-2]) & (v[1:-1] < v[2:]) & (v[1:-1] > 0) & (v[1:-1] < TOUCHING)
                 )
                 at, least = lowest(partial(logarithm, sign=sign), w, low)
-                w, value = (np.insert(a, low + 1, b) for a, b in ((w, at), (value, sign * least)))
+                beyond = least < -REAL
+                w, value = np.append(w, at[beyond]), np.append(value, sign * least[beyond])
                 order = np.argsort(w)
                 w, value = w[order], value[order]
             return zeros(logarithm, w, value)
@@ -185,9 +187,8 @@ class Explorer:
             w, value, L = w[: seen.size][seen], product.imag[seen], (num / den)[seen]
             # where L lies near the positive axis on both sides, it crosses that one
             ahead = L.real > NEAR_AXIS * np.abs(L)
-            floor = (
-                quietest if self.delay and math.isinf(self.end) else 1e-300
-            )  # up to an end there are not so many
+            # a dead time makes infinitely many of them, but not up to half a sampling frequency
+            floor = quietest if self.delay and math.isinf(self.end) else SMALLEST
             loud = np.abs(L) >= floor
             found = zeros(imaginary, w, value, ~(ahead[:-1] & ahead[1:]) & (loud[:-1] | loud[1:]))
             L = self.L(found)
@@ -314,7 +315,10 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
     """Zeros of a function between points of allowed steps at which its values have different signs."""
     i = np.flatnonzero((values[:-1] * values[1:] < 0) & allowed)
     if i.size > FEW:
-        return np.asarray(_all_found(elementwise.find_root(function, (w[i], w[i + 1]))).x)
+        many = elementwise.find_root(function, (w[i], w[i + 1]))
+        if not np.all(many.success):
+            raise ArithmeticError(f"{np.sum(~many.success)} of {i.size} crossovers were not found")
+        return np.asarray(many.x)
     brackets = zip(w[i].tolist(), w[i + 1].tolist(), strict=True)
     return np.array([brentq(function, a, b, xtol=1e-15 * b, rtol=1e-14) for a, b in brackets])
 
@@ -322,29 +326,16 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
     """Where a function is least between the neighbours of some points, and its values there."""
     below, at, above = w[i - 1] - w[i], w[i], w[i + 1] - w[i]
+    away, least, rest = np.zeros(i.size), np.zeros(i.size), np.arange(i.size)
     if i.size > FEW:
-        bracket = (below, 0 * at, above)
-        many = _all_found(elementwise.find_minimum(lambda x, own: function(own + x), bracket, args=(at,)))
-        return at + many.x, many.f_x
-    found = [
-        succeeded(
-            minimize_scalar(
-                lambda x, own=own: function(own + x),
-                bounds=(a, b),
-                method="bounded",
-                options={"xatol": CLOSE * (b - a)},
-            ),
-            "a peak",
+        many = elementwise.find_minimum(lambda x, own: function(own + x), (below, away, above), args=(at,))
+        away, least, rest = many.x, many.f_x, np.flatnonzero(~many.success)
+    for k in rest:
+        found = minimize_scalar(
+            lambda x, own=float(at[k]): function(own + x),
+            bounds=(below[k], above[k]),
+            method="bounded",
+            options={"xatol": CLOSE * (above[k] - below[k])},
         )
-        for own, a, b in zip(at.tolist(), below.tolist(), above.tolist(), strict=True)
-    ]
-    return at + np.array([one.x for one in found]), np.array([one.fun for one in found])
-
-
-def _all_found(result: Any) -> Any:
-    """Return a search for many values at once, once all of it has succeeded."""
-    if not np.all(result.success):
-        raise ArithmeticError(
-            f"{np.sum(~result.success)} of {result.success.size} crossovers or peaks were not found"
-        )
-    return result
+        away[k], least[k] = succeeded(found, "a peak").x, found.fun
+    return at + away, least

@@ -73,6 +73,8 @@ class Margins:
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
     """Maximum sensitivity Ms and the frequency where it lies, whether the loop is stable or not.
 
+    With a `DigitalController` it is that at the samples, as in `margins`.
+
     Parameters
     ----------
     loop : Loop

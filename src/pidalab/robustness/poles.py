@@ -269,9 +269,8 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
-        still = np.abs(step) <= 1e-9 * np.abs(
-            s
-        )  # far right of the axis the dead time leaves only rounding of `value`
+        # far right of the axis the dead time leaves only rounding of `value`
+        still = np.abs(step) <= 1e-9 * np.abs(s)
         near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
         # in a cluster it goes astray, once rounding is all that is left of value and slope
