@@ -168,3 +168,11 @@ def test_bad_arguments():
         to_sopdt(EXAMPLES[1], points=2)
     with pytest.raises(ValueError, match="points must be a whole number"):
         to_sopdt(EXAMPLES[1], points=9.5)
+
+
+def test_many_equal_lags_are_as_stable_as_the_loop_says():
+    """150 lags of 1: the phase falls to -pi at tan(pi/150), and the areas are binomial coefficients."""
+    process = pidalab.lags(150)
+    assert pidalab.reduction.to_fopdt(process).wu == pytest.approx(math.tan(math.pi / 150), rel=1e-9)
+    assert pidalab.areas.from_process(process, 3).tolist() == [1.0, 150.0, 11325.0]
+    assert pidalab.unstable_poles(pidalab.Loop(process, 0.1)) == 0

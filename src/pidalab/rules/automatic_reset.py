@@ -27,6 +27,7 @@ import numpy as np
 from pidalab import _check
 from pidalab.controllers import SeriesPIDA
 from pidalab.process import Process, binomial
+from pidalab.roots import roots
 from pidalab.rules import mrdp
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator
@@ -98,7 +99,7 @@ def multiple_pole(m: int) -> Setting:
     if _check.order("m", m, at_least=0) > 2:
         raise ValueError(f"m must be 0, 1 or 2, for PI, PID or PIDA; found {m}")
     unit = mrdp.constants(m)
-    zeros = np.roots(unit.numerator)
+    zeros = roots(unit.numerator)
     zero = float(np.min(zeros.real[zeros.imag == 0]))
     stabiliser = np.polydiv(unit.numerator, [-1 / zero, 1.0])[0] * (-1 / zero)
     ka, kd, kp = (0.0,) * (2 - m) + tuple(stabiliser.tolist())
