@@ -31,7 +31,7 @@ def test_many_equal_lags_answer_as_an_incomplete_gamma_function(order, lag):
 
 
 @pytest.mark.parametrize(
-    "process", [lags(30, lag=60.0), lags(60), lags(200), fopdt(1.0, 1.0, 1e6), fopdt(1.0, 1.0, 1e-7)]
+    "process", [lags(30, lag=60.0), lags(60), lags(200), fopdt(1.0, 1.0, 1e5), fopdt(1.0, 1.0, 1e-7)]
 )
 def test_a_loop_gain_below_one_is_stable(process):
     found = pidalab.margins(Loop(process, 0.5))

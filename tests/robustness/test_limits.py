@@ -10,7 +10,7 @@ from matplotlib.lines import AxLine
 
 import pidalab
 from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
-from pidalab.robustness._infimum import infimum, line
+from pidalab.robustness._infimum import ends, infimum, line
 from pidalab.robustness.limits import TOLERANCE, _best_multiplier
 from pidalab.rules import automatic_reset as reset
 
@@ -83,7 +83,7 @@ def test_integrator_alone():
 def test_infimum_beside_a_dense_grid(name, n, theta):
     part = linear_part(design(reset.SETTINGS[name], n).loop())
     lowest, where = infimum(part, theta)
-    reference = min(dense(part, theta), *part.ends(theta))
+    reference = min(dense(part, theta), *ends(part, theta))
     assert reference - 1e-6 <= lowest <= reference + 1e-9
     if 0 < where < math.inf:
         assert lowest == pytest.approx(1 + ((1 + 1j * where * theta) * part(1j * where)).real, abs=1e-12)
@@ -103,7 +103,7 @@ PROCESSES = [
 @pytest.mark.parametrize("theta", [0.0, 0.05, 0.7])
 def test_ends_and_infimum(process, theta):
     part = linear_part(pidalab.Loop(process, 1.0))
-    at_zero, at_infinity = part.ends(theta)
+    at_zero, at_infinity = ends(part, theta)
     near, far = np.array([1e-4]), np.linspace(1e5, 1e5 + 10.0, 10_001)
 
     def f(w):
@@ -120,7 +120,7 @@ def test_limit_at_zero_frequency(name, n, weight):
     """K_s (K_d - K_p (T_dp + n T_f)); only with N = 1 the bracket is the total dead time T_d."""
     d = reset.tune(pidalab.ipdt(0.5, delay=2.0), reset.SETTINGS[name], n, filter_time=0.3, weight=weight)
     limit = 0.5 * (d.kd - d.kp * (2.0 + n * 0.3))
-    assert linear_part(d.loop()).ends(0.0)[0] == pytest.approx(limit, abs=1e-14)
+    assert ends(linear_part(d.loop()), 0.0)[0] == pytest.approx(limit, abs=1e-14)
     if weight == 1.0:
         assert limit == pytest.approx(d.setting.kd - d.setting.kp, abs=1e-14)
 
@@ -139,8 +139,8 @@ def test_at_each_frequency_a_line_over_the_multipliers(loop, w):
     part = linear_part(loop)
     start, slope = line(part, w)
     for theta in (0.1, 0.7, 1.9):
-        ends = dict(zip((0.0, math.inf), part.ends(theta), strict=True))
-        value = ends[w] if w in ends else 1 + ((1 + 1j * w * theta) * part(1j * w)).real
+        limits = dict(zip((0.0, math.inf), ends(part, theta), strict=True))
+        value = limits[w] if w in limits else 1 + ((1 + 1j * w * theta) * part(1j * w)).real
         assert start + slope * theta == pytest.approx(value, abs=1e-9)
 
 
@@ -335,7 +335,7 @@ def test_infimum_with_a_reset(loop, share):
     theta = share * part.reset_time
     w = np.concatenate([np.geomspace(1e-4, 1.0, 20_001), np.linspace(1.0, 300.0, 400_001)])
     whole = 1 + ((1 + 1j * w * theta) * (part.forward(1j * w) - 1 / (1 + 1j * w * part.reset_time))).real
-    at_zero, at_infinity = part.ends(theta)
+    at_zero, at_infinity = ends(part, theta)
     assert whole[0] == pytest.approx(at_zero, abs=1e-5)
     lowest, reference = infimum(part, theta)[0], min(whole.min(), at_zero, at_infinity)
     assert reference * (1 + 1e-6 * np.sign(-reference)) <= lowest <= reference + 1e-9

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab.process import Process
-from pidalab.robustness.explorer import Explorer, Seen, lowest, most_between
+from pidalab.robustness.explorer import Seen, lowest, most_between
 from pidalab.robustness.loops import Factors, from_factors
 
 NO_LOWER = 1e-10  # by how much a value must be lower to be sought, relative to it if it is beyond 1
@@ -55,32 +55,26 @@ class LinearPart(NamedTuple):
         """Ratio of the leading coefficients of F."""
         return float(self.forward.num[0] / self.forward.den[0])
 
-    def explore(self) -> Explorer:
-        """Look along the axis at F, or at E where F = E/s."""
-        return from_factors(Factors(self.gain, self.zeros, self.poles), self.forward.delay)
 
-    def reset(self, w: Any, theta: float) -> Any:
-        """Real part of (1 + jωθ) F_r, which falls or rises without turning."""
-        if not self.resets:
-            return 0.0 * w
-        share = theta / self.reset_time
-        return share + (1 - share) / (1 + (w * self.reset_time) ** 2)
+def ends(part: LinearPart, theta: float) -> tuple[float, float]:
+    """Limits of Re[1 + (1 + jωθ) G] at zero and at infinite frequency, there with dead time the lower limit."""
+    forward = part.forward
+    den = forward.den[:-1] if part.integrates else forward.den
+    (n1, n0), (d1, d0) = (np.append([0.0, 0.0], p)[-2:] for p in (forward.num, den))
+    e = n0 / d0
+    slope = (n1 - e * d1) / d0 - e * forward.delay
+    at_zero = (slope + theta * e if part.integrates else e) - float(math.isfinite(part.reset_time))
+    constant = part.gain * theta if len(forward.den) == len(forward.num) + 1 else 0.0
+    at_infinity = -abs(constant) if forward.delay else constant
+    return float(1 + at_zero), 1 + at_infinity - theta / part.reset_time
 
-    @property
-    def resets(self) -> bool:
-        """Whether there is a reset."""
-        return math.isfinite(self.reset_time)
 
-    def ends(self, theta: float) -> tuple[float, float]:
-        """Limits of Re[1 + (1 + jωθ) G] at zero and at infinite frequency, there with dead time the lower limit."""
-        num, den = self.forward.num, self.forward.den[:-1] if self.integrates else self.forward.den
-        (n1, n0), (d1, d0) = (np.append([0.0, 0.0], p)[-2:] for p in (num, den))
-        e = n0 / d0
-        slope = (n1 - e * d1) / d0 - e * self.forward.delay
-        at_zero = (slope + theta * e if self.integrates else e) - float(self.resets)
-        constant = self.gain * theta if len(self.forward.den) == len(self.forward.num) + 1 else 0.0
-        at_infinity = -abs(constant) if self.forward.delay else constant
-        return float(1 + at_zero), 1 + at_infinity - theta / self.reset_time
+def _reset(part: LinearPart, w: Any, theta: float) -> Any:
+    """Real part of (1 + jωθ) F_r, which falls or rises without turning."""
+    if math.isinf(part.reset_time):
+        return 0.0 * w
+    share = theta / part.reset_time
+    return share + (1 - share) / (1 + (w * part.reset_time) ** 2)
 
 
 def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
@@ -88,18 +82,19 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
     F must be strictly proper, without poles on the axis but one at 0.
     """
-    looked = part.explore()
+    # of F, or of E where F = E/s
+    looked = from_factors(Factors(part.gain, part.zeros, part.poles), part.forward.delay)
 
     def function(seen: Seen) -> Any:
         e = seen.num / seen.den
         real = e.imag / seen.w + theta * e.real if part.integrates else e.real - seen.w * theta * e.imag
-        return 1 + real - part.reset(seen.w, theta)
+        return 1 + real - _reset(part, seen.w, theta)
 
-    at_zero, at_infinity = part.ends(theta)
+    at_zero, at_infinity = ends(part, theta)
     grid = looked.on_grid
     best = min(at_zero, at_infinity, float(function(grid).min()))
     size = looked.size * np.abs(1 + 1j * theta * grid.w) / (grid.w if part.integrates else 1.0)
-    reset = part.reset(grid.w, theta)
+    reset = _reset(part, grid.w, theta)
     bound = 1 - most_between(size[:-1], size[1:]) - np.fmax(reset[:-1], reset[1:])
     followed = np.zeros(bound.size, dtype=bool)
     while looked.delay:
@@ -129,7 +124,7 @@ def line(part: LinearPart, w: float) -> tuple[float, float]:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag
     # at infinity θ = 0 is another function, whose limit is that of the line all the same
-    one, two = (part.ends(theta)[int(w > 0)] for theta in (1.0, 2.0))
+    one, two = (ends(part, theta)[int(w > 0)] for theta in (1.0, 2.0))
     return 2 * one - two, two - one
 
 

@@ -12,6 +12,7 @@ from pidalab.robustness.loops import explore
 from pidalab.robustness.poles import count_unstable
 
 QUIET = 0.1  # |L| of the given loop above which the turns of its dead time are followed
+FARTHEST = 1e-2  # of the last frequency, up to which gains are looked for at first
 AROUND = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
 CLOSE = 1e-6  # share by which Ms may exceed what was asked for before the last step
 ROUNDS = 8  # of looking where the peak is
@@ -56,10 +57,17 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     def excess(k: float) -> float:
         return 1 / ms - 1 / looked.scaled(k).max_sensitivity()[0]
 
+    def stable(k: float) -> bool:
+        try:
+            return count_unstable(looked.scaled(k)) == 0
+        except ArithmeticError:  # its phase turns too often to follow: it is far from stable
+            return False
+
     w = looked.follow(QUIET)
+    w = w[w <= FARTHEST * w[-1]]
     for _ in range(ROUNDS):
         candidates = (k * (1 - CLOSE) for k in _reached_from_below(looked.L(w), ms))
-        found = next((k for k in candidates if count_unstable(looked.scaled(k)) == 0), None)
+        found = next(filter(stable, candidates), None)
         if found is None:
             break
         peak, at = looked.scaled(found).max_sensitivity()
