@@ -95,13 +95,13 @@ class DigitalController:
     anti_windup: str | None
     weights: tuple[float, float]
     limits: tuple[float, float]
-    rate_limit: float
-    deadband: float
-    bias: float
-    y_offset: float
-    y_span: float
-    u_span: float
-    source: str
+    rate_limit: float = math.inf
+    deadband: float = 0.0
+    bias: float = 0.0
+    y_offset: float = 0.0
+    y_span: float = 1.0
+    u_span: float = 1.0
+    source: str = ""
     prefilter: Prefilter | None = None
     feedforward: bool = False
     tunable: bool = False
