@@ -270,7 +270,7 @@ class DigitalController:
     def __call__(self, z: ArrayLike) -> Any:
         """Evaluate the transfer function from -y to u at complex z, in the units of the signals.
 
-        A prefilter is none of it: ``k.prefilter(z)``.
+        The prefilter is left out: ``k.prefilter(z)``.
         """
         at = _check.complex_array("z", z)
         signal = sum((path(at) for path in self.paths), np.zeros_like(at))

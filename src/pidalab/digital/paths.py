@@ -36,14 +36,10 @@ from pidalab._check import Array
 from pidalab.forms import FilteredGains
 
 METHODS = ("backward", "tustin", "zoh")
-SHARES = {
-    "backward": (1.0, 0.0),
-    "tustin": (0.5, 0.5),
-    "zoh": (0.0, 1.0),
-}  # of e_k and e_{k-1} in the integral
-TERMS = (
-    60  # of the series for what a held input makes of a chain in a sample; what is left out is below 1/50!
-)
+# of e_k and e_{k-1} in the integral
+SHARES = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}
+# of the series for what a held input makes of a chain in a sample; what is left out is below 1/50!
+TERMS = 60
 
 
 class Path(NamedTuple):

@@ -16,9 +16,8 @@ from pidalab.simulation.ring import FADED, TERMS, add_rows, ladder, shortened, t
 LARGEST = 4000  # states in a stack: beyond, the simulation takes too long
 WORK = 5e8  # multiplications from dead time to dead time beyond which it takes too long
 STORED = 1e7  # states at the multiples of the dead time that are kept at most
-FORGOTTEN = (
-    1e-20  # size, relative to the largest, below which the influence of a distant past is nothing in double
-)
+# size, relative to the largest, below which the influence of a distant past is nothing in double
+FORGOTTEN = 1e-20
 LONGEST_RUN = 6  # logarithm to base 2 of the requested times served from one stack, at most
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 

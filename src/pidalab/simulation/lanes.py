@@ -19,9 +19,8 @@ from pidalab.simulation.steps import Steps
 
 LANES = 64
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
-NEGLIGIBLE = (
-    1e-13  # share of the largest error below which a change of its sign inside a sample is not looked for
-)
+# share of the largest error below which a change of its sign inside a sample is not looked for
+NEGLIGIBLE = 1e-13
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
 IE, IAE, ISE, ITAE, TV_Y, TV_U, Y_MIN, Y_MAX, U_MIN, U_MAX, Y_END, U_END = range(len(MEASURES))
