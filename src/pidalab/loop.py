@@ -20,10 +20,8 @@ if TYPE_CHECKING:  # only who asks for a frequency response waits for python-con
     import control
 
 POINTS = 1000  # of a frequency response, before the dead time asks for more
-TURN, TURNED = (
-    0.1,
-    4 * np.pi,
-)  # rad by which the dead time turns the phase between two of them, and altogether
+# rad by which the dead time turns the phase between two of them, and altogether
+TURN, TURNED = 0.1, 4 * np.pi
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
 

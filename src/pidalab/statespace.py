@@ -50,8 +50,10 @@ def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
     for own_num, own_den in zip(raw[::2], raw[1::2], strict=True):
         den = np.frombuffer(own_den)
         num, lead = np.convolve(num, np.frombuffer(own_num)), lead * float(den[0])
-        if den.size > 1:
-            poles += roots(den).tolist()  # of each by itself, as its own poles are better known
+        if den.size == 2:
+            poles.append(complex(-den[1] / den[0]))
+        elif den.size > 2:  # of each by itself, as its own poles are better known
+            poles += roots(den).tolist()
     groups: list[list[complex]] = []
     for p in sorted(poles, key=abs):
         if groups and abs(p) <= GAP * abs(groups[-1][-1]):
@@ -67,6 +69,7 @@ def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
 def _part(num: Array, lead: float, own: list[complex], others: list[complex]) -> Part:
     """Realise the partial fraction over some poles, in their own unit of time."""
     n, unit = len(own), abs(own[-1]) or 1.0
+    numerator: Any
     scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
     if n <= SHORT:
         # in powers of x = s/unit, so that the static gain keeps its digits behind a filter much faster than a sample
@@ -76,7 +79,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
         numerator = np.array(_divided(scaled.tolist(), q, [p / unit for p in others])) * unit ** -len(others)
     else:
         M = _chain(np.array(own) / unit)
-        numerator = np.zeros(n, dtype=complex)
+        numerator = np.zeros(n, complex)
         for coefficient in scaled:
             numerator = M @ numerator
             numerator[0] += coefficient

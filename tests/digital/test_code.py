@@ -6,18 +6,16 @@ import math
 import re
 import subprocess
 
-import control
 import numpy as np
 import pytest
 from cases import CASES, STANDARD, record, reference
-from scipy.signal import lfilter
 from st import Instance, Parser
 
 import pidalab
 from pidalab import HighOrderPID
-from pidalab.digital.code import FAR, STEPS, head, vector
+from pidalab.digital.code import vector
 from pidalab.digital.languages.structured_text import _st_number
-from pidalab.digital.program import INPUTS, If, Note, program
+from pidalab.digital.program import INPUTS, program
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}
@@ -179,75 +177,6 @@ def test_other_precisions_are_refused():
         CASES["pi"].structured_text(precision="DOUBLE")
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "x := 1.0;",
-        "control := 1;",
-        "BIAS := 1.0;",
-        "IF control THEN control := 1.0; END_IF;",
-        "control := 1.0",
-    ],
-    ids=["undeclared", "type", "constant", "condition", "semicolon"],
-)
-def test_the_interpreter_takes_nothing_wrong(text):
-    declared = (
-        "FUNCTION_BLOCK b VAR_OUTPUT control : LREAL; END_VAR VAR CONSTANT bias : BOOL := TRUE; END_VAR "
-    )
-    with pytest.raises((SyntaxError, TypeError)):
-        Instance(Parser(f"{declared} {text} END_FUNCTION_BLOCK").blocks, "b")()
-
-
-def test_head_line_by_line():
-    k = pidalab.PIDA(2.0, 4.0, 0.5).discretise(
-        0.1, "tustin", b=0.5, c=0.25, limits=(0.0, 100.0), bias=40.0, u_span=50.0, y_span=2.0, y_offset=7.0,
-        rate_limit=3.0, deadband=0.25, anti_windup="clamping", source="made by hand",
-        prefilter=control.tf([1.0], [0.5, 1.0]),
-    )  # fmt: skip
-    assert head(k, "one\ntwo\nthree", "a note\nin two lines") == [
-        "Digital controller, written by pidalab.",
-        "Controller: made by hand",
-        "Sample time: 0.1, method: tustin, anti-windup: clamping",
-        "Weights of the set point: b = 0.5, c = 0.25",
-        "Limits: 0.0 to 100.0, rate limit: 3.0, deadband: 0.25",
-        "Working point: u = 40.0, y = 7.0, a unit of y in 2.0 and of u in 50.0 units",
-        f"Prefilter of the set point: {k.prefilter}",
-        "Margins: one",
-        "  two",
-        "  three",
-        "a note",
-        "in two lines",
-    ]
-    plain = head(pidalab.PIDA(2.0, 4.0).discretise(0.1, anti_windup=None, limits=(-1.0, 1.0)), None, "")
-    assert plain[2].endswith("anti-windup: none")
-    assert plain[5:] == ["Working point: u = 0.0, y = 0.0"]
-
-
-@pytest.mark.parametrize(
-    ("limits", "by_hand"),
-    [((0.0, 100.0), 50.0), ((-math.inf, math.inf), 50.0), ((0.0, 45.0), 44.5), ((39.0, 40.5), 40.15)],
-)
-def test_the_test_signals_in_closed_form(limits, by_hand):
-    """A tenth of the range from the working point, or a fifth of a unit; a lag of a quarter, a jump, a disturbance."""
-    k = pidalab.PIDA(2.0, 4.0).discretise(
-        0.1, limits=limits, bias=40.0, u_span=50.0, y_span=2.0, y_offset=7.0
-    )
-    rows = vector(k)
-    target = np.select([np.arange(STEPS) < 2, np.arange(STEPS) < 24], [0.0, 0.2], -0.1)
-    y = lfilter([0.25], [1.0, -0.75], target) + 0.02 * 0.75 ** np.maximum(np.arange(STEPS) - 20.0, 0.0) * (
-        np.arange(STEPS) >= 20
-    )
-    names = list(rows)
-    assert rows[names[0]][:STEPS] == pytest.approx(7.0 + 2.0 * target)
-    assert rows[names[1]][:STEPS] == pytest.approx(7.0 + 2.0 * y, abs=1.1e-4)
-    acts = [i for i, on in enumerate(rows[names[2]]) if on]
-    tracks = [i for i, on in enumerate(rows[names[4]]) if on]
-    assert (acts, tracks) == ([10, 11, 12], [17])
-    assert set(rows[names[3]]) == set(rows[names[5]]) == {by_hand}
-    assert len(rows["control"]) == STEPS + 2 * FAR
-    assert rows["control"][10:13] == [by_hand] * 3
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_the_test_signals_take_the_control_signal_over_its_whole_range(name):
     k = CASES[name]
@@ -308,16 +237,6 @@ def test_integral_action_alone_stays_at_its_limit():
     assert k.step(-1.0, 0.0) == pytest.approx(6.0 - 0.4 * 0.2)
 
 
-def test_code_begins_with_where_it_comes_from():
-    k = CASES["zoh"]
-    assert k.python().startswith('"""Digital controller, written by pidalab.')
-    first = head(k, None, "")
-    for code in (k.python(), k.c(), k.structured_text()):
-        places = [code.index(line.strip()) for line in first]
-        assert places == sorted(places)
-        assert code.count(first[0]) == 1
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [
@@ -333,57 +252,6 @@ def test_numbers_of_structured_text_have_digits_on_both_sides_of_the_point(value
     assert _st_number(value) == text
 
 
-def test_c_declares_what_it_defines():
-    code = CASES["zoh"].c("level")
-    lines = code.splitlines()
-    for k, line in enumerate(lines):
-        if line.startswith("level_real level_step("):
-            signature = [line, lines[k + 1]]
-            break
-    assert (
-        signature[0] == "level_real level_step(level_state *s, level_real setpoint, level_real measurement,"
-    )
-    own = "    bool manual, level_real manual_value, bool tracking, level_real track_value)"
-    assert signature[1] == own + ";"
-    assert lines.count(own) == 1
-    assert (
-        lines.count("void level_init(level_state *s);") == lines.count("void level_init(level_state *s)") == 1
-    )
-    assert lines[:2] == ["/*", " * Digital controller, written by pidalab."]
-    assert "#define LEVEL_REAL double" in lines
-    assert "typedef LEVEL_REAL level_real;" in lines
-
-
 def test_a_class_of_python_is_named_after_the_controller():
     assert "class LevelOfTank:\n" in CASES["zoh"].python("level_of_tank")
     assert "FUNCTION_BLOCK level_of_tank\n" in CASES["zoh"].structured_text("level_of_tank")
-
-
-def notes(body):
-    """Comments of statements, with those inside."""
-    for one in body:
-        if isinstance(one, If):
-            yield from (*notes(one.then), *notes(one.otherwise))
-        elif isinstance(one, Note):
-            yield one.text
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_comments_say_what_is_there_and_nothing_else(name):
-    k = CASES[name]
-    text = "\n".join(notes(program(k).body))
-    for words, there in {
-        "signals, from the working point": k.y_offset != 0,
-        "prefilter: ": k.prefilter is not None,
-        "deadband: ": k.deadband > 0,
-        "no bump on the way back": k.integrates,
-        "manual or automatic": not k.integrates,
-        "rests while it would drive the signal": k.anti_windup == "clamping" and k.integrates,
-        "is taken back from the integral": k.integrates and k.taken_back > 0 and k.limited,
-    }.items():
-        assert (words in text) == there, words
-    for path in k.paths:
-        said = re.search(rf"^{path.name.replace('_', ' ')} part(: (\d+)( equal)? lag(s?))?$", text, re.M)
-        assert int(said[2] or 0) == path.order
-        assert bool(said[4]) == (path.order > 1)
-        assert bool(said[3]) == (path.order > 0 and len({*zip(path.new, path.old, strict=True)}) == 1)

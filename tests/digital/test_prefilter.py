@@ -111,16 +111,6 @@ def test_prefilters_that_are_refused(num, den, method, message):
         PID.discretise(H, method, prefilter=control.tf(num, den))
 
 
-@pytest.mark.parametrize("share", [0.5, 0.51, 0.75])
-def test_a_lag_of_half_a_sample_is_the_shortest_that_does_not_ring(share):
-    """Tustin: its pole (T - h/2)/(T + h/2) is 0 there, and the filter the mean of two samples."""
-    k = PID.discretise(H, "tustin", prefilter=control.tf([1.0], [share * H, 1.0]))
-    pole = (share - 0.5) / (share + 0.5)
-    np.testing.assert_allclose(k.prefilter(Z), (1 - pole) / 2 * (Z + 1) / (Z - pole), rtol=1e-12)
-    with pytest.raises(ValueError, match=r"sample_time must be at most 0\.06993 "):
-        PID.discretise(H, "tustin", prefilter=control.tf([1.0], [0.4995 * H, 1.0]))
-
-
 def test_a_loop_takes_one_prefilter():
     k = PID.discretise(H, prefilter=control.tf([1.0], [1.0, 1.0]))
     with pytest.raises(

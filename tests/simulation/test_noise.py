@@ -8,7 +8,6 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop
-from pidalab.simulation.noise import _lengths
 
 TIME = np.arange(241) * 0.05
 
@@ -80,14 +79,6 @@ def test_noise_gain_complains(loop, h, message):
         pidalab.noise_gain(loop, h)
 
 
-def test_numbers_of_samples_that_are_tried():
-    """Four times as many each time, up to a million; at least four dead times."""
-    loop = Loop(pidalab.fopdt(1.0, 1.0, 1.0), 0.5)
-    assert _lengths(loop, 0.01) == [4096, 16384, 65536, 262144, 1048576]
-    assert _lengths(loop, 1e-3 / 1.25) == [5000, 20000, 80000, 320000]
-    assert _lengths(loop, 4 / 1048576) == [1048576]
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -102,12 +93,3 @@ def test_numbers_of_samples_that_are_tried():
 def test_uniform_noise_complains(arguments, message):
     with pytest.raises(ValueError, match=message):
         pidalab.uniform_noise(**({"t": TIME, "amplitude": 1.0, "seed": 0} | arguments))
-
-
-def test_a_value_may_be_held_longer_than_the_record():
-    assert np.ptp(pidalab.uniform_noise(TIME, 1.0, 0, hold=1e9)) == 0.0
-    assert pidalab.uniform_noise(TIME, 1.0, 0, hold=0.15).size == TIME.size
-    assert np.abs(pidalab.uniform_noise(TIME, 1e307, 0)).max() > 9e306
-    plain = pidalab.uniform_noise(TIME, 1.0, 0)
-    assert np.array_equal(plain, pidalab.uniform_noise(TIME, 1.0, 0, hold=0.05))
-    np.testing.assert_allclose(pidalab.uniform_noise(TIME, 3.0, 0), 3.0 * plain, rtol=1e-12)

@@ -11,7 +11,6 @@ from scipy.linalg import expm
 
 import pidalab
 from pidalab import PIDA, HighOrderPID, Loop, Process, SeriesPIDA, simulate, simulate_sampled
-from pidalab.simulation.sampled_controller import _tracking
 
 RECORD = json.loads((Path(__file__).parents[1] / "oracle" / "reset_loops.json").read_text())
 CASES = {f"{case['name']}-{'load' if case['load'] else 'setpoint'}": case for case in RECORD["cases"]}
@@ -204,19 +203,6 @@ def test_pulses_by_hand(delay):
     assert {0, widths} < {int(np.argmin(np.abs(u - levels))) for u in out.u}
 
 
-def test_many_short_pulses_are_their_mean():
-    """The pulses of ever shorter samples come to what an actuator does that holds: first order in the ripple."""
-    own = SeriesPIDA(0.8, 0.1, 0.0, 2.0, 0.2, 2, limits=(-0.5, 1.0))
-    loop = Loop(pidalab.sopdt(1.0, 1.0, 1.0, 0.3), own)
-    differences = []
-    for h in (0.04, 0.02, 0.01):
-        t = h * np.arange(round(8.0 / h))
-        held, pulses = (simulate_sampled(loop, t, 1.0, pulse_widths=widths) for widths in (0, 10000))
-        differences.append(np.max(np.abs(held.y - pulses.y)))
-    assert 1.6 < differences[0] / differences[1] < 2.6
-    assert 1.6 < differences[1] / differences[2] < 2.6
-
-
 PLAIN = Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.4, 8.0))
 RESET = Loop(pidalab.ipdt(1.0, 1.0), SeriesPIDA(0.3, 0.0, 0.0, 1.0, 2.0, 1, limits=(-1.0, 1.0)))
 FINITE = {"limits": (-1.0, 1.0)}
@@ -257,13 +243,3 @@ def test_one_width_is_a_switch():
 def test_simulate_sampled_complains(loop, arguments, error, message):
     with pytest.raises(error, match=message):
         simulate_sampled(**({"loop": loop, "t": [0.0, 1.0, 2.0], "setpoint": 1.0} | arguments))
-
-
-def test_a_conditioned_integral_takes_up_less_than_all():
-    assert _tracking(2.0, 0.5, 0.1) == pytest.approx(0.4)
-    assert _tracking(-2.0, -0.5, 0.1) == pytest.approx(0.4)
-    for ki, kp in ((2.0, 0.2), (2.0, 0.1), (2.0, -0.5), (-2.0, 0.5), (2.0, 0.0), (0.0, 1.0)):
-        with pytest.raises(
-            ValueError, match="'conditioning' is unstable unless kp/ki is above the sample time"
-        ):
-            _tracking(ki, kp, 0.1)

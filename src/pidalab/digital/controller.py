@@ -95,13 +95,13 @@ class DigitalController:
     anti_windup: str | None
     weights: tuple[float, float]
     limits: tuple[float, float]
-    rate_limit: float
-    deadband: float
-    bias: float
-    y_offset: float
-    y_span: float
-    u_span: float
-    source: str
+    rate_limit: float = math.inf
+    deadband: float = 0.0
+    bias: float = 0.0
+    y_offset: float = 0.0
+    y_span: float = 1.0
+    u_span: float = 1.0
+    source: str = ""
     prefilter: Prefilter | None = None
     feedforward: bool = False
     tunable: bool = False
@@ -270,7 +270,7 @@ class DigitalController:
     def __call__(self, z: ArrayLike) -> Any:
         """Evaluate the transfer function from -y to u at complex z, in the units of the signals.
 
-        A prefilter is none of it: ``k.prefilter(z)``.
+        The prefilter is left out: ``k.prefilter(z)``.
         """
         at = _check.complex_array("z", z)
         signal = sum((path(at) for path in self.paths), np.zeros_like(at))

@@ -36,14 +36,10 @@ from pidalab._check import Array
 from pidalab.forms import FilteredGains
 
 METHODS = ("backward", "tustin", "zoh")
-SHARES = {
-    "backward": (1.0, 0.0),
-    "tustin": (0.5, 0.5),
-    "zoh": (0.0, 1.0),
-}  # of e_k and e_{k-1} in the integral
-TERMS = (
-    60  # of the series for what a held input makes of a chain in a sample; what is left out is below 1/50!
-)
+# of e_k and e_{k-1} in the integral
+SHARES = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}
+# of the series for what a held input makes of a chain in a sample; what is left out is below 1/50!
+TERMS = 60
 
 
 class Path(NamedTuple):
@@ -130,7 +126,7 @@ def paths(
         if np.any(summed):
             shares = [lag_shares(time, h, method) for time in lags]
             new, old = (tuple(share[i] for share in shares) for i in (0, 1))
-            held = _held(summed, np.array(lags), h) if lags and method == "zoh" else summed
+            held = held_gains(summed, np.array(lags), h) if lags and method == "zoh" else summed
             result.append(Path(name, weight, new, old, tuple(held.tolist())))
     names = [path.name for path in result]
     return tuple(
@@ -198,36 +194,57 @@ def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
     return result
 
 
-def _held(gains: Array, lags: Array, h: float) -> Array:
+def held_gains(gains: Array, lags: Array, h: float) -> Array:
     r"""Return gains on differences of *discrete* lags that make what a held input makes of those of the chain.
 
     Both chains have the poles :math:`p_i = e^{-h/T_i}`. The states x of the one at the samples are T times those of the
     other: the columns of T follow from each other by what the held input does to a state in a sample, less p.
+
+    Parameters
+    ----------
+    gains : ndarray, shape (..., n + 1)
+        On the differences of the continuous chain.
+    lags : ndarray, shape (..., n)
+        Time constants.
+    h : float
+        Sample time.
+
+    Returns
+    -------
+    ndarray, shape (..., n + 1)
+        On the differences of the discrete one.
     """
-    n, poles, shares = lags.size, np.exp(-h / lags), -np.expm1(-h / lags)
+    n = lags.shape[-1]
+    rates = h / lags
+    poles, shares = np.exp(-rates), -np.expm1(-rates)
+    fastest = rates.max(axis=-1)[..., None]
     # generator of the states and the input; with its diagonal lifted to 0 or above, the series has no cancellation
-    rates = np.concatenate([[0.0], h / lags])
-    lifted = np.diag(rates[1:], -1) + np.diag(rates.max() - rates)
-    transition, term = np.eye(n + 1), np.eye(n + 1)
+    lifted = np.zeros((*lags.shape[:-1], n + 1, n + 1))
+    own, after = np.arange(n + 1), np.arange(1, n + 1)
+    lifted[..., own, own] = fastest - np.insert(rates, 0, 0.0, axis=-1)
+    lifted[..., after, after - 1] = rates
+    transition = term = np.broadcast_to(np.eye(n + 1), lifted.shape)
     for k in range(1, TERMS):
         term = lifted @ term / k
         transition = transition + term
-    transition *= math.exp(-rates.max())
-    to_states, column = np.zeros((n + 1, n + 1)), transition[1:, 0]
-    to_states[0, 0] = 1.0
+    transition = transition * np.exp(-fastest)[..., None]
+    to_states, column = np.zeros(lifted.shape), transition[..., 1:, 0]
+    to_states[..., 0, 0] = 1.0
     for i in range(n):
-        to_states[1:, i + 1] = column / shares[i]
+        to_states[..., 1:, i + 1] = column / shares[..., i, None]
         # the differences of the other poles to that of a faster lag are not negative
-        rest = np.tril(transition[1:, 1:], -1) - np.diag(poles * np.expm1(h / lags - h / lags[i]))
-        column = rest @ to_states[1:, i + 1]
+        rest = np.tril(transition[..., 1:, 1:], -1)
+        rest[..., own[:n], own[:n]] = -poles * np.expm1(rates - rates[..., i, None])
+        column = (rest @ to_states[..., 1:, i + 1, None])[..., 0]
     # gains on the states of the chain, on those of discrete lags, on differences of these
-    on_states = np.zeros(n + 1)
-    for m, gain in enumerate(gains):
+    on_states = np.zeros(gains.shape)
+    for m in range(n + 1):
         for j in range(m + 1):
-            on_states[n - m + j] += (-1) ** j * math.comb(m, j) * gain
-    result = np.zeros(n + 1)
-    for j, weight in enumerate(to_states.T @ on_states):
+            on_states[..., n - m + j] += (-1) ** j * math.comb(m, j) * gains[..., m]
+    on_discrete = (on_states[..., None, :] @ to_states)[..., 0, :]
+    result = np.zeros(gains.shape)
+    for j in range(n + 1):
         for m in range(n - j + 1):
-            result[m] += math.comb(n - j, m) * weight
-    result[0] = gains[0]  # the static gain
+            result[..., m] += math.comb(n - j, m) * on_discrete[..., j]
+    result[..., 0] = gains[..., 0]  # the static gain
     return result

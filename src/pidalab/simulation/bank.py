@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
-from scipy.special import gammainc
 
 from pidalab._check import Array
 from pidalab.controllers import SeriesPIDA
+from pidalab.digital.paths import held_gains
+from pidalab.digital.program import program
 from pidalab.loop import Loop, require_loop
 from pidalab.simulation import lanes
 from pidalab.simulation.lanes import Controllers
+from pidalab.simulation.operations import operations
 from pidalab.simulation.sampled_controller import require_fine_enough
 from pidalab.simulation.steps import Steps
 
@@ -104,7 +107,7 @@ class Bank(NamedTuple):
         self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
     ) -> Array:
         """Run the sets, one-dimensional here, and measure them: shape (measures, sets)."""
-        groups = [lanes.run(own, plant, *limits, h, r, d, n) for own in controllers(self, h, lanes.LANES)]
+        groups = [lanes.run(own, plant, h, r, d, n) for own in controllers(self, limits, h, lanes.LANES)]
         return np.concatenate(groups, axis=1)[:, : math.prod(self.shape)]
 
     def part(self, part: slice) -> Bank:
@@ -163,74 +166,35 @@ def _companion(den: Array) -> Array:
     return A
 
 
-def controllers(bank: Bank, h: float, width: int) -> Iterator[Controllers]:
-    r"""Discretise the sets, one-dimensional here, for the sample time h, in groups of so many lanes.
+def controllers(bank: Bank, limits: tuple[float, float], h: float, width: int) -> Iterator[Controllers]:
+    """Discretise the sets, one-dimensional here, for the sample time h, in groups of so many lanes.
 
-    The filter is a chain of equal lags. Its transition is :math:`e^{-\tau} e^{\tau N}` with N one below the diagonal
-    and :math:`\tau = h/T_f`. In the basis of the vectors :math:`M^k e_1`, :math:`M = (e^{\tau N} - 1)/\tau`, it is
-    :math:`e^{-\tau}(1 + \tau N)`, which takes the fewest operations; the change of basis is made of Stirling numbers.
-
-    The last group is filled up with its last set.
+    The step is that of a `DigitalController`, exact for held inputs; its numbers differ. The last group is filled up
+    with its last set.
     """
     (sets,) = bank.shape
     size = -(-sets // width) * width
     kp, kd, ka, ti, time = (_padded(bank.values[name], sets, size) for name in ALLOWED)
-    n, tau = bank.order, h / time
-    direct, reading = _readings(kp, kd, ka, time, n)
-    # what a held input of 1 makes of the states in a sample: state j of a chain of lags is an incomplete gamma function
-    filling = gammainc(np.arange(n)[:, None] + 1, tau)
-    # the same input and output in the basis in which the transition takes the fewest operations
-    into, back = _change_of_basis(tau, n)
-    gamma, c = np.zeros_like(filling), np.zeros_like(filling)
-    for j in range(n):
-        gamma += back[:, j] * filling[j]
-        c += into[j] * reading[j]
-    # transition of a state, and what it hands on to the next; share of the control signal that the reset takes up
-    stay, move = np.exp(-tau), tau * np.exp(-tau)
-    new = -np.expm1(-h / ti)
-    whole = (stay, move, gamma, c, direct, new, *_prefilter(bank, sets, size, h))
+    n = bank.order
+    gains = np.stack([kp, kd / time, ka / time**2, *np.zeros((n, size))][: n + 1], axis=-1)
+    if n:
+        gains = held_gains(gains, np.repeat(time[:, None], n, axis=1), h)
+    any_gains = SeriesPIDA(1.0, 0.0, 0.0, ti=1.0, filter_time=1.0, filter_order=n).discretise(
+        min(h, 1.0), "zoh", limits=limits
+    )
+    path = any_gains.paths[0]._replace(gains=(1.0,) * (n + 1))
+    made = program(replace(any_gains, paths=(path,)))
+    code, places, numbers = operations(made, {**made.states, "started": True})
+    table = np.repeat(numbers[:, None], size, axis=1)
+    name = path.name.upper()
+    table[[places[f"{name}_GAIN_{k}"] for k in range(n + 1)]] = gains.T
+    table[places["INTEGRAL_OLD"]] = -np.expm1(-h / ti)
+    if n:
+        table[places[f"{name}_OLD"]] = -np.expm1(-h / time)
+    whole = (table, *_prefilter(bank, sets, size, h))
     # cut into groups that lie together in memory
     for start in range(0, size, width):
-        yield Controllers(*(np.ascontiguousarray(x[..., start : start + width]) for x in whole))
-
-
-def _readings(kp: Array, kd: Array, ka: Array, time: Array, n: int) -> tuple[Array, Array]:
-    """Return what kp + kd s + ka s^2 behind the chain of lags takes from its input, (sets,), and states, (n, sets).
-
-    Each lag has s x_n = (x_{n-1} - x_n)/T_f: derivatives of the output are differences of the last states, and of the
-    input where there are too few.
-    """
-    # kd s: x_n from x_{n-1}; ka s^2: from x_{n-2}, too
-    of_last = kp - kd / time + ka / time**2
-    of_next = kd / time - 2 * ka / time**2
-    of_third = ka / time**2
-    if n == 0:
-        return kp, np.zeros((0, time.size))
-    if n == 1:
-        return kd / time, (kp - kd / time)[None, :]
-    rows = np.zeros((n + 1, time.size))  # the input first, then the states
-    rows[n] = of_last
-    rows[n - 1] = of_next
-    rows[n - 2] = of_third
-    return rows[0], rows[1:]
-
-
-def _change_of_basis(tau: Array, n: int) -> tuple[Array, Array]:
-    """Return the matrix of the vectors M^k e_1 and its inverse, (n, n, sets): powers of (e^tx - 1)/t, log(1 + tx)/t."""
-    # Stirling numbers of the second kind (powers of e^x - 1) and, with signs, of the first (of log(1 + x))
-    second, first = np.eye(n), np.eye(n)
-    for j in range(1, n):
-        for k in range(1, n):
-            second[j, k] = second[j - 1, k - 1] + k * second[j - 1, k]
-            first[j, k] = first[j - 1, k - 1] - (j - 1) * first[j - 1, k]
-    # coefficient of x^j in the k-th power, with x in units of 1/tau
-    into, back = np.zeros((n, n, tau.size)), np.zeros((n, n, tau.size))
-    for j in range(n):
-        for k in range(j + 1):
-            scaled = tau ** (j - k) * math.factorial(k) / math.factorial(j)
-            into[j, k] = second[j, k] * scaled
-            back[j, k] = first[j, k] * scaled
-    return into, back
+        yield Controllers(code, *(np.ascontiguousarray(x[..., start : start + width]) for x in whole))
 
 
 def _padded(x: Array, sets: int, size: int) -> Array:

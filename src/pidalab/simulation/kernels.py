@@ -6,19 +6,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab._compiled import compiled
-from pidalab.simulation.operations import (
-    ACTION,
-    ADD,
-    CHOOSE,
-    CONTROL,
-    COPY,
-    GREATER,
-    LESS,
-    MEASUREMENT,
-    MULTIPLY,
-    SETPOINT,
-    SUBTRACT,
-)
+from pidalab.simulation import operations as op
 from pidalab.simulation.steps import Actuator, Steps
 from pidalab.statespace import StateSpace
 
@@ -28,19 +16,19 @@ def step(code: np.ndarray, numbers: Array) -> None:
     """Carry out the operations of a step."""
     for k in range(code.shape[0]):
         kind, target, left, right = code[k, 0], code[k, 1], numbers[code[k, 2]], numbers[code[k, 3]]
-        if kind == MULTIPLY:
+        if kind == op.MULTIPLY:
             numbers[target] = left * right
-        elif kind == ADD:
+        elif kind == op.ADD:
             numbers[target] = left + right
-        elif kind == SUBTRACT:
+        elif kind == op.SUBTRACT:
             numbers[target] = left - right
-        elif kind == COPY:
+        elif kind == op.COPY:
             numbers[target] = left
-        elif kind == LESS:
+        elif kind == op.LESS:
             numbers[target] = 1.0 if left < right else 0.0
-        elif kind == GREATER:
+        elif kind == op.GREATER:
             numbers[target] = 1.0 if left > right else 0.0
-        elif kind == CHOOSE and right != 0.0:
+        elif kind == op.CHOOSE and right != 0.0:
             numbers[target] = left
 
 
@@ -138,16 +126,16 @@ def run(
         measured = y[k] + noise[k]
         if fineness > 0:
             measured = fineness * np.rint(measured / fineness)
-        numbers[SETPOINT], numbers[MEASUREMENT] = (
+        numbers[op.SETPOINT], numbers[op.MEASUREMENT] = (
             y_offset + y_span * reference[k],
             y_offset + y_span * measured,
         )
-        error = numbers[SETPOINT] - numbers[MEASUREMENT]
-        numbers[ACTION] = output(block.c, block.d, z, error)
+        error = numbers[op.SETPOINT] - numbers[op.MEASUREMENT]
+        numbers[op.ACTION] = output(block.c, block.d, z, error)
         advanced(block.A, block.b, z, error, z_new)
         z, z_new = z_new, z
         step(code, numbers)
-        wanted = (numbers[CONTROL] - bias) / u_span
+        wanted = (numbers[op.CONTROL] - bias) / u_span
         u[k] = acted(actuator, wanted, load[k], v, width, k + before)
         x, x_new = crossed(plant, x, x_new, v, width, k + before)
     return y, u, area

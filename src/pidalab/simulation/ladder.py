@@ -6,6 +6,7 @@ A stack is an array (ages, states), oldest first: the states now in its last row
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg.lapack import dgebal
 
 from pidalab._check import Array
 from pidalab._compiled import compiled, plain
@@ -15,9 +16,8 @@ from pidalab.simulation.ring import FADED, TERMS, add_rows, ladder, shortened, t
 LARGEST = 4000  # states in a stack: beyond, the simulation takes too long
 WORK = 5e8  # multiplications from dead time to dead time beyond which it takes too long
 STORED = 1e7  # states at the multiples of the dead time that are kept at most
-FORGOTTEN = (
-    1e-20  # size, relative to the largest, below which the influence of a distant past is nothing in double
-)
+# size, relative to the largest, below which the influence of a distant past is nothing in double
+FORGOTTEN = 1e-20
 LONGEST_RUN = 6  # logarithm to base 2 of the requested times served from one stack, at most
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
@@ -31,7 +31,7 @@ def responses(cut: Cut, n: int, step: float) -> Array:
     intervals = (n - 1) * step / cut.delay if cut.delay else 0.0
     if not intervals * cut.x0.size < STORED:
         raise ManyDeadTimes(_too_many(intervals))
-    result, depth, status = _responses(*cut, step, n)
+    result, depth, status = _responses(*_balanced(cut), step, n)
     if status == TOO_LARGE:
         raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
     if status == TOO_MANY:
@@ -45,41 +45,22 @@ def responses(cut: Cut, n: int, step: float) -> Array:
     return result
 
 
+def _balanced(cut: Cut) -> Cut:
+    """Change the units of the states by powers of 2, so that rows and columns of |A| + |b c| are alike."""
+    A, b, c, d, C, direct, x0, delay = cut
+    with np.errstate(over="ignore"):  # what leaves the range of numbers here does so later, too
+        driving = np.abs(A) + np.abs(np.outer(b, c))
+    scale = dgebal(driving, scale=1)[3]
+    return Cut(
+        A * scale / scale[:, None], b / scale, c * scale, d, C * scale, direct, x0 / scale[:, None], delay
+    )
+
+
 def _too_many(intervals: float) -> str:
     return (
         f"t spans {intervals:.3g} dead times, too many to follow one after the other; shorten t, or leave out a dead "
         "time as short as that"
     )
-
-
-@compiled
-def _balanced(A, b, c):
-    """Powers of 2 that make rows and columns of |A| + |b c| alike, as a change of units of the states."""
-    n = b.size
-    scale = np.ones(n)
-    for _ in range(30):
-        settled = True
-        for i in range(n):
-            row, column = 0.0, 0.0
-            for j in range(n):
-                if j != i:
-                    row += (abs(A[i, j]) + abs(b[i] * c[j])) * scale[j] / scale[i]
-                    column += (abs(A[j, i]) + abs(b[j] * c[i])) * scale[i] / scale[j]
-            factor = 1.0
-            if row > 0.0 and column > 0.0:
-                factor = 2.0 ** np.rint(0.5 * np.log2(row / column))
-            elif column == 0.0 and row > 0.0:
-                # nothing reads this state, as the running integral: it may be small, as long as it would be large
-                factor = max(2.0 ** np.rint(np.log2(row)), 1.0 / scale[i])
-            elif row == 0.0 and column > 0.0:
-                # nothing drives this state, as a step of the input: the same of what it drives
-                factor = max(2.0 ** -np.rint(np.log2(column)), 1.0 / scale[i])
-            if factor != 1.0:
-                scale[i] *= factor
-                settled = False
-        if settled:
-            break
-    return scale
 
 
 def _derivative_by_rows(stack, factor, A, b, c, d):
@@ -193,18 +174,6 @@ def _responses(A, b, c, d, C, direct, x0, delay, step, n):
     """Step responses at n times, the number of dead times that matter, and whether all went well."""
     size, channels = x0.shape
     result = np.zeros((channels, 3, n))
-    scale = _balanced(A, b, c)
-    A, b, c, C, x0 = A.copy(), b.copy(), c.copy(), C.copy(), x0.copy()
-    for i in range(size):
-        for j in range(size):
-            A[i, j] *= scale[j] / scale[i]
-        for q in range(3):
-            C[q, i] *= scale[i]
-        for j in range(channels):
-            x0[i, j] /= scale[i]
-        b[i] /= scale[i]
-        c[i] *= scale[i]
-
     # a time as close to a multiple of the dead time as rounding is that multiple
     eps = 8.0 * np.finfo(np.float64).eps
     interval, first = np.zeros(n, dtype=np.intp), 0

@@ -14,27 +14,23 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab._compiled import compiled, inlined
+from pidalab.simulation import operations as op
 from pidalab.simulation.steps import Steps
 
 LANES = 64
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
-NEGLIGIBLE = (
-    1e-13  # share of the largest error below which a change of its sign inside a sample is not looked for
-)
+# share of the largest error below which a change of its sign inside a sample is not looked for
+NEGLIGIBLE = 1e-13
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
 IE, IAE, ISE, ITAE, TV_Y, TV_U, Y_MIN, Y_MAX, U_MIN, U_MAX, Y_END, U_END = range(len(MEASURES))
 
 
 class Controllers(NamedTuple):
-    """Digital controllers with automatic reset, and prefilters, one of each for a lane."""
+    """Digital controllers with the same step but other numbers, and their prefilters, one of each for a lane."""
 
-    stay: Array  # (LANES,), what a state of the filter keeps in a sample
-    move: Array  # (LANES,), what it hands on to the next state
-    gamma: Array  # (n, LANES)
-    c: Array  # (n, LANES)
-    d: Array  # (LANES,)
-    new: Array  # (LANES,), share of the control signal that the reset takes up in a sample
+    code: np.ndarray  # of `Operations`
+    numbers: Array  # (places, LANES)
     prefilter_phi: Array  # (q, q, LANES)
     prefilter_gamma: Array  # (q, LANES)
     prefilter_c: Array  # (q, LANES)
@@ -42,30 +38,49 @@ class Controllers(NamedTuple):
 
 
 @compiled
-def run(
-    own: Controllers,
-    plant: Steps,
-    low: float,
-    high: float,
-    h: float,
-    reference: Array,
-    load: Array,
-    noise: Array,
-) -> Array:
+def step(code: np.ndarray, numbers: Array) -> None:
+    """Carry out the operations of a step in all lanes."""
+    for k in range(code.shape[0]):
+        kind, out, left, right = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
+        if kind == op.MULTIPLY:
+            for i in range(LANES):
+                numbers[out, i] = numbers[left, i] * numbers[right, i]
+        elif kind == op.ADD:
+            for i in range(LANES):
+                numbers[out, i] = numbers[left, i] + numbers[right, i]
+        elif kind == op.SUBTRACT:
+            for i in range(LANES):
+                numbers[out, i] = numbers[left, i] - numbers[right, i]
+        elif kind == op.COPY:
+            for i in range(LANES):
+                numbers[out, i] = numbers[left, i]
+        elif kind == op.LESS:
+            for i in range(LANES):
+                numbers[out, i] = 1.0 if numbers[left, i] < numbers[right, i] else 0.0
+        elif kind == op.GREATER:
+            for i in range(LANES):
+                numbers[out, i] = 1.0 if numbers[left, i] > numbers[right, i] else 0.0
+        elif kind == op.CHOOSE:
+            for i in range(LANES):
+                numbers[out, i] = numbers[left, i] if numbers[right, i] != 0.0 else numbers[out, i]
+
+
+@compiled
+def run(own: Controllers, plant: Steps, h: float, reference: Array, load: Array, noise: Array) -> Array:
     """Run the loops of all lanes and return their measures, shape (measures, LANES)."""
-    order, states = own.gamma.shape[0], plant.c.size
+    states = plant.c.size
     # a set point that never leaves 0 keeps its prefilter at rest
     degree = own.prefilter_gamma.shape[0] if reference.any() else 0
     # a ring of the inputs of the plant, as long as its dead time
     size = plant.ago[0] + 1
     past = np.zeros((size, LANES))
     slot = 0
-    # states of plant, controller and prefilter; the last row of z is the nothing that is handed on to the first
+    # states of plant and prefilter
     x, x_new = np.zeros((states, LANES)), np.zeros((states, LANES))
-    z = np.zeros((order + 1, LANES))
     f, f_new = np.zeros((degree, LANES)), np.zeros((degree, LANES))
     # signals, their values one sample ago, and what the measures need
-    error, wanted, integral = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    numbers = own.numbers
+    setpoint, measurement, control = numbers[op.SETPOINT], numbers[op.MEASUREMENT], numbers[op.CONTROL]
     y, y_old = np.zeros(LANES), np.zeros(LANES)
     area_old, u_old = np.zeros(LANES), np.zeros(LANES)
     curve, plain = np.zeros(LANES), np.zeros(LANES)
@@ -90,30 +105,19 @@ def run(
             area_old[i] = area[i]
 
         # filtered set point, and the prefilter one sample on
-        _scale(own.prefilter_d, reference[k], error)
+        _scale(own.prefilter_d, reference[k], setpoint)
         if degree:
-            _add_products(own.prefilter_c, f, error)
+            _add_products(own.prefilter_c, f, setpoint)
             for row in range(degree):
                 _scale(own.prefilter_gamma[row], reference[k], f_new[row])
                 _add_products(own.prefilter_phi[row], f, f_new[row])
             f, f_new = f_new, f
-        # control error, less the measurement
         for i in range(LANES):
-            error[i] -= y[i] + noise[k]
-            wanted[i] = own.d[i] * error[i]
-        # stabilising controller: read each state, then move it on; from the last, as each hands on to the next
-        for row in range(order - 1, -1, -1):
-            state, previous = z[row], z[row - 1 if row else order]
-            gamma, c = own.gamma[row], own.c[row]
-            for i in range(LANES):
-                wanted[i] += c[i] * state[i]
-            for i in range(LANES):
-                state[i] = own.stay[i] * state[i] + own.move[i] * previous[i] + gamma[i] * error[i]
-        # limited control signal, and the reset that follows it
+            measurement[i] = y[i] + noise[k]
+        step(own.code, numbers)
         u = past[slot]
         for i in range(LANES):
-            u[i] = min(max(wanted[i] + integral[i], low), high)
-            integral[i] += own.new[i] * (u[i] - integral[i])
+            u[i] = control[i]
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
         # the load joins it; then the plant crosses the interval, piece by piece
         for i in range(LANES):

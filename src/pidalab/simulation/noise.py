@@ -16,9 +16,8 @@ from pidalab.simulation.sampled import simulate_sampled
 
 FIRST, MOST = 4096, 1 << 20  # samples of a response to noise, at first and at most
 FADED = 1e-12  # share of the squares that the second half of such a response may hold
-ECHOES = (
-    4  # dead times that such a response covers at least: what comes back of the noise comes after the first
-)
+# dead times that such a response covers at least: what comes back of the noise comes after the first
+ECHOES = 4
 
 
 def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None = None) -> Array:

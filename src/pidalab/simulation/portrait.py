@@ -6,18 +6,17 @@ The sets go to an executor in chunks. The result of a set depends neither on its
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from tqdm import tqdm
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab._many import TASKS, each
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.simulation import lanes
@@ -25,7 +24,7 @@ from pidalab.simulation.bank import Bank, require_series
 from pidalab.simulation.sampled import limits_at_rest
 from pidalab.simulation.steps import Actuator, plant_steps
 
-TASKS = 64  # by default the sets go to the workers in about so many chunks
+MOST_SETS = 10**7  # whose measures take about 2 GB
 
 
 class Portrait(NamedTuple):
@@ -90,7 +89,6 @@ def portrait(
     executor: Executor | None = None,
     chunk: int | None = None,
     progress: bool = False,
-    memory: float = 2e9,
 ) -> Portrait:
     r"""Simulate a loop for many parameter sets at once, and return the measures of each.
 
@@ -118,8 +116,6 @@ def portrait(
         Sets in a task, rounded up to a multiple of 64; by default there are about 64 tasks.
     progress : bool, optional
         Whether to show a progress bar.
-    memory : float, optional
-        Bytes that the results, and the past of a group of loops over the dead time, may take; 2 GB by default.
 
     Returns
     -------
@@ -133,7 +129,7 @@ def portrait(
         range or do not fit together, a sample time above a filter's time constant, an unstable prefilter, what
         `simulate_sampled` refuses, and a load or a set point that no control signal within the limits can hold.
     MemoryError
-        For a grid, or a dead time in samples, that would take more than `memory`; before anything is computed.
+        For a grid of more than ten million sets; before anything is computed.
 
     See Also
     --------
@@ -165,12 +161,10 @@ def portrait(
     plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))  # complains about the plant
     bank = Bank.of(loop, parameters, prefilter)
     sets = math.prod(bank.shape)
-    numbers = 2 * sets * len(Portrait._fields) + lanes.LANES * task.process.delay / task.h
-    if 8.0 * numbers > _check.real("memory", memory, above=0.0):
+    if sets > MOST_SETS:
         raise MemoryError(
-            f"a grid of shape {bank.shape} and a dead time of {task.process.delay / task.h:.3g} samples need about "
-            f"{8.0 * numbers:.3g} bytes, and memory = {memory:.3g} are allowed; take fewer sets, one portrait after "
-            "the other, or allow more"
+            f"a grid of shape {bank.shape} has {sets:.3g} sets, and {MOST_SETS:.0e} are allowed; take one portrait "
+            "after the other"
         )
     bank.require_valid(task.h)
     rest = _state_of_rest(task, bank)
@@ -178,11 +172,7 @@ def portrait(
     size = _check.integer("chunk", -(-sets // TASKS) if chunk is None else chunk, at_least=1)
     size = -(-size // lanes.LANES) * lanes.LANES
     parts = [bank.part(slice(start, min(start + size, sets))) for start in range(0, sets, size)]
-    measures = []
-    with tqdm(total=sets, unit="set", disable=not progress) as bar:
-        for part, measured in zip(parts, _mapped(executor, partial(_work, task), parts), strict=True):
-            bar.update(*part.shape)
-            measures.append(measured)
+    measures = each("parameters", partial(_work, task), parts, executor, progress)
     return _portrait(np.concatenate(measures, axis=1).reshape(-1, *bank.shape), rest)
 
 
@@ -190,20 +180,6 @@ def _compact(name: str, value: ArrayLike, size: int) -> float | Array:
     """Check a signal; a number stays one, since every task carries it."""
     signal = _check.signal(name, value, size)
     return float(signal[0]) if np.ndim(value) == 0 else signal
-
-
-def _mapped(executor: Executor | None, function: Any, parts: list[Bank]) -> Iterator[Array]:
-    """Map a function over the parts by the executor."""
-    if executor is None:
-        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
-        with ThreadPoolExecutor(workers) as threads:
-            yield from threads.map(function, parts)
-    elif isinstance(executor, Executor):
-        yield from executor.map(function, parts)
-    else:
-        raise TypeError(
-            f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}"
-        )
 
 
 def _work(task: Task, bank: Bank) -> Array:

@@ -8,6 +8,7 @@ slow states directly: as the transfer function of the fast part, evaluated at th
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,6 +86,7 @@ class _States:
         return Signal(row, 0.0)
 
 
+@lru_cache(maxsize=64)
 def cut_at_delay(loop: Loop, inputs: str) -> Cut:
     """Open the loop at its dead time; `inputs` names the step inputs to keep, out of "r", "d", "n".
 

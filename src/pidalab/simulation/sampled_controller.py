@@ -93,13 +93,6 @@ def _behind(
         anti_windup=anti_windup,
         weights=(1.0, 1.0),
         limits=limits,
-        rate_limit=math.inf,
-        deadband=0.0,
-        bias=0.0,
-        y_offset=0.0,
-        y_span=1.0,
-        u_span=1.0,
-        source="",
     )
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from pidalab.digital.languages.text import Syntax, more, rows, statements
+from pidalab.digital.program import Program, Vector
 
-from pidalab.digital.languages.text import more, renamed, rows
-from pidalab.digital.program import If, Note, Program, Set, Statement, Vector
+SYNTAX = Syntax("/* {} */", "{} = {};", "if ({}) {{", "} else {", "}")
 
 
 def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
@@ -21,21 +21,6 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
         if token in program.states:
             return f"s->{token}"
         return f"{upper}_{token}" if token.isupper() else token
-
-    def statements(body: Sequence[Statement], indent: str) -> list[str]:
-        lines: list[str] = []
-        for one in body:
-            if isinstance(one, Note):
-                lines.append(f"{indent}/* {one.text} */")
-            elif isinstance(one, Set):
-                lines.append(f"{indent}{namer(one.target)} = {renamed(one.value, namer).replace('! ', '!')};")
-            elif isinstance(one, If):
-                lines.append(f"{indent}if ({renamed(one.condition, namer).replace('! ', '!')}) {{")
-                lines += statements(one.then, indent + "    ")
-                if one.otherwise:
-                    lines += [f"{indent}}} else {{", *statements(one.otherwise, indent + "    ")]
-                lines.append(f"{indent}}}")
-        return lines
 
     kinds = {"real": real, "bool": "bool"}
     inputs = [f"{kinds[kind]} {x}" for x, kind in program.inputs.items()]
@@ -87,7 +72,8 @@ def write(program: Program, head: list[str], vector: Vector, name: str) -> str:
     ]
     lines[-1] += ";"
     lines += ["    bool forced;"] if "forced" in program.variables else []
-    lines += [*statements(program.body, "    "), "    return s->control;", "}", ""]
+    body = statements(program.body, SYNTAX, namer, "    ")
+    lines += [*(line.replace("! ", "!") for line in body), "    return s->control;", "}", ""]
     return "\n".join([*lines, *_c_test(program, name, vector)])
 
 

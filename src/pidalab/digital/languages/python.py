@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from pidalab.digital.languages.text import more, renamed, rows
-from pidalab.digital.program import If, Note, Program, Set, Statement, Vector
+from pidalab.digital.languages.text import Syntax, more, rows, statements
+from pidalab.digital.program import Program, Vector
+
+SYNTAX = Syntax("# {}", "{} = {}", "if {}:", "else:", "")
 
 USUAL: dict[str, Any] = {"manual": False, "manual_value": 0.0, "tracking": False, "track_value": 0.0} | {
     "feedforward": 0.0,
@@ -40,26 +42,10 @@ def _step(program: Program, indent: str) -> list[str]:
             token, f"self.{token}" if token in program.states else token
         )
 
-    def statements(body: Sequence[Statement], indent: str) -> list[str]:
-        lines: list[str] = []
-        for one in body:
-            if isinstance(one, Note):
-                lines.append(f"{indent}# {one.text}")
-            elif isinstance(one, Set):
-                lines.append(f"{indent}{namer(one.target)} = {renamed(one.value, namer)}")
-            elif isinstance(one, If):
-                lines += [
-                    f"{indent}if {renamed(one.condition, namer)}:",
-                    *statements(one.then, indent + "    "),
-                ]
-                if one.otherwise:
-                    lines += [f"{indent}else:", *statements(one.otherwise, indent + "    ")]
-        return lines
-
     inputs = ", ".join(f"{x}={USUAL[x]!r}" if x in USUAL else x for x in program.inputs)
     return [
         f"{indent}def step(self, {inputs}):",
-        *statements(program.body, indent + "    "),
+        *statements(program.body, SYNTAX, namer, indent + "    "),
         f"{indent}    return self.control",
     ]
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from pidalab.digital.languages.text import Syntax, more, rows, statements
+from pidalab.digital.program import Program, Vector
 
-from pidalab.digital.languages.text import more, renamed, rows
-from pidalab.digital.program import If, Note, Program, Set, Statement, Vector
+SYNTAX = Syntax("(* {} *)", "{} := {};", "IF {} THEN", "ELSE", "END_IF;")
 
 
 def write(program: Program, head: list[str], vector: Vector, name: str, real: str) -> str:
@@ -15,21 +15,6 @@ def write(program: Program, head: list[str], vector: Vector, name: str, real: st
 
     def namer(token: str) -> str:
         return words.get(token, token)
-
-    def statements(body: Sequence[Statement], indent: str) -> list[str]:
-        lines: list[str] = []
-        for one in body:
-            if isinstance(one, Note):
-                lines.append(f"{indent}(* {one.text} *)")
-            elif isinstance(one, Set):
-                lines.append(f"{indent}{one.target} := {renamed(one.value, namer)};")
-            elif isinstance(one, If):
-                lines.append(f"{indent}IF {renamed(one.condition, namer)} THEN")
-                lines += statements(one.then, indent + "    ")
-                if one.otherwise:
-                    lines += [f"{indent}ELSE", *statements(one.otherwise, indent + "    ")]
-                lines.append(f"{indent}END_IF;")
-        return lines
 
     kinds = {"real": real, "bool": "BOOL"}
     states = {x: value for x, value in program.states.items() if x != "control" and x not in program.gains}
@@ -70,7 +55,7 @@ def write(program: Program, head: list[str], vector: Vector, name: str, real: st
             "VAR CONSTANT",
             *(f"    {x} : {real} := {number(value)};" for x, value in program.constants.items()),
             "END_VAR",
-            *statements(program.body, "    "),
+            *statements(program.body, SYNTAX, namer, "    "),
             "END_FUNCTION_BLOCK",
             "",
             f"FUNCTION_BLOCK {name}_selftest",
