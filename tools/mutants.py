@@ -43,7 +43,18 @@ COLUMNS = ("module", "function", "was", "becomes", "outcome", "drawn", "reason")
 KILLED, ELSEWHERE = "killed", "killed elsewhere"  # by a test of its room; by another one
 LATER, SURVIVED = "killed later", "survived"  # the former by a test that it asked for
 ROOMS = (
-    *("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace"),
+    *(
+        "algebra",
+        "areas",
+        "forms",
+        "loop",
+        "plants",
+        "process",
+        "response",
+        "roots",
+        "running_loop",
+        "statespace",
+    ),
     *("identification", "optimal", "record", "reduction", "robustness", "rules", "simulation"),
     *("controllers", "digital", "ledger"),
 )
