@@ -49,6 +49,14 @@ def test_a_changed_copy_passes_what_does_not_see_the_change_and_fails_what_does(
     assert mutants.outcome(tmp_path, mutant, 100.0) == "killed elsewhere"
 
 
+def test_a_module_without_tests_of_its_own_is_not_killed_by_that(tmp_path):
+    path = tmp_path / "empty.py"
+    path.write_text("")
+    assert mutants.run(mutants.SRC.parent, [str(path)], 60.0)
+    path.write_text("1 / 0")
+    assert not mutants.run(mutants.SRC.parent, [str(path)], 60.0)
+
+
 def test_the_table_keeps_reasons_of_survivors(tmp_path, monkeypatch):
     monkeypatch.setattr(mutants, "TABLE", tmp_path / "mutants.csv")
     was = "return self._scaled(1 / divisor)"
