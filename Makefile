@@ -45,7 +45,7 @@ faults: $(ENV)  ## plant gross errors in the library and see every chapter notic
 	$(BIN)/python tools/faults.py
 
 fuzz: $(ENV)  ## random loops, arguments, records and files against second methods, FUZZ=2000 of each (hours)
-	FUZZ=$${FUZZ:-2000} $(BIN)/pytest -n auto tests/fuzz
+	FUZZ=$${FUZZ:-2000} $(BIN)/pytest -n auto tests/fuzz tests/lab/test_model.py
 
 foreign: $(ENV)  ## tune on the plant records in FOLDER, which tools/foreign.toml lists, and write the table (10 minutes)
 	$(BIN)/python tools/foreign.py $(FOLDER) --out book/data/foreign.csv

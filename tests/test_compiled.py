@@ -55,19 +55,6 @@ def test_a_change_of_a_neighbouring_file_compiles_anew(kept, tmp_path):
     assert "compiling" in run(folder, changed).stderr
 
 
-def test_where_nothing_can_be_written_each_process_compiles_for_itself(tmp_path):
-    nowhere = """
-import numba
-njit = numba.njit
-def refusing(*args, cache=False, **options):
-    if cache:
-        raise RuntimeError("cannot cache function: no locator available")
-    return njit(*args, **options)
-numba.njit = refusing
-"""
-    assert run(tmp_path, nowhere).stdout == "[1. 1.]\n"
-
-
 def answers():
     """Numbers of every part of the library that is compiled."""
     loop = pidalab.Loop(pidalab.lags(3, delay=0.4), pidalab.PIDA(1.5, 2.5, 0.8, 0.2, n=10, m=10))

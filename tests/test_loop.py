@@ -236,14 +236,6 @@ def test_blocks_that_are_mixed_up_are_told():
         pidalab.Loop(pidalab.reduction.to_sopdt(pidalab.lags(3)), CONTROLLER)
 
 
-def test_a_reset_is_that_of_the_controller():
-    series = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2)
-    assert pidalab.Loop(PROCESS, series).automatic_reset.time == 2.0
-    assert pidalab.Loop(PROCESS, CONTROLLER).automatic_reset is None
-    assert pidalab.Loop(PROCESS, FILTER).automatic_reset is None
-    assert pidalab.Loop(PROCESS, FILTER).limits == (-np.inf, np.inf)
-
-
 def test_a_process_without_dead_time_is_a_filter():
     loop = pidalab.Loop(PROCESS, CONTROLLER, prefilter=pidalab.lags(2, lag=0.2))
     assert loop.block("prefilter", 1j) == pytest.approx(1 / (0.2j + 1) ** 2)

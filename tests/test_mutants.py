@@ -33,7 +33,7 @@ def test_places_are_drawn_outside_types_and_give_programs():
     assert len(found) > 10
     for one in filter(None, found):
         assert one.text != TEXT
-        assert mutants.stands(dict(zip(mutants.COLUMNS, one.key, strict=False)))
+        assert mutants.exists(dict(zip(mutants.COLUMNS, one.key, strict=False)))
     haalman = Path("rules/haalman.py")
     drawn = (mutants.changed(haalman, name, some[0]) for name, some in mutants.places(haalman))
     assert not any("TYPE_CHECKING" in one.was for one in drawn if one)

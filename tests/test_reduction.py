@@ -75,14 +75,6 @@ def test_ultimate_frequency_of_equal_lags(n):
     assert ultimate_frequency(pidalab.lags(n, lag=2.0)) == pytest.approx(math.tan(math.pi / n) / 2, rel=1e-9)
 
 
-def test_ultimate_frequency_at_the_border_of_stability():
-    """With the ultimate gain, a proportional controller is on the border of stability."""
-    for process in DIFFERENT:
-        gain = 1 / (process.gain() * abs(process(1j * ultimate_frequency(process)) / process.gain()))
-        assert pidalab.is_stable(pidalab.Loop(process, 0.999 * gain))
-        assert not pidalab.is_stable(pidalab.Loop(process, 1.001 * gain))
-
-
 def test_ultimate_frequency_counts_whole_turns():
     """Five zeros turn the phase up to +pi, where L crosses the negative real axis first; -pi comes far later."""
     num, den = np.poly([-1.0] * 5), np.poly([-20.0] * 9)
@@ -176,3 +168,11 @@ def test_bad_arguments():
         to_sopdt(EXAMPLES[1], points=2)
     with pytest.raises(ValueError, match="points must be a whole number"):
         to_sopdt(EXAMPLES[1], points=9.5)
+
+
+def test_many_equal_lags_are_as_stable_as_the_loop_says():
+    """150 lags of 1: the phase falls to -pi at tan(pi/150), and the areas are binomial coefficients."""
+    process = pidalab.lags(150)
+    assert pidalab.reduction.to_fopdt(process).wu == pytest.approx(math.tan(math.pi / 150), rel=1e-9)
+    assert pidalab.areas.from_process(process, 3).tolist() == [1.0, 150.0, 11325.0]
+    assert pidalab.unstable_poles(pidalab.Loop(process, 0.1)) == 0

@@ -49,16 +49,6 @@ def test_sine_with_sign_changes_and_horizon_inside_samples(horizon):
     )
 
 
-def test_error_order_of_the_parabola():
-    """Halving the step divides the error of ISE by 16: with the exact area the rule is of fourth order."""
-    errors = []
-    for n in (21, 41, 81):
-        t = np.linspace(0.0, 2.0, n)
-        errors.append(abs(from_error(t, np.cos, np.sin).ise() - (1 + math.sin(4.0) / 4)))
-    assert errors[0] / errors[1] == pytest.approx(16, rel=0.05)
-    assert errors[1] / errors[2] == pytest.approx(16, rel=0.05)
-
-
 def test_parabolas_are_exact():
     """e = (t - 0.3)(t - 1.7): sign changes at 0.3 and 1.7, one sample per unit of time."""
     t = np.arange(3.0)
@@ -80,13 +70,6 @@ def test_held_set_point_and_noise():
     measured = held.measured()  # e - n = 0.5, -2.5, 4
     assert (measured.ie(), measured.iae(), measured.ise()) == pytest.approx((2.0, 7.0, 0.25 + 6.25 + 16.0))
     np.testing.assert_allclose(measured.e, held.r - held.y - held.n)
-
-
-def test_measured_is_what_the_recorder_sees():
-    """y + n in place of y: the set point stays what it was, so overshoot is judged against it."""
-    seen = record(np.arange(4.0), [0.0, 1.0, 1.0, 1.0], r=1.0, n=[0.0, 0.2, -0.1, 0.1]).measured()
-    np.testing.assert_allclose(seen.r, 1.0)
-    np.testing.assert_allclose(seen.y, [0.0, 1.2, 0.9, 1.1])
 
 
 @pytest.mark.parametrize("name", ["ie", "iae", "ise", "itae"])
@@ -276,15 +259,6 @@ def test_a_stretch_ends_before_the_next_step():
     assert up.r[-1] == 2.0
     assert up.overshoot() == pytest.approx(alone.overshoot(), abs=1e-4)
     assert down.settling_time() == pytest.approx(alone.settling_time(), abs=1e-4)
-
-
-def test_the_last_sample_is_held():
-    """A record of n samples lasts n sample times for what is held, such as the set point."""
-    r = half_seconds(y=[0.0, 0.5, 0.6, 0.6], u=[1.0, 1.0, 1.0, 2.0], r=[1, 1, 1, 1])
-    assert r.saturated((0.0, 2.0)) == 0.5
-    assert r.between(0.5, 2.0).t.size == r.between(0.5, 1.5).t.size == 3
-    with pytest.raises(ValueError, match="at least a sample apart"):
-        r.between(1.5, 2.0)
 
 
 @pytest.mark.parametrize(

@@ -33,12 +33,6 @@ def test_sample_time_and_own_filter_are_part_of_the_design():
     assert filtered.ms <= 1.6 * (1 + 1e-6)
 
 
-def test_a_filter_that_the_sample_time_holds_back_is_said():
-    design = tune(ipdt(1.0, 1.0), "PID", ms=1.4, noise_gain=3.0, sample_time=0.1)
-    assert design.controller.filter_time == pytest.approx(0.1)
-    assert any("as fast as the sample, 0.1" in doubt for doubt in design.doubts)
-
-
 def test_limits_that_nothing_keeps_are_refused():
     with pytest.raises(ValueError, match=r"no stable controller of order 0 .*; order 1 has some"):
         tune(pidalab.Process([1.0], [1.0, 1.0, 0.0, 0.0]), "PI")
@@ -46,8 +40,7 @@ def test_limits_that_nothing_keeps_are_refused():
 
 def test_spread_prices_what_the_model_does_not_know():
     design = tune(THIRD, "PI", spread=0.2)
-    gains = [tune(THIRD, "PI", spread=share).ms_worst for share in (0.05, 0.1)]
-    assert 1.6 < gains[0] < gains[1] < design.ms_worst <= 2.0 * (1 + 1e-6)
+    assert 1.6 < tune(THIRD, "PI", spread=0.05).ms_worst < design.ms_worst <= 2.0 * (1 + 1e-6)
     worst = pidalab.Loop(lags(3, 1.2, 1.2, delay=1.2), design.controller)
     assert pidalab.margins(worst).ms <= design.ms_worst * (1 + 1e-9)
 
@@ -155,17 +148,7 @@ def test_what_is_no_model_says_what_to_pass():
         tune(pidalab.Record(np.arange(30.0), np.arange(30) >= 9.0, np.arange(30) >= 12.0), "PI")
 
 
-def test_a_derivative_without_a_lag_to_work_on_is_doubted():
-    assert any(
-        "leans on dynamics" in doubt
-        for doubt in tune(fopdt(1.0, 2.0, 1.0), "PIDA", rule="magnitude optimum").doubts
-    )
-    assert not any("leans on" in doubt for doubt in tune(THIRD, "PID", rule="simc").doubts)
-
-
-@pytest.mark.parametrize(
-    ("lag", "sample_time"), [(1.0, None), (3600.0, None), (1.0, 0.1)], ids=["noise", "hours", "sampled"]
-)
+@pytest.mark.parametrize(("lag", "sample_time"), [(3600.0, None), (1.0, 0.1)])
 def test_a_dead_time_that_no_loop_can_notice_is_left_out_and_said(lag, sample_time):
     process = pidalab.fopdt(1.0, lag, 1e-9)
     design = tune(process, "PI", sample_time=sample_time)

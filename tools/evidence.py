@@ -49,7 +49,7 @@ def faults() -> str:
 
 
 def oracles() -> str:
-    """Reference values by file; what they are stands in the list beside them."""
+    """Reference values by file; the list beside them says what they are."""
     readme = (ORACLES / "README.md").read_text("utf-8")
     content = dict(re.findall(r"^\| `(\S+)` \| (.+?) \|", readme, re.MULTILINE))
     lines = []

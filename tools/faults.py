@@ -21,7 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "book" / "data" / "faults.csv"
-# file of the library: what stands there once -> what is planted; `met` returns its number, and notes that it was met
+# file of the library: what occurs there once -> what is planted; `met` returns its number, and notes that it was met
 FAULTS = {
     "dead time of the exact engine 1 % too long": [
         "simulation/realisation.py: states.x0, loop.process.delay) -> states.x0, met(1.01) * loop.process.delay)",

@@ -89,15 +89,15 @@ def still(live: Tag) -> None:
     if live.select_one("img") is None:
         state = live.get("data-live") or live.select_one("script[type='application/json']").string
         live.string = (
-            f"In the online book a live figure stands here. {json.loads(state).get('caption', '')}".strip()
+            f"In the online book a live figure appears here. {json.loads(state).get('caption', '')}".strip()
         )
 
 
 def unfold(fold: Tag) -> None:
-    """Open a fold: of a claim its note, of a cell its output. All rows of a paper stand in its audit, too."""
+    """Open a fold: of a claim its note, of a cell its output. All rows of a paper are in its audit, too."""
     words = fold.summary.extract()
     if fold.select_one("tr:has(.verdict)") and "hide" not in fold.get("class", []):
-        fold.string = f"{words.get_text(' ', strip=True)} stand in the audit."
+        fold.string = f"{words.get_text(' ', strip=True)} are in the audit."
     elif fold.find_parent("table"):
         words.name = "span"
         fold.insert(0, words)
@@ -221,7 +221,7 @@ def line(soup: BeautifulSoup, contents: Tag, text: str, target: str, kind: str) 
 
 
 def numbers(path: Path) -> dict[str, int]:
-    """Read from a printed document on which page each anchor stands, counted from 1."""
+    """Read from a printed document on which page each anchor is, counted from 1."""
     reader = PdfReader(path)
     places = {name.lstrip("/"): place for name, place in reader.named_destinations.items()}
     return {unquote(name): reader.get_destination_page_number(place) + 1 for name, place in places.items()}

@@ -2,7 +2,7 @@
 
 A processor chooses the kernels of OpenBLAS, the loops of NumPy, the machine code of numba and the functions of the
 C library, and each rounds in its own way. A lesser one can be imitated. Other Pythons, and the lowest and newest
-versions of what the library stands on, get an environment of their own. Words choose variants by their names
+versions of the dependencies, get an environment of their own. Words choose variants by their names
 (``python tools/processors.py nehalem``); without any, all but the lowest and newest versions are run. What passed goes
 to book/data/processors.csv; a variant that is not tried keeps its rows, and is named.
 """
@@ -192,7 +192,7 @@ def command(variant: Variant, what: str) -> list[str | Path]:
     """Return what to give to pytest."""
     if what == "notebooks":
         return [*PARALLEL, "--nbval", "--nbval-current-env", *notebooks(BOOK)]
-    # a warning of an old package on a new Python is no failure of ours
+    # a warning of an old package on a new Python is not our failure
     lenient = ["-W", "default", "-o", "addopts=--import-mode=importlib"] if variant.packages else []
     return [*PARALLEL, *lenient, *TESTS]
 

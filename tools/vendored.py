@@ -47,7 +47,7 @@ def table() -> list[dict[str, Any]]:
 
 
 def carried(site: Path) -> list[str]:
-    """List the files of others: what stands in _static and not in book/_static."""
+    """List the files of others: what is in _static and not in book/_static."""
     own = {path.relative_to(ROOT / "book").as_posix() for path in (ROOT / "book" / "_static").rglob("*")}
     own = {name for name in own if not name.startswith("_static/vendor/")} | {
         *OWN,

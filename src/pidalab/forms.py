@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pidalab.roots import roots
+
 
 class StandardForm(NamedTuple):
     """kp (1 + 1/(ti s) + td s + ta s^2): haalman2024 eq. (1)."""
@@ -148,7 +150,7 @@ class IdealGains(NamedTuple):
         """
         if self.ki == 0:
             raise ValueError("no series form: there is no integral action to factor out")
-        zeros = np.roots([self.ka, self.kd, self.kp, self.ki])
+        zeros = roots([self.ka, self.kd, self.kp, self.ki])
         real = zeros.real[(np.abs(zeros.imag) < 1e-7 * np.abs(zeros)) & (zeros.real < 0)]
         if real.size == 0:
             raise ValueError(

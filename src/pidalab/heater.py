@@ -1,7 +1,7 @@
 """The Temperature Control Lab: a heater on a board, or the simulated one of its package, by the same calls.
 
 The package is ``tclab`` (``pip install tclab``). Heater 1 is the control signal, in per cent of its power,
-the first thermistor the output, in degrees Celsius. Heater 2 stands a few centimetres away and warms the first one a
+the first thermistor the output, in degrees Celsius. Heater 2 is a few centimetres away and warms the first one a
 little: it is the load. A simulated hour takes a fraction of a second, one at the board an hour.
 """
 

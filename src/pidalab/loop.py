@@ -14,6 +14,7 @@ from pidalab.controllers import AutomaticReset, Controller, Fraction
 from pidalab.digital import DigitalController
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, fraction_at, quotient, rational
+from pidalab.roots import roots
 
 if TYPE_CHECKING:  # only who asks for a frequency response waits for python-control
     import control
@@ -129,7 +130,7 @@ class Loop:
             "output_filter": _filter("output_filter", output_filter),
             "prefilter": _filter("prefilter", prefilter),
         }
-        poles = np.roots(blocks["prefilter"][1])
+        poles = roots(blocks["prefilter"][1])
         if np.any(poles.real >= 0):
             raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
         # L without its dead time: the product of the blocks of the loop; nothing is cancelled
@@ -373,7 +374,7 @@ class Loop:
 
     def _frequencies(self) -> _check.Array:
         """Frequencies around the corners of L, at which the dead time turns the phase in small steps."""
-        corners = np.abs(np.concatenate([np.roots(part) for part in self.open_loop]))
+        corners = np.abs(np.concatenate([roots(part) for part in self.open_loop]))
         delay = self.process.delay
         corners = np.append(corners[corners > 0], 1 / delay if delay else [])
         low, high = (float(np.min(corners)), float(np.max(corners))) if corners.size else (1.0, 1.0)

@@ -18,7 +18,8 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.process import Process, fopdt, require_process, sopdt
-from pidalab.robustness._grid import grid
+from pidalab.robustness.loops import explore
+from pidalab.roots import roots
 
 SMALLEST = 1e-9  # of tau wu in the first, of (tau wu)^4 in the second order: below, the lag is rounding
 
@@ -88,17 +89,19 @@ def ultimate_frequency(process: Process) -> float:
         raise ValueError(f"process must have at most one integrator, found {integrators} in {process!r}")
     turned = 0.5 * np.pi * integrators
     unit = _unit(Process(process.num, settling, process.delay))
-    zeros, poles = np.roots(unit.num), np.roots(unit.den)
+    zeros, poles = roots(unit.num), roots(unit.den)
+
+    looked = explore(Loop(unit, 1.0))
 
     def phase(w: Array) -> Array:
         s = 1j * np.atleast_1d(w)[:, None]
-        # each factor stays in one half plane, so its angle is continuous; the roots only count the turns
-        about = np.angle(1 - s / zeros).sum(axis=1) - np.angle(1 - s / poles).sum(axis=1)
-        exact = np.angle(np.polyval(unit.num, s[:, 0]) / np.polyval(unit.den, s[:, 0]))
-        return exact + 2 * np.pi * np.round((about - exact) / (2 * np.pi)) - w * unit.delay - turned
+        # each factor stays in one half plane, so its angle is continuous; the sum only counts the turns
+        about = np.angle(1 - s / zeros).sum(axis=1) - np.angle(1 - s / poles).sum(axis=1) - w * unit.delay
+        exact = np.angle(looked.L(np.atleast_1d(w)))
+        return exact + 2 * np.pi * np.round((about - exact) / (2 * np.pi)) - turned
 
     on_axis = np.abs(zeros[np.abs(zeros.real) <= 1e-9 * np.abs(zeros)])
-    w = grid(Loop(unit, 1.0), 0.1)
+    w = looked.follow(0.1)
     w = w[w < on_axis.min(initial=math.inf)]
     past = np.flatnonzero(phase(w) < -np.pi)
     if not past.size or past[0] == 0:
@@ -238,7 +241,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
 def _unit(process: Process) -> Process:
     """Return the process divided by its static gain, or raise if it is not stable or has none."""
     require_process("process", process)
-    poles = np.roots(process.den)
+    poles = roots(process.den)
     if np.any(poles.real >= 0):
         kind = "integrating" if np.any(poles == 0) else "unstable"
         raise ValueError(

@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pidalab._check import Array
 
@@ -25,15 +26,17 @@ MOST = 400  # degree beyond which none are looked for
 ON_AXIS = 1e-13  # real part, relative to the modulus, that is rounding
 
 
-def roots(polynomial: Array) -> Any:
+def roots(polynomial: ArrayLike) -> Any:
     """Roots of a real polynomial in descending powers, by modulus; complex pairs side by side, the upper one first.
+
+    Leading zeros do not count.
 
     Raises
     ------
     ValueError
         Where no roots are found whose product is the polynomial to ten digits.
     """
-    return _roots(np.ascontiguousarray(polynomial, dtype=float).tobytes())
+    return _roots(np.trim_zeros(np.asarray(polynomial, dtype=float), "f").tobytes())
 
 
 @lru_cache(maxsize=4096)

@@ -48,16 +48,18 @@ class Runs:
         """Ms, infinite for an unstable loop; that of the continuous loop where the sampled one has none."""
         from pidalab.robustness.margins import max_sensitivity
         from pidalab.robustness.poles import is_stable
-        from pidalab.robustness.sampled import max_sensitivity_sampled
+
+        def of(loop: Loop) -> float:
+            return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
         loop = self.loop(made, plant)
         if self.sample_time is not None and not self.lacking:
             try:
                 k = made.controller.discretise(self.sample_time, "backward", loop.output_filter)
-                return max_sensitivity_sampled(Loop(plant, k), k)
-            except ValueError as refusal:
+                return of(Loop(plant, k))
+            except (ValueError, ArithmeticError) as refusal:
                 self.lacking.append(f"Ms is that of the continuous loop: {refusal}")
-        return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
+        return of(loop)
 
     def worst(self, made: Design, plants: Sequence[Process]) -> float:
         """Return the largest Ms over plants, 0 without any."""

@@ -165,21 +165,6 @@ def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
     assert 1 - np.interp(end, t, y) < noise
 
 
-def test_a_transient_in_the_first_samples_is_seen():
-    """The pieces begin with the first sample, also where their number does not divide the record."""
-    x = 1e-3 * np.random.default_rng(3).normal(size=159)
-    assert measured._steady(x)
-    assert not measured._steady(x + 0.05 * np.exp(-np.arange(159.0)))
-
-
-@pytest.mark.parametrize("size", [1e-3, 1e-9])
-def test_an_exact_record_hides_no_oscillation_however_small(size):
-    """Of mean 0 in every piece, and halved from one eighth of the record to the next: only its square shows it."""
-    k = np.arange(1024)
-    assert not measured._steady(1.0 + size * 2.0 ** -(k // 128) * (-1.0) ** k)
-    assert measured._steady(1.0 + size * (-1.0) ** k)
-
-
 @pytest.mark.parametrize("step", [0.001, 0.01])
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.6])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
@@ -275,48 +260,6 @@ def test_a_record_has_its_own_signals(arguments, message):
 
 
 # What the uncertainty is made of, computed in another way.
-
-
-def tail_by_quadrature(k, lag, window):
-    """Integral of what is missing of an exponential tail of height 1 from the end of the window on."""
-    return quad(lambda s: math.exp(-s / lag) * (window + s) ** (k - 1) / math.factorial(k - 1), 0, 60 * lag)[
-        0
-    ]
-
-
-@pytest.mark.parametrize(
-    "values", [(2.0, 6.0, 15.0, 30.0), (-1.0, -4.0, -10.0, -20.0), (1.0, 2.0, 2.0, 4 / 3)]
-)
-def test_a_tail_beyond_the_end_by_quadrature(values):
-    """A lag with the standard deviation of the impulse response; of a dead time alone the shortest, a thousandth."""
-    window, horizon = 7.0, 7.0
-    gain, mean, square = values[:3]
-    variance = 2 * square / gain - (mean / gain) ** 2
-    lag = max(math.sqrt(abs(variance)), 1e-3 * window)
-    level = horizon ** np.arange(4) / [1, 1, 2, 6]
-    tail, per_drift = measured._tail(np.array(values), level, window)
-    average = quad(lambda s: math.exp(-s / lag) / window, 0, window, points=[lag])[0]
-    quarter = quad(lambda s: 4 * math.exp(-s / lag) / window, 0, window / 4, points=[min(lag, window / 5)])[0]
-    assert per_drift == pytest.approx(1 / (quarter - average), rel=1e-9)
-    assert tail[0] == pytest.approx(average, rel=1e-9)
-    for k in range(1, 4):
-        expected = average * level[k] + tail_by_quadrature(k, lag, horizon)
-        assert tail[k] == pytest.approx(expected, rel=1e-8)
-
-
-def test_noise_of_a_steady_state_in_closed_form():
-    """Sixteen pieces of three samples, one sample over; their means step by 1, 2, 1, 2 ..."""
-    means = np.concatenate([[0.0], np.cumsum(np.resize([1.0, 2.0], 15))])
-    x = np.append(np.repeat(means, 3) + np.tile([-0.1, 0.0, 0.1], 16), 5.0)
-    found, spread = measured._pieces(x)
-    assert found == pytest.approx(means - 5.0)
-    assert spread == pytest.approx(1.0 / 0.954)
-    quarters = means.reshape(4, 4).mean(axis=1)
-    density, drift = measured._noise(x, 0.25)
-    assert density == pytest.approx(3 * 0.25 / 0.954**2)
-    assert drift == pytest.approx(np.max(np.abs(quarters - means.mean())))
-    steep = measured._pieces(np.repeat(np.arange(16.0) ** 2, 5))[1]
-    assert steep == pytest.approx(15.0 / 0.954)  # the median of 1, 3, ..., 29
 
 
 def test_weights_beside_quadrature():

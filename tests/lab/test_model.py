@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 
 import numpy as np
 import pytest
@@ -207,11 +208,16 @@ with SCRIPT.parents[3].joinpath("tests", "lab", "least_iae.csv").open(encoding="
     LEAST = list(csv.DictReader(file))
 
 
-@pytest.mark.parametrize("part", range(20))
+# Of the 100 those that came farthest above the library, by 0.24 to 0.09 %
+HARDEST = (39, 10, 23, 75, 90, 27, 4, 49, 11, 28)
+ROWS = range(100) if "FUZZ" in os.environ else HARDEST
+
+
+@pytest.mark.parametrize("part", range(10))
 def test_the_least_iae_is_that_of_the_library(part, model):
-    """100 random plants, orders and limits, by studies/lab_optima.py: within half a percent, and no limit is missed."""
+    """Of 100 random plants, orders and limits, with FUZZ all: within half a percent, and no limit is missed."""
     model.context.eval(FIND)
-    for row in LEAST[part::20]:
+    for row in (LEAST[k] for k in ROWS[part::10]):
         num, den = (list(map(float, row[key].split())) for key in ("num", "den"))
         process, ms, mks = pidalab.Process(num, den, float(row["delay"])), float(row["ms"]), float(row["mks"])
         gain = abs(num[-1] / process.den[process.den != 0][-1])

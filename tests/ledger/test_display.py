@@ -74,8 +74,3 @@ def test_score_counts_rows_without_a_verdict_as_open():
     assert list(counts) == [*KINDS, "open"]
     assert (counts["reproduced"], counts["misprint"], counts["open"]) == (1, 0, 1)
     assert "verdict-open" in ledger(replace(KP, computed="", verdict="")).table().html
-
-
-def test_table_of_an_unreadable_row_names_it():
-    with pytest.raises(LedgerError, match=r"demo\.t1\.kp: '12 %'"):
-        ledger(replace(KP, printed="12 %")).table()

@@ -21,7 +21,7 @@ LINE = re.compile(
     r'(<g id="line2d_\d+">\s*<path d=")([^"]*)(" clip-path="[^"]*" style="fill: none; stroke: #1f5fa8)'
 )
 TICK = re.compile(
-    r'<g id="ytick_\d+">.*?<use xlink:href="#\w+" x="\S+" y="(\S+)".*?<!-- (\S+) -->', re.DOTALL
+    r'<g id="ytick_\d+">.*?<use xlink:href="#\w+" x="\S+" y="(\S+)".*?<text[^>]*>([^<]+)</text>', re.DOTALL
 )
 
 
@@ -85,13 +85,13 @@ def test_one_per_cent_in_a_curve_of_a_page_is_seen():
 
 
 def test_nbval_sees_it_too(tmp_path):
-    """A page's first figure made anew in a notebook, beside what is stored, and beside two other curves."""
+    """A page's first figure made anew in a notebook, beside a curve that rounding moved, and one that is wrong."""
     (tmp_path / "book").mkdir()
     shutil.copy(ROOT / "book" / "conftest.py", tmp_path / "book")
     for folder in ("tests", "tools"):
         (tmp_path / folder).symlink_to(ROOT / folder)
     last, svg = first_figure(PAGE)
-    for name, factor in {"as-stored": 1.0, "rounding": 1 + 1e-5, "per-cent": 1.01}.items():
+    for name, factor in {"rounding": 1 + 1e-5, "per-cent": 1.01}.items():
         cells = code(PAGE)[: last + 1]
         for output in cells[last].outputs:
             if "image/svg+xml" in output.get("data", {}):
@@ -120,11 +120,7 @@ def test_nbval_sees_it_too(tmp_path):
     assert "a line is off by" in run.stdout
 
 
-@pytest.mark.parametrize(
-    "other",
-    [{}, {"x": 1 + 1e-6}, {"x": 1 - 1e-4}, {"simplify": 1 / 30}, {"simplify": 0.0}, {"picture": 0.502}],
-    ids=str,
-)
+@pytest.mark.parametrize("other", [{}, {"x": 1 + 1e-6}, {"simplify": 1 / 30}, {"picture": 0.502}], ids=str)
 def test_what_draws_the_same(other):
     assert figure_difference(drawn(), drawn(**other)) is None
 

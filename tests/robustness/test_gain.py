@@ -61,3 +61,9 @@ def test_bandwidth_of_a_loop_with_dead_time_by_a_dense_grid():
     w = np.linspace(1e-3, 5, 2_000_001)
     first = w[np.argmax(np.abs(loop.T(1j * w)) < 10**-0.15)]
     assert pidalab.bandwidth(loop) == pytest.approx(first, abs=5e-6)
+
+
+def test_a_dead_time_of_many_lags_has_the_gain_of_a_dead_time_alone():
+    """k e^(-s L)/(s + 1), L long: |S| is largest near the first turn, where the lag hardly begins: Ms = 1/(1 - k)."""
+    k = gain_for_ms(Loop(pidalab.fopdt(1.0, lag=1.0, delay=1e4), 1.0), 1.6)
+    assert k == pytest.approx(1 - 1 / 1.6, rel=1e-6)

@@ -9,8 +9,7 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
-from pidalab.robustness import _grid, _scan
-from pidalab.robustness._grid import grid
+from pidalab.robustness.loops import explore
 
 PAPER = Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
 LIGHT = Process(
@@ -189,15 +188,6 @@ def test_closed_forms_at_the_ends(process, expected):
     )
 
 
-def test_gain_margin_of_a_conditionally_stable_loop_is_beyond_a_hundred():
-    loop = Loop(Process([1.0, 0.02, 1e-4], [1.0, 0.0, 0.0, 0.0], 1e-4), 3.0)
-    result = margins(loop)
-    assert math.isfinite(result.gm)  # every loop with dead time and a high gain is unstable
-    assert (
-        unstable_poles(scaled(loop, 0.999 * result.gm)) == 0 < unstable_poles(scaled(loop, 1.001 * result.gm))
-    )
-
-
 @pytest.mark.parametrize("seed", range(10))
 def test_against_python_control_without_delay(seed):
     rng = np.random.default_rng(200 + seed)
@@ -309,50 +299,11 @@ def test_all_phase_crossovers_of_a_dead_time_of_many_lags():
 def test_the_grid_follows_the_turns_of_the_dead_time():
     """A quarter of a radian from point to point, wherever L is not small: no peak between two turns is stepped over."""
     loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 20.0), pidalab.PIDA(0.3, 20.0))
-    w = grid(loop, 0.01)
+    w = explore(loop).follow(0.01)
     loud = np.abs(loop.L(1j * w))[:-1] >= 0.01
     turns = 20.0 * np.diff(w)[loud]
     assert turns.size > 1000
     assert turns.max() <= 0.25 * (1 + 1e-9)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_least_value_in_a_bracket(seed):
-    """Brent's method between any two places beside its lowest point: never outside, and no higher than a fine grid."""
-    rng = np.random.default_rng(seed)
-    damping = 10 ** rng.uniform(-2.5, 0.0)
-    process = pidalab.sopdt(rng.uniform(0.2, 3.0), 1.0, damping, rng.uniform(0.0, 0.4))
-    found = _grid.factors(pidalab.Loop(process, pidalab.PIDA(0.3, 4.0, 0.5)))
-    for kind in (_scan.SENSITIVITY, _scan.COMPLEMENTARY):
-        x = np.linspace(-3.0, 3.0, 2001)
-        values = np.array([_scan._value(kind, at, *found) for at in x])
-        lows = 1 + np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] < values[2:]))
-        for low in lows:
-            # as far as the values rise on both sides
-            left, right = low, low
-            while left > 0 and values[left - 1] > values[left]:
-                left -= 1
-            while right < 2000 and values[right + 1] > values[right]:
-                right += 1
-            for share in (0.01, 0.3, 1.0):
-                a, b = x[low] - share * (x[low] - x[left]), x[low] + share * (x[right] - x[low])
-                for middle in (x[low], 0.98 * a + 0.02 * b, 0.02 * a + 0.98 * b):
-                    at, least = _scan._least(kind, a, middle, b, *found)
-                    assert a <= at <= b
-                    assert least <= values[low] + 1e-12 * abs(values[low])
-                    assert least == _scan._value(kind, at, *found)
-
-
-@pytest.mark.parametrize(
-    ("gain", "damping", "delay", "bracket"),
-    [(2.464, 0.003, 3.924, (1.516, 1.533, 2.371)), (2.135, 0.212, 3.63, (1.183, 1.204, 2.232))],
-)
-def test_a_least_value_is_sought_within_its_bracket(gain, damping, delay, bracket):
-    """Many ripples of a dead time: a parabola through three points of one may have its vertex in another."""
-    process = pidalab.sopdt(gain, 1.0, damping, delay)
-    found = _grid.factors(pidalab.Loop(process, pidalab.PIDA(0.3, 4.0, 0.5)))
-    at, _ = _scan._least(_scan.COMPLEMENTARY, *bracket, *found)
-    assert bracket[0] <= at <= bracket[2]
 
 
 def test_margins_stay_as_they_were_found_and_are_themselves_alone():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.rules import automatic_reset as reset, mrdp
+from pidalab.rules import automatic_reset as reset
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)
 
@@ -96,24 +96,6 @@ def test_rightmost_poles(setting):
 
 def test_pida_needs_its_filter():
     assert not pidalab.is_stable(reset.tune(UNIT, reset.MRDP_PIDA, n=2, filter_time=0.01, weight=0).loop())
-
-
-@pytest.mark.parametrize("m", range(3))
-def test_same_linear_controller_as_in_parallel_form(m):
-    """Split or not, it is the controller of huba2018."""
-    series = reset.tune(pidalab.ipdt(-0.3, delay=2.0), reset.multiple_pole(m), n=3, filter_time=0.2, weight=0)
-    parallel = mrdp.tune(pidalab.ipdt(-0.3, delay=1.6), m, 3, te=0.4)
-    assert series.delay == pytest.approx(parallel.delay)
-    gains = [parallel.kc * x for x in (1 / parallel.ti, 1.0, *parallel.td)]
-    assert series.controller.gains()[: m + 2] == pytest.approx(gains, rel=1e-12)
-
-
-def test_pid_takes_the_shorter_reset():
-    """The library's own conversion takes the longer one."""
-    gains = reset.tune(UNIT, reset.PID, n=1, filter_time=0.1).controller.gains()
-    short, long = reset.PID.ti * 1.1, reset.PID.times[0] * 1.1
-    assert gains.series().ti == pytest.approx(long, rel=1e-9)
-    assert reset.tune(UNIT, reset.PID, n=1, filter_time=0.1).ti == pytest.approx(short, rel=1e-12)
 
 
 def test_equation_29():

@@ -126,11 +126,3 @@ def test_a_prefilter_is_a_part_of_the_digital_controller(name):
     z = np.exp(0.1j * np.array([0.1, 1.0]))
     expected = design.loop().block("prefilter", (1 - 1 / z) / 0.1)
     np.testing.assert_allclose(design.discretise(0.1).prefilter(z), expected, rtol=1e-12)
-
-
-def test_vendor_forms_name_the_filters_beside_them():
-    forms = TUNES["haalman PID"]().vendor_forms("min")
-    assert forms.ideal["Td [s]"] == pytest.approx(60 * TUNES["haalman PID"]().controller.td)
-    assert forms.filters.startswith("derivative ")
-    assert "; output filter OutputFilter(time=" in forms.filters
-    assert "prefilter [" in TUNES["mrdp"]().vendor_forms().filters

@@ -254,21 +254,12 @@ def test_factors_that_are_refused():
         for f_d in (1.0, -2.0):
             with pytest.raises(ValueError, match="f_d must leave dead time and time constant"):
                 rule(unit(1.0, 1.0), factors=lambda m, f_d=f_d: (f_d, 0.6))
-        for value in (None, 0.3, (0.3,), (0.3, 0.6, 0.9)):
-            with pytest.raises(TypeError, match="factors must return two numbers, f_d and f_a, found"):
-                rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
-        for value, message in (
-            (("a", 0.6), "f_d must be a real number"),
-            ((0.3, None), "f_a must be a real number"),
-        ):
-            with pytest.raises(TypeError, match=message):
-                rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
-        for value, message in (
-            ((math.nan, 0.6), "f_d must be finite"),
-            ((0.3, -0.1), r"f_a must be at least 0"),
-        ):
-            with pytest.raises(ValueError, match=message):
-                rule(unit(1.0, 1.0), factors=lambda m, value=value: value)
+        with pytest.raises(TypeError, match="factors must return two numbers, f_d and f_a, found"):
+            rule(unit(1.0, 1.0), factors=lambda m: (0.3,))
+        with pytest.raises(ValueError, match="f_d must be finite"):
+            rule(unit(1.0, 1.0), factors=lambda m: (math.nan, 0.6))
+        with pytest.raises(ValueError, match="f_a must be at least 0"):
+            rule(unit(1.0, 1.0), factors=lambda m: (0.3, -0.1))
 
 
 @pytest.mark.parametrize(

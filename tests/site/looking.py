@@ -69,8 +69,9 @@ FIGURES = """async () => {
     if (!box.width) continue;
     const drawn = new DOMParser().parseFromString(await (await fetch(image.src)).text(), "image/svg+xml");
     const scale = box.width / drawn.documentElement.viewBox.baseVal.width;
-    const own = (word) => word.closest("[font-size]")?.getAttribute("font-size") || 0; // of a hand-written file
-    const size = (word) => Math.max(...[word, ...word.children].map((one) => parseFloat(one.style.fontSize || own(word))));
+    const given = (word) => word.closest("[font-size]")?.getAttribute("font-size") || 0; // in a file written by hand
+    const own = (one) => parseFloat(one.style.fontSize || given(one));
+    const size = (word) => Math.max(...[word, ...word.children].map(own));
     judge(image.src, box, [...drawn.querySelectorAll("text")].map((word) => scale * size(word)));
   }
   for (const plot of document.querySelectorAll("main svg.lab-plot")) {

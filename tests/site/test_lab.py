@@ -393,7 +393,7 @@ def test_a_change_of_plant_retunes_or_says_why_not(lab):
 
 FOUND = """() => {
   const { problems } = document.querySelector(".pidalab-lab").lab;
-  return problems.length && !problems.includes("is looked for");
+  return problems.length && !problems.includes("the search is running");
 }"""
 HANDLE = """title => {
   const handle = document.querySelector(`svg[aria-label^="${title}"] .lab-handle`);

@@ -38,7 +38,7 @@ def test_copy_take_away_and_start_anew(lab):
     page.get_by_label("name", exact=True).fill("faster")
     page.keyboard.press("Enter")
     page.wait_for_function("() => document.querySelector('.lab-table').textContent.includes('faster')")
-    press(page, "Take faster away")
+    press(page, "Remove faster")
     page.wait_for_function(f"() => ({ROWS})() === 1")
     assert other.count() == 0
     start = page.get_by_label("kp, number", exact=True).input_value()

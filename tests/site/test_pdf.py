@@ -35,7 +35,7 @@ def test_a_fold_is_open_on_paper():
     assert claim.th.get_text(" ") == "a why"
     whole = BeautifulSoup(f"<details><summary>All rows</summary>{row}</details>", "html.parser")
     pdf.unfold(whole.details)
-    assert whole.get_text() == "All rows stand in the audit."
+    assert whole.get_text() == "All rows are in the audit."
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_a_fold_is_open_on_paper():
 def test_a_live_figure_without_a_picture_leaves_its_caption(inside, left):
     live = BeautifulSoup(inside, "html.parser").div
     pdf.still(live)
-    assert live.get_text() == "In the online book a live figure stands here." + left
+    assert live.get_text() == "In the online book a live figure appears here." + left
 
 
 def test_a_live_figure_with_a_picture_leaves_it():

@@ -224,11 +224,11 @@
     const { design, kept, rule, limited, low, high, antiWindup, ...rest } = state, given = state.given;
     let designs = state.designs;
     if (design || kept) {
-      if (kept && !Array.isArray(kept)) throw new RangeError("its kept designs are none");
+      if (kept && !Array.isArray(kept)) throw new RangeError("its kept designs are no list");
       const limits = Object.fromEntries(Object.entries({ limited, low, high, antiWindup }).filter(([, value]) => value !== undefined));
       designs = [{ ...(rule ? { rule } : {}), ...design }, ...(kept ?? [])].map((each) => each && { ...limits, ...each });
     }
-    if (designs && !(Array.isArray(designs) && designs.length && designs.length <= MOST && designs.every((each) => each && typeof each === "object"))) throw new RangeError("its designs are none");
+    if (designs && !(Array.isArray(designs) && designs.length && designs.length <= MOST && designs.every((each) => each && typeof each === "object"))) throw new RangeError(`its designs must be 1 to ${MOST}`);
     for (const { kind } of designs ?? []) if (kind !== undefined && !Object.hasOwn(ORDER, kind)) throw new RangeError(`there is no controller ${kind}`);
     if (given && !(given.end > 0 && Array.isArray(given.num) && Array.isArray(given.den))) throw new RangeError("its plant lacks num, den or end");
     return { ...rest, ...(designs ? { designs } : {}) };
@@ -249,7 +249,7 @@
   class Seeker {
     constructor(heard) { this.known = new Map(); this.wanted = new Map(); this.heard = heard; }
 
-    /* What was found, or null: it is looked for. */
+    /* What was found, or null while the search runs. */
     ask(process, kind, knobs) {
       const task = { process: { num: process.num, den: process.den, delay: process.delay }, kind, knobs }, key = JSON.stringify(task);
       if (!this.known.has(key)) { this.wanted.set(key, { key, ...task }); this.begin(); }
@@ -268,7 +268,7 @@
       this.worker.postMessage([...this.wanted.values()].pop()); // the last that was asked
     }
 
-    /* Forget what is looked for and wanted no more. */
+    /* Forget the searches that are wanted no more. */
     clear() { this.wanted.clear(); }
   }
 
@@ -340,7 +340,7 @@
       try {
         if (!rule.slow) return rule.apply(this.process, design, knob);
         const found = this.seeker.ask(this.process, design.kind, { ms: knob, noise: this.knob("noiseLimit", design) });
-        if (!found) { this.problems[k] = "is looked for"; return design; }
+        if (!found) { this.problems[k] = "the search is running"; return design; }
         if (found.problem) throw new RangeError(found.problem);
         if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} descents ended here: there may be a better one`;
         return { ...design, ...found.design };
@@ -430,7 +430,7 @@
         this.tcRow = slider({ label: "closed-loop time", low: 0.05, high: 20, log: true, get: () => this.knob("tc"), set: (tc) => this.setKnob("tc", tc) }),
         tick({ label: "one Ms and noise limit for all designs", get: () => this.state.linked, set: (linked) => this.change({ linked }) }),
         value("kp", "kp", 0.01, 100), value("ti", "ti", 0.05, 100),
-        this.tdRow = value("td", "td", 0.005, 20), this.taRow = value("ta", "ta", 0.0005, 50, "acceleration: a squared time"),
+        this.tdRow = value("td", "td", 0.005, 20), this.taRow = value("ta", "ta", 0.0005, 50, "of the acceleration, a time squared"),
         slider({ label: "filter time", low: 0.001, high: 10, log: true, get: () => this.design.filterTime, set: (x) => this.filter({ filterTime: x }) }),
         slider({ label: "filter order", low: 1, high: 6, step: 1, get: () => this.design.filterOrder, set: (x) => this.filter({ filterOrder: Math.round(x) }) }),
         tick({ label: "limits of the actuator", get: () => this.design.limited, set: (limited) => this.edit({ limited }) }),
@@ -490,7 +490,7 @@
 
     copyOf() {
       const { designs } = this.state;
-      if (designs.length >= MOST) return this.say(`${MOST} designs are the most: take one away before.`);
+      if (designs.length >= MOST) return this.say(`The lab shows at most ${MOST} designs: remove one first.`);
       this.change({ designs: [...designs, { ...this.design }], chosen: designs.length });
     }
 
@@ -525,7 +525,7 @@
       const noiseLimit = four(Math.min(Math.max((0.1 * span * Math.abs(own.gain)) / (3 * sigma), 2), 50));
       this.command = record.columns > 2 ? `pidalab tune ${name} --kind PIDA --ms 1.4 --sample-time ${digits(h)} --out code` : "";
       this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted) }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, rule: "optimum" }], chosen: 0 });
-      this.say(`Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} lines without numbers left out` : ""}. Model by least squares: ${structure}, it explains ${digits(100 * explained, 4)} % of the record; what is left has a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseLimit)}.`);
+      this.say(`Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} lines without numbers left out` : ""}. Model by least squares: ${structure}, it explains ${digits(100 * explained, 4)} % of the record; the residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseLimit)}.`);
       if (this.command) this.show(`# The same from the command line, with code for a controller in the folder code:\n${this.command}\n`, "command.txt", false);
     }
 
@@ -556,7 +556,7 @@
     call() {
       const { num, den, delay, end } = this.process, { designs, sampled, sampleTime, noisy, noise } = this.state, names = this.names();
       const list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`, left = noisy ? [`Left out: the measurement noise of the lab, ±${noise}.`] : [];
-      if (designs.some(({ limited, antiWindup }) => limited && antiWindup === "reset")) left.push("Left out: the automatic reset of the lab, see pidalab.rules.automatic_reset; clamping stands for it.");
+      if (designs.some(({ limited, antiWindup }) => limited && antiWindup === "reset")) left.push("Left out: the automatic reset of the lab, see pidalab.rules.automatic_reset; clamping is used instead.");
       const lines = designs.map((design, k) => {
         const { gains, filterTime, filterOrder } = controller(design);
         const way = { none: "None", conditioning: sampled ? '"reset"' : '"conditioning"' }[design.antiWindup] ?? '"clamping"';
@@ -591,7 +591,7 @@
 
     copy(text, what) {
       const done = navigator.clipboard?.writeText(text);
-      if (done) done.then(() => this.say(`${what} is copied.`), () => this.say(`${what} could not be copied; take it from the page.`));
+      if (done) done.then(() => this.say(`${what} is copied.`), () => this.say(`${what} could not be copied: select it on the page.`));
     }
 
     say(text) { this.message = text; if (this.live) this.announce(); }
@@ -626,7 +626,7 @@
         return ["div", { class: `lab-card${k === chosen ? " lab-chosen" : ""}`, "data-k": k },
           ["button", { type: "button", class: "lab-choose", "aria-pressed": String(k === chosen) }, ["span", { class: `lab-key lab-key-${looks[k]}` }], ` ${names[k]}`],
           ["span", { class: "lab-facts" }, facts], ...(this.problems[k] ? [["span", { class: "lab-problem" }, this.problems[k]]] : []),
-          ...(designs.length > 1 ? [["button", { type: "button", class: "lab-gone", "aria-label": `Take ${names[k]} away` }, "×"]] : [])];
+          ...(designs.length > 1 ? [["button", { type: "button", class: "lab-gone", "aria-label": `Remove ${names[k]}` }, "×"]] : [])];
       }));
     }
 

@@ -68,10 +68,7 @@
       if (!figure) return this.host.replaceChildren(...parts, caption);
       for (const picture of figure.querySelectorAll("img")) picture.remove();
       figure.prepend(...parts);
-      for (const fold of this.host.querySelectorAll("details.above-input")) { // the code of the picture that was here
-        fold.querySelector(".collapsed").textContent = "Code of the figure that stands here without JavaScript";
-        figure.after(fold);
-      }
+      for (const fold of this.host.querySelectorAll("details.above-input")) fold.remove(); // the code of the picture that was here
       const words = figure.querySelector(".caption-text") ?? figure.querySelector("figcaption");
       if (state.caption && words) words.textContent = state.caption;
       if (words && this.link) words.append(" ", this.link);

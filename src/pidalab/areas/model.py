@@ -22,6 +22,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.areas import _power_series as series
 from pidalab.process import Process, rational, require_process
+from pidalab.roots import roots
 
 
 def from_process(process: Process, count: int) -> Array:
@@ -162,7 +163,7 @@ def _stable_series(name: str, num: Array, den: Array, count: int) -> list[Fracti
         num, den = num[:-1], den[:-1]
     if den[-1] == 0:
         raise ValueError(f"{name} must have a static gain, found an integrating one: its areas are infinite")
-    poles = np.roots(den)
+    poles = roots(den)
     if np.any(poles.real >= 0):
         raise ValueError(f"{name} must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
     return series.quotient(series.polynomial(num, count), series.polynomial(den, count))

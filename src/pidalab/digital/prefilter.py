@@ -25,6 +25,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.digital.paths import SHARES
+from pidalab.roots import roots
 
 UNIT = 1e-9  # how near to 1 a static gain is 1
 
@@ -77,7 +78,7 @@ def discrete(num: Array, den: Array, h: float, method: str) -> Prefilter | None:
         )
     if not n:
         return None
-    poles = np.roots(den)
+    poles = roots(den)
     if np.any(poles.real >= 0):
         raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
     fastest = float(np.abs(poles).max())

@@ -133,7 +133,7 @@ class Relation:
         Raises
         ------
         LedgerError
-            If it is none, or the convention does not go with the sign.
+            If it is not a relation, or the convention does not go with the sign.
 
         Examples
         --------

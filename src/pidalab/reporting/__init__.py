@@ -284,7 +284,7 @@ def measure_candidate(
 
 
 def _sampled(design: Design, process: Process, sample_time: float) -> tuple[float, str]:
-    """Ms of the loop with backward differences, or why there is none."""
+    """Ms of the loop with backward differences; without one NaN and the reason."""
     from pidalab.robustness.margins import margins
 
     try:

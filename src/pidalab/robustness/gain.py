@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from scipy.optimize import brentq
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.loop import Loop, require_loop
-from pidalab.robustness._grid import factors
-from pidalab.robustness.margins import max_sensitivity
-from pidalab.robustness.poles import is_stable
+from pidalab.loop import Loop, open_loop
+from pidalab.robustness.loops import explore
+from pidalab.robustness.poles import count_unstable
 
-DENSITY = 300  # frequencies a decade
+QUIET = 0.1  # |L| of the given loop above which the turns of its dead time are followed
 AROUND = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
 CLOSE = 1e-6  # share by which Ms may exceed what was asked for before the last step
 ROUNDS = 8  # of looking where the peak is
@@ -52,40 +49,27 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     >>> print(f"{k:.4f} {pidalab.max_sensitivity(pidalab.Loop(process, k * controller))[0]:.6f}")
     0.9232 1.600000
     """
-    require_loop(loop)
+    open_loop(loop)  # complains about what is no continuous loop
     ms = _check.real("ms", ms, above=1.0)
+    looked = explore(loop)
 
-    def scaled(factor: float) -> Loop:
-        return Loop(loop.process, factor * loop.controller, loop.output_filter)
+    def excess(k: float) -> float:
+        return 1 / ms - 1 / looked.scaled(k).max_sensitivity()[0]
 
-    w = _frequencies(loop)
+    w = looked.follow(QUIET)
     for _ in range(ROUNDS):
-        candidates = (k * (1 - CLOSE) for k in _reached_from_below(loop.L(1j * w), ms))
-        found = next((k for k in candidates if is_stable(scaled(k))), None)
+        candidates = (k * (1 - CLOSE) for k in _reached_from_below(looked.L(w), ms))
+        found = next((k for k in candidates if count_unstable(looked.scaled(k)) == 0), None)
         if found is None:
             break
-        peak, at = max_sensitivity(scaled(found))
+        peak, at = looked.scaled(found).max_sensitivity()
         if peak <= ms * (1 + CLOSE):
-            return _refined(lambda k: 1 / ms - 1 / max_sensitivity(scaled(k))[0], found)
+            low, high = found * (1 - 10 * CLOSE), found * (1 + 10 * CLOSE)
+            if not excess(low) < 0 <= excess(high):
+                return found
+            return float(brentq(excess, low, high, xtol=1e-15 * found, rtol=1e-14))
         w = np.sort(np.append(w, at * AROUND))
     raise ValueError(f"no gain of this controller gives a stable loop that reaches ms = {ms:g} from below")
-
-
-def _refined(excess, found: float) -> float:  # type: ignore[no-untyped-def]
-    """The factor at which `excess` is 0, next to one that is right to a few millionths."""
-    low, high = found * (1 - 10 * CLOSE), found * (1 + 10 * CLOSE)
-    if not excess(low) < 0 <= excess(high):
-        return found
-    return float(brentq(excess, low, high, xtol=1e-15 * found, rtol=1e-14))
-
-
-def _frequencies(loop: Loop) -> Array:
-    """From far below the slowest corner of the loop to far above the fastest."""
-    of = factors(loop)
-    corners = np.abs(np.concatenate([of.zeros, of.poles, [1 / of.delay] if of.delay else []]))
-    corners = corners[corners > 0]
-    low, high = (corners.min(), corners.max()) if corners.size else (1.0, 1.0)
-    return np.geomspace(1e-3 * low, 1e2 * high, int(DENSITY * math.log10(1e5 * high / low)))
 
 
 def _reached_from_below(unit: Array, ms: float) -> list[float]:

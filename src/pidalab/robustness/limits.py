@@ -5,8 +5,8 @@ reset drives its own input,
 
 .. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
-(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback, and it stands
-in G because it starts from the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation
+(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback, and it is part
+of G because it starts from the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation
 of u from there is a function of that of u_L in the sector from 0 to 1: nowhere steeper than 1, and 0 only at 0, though
 it flattens far out.
 The criterion of Popov with the multiplier :math:`\theta \ge 0` is
@@ -30,7 +30,8 @@ With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \th
 the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`; without derivative the
 circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is not read off a grid: see `pidalab.robustness._infimum`.
+The infimum is found as the peaks of margins are, with the turns of the dead time followed wherever they may matter: see
+`pidalab.robustness._infimum`.
 """
 
 from __future__ import annotations
@@ -45,8 +46,10 @@ from pidalab import _check
 from pidalab._search import border
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
-from pidalab.robustness._infimum import TOLERANCE, LinearPart, infimum, line
+from pidalab.robustness._infimum import LinearPart, infimum, line
+from pidalab.roots import roots
 
+TOLERANCE = 1e-6  # margin above which a criterion surely holds
 SLOWEST = 1e3  # without a reset the multiplier is searched up to so many times the slowest time of the loop
 BELOW = 1 - 1e-6  # the largest multiplier, as a share of the time of a reset
 CLOSE = 1e-9  # share of the margin that a better multiplier may add
@@ -59,8 +62,7 @@ class Criterion(NamedTuple):
     Attributes
     ----------
     margin : float
-        Infimum of Re[1 + (1 + jωθ) G(jω)]; the true one is at most 1e-6 lower, relative to it if it is
-        beyond 1.
+        Infimum of Re[1 + (1 + jωθ) G(jω)], right to nine digits.
     frequency : float
         Where it lies, in rad per time unit; 0 or infinite where it is only approached.
     multiplier : float
@@ -107,23 +109,20 @@ def linear_part(loop: Loop) -> LinearPart:
     >>> print(f"{G(0.5j):.4f}")
     -0.5176-0.3812j
     """
-    num, den = open_loop(loop)
-    zeros, poles, ti = np.roots(num), np.roots(den), math.inf
+    open_loop(loop)  # complains about what is no continuous loop
     reset = loop.automatic_reset
-    if reset is not None:
-        # F: process, output filter and stabilising controller, without the reset
-        ti = reset.time
-        rest = [loop.blocks[name] for name in ("process", "output_filter")]
-        num = np.convolve(reset.stabiliser, np.convolve(rest[0][0], rest[1][0]))
-        zeros = np.concatenate([np.roots(p) for p in (reset.stabiliser, rest[0][0], rest[1][0])])
-        # the filter's pole is known: as a root of a polynomial, being multiple, it would be found to a few digits
-        own = np.full(reset.filter_order, -1 / reset.filter_time)
-        poles = np.concatenate([own, *(np.roots(den) for _, den in rest)])
-        den = np.convolve(
-            binomial(reset.filter_time, reset.filter_order), np.convolve(rest[0][1], rest[1][1])
-        )
-    part = LinearPart(Process(num, den, loop.process.delay), zeros, poles[poles != 0], ti)
-    _check_assumptions(part, int(np.sum(poles == 0)))
+    if reset is None:
+        ti, controller = math.inf, loop.blocks["controller"]
+    else:  # the stabilising controller, without the reset
+        ti, controller = reset.time, (reset.stabiliser, binomial(reset.filter_time, reset.filter_order))
+    num, den, zeros, poles = np.ones(1), np.ones(1), [], []
+    for own_num, own_den in (controller, loop.blocks["process"], loop.blocks["output_filter"]):
+        num, den = np.convolve(num, own_num), np.convolve(den, own_den)
+        zeros.append(roots(own_num))
+        poles.append(roots(own_den))
+    found = np.concatenate(poles)
+    part = LinearPart(Process(num, den, loop.process.delay), np.concatenate(zeros), found[found != 0], ti)
+    _check_assumptions(part, int(np.sum(found == 0)))
     return part
 
 
@@ -220,16 +219,16 @@ def popov(loop: Loop) -> Criterion:
         tried.append(Criterion(*infimum(part, theta), theta))
         lines.append(line(part, tried[-1].frequency))
         best = max(tried, key=lambda one: one.margin)
-        bound = _top(lines, most)[1]
+        bound = _best_multiplier(lines, most)[1]
         if bound - best.margin <= CLOSE * max(1.0, abs(bound)):
             break
         # far multipliers turn the phase often: go there step by step
         reach = max(slowest, FURTHER * max(one.multiplier for one in tried))
-        theta = _top(lines, min(reach, most))[0]
+        theta = _best_multiplier(lines, min(reach, most))[0]
     return best
 
 
-def _top(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
+def _best_multiplier(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
     """Where the least of some lines, each by its value at 0 and its slope, is largest between 0 and `most`."""
     start, slope = np.transpose(lines)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.loop import Loop, require_well_posed
-from pidalab.robustness._grid import Scan, divided, ends, scan
-from pidalab.robustness.poles import is_stable
-from pidalab.robustness.sampled import margins_sampled
+from pidalab.loop import Loop
+from pidalab.robustness.explorer import Seen, complementary, zeros
+from pidalab.robustness.loops import explore
+from pidalab.robustness.poles import count_unstable
 
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
 
@@ -70,38 +70,10 @@ class Margins:
         )
 
 
-def _peaks(loop: Loop, looked: Scan, kinds: int) -> list[tuple[float, float]]:
-    """Suprema of |S|, and of |T| if two kinds are asked for, and where they lie."""
-    from pidalab.robustness import _scan
-
-    require_well_posed(loop)
-    first, _ = _scan.peaks(looked.w, looked.parts(0.5), False, *looked.factors)
-    # where |L| is smaller than this, |S| or |T| cannot be larger than what was found
-    ms, mt = np.minimum(first, 1e300).tolist()
-    loud = 0.99 * (1 - 1 / max(ms, 1 + 1e-6)), 0.99 * mt / (1 + mt)
-    best, where = _scan.peaks(looked.w, looked.parts(min(loud[:kinds])), True, *looked.factors)
-    return [_with_ends(loop, k == 1, float(best[k]), float(where[k])) for k in range(kinds)]
-
-
-def _with_ends(loop: Loop, complementary: bool, height: float, at: float) -> tuple[float, float]:
-    """Take zero or infinite frequency for the peak where it is approached there; the grid only comes close."""
-    for end, there in zip(_worst_ends(loop), (0.0, math.inf), strict=True):
-        if end == -1:
-            return math.inf, there
-        share = 1 / (1 + end) if not complementary else 1.0 if math.isinf(end) else end / (1 + end)
-        if abs(share) >= height * (1 - 1e-7):
-            return abs(share), there
-    return height, at
-
-
-def _worst_ends(loop: Loop) -> tuple[float, float]:
-    """L at zero and infinite frequency; with dead time it takes every phase far out, so also the worst."""
-    at_zero, at_infinity = ends(loop)
-    return at_zero, -abs(at_infinity) if loop.process.delay else at_infinity
-
-
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
     """Maximum sensitivity Ms and the frequency where it lies, whether the loop is stable or not.
+
+    With a `DigitalController` it is that at the samples, as in `margins`.
 
     Parameters
     ----------
@@ -125,7 +97,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     >>> print(f"{ms:.6f} {w:.4f}")
     1.590490 1.1442
     """
-    return _peaks(loop, scan(loop), 1)[0]
+    return explore(loop).max_sensitivity()
 
 
 def gain_crossovers(loop: Loop) -> Array:
@@ -148,14 +120,7 @@ def gain_crossovers(loop: Loop) -> Array:
     >>> pidalab.gain_crossovers(pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 0.25)).round(9).tolist()
     [0.5]
     """
-
-    return _gain_crossovers(scan(loop))
-
-
-def _gain_crossovers(looked: Scan) -> Array:
-    from pidalab.robustness import _scan
-
-    return np.sort(_scan.gain_crossings(looked.w, looked.size, *looked.factors[:4]))
+    return explore(loop).gain_crossovers()
 
 
 def bandwidth(loop: Loop, drop: float = 3.0) -> float:
@@ -184,29 +149,24 @@ def bandwidth(loop: Loop, drop: float = 3.0) -> float:
     >>> print(f"{pidalab.bandwidth(pidalab.Loop(pidalab.ipdt(1.0, delay=0.0), 0.5)):.4f}")
     0.4988
     """
-    if not is_stable(loop):
+    looked = explore(loop)
+    if count_unstable(looked):
         raise ValueError("the closed loop is unstable: it has no bandwidth")
-    at_rest = ends(loop)[0]
-    static = 1.0 if math.isinf(at_rest) else abs(at_rest / (1 + at_rest))
+    static = 1.0 if math.isinf(looked.at_zero) else abs(looked.at_zero / (1 + looked.at_zero))
     if static == 0:
         raise ValueError("T is 0 at rest: there is nothing to fall from")
     level = static * 10 ** (-_check.real("drop", drop, above=0.0) / 20)
-
-    def excess(w: float) -> float:
-        return float(np.abs(loop.T(1j * w))) - level
-
     # where |L| < level / (1 + level), |T| is below the level
-    looked = scan(loop)
-    w = divided(looked.w, looked.parts(0.9 * level / (1 + level)))
-    below = np.flatnonzero(np.abs(loop.T(1j * w)) < level)
-    if not below.size:
+    w = looked.follow(0.9 * level / (1 + level))
+
+    def excess(w: Any) -> Any:
+        return complementary(Seen(w, *looked.fraction(1j * w))) - level
+
+    values = excess(w)
+    first = int(np.argmax(values < 0))
+    if values[first] >= 0:
         return math.inf
-    first = int(below[0])
-    return (
-        float(brentq(excess, w[max(first - 1, 0)], w[first], xtol=1e-15 * w[first], rtol=1e-14))
-        if first
-        else float(w[0])
-    )
+    return float(zeros(excess, w[: first + 1], values[: first + 1])[0])
 
 
 def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
@@ -231,14 +191,7 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     >>> (w / np.pi).round(9).tolist()
     [0.5, 2.5]
     """
-    return _phase_crossovers(scan(loop), _check.real("quietest", quietest, above=0.0))
-
-
-def _phase_crossovers(looked: Scan, quietest: float) -> Array:
-    from pidalab.robustness import _scan
-
-    floor = quietest if looked.factors.delay else 0.0
-    return _scan.phase_crossings(looked.w, looked.parts(quietest, _scan.COARSE), floor, *looked.factors)
+    return explore(loop).phase_crossovers(_check.real("quietest", quietest, above=0.0))
 
 
 def margins(loop: Loop) -> Margins:
@@ -272,33 +225,30 @@ def margins(loop: Loop) -> Margins:
     Ms = 1.59 at 1.144 rad/time, Mt = 1 at 0
     gain margin 3.142 at 1.571, phase margin 61.35 deg at 0.5, delay margin 2.142
     """
-    if getattr(loop, "digital", None) is not None:
-        return _sampled(loop)
-    require_well_posed(loop)
-    looked, quietest = scan(loop), QUIETEST
-    wgc = _gain_crossovers(looked)
-    if not is_stable(loop):
+    looked, quietest = explore(loop), QUIETEST
+    wgc = looked.gain_crossovers()
+    if count_unstable(looked):
         none = math.nan
         return Margins(False, none, none, none, none, none, none, none, none, none, none, wgc, np.zeros(0))
-    wpc = _phase_crossovers(looked, quietest)
-    while loop.process.delay and quietest > 1e-12 and not np.any(np.abs(loop.L(1j * wpc)) < 1):
+    wpc = looked.phase_crossovers(quietest)
+    while looked.delay and quietest > 1e-12 and not np.any(np.abs(looked.L(wpc)) < 1):
         quietest /= 10
-        wpc = _phase_crossovers(looked, quietest)
-    lag = np.mod(np.angle(loop.L(1j * wgc)) + np.pi, 2 * np.pi)  # what further dead time must add
+        wpc = looked.phase_crossovers(quietest)
+    lag = np.mod(np.angle(looked.L(wgc)) + np.pi, 2 * np.pi)  # what further dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
-    # at zero and infinite frequency L is real: these are phase crossovers too where it is negative
-    at = np.concatenate([[0.0], wpc, [math.inf]])
-    at_zero, at_infinity = _worst_ends(loop)
-    size = np.concatenate([[max(-at_zero, 0.0)], np.abs(loop.L(1j * wpc)), [max(-at_infinity, 0.0)]])
+    # at the ends of the axis L is real: these are phase crossovers too where it is negative
+    at = np.concatenate([[0.0], wpc, [looked.end]])
+    size = np.concatenate([[max(-looked.at_zero, 0.0)], np.abs(looked.L(wpc)), [max(-looked.at_end, 0.0)]])
     small, large = np.where(size < 1, size, 0.0), size[size > 1]
-    (ms, wms), (mt, wmt) = _peaks(loop, looked, 2)
+    (ms, wms), (mt, wmt) = looked.max_sensitivity(), looked.max_complementary()
+    continuous = math.isinf(looked.end)
     return Margins(
         stable=True,
         gm=float(1 / small.max()) if small.any() else math.inf,
         gm_low=float(1 / large.min()) if large.size else 0.0,
         pm=float(np.degrees(rotation.min(initial=math.inf))),
         # with |L| >= 1 out to infinity, any extra dead time is too much
-        dm=0.0 if abs(ends(loop)[1]) >= 1 else float(np.min(lag / wgc, initial=math.inf)),
+        dm=0.0 if continuous and abs(looked.at_end) >= 1 else float(np.min(lag / wgc, initial=math.inf)),
         ms=ms,
         mt=mt,
         wgc=float(wgc[np.argmin(rotation)]) if wgc.size else math.nan,
@@ -306,15 +256,5 @@ def margins(loop: Loop) -> Margins:
         wms=wms,
         wmt=wmt,
         gain_crossovers=wgc,
-        phase_crossovers=wpc,
-    )
-
-
-def _sampled(loop: Loop) -> Margins:
-    """Margins of a loop with a digital controller."""
-    if is_stable(loop):
-        return Margins(**margins_sampled(loop, loop.controller))
-    none = math.nan
-    return Margins(
-        False, none, none, none, none, none, none, none, none, none, none, np.zeros(0), np.zeros(0)
+        phase_crossovers=wpc if continuous or looked.at_end >= 0 else at[1:],
     )

@@ -11,8 +11,8 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
-from pidalab.robustness._grid import Factors, Scan, ends, factors, scan
-from pidalab.robustness.sampled import unstable_poles_sampled
+from pidalab.robustness.explorer import Explorer
+from pidalab.robustness.loops import Factors, explore, factors, from_factors
 
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
@@ -55,34 +55,22 @@ def unstable_poles(loop: Loop) -> float:
     >>> pidalab.unstable_poles(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 1.6))
     2
     """
-    if getattr(loop, "digital", None) is not None:
-        return unstable_poles_sampled(loop, loop.controller)
-    require_well_posed(loop)
-    if loop.process.delay and abs(ends(loop)[1]) >= 1 - 1e-12:
+    return count_unstable(explore(loop))
+
+
+def count_unstable(looked: Explorer) -> float:
+    """Count the unstable poles of a loop that is looked at along the axis."""
+    if math.isinf(looked.end) and looked.delay and abs(looked.at_end) >= 1 - 1e-12:
         return math.inf
-    looked = scan(loop)
-    parts = looked.parts(0.5, turn=1.0)  # the turns are halved where the function itself turns more
-    slowest = looked.w[0]
+    slowest = looked.grid[0]
     # a contour that leans to the left takes in the roots on the axis; the last one passes 0 farther off, too
     for lean, aside in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
-        count = _encirclements(loop, looked, parts, lean, aside)
+        count = looked.encirclements(lean, aside)
         if count is not None:
             return count
     raise ArithmeticError(
-        "the closed loop has a pole so close to the imaginary axis that it cannot be counted"
+        "the closed loop has a pole so close to the limit of stability that it cannot be counted"
     )
-
-
-def _encirclements(loop: Loop, looked: Scan, parts: Array, lean: float, aside: float) -> int | None:
-    """Count the zeros of the characteristic function right of s = jw - lean w - aside; None if one is on it."""
-    from pidalab.robustness import _scan
-
-    total, last = _scan.turns(looked.w, parts, lean, aside, *looked.factors)
-    if math.isnan(total):
-        return None
-    limit = 1.0 if loop.process.delay else 1 + ends(loop)[1]  # with dead time f circles around 1, |L| < 1
-    count = -(total - float(np.angle(last / limit))) / np.pi
-    return round(count) if abs(count - round(count)) < 0.2 else None
 
 
 def is_stable(loop: Loop) -> bool:
@@ -156,13 +144,14 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         if np.any((off > 0) & (found.real + off >= found[last - 1].real)):
             raise ArithmeticError(f"the {count} rightmost poles cannot be told from their neighbours")
         return found[:last]
-    delay, loop, nodes = loop.process.delay, _in_dead_times(loop), 32
+    delay, nodes = loop.process.delay, 32
+    loop, of = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(ends(loop)[1]))  # where the poles of a neutral loop gather
+        chain = np.log(abs(from_factors(of, 1.0).at_end))  # where the poles of a neutral loop gather
     while nodes <= MOST_NODES:
         found = _polished(loop, _collocation(loop, nodes))
         for last in range(count, min(count + CLUSTER, found.size) + 1):
-            if last == _whole_pairs(found, last) and _all_of_them(loop, found, last, chain):
+            if last == _whole_pairs(found, last) and _all_of_them(of, found, last, chain):
                 return found[:last] / delay
         nodes *= 2
     if found.size < count:
@@ -187,7 +176,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     of, (num, den) = factors(loop), open_loop(loop)
     if not np.any(num):
         return _sorted(np.array(of.poles)), np.zeros(len(of.poles))
-    s = np.roots(np.polyadd(num, den))
+    s = np.roots(np.polyadd(num, den))  # to begin with; scattered where `roots` would refuse
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, of)
@@ -216,14 +205,15 @@ def _newton(s: Any, of: Factors) -> tuple[Any, Any]:
     return value, (1 + value) / slope
 
 
-def _all_of_them(loop: Loop, found: Any, last: int, chain: float) -> bool:
+def _all_of_them(of: Factors, found: Any, last: int, chain: float) -> bool:
     """Whether the argument principle counts as many poles as the first `last`, right of a line behind these."""
     slowest = found[last - 1].real
     border = slowest - 1 if last == found.size else max(0.5 * (slowest + found[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
         return False
     try:
-        return unstable_poles(_shifted(loop, border)) == last
+        shifted = Factors(of.gain * math.exp(-border), of.zeros - border, of.poles - border)
+        return count_unstable(from_factors(shifted, 1.0)) == last
     except ArithmeticError:
         return False
 
@@ -232,6 +222,13 @@ def _in_dead_times(loop: Loop) -> Loop:
     """Return the loop with its dead time as the unit of time."""
     num, den = (p * loop.process.delay ** np.arange(1.0 - len(p), 1.0) for p in open_loop(loop))
     return Loop(Process(num / den[0], den / den[0], 1.0), 1.0)
+
+
+def _factors_in_dead_times(loop: Loop) -> Factors:
+    """Return the factors of the loop with its dead time as the unit of time."""
+    of, delay = factors(loop), loop.process.delay
+    gain = of.gain * delay ** (of.poles.size - of.zeros.size)
+    return Factors(gain, of.zeros * delay, of.poles * delay)
 
 
 def _collocation(loop: Loop, nodes: int) -> Any:
@@ -272,9 +269,8 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
-        still = np.abs(step) <= 1e-9 * np.abs(
-            s
-        )  # far right of the axis the dead time leaves only rounding of `value`
+        # far right of the axis the dead time leaves only rounding of `value`
+        still = np.abs(step) <= 1e-9 * np.abs(s)
         near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
         # in a cluster it goes astray, once rounding is all that is left of value and slope
@@ -302,19 +298,3 @@ def _whole_pairs(poles: Array, count: int) -> int:
         return poles.size
     last, following = poles[count - 1], poles[count]
     return count + 1 if last.imag > 0 and abs(following - last.conjugate()) <= 1e-6 * abs(last) else count
-
-
-def _shifted(loop: Loop, abscissa: float) -> Loop:
-    """Return the loop whose transfer function is L(s + abscissa)."""
-    num, den = open_loop(loop)
-    process = Process(
-        num[0] * math.exp(-abscissa * loop.process.delay) * _monic(np.roots(num) - abscissa),
-        den[0] * _monic(np.roots(den) - abscissa),
-        loop.process.delay,
-    )
-    return Loop(process, 1.0)
-
-
-def _monic(roots: Any) -> Array:
-    """Real monic polynomial with these roots; 1 where there are none."""
-    return np.atleast_1d(np.poly(roots)).real

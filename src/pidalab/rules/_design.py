@@ -115,7 +115,7 @@ class Design:
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
         """Return the digital controller for a sample time, with output filter and prefilter as parts of it.
 
-        The lag of a sensor that was told to `pidalab.tune` as an output filter is none of the controller's: take
+        The lag of a sensor that was given to `pidalab.tune` as an output filter is not part of the controller: take
         ``design.controller.discretise`` then.
 
         Parameters

@@ -8,7 +8,7 @@ from pidalab.loop import Loop
 
 
 def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:
-    """Return the noise gain of the sampled loop and "", or what it is of, or NaN and why there is none."""
+    """Return the noise gain of the sampled loop, or NaN, and a remark: which loop was measured, or what failed."""
     from pidalab.simulation.noise import noise_gain
 
     try:

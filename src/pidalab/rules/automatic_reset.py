@@ -27,6 +27,7 @@ import numpy as np
 from pidalab import _check
 from pidalab.controllers import SeriesPIDA
 from pidalab.process import Process, binomial
+from pidalab.roots import roots
 from pidalab.rules import mrdp
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator
@@ -98,7 +99,7 @@ def multiple_pole(m: int) -> Setting:
     if _check.order("m", m, at_least=0) > 2:
         raise ValueError(f"m must be 0, 1 or 2, for PI, PID or PIDA; found {m}")
     unit = mrdp.constants(m)
-    zeros = np.roots(unit.numerator)
+    zeros = roots(unit.numerator)
     zero = float(np.min(zeros.real[zeros.imag == 0]))
     stabiliser = np.polydiv(unit.numerator, [-1 / zero, 1.0])[0] * (-1 / zero)
     ka, kd, kp = (0.0,) * (2 - m) + tuple(stabiliser.tolist())
@@ -161,7 +162,7 @@ def tune(
     r"""Make a series controller and its prefilter from a dimensionless setting and an integrator with dead time.
 
     The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`, in which
-    :math:`T_e = n N T_f` stands for the filter, eqs. (10) and (11).
+    :math:`T_e = n N T_f` represents the filter, eqs. (10) and (11).
 
     ============  ====================
     huba2024      argument
@@ -199,7 +200,7 @@ def tune(
         Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` runs its
         loop with the limits; all else sees it between them. The filter is a part of the controller, so the set point
         passes it too; the paper does not say whether it does. Load and noise do not see the difference. Its `info`:
-        the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that stands for it, 0
+        the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that represents it, 0
         where the dead time of the model contains it; the total dead time ``delay``; ``kp``, ``kd``, ``ka`` and ``ti``
         of controller and reset; ``lead``, b_1 of the prefilter.
 

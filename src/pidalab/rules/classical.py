@@ -30,6 +30,7 @@ from pidalab import _check
 from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
+from pidalab.roots import roots
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator, lags
 
@@ -411,7 +412,7 @@ def _half_rule(model: Process, keep: int) -> tuple[float, list[float], float, bo
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
     integrators = model.den.size - den.size
-    poles = np.roots(den)
+    poles = roots(den)
     if integrators > 1 or np.any(poles.real >= 0) or np.any(np.abs(poles.imag) > OSCILLATING * np.abs(poles)):
         raise ValueError(f"model must have real stable poles and at most one integrator, found {model!r}")
     if model.num.size > 2 or (model.num.size == 2 and model.num[0] * model.num[1] > 0) or model.num[-1] == 0:

@@ -225,7 +225,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     n : int
         Order of the filter, at least m. 0 is for PI without filter.
     te : float
-        Dead time that stands for the filter, above 0: the larger, the less noise and speed. 0 with ``n=0``.
+        Dead time that represents the filter, above 0: the larger, the less noise and speed. 0 with ``n=0``.
     cancelled : int, optional
         Number of dominant poles that the prefilter cancels, from 1 to m + 1 (the default).
 

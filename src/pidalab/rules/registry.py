@@ -165,7 +165,7 @@ def find(name: str, *others: str) -> Rule:
 
 
 def _by_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Process, str, Limits], Design]:
-    """Return the call of a rule that takes a model, arguments of ours, and the kind."""
+    """Return the call of a rule that takes a model, fixed arguments, and the kind."""
     return lambda model, kind, limits: tune(model, *args, kind)
 
 
