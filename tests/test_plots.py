@@ -34,6 +34,11 @@ def test_a_second_design_of_a_kind_keeps_its_look_in_every_panel(axes):
     assert drawn(axes[1], "PIDA$_2$", "PIDA$_1$") == ["m = 3", "PIDA"]
 
 
+def test_a_label_without_a_kind_takes_no_look_that_is_taken(axes):
+    assert drawn(axes[0], "PID₂²", "Lurang") == ["PIDA", "m = 3"]
+    assert drawn(axes[1], "Lurang") == ["m = 3"]
+
+
 def test_marks_and_given_dashes_keep_their_own(axes):
     (line,) = axes[0].plot([0, 1], [0, 1], "o", label="PID")
     assert (look(line), line.get_linestyle()) == ("PID", "None")

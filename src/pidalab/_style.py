@@ -56,22 +56,31 @@ def kind_of(label: str) -> str | None:
 
 
 class BookAxes(Axes):
-    """Axes whose lines look as the kind of controller in their label does; a figure remembers who has which look."""
+    """Axes whose lines look as the kind of controller in their label does; a figure remembers who has which look.
+
+    A label without a kind takes a free look, where the figure has lines of a kind.
+    """
 
     name = "rectilinear"
 
     def plot(self, *args: Any, **kwargs: Any) -> list[Line2D]:
-        label = kwargs.get("label")
-        if isinstance(label, str) and kind_of(label) and not {"color", "c"} & set(kwargs):
-            look = dict(self._look(label))
-            if {"linestyle", "ls"} & set(kwargs) or any(isinstance(each, str) for each in args):
+        label, formats = kwargs.get("label"), [each for each in args if isinstance(each, str)]
+        given = vars(self.figure).setdefault("_pidalab_looks", {})
+        coloured = {"color", "c"} & set(kwargs) or re.search("[rgbcmykw]", "".join(formats))
+        if isinstance(label, str) and (kind_of(label) or given) and not coloured:
+            look = dict(self._look(label, given))
+            if {"linestyle", "ls"} & set(kwargs) or formats:
                 del look["linestyle"]
             kwargs |= look
         return super().plot(*args, **kwargs)
 
-    def _look(self, label: str) -> dict[str, Any]:
-        given = vars(self.figure).setdefault("_pidalab_looks", {})
+    def _look(self, label: str, given: dict[str, str]) -> dict[str, Any]:
         if label not in given:
-            order = (kind_of(label), *OTHERS)
-            given[label] = next((each for each in order if each not in given.values()), order[0])
+            order = [kind for kind in (kind_of(label), *OTHERS) if kind]
+            here = [line.get_color() for line in self.lines]
+            free = [kind for kind in order if kind not in given.values()]
+            free += [
+                kind for kind in order if LOOKS[kind]["color"] not in here
+            ]  # of a figure with more than five
+            given[label] = [*free, *order][0]
         return LOOKS[given[label]]

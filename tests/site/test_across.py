@@ -1,6 +1,7 @@
 """The pages across the papers: what they say follows from the tables, and a table that drifts stops them."""
 
 import importlib
+import re
 
 import pytest
 
@@ -82,3 +83,32 @@ def test_the_best_orders_never_lose(pages, ms):
     assert (wide[[1, 2, 3]].to_numpy() <= 1.01 * wide[[0, 1, 2]].to_numpy()).all()
     for _, curve in table.dropna(subset=["iae"]).sort_values("noise_limit").groupby(["plant", "order"]):
         assert (curve["iae"].to_numpy()[1:] <= 1.01 * curve["iae"].to_numpy()[:-1]).all()
+
+
+def test_a_field_of_the_map_opens_the_lab_with_its_plant(site, lab):
+    page = lab()
+    html = (site / "book" / "across" / "which-controller.html").read_text(encoding="utf-8")
+    links = re.findall(r'href="\.\./lab\.html(#lab-[\w-]+)"', html)
+    assert len(links) == html.count('class="map-panel"') > 10
+    states = [page.evaluate("(hash) => pidalabModel.read(hash)", link) for link in links]
+    assert all(state["designs"][0]["kind"] in ("PI", "PID", "PIDA") for state in states)
+    page.evaluate("(hash) => { location.hash = hash }", links[0])
+    page.wait_for_function("() => document.querySelectorAll('.lab-numbers').length === 2")
+    assert page.get_by_label("plant", exact=True).input_value() == "given"
+
+
+def test_the_first_page_follows_the_noise_that_is_allowed(site, visit):
+    page, wrong = visit((site / "book" / "intro.html").as_uri())
+    bar, words = page.get_by_label("Noise that is allowed"), page.locator(".landing-side .lab-live")
+    saved = []
+    for k in (0, 5, 11):
+        bar.fill(str(k))
+        saved.append(int(re.search(r"saves (\d+) %", words.inner_text())[1]))
+    assert 0 < saved[0] < saved[1] < saved[2] < 50
+    dot = page.locator(".pidalab-landing .lab-handle")
+    dot.hover()
+    page.mouse.down()
+    page.mouse.move(0, dot.bounding_box()["y"])
+    page.mouse.up()
+    assert f"saves {saved[0]} %" in words.inner_text()
+    assert wrong == []
