@@ -136,7 +136,19 @@ class DigitalController:
         return constants(self)
 
     def at_rest(self) -> dict[str, float]:
-        """Return the states at rest at the working point, by name, for a simulation that has its own."""
+        """Return the states at rest at the working point, for a simulation that has its own.
+
+        Returns
+        -------
+        dict of str to float
+            By the names they have in the code.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5, bias=3.0).at_rest()
+        {'started': True, 'integral': 0.0, 'carry': 0.0, 'control': 3.0}
+        """
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:

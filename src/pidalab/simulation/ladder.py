@@ -9,9 +9,9 @@ import numpy as np
 from scipy.linalg.lapack import dgebal
 
 from pidalab._check import Array
-from pidalab._compiled import compiled, plain
+from pidalab._compiled import compiled
 from pidalab.simulation.realisation import Cut
-from pidalab.simulation.ring import FADED, TERMS, add_rows, ladder, shortened, transition
+from pidalab.simulation.ring import FADED, add_rows, ladder, shortened, taylor, transition
 
 LARGEST = 4000  # states in a stack: beyond, the simulation takes too long
 WORK = 5e8  # multiplications from dead time to dead time beyond which it takes too long
@@ -63,49 +63,17 @@ def _too_many(intervals: float) -> str:
     )
 
 
-def _derivative_by_rows(stack, factor, A, b, c, d):
-    """As `_derivative`, with one product for all ages."""
-    after, v = stack @ A.T, 0.0
-    for age, read in enumerate((stack @ c).tolist()):
-        after[age] += b * v
-        v = d * v + read
-    return after * factor
-
-
-@plain(_derivative_by_rows)
-def _derivative(stack, factor, A, b, c, d):
-    """Multiply the derivative of a stack, whose past drives it, by a number."""
-    ages, order = stack.shape
-    after = np.zeros(stack.shape)
-    v = 0.0  # the delayed process input, from the oldest on
-    for age in range(ages):
-        for i in range(order):
-            change = b[i] * v
-            for k in range(order):
-                change += A[i, k] * stack[age, k]
-            after[age, i] = change * factor
-        v *= d
-        for i in range(order):
-            v += c[i] * stack[age, i]
-    return after
-
-
 @compiled
 def _carried(stack, tau, rungs, step, low, A, b, c, d):
     """Carry a stack over a duration: by the rungs that are its binary digits, and a Taylor series at the end."""
-    ages, order = stack.shape
+    ages = stack.shape[0]
     for p in range(len(rungs) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
         while tau >= duration:
             stack = _advanced(stack, rungs[p])
             tau -= duration
     if tau > 0.0:
-        term, stack = stack.copy(), stack.copy()
-        for n in range(1, TERMS + 1):
-            term = _derivative(term, tau / n, A, b, c, d)
-            for age in range(ages):
-                for i in range(order):
-                    stack[age, i] += term[age, i]
+        stack = _advanced(stack, taylor(tau, ages, A, b, c, d))
     return stack
 
 
