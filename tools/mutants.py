@@ -43,20 +43,9 @@ COLUMNS = ("module", "function", "was", "becomes", "outcome", "drawn", "reason")
 KILLED, ELSEWHERE = "killed", "killed elsewhere"  # by a test of its room; by another one
 LATER, SURVIVED = "killed later", "survived"  # the former by a test that it asked for
 ROOMS = (
-    *(
-        "algebra",
-        "areas",
-        "forms",
-        "loop",
-        "plants",
-        "process",
-        "response",
-        "roots",
-        "running_loop",
-        "statespace",
-    ),
-    *("identification", "optimal", "record", "reduction", "robustness", "rules", "simulation"),
-    *("controllers", "digital", "ledger"),
+    *("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace"),
+    *("identification", "optimal", "record", "reduction", "robustness", "rules", "running_loop"),
+    *("simulation", "controllers", "digital", "ledger"),
 )
 NO_JUDGES = {  # in tests/: what does not judge the numbers of a copy, and why
     "fuzz": "Hypothesis draws with the numbers it finds in the library's text, so any change draws other cases",
