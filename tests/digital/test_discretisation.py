@@ -76,8 +76,8 @@ def test_substitutions(name, way):
         np.testing.assert_allclose(k.transfer_function()(Z), k(Z), rtol=1e-6)
 
 
-def test_a_controller_without_proportional_action_is_clamped():
-    assert CONTROLLERS["filtered I"].discretise(H).anti_windup == "clamping"
+def test_a_controller_with_derivative_and_without_proportional_action_is_clamped():
+    assert HighOrderPID([1.0, 0.0, 0.5], 0.1, 2).discretise(H).anti_windup == "clamping"
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
