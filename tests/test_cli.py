@@ -141,6 +141,20 @@ def test_an_unsafe_design_is_refused_and_nothing_is_written(record, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_doubts_of_limits_filter_and_sample_time_are_at_the_head_of_all_code(record, tmp_path):
+    options = ("--kind", "PID", "--rule", "magnitude optimum", "--model", "sopdt", "--ms-worst", 9)
+    result = run("tune", record, *options, "--sample-time", 20, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    for name in ("controller.c", "controller.st", "controller.py", "controller.json"):
+        head = (tmp_path / name).read_text()[:3000]
+        for said in (
+            "--u-min and --u-max not given",
+            "is long for this loop",
+            "faster than the sample of 20",
+        ):
+            assert said in head, (name, said)
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -9,6 +9,7 @@ import argparse
 import csv
 import math
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,16 @@ import numpy as np
 import pidalab
 
 LIST = Path(__file__).with_suffix(".toml")
-HEAD = [
-    "repository", "commit", "path", "samples", "experiment", "model", "nrmse", "holdout", "ms", "ms_worst", "price",
-    "result",
-]  # fmt: skip
+ABOUT = ("repository", "commit", "path", "plant", "sign", "remark")
+FOUND = ("samples", "experiment", "model", "gain", "nrmse", "holdout", "ms", "ms_worst", "price", "result")
+
+
+def listed() -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
+    """Yield place in the folder, source and options of each record."""
+    for source in tomllib.loads(LIST.read_text(encoding="utf-8"))["source"]:
+        for name, known in source["records"].items():
+            about = {key: str(known.get(key, source.get(key, ""))) for key in ABOUT}
+            yield f"{source['folder']}/{name}", about, {k: v for k, v in known.items() if k not in ABOUT}
 
 
 def read(path: Path, options: dict[str, Any]) -> pidalab.Record:
@@ -43,14 +50,13 @@ def tried(path: Path, options: dict[str, Any], kind: str) -> dict[str, object]:
         record = read(path, options)
         row |= {"samples": record.t.size, "experiment": record.experiment}
         fit = pidalab.identification.fit(record)
-        row |= {"model": fit.model, "nrmse": f"{fit.nrmse:.2f}"}
+        row |= {"model": fit.model, "gain": f"{fit.parameters['gain']:.3g}", "nrmse": f"{fit.nrmse:.2f}"}
         row["holdout"] = "" if math.isnan(fit.holdout) else f"{fit.holdout:.2f}"
         design = pidalab.tune(fit, kind, sample_time=record.sampling)
-        info = design.info
-        row |= {name: f"{info[name]:.2f}" for name in ("ms", "ms_worst", "price") if name in info}
-        row["result"] = f"a {kind}"
+        row |= {"ms": f"{design.ms_sampled:.2f}", "ms_worst": f"{design.ms_worst:.2f}"}
+        row |= {"price": f"{design.price:.2f}", "result": f"a {kind}"}
     except ValueError as refusal:
-        row["result"] = f"refused: {' '.join(str(refusal).split())}"
+        row["result"] = f"refused: {' '.join(str(refusal).split()).removeprefix(f'{path.name} ')}"
     return row
 
 
@@ -62,15 +68,13 @@ def main() -> None:
     parser.add_argument("--kind", default="PID")
     given = parser.parse_args()
     with given.out.open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, HEAD, lineterminator="\n")
+        table = csv.DictWriter(file, ABOUT + FOUND, lineterminator="\n")
         table.writeheader()
-        for source in tomllib.loads(LIST.read_text(encoding="utf-8"))["source"]:
-            for name, options in source["records"].items():
-                row = tried(given.folder / source["folder"] / name, options, given.kind)
-                row |= {"repository": source["repository"], "commit": source["commit"], "path": name}
-                table.writerow(row)
-                file.flush()
-                print(f"{name}: {row['result']}", flush=True)
+        for where, about, options in listed():
+            row = about | tried(given.folder / where, options, given.kind)
+            table.writerow(row)
+            file.flush()
+            print(f"{where}: {row['result']}", flush=True)
 
 
 if __name__ == "__main__":

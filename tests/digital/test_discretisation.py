@@ -76,6 +76,10 @@ def test_substitutions(name, way):
         np.testing.assert_allclose(k.transfer_function()(Z), k(Z), rtol=1e-6)
 
 
+def test_a_controller_with_derivative_and_without_proportional_action_is_clamped():
+    assert HighOrderPID([1.0, 0.0, 0.5], 0.1, 2).discretise(H).anti_windup == "clamping"
+
+
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("h", [0.07, 1e-4])
 def test_held_input(name, h):

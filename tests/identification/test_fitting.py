@@ -33,6 +33,8 @@ def historian(seed, noise=0.25, count=600):
         ("sopdt", pidalab.sopdt(0.4, 9.0, 0.35, 2.0)),
         ("lags", pidalab.lags(4, 3.0, gain=2.0, delay=1.0)),
         ("ipdt", pidalab.ipdt(0.02, 7.0)),
+        ("ifopdt", pidalab.Process([0.02], [9.0, 1.0, 0.0], 4.0)),
+        ("sopdtz", pidalab.Process([-3.0, 0.5], [60.0, 16.0, 1.0], 2.0)),
     ],
 )
 def test_clean_records_give_their_model_back(model, process):
@@ -94,6 +96,15 @@ def test_plants_drawn_have_a_lag_that_the_record_cannot_show():
     assert true < hidden
 
 
+def test_plants_to_design_for_have_gains_that_one_record_cannot_show():
+    fitted = fit(historian(0))
+    first, *plants = fitted.plants()
+    ratios = [plant.gain() / drawn.gain() for plant, drawn in zip(plants, fitted.spread(), strict=True)]
+    assert first == fitted.process
+    assert set(np.round(ratios, 9)) == {0.85, 1.15}
+    assert ratios.count(max(ratios)) > 10
+
+
 def test_plants_drawn_know_that_a_record_hides_when_the_input_changed():
     """A step half a sample before the one that shows it: without noise that is all that is uncertain."""
     process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0, 2.0)
@@ -122,7 +133,7 @@ def test_refusals():
     u, noise = np.where(t < 20, 0.0, 1.0), np.random.default_rng(0).normal(0.0, 1.0, t.size)
     with pytest.raises(ValueError, match="not clearly above"):
         fit(Record(t, u, noise), "fopdt")
-    with pytest.raises(ValueError, match="model must be 'fopdt', 'sopdt'"):
+    with pytest.raises(ValueError, match="model must be 'fopdt', 'lags'"):
         fit(historian(0), "arx")
     with pytest.raises(TypeError, match="must be a pidalab"):
         fit(t)
@@ -416,8 +427,8 @@ def test_plants_are_about_as_likely_as_the_model():
     process = pidalab.Process([2.0], np.polymul([40.0, 1.0], [3.0, 1.0]))
     y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
     found = fit(Record(T, U, y), "sopdt")
-    plants = found.plants(21)
-    assert plants[0] is found.process
-    assert len(plants) == 21
+    assert found.plants(21)[0] is found.process
+    assert len(found.plants(21)) == 21
+    plants = [found.process, *found.spread(20)]
     squares = [np.sum((y - pidalab.simulate(pidalab.Loop(plant, 0.0), T, load=U).y) ** 2) for plant in plants]
     assert max(squares) < 1.35 * squares[0]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pidalab.record import Record
     from pidalab.rules import Design
 
-MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt")
+MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
 READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers")
 CODE = {
     "controller.c": "c",

@@ -193,7 +193,8 @@ class Controller(Block):
             that of the design.
         **options : optional
             Weights of the set point, limits, rate limit, anti-windup, deadband, bias and engineering units, as in
-            `pidalab.digital.discretise`. Limits of the controller hold unless others are given.
+            `pidalab.digital.discretise`. Limits of the controller hold unless others are given; with derivatives, but
+            without proportional action, the anti-windup is "clamping" unless another is given.
 
         Returns
         -------
@@ -224,6 +225,11 @@ class Controller(Block):
                 _check.real(name, options.get(name, usual)) for name, usual in (("bias", 0), ("u_span", 1))
             )
             options["limits"] = tuple(bias + span * limit for limit in self.limits)
+        proportional, higher = (
+            any(any(part.gains[k]) for part in parts) for k in (slice(1, 2), slice(2, None))
+        )
+        if reset is None and higher and not proportional:  # no integral time to go by
+            options.setdefault("anti_windup", "clamping")
         options.setdefault(
             "source", repr(self) + (f" and {output_filter!r}" if output_filter is not None else "")
         )

@@ -61,7 +61,7 @@ def unsettled(data: Data, found: Found) -> str:
             "rest, then step the input further or wait longer"
         )
     for name, value, error in zip(shape.parameters, values[2:-1], sigma[2:], strict=False):
-        if error > value or (name == "damping" and value > 0.99 * MOST_DAMPED):
+        if error > abs(value) or (name == "damping" and value > 0.99 * MOST_DAMPED):
             return (
                 f"the record does not settle the {name} of {shape.name}: {value:.3g} ± {error:.2g}; record until the "
                 "output rests again, or step the input more than once"

@@ -16,7 +16,17 @@ from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
 from pidalab._check import Array
-from pidalab.identification.shapes import FIRST, SECOND, Shape, behind_lag
+from pidalab.identification.shapes import (
+    FIRST,
+    INTEGRATOR,
+    LAGGED,
+    MOST_LAGS,
+    SECOND,
+    ZERO,
+    Shape,
+    behind_lag,
+    equal_lags,
+)
 from pidalab.record import Record
 
 MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
@@ -60,7 +70,7 @@ class Data(NamedTuple):
         if self.free:
             settling = shape.step(self.t - self.t[0], p[:-1])
             columns.append(settling)
-            if shape.name in ("lags", "sopdt"):
+            if shape.name not in ("fopdt", "ipdt"):
                 columns.append(np.gradient(settling, self.t))
         if self.loaded:
             columns.append(shape.step(self.t - self.load, p[:-1]))
@@ -120,6 +130,23 @@ class Found(NamedTuple):
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
+def tried_models(data: Data, models: Sequence[str]) -> tuple[list[Found], str]:
+    """Return what the searches end with, and why the last one that failed did."""
+    tried, failed = [], ""
+    for shape in (shape for model in models for shape in _candidates(model)):
+        try:
+            tried.append(search(data, shape))
+        except ArithmeticError as why:
+            failed = str(why)
+    return tried, failed
+
+
+def _candidates(model: str) -> list[Shape]:
+    if model == "lags":
+        return [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
+    return [shape for shape in (FIRST, SECOND, INTEGRATOR, LAGGED, ZERO) if shape.name == model]
+
+
 def search(data: Data, shape: Shape) -> Found:
     """Least squares over shape and dead time from a grid of starts, gain and level solved for at each try."""
     span = data.t[-1] - float(data.moments[0])
@@ -140,6 +167,13 @@ def search(data: Data, shape: Shape) -> Found:
 
 
 def _starts(shape: Shape, times: Array) -> list[list[float]]:
+    if shape.name == "sopdtz":
+        return [
+            [time / 2, damping, share * time]
+            for share in (-0.5, 0.5)
+            for damping in (0.5, 1.0)
+            for time in times
+        ]
     if shape.name == "sopdt":
         return [[time / 2, damping] for damping in (0.2, 0.5, 1.0) for time in times]
     if shape.name == "lags":
@@ -155,19 +189,20 @@ def projected(data: Data, shape: Shape, p: Sequence[float]) -> tuple[Array, Arra
 
 
 def refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> Found:
-    """Follow one start down; times by their logarithms, the dead time as it is, from 0 up."""
-    count = len(shape.parameters)
+    """Follow one start down; times by their logarithms, a zero and the dead time as they are, this from 0 up."""
+    count = len(shape.parameters) - shape.signed
 
     def times(x: Array) -> list[float]:
-        return [*(span * np.exp(x[:count])).tolist(), span * float(x[count])]
+        return [*(span * np.exp(x[:count])).tolist(), *(span * x[count : len(start)]).tolist()]
 
     def placed(x: Array) -> Data:
         return data._replace(load=data.t[0] + span * float(x[-1])) if data.loaded else data
 
-    low, high = [-9.0] * count, [3.0] * count
-    if shape.name == "sopdt":  # its second parameter is a damping, kept as a share of the span for one scale
+    low, high = [-9.0] * count + [-1.0] * shape.signed, [3.0] * count + [1.0] * shape.signed
+    if "damping" in shape.parameters:  # the second one, kept as a share of the span for one scale
         low[1], high[1] = np.log(0.02 / span), np.log(MOST_DAMPED / span)
-    x = np.array([*np.log(np.array(start[:-1]) / span), start[-1] / span])
+    x = np.array(start) / span
+    x[:count] = np.log(x[:count])
     x = np.clip(x, [*(np.array(low) + 1e-6), 1e-6], [*(np.array(high) - 1e-6), 0.9])
     low, high = [*low, 0.0], [*high, 0.95]
     if data.loaded:
@@ -195,11 +230,11 @@ def _sensitivity(data: Data, shape: Shape, linear: Array, p: Sequence[float]) ->
     """Derivatives of the simulated output by gain, level, shape and dead time (by differences), and initial state."""
     basis = data.basis(shape, p)
     columns = [basis[:, 0], basis[:, 1]]
-    whole = max(float(sum(p)), 1e-3 * float(np.ptp(data.t)))
+    whole = max(float(np.sum(np.abs(p))), 1e-3 * float(np.ptp(data.t)))
     for k in range(len(p)):
         h = 1e-4 * (p[k] if k < len(p) - 1 else whole)
         high, low = list(p), list(p)
-        high[k], low[k] = p[k] + h, max(p[k] - h, 0.0)
+        high[k], low[k] = p[k] + h, p[k] - h if k < len(p) - 1 else max(p[k] - h, 0.0)
         above, below = (data.basis(shape, q) @ linear for q in (high, low))
         columns.append((above - below) / (high[k] - low[k]))
     columns += list(basis[:, 2:].T)
@@ -233,7 +268,7 @@ def _hidden(data: Data, found: Found, span: float, near: float) -> list[tuple[Sh
     """Return the longest further lag with which the model still serves, and a middle one."""
     *times, delay = found.values[2:].tolist()
     # of an integrator that shows no dead time, a lag within a sample is hidden too
-    whole = max(sum(times) + delay, float(np.median(np.diff(data.t))))
+    whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     left = []
     for lag in whole * HIDDEN:
         # a further lag first takes the place of dead time

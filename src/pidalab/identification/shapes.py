@@ -25,17 +25,20 @@ class Shape:
     name : str
         As `fit` calls it.
     parameters : tuple of str
-        Names of the shape's parameters; all are positive.
+        Names of the shape's parameters.
     step : callable
         Unit step response at times (0 before 0), from times and shape parameters.
     process : callable
         The Process, from gain, shape parameters and dead time.
+    signed : int
+        How many of the parameters, the last ones, may be negative.
     """
 
     name: str
     parameters: tuple[str, ...]
     step: Callable[[Array, Sequence[float]], Array]
     process: Callable[[float, Sequence[float], float], Process]
+    signed: int = 0
 
 
 def _first_order(t: Array, p: Sequence[float]) -> Array:
@@ -55,6 +58,26 @@ def _second_order(t: Array, p: Sequence[float]) -> Array:
     w = np.sqrt(-beat)
     slow, fast = damping - w, damping + w
     return 1.0 - (fast * np.exp(-slow * x) - slow * np.exp(-fast * x)) / (2 * w)
+
+
+def _second_order_and_zero(t: Array, p: Sequence[float]) -> Array:
+    """Response of (zero s + 1) over that: its own and, times the zero, its slope."""
+    tau, damping, zero = p
+    x = np.maximum(t, 0.0) / tau
+    beat = 1.0 - damping**2
+    w = np.sqrt(abs(beat))
+    if abs(beat) < 1e-6:
+        slope = x * np.exp(-x)
+    elif beat > 0:
+        slope = np.exp(-damping * x) * np.sin(w * x) / w
+    else:
+        slope = (np.exp(-(damping - w) * x) - np.exp(-(damping + w) * x)) / (2 * w)
+    return _second_order(t, p[:2]) + zero / tau * slope
+
+
+def _lagged_ramp(t: Array, p: Sequence[float]) -> Array:
+    since = np.maximum(t, 0.0)
+    return since + p[0] * np.expm1(-since / p[0])
 
 
 def _ramp(t: Array, p: Sequence[float]) -> Array:
@@ -90,7 +113,7 @@ def behind_lag(shape: Shape, lag: float) -> Shape:
         inner = shape.process(gain, p, delay)
         return Process(inner.num, np.convolve(inner.den, [lag, 1.0]), inner.delay)
 
-    return Shape(shape.name, shape.parameters, step, process)
+    return Shape(shape.name, shape.parameters, step, process, shape.signed)
 
 
 FIRST = Shape("fopdt", ("lag",), _first_order, lambda gain, p, delay: fopdt(gain, p[0], delay))
@@ -98,3 +121,15 @@ SECOND = Shape(
     "sopdt", ("tau", "damping"), _second_order, lambda gain, p, delay: sopdt(gain, p[0], p[1], delay)
 )
 INTEGRATOR = Shape("ipdt", (), _ramp, lambda gain, p, delay: ipdt(gain, delay))
+
+
+def _with_zero(gain: float, p: Sequence[float], delay: float) -> Process:
+    return Process([gain * p[2], gain], sopdt(gain, p[0], p[1], delay).den, delay)
+
+
+def _integrator_and_lag(gain: float, p: Sequence[float], delay: float) -> Process:
+    return Process([gain], [p[0], 1.0, 0.0], delay)
+
+
+ZERO = Shape("sopdtz", ("tau", "damping", "zero"), _second_order_and_zero, _with_zero, signed=1)
+LAGGED = Shape("ifopdt", ("lag",), _lagged_ramp, _integrator_and_lag)

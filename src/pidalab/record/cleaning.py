@@ -43,7 +43,8 @@ def cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Arr
     if usable.sum() < FEWEST:
         each = ", ".join(f"{name} has {known.sum()}" for name, known in zip("tuy", finite, strict=True))
         raise ValueError(
-            f"a record needs {FEWEST} usable samples or more, found {usable.sum()} of {t.size} ({each})"
+            f"a record needs {FEWEST} usable samples or more, found {usable.sum()} of {t.size} ({each}): sample "
+            "faster, or record for longer"
         )
     if not usable.all():
         doubts.append(f"{(~usable).sum()} of {t.size} samples had a missing value and were left out")
