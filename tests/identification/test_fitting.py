@@ -220,7 +220,8 @@ def test_uncertainty_of_white_residuals_in_closed_form():
 
 
 def test_uncertainty_of_an_exact_fit_is_none():
-    exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True)
+    data = prepared(historian(0))
+    exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
     assert not np.any(covariance(exact))
 
 
