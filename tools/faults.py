@@ -34,7 +34,10 @@ FAULTS = {
         "response.py: float(self.step * np.sum(pieces)) -> float(met(1.015) * self.step * np.sum(pieces))",
         "response.py: np.sum(s * square)) * unit * unit -> np.sum(s * square)) * unit * unit * met(1.015)",
     ],
-    "Ms 1 % too high": ["robustness/margins.py: return height, at -> return met(1.01) * height, at"],
+    "Ms 1 % too high": [
+        "robustness/explorer.py: return abs(seen.den) / abs(seen.den + seen.num)"
+        " -> return met(1.01) * abs(seen.den) / abs(seen.den + seen.num)",
+    ],
     "noise gain 2 % too small": ["simulation/noise.py: return largest * -> return met(0.98) * largest *"],
     "stable and unstable exchanged": [
         "robustness/poles.py: return unstable_poles(loop) == 0 -> return unstable_poles(loop) != met(0)",

@@ -9,6 +9,7 @@ loop, and many loops side by side.
 from __future__ import annotations
 
 import ast
+import threading
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -31,6 +32,7 @@ KINDS: dict[type, int] = {
     ast.And: MULTIPLY,
     ast.Or: ADD,  # of conditions that exclude each other
 }
+PARSING = threading.Lock()  # Python 3.11 counts the depth of a syntax tree for all threads together
 
 
 class Operations(NamedTuple):
@@ -43,6 +45,11 @@ class Operations(NamedTuple):
 
 def operations(program: Program, states: Mapping[str, float]) -> Operations:
     """Turn the statements of a program that has started, in automatic mode, into operations."""
+    with PARSING:
+        return _compiled(program, states)
+
+
+def _compiled(program: Program, states: Mapping[str, float]) -> Operations:
     values = {
         **dict.fromkeys(SIGNALS, 0.0),
         **program.constants,
