@@ -17,7 +17,7 @@ from pidalab._compiled import compiled, inlined
 from pidalab.simulation import operations as op
 from pidalab.simulation.steps import Steps
 
-LANES = 64
+LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
 # share of the largest error below which a change of its sign inside a sample is not looked for
 NEGLIGIBLE = 1e-13

@@ -113,7 +113,7 @@ def portrait(
     executor : concurrent.futures.Executor, optional
         Who computes: by default one thread for each processor that this process may use. It is left open.
     chunk : int, optional
-        Sets in a task, rounded up to a multiple of 64; by default there are about 64 tasks.
+        Sets in a task, rounded up to a multiple of 128; by default there are about 64 tasks.
     progress : bool, optional
         Whether to show a progress bar.
 
