@@ -18,6 +18,7 @@ DEAD = (-np.inf, 1e-3, 0.1, 0.2, 1 / 3, 2 / 3, np.inf)
 ROWS = ("< 0.5", "0.5–1", "1–1.5", "1.5–2", "≥ 2")
 COLUMNS = ("0", "< 0.1", "0.1–0.2", "0.2–0.33", "0.33–0.67", "≥ 0.67")
 FEW = 3  # plants of a field, of which a rule must serve as many for a recommendation
+DIGITS = 9  # beyond them two plants are equally typical and two rules equally near: the first is taken
 PERIODS = 6.0  # ultimate periods that the lab shows
 
 
@@ -33,9 +34,9 @@ def facts(some: pd.DataFrame, study: tuple[pd.DataFrame, ...]) -> dict[str, obje
     enough, saves, loud = (table[table["plant"].isin(some["plant"])] for table in study)
     saves = saves.groupby("terms")["saves"]
     rules = loud.groupby(["rule", "kind"])["of_best"].agg(["size", "median"]).reset_index()
-    rules = rules[rules["size"] >= min(FEW, len(some))].sort_values("median")
+    rules = rules[rules["size"] >= min(FEW, len(some))].round(DIGITS).sort_values(["median", "rule", "kind"])
     center = some[["rolloff", "dead_time"]].median()
-    far = ((some[["rolloff", "dead_time"]] - center) / (0.5, 0.2)).pow(2).sum(axis=1)
+    far = ((some[["rolloff", "dead_time"]] - center) / (0.5, 0.2)).pow(2).sum(axis=1).round(DIGITS)
     return {
         "kinds": {term: common(enough, noise) for term, noise in tables.NOISE.items()},
         "saves": {
