@@ -79,8 +79,7 @@ class BookAxes(Axes):
             order = [kind for kind in (kind_of(label), *OTHERS) if kind]
             here = [line.get_color() for line in self.lines]
             free = [kind for kind in order if kind not in given.values()]
-            free += [
-                kind for kind in order if LOOKS[kind]["color"] not in here
-            ]  # of a figure with more than five
+            # of a figure with more than five
+            free += [kind for kind in order if LOOKS[kind]["color"] not in here]
             given[label] = [*free, *order][0]
         return LOOKS[given[label]]

@@ -26,12 +26,8 @@ from pidalab.safety import Runs
 from pidalab.tuning import tune
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
-DRAWN = (
-    60  # plants by which Ms gets its interval: of fewer the worst is too often not worse than the true one
-)
-CLEARER = (
-    0.8  # times the residuals: with a load that explains more than a third of their variance, it is there
-)
+DRAWN = 60  # plants by which Ms gets its interval; of fewer the worst is too often below the true one
+CLEARER = 0.8  # times the residuals: a load that explains more than a third of their variance is there
 SHOWN = 20.0  # standard deviations of the noise by which the output has to move
 COLOURED = 3.0  # samples that share one error, from which on a residual is no white noise
 FED_BACK = 0.05  # share of the variance of u that may answer to it

@@ -128,7 +128,10 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
 
 
 def _chain(poles: Any) -> Array:
-    """Return the same for coefficients of 1, x - p_1, (x - p_1)(x - p_2), ..., where long polynomials lose digits."""
+    """Return multiplication by x, modulo the polynomial of the poles.
+
+    It acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), ...: in powers of x long polynomials lose digits.
+    """
     M = np.diag(poles.real) + np.eye(poles.size, k=-1)
     for i in np.flatnonzero(poles.imag > 0):
         M[i, i + 1] = -(poles[i].imag ** 2)

@@ -21,10 +21,8 @@ from pidalab._search import succeeded
 
 PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 2_000_000  # along the axis: more would fill the memory
-FINE, COARSE = (
-    0.25,
-    1.0,
-)  # rad by which the dead time turns the phase between two points; the latter for crossovers
+# rad by which the dead time turns the phase between two points; the latter for crossovers
+FINE, COARSE = 0.25, 1.0
 LOUD = 0.5  # |L| above which the turns of the dead time are followed in any case
 TURNED = 0.8  # largest turn of the characteristic function between two points, in rad
 HALVINGS = 70  # of a step, at most, until it turns no more than that

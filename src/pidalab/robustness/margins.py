@@ -11,7 +11,7 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.robustness.explorer import Seen, complementary, zeros
+from pidalab.robustness.explorer import complementary, zeros
 from pidalab.robustness.loops import explore
 from pidalab.robustness.poles import count_unstable
 
@@ -160,7 +160,7 @@ def bandwidth(loop: Loop, drop: float = 3.0) -> float:
     w = looked.follow(0.9 * level / (1 + level))
 
     def excess(w: Any) -> Any:
-        return complementary(Seen(w, *looked.fraction(1j * w))) - level
+        return complementary(looked.at(w)) - level
 
     values = excess(w)
     first = int(np.argmax(values < 0))

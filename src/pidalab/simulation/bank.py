@@ -49,9 +49,8 @@ class Bank(NamedTuple):
             )
         own = require_series(loop)
         values = {name: np.asarray(getattr(own, name)) for name in ALLOWED}
-        for name, given in dict(
-            parameters
-        ).items():  # not what iterates: a Series of pandas has its values there
+        # not what iterates: a Series of pandas has its values there
+        for name, given in dict(parameters).items():
             if name not in ALLOWED:
                 raise ValueError(f"parameters must be among {', '.join(ALLOWED)}, found {name!r}")
             values[name] = _real(f"parameters[{name!r}]", given)
@@ -144,9 +143,8 @@ def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], 
     if loop.prefilter is not None:
         raise ValueError(f"prefilter must be given once: the loop has one already, found {loop.prefilter!r}")
     try:
-        if not isinstance(
-            prefilter, (tuple, list)
-        ):  # iterating over a transfer function is an error of its own kind
+        # iterating over a transfer function is an error of its own kind
+        if not isinstance(prefilter, (tuple, list)):
             raise TypeError
         num, den = prefilter
         num, den = ([_real("prefilter", x) for x in part] for part in (num, den))

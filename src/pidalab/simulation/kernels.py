@@ -73,9 +73,8 @@ def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array
     if actuator.widths > 0:
         span = actuator.high - actuator.low
         share = (wanted - actuator.low) / span
-        parts = (
-            int(np.rint(share * actuator.widths)) if 0 <= share <= 1 else 0
-        )  # not so after an overflow: nan
+        # after an overflow the share is nan
+        parts = int(np.rint(share * actuator.widths)) if 0 <= share <= 1 else 0
         v[at], width[at] = actuator.low + load, parts
         return actuator.low + span * parts / actuator.widths
     v[at] = wanted + load
