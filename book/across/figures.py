@@ -33,7 +33,9 @@ def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = 
 def plain(ax: Axes) -> None:
     """Write the numbers of a short logarithmic axis as numbers."""
     low, high = ax.get_xlim()
-    ticks = [tick for tick in (0.5, 0.7, 1, 1.5, 2, 3, 5, 10, 20, 50, 100, 1000) if low <= tick <= high]
+    between = (0.7, 1.5, 3) if high < 30 * low else ()  # on a longer axis they would run together
+    ticks = sorted([0.5, 1, 2, 5, 10, 20, 50, 100, 1000, *between])
+    ticks = [tick for tick in ticks if low <= tick <= high]
     ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
     ax.set_xticks([], minor=True)
 
