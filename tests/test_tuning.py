@@ -171,3 +171,14 @@ def test_the_filter_of_the_magnitude_optimum_is_ten_times_faster_than_the_proces
     found = pidalab.tune(pidalab.lags(3, delay=1.0), kind=kind, rule="magnitude optimum").controller
     assert found.filter_order == order + 1
     assert found.filter_order * found.filter_time == pytest.approx(0.1 * (3 + 1))
+
+
+def test_a_pida_is_refused_where_the_record_shows_dynamics_that_the_model_lacks():
+    """A plant of three lags, a model of one: its PID is designed, its PIDA would act on what is not known."""
+    t = np.arange(0.0, 60.0, 0.1)
+    y = pidalab.simulate(pidalab.Loop(lags(3), 0.0), t, load=t >= 5.0).y
+    fitted = fit(Record(t, 1.0 * (t >= 5.0), y), "fopdt")
+    assert fitted.incomplete
+    assert tune(fitted, "PID").ms <= 1.6 * 1.001
+    with pytest.raises(ValueError, match=r"the model has 1 pole\(s\), and a PIDA acts on dynamics beyond them"):
+        tune(fitted, "PIDA")

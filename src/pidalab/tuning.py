@@ -88,7 +88,8 @@ def tune(
     TypeError, ValueError
         For arguments out of range, a rule that does not make this kind of controller, and what the rule itself refuses:
         a model outside its validity, or limits that nothing satisfies. Also for a loop that would be unstable with the
-        model, or have a worst Ms above `ms_worst`, unless three times the IAE is enough to avoid it.
+        model, or have a worst Ms above `ms_worst`, unless three times the IAE is enough to avoid it; and for a Fit that
+        leaves more than noise and has fewer poles than `kind` has derivatives.
 
     Examples
     --------
@@ -122,6 +123,7 @@ def tune(
     designed, *others = (
         _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
     )
+    _known_dynamics(model, designed, kind, doubts)
     runs = Runs(sample_time, output_filter)
     if named is None:
         make = _optimal(model, designed, others, kind, noise_gain, sample_time, doubts)
@@ -140,7 +142,6 @@ def tune(
         doubts.append(
             f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {remedy}"
         )
-    _doubt_unknown_dynamics(designed, kind, doubts)
     loop = runs.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
     if sample_time is not None:
@@ -307,14 +308,19 @@ def _asked_of_u(process: Process) -> float:
     return float(1 / np.abs(value[k]))
 
 
-def _doubt_unknown_dynamics(process: Process, kind: str, doubts: list[str]) -> None:
-    """Say where a derivative has no lag of the model to work on."""
+def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: list[str]) -> None:
+    """Doubt a derivative that has no lag of the model to act on; refuse it where the record shows that one is missing."""
     known = len(process.den) - 1
-    if known < ORDER[kind]:
-        doubts.append(
-            f"the model has {known} pole(s): a {kind} leans on dynamics that it does not know; fit a model of higher "
-            "order, or take a lower kind"
+    if known >= ORDER[kind]:
+        return
+    short = f"the model has {known} pole(s), and a {kind} acts on dynamics beyond them"
+    if isinstance(model, Fit) and model.incomplete:
+        raise ValueError(
+            f"{short}, which the record shows to be there (a model error of {model.model_error:.3g}, noise "
+            f"{model.noise:.3g}) and does not settle: take a lower kind, or step the input several times, further and "
+            "from rest"
         )
+    doubts.append(f"{short}, which are not known: fit a model of higher order, or take a lower kind")
 
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:

@@ -235,10 +235,15 @@ class Fit:
         return math.sqrt(max(0.0, self.deviation**2 - self.noise**2))
 
     @property
+    def incomplete(self) -> bool:
+        """Whether the model leaves more than twice the noise."""
+        return self.deviation > 2 * self.noise
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """What a reader should know of the model; `record` has its own."""
         found = []
-        if self.deviation > 2 * self.noise:
+        if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
             found.append(
                 f"the model leaves {self.model_error:.3g} beyond the noise of {self.noise:.3g}, {share:.2g} % of the "
