@@ -180,5 +180,7 @@ def test_a_pida_is_refused_where_the_record_shows_dynamics_that_the_model_lacks(
     fitted = fit(Record(t, 1.0 * (t >= 5.0), y), "fopdt")
     assert fitted.incomplete
     assert tune(fitted, "PID").ms <= 1.6 * 1.001
-    with pytest.raises(ValueError, match=r"the model has 1 pole\(s\), and a PIDA acts on dynamics beyond them"):
+    with pytest.raises(
+        ValueError, match=r"the model has 1 pole\(s\), and a PIDA acts on dynamics beyond them"
+    ):
         tune(fitted, "PIDA")

@@ -19,6 +19,7 @@ from pidalab.loop import Loop
 from pidalab.optimal._design import sign_of_gain
 from pidalab.process import Process
 from pidalab.record import Record
+from pidalab.record.inputs import FOLLOWER
 from pidalab.reporting import measure_candidate
 from pidalab.rules import Design
 from pidalab.rules.registry import KINDS
@@ -188,9 +189,11 @@ def check(
     fitted = record if isinstance(record, Fit) else _fitted(record)
     process, doubts = fitted.process, [*fitted.record.doubts, *fitted.doubts]
     if gains.ki * sign_of_gain(process) < 0:
+        found = f"found kp = {gains.kp:.4g} for a plant of gain {fitted.parameters['gain']:.3g}"
+        other = "; or, since u follows the output, the log shows the controller and not the plant: move the set point"
         raise ValueError(
-            f"controller must have gains of the sign of the plant's, found kp = {gains.kp:.4g} for a plant of gain "
-            f"{fitted.parameters['gain']:.3g}: the output would run away"
+            f"controller must have gains of the sign of the plant's, {found}: the output would run away"
+            + (other if fitted.record.experiment == FOLLOWER else "")
         )
     if sample_time is None:
         sample_time = fitted.record.sampling

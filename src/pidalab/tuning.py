@@ -309,7 +309,7 @@ def _asked_of_u(process: Process) -> float:
 
 
 def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: list[str]) -> None:
-    """Doubt a derivative that has no lag of the model to act on; refuse it where the record shows that one is missing."""
+    """Doubt a derivative beyond the poles of the model; refuse it where the record shows that some are missing."""
     known = len(process.den) - 1
     if known >= ORDER[kind]:
         return
