@@ -60,7 +60,6 @@ def test_a_broken_promise_is_seen(change):
     assert broken(row | change)
 
 
-@pytest.mark.xfail(strict=True, reason="one PIDA from a model of one lag, which its doubts say; see the page")
 def test_no_random_plant_gives_an_unstable_loop():
     assert "inf" not in {row["ms_true"] for row in table("strangers")}
 
