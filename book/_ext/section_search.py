@@ -1,7 +1,8 @@
 """A search whose hits are sections, not pages: chapters before the reference, and no server.
 
-While Sphinx writes the pages, the text of every section is collected; at the end it becomes one script, which the
-search page loads beside MiniSearch. A script, not a data file, because a page opened from disk may load no data.
+While Sphinx writes the pages, in several processes, the text of every section is kept beside the page's doctree. At the
+end it becomes one script, which the search page loads beside MiniSearch. A script, not a data file, because a page
+opened from disk may load no data.
 """
 
 import json
@@ -142,23 +143,32 @@ def collect(app, pagename, templatename, context, doctree):
     if doctree is None or "body" not in context:
         return
     weight = next(value for start, value in WEIGHTS if pagename.startswith(start))
-    page = context.get("title", pagename)
-    page = words_of(page)
+    page = words_of(context.get("title", pagename))
+    found = []
     for anchor, title, text in sections(context["body"]):
         url = app.builder.get_target_uri(pagename) + (f"#{anchor}" if anchor else "")
-        entry = {"id": len(app.section_index), "page": page, "title": title, "text": text, "url": url}
+        entry = {"page": page, "title": title, "text": text, "url": url}
         if url in ALSO:
             entry |= {"also": ALSO[url], "weight": 1.0}
         else:
             entry["weight"] = weight * (TASKS if title == "Exercises" else 1.0)
-        app.section_index.append(entry)
+        found.append(entry)
+    kept(app, pagename).write_text(json.dumps(found), encoding="utf-8")
+
+
+def kept(app, pagename):
+    """Return where the sections of a page are kept."""
+    return Path(app.doctreedir, f"{pagename}.sections.json")
 
 
 def write_index(app, exception):
     """Write what was collected as a script."""
     if exception or app.builder.format != "html":
         return
-    text = json.dumps(app.section_index, ensure_ascii=False, separators=(",", ":"))
+    pages = (kept(app, name) for name in sorted(app.env.found_docs))
+    found = [entry for page in pages for entry in json.loads(page.read_text(encoding="utf-8"))]
+    index = [{"id": k, **entry} for k, entry in enumerate(found)]
+    text = json.dumps(index, ensure_ascii=False, separators=(",", ":"))
     Path(app.outdir, "_static", "sections.js").write_text(f"window.bookSections={text};\n", encoding="utf-8")
 
 
@@ -169,8 +179,7 @@ def leave_words_out(app, env):
 
 
 def setup(app):
-    app.section_index = []
     app.connect("env-updated", leave_words_out)
     app.connect("html-page-context", collect, priority=900)  # after the figures have their twins
     app.connect("build-finished", write_index)
-    return {"parallel_read_safe": True, "parallel_write_safe": False}
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
