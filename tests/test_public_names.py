@@ -98,7 +98,14 @@ def needless(value):
 
 
 def test_the_walk_finds_what_users_call():
-    for name in ("Process", "PIDA.transfer_function", "Loop.transfer", "margins", "simulate", "Response.iae"):
+    for name in (
+        "Process",
+        "HighOrderPID.transfer_function",
+        "Loop.transfer",
+        "margins",
+        "simulate",
+        "Response.iae",
+    ):
         assert f"pidalab.{name}" in NAMES
     for name in ("pidalab.rules.haalman.pida", "pidalab.identification.three_point"):
         assert name in NAMES

@@ -1,0 +1,56 @@
+# The public names and their homes: `__init__.py` imports each when it is first used, and type checkers read them here.
+from . import (
+    areas as areas,
+    digital as digital,
+    heater as heater,
+    identification as identification,
+    ledger as ledger,
+    optimal as optimal,
+    plots as plots,
+    reduction as reduction,
+    robustness as robustness,
+    rules as rules,
+)
+from ._version import __version__ as __version__
+from .comparison import Comparison as Comparison, compare as compare
+from .controllers import (
+    PIDA as PIDA,
+    HighOrderPID as HighOrderPID,
+    NonInteractivePIDA as NonInteractivePIDA,
+    SeriesPIDA as SeriesPIDA,
+)
+from .loop import Loop as Loop
+from .plants import AsymmetricPlant as AsymmetricPlant
+from .process import Process as Process, fopdt as fopdt, ipdt as ipdt, lags as lags, sopdt as sopdt
+from .record import Record as Record
+from .reporting import Report as Report, report as report
+from .response import Response as Response
+from .robustness.gain import gain_for_ms as gain_for_ms
+from .robustness.many import margins_many as margins_many
+from .robustness.margins import (
+    Margins as Margins,
+    bandwidth as bandwidth,
+    gain_crossovers as gain_crossovers,
+    margins as margins,
+    max_sensitivity as max_sensitivity,
+    phase_crossovers as phase_crossovers,
+)
+from .robustness.poles import (
+    is_stable as is_stable,
+    rightmost_poles as rightmost_poles,
+    unstable_poles as unstable_poles,
+)
+from .rules import Design as Design
+from .running_loop import Check as Check, check as check
+from .simulation.exact import (
+    load_response as load_response,
+    open_loop_step as open_loop_step,
+    simulate as simulate,
+    simulate_ensemble as simulate_ensemble,
+    step_response as step_response,
+)
+from .simulation.many import simulate_many as simulate_many
+from .simulation.noise import noise_gain as noise_gain, uniform_noise as uniform_noise
+from .simulation.portrait import Portrait as Portrait, portrait as portrait
+from .simulation.sampled import simulate_sampled as simulate_sampled
+from .tuning import tune as tune
