@@ -30,6 +30,12 @@ def announced(page, words=f"IAE {NUMBER}"):
     return page.locator(".lab-live").text_content()
 
 
+def read(page, words):
+    """What the lab says of a record, once it has said these words."""
+    page.wait_for_function(f"() => /{words}/.test(document.querySelector('.lab-about').textContent)")
+    return page.locator(".lab-about").text_content()
+
+
 def test_a_slider_by_keyboard_is_announced(lab):
     page = lab()
     bar = page.get_by_label("Ms", exact=True)
@@ -304,9 +310,9 @@ def test_the_library_call_has_limits_and_sampling_or_names_what_it_leaves_out(la
 DROP = "text => { const d = new DataTransfer(); d.items.add(new File([text], 'step.csv')); return d; }"
 
 
-def dropped(page, text, words="Record of"):
+def dropped(page, text, words="Record of", hear=read):
     page.dispatch_event(".lab-drop", "drop", {"dataTransfer": page.evaluate_handle(DROP, text)})
-    return announced(page, words)
+    return hear(page, words)
 
 
 def plant_shown(page):
@@ -328,10 +334,12 @@ def test_a_dropped_record_becomes_a_plant_and_a_design(lab):
     assert found["dead time"] == pytest.approx(1.0, abs=0.05)
     assert sum(found.values()) - found["gain"] == pytest.approx(4.0, rel=0.01)
     announced(page, "PIDA: IAE")
+    spaced = [f"{a:.3f}  1  {b:.6f}" if a else "0 0 0" for a, b in zip(t, y, strict=True)]
+    dropped(page, "\n".join(["time u y", *spaced]), "tune step.csv")  # in three columns, with a command
     clock = [f"12:00:{a:06.3f},{b:.6f}" for a, b in zip(t, y, strict=True)]
     dropped(page, "\n".join(clock), "Record of 200 samples")
-    dropped(page, "no numbers", "needs ten rows")
-    dropped(page, "\n".join(f"7,{b:.6f}" for b in y), "times do not rise")
+    dropped(page, "no numbers", "needs ten rows", announced)
+    dropped(page, "\n".join(f"7,{b:.6f}" for b in y), "times do not rise", announced)
 
 
 @pytest.mark.parametrize(("name", "gain", "times"), [("step_record", 1.8, 37.0), ("plant_record", 2.3, 35.1)])
@@ -343,7 +351,10 @@ def test_the_records_of_the_book_give_a_design_one_would_simulate_next(lab, root
     found = plant_shown(page)
     assert found["gain"] == pytest.approx(gain, rel=0.01)
     assert sum(found.values()) - found["gain"] == pytest.approx(times, rel=0.02)
-    assert "pidalab tune step.csv" in page.locator(".lab-out").text_content()
+    page.wait_for_function(FOUND)
+    assert "Record of" in page.locator(".lab-about").text_content()  # the search does not wipe it away
+    page.get_by_label("controller", exact=True).select_option("PID")
+    read(page, "pidalab tune step.csv --kind PID --ms 1.4")
     page.wait_for_function(FOUND)
     assert 1.39 < float(page.evaluate(COLUMNS)[0][3]) <= 1.4
     page.wait_for_function(SAVED)
@@ -379,6 +390,20 @@ def test_one_ms_is_that_of_all_designs_unless_unlinked(lab):
     page.wait_for_function(SAVED)
     page.get_by_role("button", name="Undo").click()
     page.wait_for_function(f"() => ({COLUMNS})().map(row => row[3]).join() === '1.8,1.8,1.8'")
+
+
+def test_what_a_search_finds_is_no_step_of_its_own_to_undo(lab):
+    page = lab()
+    page.get_by_label("rule", exact=True).select_option("optimum")
+    page.wait_for_function(FOUND)
+    page.wait_for_function(SAVED)
+    plant = page.get_by_label("plant", exact=True)
+    plant.select_option("heo-1")
+    page.wait_for_function(SAVED)
+    page.wait_for_function(FOUND)
+    page.wait_for_function(SAVED)
+    page.get_by_role("button", name="Undo").click()
+    page.wait_for_function("() => document.querySelector('.lab-choice select').value === 'lags3'")
 
 
 def test_a_change_of_plant_retunes_or_says_why_not(lab):

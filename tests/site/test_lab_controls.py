@@ -156,7 +156,7 @@ def test_a_record_with_its_input_is_read_and_drawn(lab):
     rows = (f"{a:.2f};{2 + 2 * (a >= 5)};{b:.6f}" for a, b in zip(t, y, strict=True))
     record = {"name": "step.csv", "mimeType": "text/csv", "buffer": "\n".join(rows).encode()}
     page.locator("input[type=file]").set_input_files(record)
-    says(page, "Record of ")
+    page.wait_for_function("() => document.querySelector('.lab-about').textContent.includes('Record of ')")
     assert float(page.get_by_label("gain, number").input_value()) == pytest.approx(1.5, rel=0.01)
     page.wait_for_function("() => document.querySelector('.lab-plots .lab-dots')")
     plot = plots(page.locator(".pidalab-lab"))["The record and the model"]

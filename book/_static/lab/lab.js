@@ -279,12 +279,12 @@
       this.host = host;
       this.past = [];
       this.problems = [];
-      this.seeker = new Seeker(() => this.change({}));
+      this.seeker = new Seeker(() => this.change({}, "found"));
       this.startAnew();
       this.hear();
       this.build();
       this.change({});
-      addEventListener("hashchange", () => { this.hear(); this.change({}, false); });
+      addEventListener("hashchange", () => { this.hear(); this.change({}, null); });
     }
 
     startAnew() {
@@ -350,12 +350,12 @@
       }
     }
 
-    /* Change the state, apply the rules, draw. */
-    change(update, store = true) {
+    /* Change the state, apply the rules, draw. A "step" can be undone; what a search found belongs to the step before. */
+    change(update, store = "step") {
       Object.assign(this.state, update);
       this.seeker.clear();
       this.state.designs = this.state.designs.map((design, k) => this.ruled(design, k));
-      this.unsaved ||= store;
+      if (store && this.unsaved !== "step") this.unsaved = store;
       if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
     }
 
@@ -375,11 +375,11 @@
     save() {
       if (!this.unsaved || location.hash !== this.heard) return;
       const now = JSON.stringify(this.state);
-      if (this.saved && this.saved !== now) this.past = [...this.past, this.saved].slice(-PAST);
+      if (this.unsaved === "step" && this.saved && this.saved !== now) this.past = [...this.past, this.saved].slice(-PAST);
       this.saved = now;
       history.replaceState(null, "", `#${this.link()}`);
       this.heard = location.hash;
-      this.unsaved = false;
+      this.unsaved = null;
     }
 
     undo() {
@@ -388,7 +388,7 @@
       if (!before) return this.say("There is nothing to undo.");
       this.saved = before;
       this.state = JSON.parse(before);
-      this.change({});
+      this.change({}, "found");
     }
 
     build() {
@@ -462,6 +462,7 @@
       const plots = element("div", { class: "lab-plots" }, ...place("control", "nyquist", "bode", "noise"));
       this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Numbers of the designs" });
       this.live = element("p", { class: "lab-live", role: "status" });
+      this.about = element("div", { class: "lab-about", role: "status" });
       this.out = element("pre", { class: "lab-out", hidden: true });
       this.saving = button("Save as a file", () => this.download());
       this.saving.hidden = true;
@@ -470,7 +471,7 @@
         button("As a library call", () => this.show(this.call(), "pida_designs.py")),
         button("As JSON", () => this.show(JSON.stringify(this.exported(), null, 1), "pida_designs.json")),
         button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
-      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, first, this.table, plots, actions, this.saving, this.out)));
+      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, this.about, first, this.table, plots, actions, this.saving, this.out)));
       this.host.classList.add("lab-ready");
       document.body.classList.add("lab-page");
     }
@@ -523,10 +524,10 @@
       const each = Math.max(1, Math.ceil(t.length / 400)), thin = (values) => Array.from(values, Number).filter((_, k) => k % each === 0).map(four);
       const at = t.filter((_, k) => k % each === 0), y = at.map((x) => record.y[Math.max(record.t.findLastIndex((other) => other <= x + 1e-6 * h), 0)]);
       const noiseLimit = four(Math.min(Math.max((0.1 * span * Math.abs(own.gain)) / (3 * sigma), 2), 50));
-      this.command = record.columns > 2 ? `pidalab tune ${name} --kind PIDA --ms 1.4 --sample-time ${digits(h)} --out code` : "";
-      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted) }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, rule: "optimum" }], chosen: 0 });
-      this.say(`Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} lines without numbers left out` : ""}. Model by least squares: ${structure}, it explains ${digits(100 * explained, 4)} % of the record; the residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseLimit)}.`);
-      if (this.command) this.show(`# The same from the command line, with code for a controller in the folder code:\n${this.command}\n`, "command.txt", false);
+      const poor = explained < 0.9 ? " That is a poor fit: are the columns time, input and output, and does the input move?" : "";
+      const about = `Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} rows with missing values left out` : ""}. Model by least squares: ${structure}; it explains ${digits(100 * explained, 4)} % of the record.${poor} The residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseLimit)}.`;
+      const file = record.columns > 2 ? { name: /^[\w.-]+$/.test(name) ? name : JSON.stringify(name), h } : null;
+      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, rule: "optimum" }], chosen: 0 });
     }
 
     takeSaved(text) {
@@ -574,12 +575,12 @@
         `designs = {\n${lines.join("")}}\nt = ${time}\nfor name, (controller, limits) in designs.items():\n${loops}    print(name, pidalab.margins(loop))\n    print(f"IAE {load.iae():.4g}")\n`;
     }
 
-    show(text, name, copied = true) {
+    show(text, name) {
       this.shown = { text, name };
       this.out.hidden = this.saving.hidden = false;
       this.out.textContent = text;
       this.saving.textContent = `Save as ${name}`;
-      if (copied) this.copy(text, "The text below");
+      this.copy(text, "The text below");
     }
 
     download() {
@@ -613,6 +614,7 @@
       });
       this.current = shown.find(({ k }) => k === state.chosen);
       this.drawCards(looks, names);
+      this.drawRecord();
       this.drawPlots(shown);
       this.drawTable(shown);
       this.announce();
@@ -628,6 +630,13 @@
           ["span", { class: "lab-facts" }, facts], ...(this.problems[k] ? [["span", { class: "lab-problem" }, this.problems[k]]] : []),
           ...(designs.length > 1 ? [["button", { type: "button", class: "lab-gone", "aria-label": `Remove ${names[k]}` }, "×"]] : [])];
       }));
+    }
+
+    /* What was read of a record, and the command that goes on from it with the chosen design. */
+    drawRecord() {
+      const { about, file } = this.state.record ?? {}, command = file && `pidalab tune ${file.name} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --sample-time ${digits(file.h)} --out code`;
+      plot.show(this.about, ...(about ? [["p", {}, about]] : []),
+        ...(command ? [["p", {}, "The same from the command line, with uncertainty, and code for a controller in the folder ", ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
     }
 
     drawPlots(shown) {
@@ -661,7 +670,7 @@
       clearTimeout(this.speaking);
       const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];
       const numbers = !s ? "" : s.stable
-        ? `${name}: IAE ${digits(s.iae)} for a load step, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
+        ? `${name}: IAE ${digits(s.iae)} for a load step and ${digits(s.iaeSetpoint)} for a set point step, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
         : `${name}: the loop is ${verdict(s)}.`;
       this.speaking = setTimeout(() => {
         this.live.textContent = [problem && `${RULES[this.design.rule]?.name ?? "by hand"}: ${problem}.`, this.message, numbers].filter(Boolean).join(" ");

@@ -238,22 +238,29 @@
   function hear(host, svg, found) {
     let held = null;
     const spot = (event) => { const { left, top, width } = svg.getBoundingClientRect(); return [((event.clientX - left) * WIDTH) / width, ((event.clientY - top) * WIDTH) / width]; };
+    const read = (event) => {
+      const [x, y] = spot(event), { px, py, picture: { lines, follow } } = found, curve = lines.find(({ by }) => by);
+      if (!curve) return follow?.(x >= LEFT ? value(px, x) : null);
+      let near = 0, least = Infinity;
+      for (let k = 0; k < curve.x.length; k++) {
+        const far = Math.hypot(place(px, curve.x[k]) - x, place(py, curve.y[k]) - y);
+        if (far < least) [least, near] = [far, k];
+      }
+      follow?.(curve.by[near]);
+    };
     svg.addEventListener("pointerdown", (event) => {
       const handle = event.target.dataset?.handle;
-      if (handle === undefined && event.pointerType !== "mouse") return;
+      if (handle === undefined && event.pointerType !== "mouse") return read(event); // a finger scrolls
       held = { handle, from: spot(event) };
       svg.setPointerCapture(event.pointerId);
       event.preventDefault();
     });
     svg.addEventListener("pointermove", (event) => {
-      const [x, y] = spot(event), { px, py, picture: { lines, handles, follow } } = found;
+      const [x, y] = spot(event), { px, py, picture: { handles } } = found;
       if (held?.handle !== undefined) return handles[held.handle]?.drag(value(px, x), value(py, y));
-      if (held) { found.box = [...held.from, x, y]; return showFront(found); }
-      const curve = lines.find(({ by }) => by);
-      if (!curve) return follow?.(x >= LEFT ? value(px, x) : null);
-      let near = 0, least = Infinity;
-      for (let k = 0; k < curve.x.length; k++) { const far = Math.hypot(place(px, curve.x[k]) - x, place(py, curve.y[k]) - y); if (far < least) [least, near] = [far, k]; }
-      follow?.(curve.by[near]);
+      if (!held) return read(event);
+      found.box = [...held.from, x, y];
+      showFront(found);
     });
     svg.addEventListener("pointerup", () => {
       const { box, px, py } = found, sorted = (a, b) => (a < b ? [a, b] : [b, a]);
@@ -261,7 +268,7 @@
       held = found.box = null;
       draw(host, found.picture);
     });
-    svg.addEventListener("pointerleave", () => { if (!held) found.picture.follow?.(null); });
+    svg.addEventListener("pointerleave", ({ pointerType }) => { if (!held && pointerType === "mouse") found.picture.follow?.(null); });
     svg.addEventListener("dblclick", () => { found.zoom = null; draw(host, found.picture); });
   }
 

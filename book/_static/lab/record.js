@@ -6,25 +6,46 @@
 
   const MISSING = /^(|nan|na|n\/a|null|none|-|bad|bad input|no data|#n\/a|\?)$/i;
 
-  /* Seconds of a clock or a date. */
+  const MARKS = [";", "\t", ",", "|", /\s+/];
+
+  /* Seconds of a clock or a date, or NaN. */
   function stamp(text) {
     const clock = /^(\d+):(\d\d):(\d\d(?:\.\d+)?)$/.exec(text), day = /^(\d\d?)\.(\d\d?)\.(\d{4})[ T](.*)$/.exec(text);
+    if (!/\d[:.-]\d/.test(text)) return NaN;
     if (clock) return 3600 * clock[1] + 60 * clock[2] + Number(clock[3]);
-    return Date.parse(day ? `${day[3]}-${day[2].padStart(2, "0")}-${day[1].padStart(2, "0")}T${day[4]}Z` : text.replace(" ", "T")) / 1000;
+    const iso = day ? `${day[3]}-${day[2].padStart(2, "0")}-${day[1].padStart(2, "0")}T${day[4]}Z` : text.replace(" ", "T");
+    return Date.parse(iso) / 1000;
+  }
+
+  /* An entry as a number, NaN where it is missing, undefined where it is neither. A comma is a decimal one unless commas
+     divide the columns. */
+  function number(entry, comma) {
+    const plain = entry.replace(/["']/g, "").trim();
+    if (MISSING.test(plain)) return NaN;
+    const found = Number(comma ? plain.replace(/\.(?=.*,)/g, "").replace(",", ".") : plain);
+    if (!Number.isNaN(found)) return found;
+    const time = stamp(plain.replace(/(:\d\d),(\d)/, "$1.$2"));
+    return Number.isNaN(time) ? undefined : time;
+  }
+
+  /* The rows of a table, divided by the mark that makes the most columns of numbers and the fewest others. */
+  function table(lines) {
+    const tables = MARKS.map((mark) => lines.map((line) => line.trim().split(mark).map((entry) => number(entry, mark !== ","))));
+    const worth = (rows) => {
+      const last = rows.slice(-50), width = Math.max(...last.map((row) => row.length));
+      const full = Array.from({ length: width }, (_, k) => last.filter((row) => row[k] !== undefined).length > last.length / 2);
+      return full.filter(Boolean).length ** 2 / width;
+    };
+    return tables.reduce((best, rows) => (worth(rows) > worth(best) ? rows : best));
   }
 
   /* Times, inputs and outputs: the first three columns, or two of time and output after a unit step at the first time.
      Rows with a missing value are left out, times sorted, equal ones averaged. */
   function readRecord(text) {
     const lines = text.split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
-    const count = (mark) => lines.filter((line) => line.includes(mark)).length;
-    const mark = [";", "\t", "|", ","].find((each) => count(each) > lines.length / 2) ?? ",";
-    const number = (entry, first) => {
-      const plain = entry.replace(/"/g, "").trim(), value = MISSING.test(plain) ? NaN : Number(mark === "," ? plain : plain.replace(",", "."));
-      return Number.isNaN(value) && first && /\d[:.-]\d/.test(plain) ? stamp(plain) : value;
-    };
-    const cells = lines.map((line) => line.split(mark)), wide = cells.filter((row) => row.length > 2).length > cells.length / 2 ? 3 : 2;
-    const read = cells.map((row) => row.slice(0, wide).map((entry, k) => number(entry, !k))), usable = read.filter((row) => row.length === wide && row.every(Number.isFinite));
+    if (!lines.length) throw new RangeError("the file is empty");
+    const rows = table(lines), wide = rows.filter((row) => row.length > 2).length > rows.length / 2 ? 3 : 2;
+    const usable = rows.map((row) => row.slice(0, wide)).filter((row) => row.length === wide && row.every(Number.isFinite));
     if (usable.length < 10) throw new RangeError(`the file needs ten rows of numbers or more (time, output; or time, input, output), found ${usable.length}`);
     usable.sort((a, b) => a[0] - b[0]);
     const t = [], u = [], y = [];
@@ -37,7 +58,7 @@
     }
     if (t.length < 10) throw new RangeError("the times do not rise");
     for (const [name, signal] of [["input", wide > 2 ? u : [0, 1]], ["output", y]]) if (signal.every((x) => x === signal[0])) throw new RangeError(`the ${name} never changes`);
-    return { t, u, y, columns: wide, missing: lines.length - usable.length };
+    return { t, u, y, columns: wide, missing: lines.length - usable.length - Math.max(rows.findIndex((row) => row.some(Number.isFinite)), 0) };
   }
 
   /* Output of a plant without dead time on an even grid, for an input that is held and comes `delay` later. */
