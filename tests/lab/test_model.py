@@ -84,7 +84,6 @@ def test_a_change_costs_little_work(plant, conditions, counting):
     assert 0 < sum(by_gain.values()) < 50_000
     by_noise = counting.work(**asked, changed={"conditions": {"noise": 0.03}})
     assert by_noise["frequencies"] == 0  # margins and curves stay, and only they
-    assert (by_noise["samples"] > 0) is ("noise" not in conditions)  # louder noise is added, not run again
     by_limits = counting.work(**asked, changed={"conditions": {"limits": [-0.3, 0.8]}})
     assert by_limits["frequencies"] == by_limits["pieces"] == 0  # nor the response without limits
     by_sample_time = counting.work(**asked, changed={"conditions": {"sampleTime": 0.06}})

@@ -420,7 +420,7 @@
     /* Phase crossovers: the loudest below 1 decides. Quieter ones are asked only where there is none. A gain that never falls
        silent far out has crossovers without end; those within a hundredth of it count as its own. */
     const far = farOut < 0 && farOut > -1 ? -farOut : 0;
-    let loudest = Math.max(far, atZero(loop, parts));
+    let loudest = Math.max(far, atZero(loop));
     const imaginary = (w) => { look(loop, w); return seen[1] / Math.sqrt(seen[0] * seen[0] + seen[1] * seen[1]); };
     const between = (left, before, right, after) => {
       if (!(before * after < 0 && Math.min(Math.abs(before), Math.abs(after)) > 1e-12)) return;
@@ -445,9 +445,8 @@
   }
 
   /* |L(0)| where L(0) is negative and above -1: a phase crossover at zero frequency. */
-  function atZero(loop, parts) {
-    const bottom = parts.bottom([0, 0])[0];
-    const limit = bottom ? parts.top([0, 0])[0] / bottom : 0;
+  function atZero({ num, den, ki, kp }) {
+    const bottom = ki ? 0 : den[den.length - 1], limit = bottom ? (num[num.length - 1] * kp) / bottom : 0;
     return limit < 0 && limit > -1 ? -limit : 0;
   }
 
@@ -462,6 +461,26 @@
   }
 
   // --- matrices, as arrays of rows ----------------------------------------------------------------------------------
+
+  /* Solution of a small linear system, by elimination with the largest pivot. */
+  function solve(matrix, right) {
+    const rows = matrix.map((row, i) => [...row, right[i]]), n = rows.length;
+    for (let p = 0; p < n; p++) {
+      const best = rows.reduce((top, row, i) => (i >= p && Math.abs(row[p]) > Math.abs(rows[top][p]) ? i : top), p);
+      [rows[p], rows[best]] = [rows[best], rows[p]];
+      for (let i = 0; i < n; i++) {
+        const share = i === p ? 0 : rows[i][p] / rows[p][p];
+        if (share) for (let j = p; j <= n; j++) rows[i][j] -= share * rows[p][j];
+      }
+    }
+    return rows.map((row, i) => row[n] / row[i]);
+  }
+
+  /* Inverse of a small matrix. */
+  function inverted(matrix) {
+    const columns = matrix.map((_, j) => solve(matrix, matrix.map((_, i) => (i === j ? 1 : 0))));
+    return matrix.map((_, i) => columns.map((column) => column[i]));
+  }
 
   const zeros = (rows, columns) => Array.from({ length: rows }, () => new Float64Array(columns));
 
@@ -494,7 +513,7 @@
 
   // --- the loop, cut at its dead time -------------------------------------------------------------------------------
 
-  /* States: process (in a time unit of its own), lags of the filter, integral of the last of them, the set point.
+  /* States: process (in a time unit of its own), lags of the filter, integral of the error, the set point.
      x' = A x + b w with w(t) = v(t - delay); y = cy x + dy w, u = cu x + du w, v = u + load. */
   function stateSpace(loop) {
     const np = loop.den.length - 1, n = loop.order, size = np + n + 2, step = size - 1, integral = size - 2;
@@ -514,31 +533,20 @@
     }
     if (np) b[0] = unit;
 
-    // The error r - y as a row, then the chain of lags that is the filter.
-    const error = cy.map((c) => -c);
+    // The error r - y as a row goes into the chain of lags that is the filter, and into the integral.
+    const { A: chain, b: first, row } = controllerBlock(loop), error = cy.map((c) => -c);
     error[step] = 1;
-    const rows = [{ row: error, direct: -dy }];
     for (let k = 0; k < n; k++) {
-      const row = new Float64Array(size), before = rows[k];
-      row[np + k] = 1;
-      for (let j = 0; j < size; j++) A[np + k][j] = (before.row[j] - row[j]) / loop.time;
-      b[np + k] = before.direct / loop.time;
-      rows.push({ row, direct: 0 });
+      for (let j = 0; j < size; j++) A[np + k][j] = first[k] * error[j];
+      for (let j = 0; j < n; j++) A[np + k][np + j] += chain[k][j];
+      b[np + k] = -dy * first[k];
+      cu[np + k] = row[k + 1];
     }
-    const last = rows[n];
-    for (let j = 0; j < size; j++) A[integral][j] = last.row[j];
-    b[integral] = last.direct;
-
-    // u from the last lags: a derivative of a lag's output is a difference of its neighbours.
-    let du = 0;
-    const add = (gain, { row, direct }) => { for (let j = 0; j < size; j++) cu[j] += gain * row[j]; du += gain * direct; };
-    add(loop.kp, last);
+    A[integral].set(error);
+    b[integral] = -dy;
+    for (let j = 0; j < size; j++) cu[j] += row[0] * error[j];
     cu[integral] += loop.ki;
-    if (loop.kd) { add(loop.kd / loop.time, rows[n - 1]); add(-loop.kd / loop.time, last); }
-    if (loop.ka) {
-      const gain = loop.ka / (loop.time * loop.time);
-      add(gain, rows[n - 2]); add(-2 * gain, rows[n - 1]); add(gain, last);
-    }
+    const du = -row[0] * dy;
     return { A, b, cy, dy, cu, du, size, step, np };
   }
 
@@ -561,19 +569,8 @@
   // --- linear responses ---------------------------------------------------------------------------------------------
 
   const NODES = 6; // of a piece, ends included, evenly spaced: w is a polynomial of degree 5 on each piece
-  const INVERSE = (() => { // of the Vandermonde matrix of the nodes 0, 1/5, …, 1: coefficients from values
-    const rows = Array.from({ length: NODES }, (_, i) => Array.from({ length: NODES }, (_, q) => Math.pow(i / (NODES - 1), q)));
-    const inverse = rows.map((_, i) => rows.map((_, j) => (i === j ? 1 : 0)));
-    for (let p = 0; p < NODES; p++) {
-      const pivot = rows[p][p];
-      for (let j = 0; j < NODES; j++) { rows[p][j] /= pivot; inverse[p][j] /= pivot; }
-      for (let i = 0; i < NODES; i++) {
-        const factor = i === p ? 0 : rows[i][p];
-        for (let j = 0; j < NODES; j++) { rows[i][j] -= factor * rows[p][j]; inverse[i][j] -= factor * inverse[p][j]; }
-      }
-    }
-    return inverse;
-  })();
+  const INVERSE = inverted( // of the Vandermonde matrix of the nodes 0, 1/5, …, 1: coefficients from values
+    Array.from({ length: NODES }, (_, i) => Array.from({ length: NODES }, (_, q) => Math.pow(i / (NODES - 1), q))));
 
   /* Sizes of the pieces of one dead time. Everything that is not smooth happens at multiples of the dead time, so the
      pieces are short at its beginning and double until they are as long as the slower motion of the loop allows. */
@@ -890,28 +887,34 @@
     return fine ? { t, y, u, between: fine } : { t, y, u };
   }
 
+  /* Output of a plant for an input that is held from sample to sample, from rest. */
+  function respond(process, u, h) {
+    const { np, dy, out, steps } = prepared({ process, controller: { gains: [] } }).held(h), x = new Float64Array(np), next = new Float64Array(np);
+    return Float64Array.from(u, (_, k) => {
+      const y = dot(out, x) + dy * (u[k - steps[0].ago] ?? 0);
+      for (const { matrix, ago } of steps) advance(matrix, x, u[k - ago] ?? 0, next);
+      return y;
+    });
+  }
+
   /* The same as frequencyResponse for a controller of backward differences, from sample to sample, up to half the
-     sampling frequency. */
+     sampling frequency, or at the frequencies `w` that are asked for. */
   function sampledResponse(asked) {
     const loop = readLoop(asked), h = asked.sampleTime, { np, dy, out, steps } = prepared(asked).held(h), { row } = controllerBlock(loop);
-    const wide = (matrix) => Array.from({ length: np }, (_, i) => Array.from(matrix.subarray(i * (np + 1), (i + 1) * (np + 1))));
-    const [first, second] = steps.map(({ matrix }) => wide(matrix)), last = second ?? first;
-    const through = last.map((one) => Array.from({ length: np + 1 }, (_, j) => (second ? one.slice(0, np).reduce((sum, a, k) => sum + a * first[k][j], 0) : one[j])));
-    const w = frequencyResponse(asked).w.filter((x) => x < Math.PI / h), found = Array.from(w, (x) => {
-      const back = [Math.cos(x * h), -Math.sin(x * h)], turned = (ago) => [Math.cos(x * h * ago), -Math.sin(x * h * ago)];
-      // (z - A) state = b by elimination
-      const rows = through.map((one, i) => [...one.slice(0, np).map((a, j) => [(i === j ? back[0] : 0) - a, i === j ? -back[1] : 0]),
-        [0, 1].map((part) => one[np] * turned(steps[0].ago)[part] + (second ? last[i][np] * turned(steps[1].ago)[part] : 0))]);
-      for (let p = 0; p < np; p++) {
-        const best = rows.reduce((top, one, i) => (i >= p && modulus(one[p]) > modulus(rows[top][p]) ? i : top), p);
-        [rows[p], rows[best]] = [rows[best], rows[p]];
-        for (let i = 0; i < np; i++) if (i !== p) {
-          const share = over(rows[i][p], rows[p][p]);
-          for (let j = p; j <= np; j++) { const less = times(share, rows[p][j]); rows[i][j] = [rows[i][j][0] - less[0], rows[i][j][1] - less[1]]; }
-        }
-      }
-      const direct = turned(steps[0].ago), plant = [dy * direct[0], dy * direct[1]];
-      for (let i = 0; i < np; i++) { const state = over(rows[i][np], rows[i][i]); plant[0] += out[i] * state[0]; plant[1] += out[i] * state[1]; }
+    const rows = ({ matrix }) => Array.from({ length: np }, (_, i) => Array.from(matrix.subarray(i * (np + 1), (i + 1) * (np + 1))));
+    const [first, second] = steps.map(rows), last = second ?? first;
+    // over a whole sample, A and b; of two pieces the second goes on where the first ends
+    const whole = second ? product(last.map((one) => one.slice(0, np)), first) : first;
+    const grid = asked.w ?? [...frequencyResponse(asked).w.filter((x) => x < Math.PI / h), Math.PI / h];
+    const found = Array.from(grid, (x) => {
+      const cos = Math.cos(x * h), sin = Math.sin(x * h), back = [cos, -sin], turned = (ago) => [Math.cos(x * h * ago), -Math.sin(x * h * ago)];
+      const early = turned(steps[0].ago), late = second ? turned(steps[1].ago) : [0, 0];
+      const input = (part) => whole.map((one, i) => (one[np] ?? 0) * early[part] + last[i][np] * late[part]);
+      // (z - A) state = b, real parts and then imaginary ones
+      const unit = (i, j, value) => (i === j ? value : 0), less = (one, i) => Array.from({ length: np }, (_, j) => unit(i, j, cos) - one[j]);
+      const skew = (i, value) => Array.from({ length: np }, (_, j) => unit(i, j, value));
+      const state = solve([...whole.map((one, i) => [...less(one, i), ...skew(i, -sin)]), ...whole.map((one, i) => [...skew(i, sin), ...less(one, i)])], [...input(0), ...input(1)]);
+      const plant = [0, 1].map((part) => out.reduce((sum, c, i) => sum + c * state[part * np + i], dy * early[part]));
       const newest = h / (loop.time + h), lag = over([newest, 0], [1 - (1 - newest) * back[0], -(1 - newest) * back[1]]);
       let control = over([loop.ki * h, 0], [1 - back[0], -back[1]]), power = [1, 0];
       for (const gain of row) { control = [control[0] + gain * power[0], control[1] + gain * power[1]]; power = times(power, lag); }
@@ -919,7 +922,7 @@
     });
     const column = (f) => Float64Array.from(found, f);
     return {
-      w: Float64Array.from(w), re: column(({ open }) => open[0]), im: column(({ open }) => open[1]), size: column(({ open }) => modulus(open)),
+      w: Float64Array.from(grid), re: column(({ open }) => open[0]), im: column(({ open }) => open[1]), size: column(({ open }) => modulus(open)),
       control: column(({ control }) => modulus(control)), lead: column(({ control }) => (angle(control) * 180) / Math.PI),
     };
   }
@@ -940,6 +943,6 @@
     return { t: times, y: pick(run.y), u: pick(run.u), fine: { t: fine(run.t), u: fine(run.u) } };
   }
 
-  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, sampledResponse, roots, remembering, drift };
+  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, sampledResponse, roots, remembering, respond, solve, inverted, zero, summit, dot };
 });
 globalThis.pidalabScripts.at(-1)();

@@ -2,9 +2,9 @@
    also what the page's address and the exported file hold; whatever changes it draws everything anew. */
 (function () {
   "use strict";
-  const { PLANTS, RULES, ORDER, ownPlant, controller, study, write, read } = globalThis.pidalabModel;
+  const { PLANTS, RULES, ORDER, ownPlant, controller, gainOf, study, write, read } = globalThis.pidalabModel;
   const { readRecord, fit } = globalThis.pidalabRecord;
-  const plot = globalThis.pidalabPlot;
+  const plot = globalThis.pidalabPlot, { element } = plot;
 
   /* A design is a card: its own rule, limits and anti-windup. Ms and noise limit are those of all, unless unlinked. */
   const DESIGN = {
@@ -30,17 +30,6 @@
   }
 
   // --- small parts of the page --------------------------------------------------------------------------------------
-
-  function element(name, attributes = {}, ...children) {
-    const made = document.createElement(name);
-    for (const [key, value] of Object.entries(attributes)) {
-      if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-      else if (value === true) made.setAttribute(key, "");
-      else if (value !== false && value != null) made.setAttribute(key, value);
-    }
-    made.append(...children);
-    return made;
-  }
 
   const digits = (value, count = 3) =>
     Number.isFinite(value) ? String(Number(value.toPrecision(count))) : value === Infinity ? "∞" : "–";
@@ -98,48 +87,31 @@
   /* The control signal has more times than the output where derivatives kick, and the output those between samples. */
   const signals = (s, key, which) => (key === "u" ? s[which].fine : s[which].between) || s[which];
 
-  const made = new WeakMap(); // of what the engine found, what was made of it for a plot
-
-  function once(source, key, make) {
-    if (!made.has(source)) made.set(source, {});
-    return (made.get(source)[key] ??= make());
-  }
-
-  /* Least and largest value, 0 among them. */
-  function extent(values) {
-    let low = 0, high = 0;
-    for (let k = 0; k < values.length; k++) {
-      if (values[k] < low) low = values[k]; // what is no number any more says nothing
-      if (values[k] > high) high = values[k];
-    }
-    return [Math.max(low, -50), Math.min(high, 50)];
-  }
-
   /* Range of a signal of all runs, from 0, in which an unstable loop does not squeeze the others. */
   function rangeOf(shown, key, which) {
     const calm = shown.filter((s) => s.stable);
     let low = 0, high = 0;
     for (const s of calm.length ? calm : shown) {
-      const run = signals(s, key, which);
-      const [least, most] = once(run, `range of ${key}`, () => extent(run[key]));
-      [low, high] = [Math.min(low, least), Math.max(high, most)];
+      for (const value of signals(s, key, which)[key]) {
+        if (value < low) low = Math.max(value, -50); // what is no number any more says nothing
+        if (value > high) high = Math.min(value, 50);
+      }
     }
     return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
   }
 
-  /* A signal until the end of the axis. */
-  const until = (run, key, end) => once(run, `${key} until ${end}`, () => {
-    let count = run.t.length;
-    while (count > 1 && run.t[count - 2] > end) count--;
+  /* A signal until the end of the axis, which the last point may pass. */
+  function until(run, key, end) {
+    const count = run.t.findIndex((time) => time >= end) + 1 || run.t.length;
     return { x: run.t.subarray(0, count), y: run[key].subarray(0, count) };
-  });
+  }
 
   /* A function of the curve, to the edge of the frame, which cuts it. */
-  const along = (curve, name, [low, high], f) => once(curve, `${name} from ${low} to ${high}`, () => {
+  function along(curve, [low, high], f) {
     const x = [], y = [];
     curve.w.forEach((w, k) => { if (w > 0.8 * low && w < 1.25 * high) { x.push(w); y.push(f(curve, k)); } });
     return { x, y };
-  });
+  }
 
   /* Draw what there is a place for: places is an object of elements by the name of the plot. */
   function drawPlots(places, process, shown, { ms, record, handles = {}, noise }) {
@@ -149,7 +121,7 @@
       lines: shown.map((s) => ({ ...until(signals(s, key, which), key, end * share), kind: s.look, stairs: s.stairs && key === "u" })),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
-    const over = (name, f) => shown.map((s) => ({ ...along(s.curve, name, bode.range, f), kind: s.look }));
+    const over = (f) => shown.map((s) => ({ ...along(s.curve, bode.range, f), kind: s.look }));
     const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90);
     const circle = (radius, middle = 0) => ({ x: turn.map((a) => middle + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" });
     const around = (Array.isArray(ms) ? ms : [ms]).filter(Number.isFinite);
@@ -164,14 +136,14 @@
       }),
       bode: () => ({
         title: "Loop gain |L|", x: bode, y: { log: true, range: [1e-3, 1e2] },
-        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over("loop", (c, k) => Math.hypot(c.re[k], c.im[k]))],
+        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over((c, k) => Math.hypot(c.re[k], c.im[k]))],
       }),
       closed: () => ({
         title: "From set point to output: |T|", x: { ...bode, range: [bode.range[0], bode.range[1] / 50] }, y: { range: [0, 1.5] },
-        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over("closed", (c, k) => Math.hypot(c.re[k], c.im[k]) / Math.hypot(1 + c.re[k], c.im[k]))],
+        lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over((c, k) => Math.hypot(c.re[k], c.im[k]) / Math.hypot(1 + c.re[k], c.im[k]))],
       }),
-      lead: () => ({ title: "Phase of the controller, degrees", x: bode, y: { range: [-95, 185] }, lines: [{ x: bode.range, y: [0, 0], kind: "mark" }, ...over("lead", (c, k) => c.lead[k])] }),
-      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: [...(noise ? [{ x: bode.range, y: [noise, noise], kind: "mark" }] : []), ...over("noise", (c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k]))] }),
+      lead: () => ({ title: "Phase of the controller, degrees", x: bode, y: { range: [-95, 185] }, lines: [{ x: bode.range, y: [0, 0], kind: "mark" }, ...over((c, k) => c.lead[k])] }),
+      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: [...(noise ? [{ x: bode.range, y: [noise, noise], kind: "mark" }] : []), ...over((c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k]))] }),
       record: () => ({
         title: "The record and the model", x: { label: "time", range: [0, record.t[record.t.length - 1]] }, y: {},
         lines: [{ x: record.t, y: record.y, kind: "dots" }, { x: record.t, y: record.fitted, kind: "0" }],
@@ -199,9 +171,6 @@
 
   const OVER_FREQUENCY = ["nyquist", "bode", "closed", "lead", "noise"];
 
-  /* Above a table: what noise is meant. */
-  const captionOf = (shown, numbers) => (numbers.includes("sigma") ? [["caption", {}, noiseMeant(shown)]] : []);
-
   /* What is said in the place of margins. */
   const verdict = (s) => (s.unknown ? "too slow for its sample time to tell whether it is stable" : "unstable");
 
@@ -213,6 +182,25 @@
     const times = shown.map((s) => digits(s.sampleTime)), same = times.every((time) => time === times[0]);
     const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? "; – where the plant answers within a sample" : "";
     return `σ(u): white noise of standard deviation 1, a sample every ${same ? times[0] ?? "–" : `${times.join(", ")} (row by row)`}${none}`;
+  }
+
+  /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */
+  const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
+
+  /* The numbers of loops, with what is to be said below each. */
+  function drawTable(place, first, shown, keys, count, below = () => null) {
+    const rows = (s) => {
+      const found = known(s, keys), missing = keys.length - found.length, more = below(s);
+      const name = ["th", more ? { scope: "rowgroup", rowspan: 2 } : { scope: "row" }, ["span", { class: `lab-key lab-key-${s.look}` }], ` ${s.name}`];
+      return [
+        ["tr", { class: "lab-numbers" }, name, ...(missing ? [["td", { colspan: missing }, verdict(s)]] : []), ...found.map(([, get]) => ["td", {}, digits(get(s), count)])],
+        ...(more ? [["tr", { class: "lab-gains" }, ["td", { colspan: keys.length }, more]]] : []),
+      ];
+    };
+    plot.show(place, ["table", {},
+      ...(keys.includes("sigma") ? [["caption", {}, noiseMeant(shown)]] : []),
+      ["thead", {}, ["tr", {}, heading(first), ...keys.map((key) => heading(NUMBERS[key][0]))]],
+      ...shown.map((s) => ["tbody", {}, ...rows(s)])]);
   }
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
@@ -616,7 +604,9 @@
       this.drawCards(looks, names);
       this.drawRecord();
       this.drawPlots(shown);
-      this.drawTable(shown);
+      const gains = ({ kind, filterTime, filterOrder, ...design }) => ["kp", "ti", "td", "ta"].slice(0, ORDER[kind] + 2)
+        .map((key) => `${key} ${digits(design[key])}`).join(", ") + `; filter ${digits(filterTime)}, order ${filterOrder}`;
+      drawTable(this.table, "design", shown, COLUMNS, 4, (s) => gains(s.design));
       this.announce();
     }
 
@@ -641,28 +631,13 @@
 
     drawPlots(shown) {
       const { design, current } = this, rule = RULES[design.rule] ?? RULES.hand, byMs = rule.knob === "ms", ms = byMs ? this.knob("ms") : current?.ms;
-      const gain = Math.abs(this.process.num[this.process.num.length - 1] / this.process.den[this.process.den.findLastIndex((c) => c !== 0)]), noise = rule.noise ? this.knob("noiseLimit") / gain : null;
+      const gain = Math.abs(gainOf(this.process)), noise = rule.noise ? this.knob("noiseLimit") / gain : null;
       const between = (low, x, high) => Number(Math.min(Math.max(x, low), high).toPrecision(3)), handles = {};
       if (byMs) handles.nyquist = [{ label: "drag: Ms", x: -1 + Math.SQRT1_2 / ms, y: Math.SQRT1_2 / ms, drag: (x, y) => this.setKnob("ms", between(1.1, 1 / Math.hypot(x + 1, y), 2.5)) }];
       const w = 1 / design.filterTime, at = current?.stable ? current.curve.w.findIndex((x) => x >= w) : -1;
       if (noise) handles.noise = [{ label: "drag: noise limit", x: 8 / this.process.end, y: noise, drag: (_, y) => this.setKnob("noiseLimit", between(1.5, y * gain, 200)) }];
       else if (at >= 0) handles.noise = [{ label: "drag: filter time", x: w, y: current.curve.control[at] / Math.hypot(1 + current.curve.re[at], current.curve.im[at]), drag: (x) => this.filter({ filterTime: between(0.001, 1 / x, 10) }) }];
       drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles, noise });
-    }
-
-    drawTable(shown) {
-      const columns = COLUMNS.map((key) => NUMBERS[key]);
-      const gains = ({ kind, ...design }) => ["kp", "ti", "td", "ta"].slice(0, ORDER[kind] + 2).map((key) => `${key} ${digits(design[key])}`).join(", ");
-      const numbers = (s) => (s.stable ? columns.map(([, get]) => ["td", {}, digits(get(s), 4)]) : [["td", { colspan: columns.length }, s.unknown ? verdict(s) : "unstable: it has no margins"]]);
-      const rows = (s) => [
-        ["tr", { class: "lab-numbers" },
-          ["th", { scope: "rowgroup", rowspan: 2 }, ["span", { class: `lab-key lab-key-${s.look}` }], ` ${s.name}`], ...numbers(s)],
-        ["tr", { class: "lab-gains" }, ["td", { colspan: columns.length }, `${gains(s.design)}; filter ${digits(s.design.filterTime)}, order ${s.design.filterOrder}`]],
-      ];
-      plot.show(this.table, ["table", {},
-        ...captionOf(shown, COLUMNS),
-        ["thead", {}, ["tr", {}, heading("design"), ...columns.map(([name]) => heading(name))]],
-        ...shown.map((s) => ["tbody", {}, ...rows(s)])]);
     }
 
     /* Say the result in words and save it in the address, once the hand rests. */
@@ -680,7 +655,7 @@
     }
   }
 
-  globalThis.pidalabLab = { Lab, looksOf, element, slider, digits, drawPlots, NUMBERS, captionOf, verdict, heading };
+  globalThis.pidalabLab = { looksOf, slider, digits, drawPlots, drawTable, NUMBERS, known, verdict };
   const begin = () => { for (const host of document.querySelectorAll(".pidalab-lab")) host.lab = new Lab(host); };
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin); else begin();
 })();

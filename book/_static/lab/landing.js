@@ -3,14 +3,8 @@
 (function () {
   "use strict";
   const { simulate, simulateSampled } = globalThis.pidalabEngine, { uniform } = globalThis.pidalabModel;
-  const draw = globalThis.pidalabPlot, KINDS = { PI: 4, PID: 1, PIDA: 0 }; // with their looks
+  const draw = globalThis.pidalabPlot, { element } = draw, KINDS = { PI: 4, PID: 1, PIDA: 0 }; // with their looks
   const PROCESS = { num: [1], den: [1, 3, 3, 1], delay: 1 }, FINE = 10; // steps of a loop while a value of the noise is held
-
-  function element(name, attributes, ...inside) {
-    const made = Object.assign(document.createElement(name), attributes);
-    made.append(...inside);
-    return made;
-  }
 
   class Landing {
     constructor(host) {
@@ -22,11 +16,10 @@
       this.dice = Float64Array.from({ length: Math.round(this.end / h) + 1 }, (_, k) => rough[Math.floor(k / FINE)]);
       this.plots = ["saved", "y", "u"].map(() => element("div"));
       this.bar = element("input", { type: "range", id: "landing-noise", min: 0, max: this.limits.length - 1, oninput: () => this.turn(Number(this.bar.value)) });
-      this.words = element("p", { className: "lab-live" });
-      this.words.setAttribute("role", "status");
-      const label = element("label", { htmlFor: this.bar.id }, "Noise that is allowed in u: drag this, or the dot");
-      const [saved, y, u] = this.plots, side = element("div", { className: "landing-side" }, element("div", { className: "landing-knob" }, label, this.bar), this.words);
-      host.replaceChildren(element("div", { className: "lab-plots" }, saved, y, side, u));
+      this.words = element("p", { class: "lab-live", role: "status" });
+      const label = element("label", { for: this.bar.id }, "Noise that is allowed in u: drag this, or the dot");
+      const [saved, y, u] = this.plots, side = element("div", { class: "landing-side" }, element("div", { class: "landing-knob" }, label, this.bar), this.words);
+      host.replaceChildren(element("div", { class: "lab-plots" }, saved, y, side, u));
       this.turn(this.k);
     }
 
@@ -64,7 +57,7 @@
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;
       this.bar.setAttribute("aria-valuetext", `noise gain ${this.limits[k]}`);
-      const key = (kind) => element("span", { className: `lab-key lab-key-${KINDS[kind]}` });
+      const key = (kind) => element("span", { class: `lab-key lab-key-${KINDS[kind]}` });
       this.words.replaceChildren(`Noise gain ${this.limits[k]}. IAE:`,
         ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind), ` ${kind} ${this[kind][k][0].toFixed(2)}`]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.`);
     }

@@ -17,8 +17,8 @@
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
-  const { element, slider, digits, drawPlots, looksOf, NUMBERS, captionOf, verdict, heading } = globalThis.pidalabLab;
-  const { show } = globalThis.pidalabPlot;
+  const { slider, digits, drawPlots, drawTable, looksOf, known, verdict } = globalThis.pidalabLab;
+  const { element } = globalThis.pidalabPlot;
 
   class Live {
     constructor(host) {
@@ -88,25 +88,12 @@
       });
       for (const knob of this.knobs) knob.refresh();
       drawPlots(this.plots, this.process, shown, { ms: shown.map((s) => s.design.ms ?? (rule.knob === "ms" ? state.ms : s.ms)) });
-      const keys = state.numbers ?? ["iae", "ms", "sigma"], columns = keys.map((key) => NUMBERS[key]);
-      show(this.table, ["table", {}, ...captionOf(shown, keys),
-        ["thead", {}, ["tr", {}, heading("loop"), ...columns.map(([name]) => heading(name))]],
-        ["tbody", {}, ...shown.map((s) => ["tr", {},
-          ["th", { scope: "row" }, ["span", { class: `lab-key lab-key-${s.look}` }], ` ${s.name}`], ...this.cells(s, columns)])]]);
+      const keys = state.numbers ?? ["iae", "ms", "sigma"];
+      drawTable(this.table, "loop", shown, keys);
       if (this.link && shown[0]) this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       clearTimeout(this.speaking);
-      const words = shown.map((s) => `${s.name}: ${s.stable ? "" : `${verdict(s)}, `}${this.known(s, columns).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
+      const words = shown.map((s) => `${s.name}: ${s.stable ? "" : `${verdict(s)}, `}${known(s, keys).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
       this.speaking = setTimeout(() => { this.trouble.textContent = trouble.join(" "); this.heard.textContent = words.join(" "); }, 250);
-    }
-
-    /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */
-    known(s, columns) { return s.stable ? columns : columns.filter(([, , always]) => always); }
-
-    cells(s, columns) {
-      const known = this.known(s, columns), missing = columns.length - known.length;
-      return [
-        ...(missing ? [["td", { colspan: missing }, verdict(s)]] : []), ...known.map(([, get]) => ["td", {}, digits(get(s))]),
-      ];
     }
 
     /* What the lab needs to show the same: all designs by their names, each between its limits, on the plant as the knobs left

@@ -4,7 +4,7 @@
    It needs engine.js alone, and optimum.js for the rule of that name, and knows nothing of a page. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
-  const { simulate, simulateSampled, margins, frequencyResponse, sampledResponse, roots, remembering } = globalThis.pidalabEngine;
+  const { simulate, simulateSampled, margins, frequencyResponse, sampledResponse, roots, remembering, solve, zero, summit } = globalThis.pidalabEngine;
 
   const multiply = (a, b) => {
     const product = Array(a.length + b.length - 1).fill(0);
@@ -92,11 +92,11 @@
     return Math.max(delay, filterTime, ...speeds.map((speed) => 1 / speed));
   }
 
-  /* Ms and mks of a loop with a digital controller, from sample to sample: the largest |sum x_k z^-k| of the impulse
-     responses for z on the unit circle. Stable is a loop whose impulse response fades, and unstable one that grows, after
+  /* Ms and mks of a loop with a digital controller, from sample to sample.
+     Stable is a loop whose impulse response fades, and unstable one that grows, after
      its slowest time: one that does so slowly is followed for longer, and of one that takes more than 600000 samples it is
      unknown. */
-  function sampledMargins({ process, controller: own, sampleTime, end }) {
+  function sampledMargins({ process, controller: own, sampleTime, end }, curve = sampledResponse({ process, controller: own, sampleTime })) {
     const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false, unknown: false };
     let span = Math.max(Math.min(3 * end, 8000 * sampleTime), LONG * slowest(process, own)), grew = false, s, u, third;
     for (;;) {
@@ -109,120 +109,29 @@
       grew = !(last < middle); // once it may be a beat
       span *= 2;
     }
-    const length = Math.max(heard(s), heard(u));
-    const gain = (angle, which) => { // by Horner's scheme in 1/z
-      const c = Math.cos(angle), d = -Math.sin(angle), x = which ? u : s;
-      let a = 0, b = 0;
-      for (let k = length - 1; k >= 0; k--) {
-        const next = a * c - b * d + x[k];
-        b = a * d + b * c;
-        a = next;
-      }
-      return Math.hypot(a, b);
-    };
-    // four points or more for each sample of the response: between them no peak stands out by more than a twelfth
-    const count = 2 ** Math.ceil(Math.log2(4 * length)), step = (2 * Math.PI) / count;
-    const [ms, mks] = spectra(s.subarray(0, length), u.subarray(0, length), count).map((sizes, which) => {
-      const last = sizes.length - 1, tops = [];
-      for (let k = 0; k <= last; k++) {
-        const left = sizes[Math.abs(k - 1)], right = sizes[k < last ? k + 1 : last - 1], bend = 2 * sizes[k] - left - right;
-        if (sizes[k] >= left && sizes[k] >= right) tops.push([sizes[k] + (bend && (right - left) ** 2 / (8 * bend)), k]); // of the parabola through them
-      }
-      tops.sort((a, b) => b[0] - a[0]);
-      return Math.max(...tops.slice(0, 3).map(([, k]) => summit((angle) => gain(angle, which), k * step, step)));
+    const gain = (which, { re, im, control }, k) => (which ? control[k] : 1) / Math.hypot(1 + re[k], im[k]), { w } = curve;
+    const [ms, mks] = [0, 1].map((which) => {
+      const sizes = Array.from(w, (_, k) => gain(which, curve, k));
+      const at = (x) => gain(which, sampledResponse({ process, controller: own, sampleTime, w: [x] }), 0);
+      const tops = sizes.map((_, k) => k).filter((k) => !(sizes[k] < sizes[k - 1]) && !(sizes[k] < sizes[k + 1]))
+        .sort((a, b) => sizes[b] - sizes[a]).slice(0, 3);
+      return Math.max(sizes[tops[0]], ...tops.map((k) => summit(at, w[Math.max(k - 1, 0)], w[Math.min(k + 1, w.length - 1)])));
     });
     return { ...none, ms, mks, stable: true, sigma: noiseGain(u, sampleTime, Math.min(end, 4000 * sampleTime)) };
   }
 
-  /* The largest value of a function around a place that is higher than what lies so far on either side. */
-  function summit(size, at, reach) {
-    let top = size(at);
-    for (let round = 0; round < 8; round++) {
-      reach /= 2;
-      for (const x of [at - reach, at + reach]) {
-        const value = size(x);
-        if (value > top) [top, at] = [value, x];
-      }
-    }
-    return top;
-  }
-
-  /* Sizes of the Fourier transforms of two real signals at `count` angles around the circle, a power of 2, of which the
-     upper half is given. One transform serves both, as real and imaginary part: they come apart by their symmetry. */
-  function spectra(first, second, count) {
-    const re = new Float64Array(count), im = new Float64Array(count);
-    re.set(first);
-    im.set(second);
-    transform(re, im);
-    const sizes = [new Float64Array(count / 2 + 1), new Float64Array(count / 2 + 1)];
-    for (let k = 0; k <= count / 2; k++) {
-      const j = (count - k) % count;
-      sizes[0][k] = Math.hypot(re[k] + re[j], im[k] - im[j]) / 2;
-      sizes[1][k] = Math.hypot(re[k] - re[j], im[k] + im[j]) / 2;
-    }
-    return sizes;
-  }
-
-  const circleOf = remembering(2, (count) => [Math.cos, (x) => -Math.sin(x)].map((f) => Float64Array.from({ length: count / 2 }, (_, k) => f((2 * Math.PI * k) / count))));
-
-  /* Fast Fourier transform in place, radix 2. */
-  function transform(re, im) {
-    const count = re.length, [cos, sin] = circleOf(count);
-    const swap = (x, i, j) => { const kept = x[i]; x[i] = x[j]; x[j] = kept; };
-    for (let i = 1, j = 0; i < count; i++) { // to the order of the reversed bits
-      let bit = count >> 1;
-      for (; j & bit; bit >>= 1) j ^= bit;
-      j ^= bit;
-      if (i < j) { swap(re, i, j); swap(im, i, j); }
-    }
-    for (let size = 2; size <= count; size *= 2) {
-      const half = size / 2;
-      for (let k = 0; k < half; k++) {
-        const c = cos[(k * count) / size], d = sin[(k * count) / size];
-        for (let i = k; i < count; i += size) {
-          const j = i + half, a = re[j] * c - im[j] * d, b = re[j] * d + im[j] * c;
-          re[j] = re[i] - a;
-          im[j] = im[i] - b;
-          re[i] += a;
-          im[i] += b;
-        }
-      }
-    }
-  }
-
-  /* How many samples of an impulse response are heard: the sum of all others is less than a millionth of its largest, and
-     that is no more than the largest gain. */
-  function heard(x) {
-    const least = 1e-6 * largest(x);
-    let count = x.length;
-    for (let rest = 0; count && (rest += Math.abs(x[count - 1])) < least;) count--;
-    return count;
-  }
-
   /* Phase margin where the loop gain first falls through 1, in degrees, and the top of |L| where it has risen again beyond:
-     what a look at the usual frequencies tells, and what it misses. Both are read between the points of a grid, closer
-     each time. */
-  function beyondCrossover(process, own, whole = frequencyResponse({ process, controller: own })) {
-    const response = (w, { re, im } = frequencyResponse({ process, controller: own, w })) => {
-      return { size: w.map((_, k) => Math.hypot(re[k], im[k])), phase: w.map((_, k) => (Math.atan2(im[k], re[k]) * 180) / Math.PI) };
-    };
-    const between = (a, b) => Array.from({ length: 41 }, (_, k) => a * Math.pow(b / a, k / 40));
-    const closer = (w, pick) => {
-      let found, grid = w;
-      for (let round = 0; round < 4; round++) {
-        const { size, phase } = response(grid), k = pick(size);
-        found = { size: size[k], phase: phase[k] };
-        grid = between(grid[Math.max(k - 1, 0)], grid[Math.min(k + 1, grid.length - 1)]);
-      }
-      return found;
-    };
-    const { w } = whole, { size } = response(w, whole);
-    const below = size.findIndex((x, k) => k && x < 1 && size[k - 1] >= 1);
+     what a look at the usual frequencies tells, and what it misses. */
+  function beyondCrossover(process, own, { w, size: sizes } = frequencyResponse({ process, controller: own })) {
+    const at = (x) => { const { re, im, size } = frequencyResponse({ process, controller: own, w: [x] }); return { phase: (Math.atan2(im[0], re[0]) * 180) / Math.PI, size: size[0] }; };
+    const below = sizes.findIndex((x, k) => k && x < 1 && sizes[k - 1] >= 1);
     if (below < 0) return { first: NaN, hump: NaN };
-    const crossover = closer(w.slice(below - 1, below + 1), (sizes) => Math.max(sizes.findIndex((x) => x < 1), 1));
-    const valley = size.findIndex((x, k) => k >= below && x < size[k + 1]);
-    const top = valley < 0 ? { size: 0 } : closer(w.slice(valley), (sizes) => sizes.indexOf(Math.max(...sizes)));
-    return { first: crossover.phase > 0 ? crossover.phase - 180 : crossover.phase + 180, hump: top.size };
+    const { phase } = at(zero((x) => Math.log(at(x).size), w[below - 1], w[below]));
+    const valley = sizes.findIndex((x, k) => k >= below && x < sizes[k + 1]);
+    let top = valley;
+    for (let k = valley; k < w.length; k++) if (sizes[k] > sizes[top]) top = k;
+    const hump = valley < 0 ? 0 : summit((x) => at(x).size, w[top - 1], w[Math.min(top + 1, w.length - 1)]);
+    return { first: phase > 0 ? phase - 180 : phase + 180, hump };
   }
 
   const REMEMBERED = 20;
@@ -236,7 +145,7 @@
   /* What a loop is, whatever steps, limits and noise it meets: margins, curves, the effort for noise. */
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
     const process = { num, den, delay }, own = controller(design), curve = sampleTime ? sampledResponse({ process, controller: own, sampleTime }) : frequencyResponse({ process, controller: own });
-    const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }) : margins({ process, controller: own });
+    const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }, curve) : margins({ process, controller: own });
     const h = sampleTime || Math.min(own.filterOrder && own.filterTime || Infinity, end / 1000);
     let beyond;
     return {
@@ -246,26 +155,15 @@
   });
 
   const LEAST_OVERSHOOT = 5e-5; // what is less is rounding and the end of a slow rise
-  const SILENT = { setpoint: 0, load: 0 }, STEPS = [{ ...SILENT, setpoint: 1 }, { ...SILENT, load: 1 }];
-
-  /* One run of a digital controller; where nothing limits it, runs add up, and the noise has one of its own, of size 1. */
-  const sampled = remembering(3 * REMEMBERED, (asked, noise) =>
-    simulateSampled({ ...asked, noise: noise ? uniform(noise, Math.round(asked.end / asked.sampleTime) + 1) : null }));
-
-  function noisy(asked, step, noise) {
-    if (!noise || asked.controller.limits) return sampled({ ...asked, ...step }, noise);
-    const calm = sampled({ ...asked, ...step }, 0), loud = sampled({ ...asked, ...SILENT }, 1);
-    const sum = (key) => calm[key].map((value, k) => value + noise * loud[key][k]);
-    const between = calm.between && { t: calm.between.t, y: calm.between.y.map((value, k) => value + noise * loud.between.y[k]) };
-    return { t: calm.t, y: sum("y"), u: sum("u"), between };
-  }
+  const STEPS = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
 
   /* How a design answers steps. A digital controller has differences for a sample time. */
   const answers = remembering(REMEMBERED, ({ num, den, delay }, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) => {
     const asked = { process: { num, den, delay }, controller: controller(design, limits), end, antiWindup, trackingTime };
     const between = sampleTime ? Math.min(Math.max(Math.ceil((1200 * sampleTime) / end), 1), 30) : 1; // points of a sample
-    const digital = { ...asked, sampleTime: sampleTime || end / 4000, method: "backward", between };
-    const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? noisy(digital, step, noise) : simulate({ ...asked, points, ...step })));
+    const h = sampleTime || end / 4000, digital = { ...asked, sampleTime: h, method: "backward", between };
+    if (noise) digital.noise = uniform(noise, Math.round(end / h) + 1);
+    const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? simulateSampled({ ...digital, ...step }) : simulate({ ...asked, points, ...step })));
     let top = 1;
     for (let k = 0; k < setpoint.y.length; k++) top = Math.max(top, setpoint.y[k]);
     return {
@@ -295,7 +193,7 @@
      end of a gap in which the loop is stable is what is looked for. Its sign is that of the plant at rest; an unstable plant
      may need the other. */
   function gainForMs(process, design, ms) {
-    const sign = Math.sign(process.num[process.num.length - 1] / lastNonzero(process.den));
+    const sign = Math.sign(gainOf(process));
     const found = gainOfSign(sign, process, design, ms) ?? gainOfSign(-sign, process, design, ms);
     if (found !== null) return found;
     throw new RangeError(`no gain gives a stable loop with a maximum sensitivity of ${ms}: change the times or the filter`);
@@ -335,7 +233,8 @@
     return largest;
   }
 
-  const lastNonzero = (coefficients) => coefficients[coefficients.findLastIndex((c) => c !== 0)];
+  /* Gain of a plant, of one that integrates the gain of the rest. */
+  const gainOf = ({ num, den }) => num[num.length - 1] / den[den.findLastIndex((c) => c !== 0)];
 
   /* Lags of a plant, the slowest first, and whether it integrates; the rules below need them real and stable. */
   function realLags({ den }) {
@@ -374,7 +273,7 @@
     const { num } = process;
     if (num.length > 2 || (num.length === 2 && num[0] * num[1] > 0)) throw new RangeError(`model must have at most one zero, in the right half-plane, found num = [${num.join(", ")}]`);
     const { lags: found, delay, integrating } = halfRule(process, integratingOf(process) ? order : order + 1);
-    const gain = process.num[process.num.length - 1] / process.den[process.den.length - (integrating ? 2 : 1)];
+    const gain = gainOf(process);
     const first = integrating ? Infinity : found[0] ?? 0, second = order ? found[integrating ? 0 : 1] ?? 0 : 0;
     const kc = (integrating ? 1 : first) / (gain * (tc + delay)), ti = Math.min(first, 4 * (tc + delay));
     const factor = 1 + second / ti, made = { kp: kc * factor, ti: ti * factor, td: second / factor, ta: 0 };
@@ -409,20 +308,6 @@
     const delayed = terms.map((_, k) => dead.slice(0, k + 1).reduce((sum, d, j) => sum + d * terms[k - j], 0));
     for (let n = 0; n < filterOrder; n++) for (let k = 1; k < count; k++) delayed[k] -= filterTime * delayed[k - 1];
     return delayed;
-  }
-
-  /* Solution of a small linear system, by elimination with the largest pivot. */
-  function solve(matrix, right) {
-    const rows = matrix.map((row, i) => [...row, right[i]]), n = rows.length;
-    for (let p = 0; p < n; p++) {
-      const best = rows.reduce((top, row, i) => (i >= p && Math.abs(row[p]) > Math.abs(rows[top][p]) ? i : top), p);
-      [rows[p], rows[best]] = [rows[best], rows[p]];
-      for (let i = 0; i < n; i++) {
-        const share = i === p ? 0 : rows[i][p] / rows[p][p];
-        if (share) for (let j = p; j <= n; j++) rows[i][j] -= share * rows[p][j];
-      }
-    }
-    return rows.map((row, i) => row[n] / row[i]);
   }
 
   /* Magnitude optimum (vrancic2021, eqs. (13) to (16)): Re L(jw) stays -1/2 to as high a power of w as there are gains.
@@ -489,7 +374,8 @@
   function itae(process, design, load) {
     const order = ORDER[design.kind], { num, den } = process;
     if (!order) throw new RangeError("this rule has no PI");
-    let gain = num[num.length - 1] / lastNonzero(den), { delay } = process, tau, xi;
+    const gain = gainOf(process);
+    let { delay } = process, tau, xi;
     if (num.length === 1 && den.length === 3 && den[2]) [tau, xi] = [Math.sqrt(den[0] / den[2]), den[1] / (2 * Math.sqrt(den[0] * den[2]))];
     else {
       const model = halfRule(process, 2), [first, second] = model.lags;
@@ -551,6 +437,6 @@
     } catch { throw new RangeError("it is cut short or mistyped"); }
   }
 
-  globalThis.pidalabModel = { write, read, transform, solve, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
+  globalThis.pidalabModel = { write, read, gainOf, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
 });
 globalThis.pidalabScripts.at(-1)();

@@ -7,14 +7,39 @@
    sequential quadratic programme goes down from several starts, and a last step makes the limits hold at all frequencies. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
-  const { margins, simulate, roots } = globalThis.pidalabEngine;
-  const { ORDER, controller, transform, solve, uniform, iae: areaOf, PLANTS } = globalThis.pidalabModel;
+  const { margins, simulate, roots, remembering, inverted, dot } = globalThis.pidalabEngine;
+  const { ORDER, controller, gainOf, uniform, iae: areaOf, PLANTS } = globalThis.pidalabModel;
 
   const SAMPLES = 2048, DAMPING = 3, HORIZON = 80; // of a response, in units of the plant
   const LOW = -16, HIGH = 14, FASTEST = -7, SLOWEST = 3; // logarithms of gains and of the filter time
   const PRICE = 10, LONGEST = 1; // of a missed limit, in logarithms; a step
 
-  const gainOf = ({ num, den }) => num[num.length - 1] / den[den.findLastIndex((c) => c !== 0)];
+  const circleOf = remembering(2, (count) => [Math.cos, (x) => -Math.sin(x)].map((f) => Float64Array.from({ length: count / 2 }, (_, k) => f((2 * Math.PI * k) / count))));
+
+  /* Fast Fourier transform in place, radix 2. */
+  function transform(re, im) {
+    const count = re.length, [cos, sin] = circleOf(count);
+    const swap = (x, i, j) => { const kept = x[i]; x[i] = x[j]; x[j] = kept; };
+    for (let i = 1, j = 0; i < count; i++) { // to the order of the reversed bits
+      let bit = count >> 1;
+      for (; j & bit; bit >>= 1) j ^= bit;
+      j ^= bit;
+      if (i < j) { swap(re, i, j); swap(im, i, j); }
+    }
+    for (let size = 2; size <= count; size *= 2) {
+      const half = size / 2;
+      for (let k = 0; k < half; k++) {
+        const c = cos[(k * count) / size], d = sin[(k * count) / size];
+        for (let i = k; i < count; i += size) {
+          const j = i + half, a = re[j] * c - im[j] * d, b = re[j] * d + im[j] * c;
+          re[j] = re[i] - a;
+          im[j] = im[i] - b;
+          re[i] += a;
+          im[i] += b;
+        }
+      }
+    }
+  }
 
   /* Points of the complex plane with the plant there, and |C|, |S| and slopes in them. */
   function places(process, re, im) {
@@ -194,12 +219,10 @@
     return { size, units, unit, order, read, limits, worth };
   }
 
-  const dot = (a, b) => { let sum = 0; for (let k = 0; k < a.length; k++) sum += a[k] * b[k]; return sum; };
-
   /* Step d that makes g d + d B d / 2 least where c + a d <= 0, at a price for what is missed, by ascent along the
      multipliers one after the other; no unknown moves by more than `reach`, nor out of its range. */
   function stepOf(B, g, rows, lows, highs) {
-    const n = g.length, inverse = Array.from({ length: n }, (_, j) => solve(B, Array.from({ length: n }, (_, k) => (k === j ? 1 : 0))));
+    const n = g.length, inverse = inverted(B);
     const times = (a) => inverse.map((row) => dot(row, a));
     const all = [...rows.map(({ value, slope }) => ({ c: value, a: slope, most: PRICE })), ...Array.from({ length: 2 * n }, (_, k) => {
       const a = new Float64Array(n);
@@ -223,11 +246,10 @@
   }
 
   /* Sequential quadratic programming from a start, until it hardly moves. */
-  function descend(one, start, ms, mks, most = 60, fixed = null) {
+  function descend(one, start, ms, mks, most = 60) {
     const { size } = one, low = Array(size).fill(LOW), high = Array(size).fill(HIGH);
     low[size - 1] = FASTEST;
     high[size - 1] = SLOWEST;
-    if (fixed) for (const [k, value] of fixed) low[k] = high[k] = value;
     let x = start.map((value, k) => Math.min(Math.max(value, low[k]), high[k])), limit = one.limits(x, ms, mks);
     if (!limit.stable) return null;
     const costs = (x) => { const { value, slope } = one.worth(x); return { value, slope: slope() }; };
@@ -393,6 +415,6 @@
     throw new RangeError(`no ${kind} controller was found that keeps Ms ${ms} and this noise limit: allow more`);
   }
 
-  globalThis.pidalabOptimum = { find, problem, descend, unitOf, gainOf };
+  globalThis.pidalabOptimum = { find };
 });
 globalThis.pidalabScripts.at(-1)();

@@ -40,6 +40,18 @@
     shown.set(place, wanted);
   }
 
+  /* An element with attributes, or with a listener for what begins with "on". */
+  function element(name, attributes = {}, ...children) {
+    const made = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) {
+      if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+      else if (value === true) made.setAttribute(key, "");
+      else if (value !== false && value != null) made.setAttribute(key, value);
+    }
+    made.append(...children);
+    return made;
+  }
+
   /* Smallest and largest finite value of all lines, with a little air. */
   function extent(lines, key, log) {
     let low = Infinity, high = -Infinity;
@@ -102,31 +114,7 @@
     return kept;
   }
 
-  const UNSEEN = 0.05; // half of what the words of a path can tell
-
-  /* Of points that go on straight to the right, as far as shows, the ends. */
-  function bends(points, across, up) {
-    const kept = points.slice(0, 1);
-    let [from] = kept, low = -Infinity, high = Infinity; // slopes that pass by all points since `from`
-    for (let i = 1; i < points.length; i++) {
-      const k = points[i], before = points[i - 1], slope = (up[k] - up[from]) / (across[k] - across[from]);
-      if (before !== from && !(across[k] > across[from] && slope >= low && slope <= high)) {
-        kept.push(from = before);
-        [low, high] = [-Infinity, Infinity];
-      }
-      const run = across[k] - across[from], rise = up[k] - up[from];
-      low = run > 0 ? Math.max(low, (rise - UNSEEN) / run) : Infinity;
-      high = run > 0 ? Math.min(high, (rise + UNSEEN) / run) : -Infinity;
-    }
-    if (points.length > 1) kept.push(points[points.length - 1]);
-    return kept;
-  }
-
-  const WORDS = []; // of tenths of a unit
-  function word(value) {
-    const tenths = Math.round(10 * value);
-    return tenths >= 0 && tenths < 10 * WIDTH ? (WORDS[tenths] ??= String(tenths / 10)) : String(tenths / 10);
-  }
+  const word = (value) => String(Math.round(10 * value) / 10);
 
   const place = ({ log, start, each }, value) => start + each * (log ? Math.log10(value) : value);
 
@@ -137,7 +125,7 @@
     const finish = () => {
       const shown = visible(across, up), last = shown[shown.length - 1];
       let height = "";
-      for (const k of stairs ? shown : bends(shown, across, up)) {
+      for (const k of shown) {
         const before = height;
         height = word(up[k]);
         if (!before) drawn += `M${word(across[k])} ${height}`;
@@ -151,16 +139,6 @@
       if (Number.isFinite(h + v)) { across.push(limit(h)); up.push(limit(v)); } else finish();
     }
     finish();
-    return drawn;
-  }
-
-  const paths = new WeakMap(); // of the values of a line, the last path that was made of them
-
-  function remembered(line, px, py) {
-    const key = [line.stairs, px.log, px.start, px.each, py.log, py.start, py.each].join(), found = paths.get(line.y);
-    if (found?.key === key && found.x === line.x) return found.drawn;
-    const drawn = path(line, px, py);
-    paths.set(line.y, { key, x: line.x, drawn });
     return drawn;
   }
 
@@ -191,7 +169,7 @@
     Object.assign(found, { px, py });
     if (found.key !== key) show(found.axes, ...grid({ title, x, y, xRange, yRange, px, py }));
     found.key = key;
-    show(found.inside, ...lines.map((line) => ["path", { class: `lab-line lab-${line.kind}`, d: remembered(line, px, py) }]));
+    show(found.inside, ...lines.map((line) => ["path", { class: `lab-line lab-${line.kind}`, d: path(line, px, py) }]));
     showFront(found);
   }
 
@@ -299,5 +277,5 @@
     ];
   }
 
-  globalThis.pidalabPlot = Object.assign(draw, { show, point });
+  globalThis.pidalabPlot = Object.assign(draw, { show, point, element });
 })();

@@ -1,7 +1,7 @@
 /* A plant record of a text file: read as the library's reader reads it, and a model fitted to it by least squares. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
-  const { drift } = globalThis.pidalabEngine;
+  const { respond } = globalThis.pidalabEngine;
   const { ownPlant } = globalThis.pidalabModel;
 
   const MISSING = /^(|nan|na|n\/a|null|none|-|bad|bad input|no data|#n\/a|\?)$/i;
@@ -61,23 +61,6 @@
     return { t, u, y, columns: wide, missing: lines.length - usable.length - Math.max(rows.findIndex((row) => row.some(Number.isFinite)), 0) };
   }
 
-  /* Output of a plant without dead time on an even grid, for an input that is held and comes `delay` later. */
-  function response({ num, den }, delay, u, h) {
-    const n = den.length - 1, A = Array.from({ length: n }, (_, i) => Float64Array.from({ length: n }, (_, j) => (i ? (j === i - 1 ? 1 : 0) : -den[j + 1] / den[0])));
-    const b = Float64Array.from({ length: n }, (_, i) => (i ? 0 : 1)), whole = Math.floor(delay / h), part = delay - whole * h, out = [...Array(n - num.length).fill(0), ...num].map((c) => c / den[0]);
-    const steps = [[part, whole + 1], [h - part, whole]].filter(([time]) => time > 1e-9 * h).map(([time, ago]) => [drift(A, b, time), ago]);
-    const y = new Float64Array(u.length), x = new Float64Array(n), next = new Float64Array(n);
-    for (let k = 0; k < u.length; k++) {
-      for (let i = 0; i < n; i++) y[k] += out[i] * x[i];
-      for (const [matrix, ago] of steps) {
-        const input = k < ago ? 0 : u[k - ago];
-        for (let i = 0, at = 0; i < n; i++) { next[i] = 0; for (let j = 0; j < n; j++) next[i] += matrix[at++] * x[j]; next[i] += matrix[at++] * input; }
-        x.set(next);
-      }
-    }
-    return y;
-  }
-
   /* Least value by the simplex of Nelder and Mead. */
   function simplex(f, start, size, turns = 250) {
     let points = [start, ...start.map((_, j) => start.map((v, k) => v + (j === k ? size : 0)))].map((x) => ({ x, f: f(x) }));
@@ -116,7 +99,7 @@
     const start = u.every((x) => x === u[0]) ? 0 : u[0], moved = input.map((x) => x - start);
     const made = (structure, x) => ({ zero: 0, gain: 1, ...structure.own(x), delay: Math.exp(x[x.length - 1]) });
     const judged = (own) => {
-      const z = response(ownPlant(own), own.delay, moved, h), n = z.length;
+      const z = respond(ownPlant(own), moved, h), n = z.length;
       let sz = 0, sy = 0, szz = 0, szy = 0, rest = 0;
       for (let k = 0; k < n; k++) { sz += z[k]; sy += output[k]; szz += z[k] * z[k]; szy += z[k] * output[k]; }
       const gain = (n * szy - sz * sy) / (n * szz - sz * sz), level = (sy - gain * sz) / n;
