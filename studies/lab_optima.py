@@ -18,10 +18,10 @@ ROOT = Path(__file__).resolve().parents[1]
 LAB = ROOT / "book" / "_static" / "lab"
 RANDOM = 100  # plants of the test
 MS, NOISE = 1.4, 20.0  # largest Ms, and largest gain from noise to control, in units of 1/gain of the plant
-KINDS = ("PI", "PID", "PIDA")
-HEAD = """/* Optima from which the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each
-   plant of the lab, with Ms at most {ms:g} and a gain from noise to u of at most {noise:g}/K, K the gain of the
-   plant. Written by studies/lab_optima.py. */
+HEAD = """/* Where the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each plant of
+   the lab with PI, PID and PIDA, with Ms at most {ms:g} and a gain from noise to u of at most {noise:g}/K, K the gain
+   of the plant. A design is kp, ti, td, ta, as far as it has them, and its filter time.
+   Written by studies/lab_optima.py. */
 globalThis.pidalabOptima = """
 
 
@@ -39,19 +39,12 @@ def gain(process: pidalab.Process) -> float:
     return float(process.num[-1] / den[-1])
 
 
-def best(process: pidalab.Process, kind: str) -> dict[str, float]:
-    """The optimum of one kind, in the lab's form, rounded to more digits than the search is sure of."""
-    order = KINDS.index(kind)
-    design = optimal.load(process, order, ms=MS, mks=NOISE / abs(gain(process)))
-    ki, kp, kd, ka = [*design.controller.coefficients, 0.0, 0.0][:4]
-    values = {
-        "kp": kp,
-        "ti": kp / ki,
-        "td": kd / kp,
-        "ta": ka / kp,
-        "filterTime": design.controller.filter_time,
-    }
-    return {key: float(f"{value:.7g}") for key, value in values.items()} | {"filterOrder": order + 1}
+def best(process: pidalab.Process, order: int) -> list[float]:
+    """kp, ti, td and ta of the optimum, as far as it has them, and its filter time."""
+    controller = optimal.load(process, order, ms=MS, mks=NOISE / abs(gain(process))).controller
+    ki, kp, *derivatives = controller.coefficients
+    values = [kp, kp / ki, *(gain / kp for gain in derivatives), controller.filter_time]
+    return [float(f"{value:.4g}") for value in values]
 
 
 def random_plant(rng: np.random.Generator) -> tuple[str, list[float], list[float], float]:
@@ -97,12 +90,9 @@ def random_optima() -> list[list[object]]:
 
 def main() -> None:
     """Find all of them and write the files."""
-    designs = {key: {kind: best(process, kind) for kind in KINDS} for key, process in plants().items()}
-    lines = ",\n".join(
-        f'  "{key}": {{\n' + ",\n".join(f'    "{k}": {json.dumps(x)}' for k, x in each.items()) + "\n  }"
-        for key, each in designs.items()
-    )
-    text = f"{HEAD.format(ms=MS, noise=NOISE)}{{ ms: {MS:g}, noise: {NOISE:g}, designs: {{\n{lines}\n}} }};\n"
+    designs = {key: [best(process, order) for order in range(3)] for key, process in plants().items()}
+    lines = ",\n".join(f'  "{key}": {json.dumps(each)}' for key, each in designs.items())
+    text = f"{HEAD.format(ms=MS, noise=NOISE)}{{ noise: {NOISE:g}, designs: {{\n{lines}\n}} }};\n"
     (LAB / "optima.js").write_text(text, encoding="utf-8")
     with (ROOT / "tests" / "lab" / "least_iae.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

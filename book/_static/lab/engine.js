@@ -121,31 +121,18 @@
 
   // --- the loop along the imaginary axis ----------------------------------------------------------------------------
 
-  /* Numerator N and denominator D of the loop without its dead time, kept in factors. */
+  /* Poles, zeros and numerator of the loop without its dead time. */
   function factors(loop) {
     const gains = loop.ki ? [loop.ka, loop.kd, loop.kp, loop.ki] : [loop.ka, loop.kd, loop.kp];
-    const filter = (s) => {
-      const x = 1 + loop.time * s[0], y = loop.time * s[1];
-      let re = loop.ki ? s[0] : 1, im = loop.ki ? s[1] : 0;
-      for (let k = 0; k < loop.order; k++) {
-        const next = re * x - im * y;
-        im = re * y + im * x;
-        re = next;
-      }
-      return [re, im];
-    };
     const poles = roots(loop.den).concat(Array.from({ length: loop.order }, () => [-1 / loop.time, 0]));
     if (loop.ki) poles.push([0, 0]);
     const zeros = loop.num.some(Boolean) && gains.some(Boolean) ? roots(loop.num).concat(roots(gains)) : [];
     const lead = loop.den[0] * Math.pow(loop.time || 1, loop.order);
     const top = loop.num[0] * (gains.find(Boolean) ?? 0);
-    const relative = poles.length - zeros.length;
     return {
       poles, zeros, lead,
       top: (s) => times(value(loop.num, s), value(gains, s)),
-      bottom: (s) => times(value(loop.den, s), filter(s)),
-      atInfinity: top && relative === 0 ? top / lead : 0,
-      silent: top === 0,
+      atInfinity: top && poles.length === zeros.length ? top / lead : 0,
     };
   }
 

@@ -50,16 +50,11 @@
       onchange: () => { if (Number.isFinite(box.valueAsNumber)) set(box.valueAsNumber); },
     });
     const row = element("div", { class: "lab-row", title: help }, element("label", { for: id }, label), bar, box);
-    let known, stood, text; // what the row shows: most of them rest while one is dragged
     row.refresh = () => {
       const value = get();
-      if (value !== known) {
-        text = digits(value, 4);
-        bar.setAttribute("aria-valuetext", `${label} ${digits(value)}`);
-      }
-      if (value !== known || bar.value !== stood) bar.value = to(value);
-      if (document.activeElement !== box && box.value !== text) box.value = text;
-      [known, stood] = [value, bar.value];
+      bar.value = to(value);
+      bar.setAttribute("aria-valuetext", `${label} ${digits(value)}`);
+      if (document.activeElement !== box) box.value = digits(value, 4);
     };
     return row;
   }

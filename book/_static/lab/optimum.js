@@ -303,12 +303,12 @@
       const { pr, pi } = places(process, [0], [w / unit]), size = Math.hypot(pr[0], pi[0]) * Math.pow(Math.hypot(w, zero), zeros) * one.units[0] * unit / w;
       for (const above of [5, 30, 200]) add(action.map((x) => x / size), -Math.log(w * above));
     }
-    for (const [key, kinds] of Object.entries(globalThis.pidalabOptima?.designs ?? {})) {
-      const other = PLANTS[key], stored = Object.values(kinds)[order], { ms } = globalThis.pidalabOptima;
-      if (!other || !ms) continue;
-      const theirs = unitOf(other, globalThis.pidalabOptima.noise / gainOf(other)), { pr, pi } = places(other, [0], [1 / theirs]);
-      const { gains } = controller({ ...stored, kind: KINDS[order] });
-      add(gains.map((gain, k) => gain * Math.hypot(pr[0], pi[0]) * Math.pow(theirs, 1 - k)), Math.log(stored.filterTime / theirs));
+    const { noise, designs } = globalThis.pidalabOptima ?? { designs: {} };
+    for (const [key, stored] of Object.entries(designs)) {
+      const [kp, ti, ...rest] = stored[order], time = rest.pop(), [td = 0, ta = 0] = rest, other = PLANTS[key];
+      const theirs = unitOf(other, noise / gainOf(other)), { pr, pi } = places(other, [0], [1 / theirs]);
+      const gains = [kp / ti, kp, kp * td, kp * ta].slice(0, order + 2);
+      add(gains.map((gain, k) => gain * Math.hypot(pr[0], pi[0]) * Math.pow(theirs, 1 - k)), Math.log(time / theirs));
     }
     return found;
   }
