@@ -215,30 +215,23 @@
     return w.filter((x) => x > first && x < last);
   }
 
-  /* Divide the intervals in which the dead time turns quickly and `matters(i)` says so. */
-  function divided(w, delay, matters) {
-    if (!delay) return w;
-    const fine = [];
-    for (let i = 0; i + 1 < w.length; i++) {
-      const pieces = matters(i) ? Math.max(1, Math.ceil(((w[i + 1] - w[i]) * delay) / TURN)) : 1;
-      if (fine.length + pieces > MOST) fail(TOO_MANY);
-      for (let k = 0; k < pieces; k++) fine.push(w[i] + ((w[i + 1] - w[i]) * k) / pieces);
-    }
-    fine.push(w[w.length - 1]);
-    return fine;
-  }
-
   const NOTHING = [];
 
   /* Points inside an interval of a grid in which the dead time turns quickly; not too many in all. */
   function within(grid, delay) {
     let count = 0;
     return (i) => {
-      if ((grid[i + 1] - grid[i]) * delay <= TURN) return NOTHING;
-      const inside = divided([grid[i], grid[i + 1]], delay, () => true).slice(1, -1);
-      if ((count += inside.length) > MOST) fail(TOO_MANY);
-      return inside;
+      const width = grid[i + 1] - grid[i], pieces = Math.ceil((width * delay) / TURN);
+      if (!(pieces > 1)) return NOTHING;
+      if ((count += pieces) > MOST) fail(TOO_MANY);
+      return Array.from({ length: pieces - 1 }, (_, k) => grid[i] + (width * (k + 1)) / pieces);
     };
+  }
+
+  /* A grid with these points where `matters(i)` says so. */
+  function divided(grid, delay, matters) {
+    const inside = within(grid, delay);
+    return delay ? grid.flatMap((w, i) => (i + 1 < grid.length && matters(i) ? [w, ...inside(i)] : [w])) : grid;
   }
 
   /* Zero of a function between two points of different sign: the Illinois method, false position that halves the value
@@ -274,12 +267,10 @@
     const found = ends.slice(), inner = [], inside = within(grid, loop.delay);
     const closeness = (x, y) => 1 / Math.sqrt((1 + x) * (1 + x) + y * y);
     const heighten = (s, c) => { if (s > found[0]) found[0] = s; if (c * s > found[1]) found[1] = c * s; };
-    let count = grid.length;
     const resolve = (i) => {
       const between = inside(i);
       if (!between.length) return;
       inner[i] = along(loop, between);
-      count += between.length;
       for (let k = 0; k < between.length; k++) heighten(closeness(inner[i].re[k], inner[i].im[k]), inner[i].control[k]);
     };
     for (let i = 0; i < grid.length; i++) heighten(closeness(re[i], im[i]), control[i]);
@@ -288,19 +279,17 @@
     const exceeds = (i) => { const most = 1 / Math.max(1 - size[i], 1e-3); return most >= level[0] || control[i] * most >= level[1]; };
     for (let i = 0; i + 1 < grid.length; i++) if (!inner[i] && (exceeds(i) || exceeds(i + 1))) resolve(i);
 
-    const fine = [0, 1, 2].map(() => new Float64Array(count)); // w, |S|, |C S|
-    let last = 0;
-    const add = ({ w, re, im, control }, k) => { fine[0][last] = w[k]; fine[1][last] = closeness(re[k], im[k]); fine[2][last] = control[k] * fine[1][last++]; };
+    const fine = [];
     for (let i = 0; i < grid.length; i++) {
-      add({ w: grid, re, im, control }, i);
-      for (let k = 0; k < (inner[i]?.w.length ?? 0); k++) add(inner[i], k);
+      fine.push([grid[i], closeness(re[i], im[i]), control[i]]);
+      inner[i]?.w.forEach((w, k) => fine.push([w, closeness(inner[i].re[k], inner[i].im[k]), inner[i].control[k]]));
     }
     const one = (w) => { look(loop, w); return closeness(seen[0], seen[1]); };
-    return [one, (w) => one(w) * Math.sqrt(seen[2] * seen[2] + seen[3] * seen[3])].map((f, k) => {
-      const [w, values] = [fine[0], fine[k + 1]];
-      let best = found[k];
-      for (let i = 1; i + 1 < count; i++) {
-        if (values[i] >= values[i - 1] && values[i] >= values[i + 1] && values[i] > 0.8 * best) best = Math.max(best, summit(f, w[i - 1], w[i + 1]));
+    return [one, (w) => one(w) * Math.sqrt(seen[2] * seen[2] + seen[3] * seen[3])].map((f, which) => {
+      const values = fine.map(([, s, c]) => (which ? c * s : s));
+      let best = found[which];
+      for (let i = 1; i + 1 < fine.length; i++) {
+        if (values[i] >= values[i - 1] && values[i] >= values[i + 1] && values[i] > 0.8 * best) best = Math.max(best, summit(f, fine[i - 1][0], fine[i + 1][0]));
       }
       return best;
     });

@@ -454,7 +454,7 @@
         button("As a library call", () => this.show(this.call(), "pida_designs.py")),
         button("As JSON", () => this.show(JSON.stringify(this.exported(), null, 1), "pida_designs.json")),
         button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
-      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, this.about, first, this.table, plots, actions, this.saving, this.out)));
+      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, first, this.about, this.table, plots, actions, this.saving, this.out)));
       this.host.classList.add("lab-ready");
       document.body.classList.add("lab-page");
     }
@@ -640,7 +640,7 @@
       clearTimeout(this.speaking);
       const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];
       const numbers = !s ? "" : s.stable
-        ? `${name}: IAE ${digits(s.iae)} for a load step and ${digits(s.iaeSetpoint)} for a set point step, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
+        ? `${name}: IAE ${digits(s.iae)} for load, ${digits(s.iaeSetpoint)} for set point, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
         : `${name}: the loop is ${verdict(s)}.`;
       this.speaking = setTimeout(() => {
         this.live.textContent = [problem && `${RULES[this.design.rule]?.name ?? "by hand"}: ${problem}.`, this.message, numbers].filter(Boolean).join(" ");
