@@ -84,6 +84,20 @@ def test_a_plant_of_ones_own_and_a_rule_without_ground(lab, damping):
     assert np.allclose(eval(call, {"pidalab": pidalab})(s), expected, rtol=1e-6)
 
 
+def test_a_slider_reaches_what_was_entered_and_keeps_its_sign(lab):
+    page = lab()
+    page.get_by_label("plant", exact=True).select_option("own")
+    for label, value, key, low, high in (
+        ("gain", -2, "ArrowRight", -2.2, -2),
+        ("lag T2", 40, "ArrowLeft", 39, 40),
+    ):
+        enter(page, label, value)
+        page.evaluate("() => new Promise(requestAnimationFrame)")
+        page.get_by_label(label, exact=True).press(key)
+        page.evaluate("() => new Promise(requestAnimationFrame)")
+        assert low < float(page.get_by_label(f"{label}, number").input_value()) < high
+
+
 def test_limits_and_noise_show_in_the_control_signal(lab):
     page = lab()
     page.get_by_label("limits of the actuator").check()

@@ -37,21 +37,26 @@
   let names = 0;
 
   /* A slider and a number for one value: the number takes any value, the slider the usual ones, three digits of them:
-     a step must show in these, or a key would move the slider and leave the value. */
+     a step must show in these, or a key would move the slider and leave the value. A negative value keeps its sign on a slider of
+     decades, and a value beyond its end makes it longer. */
   function slider({ label, help, low, high, log, step, get, set }) {
     const id = `lab-input-${++names}`;
-    const to = log ? (x) => Math.log10(Math.max(x, low)) : (x) => x, from = log ? (x) => Math.pow(10, x) : (x) => x;
+    const to = log ? (x) => Math.log10(Math.max(Math.abs(x), low)) : (x) => x;
+    const from = log ? (x) => Math.sign(get() || 1) * Math.pow(10, x) : (x) => x;
     const bar = element("input", {
-      type: "range", id, min: to(low), max: to(high), step: step ?? (to(high) - to(low)) / 200,
+      type: "range", id, min: to(low), step,
       oninput: () => set(Number(from(Number(bar.value)).toPrecision(3))),
     });
     const box = element("input", {
       type: "number", step: "any", "aria-label": `${label}, number`,
       onchange: () => { if (Number.isFinite(box.valueAsNumber)) set(box.valueAsNumber); },
     });
+    const reach = (most) => { bar.max = to(most); bar.step = step ?? (bar.max - bar.min) / 200; };
+    reach(high);
     const row = element("div", { class: "lab-row", title: help }, element("label", { for: id }, label), bar, box);
     row.refresh = () => {
       const value = get();
+      if (to(value) > to(high)) reach(high = 2 * Math.abs(value));
       bar.value = to(value);
       bar.setAttribute("aria-valuetext", `${label} ${digits(value)}`);
       if (document.activeElement !== box) box.value = digits(value, 4);
@@ -183,9 +188,9 @@
   const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
 
   /* The numbers of loops, with what is to be said below each. */
-  function drawTable(place, first, shown, keys, count, below = () => null) {
+  function drawTable(place, first, shown, keys, count, below) {
     const rows = (s) => {
-      const found = known(s, keys), missing = keys.length - found.length, more = below(s);
+      const found = known(s, keys), missing = keys.length - found.length, more = below?.(s);
       const name = ["th", more ? { scope: "rowgroup", rowspan: 2 } : { scope: "row" }, ["span", { class: `lab-key lab-key-${s.look}` }], ` ${s.name}`];
       return [
         ["tr", { class: "lab-numbers" }, name, ...(missing ? [["td", { colspan: missing }, verdict(s)]] : []), ...found.map(([, get]) => ["td", {}, digits(get(s), count)])],
@@ -195,7 +200,7 @@
     plot.show(place, ["table", {},
       ...(keys.includes("sigma") ? [["caption", {}, noiseMeant(shown)]] : []),
       ["thead", {}, ["tr", {}, heading(first), ...keys.map((key) => heading(NUMBERS[key][0]))]],
-      ...shown.map((s) => ["tbody", {}, ...rows(s)])]);
+      ...(below ? shown.map(rows) : [shown.flatMap(rows)]).map((group) => ["tbody", {}, ...group])]);
   }
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
