@@ -505,17 +505,18 @@
     }
 
     /* A record becomes a plant, by least squares, and that a design with a filter that suits its noise: u is to move by a
-       tenth of the record's step for three standard deviations. */
+       tenth of the record's step for three standard deviations. Until the search is done, a slow PI stands in. */
     takeRecord(text, name) {
       const record = readRecord(text), { own, name: structure, t, fitted, sigma, explained, span, h } = fit(record), four = (x) => Number(x.toPrecision(4));
       const rounded = Object.fromEntries(Object.entries(own).map(([key, x]) => [key, typeof x === "number" ? four(x) : x]));
       const each = Math.max(1, Math.ceil(t.length / 400)), thin = (values) => Array.from(values, Number).filter((_, k) => k % each === 0).map(four);
       const at = t.filter((_, k) => k % each === 0), y = at.map((x) => record.y[Math.max(record.t.findLastIndex((other) => other <= x + 1e-6 * h), 0)]);
       const noiseLimit = four(Math.min(Math.max((0.1 * span * Math.abs(own.gain)) / (3 * sigma), 2), 50));
+      const time = own.t1 + own.t2 + own.t3 + own.delay, slow = own.integrating ? { kp: 0.2 / (own.gain * time), ti: 10 * time } : { kp: 0.2 / own.gain, ti: time };
       const poor = explained < 0.9 ? " That is a poor fit: are the columns time, input and output, and does the input move?" : "";
       const about = `Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} rows with missing values left out` : ""}. Model by least squares: ${structure}; it explains ${digits(100 * explained, 4)} % of the record.${poor} The residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseLimit)}.`;
       const file = record.columns > 2 ? { name: /^[\w.-]+$/.test(name) ? name : JSON.stringify(name), h } : null;
-      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, rule: "optimum" }], chosen: 0 });
+      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum" }], chosen: 0 });
     }
 
     takeSaved(text) {
@@ -624,9 +625,10 @@
 
     /* What was read of a record, and the command that goes on from it with the chosen design. */
     drawRecord() {
-      const { about, file } = this.state.record ?? {}, command = file && `pidalab tune ${file.name} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --sample-time ${digits(file.h)} --out code`;
+      const { about, file } = this.state.record ?? {}, noise = this.knob("noiseLimit") / Math.abs(gainOf(this.process));
+      const command = file && `pidalab tune ${file.name} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
       plot.show(this.about, ...(about ? [["p", {}, about]] : []),
-        ...(command ? [["p", {}, "The same from the command line, with uncertainty, and code for a controller in the folder ", ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
+        ...(command ? [["p", {}, "The same limits from the command line, with uncertainty and sampling, and code for a controller in the folder ", ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
     }
 
     drawPlots(shown) {
