@@ -52,9 +52,9 @@ def test_labels_stand_beside_their_lines(axes):
     plots.label_lines(ax, {"up": 2.0, "down": 8.0, "level": 5.0}, below={"down"})
     places = {text.get_text(): (text.xy, text.get_ha(), text.get_va()) for text in ax.texts}
     assert places == {
-        "up": ((2.0, pytest.approx(2)), "right", "bottom"),
-        "down": ((8.0, pytest.approx(2)), "right", "top"),
-        "level": ((5.0, pytest.approx(5)), "center", "bottom"),
+        "up": (pytest.approx((2, 2)), "right", "bottom"),
+        "down": (pytest.approx((8, 2)), "right", "top"),
+        "level": (pytest.approx((5, 5)), "center", "bottom"),
     }
     assert [text.get_color() for text in ax.texts] == [line.get_color() for line in ax.lines]
     with pytest.raises(ValueError, match="at must have labels of lines in ax, .* found 'PI'"):

@@ -352,15 +352,10 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
         up = -1 if label in below else 1
         lean = 0 if abs(after - before) < 1.5 else int(np.sign(before - after)) * up  # away from the slope
-        ax.annotate(
-            label,
-            (x, ax.transData.inverted().transform((here, y))[1]),
-            xytext=(3 * lean, 3 * up),
-            textcoords="offset points",
-            ha=("center", "left", "right")[lean],
-            va="bottom" if up > 0 else "top",
-            color=lines[label].get_color(),
-        )
+        place: dict[str, Any] = {"ha": ("center", "left", "right")[lean], "va": "bottom" if up > 0 else "top"}
+        on_line = ax.transData.inverted().transform((here, y))
+        away: dict[str, Any] = {"xytext": (3 * lean, 3 * up), "textcoords": "offset points"}
+        ax.annotate(label, on_line, **away, **place, color=lines[label].get_color())
 
 
 def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float | None = None) -> None:
