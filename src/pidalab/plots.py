@@ -353,9 +353,9 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
         up = -1 if label in below else 1
         lean = 0 if abs(after - before) < 1.5 else int(np.sign(before - after)) * up  # away from the slope
         place: dict[str, Any] = {"ha": ("center", "left", "right")[lean], "va": "bottom" if up > 0 else "top"}
-        on_line = ax.transData.inverted().transform((here, y))
+        x, y = ax.transData.inverted().transform((here, y))
         away: dict[str, Any] = {"xytext": (3 * lean, 3 * up), "textcoords": "offset points"}
-        ax.annotate(label, on_line, **away, **place, color=lines[label].get_color())
+        ax.annotate(label, (x, y), **away, **place, color=lines[label].get_color())
 
 
 def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float | None = None) -> None:
