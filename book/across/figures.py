@@ -95,7 +95,7 @@ def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
                     gid="as-drawn",
                 )
         ax.set_xticks(range(table.shape[1]), [f"{x:g}" for x in table.columns])
-        ax.set_yticks(range(table.shape[0]), [f"{y:.2f}" for y in table.index])
+        ax.set_yticks(range(table.shape[0]), [f"{y:g}" for y in table.index])
         ax.set_title(title)
         ax.grid(visible=False)
     for ax in axes.flat[len(tables) :]:

@@ -46,6 +46,7 @@ STYLE: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
+    "axes.formatter.min_exponent": 3,  # 0.1 and 20 rather than powers of ten
     "axes.titlesize": "medium",
     "axes.titlelocation": "left",
     "axes.prop_cycle": cycler(
