@@ -343,15 +343,15 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     'PI'
     """
     _require_axes(ax)
-    lines = {str(line.get_label()): line for line in ax.get_lines()}
+    lines, (bottom, _) = {str(line.get_label()): line for line in ax.get_lines()}, ax.get_ylim()
     for label, x in at.items():
         if label not in lines:
             raise ValueError(f"at must have labels of lines in ax, {list(lines)}, found {label!r}")
         points = ax.transData.transform(lines[label].get_xydata())
-        here = float(ax.transData.transform((x, ax.get_ylim()[0]))[0])
+        here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
         up = -1 if label in below else 1
-        lean = 0 if abs(after - before) < 1.5 else int(np.sign(before - after)) * up  # away from the slope
+        lean = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up  # away from the slope
         place: dict[str, Any] = {"ha": ("center", "left", "right")[lean], "va": "bottom" if up > 0 else "top"}
         x, y = ax.transData.inverted().transform((here, y))
         away: dict[str, Any] = {"xytext": (3 * lean, 3 * up), "textcoords": "offset points"}
