@@ -16,7 +16,7 @@ LOOKS: dict[str, dict[str, Any]] = {  # the same as in the lab, book/_static/lab
     "m = 4": {"color": "#8a4fa3", "linestyle": (0, (1, 1.5))},
     "PID": {"color": "#c8591a", "linestyle": (0, (3.5, 1.5))},
     "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
-    "other": {"color": "#b03a6b", "linestyle": (0, (8, 1.5, 1, 1.5))},
+    "other": {"color": "#404040", "linestyle": (0, (8, 1.5, 1, 1.5))},
 }
 OTHERS = (
     "m = 3",
