@@ -97,7 +97,8 @@ BROKEN = r"""() => {
         range.setStart(text, word.index);
         range.setEnd(text, word.index + word[0].length);
         const boxes = [...range.getClientRects()], width = boxes.reduce((sum, box) => sum + box.width, 0);
-        if (new Set(boxes.map((box) => Math.round(box.top))).size > 1 && width < 130) found.push(`broken in a first column: ${word[0]}`);
+        const lines = new Set(boxes.map((box) => Math.round(box.top))).size;
+        if (lines > 1 && width < 130) found.push(`broken in a first column: ${word[0]}`);
       }
     }
   }
