@@ -17,6 +17,8 @@ DATA = ROOT / "book" / "data"
 ORACLES = ROOT / "tests" / "oracle"
 MARK = re.compile(r"^<!-- evidence: (.+) -->$", flags=re.MULTILINE)
 NUMBER = re.compile(r"[\d.]+(e[+-]\d+| %)?|no digit")
+DATE = re.compile(r"\b(\d{4})-(\d\d)-(\d\d)\b")
+LONG = re.compile(r"\d+\.\d{5,}")  # a number with more digits than a reader compares
 OUTCOMES = {  # of mutants, with the heads of their columns
     "killed": "own tests",
     "killed elsewhere": "others",
@@ -27,9 +29,10 @@ OUTCOMES = {  # of mutants, with the heads of their columns
 
 
 def table(head: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
-    """Return a table in Markdown; columns that end in a number stand to the right."""
-    lines = [[str(cell) for cell in line] for line in lines]
-    rule = ["--:" if NUMBER.fullmatch(cell) else "---" for cell in lines[-1]]
+    """Return a table in Markdown; columns of numbers and dashes stand to the right, and a date does not break."""
+    lines = [[DATE.sub("\\1\u2011\\2\u2011\\3", str(cell)) for cell in line] for line in lines]
+    columns = [[cell for cell in column if cell != "–"] for column in zip(*lines, strict=True)]
+    rule = ["--:" if all(map(NUMBER.fullmatch, column)) else "---" for column in columns]
     return "\n".join("| " + " | ".join(line) + " |" for line in [head, rule, *lines])
 
 
@@ -43,6 +46,9 @@ def read(name: str) -> pd.DataFrame:
 def faults() -> str:
     """Gross errors planted in the library: the first row or cell of each chapter that turned red."""
     found = read("faults")
+    found["first red"] = found["first red"].str.replace(
+        LONG, lambda each: f"{float(each[0]):.5g}", regex=True
+    )
     wide = found.pivot_table("first red", "fault", "paper", "first", fill_value="–", sort=False)
     wide = wide[sorted(wide)]
     return table(["planted error", *wide], wide.itertuples(name=None))
@@ -130,10 +136,10 @@ def samples() -> str:
 def processors() -> str:
     """What the tests of the library and the notebooks gave as other machines run them."""
     rows = read("processors").pivot_table(
-        ["passed", "failed", "date"], "variant", "what", "first", fill_value="", sort=False
+        ["passed", "failed", "date"], "variant", "what", "first", fill_value="–", sort=False
     )
     shown = [(count, what) for what in ("tests", "notebooks") for count in ("passed", "failed")]
-    rows = rows[rows["date", "notebooks"] != ""][[*shown, ("date", "notebooks")]]
+    rows = rows[rows["date", "notebooks"] != "–"][[*shown, ("date", "notebooks")]]
     return table(
         ["as if on", "tests passed", "failed", "cells passed", "failed", "date"], rows.itertuples(name=None)
     )

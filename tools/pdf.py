@@ -106,10 +106,14 @@ def unfold(fold: Tag) -> None:
 
 
 def inside(page: str, address: str, pages: set[str]) -> str | None:
-    """Return where a link leads in the joined document; None for a page of the site that is not printed."""
+    """Return where a link leads in the joined document; None for a page of the site that is not printed.
+
+    A link to a plant or a design in the lab leads to the page of the lab.
+    """
     if urlsplit(address).scheme or urlsplit(address).netloc:
         return address
     file, place = urldefrag(address)
+    place = "" if place.startswith("lab-") else place
     name = _from_root(page, file).removesuffix(".html") if file else page
     return f"#{anchor(name, unquote(place))}" if name in pages else None
 

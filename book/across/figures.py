@@ -35,6 +35,8 @@ def plain(ax: Axes) -> None:
     low, high = ax.get_xlim()
     between = (0.7, 1.5, 3) if high < 30 * low else ()  # on a longer axis they would run together
     ticks = sorted([0.5, 1, 2, 5, 10, 20, 50, 100, 1000, *between])
+    if high < 2 * low:
+        ticks = [k / 10 for k in range(5, 100)]
     ticks = [tick for tick in ticks if low <= tick <= high]
     ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
     ax.set_xticks([], minor=True)
@@ -95,7 +97,7 @@ def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
                     gid="as-drawn",
                 )
         ax.set_xticks(range(table.shape[1]), [f"{x:g}" for x in table.columns])
-        ax.set_yticks(range(table.shape[0]), [f"{y:.2f}" for y in table.index])
+        ax.set_yticks(range(table.shape[0]), [f"{y:g}" for y in table.index])
         ax.set_title(title)
         ax.grid(visible=False)
     for ax in axes.flat[len(tables) :]:

@@ -104,7 +104,7 @@ def mapped() -> dict[str, pd.DataFrame]:
     names = {"lags3": "three equal lags"}
     out = {}
     for family, rows in saves.groupby("family"):
-        title = names.get(family, family.replace("sopdt damping=", "a pair of poles, damping "))
+        title = names.get(family, family.replace("sopdt damping=", "two poles, damping "))
         out[title] = rows.pivot_table(index="delay", columns="noise_limit", values="saves")
     return out
 

@@ -176,7 +176,7 @@ def optimum() -> pd.DataFrame:
             "pidalab, s": own["seconds"].map(number),
             "evolution, s": peer["seconds"].map(number),
             "times as long": peer["ratio"].map(number),
-            "IAE above pidalab's": peer["error"].map("{:.1%}".format),
+            "IAE above pidalab's": peer["error"].map("{:.1%}".format).str.replace("%", " %"),
             "ended by": peer["note"].fillna("equal IAE").replace("time is up", "its time"),
         }
     ).set_index(["plant", "controller"])
@@ -204,7 +204,7 @@ def portraits() -> pd.DataFrame:
             "loops run": table["sets"].map("{:,}".format),
             "seconds for all": table["seconds_for_all"].map(number),
             "times as long": table["ratio"].map(number),
-            "IAE differs by": table["iae_difference"].map("{:.0e}".format),
+            "IAE differs by": table["iae_difference"].map(lambda error: f"{error:.0e}" if error else "0"),
         }
     ).set_index(table["method"].rename(None))
 

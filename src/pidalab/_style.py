@@ -16,8 +16,27 @@ LOOKS: dict[str, dict[str, Any]] = {  # the same as in the lab, book/_static/lab
     "m = 4": {"color": "#8a4fa3", "linestyle": (0, (1, 1.5))},
     "PID": {"color": "#c8591a", "linestyle": (0, (3.5, 1.5))},
     "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
+    "other": {"color": "#404040", "linestyle": (0, (8, 1.5, 1, 1.5))},
 }
-OTHERS = ("m = 3", "m = 4", "PID", "PI", "PIDA")  # looks of a second design of a kind, the first that is free
+OTHERS = (
+    "m = 3",
+    "m = 4",
+    "other",
+    "PID",
+    "PI",
+    "PIDA",
+)  # of a second design of a kind, the first that is free
+SETTLED = {  # looks of controllers and of ways to meet a limit that appear on several pages
+    "PPM-PIDA": "m = 3",
+    "PIDA$_1$": "m = 4",
+    "PIDA$_2$": "other",
+    "integrates on": "PIDA",
+    "no protection": "PIDA",
+    "back-calculation": "PID",
+    "conditioning": "PID",
+    "clamping": "m = 3",
+    "automatic reset": "m = 4",
+}
 STYLE: dict[str, Any] = {
     "figure.dpi": 100,
     "figure.figsize": (6.4, 4.0),
@@ -27,6 +46,7 @@ STYLE: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
+    "axes.formatter.min_exponent": 3,  # 0.1 and 20 rather than powers of ten
     "axes.titlesize": "medium",
     "axes.titlelocation": "left",
     "axes.prop_cycle": cycler(
@@ -67,7 +87,7 @@ class BookAxes(Axes):
         label, formats = kwargs.get("label"), [each for each in args if isinstance(each, str)]
         given = vars(self.figure).setdefault("_pidalab_looks", {})
         coloured = {"color", "c"} & set(kwargs) or re.search("[rgbcmykw]", "".join(formats))
-        if isinstance(label, str) and (kind_of(label) or given) and not coloured:
+        if isinstance(label, str) and (label in SETTLED or kind_of(label) or given) and not coloured:
             look = dict(self._look(label, given))
             if {"linestyle", "ls"} & set(kwargs) or formats:
                 del look["linestyle"]
@@ -81,5 +101,5 @@ class BookAxes(Axes):
             free = [kind for kind in order if kind not in given.values()]
             # of a figure with more than five
             free += [kind for kind in order if LOOKS[kind]["color"] not in here]
-            given[label] = [*free, *order][0]
+            given[label] = SETTLED.get(label) or [*free, *order][0]
         return LOOKS[given[label]]

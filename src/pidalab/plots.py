@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -312,6 +312,50 @@ def maps(
     for i, patch in enumerate(scale.ax.findobj(PathPatch)):
         patch.set_gid(f"as-drawn-{i}")  # the shade beyond the last level keeps its colour in the dark, too
     return figure
+
+
+def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) -> None:
+    """Write the label of each line beside it and in its colour, where there is room; instead of a legend.
+
+    The scales and limits of the axes must be set before.
+
+    Parameters
+    ----------
+    ax : Axes
+        With lines that have labels.
+    at : mapping of str to float
+        Where on the horizontal axis each label is written, by label.
+    below : collection of str, optional
+        The labels that are written below their lines; the others are written above.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For anything but axes, and for a label that no line has.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt, pidalab
+    >>> figure, ax = plt.subplots()
+    >>> _ = ax.plot([0, 1, 2], [0, 1, 1], label="PI")
+    >>> pidalab.plots.label_lines(ax, {"PI": 1.5})
+    >>> ax.texts[0].get_text()
+    'PI'
+    """
+    _require_axes(ax)
+    lines, (bottom, _) = {str(line.get_label()): line for line in ax.get_lines()}, ax.get_ylim()
+    for label, x in at.items():
+        if label not in lines:
+            raise ValueError(f"at must have labels of lines in ax, {list(lines)}, found {label!r}")
+        points = ax.transData.transform(lines[label].get_xydata())
+        here = float(ax.transData.transform((x, bottom))[0])
+        before, y, after = np.interp([here - 5, here, here + 5], *points.T)
+        up = -1 if label in below else 1
+        lean = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up  # away from the slope
+        place: dict[str, Any] = {"ha": ("center", "left", "right")[lean], "va": "bottom" if up > 0 else "top"}
+        x, y = ax.transData.inverted().transform((here, y))
+        away: dict[str, Any] = {"xytext": (3 * lean, 3 * up), "textcoords": "offset points"}
+        ax.annotate(label, (x, y), **away, **place, color=lines[label].get_color())
 
 
 def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float | None = None) -> None:

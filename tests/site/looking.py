@@ -83,6 +83,29 @@ FIGURES = """async () => {
   return found;
 }"""
 
+# Words of first columns, tables in folds too, that go on in the next line though a column of the width that a phone
+# has for it would hold them.
+BROKEN = r"""() => {
+  const shut = [...document.querySelectorAll("main details:not([open])")], range = document.createRange(), found = [];
+  shut.forEach((fold) => { fold.open = true; });
+  for (const cell of document.querySelectorAll("main table tr > :first-child")) {
+    const walker = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
+    while (walker.nextNode()) {
+      const { currentNode: text } = walker;
+      if (text.parentElement.closest("mjx-container")) continue;
+      for (const word of text.data.matchAll(/[\p{L}\p{N}_.,]+/gu)) {
+        range.setStart(text, word.index);
+        range.setEnd(text, word.index + word[0].length);
+        const boxes = [...range.getClientRects()], width = boxes.reduce((sum, box) => sum + box.width, 0);
+        const lines = new Set(boxes.map((box) => Math.round(box.top))).size;
+        if (lines > 1 && width < 130) found.push(`broken in a first column: ${word[0]}`);
+      }
+    }
+  }
+  shut.forEach((fold) => { fold.open = false; });
+  return found;
+}"""
+
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
 # Formulas as boxes of their size and code as plain text: axe-core is not to take their thousands of parts apart. The
@@ -219,7 +242,9 @@ def looked_over(page: Page) -> list[str]:
     """What is wrong with a page that was opened in light, narrow and wide; its formulas become boxes."""
     page.add_style_tag(content=STILL)
     page.set_viewport_size(NARROW)
-    wrong = [f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES)]
+    wrong = [
+        f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES) + page.evaluate(BROKEN)
+    ]
     page.set_viewport_size(WIDE)
     wrong += problems(page)
     page.evaluate(PLAINER)

@@ -190,6 +190,9 @@ SVG = (  # of a width, with a word of a size
     "<img alt='x' style='width: %dpx' src=\"data:image/svg+xml,%%3Csvg xmlns='http://www.w3.org/2000/svg' "
     "viewBox='0 0 600 9'%%3E%%3Ctext style='font-size: %dpx'%%3Ex%%3C/text%%3E%%3C/svg%%3E#.svg\">"
 )
+NARROW_COLUMN = (
+    "<table style='width: 60px; table-layout: fixed'><tr><td style='%s'>PID controller<td>1</table>"
+)
 LARGE = "<p style='color: #888; font-size: 30px'>large</p>" * 20
 LINKS = "<p>many words <a href='#'>a link</a> more words</p>" * 20
 
@@ -244,6 +247,7 @@ def test_bad_page_is_caught(html, found, bad_page):
         (SVG % (500, 6), "narrow: words of 5"),
         ("<div style='overflow: auto'>" + SVG % (900, 30) + "</div>", "narrow: scrolls"),
         (SVG % (900, 30), "narrow: cut"),
+        (NARROW_COLUMN % "overflow-wrap: anywhere", "narrow: broken in a first column: controller"),
         ("<img src='data:,' alt='x'><a href='#'></a>", "axe link-name"),
         ("<pre>code <a href='#'></a></pre>", "axe link-name"),
     ],

@@ -195,6 +195,13 @@ def test_every_page_of_the_toc_is_built(toc, site):
     assert pages_not_built(toc, site) == []
 
 
+def test_no_figure_is_black_in_the_dark(site):
+    twins = list((site / "_images").glob("*-dark.svg"))
+    assert twins
+    black = re.compile(r"""["' :](#000|#000000|black)\b""")
+    assert [twin.name for twin in twins if black.search(twin.read_text(encoding="utf-8"))] == []
+
+
 def test_every_notebook_is_in_the_toc(toc, root):
     assert notebooks_not_in_toc(toc, root) == []
 

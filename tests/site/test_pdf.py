@@ -19,6 +19,7 @@ PAGES = {"book/a", "book/audit/b"}
         ("#x", "#book/a--x"),
         ("audit/b.html", "#book/audit/b"),
         ("audit/b.html#x%20y", "#book/audit/b--x y"),
+        ("audit/b.html#lab-eyJ9", "#book/audit/b"),  # a design in the lab
         ("../genindex.html", None),
         ("https://example.org/a.html", "https://example.org/a.html"),
     ],
