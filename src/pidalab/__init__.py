@@ -1,6 +1,6 @@
 """PIDA control: processes with dead time, loops simulated exactly, tuning rules, and a ledger of printed numbers.
 
-Data flow down one corridor, and every chapter of the book walks it::
+Data flow in one direction, in the library and in every chapter of the book::
 
     step data -> identify -> Process -> rule -> controller -> Loop -> Response -> measures -> figure, ledger
 
