@@ -543,8 +543,8 @@ class _LiveFigure:
 def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
     """Hand controllers to a live figure of the book.
 
-    It belongs into a cell inside ``<div class="pidalab-live">``, which becomes a figure with knobs; a picture that the
-    cell draws stands there for readers without JavaScript.
+    It belongs in a cell inside ``<div class="pidalab-live">``, which becomes a figure with knobs; a picture that the
+    cell draws is shown to readers without JavaScript.
 
     Parameters
     ----------

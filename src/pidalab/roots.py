@@ -19,7 +19,7 @@ from pidalab._check import Array
 
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)  # distances, relative to the modulus, of roots tried as one
 EXACT = 1e-14  # difference of the coefficients, relative to their size and by degree, that is as good as none
-ALLOWED = 1e-10  # difference beyond which roots do not stand for their polynomial
+ALLOWED = 1e-10  # difference beyond which roots do not represent their polynomial
 SMALL = 8  # degree up to which eigenvalues of a companion matrix are trusted
 MANY = 40  # degree beyond which most roots have to be multiple ones
 MOST = 400  # degree beyond which none are looked for

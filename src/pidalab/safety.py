@@ -1,4 +1,4 @@
-"""Designs that are safe in the loop that will run, with the model and with all plants that it may stand for."""
+"""Designs that are safe in the loop that will run, with the model and with all plants of its spread."""
 
 from __future__ import annotations
 
@@ -180,6 +180,6 @@ def unsafe(worst: float, limit: float, remedy: str, more: str = "") -> str:
     """Say why there is no design."""
     found = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
     return (
-        f"the model is too uncertain for this controller: a plant that it may stand for gives {found}, where "
+        f"the model is too uncertain for this controller: a plant of its spread gives {found}, where "
         f"ms_worst = {limit:g} is allowed{more}; {remedy}"
     )

@@ -140,7 +140,7 @@ def _chain(poles: Any) -> Array:
 
 def numerator(part: Part) -> Any:
     """Return the numerator of a part over the monic polynomial of its poles, in descending powers."""
-    before, now, total = np.zeros(1), np.ones(1), np.zeros(1)  # polynomials that the states stand for
+    before, now, total = np.zeros(1), np.ones(1), np.zeros(1)  # the polynomials of the states
     for i in range(part.b.size):
         total = np.polyadd(total, part.b[i] * now)
         if i + 1 < part.b.size:

@@ -52,7 +52,7 @@ def column(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
 
 ms = click.option("--ms", default=1.6, show_default=True, help="Largest maximum sensitivity.")
 ms_worst = click.option(
-    "--ms-worst", default=2.0, show_default=True, help="The same with any plant that the model may stand for."
+    "--ms-worst", default=2.0, show_default=True, help="The same with any plant of the spread."
 )
 limits = together(
     click.option("--u-min", default=-math.inf, help="Lower limit of u."),

@@ -98,7 +98,7 @@ class Fit:
         further lag, fitted anew: the longest whose residuals are not 3 % larger, and one of a middle length. What such
         a lag does to a record a little dead time does nearly as well; what it does to a loop can be quite different.
         Left out are those with which the record is less likely than with 95 % of the plants around the same model.
-        Beside equal lags stand two unequal ones with a further lag as well.
+        For equal lags, two unequal ones with a further lag are among these models as well.
 
         All have more dead time than was fitted, by up to the interval in which the input changed: a record shows a
         change at the sample after it, and does not say when it was. (An input that moves at every sample is taken to
@@ -157,7 +157,7 @@ class Fit:
         return plants
 
     def plants(self, count: int = 21) -> list[Process]:
-        """Return the model and, after it, plants that it may stand for: a family to design for.
+        """Return the model and, after it, plants that the record allows: a family to design for.
 
         They are those of `spread`, most of them with a gain that is 15 % higher, the others 15 % lower. A record shows
         the gain of one working point only, and a valve that sticks moves less than it is told to.

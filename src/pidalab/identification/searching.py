@@ -254,7 +254,7 @@ def loaded(data: Data) -> Data:
 def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:
     """Return models with one lag more that the record does not rule out: the longest such lag, and a middle one.
 
-    Beside equal lags stand unequal ones, too: what a mean lag does to a record they do nearly as well.
+    For equal lags there are unequal ones, too: they do nearly what a mean lag does to a record.
     """
     span = data.t[-1] - float(data.moments[0])
     left = _hidden(data, found, span, found.near)

@@ -11,7 +11,7 @@ from pidalab.robustness.margins import max_sensitivity
 
 
 def refusal(seen: list[Search], highest: int) -> str:
-    """Say what stands in the way, from searches in several units of time none of which came to a design."""
+    """Say what prevents a design, from searches in several units of time none of which came to a design."""
     first = seen[0]
     order, limits = first.problem.order, first.limits
     wanted = ", ".join(f"{name} <= {value:g}" for name, value in limits.named().items())

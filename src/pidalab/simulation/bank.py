@@ -1,4 +1,4 @@
-"""Parameter sets of a portrait, and the digital controllers and prefilters they stand for, many at once."""
+"""Parameter sets of a portrait, and the digital controllers and prefilters they make, many at once."""
 
 from __future__ import annotations
 
