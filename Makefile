@@ -8,9 +8,9 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 ENV := .venv/.installed
 SITE := _build/.built
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks slides faults foreign fuzz mutants lint bench studies study release archive pdf \
+.PHONY: help env book test notebooks faults foreign fuzz mutants lint bench studies study release archive pdf \
 	processors least versions twice shuffle lock clean
 .DELETE_ON_ERROR:
 
@@ -37,9 +37,6 @@ test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, 
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 	$(BIN)/python tools/notebooks.py
-
-slides: $(ENV)  ## make slides of the lectures in _build/slides, each in one file
-	$(BIN)/python tools/slides.py
 
 faults: $(ENV)  ## plant gross errors in the library and see every chapter notice (5 minutes)
 	$(BIN)/python tools/faults.py

@@ -1,4 +1,5 @@
-"""Build the site: copy the book, execute every notebook of the copy in parallel, let Jupyter Book make the pages.
+"""Build the site: copy the book, execute every notebook of the copy in parallel, let Jupyter Book make the pages,
+and add the slides of the lectures.
 
 The copy keeps the work tree as it is: what a notebook computes here is shown on its page, and compared with the
 stored outputs by the tests, but never stored.
@@ -10,6 +11,7 @@ import sys
 from pathlib import Path
 
 import evidence
+import slides
 import vendored
 from notebooks import execute_all, notebooks
 
@@ -45,6 +47,7 @@ def main() -> int:
     ]
     status = subprocess.run([*command, "--path-output", ROOT, SOURCE], check=False).returncode
     if status == 0:
+        slides.main(BUILD / "html" / "slides")
         vendored.write(vendored.SITE)
     return status
 

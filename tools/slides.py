@@ -1,6 +1,6 @@
 """Make slides of the lectures: one HTML file each, which needs no network, no other file and no notebook.
 
-The source is the lecture itself, with its stored outputs: `python tools/slides.py` writes _build/slides. What a slide
+The source is the lecture itself, with its stored outputs; `make book` writes them to _build/html/slides. What a slide
 shows is a heading with its formulas, lists, figures, live figures and results, and a little text; long text and code
 become notes, which the key N shows. Exercises share slides, each with its answer folded.
 """
@@ -296,20 +296,15 @@ def page(path: Path) -> str:
 
 
 def inside(script: str) -> str:
-    """A script that may stand inside a page."""
+    """A script that can be written inside a page."""
     return script.replace("</script", r"<\/script")
 
 
-def main(target: Path = ROOT / "_build" / "slides") -> list[Path]:
+def main(target: Path) -> list[Path]:
     """Write the slides of all lectures."""
     target.mkdir(parents=True, exist_ok=True)
     made = []
     for path in lectures(ROOT / "_toc.yml"):
         made.append(target / f"{path.stem}.html")
         made[-1].write_text(page(path), encoding="utf-8")
-        print(made[-1])
     return made
-
-
-if __name__ == "__main__":
-    main()

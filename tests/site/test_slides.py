@@ -121,10 +121,30 @@ def test_slides_in_the_dark_on_a_phone(made, visit):
     page.keyboard.press("d")
     assert page.locator("html").get_attribute("data-theme") == "light"
     page.keyboard.press("Home")
-    page.get_by_role("button", name="On", exact=True).click()
+    page.keyboard.press("PageDown")
     assert page.evaluate(SHOWN) == 2
     mark_kinds(page)
     assert wrong + barriers(page, runOnly=["color-contrast", "image-alt", "button-name"]) == []
+
+
+def test_a_slide_appears_step_by_step(made, visit):
+    page, _ = visit(made["limits"].as_uri(), viewport=PROJECTOR)
+    page.wait_for_function(TYPESET)
+    later = page.locator(".now .later")
+    assert later.count() == 0  # the first slide is whole
+    page.get_by_role("button", name="On", exact=True).click()
+    assert page.evaluate(SHOWN) == 2
+    for number in range(2, page.evaluate(COUNT)):
+        hidden = later.count()
+        while hidden:
+            assert not later.first.is_visible()
+            page.keyboard.press("ArrowRight")
+            assert later.count() < hidden
+            hidden = later.count()
+        page.keyboard.press("ArrowRight")
+        assert page.evaluate(SHOWN) == number + 1
+    page.keyboard.press("ArrowLeft")
+    assert later.count() == 0
 
 
 def test_a_slider_keeps_its_keys(made, visit):
