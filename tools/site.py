@@ -1,5 +1,4 @@
-"""Build the site: copy the book, execute every notebook of the copy in parallel, let Jupyter Book make the pages,
-and add the slides of the lectures.
+"""Build the site: execute every notebook of a copy in parallel, let Jupyter Book make the pages, add the slides.
 
 The copy keeps the work tree as it is: what a notebook computes here is shown on its page, and compared with the
 stored outputs by the tests, but never stored.
