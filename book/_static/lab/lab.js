@@ -401,6 +401,8 @@
       drop.addEventListener("dragover", (event) => event.preventDefault());
       drop.addEventListener("drop", (event) => { event.preventDefault(); this.take(event.dataTransfer.files[0]); });
 
+      this.columns = element("div", { class: "lab-columns", hidden: true, onchange: () => this.otherColumns() });
+
       const plantRow = choice({
         label: "plant", options: [...Object.entries(PLANTS).map(([key, plant]) => [key, plant.name]), ["given", "the plant of the link"], ["own", "my own"]],
         get: () => this.state.plant, set: (plant) => this.change({ plant, record: plant === "own" ? this.state.record : null }),
@@ -436,7 +438,7 @@
       this.cards = element("div", { class: "lab-cards", onclick: (event) => this.pressed(event.target) });
       const part = (title, ...rows) => element("fieldset", {}, element("legend", {}, title), ...rows);
       const controls = element("div", { class: "lab-controls" },
-        part("Plant", plantRow, this.ownRows, drop),
+        part("Plant", plantRow, this.ownRows, drop, this.columns),
         part("Designs", this.cards, element("div", { class: "lab-actions" },
           button("PI, PID and PIDA by this rule", () => this.threeKinds()), button("Add a copy", () => this.copyOf()), button("Undo", () => this.undo()))),
         part("The chosen design", ...design), part("Sampling, noise", ...world));
@@ -506,8 +508,8 @@
 
     /* A record becomes a plant, by least squares, and that a design with a filter that suits its noise: u is to move by a
        tenth of the record's step for three standard deviations. Until the search is done, a slow PI stands in. */
-    takeRecord(text, name) {
-      const record = readRecord(text), { own, name: structure, t, fitted, sigma, explained, span, h } = fit(record), four = (x) => Number(x.toPrecision(4));
+    takeRecord(text, name, columns) {
+      const record = readRecord(text, columns), { own, name: structure, t, fitted, sigma, explained, span, h } = fit(record), four = (x) => Number(x.toPrecision(4));
       const rounded = Object.fromEntries(Object.entries(own).map(([key, x]) => [key, typeof x === "number" ? four(x) : x]));
       const each = Math.max(1, Math.ceil(t.length / 400)), thin = (values) => Array.from(values, Number).filter((_, k) => k % each === 0).map(four);
       const at = t.filter((_, k) => k % each === 0), y = at.map((x) => record.y[Math.max(record.t.findLastIndex((other) => other <= x + 1e-6 * h), 0)]);
@@ -515,8 +517,20 @@
       const time = own.t1 + own.t2 + own.t3 + own.delay, slow = own.integrating ? { kp: 0.2 / (own.gain * time), ti: 10 * time } : { kp: 0.2 / own.gain, ti: time };
       const poor = explained < 0.9 ? " That is a poor fit: are the columns time, input and output, and does the input move?" : "";
       const about = `Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} rows with missing values left out` : ""}. Model by least squares: ${structure}; it explains ${digits(100 * explained, 4)} % of the record.${poor} The residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseLimit)}.`;
-      const file = record.columns > 2 ? { name: /^[\w.-]+$/.test(name) ? name : JSON.stringify(name), h } : null;
+      const quoted = (word) => (/^[\w.-]+$/.test(word) ? word : JSON.stringify(word)), { names, named, columns: used } = record;
+      const chosen = ["time", "u", "y"].map((option, j) => (used[j] === j ? "" : ` --${option} ${named ? quoted(names[used[j]]) : used[j]}`)).join("");
+      if (this.dropped?.text !== text) {
+        this.dropped = { text, name, id: (this.dropped?.id ?? 0) + 1 };
+        this.columns.replaceChildren(...["time", "input", "output"].map((label) => element("label", {}, `${label} `, element("select", {}, ...names.map((word, k) => element("option", { value: k }, word))))));
+      }
+      const file = used.length > 2 ? { called: quoted(name) + chosen, h, columns: used, dropped: this.dropped.id } : null;
       this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum" }], chosen: 0 });
+    }
+
+    /* The same record, of other columns. */
+    otherColumns() {
+      const { text, name } = this.dropped, chosen = Array.from(this.columns.querySelectorAll("select"), (box) => Number(box.value));
+      try { this.takeRecord(text, name, chosen); } catch (error) { this.say(`${name}: ${error.message}.`); }
     }
 
     takeSaved(text) {
@@ -591,6 +605,9 @@
       const visible = (row, yes) => { if (row.hidden === Boolean(yes)) row.hidden = !yes; };
       visible(this.ownRows, state.plant === "own");
       visible(this.givenOption, state.given);
+      const file = state.record?.file, here = file && file.dropped === this.dropped?.id;
+      visible(this.columns, here);
+      if (here) this.columns.querySelectorAll("select").forEach((box, j) => { box.value = file.columns[j]; });
       visible(this.msRow, rule.knob === "ms"); visible(this.tcRow, rule.knob === "tc"); visible(this.limitRow, rule.noise);
       visible(this.tdRow, order > 0); visible(this.taRow, order > 1);
       for (const row of [this.lowRow, this.highRow, this.windupRow]) visible(row, design.limited);
@@ -626,7 +643,7 @@
     /* What was read of a record, and the command that goes on from it with the chosen design. */
     drawRecord() {
       const { about, file } = this.state.record ?? {}, noise = this.knob("noiseLimit") / Math.abs(gainOf(this.process));
-      const command = file && `pidalab tune ${file.name} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
+      const command = file && `pidalab tune ${file.called} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
       plot.show(this.about, ...(about ? [["p", {}, about]] : []),
         ...(command ? [["p", {}, "The same limits from the command line, with uncertainty and sampling, and code for a controller in the folder ", ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
     }

@@ -28,7 +28,8 @@
     return Number.isNaN(time) ? undefined : time;
   }
 
-  /* The rows of a table, divided by the mark that makes the most columns of numbers and the fewest others. */
+  /* The rows of a table, divided by the mark that makes the most columns of numbers and the fewest others, and the names of
+     its columns: the last line of words above the numbers. */
   function table(lines) {
     const tables = MARKS.map((mark) => lines.map((line) => line.trim().split(mark).map((entry) => number(entry, mark !== ","))));
     const worth = (rows) => {
@@ -36,16 +37,20 @@
       const full = Array.from({ length: width }, (_, k) => last.filter((row) => row[k] !== undefined).length > last.length / 2);
       return full.filter(Boolean).length ** 2 / width;
     };
-    return tables.reduce((best, rows) => (worth(rows) > worth(best) ? rows : best));
+    const best = tables.reduce((best, rows) => (worth(rows) > worth(best) ? rows : best)), first = best.findIndex((row) => row.some(Number.isFinite));
+    const words = first > 0 ? lines[first - 1].trim().split(MARKS[tables.indexOf(best)]).map((word) => word.replace(/["']/g, "").trim()) : [];
+    const width = best[Math.max(first, 0)].length;
+    return { rows: best, names: words.length === width ? words : Array.from({ length: width }, (_, k) => `column ${k + 1}`), named: words.length === width };
   }
 
-  /* Times, inputs and outputs: the first three columns, or two of time and output after a unit step at the first time.
-     Rows with a missing value are left out, times sorted, equal ones averaged. */
-  function readRecord(text) {
+  /* Times, inputs and outputs: the columns chosen, else the first three, or two of time and output after a unit step at the
+     first time. Rows with a missing value there are left out, times sorted, equal ones averaged. */
+  function readRecord(text, chosen = [0, 1, 2]) {
     const lines = text.split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
     if (!lines.length) throw new RangeError("the file is empty");
-    const rows = table(lines), wide = rows.filter((row) => row.length > 2).length > rows.length / 2 ? 3 : 2;
-    const usable = rows.map((row) => row.slice(0, wide)).filter((row) => row.length === wide && row.every(Number.isFinite));
+    const { rows, names, named } = table(lines), wide = rows.filter((row) => row.length > 2).length > rows.length / 2 ? 3 : 2;
+    const columns = chosen.slice(0, wide);
+    const usable = rows.map((row) => columns.map((k) => row[k])).filter((row) => row.every(Number.isFinite));
     if (usable.length < 10) throw new RangeError(`the file needs ten rows of numbers or more (time, output; or time, input, output), found ${usable.length}`);
     usable.sort((a, b) => a[0] - b[0]);
     const t = [], u = [], y = [];
@@ -58,7 +63,7 @@
     }
     if (t.length < 10) throw new RangeError("the times do not rise");
     for (const [name, signal] of [["input", wide > 2 ? u : [0, 1]], ["output", y]]) if (signal.every((x) => x === signal[0])) throw new RangeError(`the ${name} never changes`);
-    return { t, u, y, columns: wide, missing: lines.length - usable.length - Math.max(rows.findIndex((row) => row.some(Number.isFinite)), 0) };
+    return { t, u, y, columns, names, named, missing: lines.length - usable.length - Math.max(rows.findIndex((row) => row.some(Number.isFinite)), 0) };
   }
 
   /* Least value by the simplex of Nelder and Mead. */
