@@ -207,8 +207,8 @@ with SCRIPT.parents[3].joinpath("tests", "lab", "least_iae.csv").open(encoding="
     LEAST = list(csv.DictReader(file))
 
 
-# Of the 100 those that came farthest above the library, by 0.24 to 0.09 %
-HARDEST = (39, 10, 23, 75, 90, 27, 4, 49, 11, 28)
+# Of the 100 those that came farthest above the library, by 0.24 to 0.09 %, and one whose valley was missed by 8 %
+HARDEST = (39, 28, 10, 23, 75, 90, 27, 4, 49, 11, 56)
 ROWS = range(100) if "FUZZ" in os.environ else HARDEST
 
 

@@ -551,7 +551,7 @@ def test_designs_with_other_filters_have_other_noise(lab):
     page.get_by_label("filter time, number").fill("0.001")
     page.keyboard.press("Enter")
     page.evaluate(NEXT_FRAME)
-    said = page.locator(".lab-table caption").inner_text()
+    said = page.locator(".lab-table p").inner_text()
     assert said.endswith("a sample every 0.03, 0.03, 0.001 (row by row)")
 
 

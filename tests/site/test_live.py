@@ -137,7 +137,7 @@ def shown(open_figure, **more):
         if "sigma" in more["numbers"]
         else []
     )
-    assert page.locator(".lab-table caption").all_text_contents() == noise
+    assert page.locator(".lab-table p").all_text_contents() == noise
     return [dict(zip(more["numbers"], row, strict=True)) for row in found], plots(host)
 
 

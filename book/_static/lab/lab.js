@@ -198,9 +198,9 @@
       ];
     };
     plot.show(place, ["table", {},
-      ...(keys.includes("sigma") ? [["caption", {}, noiseMeant(shown)]] : []),
       ["thead", {}, ["tr", {}, heading(first), ...keys.map((key) => heading(NUMBERS[key][0]))]],
-      ...(below ? shown.map(rows) : [shown.flatMap(rows)]).map((group) => ["tbody", {}, ...group])]);
+      ...(below ? shown.map(rows) : [shown.flatMap(rows)]).map((group) => ["tbody", {}, ...group])],
+    ...(keys.includes("sigma") ? [["p", {}, noiseMeant(shown)]] : []));
   }
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table

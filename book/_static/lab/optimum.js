@@ -337,8 +337,9 @@
     const lower = below?.best; // with hardly any of the highest derivative, and with some
     if (lower) for (const share of [-6, -1.5]) go([...lower.x.slice(0, -1), lower.x[order] + share, lower.x[order + 1]]);
     ends.sort((a, b) => a.value - b.value);
-    // valleys beside the best: another filter; and one with more of the highest derivative behind a slower filter
-    if (ends.length) for (const [filter, highest, others] of [[-1.5, 0, 0], [1.5, -0.3, -0.3], ...(order > 1 ? [[1, 1.2, 0.1]] : [])]) {
+    // valleys beside the best: another filter, and of a PIDA as much more or less acceleration as leaves the noise as it is
+    const valleys = [[-1.5, 0, 0], [1.5, -0.3, -0.3], ...(order > 1 ? [-0.9, 0.9, 1.7].map((f) => [f, 2 * f, 0.1 * f]) : [])];
+    if (ends.length) for (const [filter, highest, others] of valleys) {
       const { x } = ends[0];
       go(x.map((v, k) => (k > order + 1 ? Math.min(Math.max(v + filter, FASTEST), SLOWEST) : v + (k > order ? highest : others))));
     }
