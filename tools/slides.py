@@ -244,7 +244,9 @@ def ready(heading: str, pile: list[Block]) -> list[Block]:
 
 def length(block: Block) -> int:
     """How many characters of text a block has; code is never shown beside it."""
-    return 0 if block.kind == "code" else len(re.sub(r"<style.*?</style>|<[^>]*>", "", block.html, flags=re.S))
+    return (
+        0 if block.kind == "code" else len(re.sub(r"<style.*?</style>|<[^>]*>", "", block.html, flags=re.S))
+    )
 
 
 def slide(heading: str, blocks: list[Block]) -> str:

@@ -338,7 +338,10 @@ def test_a_dropped_record_becomes_a_plant_and_a_design(lab):
     dropped(page, "\n".join(["time u y", *spaced]), "tune step.csv")  # in three columns, with a command
     clock = [f"12:00:{a:06.3f},{b:.6f}" for a, b in zip(t, y, strict=True)]
     dropped(page, "\n".join(clock), "Record of 200 samples")
-    wide = [f"{k};{b:.4f};{0.2 * b + 7:.4f};{min(k, 1)};{a:.3f}" for k, (a, b) in enumerate(zip(t, y, strict=True))]
+    wide = [
+        f"{k};{b:.4f};{0.2 * b + 7:.4f};{min(k, 1)};{a:.3f}"
+        for k, (a, b) in enumerate(zip(t, y, strict=True))
+    ]
     dropped(page, "\n".join(["no;level;other;valve %;seconds", *wide]), "Record of 200 samples")
     for label, name in (("time", "seconds"), ("input", "valve %"), ("output", "level")):
         page.locator(".lab-columns").get_by_label(label).select_option(name)
