@@ -85,7 +85,7 @@ def test_step_information(num, den, published):
 
 
 def test_a_loop_with_dead_time():
-    """ControlSystems.jl, test_delay_timeresp.jl: 2 exp(-s)/s with unit feedback, between the multiples of its dead time a polynomial."""
+    """Of ControlSystems.jl: 2 exp(-s)/s with unit feedback, a polynomial from dead time to dead time."""
     t = np.linspace(0.0, 3.0, 301)
     y = pidalab.step_response(pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 1.0), t).y
     expected = 2 * np.maximum(t - 1, 0) - 2 * np.maximum(t - 2, 0) ** 2
