@@ -127,6 +127,8 @@ def fork_kernels() -> None:
     """Let all kernels that this process starts be forked, where the system can do so."""
     if not hasattr(os, "fork"):
         return
+    # one thread for each notebook: their matrices are small
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if ADDRESS not in os.environ:
         start_server()
     factory = KernelProvisionerFactory.instance()
@@ -159,6 +161,13 @@ def become_kernel(request: dict[str, Any]) -> None:
 def warm_up() -> None:
     """Import what the notebooks import, draw a figure, and compile the engine or read its machine code."""
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
+    other = os.fork()  # it compiles one half of the engine, this process the other
+    if not other:
+        logging.getLogger("pidalab").setLevel(logging.ERROR)
+        try:
+            respond()
+        finally:
+            os._exit(0)
     for name in PRELOADED:
         importlib.import_module(name)
     import numpy as np
@@ -169,10 +178,23 @@ def warm_up() -> None:
 
     pd.set_option("display.max_columns", 20)  # its default in a kernel; it takes this process for a terminal
     Figure().subplots(subplot_kw={"xlabel": "$t$"}).figure.savefig(BytesIO(), format="svg")
+    controller = pidalab.SeriesPIDA(0.1, 0.4, 0.2, ti=0.6, filter_time=0.2, filter_order=2)
+    loop, t = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), controller), 0.01 * np.arange(3)
+    pidalab.simulate_sampled(loop, t)
+    pidalab.portrait(loop, {"ka": [0.2]}, t)
+    os.waitpid(other, 0)
+    respond()
+
+
+def respond() -> None:
+    """Compute the margins and a response of a loop."""
+    import numpy as np
+
+    import pidalab
+
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
     pidalab.margins(loop)
     pidalab.load_response(loop, np.arange(3.0))
-    pidalab.simulate_sampled(loop, 0.001 * np.arange(3))
 
 
 def serve(listener: socket.socket) -> None:

@@ -63,9 +63,6 @@ def notebooks(folder: Path) -> list[Path]:
 def execute_all(paths: Iterable[Path]) -> None:
     """Run notebooks on all cores, one line for each that is done; the first error is raised."""
     paths = list(paths)
-    os.environ.setdefault(
-        "OPENBLAS_NUM_THREADS", "1"
-    )  # one thread for each notebook: their matrices are small
     fork_kernels()
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         runs = {pool.submit(execute, path): path for path in paths}

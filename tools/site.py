@@ -12,6 +12,7 @@ from pathlib import Path
 import evidence
 import slides
 import vendored
+from kernels import fork_kernels
 from notebooks import execute_all, notebooks
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -32,6 +33,7 @@ def copy() -> None:
 
 def main() -> int:
     """Return the exit status of Jupyter Book; every warning is an error."""
+    fork_kernels()  # it takes a while to compile the engine
     copy()
     evidence.fill(SOURCE / "book" / "how-we-know.md")
     execute_all(notebooks(SOURCE))
