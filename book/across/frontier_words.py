@@ -67,31 +67,24 @@ def steps() -> pd.DataFrame:
     return pd.DataFrame(rows).T
 
 
-def third_derivative() -> Markdown:
-    """Whether one more derivative is worth it."""
-    wide = by_order(curves())
-    saves = (1 - wide[3] / wide[2]).dropna()
-    plant, noise = saves.idxmax()
-    many = (saves.groupby(level="plant").max() >= WORTH).sum()
-    return Markdown(
-        f"The third derivative saves {saves.median():.0%} in the median and at most {saves.max():.0%} ({plant}, noise "
-        f"gain {noise:g}); it reaches a tenth on {many} of {saves.index.get_level_values(0).nunique()} plants."
-    )
+def savings(ms: float = tables.MS) -> pd.DataFrame:
+    """What each further derivative saves over all plants and noise, and on how many plants it reaches a tenth."""
+    wide, rows = by_order(curves(ms)), {}
+    for order in (1, 2, 3):
+        saves = (1 - wide[order] / wide[order - 1]).dropna()
+        most, (plant, noise) = saves.groupby(level="plant").max(), saves.idxmax()
+        rows[KINDS[order]] = {
+            "saves, median": f"{saves.median():.0%}",
+            "at most": f"{saves.max():.0%}: {plant}, noise gain {noise:g}",
+            "a tenth on": f"{(most >= WORTH).sum()} of {most.size} plants",
+        }
+    return pd.DataFrame(rows).T
 
 
-def less_robust() -> Markdown:
-    """What a larger Ms buys, and whether it changes what acceleration saves."""
-    strict, loose = by_order(curves()), by_order(curves(LESS_ROBUST))
-    bought = (1 - loose / strict).median()
-    kinds = ", ".join(f"{kind} {bought[order]:.0%}" for order, kind in enumerate(KINDS))
-    saves = {ms: (1 - wide[2] / wide[1]).dropna() for ms, wide in ((tables.MS, strict), (LESS_ROBUST, loose))}
-    medians = " and ".join(f"{one.median():.0%} at Ms {ms:g}" for ms, one in saves.items())
-    enough = [int((one.groupby(level="plant").max() >= WORTH).sum()) for one in saves.values()]
-    return Markdown(
-        f"With Ms {LESS_ROBUST:g} in place of {tables.MS:g} the least IAE is smaller, in the median over plants and "
-        f"noise: {kinds}. Acceleration saves {medians} in the median, and reaches a tenth on {enough[0]} and "
-        f"{enough[1]} of {len(saves[tables.MS].groupby(level='plant'))} plants."
-    )
+def bought() -> pd.DataFrame:
+    """How much smaller the least IAE is at the larger Ms, in the median over plants and noise."""
+    smaller = (1 - by_order(curves(LESS_ROBUST)) / by_order(curves())).median()
+    return pd.DataFrame([smaller.map("{:.0%}".format).to_list()], ["IAE smaller by"], KINDS)
 
 
 def mapped() -> dict[str, pd.DataFrame]:

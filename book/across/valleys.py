@@ -7,7 +7,6 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pidalab
-from IPython.display import Markdown
 from pidalab.optimal._problem import Problem
 from pidalab.optimal._solver import FINE, NEARLY, Limits, Search
 from pidalab.optimal._starts import at_once
@@ -55,16 +54,3 @@ def figure(one: Walk) -> None:
     below.plot(one.filter_time, one.acceleration, marker="o", markersize=3.5)
     above.set(xscale="log", ylabel="IAE (y × time)")
     below.set(xlabel="filter time (time)", ylabel="ka (u/y × time²)")
-
-
-def sentence() -> Markdown:
-    """The shelf and the valley of the walk in numbers of the search."""
-    pid, pida = (pidalab.optimal.load(PROCESS, order, ms=MS, mks=MKS) for order in (1, 2))
-    return Markdown(
-        "Fast filters leave hardly any acceleration: there the best PIDA is the best PID, with an IAE of "
-        f"{pid.iae:.2f}, and the curve is level: the shelf. The valley is at a filter "
-        f"{pida.controller.filter_time / pid.controller.filter_time:.0f} times as slow, with an IAE of {pida.iae:.2f}. "
-        "Local searches of all parameters at once, from different starts, end at either; those of the library at "
-        + ", ".join(f"{value:.2f}" for value in pida.valleys)
-        + "."
-    )

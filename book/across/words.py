@@ -1,6 +1,8 @@
-"""Sentences of the pages across the papers, with their numbers and their verbs from the tables."""
+"""What the page on all plants says: tables and sentences, with their numbers and their verdicts from the studies."""
 
 from __future__ import annotations
+
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -8,46 +10,39 @@ from IPython.display import Markdown
 
 import tables
 
-STEEP, FLAT = 2.0, 1.0  # roll-off: as of two lags and more, as of one lag and less
+ROLLOFF = (-np.inf, 1.0, 2.0, np.inf)  # as of one lag and less, as of two lags and more
 FEW = 20  # plants that a rule must serve to have a line in a figure
 GOOD = 0.9  # share of the plants on which a rule of our own must be within a tenth of the frontier
 WORTH = 0.1  # share of the IAE that acceleration must save to be worth its parameter
 
 
-def share(x: float) -> str:
-    """A share in per cent."""
-    return f"{x:.0%}"
+def percent(values: pd.Series) -> pd.Series:
+    """Shares in per cent."""
+    return values.map("{:.0%}".format)
 
 
-def bins(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Plants by their roll-off."""
-    order = table["rolloff"]
-    return {
-        f"of {STEEP:g} or more": table[order >= STEEP],
-        f"between {FLAT:g} and {STEEP:g}": table[(order >= FLAT) & (order < STEEP)],
-        f"below {FLAT:g}": table[order < FLAT],
-    }
-
-
-def acceleration() -> Markdown:
-    """When acceleration pays, by the roll-off of the plant."""
+def acceleration() -> pd.DataFrame:
+    """When acceleration pays, and what it saves of the IAE, by the roll-off of the plant."""
     table = tables.pays().dropna(subset=["saves"])
-    lines = []
-    for where, rows in bins(table).items():
-        loud, quiet = (rows[rows["terms"] == term]["saves"] for term in ("loud", "quiet"))
-        verdict = (
-            "pays"
-            if loud.quantile(0.1) >= WORTH
-            else "pays on some"
-            if (loud >= WORTH).any()
-            else "does not pay"
-        )
-        lines.append(
-            f"* Roll-off {where} ({loud.size} plants): acceleration **{verdict}**. It saves {share(loud.median())} of "
-            f"the IAE in the median where noise may be loud (from {share(loud.min())} to {share(loud.max())}), and "
-            f"{share(quiet.median())} where it must be quiet."
-        )
-    return Markdown("\n".join(lines))
+    table["roll-off"] = pd.cut(
+        table["rolloff"], ROLLOFF, right=False, labels=["below 1", "1 to 2", "2 or more"]
+    )
+    loud, quiet = (
+        rows.groupby("roll-off", observed=True)["saves"]
+        for rows in (table[table["terms"] == terms] for terms in ("loud", "quiet"))
+    )
+    verdict = np.select(
+        [loud.quantile(0.1) >= WORTH, loud.max() >= WORTH], ["pays", "pays on some"], "does not pay"
+    )
+    found = {
+        "plants": loud.size(),
+        "acceleration": verdict,
+        "saves, noise loud": percent(loud.median()),
+        "least": percent(loud.min()),
+        "most": percent(loud.max()),
+        "saves, noise quiet": percent(quiet.median()),
+    }
+    return pd.DataFrame(found)
 
 
 def law() -> Markdown:
@@ -78,67 +73,49 @@ def simplest() -> pd.DataFrame:
     return out.merge(tables.read("processes")[["plant", "rolloff", "dead_time"]], on="plant")
 
 
-def answer() -> Markdown:
-    """The answer on one page: for each class of plants the rules nearest to the frontier, and what each step buys."""
+def nearest() -> pd.DataFrame:
+    """For each class of plants the rule nearest to the best of its kind, and the one nearest to the best of all."""
     best, of_all = tables.best_rules("loud"), tables.best_of_all("loud")
-    saved = tables.pays().groupby(["class", "terms"], observed=True)[["pid", "saves"]].median()
-    counts = tables.plants().groupby("class", observed=True).size()
-    lines = []
-    for plants in tables.CLASSES:
-        rules = "; ".join(_nearest(best, (plants, kind), kind) for kind in tables.KINDS)
-        quiet, loud = saved.loc[(plants, "quiet")], saved.loc[(plants, "loud")]
-        lines.append(
-            f"* **{plants.capitalize()}** ({counts[plants]} plants). Nearest to the best of their kind: {rules}. "
-            f"Nearest to the best of all: {tables.with_kind(*of_all.loc[plants][['rule', 'kind']])} "
-            f"({of_all.loc[plants]['median']:.2f}). PID saves {share(quiet['pid'])} of the IAE of the best PI where "
-            f"noise must be quiet and {share(loud['pid'])} where it may be loud, PIDA another "
-            f"{share(quiet['saves'])} and {share(loud['saves'])} of what is left."
-        )
-    return Markdown("\n".join(lines))
+    found = best.apply(_with_median, axis=1).unstack("kind", fill_value="none serves")[list(tables.KINDS)]
+    of_all["rule"] = [tables.with_kind(*pair) for pair in of_all[["rule", "kind"]].to_numpy()]
+    return found.assign(**{"of all": of_all.apply(_with_median, axis=1)})
 
 
-def _nearest(best: pd.DataFrame, key: tuple[str, str], kind: str) -> str:
-    """One rule with its distance."""
-    if key not in best.index:
-        return f"{kind}, none serves"
-    return f"{kind}, {tables.written(best.loc[key]['rule'])} ({best.loc[key]['median']:.2f})"
+def _with_median(row: pd.Series) -> str:
+    return f"{tables.written(row['rule'])} ({row['median']:.2f})"
 
 
-def wrong(kind: str, table: pd.DataFrame) -> str:
-    """Worst Ms and growth of the IAE over the eight plants that are off."""
-    lost = table["iae_worst"] / table["iae"]
-    unstable = int(np.isinf(table["ms_worst"]).sum())
-    known = table[np.isfinite(table["ms_worst"])]
-    return (
-        f"* {kind}: Ms grows from {tables.MS:g} to {known['ms_worst'].median():.2f} in the median and "
-        f"{known['ms_worst'].quantile(0.9):.2f} in the worst tenth; the IAE is {lost.median() - 1:.0%} larger in the "
-        f"median. Unstable: {unstable} of {len(table)} designs."
-    )
+def saved() -> pd.DataFrame:
+    """For each class of plants what a PID saves of the IAE of a PI, and a PIDA of that of a PID, in the median."""
+    groups = tables.pays().groupby(["class", "terms"], observed=True)
+    medians = groups[["pid", "saves"]].median().apply(percent).unstack()
+    found = {"plants": tables.plants().groupby("class", observed=True).size()}
+    for (step, kind), noise in product((("pid", "PID"), ("saves", "PIDA")), tables.NOISE):
+        found[f"{kind} saves, noise {noise}"] = medians[step, noise]
+    return pd.DataFrame(found)
 
 
-def model_error(terms: str = "loud") -> Markdown:
-    """What is lost when gain, time and dead time are each off by a fifth, for the optima and beside the rules."""
-    best = tables.optima().query("terms == @terms").dropna(subset=["iae"])
-    lines = [wrong(kind, best[best["kind"] == kind]) for kind in tables.KINDS]
-    return Markdown("\n".join(lines))
-
-
-def beside_rules() -> Markdown:
-    """Whether the optima are more, or less, at the mercy of the model than the rules at the same nominal Ms."""
+def model_error() -> pd.DataFrame:
+    """What is lost by the optima when gain, time and dead time are off by a fifth, and how many rules lose less."""
+    best = tables.optima().query("terms == 'loud'").dropna(subset=["iae"])
     medians = {name: rows["ms_worst"].median() for name, rows in by_worst().items()}
-    parts = []
+    rows = {}
     for kind in tables.KINDS:
-        own = medians[f"optimal {kind}"]
+        table = best[best["kind"] == kind]
+        known = table[np.isfinite(table["ms_worst"])]["ms_worst"]
         rules = [
-            value
+            value < medians[f"optimal {kind}"]
             for name, value in medians.items()
             if tables.is_of(name, kind) and not name.startswith("optimal")
         ]
-        below = sum(value < own for value in rules)
-        parts.append(f"{kind} {own:.2f} (smaller for {below} of {len(rules)} rules)")
-    return Markdown(
-        "Median of the largest Ms for the optima, and how many rules stay below: " + ", ".join(parts) + "."
-    )
+        rows[kind] = {
+            "Ms, median": f"{known.median():.2f}",
+            "Ms, worst tenth": f"{known.quantile(0.9):.2f}",
+            "IAE grows, median": f"{(table['iae_worst'] / table['iae']).median() - 1:.0%}",
+            "unstable": f"{np.isinf(table['ms_worst']).sum()} of {len(table)}",
+            "rules with a smaller Ms": f"{sum(rules)} of {len(rules)}",
+        }
+    return pd.DataFrame(rows).T
 
 
 def by_distance(terms: str) -> dict[str, pd.DataFrame]:
@@ -165,26 +142,24 @@ def ordered(table: pd.DataFrame, value: str) -> dict[str, pd.DataFrame]:
     return dict(sorted(groups.items(), key=lambda pair: pair[1][value].median()))
 
 
-def own_rule() -> Markdown:
+def own_rule() -> pd.DataFrame:
     """Whether a simple rule came within a tenth of the frontier, on plants that it was not fitted to."""
-    lines = []
-    judged = tables.read("own_rule").query("half == 'judged'")
-    for kind, rows in judged.groupby("kind"):
-        near = rows["over_best_at_equal_terms"]
+    rows = {}
+    for kind, judged in tables.read("own_rule").query("half == 'judged'").groupby("kind"):
+        near = judged["over_best_at_equal_terms"]
         inside = (near <= 1 + WORTH).mean()
         rivals = tables.compared("loud").query("kind == @kind").dropna(subset=["of_kind"])
-        medians = rivals.groupby("rule")["of_kind"].median().sort_values()
-        verdict = (
-            "good enough for a rule" if inside >= GOOD else "**not** good enough for a rule of the library"
-        )
-        kept = rows["ms"].between(1.3, 1.5).mean()
-        lines.append(
-            f"* {kind}: at equal terms within a tenth of the frontier on {share(inside)} of {len(rows)} judged "
-            f"designs (median {near.median():.2f}, nine of ten below {near.quantile(0.9):.2f}); as it comes, Ms is "
-            f"within 0.1 of {tables.MS:g} on {share(kept)}. The best published rule of this kind has the median "
-            f"{medians.iloc[0]:.2f} ({medians.index[0]}). With nine of ten as the bar that is {verdict}."
-        )
-    return Markdown("\n".join(lines))
+        medians = rivals.groupby("rule")["of_kind"].median()
+        rows[kind] = {
+            "designs": len(judged),
+            "within a tenth": f"{inside:.0%}",
+            "median": f"{near.median():.2f}",
+            "9 of 10 below": f"{near.quantile(0.9):.2f}",
+            f"Ms within 0.1 of {tables.MS:g}": f"{judged['ms'].between(1.3, 1.5).mean():.0%}",
+            "best published": f"{medians.idxmin()} ({medians.min():.2f})",
+            "good enough": "yes" if inside >= GOOD else "no",
+        }
+    return pd.DataFrame(rows).T
 
 
 def coverage() -> Markdown:
