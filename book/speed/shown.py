@@ -1,4 +1,4 @@
-"""Tables, figures and sentences of the page on speed: all numbers come from the files that `make bench` writes."""
+"""Tables and figures of the page on speed: all numbers come from the files that `make bench` writes."""
 
 from __future__ import annotations
 
@@ -59,25 +59,17 @@ def size(error: float) -> str:
     return f"{error:.0e}" if error < 1 else "no digit"
 
 
-def headline() -> Markdown:
-    """Responses beside the Padé approximation, and who was nearer to the truth, in sentences."""
-    table, lines = rows("response"), []
-    for points, some in table.groupby("value"):
-        own, peer = (some[some["method"] == name] for name in (OWN, PADE))
-        lines.append(
-            f"* {int(points):,} points over twenty dead times: python-control with a Padé approximation of order 10 "
-            f"takes **{span(peer['ratio'])}** times as long as pidalab, with errors of {size(peer['error'].min())} to "
-            f"{size(peer['error'].max())} where pidalab's are at most {size(own['error'].max())}."
-        )
-    beaten = table.merge(table[table["method"] == OWN], on=["loop", "value"], suffixes=("", "_own"))
-    nearer = beaten[(beaten["method"] != OWN) & (beaten["error"] < beaten["error_own"])]
-    quick = beaten[beaten["seconds"] < beaten["seconds_own"]]
-    others = ", ".join(quick["method"].unique()) or "nobody"
-    lines.append(
-        f"* Of {len(table[table['method'] != OWN])} responses by other methods {len(nearer) or 'none'} came nearer "
-        f"to the reference than pidalab's, and {len(quick) or 'none'} took less time ({others})."
-    )
-    return Markdown("\n".join(lines))
+def nearer() -> pd.DataFrame:
+    """How many responses by other methods came nearer to the reference than pidalab's, and how many were quicker."""
+    table = rows("response")
+    both = table.merge(table[table["method"] == OWN], on=["loop", "value"], suffixes=("", "_own"))
+    others = both[both["method"] != OWN]
+    found = {
+        "responses": 1,
+        "nearer to the reference": others["error"] < others["error_own"],
+        "less time": others["seconds"] < others["seconds_own"],
+    }
+    return others.assign(**found).groupby("method", sort=False)[list(found)].sum().rename_axis(None)
 
 
 def responses() -> pd.DataFrame:
@@ -88,23 +80,6 @@ def responses() -> pd.DataFrame:
         time = f"{span(1e3 * some['seconds'])} ms" if method == OWN else f"{span(some['ratio'])} ×"
         cells.setdefault(f"{int(points):,} points", {})[method] = f"{time}, {size(some['error'].max())}"
     return pd.DataFrame(cells)
-
-
-def fixed() -> Markdown:
-    """What a response costs whatever its number of points, from the least and the largest number."""
-    means = rows("response").groupby(["method", "value"])["seconds"].mean().unstack()
-    few, many = means.columns.min(), means.columns.max()
-
-    def grows(method: str) -> str:
-        return number(means.loc[method, many] / means.loc[method, few])
-
-    stays = number(1e3 * means.loc[OWN, few])
-    return Markdown(
-        f"From {int(few):,} to {int(many):,} points the time grows by a factor of {grows(OWN)} for pidalab and of "
-        f"{grows(PADE)} for the Padé approximation. Few points still cost {stays} ms, most of it for the loop itself: "
-        "its realisation, its states at the multiples of the dead time, the checks of what was asked. That is why the "
-        "ratio is smallest there."
-    )
 
 
 def faster() -> pd.DataFrame:
@@ -209,38 +184,13 @@ def portraits() -> pd.DataFrame:
     ).set_index(table["method"].rename(None))
 
 
-BUDGET = 0.05  # seconds: what follows a hand sooner than that seems to follow at once
-
-
-def _of_lab() -> tuple[pd.DataFrame, int]:
-    """Seconds of the changes in the lab by designs and by how far the page was slowed down, and the farthest."""
+def lab() -> pd.DataFrame:
+    """What each kind of change costs, with one design and with several, by how far the page was slowed down."""
     table = read(FILES[3])
     wide = table.pivot(index="change", columns=["slowed", "designs"], values="seconds")
-    return wide.loc[table["change"].unique()], int(table["slowed"].max())
-
-
-def _designs(count: int) -> str:
-    return f"{count} designs" if count > 1 else f"{count} design"
-
-
-def lab() -> pd.DataFrame:
-    """What each kind of change costs, with one design and with several."""
-    wide, _ = _of_lab()
-    columns = [f"{_designs(n)}{f', slowed {k} times' if k > 1 else ''}, ms" for k, n in wide.columns]
-    return (1e3 * wide).map(number).set_axis(columns, axis=1)
-
-
-def within_reach() -> Markdown:
-    """How many changes stay within the budget, and the longest, in sentences."""
-    wide, slowed = _of_lab()
-    lines = []
-    for rate in (1, slowed):
-        some = wide[rate].stack()
-        where, designs = some.idxmax()
-        lines.append(
-            f"* {f'Slowed {rate} times' if rate > 1 else 'As the machine is'}, {int((some < BUDGET).sum())} of "
-            f"{len(some)} changes take less than {1e3 * BUDGET:.0f} ms; the longest, {where} with "
-            f"{_designs(designs)}, takes {1e3 * some.max():.0f} ms."
-        )
-    browser = read(FILES[3])["browser"].iloc[0]
-    return Markdown("\n".join([*lines, f"* The browser is Chromium {browser}."]))
+    columns = [
+        f"{n} design{'s' if n > 1 else ''}{f', slowed {k} times' if k > 1 else ''}, ms"
+        for k, n in wide.columns
+    ]
+    shown = (1e3 * wide.loc[table["change"].unique()]).map(number).set_axis(columns, axis=1)
+    return shown.rename_axis(f"Chromium {table['browser'].iloc[0]}")
