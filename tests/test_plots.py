@@ -67,3 +67,10 @@ def test_marks_and_given_dashes_keep_their_own(axes):
     (line,) = axes[0].loglog([1, 2], [1, 2], linestyle=":", label="PI")
     assert (look(line), line.get_linestyle()) == ("PI", ":")
     assert axes[0].plot([0, 1], [0, 1], color="red", label="PIDA")[0].get_color() == "red"
+
+
+def test_a_label_of_several_axes_stands_once_in_the_legend(axes):
+    for ax, labels in zip(axes, (("PI", "PID"), ("PID", "PIDA")), strict=True):
+        drawn(ax, *labels)
+    plots.legend(axes[0].figure, ncols=2)
+    assert [text.get_text() for text in axes[0].figure.legends[0].get_texts()] == ["PI", "PID", "PIDA"]

@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from pidalab import plots
 from pidalab._style import LOOKS
 
 MARKS = {"PI": "o", "PID": "s", "PIDA": "D", "m = 3": "^"}
@@ -25,9 +26,7 @@ def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = 
     ax.invert_yaxis()
     if log:
         plain(ax)
-    handles, names = ax.get_legend_handles_labels()
-    unique = dict(zip(names, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc="outside upper left", ncols=3)
+    plots.legend(figure)
 
 
 def plain(ax: Axes) -> None:
@@ -74,8 +73,7 @@ def curves(table: pd.DataFrame, names: list[str]) -> None:
         ax.set_visible(False)
     figure.supxlabel("allowed noise gain (ultimate gains)")
     figure.supylabel("least IAE of a load step (Pu/Ku)")
-    handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=4)
+    plots.legend(figure, ncols=4)
 
 
 def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
@@ -118,4 +116,4 @@ def chart(table: pd.DataFrame) -> None:
         xlabel="roll-off of the plant at its ultimate frequency (order)",
         ylabel="allowed noise gain (ultimate gains)",
     )
-    figure.legend(title="simplest that is enough", loc="outside upper left", ncols=3)
+    plots.legend(figure, title="simplest that is enough")

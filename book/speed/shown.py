@@ -7,6 +7,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pandas as pd
 from IPython.display import Markdown
+from pidalab import plots
 
 DATA = Path(__file__).parents[1] / "data"
 FILES = ("speed_comparison", "engine_comparison", "portrait_comparison", "lab_comparison")
@@ -110,7 +111,7 @@ def cost(quantity: str, xlabel: str, log: bool = True) -> None:
         axes[1].plot(some["value"], some["error"], **style)
     for ax, ylabel in zip(axes, ("time, ms", "largest error"), strict=True):
         ax.set(xscale="log" if log else "linear", yscale="log", xlabel=xlabel, ylabel=ylabel)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    plots.legend(figure, ncols=2)
 
 
 def margins() -> pd.DataFrame:

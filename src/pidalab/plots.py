@@ -131,13 +131,8 @@ def signal(
         if faint and label in faint:
             run = faint[label]
             end = run.t <= (until or run.t[-1]) * (1 + 1e-9)
-            ax.plot(
-                *thin(run.t[end], getattr(run, name)[end], NOISY_POINTS),
-                "-",
-                color=line.get_color(),
-                alpha=0.35,
-                linewidth=0.6,
-            )
+            style: dict[str, Any] = {"color": line.get_color(), "alpha": 0.35, "linewidth": 0.6}
+            ax.plot(*thin(run.t[end], getattr(run, name)[end], NOISY_POINTS), "-", **style)
     ax.set_xlabel("time units")
     ax.set_xlim(0, until)
 
@@ -312,6 +307,36 @@ def maps(
     for i, patch in enumerate(scale.ax.findobj(PathPatch)):
         patch.set_gid(f"as-drawn-{i}")  # the shade beyond the last level keeps its colour in the dark, too
     return figure
+
+
+def legend(figure: Figure, ncols: int = 3, **more: Any) -> None:
+    """Put one legend beside the axes of a figure, where a label that several axes have stands once.
+
+    Parameters
+    ----------
+    figure : Figure
+        With lines that have labels.
+    ncols : int, optional
+        Labels in a row.
+    **more
+        What else `matplotlib.figure.Figure.legend` takes; ``loc`` is "outside upper left" by default.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt, pidalab
+    >>> figure, axes = plt.subplots(1, 2, layout="constrained")
+    >>> for ax in axes:
+    ...     _ = ax.plot([0, 1], [0, 1], label="PI")
+    >>> pidalab.plots.legend(figure)
+    >>> [text.get_text() for text in figure.legends[0].get_texts()]
+    ['PI']
+    """
+    handles: dict[str, Any] = {}
+    for ax in figure.axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    place: dict[str, Any] = {"loc": "outside upper left", "ncols": ncols} | more
+    figure.legend(list(handles.values()), list(handles), **place)
 
 
 def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) -> None:
@@ -577,7 +602,8 @@ def live(plant: str | Process, controllers: Mapping[str, Controller], **more: An
     _require_by_label("controllers", controllers, HighOrderPID)
     designs = [_design(name, controller) for name, controller in controllers.items()]
     if isinstance(plant, Process):
-        _require_end(more)
+        if not more.get("conditions", {}).get("end", 0) > 0:
+            raise ValueError("conditions must have an end above 0 with a process: the lab knows none for it")
         numbers = {"num": plant.num.tolist(), "den": plant.den.tolist(), "delay": plant.delay}
         more["plant"] = {name: _six_digits(value) for name, value in numbers.items()}
     return _LiveFigure({"plant": plant, "designs": designs, "names": list(controllers), **more})
@@ -600,12 +626,6 @@ def _design(name: str, controller: Any) -> dict[str, Any]:
 def _six_digits(value: Any) -> Any:
     """Round a number, or each of a list, so that a stored page is the same on every machine."""
     return [_six_digits(each) for each in value] if isinstance(value, list) else float(f"{value:.6g}")
-
-
-def _require_end(more: Mapping[str, Any]) -> None:
-    """Raise unless the conditions say how long the time axis is."""
-    if not more.get("conditions", {}).get("end", 0) > 0:
-        raise ValueError("conditions must have an end above 0 with a process: the lab knows none for it")
 
 
 def _require_axes(ax: Any) -> None:
