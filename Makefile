@@ -84,7 +84,12 @@ versions: $(ENV)  ## test with the lowest and newest versions of the dependencie
 	$(BIN)/python tools/processors.py lowest newest
 
 twice: $(ENV)  ## build the site of the last commit twice and compare every byte (5 minutes)
-	$(BIN)/python tools/twice.py
+	set -e; folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
+	for one in first second; do \
+		git clone --quiet . "$$folder/$$one"; \
+		PYTHONPATH="$$folder/$$one/src" $(BIN)/python "$$folder/$$one/tools/site.py"; \
+	done; \
+	diff --recursive --brief "$$folder/first/_build/html" "$$folder/second/_build/html"
 
 shuffle: $(SITE)  ## the tests ten times, each time in another order (half an hour)
 	for seed in 1 2 3 4 5 6 7 8 9 10; do \

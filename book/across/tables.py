@@ -31,7 +31,6 @@ CLASSES = (
     "balanced",
     "delay-dominated",
 )  # thirds of the normalised dead time
-REACHES = "no gain above"  # how the message of a rule begins that cannot be made as robust as the others
 
 
 def read(name: str) -> pd.DataFrame:
