@@ -173,9 +173,11 @@ def warm_up() -> None:
     import numpy as np
     import pandas as pd
     from matplotlib.figure import Figure
+    from tqdm import tqdm
 
     import pidalab
 
+    tqdm.monitor_interval = 0  # no thread that watches its bars: this process forks
     pd.set_option("display.max_columns", 20)  # its default in a kernel; it takes this process for a terminal
     Figure().subplots(subplot_kw={"xlabel": "$t$"}).figure.savefig(BytesIO(), format="svg")
     controller = pidalab.SeriesPIDA(0.1, 0.4, 0.2, ti=0.6, filter_time=0.2, filter_order=2)
