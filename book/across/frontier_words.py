@@ -102,36 +102,30 @@ def mapped() -> dict[str, pd.DataFrame]:
     return out
 
 
-def law() -> Markdown:
-    """The law in words: where acceleration pays, from all plants of the frontier and the map, and its exceptions."""
+def law() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """Where acceleration pays, from all plants of the frontier and the map: a fit, the farthest plants, exceptions."""
     wide = by_order(pd.concat([curves(), acceleration_map()]))
     saves = (1 - wide[2] / wide[1]).dropna().rename("saves").reset_index()
     saves = saves.merge(tables.read("processes")[["plant", "rolloff", "dead_time"]], on="plant")
     order = saves["rolloff"]
     left = np.column_stack([np.ones(order.size), order, order * np.log(saves["noise_limit"])])
     start, a, b = np.linalg.lstsq(left, saves["saves"], rcond=None)[0]
-    off = saves["saves"] - left @ (start, a, b)
-    far = (
-        saves.assign(off=off)
-        .loc[off.abs().sort_values(ascending=False).index]
-        .drop_duplicates("plant")
-        .head(4)
-    )
-    named = ", ".join(
-        f"{row.plant} at {row.noise_limit:g} ({100 * row.off:+.0f} points)" for row in far.itertuples()
-    )
+    saves["off"] = saves["saves"] - left @ (start, a, b)
+    fit = {
+        "without roll-off": f"{start:.0%}",
+        "for each order": f"{a:.0%}",
+        "for each order and doubling of noise": f"{b * np.log(2):.1%}",
+        "standard deviation": f"{100 * saves['off'].std():.0f} points",
+        "pairs of designs": len(saves),
+    }
+    far = saves.sort_values("off", key=abs, ascending=False).drop_duplicates("plant").head(4)
+    far = far.assign(off=(100 * far["off"]).map("{:+.0f} points".format))
     pays = saves.groupby("plant").agg(rolloff=("rolloff", "first"), most=("saves", "max"))
-    little = pays[(pays["rolloff"] < 1) & (pays["most"] >= WORTH)]
-    steep = pays[(pays["rolloff"] >= 2) & (pays["most"] < WORTH)]
-    return Markdown(
-        f"**At a noise gain of 1 acceleration saves about {100 * a:.0f} % of the IAE for each order of roll-off, from "
-        f"{100 * start:+.0f} % at none, and {100 * b * np.log(2):.1f} % more for each order and doubling of noise.** "
-        f"That is right to {100 * off.std():.0f} points in the mean square over {len(saves)} pairs of designs. "
-        f"Farthest off: {named}.\n\n"
-        f"Exceptions to *below one order it never saves a tenth*: {_named(little)}. "
-        f"Exceptions to *from two orders on it always does, if noise may be loud*: {_named(steep)}."
+    little = (pays["rolloff"] < 1) & (pays["most"] >= WORTH)
+    steep = (pays["rolloff"] >= 2) & (pays["most"] < WORTH)
+    exceptions = pays[little | steep].sort_values("rolloff").round({"rolloff": 3, "most": 2})
+    return (
+        pd.DataFrame([fit], ["acceleration saves"]),
+        far.set_index("plant")[["noise_limit", "off"]].rename(columns={"noise_limit": "noise gain"}),
+        exceptions.rename(columns={"rolloff": "roll-off", "most": "saves at most"}),
     )
-
-
-def _named(table: pd.DataFrame) -> str:
-    return ", ".join(f"{plant} ({row.most:.0%})" for plant, row in table.iterrows()) or "none in the study"

@@ -136,16 +136,6 @@ def own_settings() -> pd.DataFrame:
     )
 
 
-def best_rules(terms: str = "loud") -> pd.DataFrame:
-    """For each class of plants and kind of controller the rule nearest to the frontier of that kind."""
-    return nearest(terms, ["class", "kind"], "of_kind")
-
-
-def best_of_all(terms: str = "loud") -> pd.DataFrame:
-    """For each class of plants the rule nearest to the best of all kinds."""
-    return nearest(terms, ["class"], "of_best")
-
-
 def nearest(terms: str, among: list[str], distance: str) -> pd.DataFrame:
     """The rule with the smallest median distance among those that serve enough of a class."""
     count = plants().groupby("class", observed=True).size()

@@ -75,7 +75,8 @@ def simplest() -> pd.DataFrame:
 
 def nearest() -> pd.DataFrame:
     """For each class of plants the rule nearest to the best of its kind, and the one nearest to the best of all."""
-    best, of_all = tables.best_rules("loud"), tables.best_of_all("loud")
+    best = tables.nearest("loud", ["class", "kind"], "of_kind")
+    of_all = tables.nearest("loud", ["class"], "of_best")
     found = best.apply(_with_median, axis=1).unstack("kind", fill_value="none serves")[list(tables.KINDS)]
     of_all["rule"] = [tables.with_kind(*pair) for pair in of_all[["rule", "kind"]].to_numpy()]
     return found.assign(**{"of all": of_all.apply(_with_median, axis=1)})
