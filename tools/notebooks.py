@@ -64,7 +64,8 @@ def execute_all(paths: Iterable[Path]) -> None:
     """Run notebooks on all cores, one line for each that is done; the first error is raised."""
     paths = list(paths)
     fork_kernels()
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    workers = (os.cpu_count() or 1) + 1  # one waits while its kernel starts or ends
+    with ThreadPoolExecutor(workers) as pool:
         runs = {pool.submit(execute, path): path for path in paths}
         for done, run in enumerate(as_completed(runs), start=1):
             try:
