@@ -5,7 +5,6 @@ limits of the noise in the control signal. The page draws them anew as its reade
 without JavaScript. The terms are those of the study of 134 plants, whose medians stand beside the one plant.
 """
 
-import importlib.util
 import json
 import re
 import sys
@@ -18,6 +17,7 @@ import pidalab
 from pidalab import plots
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
+PAGE = BOOK / "intro.md"
 MS, NOISE, END, SHOWN = 1.4, 0.02, 25.0, 1.5
 LIMITS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0)  # noise gain over the ultimate gain
 ORDERS = {"PI": 0, "PID": 1, "PIDA": 2}
@@ -47,17 +47,10 @@ def medians() -> dict[str, list[float]]:
 def found() -> dict:
     """Search the optima: what the page needs to know, with six digits."""
     gain, sample = units()
-    designs = {
-        kind: [design(order, limit, gain, sample) for limit in LIMITS] for kind, order in ORDERS.items()
-    }
-    return {
-        "ms": MS,
-        "end": END,
-        "sample": float(f"{sample:.6g}"),
-        "noise": NOISE,
-        "limits": LIMITS,
-        **designs,
-    }
+    state = {"ms": MS, "end": END, "sample": float(f"{sample:.6g}"), "noise": NOISE, "limits": LIMITS}
+    for kind, order in ORDERS.items():
+        state[kind] = [design(order, limit, gain, sample) for limit in LIMITS]
+    return state
 
 
 def design(order: int, limit: float, gain: float, sample: float) -> list[float]:
@@ -124,35 +117,24 @@ def markdown(state: dict, many: dict[str, list[float]]) -> str:
 
 def stored() -> dict:
     """Return what the page knows."""
-    text = re.search(
-        r'pidalab-landing">\s*<script type="application/json">(.*?)</script>', page().read_text()
-    )[1]
-    return json.loads(text)
-
-
-def page() -> Path:
-    """Where the first page is."""
-    return BOOK / "intro.md"
+    script = r'pidalab-landing">\s*<script type="application/json">(.*?)</script>'
+    return json.loads(re.search(script, PAGE.read_text(encoding="utf-8"))[1])
 
 
 def main() -> None:
     """Write both images, the designs and the words; the optima are searched again with `--search`."""
-    state = (
-        found()
-        if "--search" in sys.argv
-        else {key: value for key, value in stored().items() if key != "median"}
-    )
+    sys.path.insert(0, str(BOOK / "_ext"))
+    import figures_for_dark as twins
+
+    state = found() if "--search" in sys.argv else stored()
     target = BOOK / "_static" / "landing.svg"
     figure = draw(state)
-    spec = importlib.util.spec_from_file_location("figures_for_dark", BOOK / "_ext" / "figures_for_dark.py")
-    twins = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(twins)
     figure.savefig(target, metadata={"Date": None, "Creator": None})
     light = twins.FONT.sub(twins.OF_THE_PAGE, target.read_text(encoding="utf-8"))
     target.write_text(light, encoding="utf-8")
     target.with_name("landing-dark.svg").write_text(twins.darkened(light), encoding="utf-8")
-    text = MARKS.sub(lambda _: markdown(state, medians()), page().read_text(encoding="utf-8"))
-    page().write_text(text, encoding="utf-8")
+    text = MARKS.sub(lambda _: markdown(state, medians()), PAGE.read_text(encoding="utf-8"))
+    PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
