@@ -141,7 +141,7 @@ def joined(version: str) -> BeautifulSoup:
     soup.title.string = "pidalab: PIDA control, reproducible"
     soup.body.clear()
     soup.body.attrs = {"class": "bd-content"}
-    for piece in (title(soup, version), *book(soup)):
+    for piece in (title(version), *book(soup)):
         soup.body.append(piece)
     return soup
 
@@ -157,24 +157,18 @@ def faults(soup: BeautifulSoup) -> list[str]:
     ]
 
 
-def title(soup: BeautifulSoup, version: str) -> Tag:
+def title(version: str) -> Tag:
     """Return the first leaf."""
-    leaf = soup.new_tag("div", attrs={"class": "title-leaf"})
-    lines = (
-        ("p", "big", "PIDA control, reproducible"),
-        ("p", "", "Papers recomputed number by number, with exact dead time"),
-        ("p", "", f"pidalab {version} · The pidalab developers"),
-        (
-            "p",
-            "small",
-            "Text and figures CC BY 4.0, code BSD-3-Clause. The online book has the lab and the live figures.",
-        ),
-    )
-    for name, kind, text in lines:
-        line = soup.new_tag(name, attrs={"class": kind})
-        line.string = text
-        leaf.append(line)
-    return leaf
+    return BeautifulSoup(
+        f"""<div class="title-leaf">
+        <p class="big">PIDA control, reproducible</p>
+        <p>Papers recomputed number by number, with exact dead time</p>
+        <p>pidalab {version} · The pidalab developers</p>
+        <p class="small">Text and figures CC BY 4.0, code BSD-3-Clause. The online book has the lab and the live
+        figures.</p>
+        </div>""",
+        "html.parser",
+    ).div
 
 
 def book(soup: BeautifulSoup) -> list[Tag]:
