@@ -75,15 +75,18 @@ def simplest() -> pd.DataFrame:
 
 def nearest() -> pd.DataFrame:
     """For each class of plants the rule nearest to the best of its kind, and the one nearest to the best of all."""
-    best = tables.nearest("loud", ["class", "kind"], "of_kind")
     of_all = tables.nearest("loud", ["class"], "of_best")
-    found = best.apply(_with_median, axis=1).unstack("kind", fill_value="none serves")[list(tables.KINDS)]
     of_all["rule"] = [tables.with_kind(*pair) for pair in of_all[["rule", "kind"]].to_numpy()]
-    return found.assign(**{"of all": of_all.apply(_with_median, axis=1)})
-
-
-def _with_median(row: pd.Series) -> str:
-    return f"{tables.written(row['rule'])} ({row['median']:.2f})"
+    of_all = of_all.assign(kind="all").set_index("kind", append=True)
+    both = pd.concat([tables.nearest("loud", ["class", "kind"], "of_kind"), of_all])
+    rows = pd.MultiIndex.from_product([tables.CLASSES, (*tables.KINDS, "all")], names=["class", "best of"])
+    both = both[["rule", "median"]].reindex(rows)
+    return pd.DataFrame(
+        {
+            "nearest rule": both["rule"].map(tables.written, na_action="ignore").fillna("none serves"),
+            "IAE over the best": both["median"].map("{:.2f}".format).replace("nan", "–"),
+        }
+    )
 
 
 def saved() -> pd.DataFrame:
