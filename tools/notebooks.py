@@ -55,9 +55,9 @@ def announces(output) -> bool:
 
 
 def notebooks(folder: Path) -> list[Path]:
-    """Every notebook below a folder, the largest first, so that no long one is left for the end."""
+    """Every notebook below a folder, audits and large ones first, so that no long one is left for the end."""
     found = [path for path in folder.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
-    return sorted(found, key=lambda path: path.stat().st_size, reverse=True)
+    return sorted(found, key=lambda path: (path.parent.name == "audit", path.stat().st_size), reverse=True)
 
 
 def execute_all(paths: Iterable[Path]) -> None:
