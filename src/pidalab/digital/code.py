@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-from pidalab.digital.languages import c, python, structured_text
+from pidalab.digital import languages
 from pidalab.digital.program import INPUTS, MORE, Vector, program
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 STEPS = 30  # samples of the test vector within the working range
 FAR = 5  # samples after them on either side of the set point
 DOUBLINGS = 24  # of the distance at most
-LANGUAGES = {"c": c, "python": python, "structured_text": structured_text}
 RESERVED = re.compile(  # words of structured text, in which the name stands alone, and of Python as a class
     "a(nd|t|ction)|bool|by|case|config|constant|do|d?int|else|elsif|exit|false|for|from|function|if|l?real|mod|none|not|"
     "of|on|or|program|repeat|return|struct|task|then|to|true|type|until|var|while|with|xor"
@@ -110,15 +109,13 @@ def _far(k: DigitalController, rows: Vector, size: float) -> Vector:
 def signals(k: DigitalController, inputs: Sequence[Sequence[Any]]) -> list[float]:
     """Return the control signals of a controller from its start, for a row of each input."""
     states = SimpleNamespace(**program(k).states)
-    step = python.executed(k._code)
+    step = languages.executed(k._code)
     return [step(states, *row) for row in zip(*inputs, strict=True)]
 
 
-def written(k: DigitalController, language: str, name: str, margins: Any, note: str, **options: str) -> str:
+def written(k: DigitalController, language: str, name: str, margins: Any, note: str) -> str:
     """Write the code in one of the languages."""
-    return LANGUAGES[language].write(
-        program(k), head(k, margins, note), vector(k), identifier(name), **options
-    )
+    return languages.written(program(k), language, head(k, margins, note), vector(k), identifier(name))
 
 
 def as_json(k: DigitalController, margins: Any, note: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
-from pidalab.digital.languages import python
+from pidalab.digital import languages
 from pidalab.digital.paths import Path
 from pidalab.digital.prefilter import Prefilter
 from pidalab.digital.program import Program, constants, program
@@ -118,7 +118,7 @@ class DigitalController:
 
     @cached_property
     def _code(self) -> str:
-        return python.step(self._program)
+        return languages.step(self._program)
 
     @cached_property
     def _states(self) -> SimpleNamespace:
@@ -187,7 +187,7 @@ class DigitalController:
         """Return states before the first sample, or after one at which everything rests."""
         states = SimpleNamespace(**{**self._program.states, "control": u})
         if r is not None:
-            python.executed(self._code)(states, r, y)
+            languages.executed(self._code)(states, r, y)
         return states
 
     def retune(self, other: DigitalController) -> None:
@@ -277,7 +277,7 @@ class DigitalController:
         if feedforward and not self.feedforward:
             raise ValueError("feedforward must be asked for: discretise(..., feedforward=True)")
         further += [self.__dict__.pop("_retuned", False)] * self.tunable
-        return python.executed(self._code)(self._states, r, y, *acts[0], *acts[1], *further)
+        return languages.executed(self._code)(self._states, r, y, *acts[0], *acts[1], *further)
 
     def __call__(self, z: ArrayLike) -> Any:
         """Evaluate the transfer function from -y to u at complex z, in the units of the signals.
@@ -355,9 +355,7 @@ class DigitalController:
         """
         return self._written("c", name, margins, note)
 
-    def structured_text(
-        self, name: str = "pida", margins: Any = None, note: str = "", precision: str = "LREAL"
-    ) -> str:
+    def structured_text(self, name: str = "pida", margins: Any = None, note: str = "") -> str:
         """Write the controller as a FUNCTION_BLOCK of IEC 61131-3, with a second one that tests it.
 
         Parameters
@@ -368,18 +366,16 @@ class DigitalController:
             Margins of its loop, for the head.
         note : str, optional
             Further lines for the head.
-        precision : {"LREAL", "REAL"}, optional
-            Type of the signals.
 
         Returns
         -------
         str
-            Structured text.
+            Structured text; for single precision write REAL for LREAL.
 
         Raises
         ------
         ValueError
-            For a name that is no identifier, or another precision.
+            For a name that is no identifier.
 
         Examples
         --------
@@ -388,8 +384,7 @@ class DigitalController:
         >>> "FUNCTION_BLOCK level" in code
         True
         """
-        _check.choice("precision", precision, ("LREAL", "REAL"))
-        return self._written("structured_text", name, margins, note, real=precision)
+        return self._written("structured_text", name, margins, note)
 
     def python(self, name: str = "pida", margins: Any = None, note: str = "") -> str:
         """Write the controller as a Python module without imports, for a small computer at the plant.
@@ -448,10 +443,10 @@ class DigitalController:
 
         return as_json(self, margins, note)
 
-    def _written(self, language: str, name: str, margins: Any, note: str, **options: str) -> str:
+    def _written(self, language: str, name: str, margins: Any, note: str) -> str:
         from pidalab.digital.code import written
 
-        return written(self, language, name, margins, note, **options)
+        return written(self, language, name, margins, note)
 
     def __repr__(self) -> str:
         options = {
