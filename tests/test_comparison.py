@@ -35,11 +35,6 @@ def test_a_rule_outside_its_validity_is_a_row_with_its_message(integrating):
         assert "keeps both limits" in text
 
 
-def test_figure_names_every_stable_row(integrating):
-    figure = integrating.plot()
-    assert len(figure.axes[0].get_yticks()) == sum(one.applies for one in integrating.rows)
-
-
 def test_rows_are_measured_on_the_process_itself():
     process = pidalab.lags(3, delay=1.0)
     table = pidalab.compare(process, sample_time=0.05, rules=["simc", "itae setpoint", "haalman"])

@@ -326,26 +326,6 @@ def test_after_the_step_in_closed_form():
     assert response == pytest.approx(-np.minimum(times, 8.0) / 2)
 
 
-def test_spectrum_of_a_short_rest_is_its_periodogram():
-    """Of 20 samples at rest: windowed as Welch does, without the mean, per rad per time unit."""
-    rng = np.random.default_rng(7)
-    t, u, y = bench()
-    y = y + rng.normal(0.0, 0.1, 40)
-    frequencies, density = Record(0.4 * t, u, y).spectrum()
-    part = y[:19]  # the grid ends before the last sample at rest
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(19) / 19)
-    power = np.abs(np.fft.rfft(window * (part - part.mean()))) ** 2 / np.sum(window**2) * 0.4
-    power[1:] *= 2
-    assert frequencies == pytest.approx(2 * np.pi * np.fft.rfftfreq(19, 0.4))
-    assert density == pytest.approx(power / (2 * np.pi))
-
-
-def test_a_spectrum_takes_sixteen_samples_at_rest():
-    assert Record(*bench(first=16)).spectrum()[0].size > 1
-    with pytest.raises(ValueError, match="a spectrum needs 16 samples at rest or more, found 15"):
-        Record(*bench(first=15)).spectrum()
-
-
 def test_a_record_in_words():
     record = Record(*bench(rest=np.resize([0.5, -0.5], 40)))
     assert str(record).splitlines()[:3] == [

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from pidalab import _check
 from pidalab.comparison.fairness import at_equal_terms
@@ -20,10 +19,6 @@ from pidalab.rules import Design
 from pidalab.rules.registry import KINDS, RULES, Limits, Rule, find
 from pidalab.rules.starting_models import StartingModels, time_scale
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-MARKS = {"PI": "o", "PID": "s", "PIDA": "D"}
 PERIODS = 12.0  # ultimate periods of a first response
 COLUMNS = {
     "IAE load": "iae_load",
@@ -94,44 +89,6 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         return html_table(self.rows, tuple(NAMES), COLUMNS, self._note)
-
-    def plot(self) -> Figure:
-        """Draw the IAE of a load step for every stable row, filled where both limits are kept.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            One panel, the best at the top.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> from pidalab.comparison import Row
-        >>> row = Row("mine", "PI", 4.0, 5.0, 1.5, 1.0, 0.5, 1.1, 5.0, "", None)
-        >>> table = pidalab.Comparison(pidalab.lags(3), ms=1.6, noise_gain=10.0, sample_time=0.01, rows=(row,))
-        >>> table.plot().axes[0].get_xlabel()
-        'IAE of a unit load step (y × time)'
-        """
-        import matplotlib.pyplot as plt
-
-        from pidalab._style import LOOKS
-
-        shown = sorted((row for row in self.rows if row.applies), key=lambda row: -row.iae_load)
-        figure, ax = plt.subplots(figsize=(6.4, 1.4 + 0.26 * len(shown)), layout="constrained")
-        for kind in KINDS:
-            colour = LOOKS[kind]["color"]
-            for kept in (True, False):
-                places = [i for i, row in enumerate(shown) if row.kind == kind and self.keeps(row) is kept]
-                label = f"{kind}, {'keeps both limits' if kept else 'does not'}"
-                face = colour if kept else "none"
-                iae = [shown[i].iae_load for i in places]
-                if places:
-                    ax.plot(iae, places, MARKS[kind], color=colour, markerfacecolor=face, label=label)
-        ax.set_yticks(range(len(shown)), [f"{row.rule} {row.kind}" for row in shown])
-        ax.set(xscale="log", xlabel="IAE of a unit load step (y × time)")
-        ax.grid(alpha=0.3)
-        figure.legend(loc="outside upper left", ncols=2)
-        return figure
 
 
 def compare(

@@ -332,38 +332,6 @@ class Record:
         t = np.linspace(0.0, span, max(2, round(span / self.sampling) + 1))
         return t, (np.interp(first.time + t, self.t, self.y) - self.rest) / (first.after - first.before)
 
-    def spectrum(self) -> tuple[Array, Array]:
-        """Power spectral density of the output at rest.
-
-        Returns
-        -------
-        frequencies, density : ndarray
-            In rad per time unit, and in squared units of y per rad per time unit.
-
-        Raises
-        ------
-        ValueError
-            If fewer than 16 samples were at rest.
-
-        Examples
-        --------
-        >>> import numpy as np, pidalab
-        >>> t, rng = np.arange(200.0), np.random.default_rng(0)
-        >>> y = np.where(t < 150, 0.0, 1.0) + rng.normal(0.0, 0.1, t.size)
-        >>> frequencies, density = pidalab.Record(t, np.where(t < 150, 0.0, 1.0), y).spectrum()
-        >>> bool(0.005 < np.trapezoid(density, frequencies) < 0.02)
-        True
-        """
-        from scipy.signal import welch
-
-        start = self.steps[0].time if self.steps else self.t[0]
-        t, y = self.t[self.t < start], self.y[self.t < start]
-        if t.size < 16:
-            raise ValueError(f"a spectrum needs 16 samples at rest or more, found {t.size}")
-        grid = np.arange(t[0], t[-1], self.sampling)
-        frequencies, density = welch(np.interp(grid, t, y), fs=1 / self.sampling, nperseg=min(256, grid.size))
-        return 2 * np.pi * frequencies, density / (2 * np.pi)
-
     def _more_doubts(self) -> list[str]:
         found = []
         levels, intervals = np.unique(self.y), np.diff(self.t)

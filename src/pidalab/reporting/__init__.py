@@ -139,24 +139,6 @@ class Report:
 
         return figure(self)
 
-    def svg(self) -> str:
-        """Write the figure as SVG, for a page.
-
-        Returns
-        -------
-        str
-            An ``svg`` element.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> pidalab.report(pidalab.lags(3, delay=1.0), kinds=("PI",), rule="simc").svg()[:4]
-        '<svg'
-        """
-        from pidalab.reporting.page import svg
-
-        return svg(self)
-
     def html(
         self,
         path: str | Path,

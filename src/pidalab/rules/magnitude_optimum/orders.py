@@ -12,6 +12,8 @@ from pidalab.rules._design import Design
 from pidalab.rules.magnitude_optimum.noise import tune_for_exact_noise
 from pidalab.simulation.settling import load_iae
 
+LARGEST_M, LARGEST_N = 4, 6  # orders that are compared
+
 
 class Candidate(NamedTuple):
     """A pair of orders, its design, and the IAE of a unit step of the load."""
@@ -22,10 +24,8 @@ class Candidate(NamedTuple):
     iae: float
 
 
-def rank_orders(
-    process: Process, noise_gain: float, sample_time: float, largest_m: int = 4, largest_n: int = 6
-) -> list[Candidate]:
-    """Designs of all orders with the same noise gain, the best first: the question that the paper leaves open.
+def rank_orders(process: Process, noise_gain: float, sample_time: float) -> list[Candidate]:
+    """Designs of the orders m up to 4, n up to 6 with one noise gain, the best first: what the paper leaves open.
 
     The paper answers it by the largest integral gain, for a step of the set point, and with noise gains that differ by
     a factor of three. Here every design has the noise gain asked for (`tune_for_exact_noise`), and the criterion is the
@@ -39,8 +39,6 @@ def rank_orders(
         Ratio of the standard deviations of control signal and noise, above 0.
     sample_time : float
         Sample time of the controller, above 0.
-    largest_m, largest_n : int, optional
-        Orders up to these are compared, with n at least 1 and at least m.
 
     Returns
     -------
@@ -50,25 +48,23 @@ def rank_orders(
     Raises
     ------
     TypeError, ValueError
-        For something else than a Process, bounds below 0 and 1, and if no orders are left.
+        For something else than a Process, and if no orders are left.
 
     Examples
     --------
     >>> import pidalab
     >>> process = pidalab.lags(3, delay=0.5)
-    >>> best = pidalab.rules.magnitude_optimum.rank_orders(process, 10.0, sample_time=0.002, largest_m=2, largest_n=3)
+    >>> best = pidalab.rules.magnitude_optimum.rank_orders(process, 10.0, sample_time=0.002)
     >>> [(c.m, c.n) for c in best[:2]], best[0].iae
-    ([(2, 3), (2, 2)], 1.31)
+    ([(4, 6), (4, 5)], 1.106)
     """
     require_process("process", process)
-    largest_m = _check.order("largest_m", largest_m, at_least=0)
-    largest_n = _check.order("largest_n", largest_n, at_least=1)
     _check.real("noise_gain", noise_gain, above=0.0)
     _check.real("sample_time", sample_time, above=0.0)
     exact(process, 1)  # complains of a process without areas
     found, refused = [], []
-    for m in range(largest_m + 1):
-        for n in range(max(m, 1), largest_n + 1):
+    for m in range(LARGEST_M + 1):
+        for n in range(max(m, 1), LARGEST_N + 1):
             try:
                 design = tune_for_exact_noise(process, m, n, noise_gain, sample_time)
             except ValueError as reason:
@@ -76,5 +72,5 @@ def rank_orders(
                 continue
             found.append(Candidate(m, n, design, load_iae(Loop(process, design.controller))))
     if not found:
-        raise ValueError("no orders up to largest_m and largest_n have such a design; " + "; ".join(refused))
+        raise ValueError("no orders have such a design: " + "; ".join(refused))
     return sorted(found, key=lambda candidate: candidate.iae)
