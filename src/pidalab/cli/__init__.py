@@ -6,8 +6,10 @@ import click
 
 from pidalab.cli import desk, given, recorded
 
+SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+
+@click.group(context_settings=SETTINGS)
 @click.version_option(package_name="pidalab")
 def main() -> None:
     """PIDA control: from a plant record to controller code, and what a controller does to a plant.
@@ -26,13 +28,7 @@ def main() -> None:
     """
 
 
-for command in (
-    recorded.tune_command,
-    recorded.report_command,
-    recorded.check_command,
-    given.compare_command,
-    given.rules_command,
-    given.simulate_command,
-):
-    main.add_command(command)
-main.add_command(desk.tclab_command)
+for module in (recorded, given, desk):
+    for command in vars(module).copy().values():
+        if isinstance(command, click.Command):
+            main.add_command(command)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pidalab.cli.parts import ms, one_line, out, show
+from pidalab.cli.parts import ms, one_line, out, show, write_csv
 
 if TYPE_CHECKING:
     from pidalab.response import Response
@@ -18,12 +18,8 @@ POWER = click.FloatRange(*FULL)  # of a heater, in per cent
 
 @click.command("tclab")
 @click.option("--connected", is_flag=True, help="Use the board at a serial port; by default it is simulated.")
-@click.option(
-    "--power", default=50.0, show_default=True, type=POWER, help="Power of the step test, in per cent."
-)
-@click.option(
-    "--setpoint", default=40.0, show_default=True, help="Set point of the closed loops, in degrees."
-)
+@click.option("--power", default=50.0, type=POWER, help="Power of the step test, in per cent.")
+@click.option("--setpoint", default=40.0, help="Set point of the closed loops, in degrees.")
 @click.option(
     "--load",
     default=60.0,
@@ -31,11 +27,9 @@ POWER = click.FloatRange(*FULL)  # of a heater, in per cent
     type=POWER,
     help="Power of the second heater, the load, in per cent.",
 )
-@click.option("--duration", default=900.0, show_default=True, help="Seconds of each part of the experiment.")
-@click.option(
-    "--cooling", default=1200.0, show_default=True, help="Seconds without heat before each run at the board."
-)
-@click.option("--sample-time", default=1.0, show_default=True, help="Of the controllers, in seconds.")
+@click.option("--duration", default=900.0, help="Seconds of each part of the experiment.")
+@click.option("--cooling", default=1200.0, help="Seconds without heat before each run at the board.")
+@click.option("--sample-time", default=1.0, help="Of the controllers, in seconds.")
 @ms
 @out
 @one_line
@@ -86,12 +80,14 @@ def tclab_command(
         out.mkdir(parents=True, exist_ok=True)
         click.echo(f"written: {found.html(out / 'report.html', 'Temperature Control Lab')}")
         for kind, run in runs.items():
-            path = out / f"{kind}.csv"
-            columns = np.column_stack([run.t, run.r, run.d, run.y, run.u])
-            np.savetxt(
-                path, columns, delimiter=",", header="t,setpoint,heater 2,temperature,heater 1", comments=""
-            )
-            click.echo(f"written: {path}")
+            signals = {
+                "t": run.t,
+                "setpoint": run.r,
+                "heater 2": run.d,
+                "temperature": run.y,
+                "heater 1": run.u,
+            }
+            write_csv(out / f"{kind}.csv", signals)
 
 
 def _table(runs: dict[str, Response], start: float) -> str:

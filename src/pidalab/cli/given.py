@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pidalab.cli.parts import limits, ms, one_line, plant, show
+from pidalab.cli.parts import limits, ms, one_line, plant, show, times, write_csv
 
 if TYPE_CHECKING:
     from pidalab.loop import Loop
@@ -16,16 +16,13 @@ if TYPE_CHECKING:
 
 SAMPLES = 2000  # of a response of a continuous controller
 MOST = 1e7  # of a digital one: more would fill the memory
-SIGNALS = ("t", "r", "y", "u")
 
 
 @click.command("compare")
 @plant
 @ms
-@click.option(
-    "--noise-gain", default=10.0, show_default=True, help="Largest gain from noise to u of the optima."
-)
-@click.option("--sample-time", default=0.01, show_default=True, help="Sample time of that noise.")
+@click.option("--noise-gain", default=10.0, help="Largest gain from noise to u of the optima.")
+@click.option("--sample-time", default=0.01, help="Sample time of that noise.")
 @click.option(
     "--rule",
     "rules",
@@ -62,18 +59,15 @@ def rules_command() -> None:
 @plant
 @click.option("--kp", type=float, help="Gain.")
 @click.option("--ti", default=math.inf, help="Integral time; by default no integral action.")
-@click.option("--td", default=0.0, show_default=True, help="Derivative time.")
-@click.option("--ta", default=0.0, show_default=True, help="Acceleration time squared.")
-@click.option("--n", default=10.0, show_default=True, help="The derivative's filter is td/n.")
-@click.option("--m", default=10.0, show_default=True, help="The acceleration's filter is ta/m, twice.")
+@times
 @click.option(
     "--controller",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="A controller.json of 'pidalab tune', in place of gains.",
 )
 @click.option("--until", type=float, required=True, help="End of the simulation.")
-@click.option("--setpoint", default=1.0, show_default=True, help="Step of the set point at 0.")
-@click.option("--load", default=0.0, show_default=True, help="Step of the load at 0.")
+@click.option("--setpoint", default=1.0, help="Step of the set point at 0.")
+@click.option("--load", default=0.0, help="Step of the load at 0.")
 @click.option(
     "--sample-time", type=float, help="Of a digital controller, by backward differences; without, continuous."
 )
@@ -100,10 +94,7 @@ def simulate_command(
     response = _response(loop, until, *(options[name] for name in ("setpoint", "load", "u_min", "u_max")))
     show([("Loop", repr(loop)), ("Margins", str(margins(loop))), ("Measures", _measures(response))])
     if out is not None:
-        rows = zip(*(getattr(response, name).tolist() for name in SIGNALS), strict=True)
-        lines = [",".join(SIGNALS), *(",".join(f"{x:.10g}" for x in row) for row in rows)]
-        out.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        click.echo(f"written: {out}")
+        write_csv(out, {name: getattr(response, name) for name in ("t", "r", "y", "u")})
 
 
 _CONTROLLER = ("controller", "kp", "ti", "td", "ta", "n", "m", "sample_time")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -50,32 +51,38 @@ def column(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
     return int(value) if value.isdecimal() else value
 
 
-ms = click.option("--ms", default=1.6, show_default=True, help="Largest maximum sensitivity.")
-ms_worst = click.option(
-    "--ms-worst", default=2.0, show_default=True, help="The same with any plant of the spread."
-)
+ms = click.option("--ms", default=1.6, help="Largest maximum sensitivity.")
+ms_worst = click.option("--ms-worst", default=2.0, help="The same with any plant of the spread.")
 limits = together(
     click.option("--u-min", default=-math.inf, help="Lower limit of u."),
     click.option("--u-max", default=math.inf, help="Upper limit of u."),
 )
 plant = together(
-    click.option(
-        "--num", default="1", show_default=True, callback=numbers, help="Numerator, highest power first."
-    ),
+    click.option("--num", default="1", callback=numbers, help="Numerator, highest power first."),
     click.option(
         "--den", required=True, callback=numbers, help="Denominator, highest power first: '1,3,3,1'."
     ),
-    click.option("--delay", default=0.0, show_default=True, help="Dead time."),
+    click.option("--delay", default=0.0, help="Dead time."),
+)
+times = together(
+    click.option("--td", default=0.0, help="Derivative time."),
+    click.option("--ta", default=0.0, help="Acceleration time squared."),
+    click.option("--n", default=10.0, help="The derivative's filter is td/n."),
+    click.option("--m", default=10.0, help="The acceleration's filter is ta/m, twice."),
 )
 out = click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Folder to write to.")
 
 
-def indented(text: str) -> str:
-    """Return text two characters to the right."""
-    return "\n".join(f"  {line}" for line in text.splitlines())
-
-
 def show(sections: Sequence[tuple[str, str]]) -> None:
-    """Print headings and texts."""
+    """Print headings and, two characters to the right, texts."""
     for head, text in sections:
-        click.echo(f"{head}\n{indented(text)}\n")
+        click.echo(f"{head}\n{textwrap.indent(text, '  ', lambda line: True)}\n")
+
+
+def write_csv(path: Path, columns: dict[str, Any]) -> None:
+    """Write columns of numbers by their names, and say so."""
+    import numpy as np
+
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, fmt="%.10g", delimiter=",", header=",".join(columns), comments="")
+    click.echo(f"written: {path}")

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from pidalab.cli.parts import KINDS, column, limits, ms, ms_worst, one_line, out, show, together
+from pidalab.cli.parts import KINDS, column, limits, ms, ms_worst, one_line, out, show, times, together
 
 if TYPE_CHECKING:
-    from pidalab.digital import DigitalController
-    from pidalab.identification import Fit
-    from pidalab.judging import Row
     from pidalab.record import Record
     from pidalab.rules import Design
 
@@ -29,16 +26,12 @@ CODE = {
 
 record = together(
     click.argument("record", type=click.Path(exists=True, dir_okay=False, path_type=Path)),
-    click.option(
-        "--time", default="0", show_default=True, callback=column, help="Its name, or its number from 0."
-    ),
-    click.option("--u", default="1", show_default=True, callback=column, help="Column of the plant's input."),
-    click.option(
-        "--y", default="2", show_default=True, callback=column, help="Column of the measured output."
-    ),
+    click.option("--time", default="0", callback=column, help="Its name, or its number from 0."),
+    click.option("--u", default="1", callback=column, help="Column of the plant's input."),
+    click.option("--y", default="2", callback=column, help="Column of the measured output."),
     click.option("--period", type=float, help="Time from sample to sample, for a file without times."),
     click.option("--delimiter", help="Between the columns, such as ';' or '\\s+'; by default found out."),
-    click.option("--skip", default=0, show_default=True, help="Lines to leave out at the beginning."),
+    click.option("--skip", default=0, help="Lines to leave out at the beginning."),
     click.option("--step", type=float, help="Time of the step that matters, if there are several."),
     click.option("--u-before", type=float, help="Input before the record, if that begins with its step."),
     click.option(
@@ -46,9 +39,7 @@ record = together(
         type=click.Choice(["drop", "keep"]),
         help="What becomes of outputs far from their neighbours.",
     ),
-    click.option(
-        "--model", default="auto", show_default=True, type=click.Choice(MODELS), help="Model to fit."
-    ),
+    click.option("--model", default="auto", type=click.Choice(MODELS), help="Model to fit."),
 )
 design = together(
     click.option(
@@ -69,17 +60,6 @@ design = together(
         "--sample-time", type=float, required=True, help="Of the controller, in the record's unit of time."
     ),
 )
-
-
-class Result(NamedTuple):
-    """What `pidalab tune` found: all that it prints and writes comes from here."""
-
-    fit: Fit
-    design: Design
-    digital: DigitalController
-    candidate: Row
-    sections: list[tuple[str, str]]
-    doubts: tuple[str, ...]
 
 
 @click.command("report")
@@ -107,18 +87,29 @@ def report_command(out: Path | None, model: str, **options: Any) -> None:
 
 @click.command("tune")
 @record
-@click.option("--kind", default="PIDA", show_default=True, type=click.Choice(KINDS))
+@click.option("--kind", default="PIDA", type=click.Choice(KINDS))
 @design
 @limits
-@click.option("--b", default=1.0, show_default=True, help="Weight of the set point in the proportional part.")
-@click.option("--c", default=1.0, show_default=True, help="Weight of the set point in the derivatives.")
+@click.option("--b", default=1.0, help="Weight of the set point in the proportional part.")
+@click.option("--c", default=1.0, help="Weight of the set point in the derivatives.")
 @click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal.")
 @click.option(
     "--tunable", is_flag=True, help="Code with gains that may change while it runs, without a bump."
 )
 @out
 @one_line
-def tune_command(out: Path | None, **options: Any) -> None:
+def tune_command(
+    out: Path | None,
+    model: str,
+    kind: str,
+    u_min: float,
+    u_max: float,
+    b: float,
+    c: float,
+    feedforward: bool,
+    tunable: bool,
+    **options: Any,
+) -> None:
     """Tune a controller from a plant RECORD, a text file with an input that moves: a step, best from rest.
 
     Prints the model, the controller, margins and doubts; with --out also writes controller.c, controller.st,
@@ -128,25 +119,52 @@ def tune_command(out: Path | None, **options: Any) -> None:
     Example:
       pidalab tune step.csv --time time --u valve --y level --kind PIDA --ms 1.6 --sample-time 0.2 --out folder
     """
-    title = f"{options['kind']} controller for {options['record'].name}"
-    result = _tuned(_read(options), **options)
-    show(result.sections)
-    if out is not None:
-        for path in _written(result, title, options["ms"], options["spread"], out):
-            click.echo(f"written: {path}")
+    from pidalab.identification import fit
+    from pidalab.loop import Loop
+    from pidalab.reporting import report
+    from pidalab.robustness.margins import margins
+
+    title = f"{kind} controller for {options['record'].name}"
+    read = _read(options)
+    fitted = fit(read, model)
+    found = report(fitted, kinds=kind, **options)
+    design, sample_time = found.rows[0].design, options["sample_time"]
+    assert design is not None
+    # the working point of the record: model and controller count from there
+    rest = float(read.steps[0].before) if read.steps else read.u_before
+    further = {"b": b, "c": c, "feedforward": feedforward, "tunable": tunable}
+    digital = design.discretise(
+        sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest, **further
+    )
+    sampled = margins(Loop(fitted.process, digital))
+    doubts = [*fitted.doubts, *design.doubts, *_no_limits(u_min, u_max)]
+    sections = [
+        ("Record", str(read)),
+        ("Model", f"{fitted.process!r}\n{fitted}"),
+        ("Controller", f"{design.controller}\n{_vendors(design)}"),
+        ("Margins, continuous", str(margins(design.loop(fitted.process)))),
+        (f"Margins, sampled every {sample_time:g}", str(sampled)),
+        ("Expected", _expected(design)),
+        ("Doubts", "\n".join(doubts) or "none found"),
+    ]
+    show(sections)
+    if out is None:
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    note = "\n".join(f"Doubt: {doubt}" for doubt in (*read.doubts, *doubts))
+    for name, language in CODE.items():
+        code = getattr(digital, language)(margins=sampled, note=note)
+        (out / name).write_text(code, encoding="utf-8")
+        click.echo(f"written: {out / name}")
+    click.echo(f"written: {found.html(out / 'report.html', title, sections)}")
 
 
 @click.command("check")
 @record
 @click.option("--kp", type=float, required=True, help="Gain, in units of u per unit of y.")
 @click.option("--ti", type=float, required=True, help="Integral time, in the log's unit of time.")
-@click.option("--td", default=0.0, show_default=True, help="Derivative time.")
-@click.option("--ta", default=0.0, show_default=True, help="Acceleration time squared.")
-@click.option("--n", default=10.0, show_default=True, help="The derivative's filter is td/n.")
-@click.option("--m", default=10.0, show_default=True, help="The acceleration's filter is ta/m, twice.")
-@click.option(
-    "--filter", "lag", default=0.0, show_default=True, help="Time constant of the measurement's filter."
-)
+@times
+@click.option("--filter", "lag", default=0.0, help="Time constant of the measurement's filter.")
 @click.option("--sample-time", type=float, help="Of the controller; by default that of the log.")
 @ms_worst
 @one_line
@@ -172,61 +190,12 @@ def check_command(model: str, lag: float, sample_time: float | None, ms_worst: f
     show([("Log", str(read)), ("Model", f"{found.fit.process!r}\n{found.fit}"), ("Gains", str(found))])
 
 
-# --- from the record to the controller --------------------------------------------------------------------------------
-
-
 def _read(options: dict[str, Any]) -> Record:
     """Read the record, and take what says how out of the options."""
     from pidalab.record import Record
 
     path = options.pop("record")
     return Record.read_csv(path, **{name: options.pop(name) for name in READING})
-
-
-def _tuned(
-    read: Record,
-    model: str,
-    kind: str,
-    rule: str,
-    ms: float,
-    ms_worst: float,
-    noise_gain: float | None,
-    spread: float | None,
-    sample_time: float,
-    u_min: float,
-    u_max: float,
-    b: float,
-    c: float,
-    feedforward: bool,
-    tunable: bool,
-) -> Result:
-    from pidalab.identification import fit
-    from pidalab.loop import Loop
-    from pidalab.reporting import measure_candidate
-    from pidalab.robustness.margins import margins
-    from pidalab.tuning import tune
-
-    found = fit(read, model)
-    design = tune(found, kind, ms, noise_gain, sample_time, rule, spread, ms_worst=ms_worst)
-    # the working point of the record: model and controller count from there
-    rest = float(read.steps[0].before) if read.steps else read.u_before
-    further = {"b": b, "c": c, "feedforward": feedforward, "tunable": tunable}
-    digital = design.discretise(
-        sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest, **further
-    )
-    sampled = margins(Loop(found.process, digital))
-    doubts = [*found.doubts, *design.doubts, *_no_limits(u_min, u_max)]
-    sections = [
-        ("Record", str(read)),
-        ("Model", f"{found.process!r}\n{found}"),
-        ("Controller", f"{design.controller}\n{_vendors(design)}"),
-        ("Margins, continuous", str(margins(design.loop(found.process)))),
-        (f"Margins, sampled every {sample_time:g}", str(sampled)),
-        ("Expected", _expected(design)),
-        ("Doubts", "\n".join(doubts) or "none found"),
-    ]
-    candidate = measure_candidate(design, rule, kind, found, sample_time)
-    return Result(found, design, digital, candidate, sections, (*read.doubts, *doubts))
 
 
 def _no_limits(low: float, high: float) -> list[str]:
@@ -258,22 +227,3 @@ def _expected(design: Design) -> str:
     }
     lines = [f"{said}: {design.info[name]:.5g}" for name, said in names.items() if name in design.info]
     return "\n".join([*lines, f"price of robustness: ×{design.price:.2f} of the IAE"])
-
-
-# --- what is written --------------------------------------------------------------------------------------------------
-
-
-def _written(result: Result, title: str, ms: float, spread: float | None, out: Path) -> list[Path]:
-    """Write code and report into a folder."""
-    from pidalab.loop import Loop
-    from pidalab.reporting import gathered
-    from pidalab.robustness.margins import margins
-
-    out.mkdir(parents=True, exist_ok=True)
-    sampled = margins(Loop(result.fit.process, result.digital))
-    note = "\n".join(f"Doubt: {doubt}" for doubt in result.doubts)
-    for name, language in CODE.items():
-        code = getattr(result.digital, language)(margins=sampled, note=note)
-        (out / name).write_text(code, encoding="utf-8")
-    page = gathered(result.fit, ms, [result.candidate], spread)
-    return [*(out / name for name in CODE), page.html(out / "report.html", title, result.sections)]

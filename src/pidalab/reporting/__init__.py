@@ -237,13 +237,8 @@ def report(
             rows.append(measure_candidate(design, rule, kind, fitted, sample_time))
     if all(row.design is None for row in rows):
         raise ValueError(rows[0].reason)
-    return gathered(fitted, ms, rows, spread)
-
-
-def gathered(model: Process | Fit, ms: float, rows: Sequence[Row], spread: float | None) -> Report:
-    """Return the report about candidates that have been judged."""
-    process, fitted = (model.process, model) if isinstance(model, Fit) else (model, None)
-    return Report(process, fitted, ms, tuple(rows), tuple(plants_within(model, process, spread)))
+    process, known = (fitted.process, fitted) if isinstance(fitted, Fit) else (fitted, None)
+    return Report(process, known, ms, tuple(rows), tuple(plants_within(fitted, process, spread)))
 
 
 # --- judging ----------------------------------------------------------------------------------------------------------
