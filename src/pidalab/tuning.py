@@ -20,9 +20,8 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, find
 from pidalab.safety import Asked, Make, Runs, safe, unsafe
 
-LOUDEST = (
-    10.0  # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
-)
+# default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
+LOUDEST = 10.0
 QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
 AT_REST = 10.0  # longest times of the process that pass until it is at rest: slower sampling sees nothing but its gain
 UNSEEN = 1e-3  # phase in rad that no model is known to

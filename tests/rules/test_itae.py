@@ -217,7 +217,7 @@ def test_models_that_imc_refuses():
     for model in (unit(1.0, 1.0), pidalab.ipdt(1.0, 1.0), pidalab.Process([1.0], [1.0, -1.0], 1.0)):
         with pytest.raises(ValueError, match="one stable pole"):
             itae.imc_pid(model)
-    with pytest.raises(ValueError, match="model must have a dead time above 0, found 0"):
+    with pytest.raises(ValueError, match="model must have a dead time above 0"):
         itae.imc_pid(pidalab.fopdt(1.0, 1.0, 0.0))
     with pytest.raises(
         TypeError, match=r"model must be a pidalab\.Process, found SecondOrderModel; pass its \.process"

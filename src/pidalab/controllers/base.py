@@ -47,10 +47,8 @@ class AutomaticReset(NamedTuple):
 class Controller(Block):
     """What all controllers share: evaluation, products, and printing themselves in every form."""
 
-    proportional: tuple[
-        str, ...
-    ] = ()  # attributes that a factor multiplies; limits are the actuator's, and stay
-
+    # attributes that a factor multiplies; limits are the actuator's, and stay
+    proportional: tuple[str, ...] = ()
     limits: tuple[float, float] = (-math.inf, math.inf)  # of the control signal
 
     def automatic_reset(self) -> AutomaticReset | None:

@@ -18,13 +18,11 @@ from pidalab.process import Process, ipdt
 from pidalab.record import Record
 
 LEVELS = (0.05, 0.353, 0.853)
-OVERSHOOT = (
-    0.1  # the model has real poles: a record may exceed its final value by noise, not by more than this
-)
+# the model has real poles: a record may exceed its final value by noise, not by more than this
+OVERSHOOT = 0.1
 MOST_ENDS = 400  # stretches of a record to which a ramp is fitted
-STILL_MOVING = (
-    0.01  # change of the mean between the last two tenths of a record, relative to the whole change
-)
+# change of the mean between the last two tenths of a record, relative to the whole change
+STILL_MOVING = 0.01
 NOISY = 0.01  # noise of a record, relative to the whole change, beyond which single samples mislead
 
 

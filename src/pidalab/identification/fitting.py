@@ -131,9 +131,8 @@ class Fit:
         scale = np.abs(values)
         scale[-1] = np.sum(np.abs(values[1:])) or 1.0
         covariance = self._covariance / np.outer(scale, scale)
-        worth = self._data.t.size / together(
-            self._found.residuals
-        )  # samples, if each had an error of its own
+        # samples, if each had an error of its own
+        worth = self._data.t.size / together(self._found.residuals)
         room = 1.0 + float(chi2.ppf(TRIMMED, values.size)) / worth
         limits = [room * self._squares(shape, centre) for shape, centre in models]
         rng = np.random.default_rng(seed)

@@ -10,9 +10,8 @@ from pidalab.identification.searching import MOST_DAMPED, Data, Found
 from pidalab.identification.shapes import FIRST
 from pidalab.record import Record
 
-BLIND = (
-    1e7  # condition number of the parameters' sensitivities, scaled, above which the input tells too little
-)
+# condition number of the parameters' sensitivities, scaled, above which the input tells too little
+BLIND = 1e7
 SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its sign to be known
 CHANCE = 0.003  # that a drift alone makes an answer look as large
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -39,7 +39,7 @@ class Noise(NamedTuple):
     samples: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Record:
     """A record of a plant: times, input and output, cleaned, with a report of what was done and what is doubtful.
 
@@ -106,15 +106,15 @@ class Record:
     t: Array
     u: Array
     y: Array
-    step_time: float | None = None
-    u_before: float = field(init=False)
-    steps: tuple[Step, ...] = field(init=False)
-    experiment: str = field(init=False)
-    rest: float = field(init=False)
-    noise: Noise = field(init=False)
-    at_rest: bool = field(init=False)
-    apart: str = field(init=False)
-    doubts: tuple[str, ...] = field(init=False)
+    step_time: float | None
+    u_before: float
+    steps: tuple[Step, ...]
+    experiment: str
+    rest: float
+    noise: Noise
+    at_rest: bool
+    apart: str
+    doubts: tuple[str, ...]
 
     def __init__(
         self,
@@ -134,11 +134,8 @@ class Record:
         if outliers is not None:
             _check.choice("outliers", outliers, ("drop", "keep"))
         doubts: list[str] = []
-        where = (
-            [f"sample {k}" for k in range(given[0].size)]
-            if rows is None
-            else [f"row {k}" for k in np.asarray(rows)]
-        )
+        word, numbers = ("sample", np.arange(given[0].size)) if rows is None else ("row", np.asarray(rows))
+        where = [f"{word} {k}" for k in numbers]
         if outliers == "drop" and (wild := far_off(given[2])).size:
             doubts.append(f"left out: {named(where, given[2], wild)}")
             given[2][wild] = np.nan
@@ -154,28 +151,17 @@ class Record:
                 "give the value before it: u_before, or --u-before on the command line"
             )
         first = _check.real("step", step) if step is not None else None
-        values = {
-            "t": times,
-            "u": inputs,
-            "y": outputs,
-            "step_time": first,
-            "u_before": before,
-            "apart": apart,
-            "steps": find_steps(times, inputs, before),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-        if first is not None and not any(s.time >= first for s in self.steps):
-            raise ValueError(f"step: no change of the input at or after {first:g}; found {said(self.steps)}")
+        steps = find_steps(times, inputs, before)
+        if first is not None and not any(s.time >= first for s in steps):
+            raise ValueError(f"step: no change of the input at or after {first:g}; found {said(steps)}")
         moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
-        start = self.steps[0].time if self.steps else times[moved]
+        start = steps[0].time if steps else times[moved]
         rest, noise, resting = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
-        told = u_before is not None
-        object.__setattr__(self, "at_rest", resting or told or (bool(self.steps) and noise.samples == 0))
-        object.__setattr__(self, "rest", rest)
-        object.__setattr__(self, "noise", noise)
-        object.__setattr__(self, "experiment", name_experiment(self.steps, times, inputs, outputs))
-        object.__setattr__(self, "doubts", (*doubts, *([apart] if apart else []), *self._more_doubts()))
+        at_rest = resting or u_before is not None or (bool(steps) and noise.samples == 0)
+        experiment = name_experiment(steps, times, inputs, outputs)
+        vars(self).update(t=times, u=inputs, y=outputs, step_time=first, u_before=before, steps=steps)
+        vars(self).update(apart=apart, rest=rest, noise=noise, at_rest=at_rest, experiment=experiment)
+        vars(self)["doubts"] = (*doubts, *filter(None, [apart]), *self._more_doubts())
 
     @classmethod
     def read_csv(
@@ -236,9 +222,9 @@ class Record:
         """
         path = Path(path)
         roles = {"time": time, "u": u, "y": y} if period is None else {"u": u, "y": y}
+        columns = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
         if len(set(roles.values())) < len(roles):
-            said = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
-            raise ValueError(f"time, u and y must be different columns, found {said}")
+            raise ValueError(f"time, u and y must be different columns, found {columns}")
         skip = _check.integer("skip", skip, at_least=0)
         found = read_columns(path, list(roles.values()), delimiter, decimal, skip, timed=period is None)
         if period is None:
@@ -250,9 +236,8 @@ class Record:
         try:
             record = cls(times, found.values[-2], found.values[-1], step, u_before, outliers, found.rows)
         except ValueError as refusal:
-            columns = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
             raise ValueError(f"{path.name} ({columns}): {refusal}") from None
-        object.__setattr__(record, "doubts", found.doubts + record.doubts)
+        vars(record)["doubts"] = found.doubts + record.doubts
         return record
 
     @property

@@ -13,9 +13,8 @@ from pidalab._check import Array
 
 FEWEST = 20  # samples from which something can be said
 BACKWARD = 0.05  # share of the samples that may lie before an earlier one
-COUNTERS = np.sort(
-    [60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32]
-)  # where clocks begin anew
+# where clocks begin anew
+COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 LISTED = 4  # samples that are said one by one
 
 Places = NDArray[np.intp]  # of samples

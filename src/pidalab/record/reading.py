@@ -18,28 +18,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # What takes the place of a value that was not recorded.
-MISSING = [
-    "",
-    "nan",
-    "na",
-    "n/a",
-    "null",
-    "none",
-    "-",
-    "bad",
-    "bad input",
-    "no data",
-    "#n/a",
-    "i/o timeout",
-    "?",
-]
+MISSING = ["", "-", "?", "nan", "na", "n/a", "#n/a", "null", "none"]
+MISSING += ["bad", "bad input", "no data", "i/o timeout"]
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
 DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y", "%d-%b-%y", "")
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
-STAMP = re.compile(
-    r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)"
-)  # how dates and times of day begin
+# how dates and times of day begin
+STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
 GROUPED = r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"  # a number with a comma after the thousands
 LONG_AGO = 1e8  # a number above it counts seconds since then
 DAY = 86400.0  # seconds
@@ -126,12 +112,10 @@ def read_columns(
 def _lines(path: Path) -> list[str]:
     raw = path.read_bytes()
     wide = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
-    for encoding in ("utf-16",) if wide else ("utf-8-sig",):
-        try:
-            return raw.decode(encoding).splitlines()
-        except UnicodeDecodeError:
-            pass
-    return raw.decode("latin-1").splitlines()
+    try:
+        return raw.decode("utf-16" if wide else "utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        return raw.decode("latin-1").splitlines()
 
 
 def _numbered(lines: Sequence[str], mark: str) -> float:

@@ -37,6 +37,19 @@ def lags(model: Process, order: int) -> tuple[float, list[float]]:
     return float(model.num[0] / model.den[-1]), (model.den[:-1] / model.den[-1]).tolist()
 
 
+def require_delay(model: Process) -> None:
+    """Raise for a model without dead time."""
+    if model.delay == 0:
+        raise ValueError(f"model must have a dead time above 0: this rule divides by it; found {model!r}")
+
+
+def lag_with_delay(model: Process) -> tuple[float, float, float]:
+    """Return gain, lag and dead time of a first-order model with dead time, or raise."""
+    gain, (lag,) = lags(model, 1)
+    require_delay(model)
+    return gain, lag, model.delay
+
+
 def second_order(model: Process) -> SecondOrder:
     """Return the parameters of a second-order model inside the range of the rule, or raise."""
     gain, (a2, a1) = lags(model, 2)

@@ -142,9 +142,8 @@ def double_zero(ratio: float = 1.0) -> Setting:
 
 
 PI, PID, MRDP_PIDA = (multiple_pole(m) for m in range(3))
-TAU_2 = (
-    2 * MRDP_PIDA.ka / MRDP_PIDA.kd
-)  # the pair of zeros of the stabilising controller has the real part -kd/(2 ka)
+# the pair of zeros of the stabilising controller has the real part -kd/(2 ka)
+TAU_2 = 2 * MRDP_PIDA.ka / MRDP_PIDA.kd
 PIDA_1, PIDA_2 = double_zero(), double_zero(1.5)
 PPM_PIDA = Setting("PPM-PIDA", "eq. (25), printed", MRDP_PIDA.lag, kp=0.17, kd=0.45, ka=0.1157, ti=0.36)
 SETTINGS = {setting.name: setting for setting in (PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1, PIDA_2)}

@@ -23,6 +23,7 @@ function                    source                                              
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -32,18 +33,19 @@ from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.roots import roots
 from pidalab.rules._design import Design
-from pidalab.rules._models import integrator, lags
+from pidalab.rules._models import integrator, lag_with_delay, lags, require_delay
 
 KINDS = ("PI", "PID")
+Settings = tuple[float, float, float]  # kp, ti, td
 LESS = 0.999  # of the gain at the border, which is to be stable
 # share of imaginary part up to which poles count as real: a multiple lag splits by rounding
 OSCILLATING = 0.05
-# gain times a = K L/T, ti in units of L after a load and of T after a set point, td in units of L
+# of PI and PID: gain times a = K L/T, ti in units of L after a load and of T after a set point, td in units of L
 CHIEN_HRONES_RESWICK = {
-    ("load", 0): {"PI": (0.6, 4.0, 0.0), "PID": (0.95, 2.4, 0.42)},
-    ("load", 20): {"PI": (0.7, 2.3, 0.0), "PID": (1.2, 2.0, 0.42)},
-    ("setpoint", 0): {"PI": (0.35, 1.2, 0.0), "PID": (0.6, 1.0, 0.5)},
-    ("setpoint", 20): {"PI": (0.6, 1.0, 0.0), "PID": (0.95, 1.4, 0.47)},
+    ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
+    ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),
+    ("setpoint", 0): ((0.35, 1.2, 0.0), (0.6, 1.0, 0.5)),
+    ("setpoint", 20): ((0.6, 1.0, 0.0), (0.95, 1.4, 0.47)),
 }
 
 
@@ -147,22 +149,18 @@ def amigo(model: Process, kind: str = "PID", n: float = 10) -> Design:
     >>> print(f"{C.kp:.2f} {C.ti:.4f} {C.td:.4f}")
     0.65 1.0909 0.3846
     """
-    _check.choice("kind", kind, KINDS)
     integrating, gain, lag, delay = _lag_or_integrator(model)
-    if kind == "PI" and integrating:
-        controller = PIDA(0.35 / (gain * delay), 13.4 * delay)
-    elif kind == "PI":
+    if integrating:
+        pi = 0.35 / (gain * delay), 13.4 * delay, 0.0
+        pid = 0.45 / (gain * delay), 8 * delay, 0.5 * delay
+    else:
         kp = (0.15 + (0.35 - delay * lag / (delay + lag) ** 2) * lag / delay) / gain
         ti = 0.35 * delay + 13 * delay * lag**2 / (lag**2 + 12 * delay * lag + 7 * delay**2)
-        controller = PIDA(kp, ti)
-    elif integrating:
-        controller = PIDA(0.45 / (gain * delay), 8 * delay, 0.5 * delay, 0.0, n)
-    else:
+        pi = kp, ti, 0.0
         kp = (0.2 + 0.45 * lag / delay) / gain
         ti = (0.4 * delay + 0.8 * lag) / (delay + 0.1 * lag) * delay
-        td = 0.5 * delay * lag / (0.3 * delay + lag)
-        controller = PIDA(kp, ti, td, 0.0, n)
-    return Design(model, controller, source="Åström and Hägglund (2004), AMIGO")
+        pid = kp, ti, 0.5 * delay * lag / (0.3 * delay + lag)
+    return _design(model, kind, pi, pid, n, "Åström and Hägglund (2004), AMIGO")
 
 
 def lambda_tuning(
@@ -200,20 +198,13 @@ def lambda_tuning(
     >>> C.kp, C.ti
     (0.375, 3.0)
     """
-    _check.choice("kind", kind, KINDS)
     gain, (lag,) = lags(model, 1)
     wanted = lag if closed_loop_time is None else _check.real("closed_loop_time", closed_loop_time, above=0.0)
     half = model.delay / 2
-    if kind == "PI":
-        controller = PIDA(lag / (gain * (wanted + model.delay)), lag)
-    else:
-        controller = PIDA(
-            (lag + half) / (gain * (wanted + half)), lag + half, lag * half / (lag + half), 0.0, n
-        )
-    info = {"closed_loop_time": wanted}
-    return Design(
-        model, controller, source="Åström and Hägglund (2006), section 6.5, lambda tuning", info=info
-    )
+    pi = lag / (gain * (wanted + model.delay)), lag, 0.0
+    pid = (lag + half) / (gain * (wanted + half)), lag + half, lag * half / (lag + half)
+    source = "Åström and Hägglund (2006), section 6.5, lambda tuning"
+    return _design(model, kind, pi, pid, n, source, closed_loop_time=wanted)
 
 
 def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> Design:
@@ -244,14 +235,11 @@ def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> De
     >>> print(f"{C.kp:.1f} {C.ti:.1f} {C.td:.1f}")
     4.8 2.0 0.5
     """
-    _check.choice("kind", kind, KINDS)
     integrating, gain, lag, delay = _lag_or_integrator(model)
     slope = gain if integrating else gain / lag
     share = 1 / (slope * delay)
-    controller = (
-        PIDA(0.9 * share, delay / 0.3) if kind == "PI" else PIDA(1.2 * share, 2 * delay, delay / 2, 0.0, n)
-    )
-    return Design(model, controller, source="Ziegler and Nichols (1942), process reaction curve")
+    pi, pid = (0.9 * share, delay / 0.3, 0.0), (1.2 * share, 2 * delay, delay / 2)
+    return _design(model, kind, pi, pid, n, "Ziegler and Nichols (1942), process reaction curve")
 
 
 def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10) -> Design:
@@ -286,7 +274,6 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
     """
     from pidalab.reduction import ultimate_frequency
 
-    _check.choice("kind", kind, KINDS)
     require_process("process", process)
     try:
         w = ultimate_frequency(process)
@@ -295,12 +282,9 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
             raise
         w = _oscillation(process)  # several integrators have borders of other turns
     ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, _sign(process)), 2 * math.pi / w
-    if kind == "PI":
-        controller = PIDA(0.45 * ultimate, period / 1.2)
-    else:
-        controller = PIDA(0.6 * ultimate, period / 2, period / 8, 0.0, n)
-    info = {"ultimate_gain": ultimate, "ultimate_period": period}
-    return Design(process, controller, source="Ziegler and Nichols (1942), ultimate sensitivity", info=info)
+    pi, pid = (0.45 * ultimate, period / 1.2, 0.0), (0.6 * ultimate, period / 2, period / 8)
+    source = "Ziegler and Nichols (1942), ultimate sensitivity"
+    return _design(process, kind, pi, pid, n, source, ultimate_gain=ultimate, ultimate_period=period)
 
 
 def chien_hrones_reswick(
@@ -363,15 +347,23 @@ def chien_hrones_reswick(
     _check.choice("test", test, ("load", "setpoint"))
     if overshoot not in (0, 20):
         raise ValueError(f"overshoot must be 0 or 20, found {overshoot!r}")
-    _check.choice("kind", kind, KINDS)
-    gain, (lag,) = lags(model, 1)
-    if model.delay == 0:
-        raise ValueError(f"model must have a dead time above 0: this rule divides by it; found {model!r}")
-    share, ti, td = CHIEN_HRONES_RESWICK[test, overshoot][kind]
-    kp = share * lag / (gain * model.delay)
-    controller = PIDA(kp, ti * (model.delay if test == "load" else lag), td * model.delay, 0.0, n)
+    gain, lag, delay = lag_with_delay(model)
+    unit = delay if test == "load" else lag
+    pi, pid = (
+        (share * lag / (gain * delay), ti * unit, td * delay)
+        for share, ti, td in CHIEN_HRONES_RESWICK[test, overshoot]
+    )
     source = f"Chien, Hrones and Reswick (1952), {test}, {overshoot} % overshoot"
-    return Design(model, controller, source=source)
+    return _design(model, kind, pi, pid, n, source)
+
+
+def _design(
+    model: Process, kind: str, pi: Settings, pid: Settings, n: float, source: str, **info: Any
+) -> Design:
+    """Return the design with kp, ti and td for the kind that is asked for."""
+    _check.choice("kind", kind, KINDS)
+    kp, ti, td = pi if kind == "PI" else pid
+    return Design(model, PIDA(kp, ti, td, 0.0, n), source=source, info=info)
 
 
 def _oscillation(process: Process) -> float:
@@ -400,11 +392,11 @@ def _sign(process: Process) -> float:
 def _lag_or_integrator(model: Process) -> tuple[bool, float, float, float]:
     """Return whether the model integrates, its gain, its lag (infinite for an integrator) and its dead time."""
     require_process("model", model)
-    integrating = len(model.den) == 2 and model.den[-1] == 0
-    gain, (lag,) = (integrator(model)[0], (math.inf,)) if integrating else lags(model, 1)
-    if model.delay == 0:
-        raise ValueError(f"model must have a dead time above 0: this rule divides by it; found {model!r}")
-    return integrating, gain, lag, model.delay
+    if len(model.den) != 2 or model.den[-1] != 0:
+        return False, *lag_with_delay(model)
+    gain, delay = integrator(model)
+    require_delay(model)
+    return True, gain, math.inf, delay
 
 
 def _half_rule(model: Process, keep: int) -> tuple[float, list[float], float, bool]:

@@ -150,9 +150,8 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
     """
     _check.choice("test", test, ("setpoint", "load"))
     controller = (setpoint if test == "setpoint" else load)(model, alpha_d, alpha_a)
-    return Design(
-        model, controller, source=f"pidalab.rules.direct.{test}: fitted to optima, not from a paper"
-    )
+    source = f"pidalab.rules.direct.{test}: fitted to optima, not from a paper"
+    return Design(model, controller, source=source)
 
 
 def _from_gains(

@@ -33,7 +33,7 @@ from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
 from pidalab.rules._design import Design
-from pidalab.rules._models import SecondOrder, lags, second_order
+from pidalab.rules._models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):
@@ -263,14 +263,12 @@ def tune(
     """
     _check.choice("test", test, ("setpoint", "load"))
     _check.choice("kind", kind, ("PIDA", "PID"))
-    table = "Table 2" if test == "setpoint" else "Table 3"
+    pid, pida, table = (
+        (pid_setpoint, pida_setpoint, "Table 2") if test == "setpoint" else (pid_load, pida_load, "Table 3")
+    )
     if kind == "PID":
-        return Design(
-            model,
-            (pid_setpoint if test == "setpoint" else pid_load)(model, alpha_d),
-            source=f"heo2023, {table}",
-        )
-    controller = (pida_setpoint if test == "setpoint" else pida_load)(model, alpha_d, alpha_a)
+        return Design(model, pid(model, alpha_d), source=f"heo2023, {table}")
+    controller = pida(model, alpha_d, alpha_a)
     info, source = factors(model)._asdict(), f"heo2023, eqs. (9) and (12), Table 1 and {table}"
     return Design(model, controller, source=source, info=info, sources=dict.fromkeys(info, "Table 1"))
 
@@ -385,16 +383,9 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     >>> pidalab.rules.itae.imc_pid(pidalab.fopdt(gain=2.0, lag=3.0, delay=1.0))
     NonInteractivePIDA(kc=1.400, tau_i=3.500, tau_d=0.429, tau_a=0.0, alpha_d=0.05, alpha_a=0.025)
     """
-    gain, (tau,) = lags(model, 1)
-    theta = model.delay
-    if theta == 0:
-        raise ValueError(
-            "model must have a dead time above 0, found 0: the gain of this rule is in inverse proportion"
-        )
-    tau_i = tau + theta / 2
-    return NonInteractivePIDA(
-        tau_i / (1.25 * theta * gain), tau_i, tau * theta / (2 * tau + theta), 0.0, alpha_d
-    )
+    gain, tau, theta = lag_with_delay(model)
+    tau_i, tau_d = tau + theta / 2, tau * theta / (2 * tau + theta)
+    return NonInteractivePIDA(tau_i / (1.25 * theta * gain), tau_i, tau_d, 0.0, alpha_d)
 
 
 def _pida(
