@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize
+from scipy.optimize import brentq
 from scipy.special import gammainc
 
 import pidalab
@@ -32,15 +32,11 @@ def test_fourth_order_lag_against_exact_crossings():
     assert model.gain == pytest.approx(1.0, abs=1e-12)
 
 
-def test_sampled_crossings_are_the_paper_s():
-    """First sample at or above the level on a 0.01 grid; haalman2024 prints L = 2.159, alpha = 0.382, tau = 2.037."""
+def test_sampled_crossings_are_the_first_samples_at_or_above_the_levels():
     model = three_point(T, FOURTH, crossing="sampled")
     for time, level in zip(model.times, (0.05, 0.353, 0.853), strict=True):
         i = int(np.argmax(level <= FOURTH))
         assert time == pytest.approx(T[i], abs=1e-12)
-    assert (model.apparent_delay, model.alpha, model.tau) == pytest.approx((2.159, 0.382, 2.037), abs=1e-3)
-    assert model.process.den / model.process.den[-1] == pytest.approx([0.905, 3.159, 3.37, 1.0], abs=1.5e-3)
-    assert model.process.delay == pytest.approx(0.826, abs=1.5e-3)
 
 
 @pytest.mark.parametrize("alpha", [0.2, 0.4, 0.6, 0.8])
@@ -108,18 +104,6 @@ BAD = {
         {"y": SECOND},
         r"y does not fit a third-order model with dead time: alpha = -?\d.* is outside \[0, 1\]",
     ),
-    "few": (
-        {"t": np.arange(20.0), "y": gammainc(2, np.arange(20.0))},
-        "y must have at least 30 samples .* found 20",
-    ),
-    "short": (
-        {"y": FOURTH[:-1]},
-        r"y must be a number or an array as long as t \(4001\), found shape \(4000,\)",
-    ),
-    "nan": ({"y": np.where(T == 20.0, np.nan, FOURTH)}, "y must be finite, found nan at index 2000"),
-    "time": ({"t": T + 1.0}, "t must start at 0, found 1"),
-    "no-step": ({"step": 0.0}, "step must not be 0"),
-    "nan-step": ({"step": np.nan}, "step must be finite, found nan"),
     "order": (
         {"levels": (0.353, 0.05, 0.853)},
         r"levels must be three rising shares between 0 and 1, found \(0\.353",
@@ -139,6 +123,35 @@ def test_three_point_complains(name):
     change, message = BAD[name]
     with pytest.raises(ValueError, match=message):
         three_point(**({"t": T, "y": FOURTH} | change))
+
+
+STILL = "y must end elsewhere than it begins: it starts at 2 and ends at 2"
+EARLY = {"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("rules", "change", "message"),
+    [
+        ("all", {"y": FOURTH[:-1]}, r"y must be a number or an array as long as t \(4001\), found shape \(4000,\)"),
+        ("all", {"y": np.where(T == 20.0, np.nan, FOURTH)}, "y must be finite, found nan at index 2000"),
+        ("all", {"t": T + 1.0}, "t must start at 0, found 1"),
+        ("all", {"step": 0.0}, "step must not be 0"),
+        ("all", {"step": np.nan}, "step must be finite, found nan"),
+        ("ramps", {"y": np.full(T.size, 2.0)}, STILL),
+        ("tangent", {"span": 0.0}, "span must be above 0"),
+        ("tangent", {"span": 50.0}, r"span must be shorter than the record \(40\), found 50"),
+        ("tangent", EARLY, "meets the level of rest at t = -.*, before the step"),
+        ("squares", {"rise": 0.0}, "rise must be above 0"),
+        ("squares", {"rise": 1.0}, "rise must be below 1, found 1"),
+        ("squares", {"t": np.arange(4.0), "y": np.arange(4.0)}, "y must have at least 5 samples, found 4"),
+    ],
+)  # fmt: skip
+def test_what_is_no_step_experiment_is_refused(rules, change, message):
+    ramps = {"tangent": [ipdt_tangent], "squares": [ipdt_least_squares]}
+    ramps["ramps"] = [ipdt_tangent, ipdt_least_squares]
+    for rule in (ramps | {"all": [three_point, *ramps["ramps"]]})[rules]:
+        with pytest.raises(ValueError, match=message):
+            rule(**({"t": T, "y": FOURTH} | change))
 
 
 def test_levels_whose_formulas_turn_negative_say_so():
@@ -203,27 +216,6 @@ def test_tangent_of_a_noisy_record_needs_a_span():
     assert ipdt_tangent(T, noisy).num[0] > 5 * slope
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"y": np.full(T.size, 2.0)}, "y must end elsewhere than it begins: it starts at 2 and ends at 2"),
-        ({"step": 0.0}, "step must not be 0"),
-        ({"span": 0.0}, "span must be above 0"),
-        ({"span": 50.0}, r"span must be shorter than the record \(40\), found 50"),
-        ({"t": T + 1.0}, "t must start at 0"),
-        ({"y": FOURTH[:-1]}, "y must be a number or an array as long as t"),
-        (
-            {"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0},
-            "meets the level of rest at t = -.*, before the step",
-        ),
-    ],
-    ids=["constant", "no-step", "no-span", "long-span", "time", "short", "early"],
-)
-def test_tangent_complains(change, message):
-    with pytest.raises(ValueError, match=message):
-        ipdt_tangent(**({"t": T, "y": FOURTH} | change))
-
-
 @pytest.mark.parametrize("order", [1, 3, 4])
 def test_filtered_ramp_is_its_closed_form(order):
     """A ramp behind n lags: t - n T_f + its transient; straight from sample to sample, so exact however coarse."""
@@ -239,10 +231,6 @@ def test_filtered_record_is_that_of_the_process_with_the_filter():
     process = pidalab.Process([1.0], np.convolve([1, 4, 6, 4, 1], np.poly([-2.0] * 4) / 16.0), delay=0.7)
     y = pidalab.open_loop_step(pidalab.lags(4, delay=0.7), T).y
     assert binomial_filtered(T, y, 0.5, 4) == pytest.approx(pidalab.open_loop_step(process, T).y, abs=1e-5)
-
-
-def test_filter_of_a_level_is_the_level():
-    assert binomial_filtered(T, np.full(T.size, 3.0), 0.5, 4).tolist() == [3.0] * T.size
 
 
 @pytest.mark.parametrize("rise", [0.02, 0.2, 0.9])
@@ -267,22 +255,6 @@ def test_the_change_of_a_record_counts_from_its_first_sample(rule):
     assert rule(t, at_once).num[0] > 0
     with pytest.raises(ValueError, match="it starts at 1 and ends at 1"):
         rule(t, none)
-
-
-def test_ramp_is_the_nearest_one():
-    """Beside a general minimiser, from many starts."""
-    t, y = T[:600], FOURTH[:600] + np.random.default_rng(2).normal(scale=0.01, size=600)
-
-    def squares(x):
-        return np.sum((y - x[0] * np.maximum(t - x[1], 0.0)) ** 2)
-
-    best = min(
-        (minimize(squares, (0.2, start), method="Nelder-Mead") for start in (0.5, 1.0, 2.0)),
-        key=lambda r: r.fun,
-    )
-    found = _hinge(t, y)
-    assert squares(found) <= best.fun * (1 + 1e-9)
-    assert found == pytest.approx(best.x, rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -335,40 +307,11 @@ def test_filter_of_the_dryer_is_in_the_dead_time():
     assert (fit.num[0], fit.delay) == pytest.approx((8.31e-4, 74.5), rel=0.07)
 
 
-def test_filter_of_50_s_alone_has_nearly_the_printed_dead_time():
-    """Its step response has its inflection at 3 T_f, and there a tangent with a dead time of 71.4 s."""
-    assert 50.0 * (3 - gammainc(4, 3.0) / (27 * np.exp(-3.0) / 6)) == pytest.approx(71.3, abs=0.1)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"y": np.full(T.size, 2.0)}, "y must end elsewhere than it begins: it starts at 2 and ends at 2"),
-        ({"step": 0.0}, "step must not be 0"),
-        ({"rise": 0.0}, "rise must be above 0"),
-        ({"rise": 1.0}, "rise must be below 1, found 1"),
-        ({"t": T + 1.0}, "t must start at 0"),
-        ({"y": FOURTH[:-1]}, "y must be a number or an array as long as t"),
-        ({"t": np.arange(4.0), "y": np.arange(4.0)}, "y must have at least 5 samples, found 4"),
-    ],
-    ids=["constant", "no-step", "no-rise", "all-rise", "time", "short", "few"],
-)
-def test_least_squares_complains(change, message):
-    with pytest.raises(ValueError, match=message):
-        ipdt_least_squares(**({"t": T, "y": FOURTH} | change))
-
-
 def test_filter_complains():
     with pytest.raises(ValueError, match="filter_time must be above 0"):
         binomial_filtered(T, FOURTH, 0.0, 4)
     with pytest.raises(ValueError, match="filter_order must be a whole number, at least 1"):
         binomial_filtered(T, FOURTH, 1.0, 0)
-
-
-def test_a_record_that_oscillates_is_refused():
-    wave = 1 - np.exp(-0.3 * T) * np.cos(T)
-    with pytest.raises(ValueError, match=r"overshoots its final value by .* a model with real poles cannot"):
-        three_point(T, wave)
 
 
 PLANT = pidalab.Process([2.3], np.convolve([20.0, 1.0], np.convolve([6.0, 1.0], [3.0, 1.0])), 8.0)
@@ -470,26 +413,6 @@ def test_what_a_step_record_may_do(options, message, gain, rest):
             _levels_reached(t, rest + gain * y, LEVELS, "interpolated")
 
 
-def test_what_a_step_record_may_do_at_most_it_may_do():
-    """Binary fractions, so that the record lies on the limits to the last bit."""
-    for options in ({"first": 0.0625}, {"top": 1.1}):
-        t, y = settled(**options)
-        _levels_reached(t, y, (0.0625, 0.353, 0.853), "interpolated")
-    t, y = settled(moved=0.01)
-    _levels_reached(t, np.rint(100 * y), LEVELS, "interpolated")
-    t, y = settled(top=np.nextafter(1.1, 2.0))
-    with pytest.raises(ValueError, match="y overshoots its final value by 10 % of the change, and 10 % is"):
-        _levels_reached(t, y, LEVELS, "interpolated")
-
-
-def test_levels_between_samples_and_at_them():
-    t, y = settled()
-    k = [int(np.argmax(y >= level)) for level in LEVELS]
-    assert _levels_reached(0.5 * t, y, LEVELS, "sampled")[1] == pytest.approx(0.5 * t[k])
-    between = [t[i - 1] + (level - y[i - 1]) / (y[i] - y[i - 1]) for i, level in zip(k, LEVELS, strict=True)]
-    assert _levels_reached(0.5 * t, y, LEVELS, "interpolated")[1] == pytest.approx(0.5 * np.array(between))
-
-
 def test_time_of_rise_in_closed_form():
     """From the last sample below a tenth before the first above nine tenths of the mean of the last tenth."""
     t = 0.5 * np.arange(50.0)
@@ -556,18 +479,6 @@ def test_a_span_is_rounded_to_steps(span, width):
     assert model.delay == pytest.approx(max(0.0, middle - np.mean(points**2) / (2 * middle)), abs=1e-12)
 
 
-def test_a_change_of_a_thousand_millionth_is_none():
-    t = np.arange(40.0)
-    for size, message in ((0.9e-9, "y must end elsewhere than it begins"), (1.1e-9, None)):
-        y = np.where(t < 3, 0.0, 1.0) + 0.0
-        y[-1] = size
-        if message is None:
-            assert ipdt_tangent(t, y).num[0] == pytest.approx(1.0)
-        else:
-            with pytest.raises(ValueError, match=message):
-                ipdt_tangent(t, y)
-
-
 def test_the_span_of_a_noisy_record_is_a_third_of_its_rise():
     noisy = historian(noise=0.02)
     noisy = pidalab.Record(0.01 * noisy.t, noisy.u, noisy.y)
@@ -581,11 +492,3 @@ def test_a_warning_of_noise_points_at_the_line_that_asked():
     with pytest.warns(pidalab.areas.RecordWarning) as caught:
         ipdt_least_squares(historian(noise=0.3))
     assert caught[0].filename == __file__
-
-
-def test_a_model_does_not_change():
-    model = three_point(T, FOURTH)
-    with pytest.raises(AttributeError):
-        model.gain = 2.0
-    assert model == three_point(T, FOURTH)
-    assert len({model, three_point(T, FOURTH)}) == 1

@@ -7,8 +7,8 @@ import pidalab
 from pidalab import Record
 from pidalab.identification import fit
 from pidalab.identification.judging import covariance
-from pidalab.identification.searching import Found, _hidden, prepared, refined, search
-from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND, behind_lag
+from pidalab.identification.searching import Found, prepared, refined, search
+from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND
 
 GRID = np.linspace(0.0, 300.0, 3001)
 TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
@@ -320,27 +320,6 @@ def test_a_descent_from_the_truth_stays_there_close_to_the_upper_bounds_too(shap
     data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
     values = refined(data, shape, [*true, 3.0], 99.5).values
     np.testing.assert_allclose(values, [30.0, 0.0, *true, 3.0], rtol=1e-6, atol=1e-8)
-
-
-def test_lags_that_a_record_hides_are_the_longest_and_a_middle_one():
-    t = np.arange(0.0, 100.0)
-    process = pidalab.Process([1.0], np.polymul([10.0, 1.0], [2.0, 1.0]), 3.0)
-    clean = np.append(np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y)
-    y = clean + np.random.default_rng(3).normal(0.0, 0.05, t.size)
-    data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
-    found = search(data, FIRST)
-    lag, delay = found.values[2:]
-    passed = []
-    for further in (lag + delay) * np.geomspace(0.01, 0.5, 12):
-        rival = refined(data, behind_lag(FIRST, further), [lag, max(delay - further, 0.0)], 79.0)
-        if rival.deviation <= 1.03 * found.deviation + 1e-9:
-            passed.append(further)
-    assert len(passed) > 2
-    hidden = _hidden(data, found, 79.0, found.near)
-    for (shape, values), further in zip(hidden, (passed[len(passed) // 2], passed[-1]), strict=True):
-        den = shape.process(*values[:1], values[1:-1].tolist(), values[-1]).den
-        assert np.min(np.abs(np.polyval(den, -1 / further))) == pytest.approx(0.0, abs=1e-9)
-        assert len(values) == 3
 
 
 def test_twenty_plants_of_the_same_seed_unless_told():

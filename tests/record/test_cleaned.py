@@ -23,42 +23,6 @@ def test_step_rest_and_noise_are_found():
     assert abs(record.noise.correlation) < 0.4
 
 
-def test_cleaning_is_said_and_changes_nothing_else():
-    t, u, y = step_record()
-    order = np.arange(t.size)
-    order[[30, 31, 90, 91]] = [31, 30, 91, 90]
-    worse = [np.append(x[order], x[:3]) for x in (t, u, y)]
-    worse[2] = np.append(worse[2], np.nan)
-    worse[0], worse[1] = np.append(worse[0], 50.0), np.append(worse[1], 47.0)
-    record = Record(*worse)
-    assert np.allclose(record.t, t)
-    assert np.allclose(record.y, y)
-    said = " ".join(record.doubts)
-    for word in ("missing value", "not in order", "averaged"):
-        assert word in said
-
-
-def test_coarse_outputs_gaps_several_steps_and_drift_are_doubted():
-    t, u, y = step_record()
-    keep = (t < 60) | (t > 80)
-    assert "gap" in " ".join(Record(t[keep], u[keep], y[keep]).doubts)
-    assert "levels" in " ".join(Record(t, u, np.round(y / 2) * 2).doubts)
-    twice = Record(t, u + 3.0 * (t > 70), y)
-    assert len(twice.steps) == 2
-    with pytest.raises(ValueError, match="changes again"):
-        twice.after_step()
-    assert "still moves" in " ".join(Record(t, u, np.maximum(t - 25, 0.0)).doubts)
-    assert "drifts" in " ".join(Record(t, u, y + 0.2 * t).doubts) or "drifts" in " ".join(
-        Record(t, u, y + 0.2 * t + np.random.default_rng(0).normal(0, 0.1, t.size)).doubts
-    )
-
-
-def test_response_from_the_step_on_is_that_of_a_unit_step():
-    t, y = Record(*step_record(2001)).after_step()
-    assert t[0] == 0.0
-    assert np.allclose(y, 2.0 * (1 - np.exp(-np.maximum(t - 5.0, 0.0) / 10.0)), atol=0.02)
-
-
 def test_a_ramp_of_the_input_is_one_step_at_its_middle():
     t, _, y = step_record()
     record = Record(t, np.interp(t, [20.0, 24.0], [40.0, 47.0]), y)
@@ -86,31 +50,6 @@ def test_a_word_among_numbers_is_refused():
     t, u, _ = step_record()
     with pytest.raises(TypeError, match="y must be an array of real numbers"):
         Record(t, u, ["a"] * t.size)
-
-
-def test_the_package_offers_it():
-    assert pidalab.Record is Record
-
-
-def test_uniform_keeps_a_uniform_record_and_puts_the_step_of_another_on_the_grid():
-    t, u, y = step_record()
-    again = Record(500.0 + t, u, y).uniform()
-    assert again[0] == pytest.approx(t)
-    assert again[1].tolist() == u.tolist()
-    assert again[2] == pytest.approx(y)
-    rng = np.random.default_rng(5)
-    moved = np.sort(np.delete(t, [30, 31, 90]) + rng.uniform(-0.1, 0.1, t.size - 3))
-    record = Record(
-        moved,
-        np.where(moved < 20.0, 40.0, 47.0) + rng.uniform(-0.02, 0.02, moved.size),
-        np.interp(moved, t, y),
-    )
-    grid, held, output = record.uniform()
-    k = int(np.argmax(held > 43.0))
-    assert np.all(held[:k] == record.step.before)
-    assert grid[k] + moved[0] == pytest.approx(record.step.time, abs=record.sampling)
-    assert grid == pytest.approx(record.sampling * np.arange(grid.size))
-    assert output[0] == pytest.approx(300.0)
 
 
 def test_the_step_that_matters_has_to_be_one():

@@ -1,4 +1,4 @@
-"""Generalized Haalman rule: cancellation, the gain that reaches Ms, the printed numbers, and every refusal."""
+"""Generalized Haalman rule: cancellation, the gain that reaches Ms, and every refusal."""
 
 import math
 from functools import partial
@@ -53,34 +53,9 @@ def test_gain_is_the_smallest(tuned, key):
         assert np.max(1 / np.abs(1 + kp * unit)) < key[1]
 
 
-@pytest.mark.parametrize(
-    ("key", "printed", "wgc"),
-    [
-        (("third", 1.4), {"kp": 1.31, "ti": 3.37, "td": 0.938, "ta": 0.269}, 0.39),
-        (
-            ("second", 1.4),
-            {"kp": 0.91, "ti": 2.88, "td": 0.72, "ta": 0.0},
-            0.32,
-        ),  # printed 0.39; eq. (15) gives 0.05/0.158 = 0.316
-        (("second", 2.0), {"kp": 1.69, "ti": 2.88, "td": 0.72, "ta": 0.0}, 0.60),
-    ],
-    ids=str,
-)
-def test_printed_numbers_of_example_1(tuned, key, printed, wgc):
-    """Within one unit of the last printed digit, but kp, which the paper took from a grid of 0.01: within two."""
-    C = tuned[key]
-    for name, value in printed.items():
-        digits = 3 if name in ("td", "ta") and key[0] == "third" else 2
-        unit = 10.0**-digits
-        assert getattr(C, name) == pytest.approx(value, abs=(2.0 if name == "kp" else 1.0) * unit * 1.001)
-    assert haalman.output_filter(MODELS[key[0]], C).wgc == pytest.approx(wgc, abs=0.01)
-
-
-def test_printed_output_filters(tuned):
+def test_output_filter_is_twenty_times_faster_than_the_crossover(tuned):
     F = haalman.output_filter(THIRD, tuned["third", 1.4])
-    assert (round(F.time, 2), F.order) == (0.13, 2)  # eq. (13)
-    G = haalman.output_filter(SECOND, tuned["second", 1.4])
-    assert (round(G.time, 3), G.order) == (0.158, 1)  # eq. (15)
+    assert (F.order, haalman.output_filter(SECOND, tuned["second", 1.4]).order) == (2, 1)
     assert F.time * F.wgc == pytest.approx(0.05)
     assert abs(Loop(THIRD, tuned["third", 1.4]).L(1j * F.wgc)) == pytest.approx(1.0)
     s = 0.3 + 2.0j

@@ -1,4 +1,4 @@
-"""Explicit ITAE rule: printed tunings, the proof of each correction, the break points, units, the range, refusals."""
+"""Explicit ITAE rule: the proof of each correction, the break points, units, the range, refusals."""
 
 import math
 from collections.abc import Callable
@@ -11,31 +11,10 @@ from pidalab.reduction import to_fopdt, to_sopdt
 from pidalab.rules import itae
 from pidalab.rules._models import integrator
 
-EXAMPLES = {  # heo2023, (17) to (19)
-    1: pidalab.lags(3, delay=0.2),
-    2: pidalab.lags(5),
-    3: pidalab.Process([1.0], np.convolve([9.0, 2.4, 1.0], [1.0, 1.0]), delay=0.5),
-}
+EXAMPLE = pidalab.lags(3, delay=0.2)  # heo2023, (17)
 RULES: dict[str, Callable] = {
     f.__name__: f
     for f in (itae.imc_pid, itae.pid_setpoint, itae.pid_load, itae.pida_setpoint, itae.pida_load)
-}
-TABLES = {  # Tables 4, 5, 6: kc, tau_i, tau_d, tau_a by rule, in the order above
-    1: "2.690 4.216 0.534; 2.233 2.718 0.917; 5.180 1.580 0.761; 3.778 2.900 0.940 0.718; 10.87 1.167 0.593 0.453",
-    2: "1.525 5.050 0.977; 1.312 3.726 1.385; 2.174 3.069 1.448; 2.022 4.145 1.454 1.214; 4.214 2.694 1.284 1.072",
-    3: "1.101 5.559 1.286; 0.965 2.670 3.680; 2.504 3.366 2.579; 1.465 2.847 3.933 2.123; 5.503 2.798 1.857 1.002",
-}
-PRINTED = {
-    (k, rule): row for k, table in TABLES.items() for rule, row in zip(RULES, table.split("; "), strict=True)
-}
-OFF = {  # by how many units of the last printed digit; all others agree
-    (1, "imc_pid", "kc"): -1,
-    (1, "pid_setpoint", "kc"): 101,
-    (2, "pid_setpoint", "kc"): 7,
-    (2, "pid_setpoint", "tau_i"): -1,
-    (3, "pida_setpoint", "tau_a"): -1,
-    (3, "pida_load", "tau_d"): -1,
-    (3, "pida_load", "tau_a"): -1,
 }
 RATIOS = np.linspace(0.1, 2.0, 39)
 DAMPINGS = np.linspace(0.3, 2.0, 35)
@@ -43,21 +22,6 @@ DAMPINGS = np.linspace(0.3, 2.0, 35)
 
 def unit(r: float, xi: float) -> pidalab.Process:
     return pidalab.sopdt(1.0, 1.0, xi, r)
-
-
-def model_of(k, rule="pid_setpoint"):
-    return to_fopdt(EXAMPLES[k]) if rule == "imc_pid" else to_sopdt(EXAMPLES[k])
-
-
-@pytest.mark.parametrize(("k", "rule"), PRINTED)
-def test_printed_tunings(k, rule):
-    """Agreement is recorded digit by digit: 51 numbers, 7 of them off, 2 by more than one unit of the last digit."""
-    controller = RULES[rule](model_of(k, rule).process)
-    for name, text in zip(("kc", "tau_i", "tau_d", "tau_a"), PRINTED[k, rule].split(), strict=False):
-        digits = len(text.split(".")[1])
-        off = round((round(getattr(controller, name), digits) - float(text)) * 10**digits)
-        assert off == OFF.get((k, rule, name), 0), name
-    assert (controller.alpha_d, controller.alpha_a) == (0.05, 0.025)
 
 
 # Corrections. Each test computes the formula as printed, without the library, and shows what it does.
@@ -181,13 +145,13 @@ def test_borders_of_the_range_and_break_points_survive_rounding():
 
 
 def test_filters():
-    model = model_of(1).process
+    model = to_sopdt(EXAMPLE).process
     controller = itae.pida_load(model, alpha_d=0.1, alpha_a=0.2)
     assert (controller.alpha_d, controller.alpha_a) == (0.1, 0.2)
     assert controller.gains() == itae.pida_load(model).gains()
     for rule in (itae.pid_load, itae.pid_setpoint):
         assert rule(model, alpha_d=0.1).alpha_d == 0.1
-    assert itae.imc_pid(to_fopdt(EXAMPLES[1]).process, alpha_d=0.1).alpha_d == 0.1
+    assert itae.imc_pid(to_fopdt(EXAMPLE).process, alpha_d=0.1).alpha_d == 0.1
     with pytest.raises(ValueError, match="alpha_a must be above 0"):
         itae.pida_setpoint(model, alpha_a=0.0)
 
@@ -222,7 +186,7 @@ def test_models_that_imc_refuses():
     with pytest.raises(
         TypeError, match=r"model must be a pidalab\.Process, found SecondOrderModel; pass its \.process"
     ):
-        itae.pid_load(to_sopdt(EXAMPLES[1]))
+        itae.pid_load(to_sopdt(EXAMPLE))
 
 
 def test_imc_is_the_pid_of_rivera_with_a_quarter_of_the_dead_time():

@@ -1,4 +1,4 @@
-"""Magnitude optimum: printed gains, the flat real part, records, noise gains, ranking of orders, refusals."""
+"""Magnitude optimum: the flat real part, records, noise gains, ranking of orders, refusals."""
 
 import math
 
@@ -12,8 +12,8 @@ import pidalab
 from pidalab import areas
 from pidalab.rules import magnitude_optimum as mo
 
-G1, G2, G4 = pidalab.lags(4), pidalab.lags(2, delay=0.5), pidalab.lags(3, delay=1.0)
-G3 = pidalab.lags(3, delay=0.5)  # of Tables 3 to 5; (33), as printed, gives none of their gains
+G1, G2 = pidalab.lags(4), pidalab.lags(2, delay=0.5)
+G3 = pidalab.lags(3, delay=0.5)
 TS = 0.002
 
 
@@ -22,85 +22,6 @@ def poles(*lags):
     for lag in lags:
         den = np.convolve(den, [lag, 1.0])
     return den
-
-
-def off(values, text):
-    """By how many units of the last printed digit each value is off, once it is rounded."""
-    result = []
-    for value, printed in zip(values, text.split(), strict=True):
-        digits = len(printed.partition(".")[2])
-        result.append(round((round(value, digits) - float(printed)) * 10**digits))
-    return result
-
-
-TABLE_2 = {
-    (1, 1): "0.438 1.295 1.041",
-    (1, 2): "0.812 2.911 3.599 1.556",
-    (1, 3): "1.810 7.282 11.008 7.417 1.883",
-    (2, 1): "0.890 1.814 0.934",
-    (2, 2): "1.140 2.578 1.738 0.300",
-    (2, 3): "1.304 3.152 2.459 0.678 0.0674",
-}
-NOISY = {  # table, m, n, K_HF: T_F, K_-1, K_0, ..., and the noise gain of a record
-    (3, 3, 4, 2): ("0.209 0.679 2.445 3.282 1.954 0.440", 1.85),
-    (3, 3, 4, 5): ("0.155 0.773 2.684 3.426 1.896 0.382", 4.60),
-    (3, 3, 4, 10): ("0.124 0.844 2.873 3.562 1.885 0.352", 9.2),
-    (3, 3, 4, 20): ("0.100 0.914 3.062 3.710 1.890 0.329", 18.3),
-    (4, 3, 3, 10): ("0.396 0.619 2.402 3.547 2.388 0.629", 10.1),
-    (4, 3, 4, 10): ("0.124 0.844 2.873 3.562 1.885 0.352", 9.17),
-    (4, 3, 5, 10): ("0.109 0.799 2.731 3.410 1.824 0.348", 5.05),
-    (4, 3, 6, 10): ("0.104 0.742 2.564 3.247 1.777 0.352", 3.33),
-    (5, 1, 2, 10): ("0.015 0.517 1.323 0.904", 10.9),
-    (5, 2, 3, 10): ("0.078 0.766 2.36 2.45 0.863", 9.7),
-    (5, 3, 4, 10): ("0.124 0.844 2.873 3.562 1.885 0.352", 9.2),
-    (5, 4, 5, 10): ("0.161 0.876 3.270 4.694 3.225 1.068 0.143", 8.9),
-    (6, 2, 3, 10): ("0.0702 0.498 1.597 1.752 0.668", None),
-    (6, 3, 4, 10): ("0.125 0.554 1.992 2.674 1.596 0.362", None),
-    (6, 4, 5, 10): ("0.170 0.579 2.308 3.629 2.832 1.117 0.185", None),
-}
-
-
-@pytest.mark.parametrize("key", TABLE_2)
-def test_printed_gains_for_a_given_filter(key):
-    """All 24 numbers of Table 2, to the last digit."""
-    design = mo.tune({1: G1, 2: G2}[key[0]], key[1], key[1], 0.1)
-    assert off(design.gains, TABLE_2[key]) == [0] * (key[1] + 2)
-    assert design.uncertainty == (0.0,) * (key[1] + 2)
-
-
-def noisy(key, **options):
-    table, m, n, noise_gain = key
-    design = mo.tune_for_noise(G4 if table == 6 else G3, m, n, noise_gain, TS, **options)
-    return off((design.filter_time, *design.gains), NOISY[key][0])
-
-
-@pytest.mark.parametrize(
-    ("options", "exact", "worst"),
-    [
-        ({"first": 0.05, "updates": 4}, 78, 1),
-        ({"first": 0.1, "updates": 4}, 72, 2),
-        ({"first": 0.1, "updates": 3}, 63, 10),
-        ({}, 67, 4),
-    ],
-)
-def test_printed_gains_for_a_noise_gain(options, exact, worst):
-    """All 88 numbers of Tables 3 to 6 by the way of iterating, which the paper leaves open; the rest are slow rows."""
-    units = [unit for key in NOISY for unit in noisy(key, **options)]
-    assert len(units) == 88
-    assert units.count(0) == exact
-    assert max(map(abs, units)) == worst
-
-
-def test_printed_gains_of_the_comparison():
-    """(41), (44), (48). Two of 22 are off; 38.88 by more than rounding can explain, see below."""
-    g5, g6 = pidalab.Process([1.0], poles(1, 1 / 2, 1 / 3)), pidalab.Process([1 / 18], poles(1, 1 / 3, 1 / 6))
-    assert off(mo.tune(g5, 2, 2, 0.01).gains, "25.06 45.95 25.07 4.18") == [1, 0, 0, 0]
-    assert off(mo.tune(g5, 3, 3, 0.01).gains, "37.53 69.42 38.88 6.88 0.104") == [0, 0, -21, 0, 0]
-    assert off(mo.tune(g6, 2, 2, 0.005).gains, "902 1353 501 50.1") == [0, 0, 0, 0]
-    assert off(mo.tune(g6, 3, 3, 0.005).gains, "1351 2037 767 81.3 0.6") == [0, 0, 0, 0, 0]
-    g7 = pidalab.Process([1.0], poles(1, 1 / 2, 1 / 4, 1 / 8))
-    filtered = areas.with_filter(areas.from_process(g7, 8), control.tf([1.0], [5.26e-5, 0.0132, 1.0]))  # (47)
-    assert off(mo.gains(filtered, 2), "4.36 7.735 3.97 0.60") == [0, 0, 0, 0]
 
 
 # The principle
@@ -153,10 +74,10 @@ def test_integral_of_the_error():
 # From records
 
 
-@pytest.mark.parametrize(("table", "lags", "delay"), [(1, 4, 0.0), (2, 2, 0.5)])
+@pytest.mark.parametrize(("process", "lags", "delay"), [(G1, 4, 0.0), (G2, 2, 0.5)])
 @pytest.mark.parametrize("length", [50, 60, 80])
-def test_printed_gains_from_a_record(table, lags, delay, length):
-    """All of Table 2 without a model, from a step recorded every 0.002.
+def test_gains_from_a_record(process, lags, delay, length):
+    """Those of Table 2 without a model, from a step recorded every 0.002, to the printed digits.
 
     The record has all its digits: t^8/8! makes the fourth decimal of the gains of PID_3^3 from an error of 1e-13 in y.
     """
@@ -165,7 +86,7 @@ def test_printed_gains_from_a_record(table, lags, delay, length):
     measured = areas.from_record(t, 1.0, y, 10, start=(0.0, 0.0))
     for m in (1, 2, 3):
         design = mo.tune(measured, m, m, 0.1)
-        assert off(design.gains, TABLE_2[table, m]) == [0] * (m + 2)
+        assert design.gains == pytest.approx(mo.tune(process, m, m, 0.1).gains, abs=5e-4)
         assert 0 < max(design.uncertainty) < 1e-3
 
 
@@ -257,15 +178,6 @@ def test_noise_gain_of_a_lag():
     assert mo.noise_gain(design, 0.05) == pytest.approx(
         math.hypot(d, (1 - d) * math.sqrt((1 - a) / (1 + a))), rel=1e-12
     )
-
-
-@pytest.mark.parametrize("key", [key for key, (_, sigma) in NOISY.items() if sigma])
-def test_printed_noise_gains(key):
-    """One unstated record each: 4 %. The process takes no part at these frequencies: 0.6 %."""
-    design = mo.tune_for_noise(G3, *key[1:], TS)
-    loop = pidalab.noise_gain(pidalab.Loop(G3, design.controller), TS)
-    assert loop == pytest.approx(NOISY[key][1], rel=0.04)
-    assert mo.noise_gain(design, TS) == pytest.approx(loop, rel=0.006)
 
 
 def test_exact_noise_gain():

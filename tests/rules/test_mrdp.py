@@ -122,16 +122,6 @@ def test_pi_and_pid_are_stable_with_any_filter(m, n):
         assert pidalab.is_stable(mrdp.tune(UNIT, m, n, te).loop())
 
 
-@pytest.mark.parametrize(("factor", "sign"), [(0.9, 1), (1.1, -1)])
-def test_simulation_grows_and_decays_with_the_rightmost_pole(factor, sign):
-    loop = mrdp.tune(UNIT, 4, 5, factor * mrdp.smallest_te(4, 5)).loop()
-    t = np.linspace(0, 120, 24001)
-    error = np.abs(pidalab.step_response(loop, t).e)
-    rate = math.log(error[(t > 110)].max() / error[(t > 50) & (t < 60)].max()) / 60
-    assert math.copysign(1, rate) == sign
-    assert rate == pytest.approx(pidalab.rightmost_poles(loop)[0].real, rel=0.02)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
