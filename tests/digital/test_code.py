@@ -9,7 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 from cases import CASES, STANDARD, record, reference
-from st import Instance, Parser
+from st import Instance, read
 
 import pidalab
 from pidalab import HighOrderPID
@@ -103,20 +103,20 @@ def test_c_tests_itself(tmp_path):
 
 @pytest.mark.parametrize("name", CASES)
 def test_structured_text_is_the_reference_bit_for_bit(name):
-    blocks = Parser(CASES[name].structured_text(name)).blocks
+    blocks = read(CASES[name].structured_text(name))
     block, found = Instance(blocks, name), []
     for row in zip(*(x.tolist() for x in RECORDS[name].values()), strict=True):
-        found.append(block(**dict(zip(RECORDS[name], row, strict=True)))["control"])
+        found.append(block(**dict(zip(RECORDS[name], row, strict=True))).control)
     np.testing.assert_array_equal(found, EXPECTED[name])
-    assert Instance(blocks, f"{name}_selftest")()["worst"] == 0.0
+    assert Instance(blocks, f"{name}_selftest")().worst == 0.0
 
 
 def test_structured_text_in_single_precision():
     k, rows = CASES["backward"], RECORDS["backward"]
     text = k.structured_text("level").replace("LREAL", "REAL")
-    block, found = Instance(Parser(text).blocks, "level", np.float32), []
+    block, found = Instance(read(text), "level", np.float32), []
     for row in zip(*(x.tolist() for x in rows.values()), strict=True):
-        found.append(float(block(**dict(zip(rows, row, strict=True)))["control"]))
+        found.append(float(block(**dict(zip(rows, row, strict=True))).control))
     assert np.max(np.abs(found - EXPECTED["backward"])) < 1e-5 * np.ptp(EXPECTED["backward"])
 
 

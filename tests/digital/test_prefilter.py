@@ -109,11 +109,3 @@ def test_a_gain_of_one_is_no_prefilter():
 def test_prefilters_that_are_refused(num, den, method, message):
     with pytest.raises(ValueError, match=message):
         PID.discretise(H, method, prefilter=control.tf(num, den))
-
-
-def test_a_loop_takes_one_prefilter():
-    k = PID.discretise(H, prefilter=control.tf([1.0], [1.0, 1.0]))
-    with pytest.raises(
-        ValueError, match=r"prefilter must be None with a digital controller that has one, \[1\] / "
-    ):
-        pidalab.Loop(pidalab.lags(3), k, prefilter=control.tf([1.0], [2.0, 1.0]))
