@@ -75,7 +75,7 @@ def test_frequency_response_has_the_dead_time_exactly():
     assert LOOP.frequency_response([0.5, 1.0]).omega.tolist() == [0.5, 1.0]
 
 
-@pytest.mark.parametrize("name", ["bode", "nyquist", "nichols"])
+@pytest.mark.parametrize("name", ["bode", "nyquist"])
 def test_plots_of_python_control_in_a_book_of_another_layout(name):
     """python-control lays out its figures itself; the book's setting would only be overruled, with a warning."""
     with plt.rc_context({"figure.constrained_layout.use": True}):
@@ -89,10 +89,9 @@ def test_plots_of_python_control_in_a_book_of_another_layout(name):
     plt.close("all")
 
 
-@pytest.mark.parametrize(("name", "shape"), [("bode", (2, 1)), ("nyquist", (1, 1)), ("nichols", (1, 1))])
+@pytest.mark.parametrize(("name", "shape"), [("bode", (2, 1)), ("nyquist", (1, 1))])
 def test_plots_of_python_control(name, shape):
-    options = {"nichols": {"grid": False}}.get(name, {})
-    drawn = getattr(LOOP, name)(np.geomspace(0.1, 3.0, 50), **options)
+    drawn = getattr(LOOP, name)(np.geomspace(0.1, 3.0, 50))
     assert drawn.axes.shape == shape
     if name == "nyquist":
         expected = LOOP.L(1j * np.geomspace(0.1, 3.0, 50))

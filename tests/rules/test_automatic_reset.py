@@ -81,18 +81,6 @@ def test_equation_29():
         assert numerator(setting) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("setting", reset.SETTINGS.values(), ids=reset.SETTINGS)
-def test_units(setting):
-    """Another unit of time and another gain give the same loop on another time axis."""
-    one = reset.tune(UNIT, setting, n=4, filter_time=0.2)
-    other = reset.tune(pidalab.ipdt(-0.02, delay=50.0), setting, n=4, filter_time=10.0)
-    s = np.array([0.1j, 1j, 3j])
-    assert other.loop().L(s / 50) == pytest.approx(one.loop().L(s), rel=1e-12)
-    assert other.loop().block("prefilter", s / 50) == pytest.approx(
-        one.loop().block("prefilter", s), rel=1e-12
-    )
-
-
 def test_filter_and_total_dead_time():
     """Equations (10) and (11), and the filter as a part of the model (sec. 3.1)."""
     for weight, te in ((1.0, 0.8), (0.5, 0.4), (0.0, 0.0)):

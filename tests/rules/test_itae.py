@@ -116,19 +116,6 @@ def test_pida_load_is_not_always_stable(xi, unstable, stable):
     assert pidalab.is_stable(pidalab.Loop(unit(stable, xi), itae.pida_load(unit(stable, xi))))
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_units_of_gain_and_time(rule):
-    make = pidalab.fopdt if rule == "imc_pid" else pidalab.sopdt
-    for shape in [()] if rule == "imc_pid" else [(0.4,), (0.9,), (1.7,)]:
-        for r in (0.1, 0.3, 0.4, 0.9, 1.0, 1.4, 2.0):
-            one, other = (
-                RULES[rule](make(k, tau, *shape, r * tau)) for k, tau in ((1.0, 1.0), (-0.02, 30.0))
-            )
-            assert other.kc == pytest.approx(-one.kc / 0.02, rel=1e-10)
-            for name in ("tau_i", "tau_d", "tau_a"):
-                assert getattr(other, name) == pytest.approx(30 * getattr(one, name), rel=1e-10)
-
-
 def test_any_process_of_the_structure():
     """Coefficients that are not normalised, and real poles."""
     model = pidalab.Process([6.0], [12.0, 21.0, 3.0], delay=1.0)

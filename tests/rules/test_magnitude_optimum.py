@@ -55,15 +55,6 @@ def test_closed_loop_magnitude_stays_1():
     assert np.abs(loop.T(1j * w)) == pytest.approx(1.0, abs=2e-3)
 
 
-def test_time_unit_and_gain():
-    """In another unit of time, and with another gain, the same controller."""
-    fast, slow = mo.tune(G2, 3, 4, 0.1), mo.tune(pidalab.lags(2, lag=60.0, gain=-4.0, delay=30.0), 3, 4, 6.0)
-    scaled = [-4.0 * k * 60.0 ** (1 - i) for i, k in enumerate(slow.gains)]
-    assert scaled == pytest.approx(fast.gains, rel=1e-12)
-    assert fast.ie == pytest.approx(1 / fast.gains[0])
-    assert slow.ie == pytest.approx(60.0 * fast.ie)
-
-
 def test_integral_of_the_error():
     """Eq. (37), against the exact response to a step of the set point."""
     design = mo.tune(G2, 2, 3, 0.1)

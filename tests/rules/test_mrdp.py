@@ -82,19 +82,6 @@ def test_integral_of_the_error_does_not_depend_on_the_filter(m, n, te, p):
     assert run.iae() >= design.ie * (1 - 1e-9)
 
 
-def test_units_of_gain_and_time():
-    """Another unit of u, y and time gives the same loop on another time axis."""
-    one = mrdp.tune(UNIT, 2, 3, 0.4)
-    other = mrdp.tune(pidalab.ipdt(-0.02, delay=5.0), 2, 3, 2.0)
-    t = np.linspace(0, 20, 401)
-    first, second = (
-        pidalab.step_response(design.loop(), time) for design, time in ((one, t), (other, 5 * t))
-    )
-    assert second.y == pytest.approx(first.y, abs=1e-11)
-    assert second.u == pytest.approx(first.u / (-0.02 * 5.0), abs=1e-9)
-    assert other.ie == pytest.approx(5 * one.ie)
-
-
 @pytest.mark.parametrize(("m", "n"), [(0, 1), (2, 2), (4, 9), (10, 10)])
 def test_model_without_dead_time_is_stable_with_any_filter(m, n):
     for te in (1e-6, 1.0, 1e6):

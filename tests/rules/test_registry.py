@@ -72,6 +72,17 @@ def test_an_entry_names_the_source_of_its_designs(rule):
         assert (design.controller.gains().ka != 0) == (kind == "PIDA")
 
 
+@pytest.mark.parametrize("rule", RULES)
+def test_a_rule_knows_no_unit(rule):
+    """Minutes in place of hours, another gain and its sign: filters and prefilter go with the controller."""
+    process, s = pidalab.lags(3, delay=1.0), 1j * np.geomspace(0.05, 20.0, 20)
+    other = pidalab.lags(3, lag=60.0, gain=-0.02, delay=60.0)
+    for one, scaled in zip(*(designs(plant, Limits(1.6), [rule]) for plant in (process, other)), strict=True):
+        expected = one[2]().loop(process).transfer("u", "r", s)
+        found = scaled[2]().loop(other).transfer("u", "r", s / 60)
+        np.testing.assert_allclose(-0.02 * found, expected, rtol=1e-6)
+
+
 def test_names():
     assert find("ZIEGLER-NICHOLS") is RULES["Ziegler-Nichols ultimate"]
     assert (find("itae").name, find("direct").name) == ("itae load", "direct load")
