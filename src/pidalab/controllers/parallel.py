@@ -28,13 +28,16 @@ def _separate(
     return tuple(parts)
 
 
-def _sum(terms: Sequence[tuple[list[float], list[float] | _check.Array]]) -> Fraction:
-    """Add fractions num/den that share no factor worth cancelling."""
-    num: Any = np.zeros(1)
+def _fraction(kp: float, ti: float, parts: tuple[FilteredGains, ...]) -> Fraction:
+    """Return kp (1 + 1/(ti s)) and the derivatives of the parts as one fraction; no factor is worth cancelling."""
+    num: Any = np.array([kp])
     den: Any = np.ones(1)
-    for n, d in terms:
-        num = np.polyadd(np.convolve(num, np.array(d)), np.convolve(np.array(n), den))
-        den = np.convolve(den, np.array(d))
+    if math.isfinite(ti):
+        num, den = np.array([kp * ti, kp]), np.array([ti, 0.0])
+    for part in parts[1:]:
+        own = binomial(part.filter_time, part.filter_order)
+        num = np.polyadd(np.convolve(num, own), np.convolve(part.gains[:0:-1], den))
+        den = np.convolve(den, own)
     return _check.polynomial("num", num), den
 
 
@@ -128,15 +131,7 @@ class PIDA(Controller):
         return _separate(self.gains(), self.td / self.n, self.ta / self.m)
 
     def fraction(self) -> Fraction:
-        ki, kp, kd, ka = self.gains()
-        terms: list[tuple[list[float], list[float] | _check.Array]] = [([kp], [1.0])]
-        if ki:
-            terms.append(([kp], [self.ti, 0.0]))
-        if kd:
-            terms.append(([kd, 0.0], binomial(self.td / self.n, 1)))
-        if ka:
-            terms.append(([ka, 0.0, 0.0], binomial(self.ta / self.m, 2)))
-        return _sum(terms)
+        return _fraction(self.kp, self.ti, self.parts())
 
 
 @dataclass(frozen=True)
@@ -208,16 +203,7 @@ class NonInteractivePIDA(Controller):
         return _separate(self.gains(), self.alpha_d * self.tau_d, self.alpha_a * self.tau_a)
 
     def fraction(self) -> Fraction:
-        _, kc, kd, ka = self.gains()
-        terms: list[tuple[list[float], list[float] | _check.Array]] = [
-            ([kc], [1.0]),
-            ([kc], [self.tau_i, 0.0]),
-        ]
-        if kd:
-            terms.append(([kd, 0.0], binomial(self.alpha_d * self.tau_d, 1)))
-        if ka:
-            terms.append(([ka, 0.0, 0.0], binomial(self.alpha_a * self.tau_a, 2)))
-        return _sum(terms)
+        return _fraction(self.kc, self.tau_i, self.parts())
 
 
 @dataclass(frozen=True)
@@ -264,9 +250,7 @@ class HighOrderPID(Controller):
             raise ValueError(
                 f"filter_time must be 0 without a filter (filter_order=0), found {filter_time!r}"
             )
-        object.__setattr__(self, "coefficients", tuple(coefficients.tolist()))
-        object.__setattr__(self, "filter_time", time)
-        object.__setattr__(self, "filter_order", order)
+        vars(self).update(coefficients=tuple(coefficients.tolist()), filter_time=time, filter_order=order)
 
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller up to the second derivative.

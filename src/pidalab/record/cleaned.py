@@ -171,7 +171,6 @@ class Record:
         u: str | int = 1,
         y: str | int = 2,
         delimiter: str | None = None,
-        decimal: str | None = None,
         step: float | None = None,
         period: float | None = None,
         skip: int = 0,
@@ -190,8 +189,8 @@ class Record:
         time, u, y : str or int, optional
             Names in the header, or numbers of the columns from 0. Times are numbers, or dates or times of day, which
             become seconds.
-        delimiter, decimal : str, optional
-            Between the columns, and in the numbers; found out if not given.
+        delimiter : str, optional
+            Between the columns; found out if not given.
         step : float, optional
             As for `Record`.
         period : float, optional
@@ -226,7 +225,7 @@ class Record:
         if len(set(roles.values())) < len(roles):
             raise ValueError(f"time, u and y must be different columns, found {columns}")
         skip = _check.integer("skip", skip, at_least=0)
-        found = read_columns(path, list(roles.values()), delimiter, decimal, skip, timed=period is None)
+        found = read_columns(path, list(roles.values()), delimiter, skip, timed=period is None)
         if period is None:
             times = found.values[0]
             if np.nanmax(times, initial=0.0) > LONG_AGO and not np.any(np.diff(times) < 0):

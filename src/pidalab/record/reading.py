@@ -44,7 +44,6 @@ def read_columns(
     path: Path,
     wanted: Sequence[str | int],
     delimiter: str | None = None,
-    decimal: str | None = None,
     skip: int = 0,
     timed: bool = True,
 ) -> Columns:
@@ -58,8 +57,6 @@ def read_columns(
         Names in the header, or numbers of columns from 0.
     delimiter : str or None
         Between the columns, as a regular expression if it is longer than a character; None finds out.
-    decimal : str or None
-        "." or ","; None finds out.
     skip : int
         Lines to leave out at the beginning.
     timed : bool
@@ -88,7 +85,7 @@ def read_columns(
     places = [_place(name, header, table.shape[1], path) for name in wanted]
     data = table.iloc[first:]
     data = data[(data != "").any(axis=1)]
-    comma = _has_decimal_commas(data, places) if decimal is None and mark != "," else decimal == ","
+    comma = mark != "," and _has_decimal_commas(data, places)
     columns = [_numbers(data[place], comma) for place in places]
     if timed and 2 * columns[0][1].sum() > len(data):
         columns[0] = _stamps(data[places[0]], columns[0], doubts)

@@ -281,7 +281,7 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
         if process.den[-1] != 0:
             raise
         w = _oscillation(process)  # several integrators have borders of other turns
-    ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, _sign(process)), 2 * math.pi / w
+    ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, process.gain()), 2 * math.pi / w
     pi, pid = (0.45 * ultimate, period / 1.2, 0.0), (0.6 * ultimate, period / 2, period / 8)
     source = "Ziegler and Nichols (1942), ultimate sensitivity"
     return _design(process, kind, pi, pid, n, source, ultimate_gain=ultimate, ultimate_period=period)
@@ -371,7 +371,7 @@ def _oscillation(process: Process) -> float:
     from pidalab.robustness.margins import phase_crossovers
     from pidalab.robustness.poles import is_stable
 
-    sign = math.copysign(1.0, _sign(process))
+    sign = math.copysign(1.0, process.gain())
     found = phase_crossovers(Loop(process, sign))
     # at the border: a little less gain is stable
     borders = [w for w in found.tolist() if is_stable(Loop(process, sign * LESS / abs(process(1j * w))))]
@@ -382,11 +382,6 @@ def _oscillation(process: Process) -> float:
             + f"; found {process!r}"
         )
     return float(borders[0])
-
-
-def _sign(process: Process) -> float:
-    """Sign of the gain, also of an integrator's."""
-    return float(process.num[-1] / process.den[np.flatnonzero(process.den)[-1]])
 
 
 def _lag_or_integrator(model: Process) -> tuple[bool, float, float, float]:

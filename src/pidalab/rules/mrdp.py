@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 
 
 HIGHEST = 100  # order of a controller or filter
-LONGEST = 1e150  # power of a dead time whose square is still a number
 
 
 class Constants(NamedTuple):
@@ -270,10 +269,6 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     if bool(n) != bool(te):
         raise ValueError(f"te must be above 0 with a filter and 0 without, found te = {te:g} with n = {n}")
     delay = dead_time + te
-    if delay > LONGEST ** (1 / max(m, 1)):
-        raise ValueError(
-            f"te and the dead time must leave delay^{m} in double precision, found {delay:g}; change units"
-        )
     if not delay:
         raise ValueError("model must have a dead time, or te must be above 0: both are 0")
     unit, weights = constants(m), prefilter_weights(m, m + 1 if cancelled is None else cancelled)
