@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.process import latex_polynomial, quotient, require_gain
+from pidalab.process import latex_polynomial, quotient, require_no_zero_at_origin
 
 RNG = np.random.default_rng(1)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(
@@ -183,11 +183,11 @@ def test_static_gain_of_zeros_and_poles_at_rest(num, den, expected):
 
 def test_a_process_needs_a_static_gain_to_hold_anything():
     for process in (pidalab.lags(2), pidalab.ipdt(1.0, 1.0), pidalab.lags(2, gain=-3.0)):
-        require_gain("model", process)
+        require_no_zero_at_origin("model", process)
     with pytest.raises(ValueError, match="model must have a static gain other than 0, or an integrator"):
-        require_gain("model", pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]))
+        require_no_zero_at_origin("model", pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]))
     with pytest.raises(TypeError, match=r"model must be a pidalab\.Process, found float"):
-        require_gain("model", 1.0)
+        require_no_zero_at_origin("model", 1.0)
 
 
 def test_quotients_at_poles_and_where_both_are_zero():

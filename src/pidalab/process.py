@@ -254,14 +254,14 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
 
 
 def require_process(name: str, value: Any) -> None:
-    """Raise for what is no Process, and say which attribute of it to pass where that is one."""
+    """Raise unless it is a Process; say which attribute of it to pass where that is one."""
     if not isinstance(value, Process):
         hint = _check.carrier(value, Process)
         raise TypeError(f"{name} must be a pidalab.Process, found {type(value).__name__}{hint}")
 
 
-def require_gain(name: str, value: Any) -> None:
-    """Raise for what is no Process, and for one through which nothing can be held."""
+def require_no_zero_at_origin(name: str, value: Any) -> None:
+    """Raise unless it is a Process through which an output can be held: no zero at the origin."""
     require_process(name, value)
     if value.num[-1] == 0:
         raise ValueError(

@@ -13,7 +13,7 @@ from pidalab._check import Array
 from pidalab.identification import Fit
 from pidalab.loop import Loop
 from pidalab.optimal._design import sign_of_gain
-from pidalab.process import Process, rational, require_gain
+from pidalab.process import Process, rational, require_no_zero_at_origin
 from pidalab.record import Record
 from pidalab.roots import roots
 from pidalab.rules import Design
@@ -105,7 +105,7 @@ def tune(
     process = model.process if isinstance(model, Fit) else model
     if isinstance(process, Record):
         raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
-    require_gain("model", process)
+    require_no_zero_at_origin("model", process)
     slowest = max((1 / speed for speed in _corner_frequencies(process)), default=math.inf)
     if sample_time is not None and sample_time > AT_REST * slowest:
         raise ValueError(
@@ -224,7 +224,7 @@ def _optimal(
     sample_time: float | None,
     doubts: list[str],
 ) -> Make:
-    """Least IAE under Ms and a limit for noise; without one given, a default that is said."""
+    """Least IAE under Ms and a limit for noise; without one given, a default, which is reported."""
     from pidalab import optimal
 
     mks = None

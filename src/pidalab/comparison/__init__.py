@@ -14,7 +14,7 @@ from functools import partial
 from pidalab import _check
 from pidalab.comparison.fairness import at_equal_terms
 from pidalab.judging import Row, html_table, measure_row, text_table
-from pidalab.process import Process, require_gain
+from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
 from pidalab.rules.registry import KINDS, RULES, Limits, Rule, find
 from pidalab.rules.starting_models import StartingModels, time_scale
@@ -132,7 +132,7 @@ def compare(
     >>> print(min((row for row in table.rows if table.keeps(row)), key=lambda row: row.iae_load).kind)
     PIDA
     """
-    require_gain("process", process)
+    require_no_zero_at_origin("process", process)
     ms = _check.real("ms", ms, above=1.0)
     noise_gain = _check.real("noise_gain", noise_gain, above=0.0)
     sample_time = _check.real("sample_time", sample_time, above=0.0)

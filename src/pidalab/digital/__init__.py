@@ -5,6 +5,6 @@ They come from `discretise` of a controller. What is here knows gains, filters a
 
 from pidalab.digital.controller import DigitalController
 from pidalab.digital.discretisation import discretise
-from pidalab.digital.stored import from_json
+from pidalab.digital.json_reader import from_json
 
 __all__ = ["DigitalController", "discretise", "from_json"]

@@ -1,4 +1,4 @@
-"""Code that a digital controller writes: its head, its test vector, and the choice of language."""
+"""Code that a digital controller writes: its head, its test vector, and what it is called."""
 
 from __future__ import annotations
 

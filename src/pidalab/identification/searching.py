@@ -126,7 +126,7 @@ class Found(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Root mean square of residuals that count as no larger; rounding is none."""
+        """Root mean square of residuals that count as no larger, ignoring rounding."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 

@@ -13,7 +13,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
-from pidalab.process import Process, require_gain
+from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def load(
     from pidalab.optimal._refusal import refusal
     from pidalab.optimal._solver import Limits
 
-    require_gain("process", process)
+    require_no_zero_at_origin("process", process)
     order = _check.order("order", order, at_least=0)
     if order > HIGHEST:
         raise ValueError(f"order must be at most {HIGHEST}, found {order}")
@@ -134,7 +134,7 @@ def load(
         )
     plants = list(family)
     for k, plant in enumerate(plants):
-        require_gain(f"family[{k}]", plant)
+        require_no_zero_at_origin(f"family[{k}]", plant)
     if any(sign_of_gain(plant) != sign_of_gain(process) for plant in plants):
         raise ValueError("family must have gains of the sign of the process: no controller serves both signs")
     seen: list[Search] = []

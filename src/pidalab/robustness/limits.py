@@ -62,7 +62,7 @@ class Criterion(NamedTuple):
     Attributes
     ----------
     margin : float
-        Infimum of Re[1 + (1 + jωθ) G(jω)], right to nine digits.
+        Infimum of Re[1 + (1 + jωθ) G(jω)], accurate to nine digits.
     frequency : float
         Where it lies, in rad per time unit; 0 or infinite where it is only approached.
     multiplier : float

@@ -209,7 +209,7 @@ def margins(loop: Loop) -> Margins:
     Returns
     -------
     Margins
-        Named values, right to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False and
+        Named values, accurate to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False and
         the margins are NaN.
 
     Raises
