@@ -55,10 +55,7 @@ def test_what_is_at_the_border_is_said():
 
 
 REFUSED = {
-    # right only by chance, or wrong in silence
     "S of text": (lambda: L.S("1j"), "s must be complex numbers, found '1j'"),
-    # hung, or filled the memory
-    # raw errors
     "ensemble of a process": (
         lambda: pidalab.simulate_ensemble(P, T, [1]),
         "loop must be a pidalab.Loop, found Process",

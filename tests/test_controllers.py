@@ -111,16 +111,8 @@ def test_series_there_and_back_picks_the_largest_reset_time(form):
     [
         ((1.0, 0.0, 1.0, 0.0), "standard", "no standard form: kp is 0"),
         ((1.0, 0.0, 1.0, 0.0), "non_interactive", "no standard form: kp is 0"),
-        (
-            (1.0, 1.0, 1.0, -2.0),
-            "non_interactive",
-            "no non-interactive form: tau_a.2 = 2 ta = -4 is negative",
-        ),
-        (
-            (1.0, -1.0, 1.0, 2.0),
-            "non_interactive",
-            "no non-interactive form: tau_a.2 = 2 ta = -4 is negative",
-        ),
+        ((1.0, 1.0, 1.0, -2.0), "non_interactive", "no non-interactive form: .* 2 ta = -4 is negative"),
+        ((1.0, -1.0, 1.0, 2.0), "non_interactive", "no non-interactive form: .* 2 ta = -4 is negative"),
         ((0.0, 1.0, 1.0, 0.0), "series", "no series form: there is no integral action"),
         ((1.0, 1.0, 1.0, 0.0), "series", "no series form: .* no negative real zero"),
         ((1.0, -3.0, 2.0, 0.0), "series", "no series form: .* no negative real zero"),
@@ -151,12 +143,8 @@ def test_derivatives_beyond_the_second_have_no_pida_form():
 def test_str_prints_every_form_or_the_reason(C):
     lines = str(C).splitlines()
     assert lines[0] == repr(C)
-    assert [line.split(":")[0].strip() for line in lines[1:]] == [
-        "standard",
-        "parallel",
-        "non-interactive",
-        "series",
-    ]
+    forms = ["standard", "parallel", "non-interactive", "series"]
+    assert [line.split(":")[0].strip() for line in lines[1:]] == forms
     assert all(re.search(r": +(\w+ = |no [a-z-]+ form: )", line) for line in lines[1:])
 
 
@@ -175,64 +163,47 @@ def test_repr_makes_the_same_controller(C):
     assert eval(repr(C), names) == C
 
 
-PIDA, NON = (
-    {"kp": 2.0, "ti": 4.0, "td": 1.0, "ta": 0.5},
-    {"kc": 2.0, "tau_i": 4.0, "tau_d": 1.0, "tau_a": 1.0},
-)
-HIGH = {"gains": [0.5, 2.0, 1.0, 0.25], "filter_time": 0.1, "filter_order": 2}
-SERIES = {"kp": 2.0, "kd": 1.0, "ka": 0.5, "ti": 4.0, "filter_time": 0.1, "filter_order": 2}
-BAD = [
-    (pidalab.PIDA, PIDA, "kp", 0.0, "kp must not be 0, found 0"),
-    (pidalab.PIDA, PIDA, "kp", math.nan, "kp must be finite, found nan"),
-    (pidalab.PIDA, PIDA, "ti", 0.0, r"ti must be above 0, found 0\.0"),
-    (pidalab.PIDA, PIDA, "ta", -1.0, r"ta must be at least 0, found -1\.0"),
-    (pidalab.PIDA, PIDA, "n", 0.0, r"n must be above 0, found 0\.0"),
-    (pidalab.NonInteractivePIDA, NON, "kc", 0, "kc must not be 0"),
-    (pidalab.NonInteractivePIDA, NON, "tau_i", 0, "tau_i must be above 0, found 0"),
-    (pidalab.NonInteractivePIDA, NON, "tau_d", -1, "tau_d must be at least 0, found -1"),
-    (pidalab.NonInteractivePIDA, NON, "alpha_d", 0, "alpha_d must be above 0, found 0"),
-    (pidalab.HighOrderPID, HIGH, "gains", [1.0], "gains must be one-dimensional with at least 2"),
-    (pidalab.HighOrderPID, HIGH, "gains", [1.0, math.nan], "gains must be finite, found nan at index 1"),
-    (
-        pidalab.HighOrderPID,
-        HIGH,
-        "filter_order",
-        1,
-        "filter_order must be a whole number, at least 2, found 1",
-    ),
-    (
-        pidalab.HighOrderPID,
-        HIGH,
-        "filter_time",
-        0.0,
-        r"filter_time must be above 0 for a filter of order 2, found 0\.0",
-    ),
-    (pidalab.SeriesPIDA, SERIES, "ti", 0, "ti must be above 0, found 0"),
-    (pidalab.SeriesPIDA, SERIES, "kd", math.inf, "kd must be finite, found inf"),
-    (pidalab.SeriesPIDA, SERIES, "filter_time", 0, "filter_time must be above 0, found 0"),
-    (
-        pidalab.SeriesPIDA,
-        SERIES,
-        "filter_order",
-        1,
-        "filter_order must be a whole number, at least 2, found 1",
-    ),
-    (
-        pidalab.SeriesPIDA,
-        SERIES,
-        "limits",
-        (1.0, 0.0),
-        r"limits must be .* lower < upper, found \(1\.0, 0\.0\)",
-    ),
-]
+GOOD = {
+    pidalab.PIDA: {"kp": 2.0, "ti": 4.0, "td": 1.0, "ta": 0.5},
+    pidalab.NonInteractivePIDA: {"kc": 2.0, "tau_i": 4.0, "tau_d": 1.0, "tau_a": 1.0},
+    pidalab.HighOrderPID: {"gains": [0.5, 2.0, 1.0, 0.25], "filter_time": 0.1, "filter_order": 2},
+    pidalab.SeriesPIDA: {"kp": 2.0, "kd": 1.0, "ka": 0.5, "ti": 4.0, "filter_time": 0.1, "filter_order": 2},
+}
+BAD = {
+    pidalab.PIDA: [
+        ("kp", 0.0, "kp must not be 0, found 0"),
+        ("kp", math.nan, "kp must be finite, found nan"),
+        ("ti", 0.0, r"ti must be above 0, found 0\.0"),
+        ("ta", -1.0, r"ta must be at least 0, found -1\.0"),
+        ("n", 0.0, r"n must be above 0, found 0\.0"),
+    ],
+    pidalab.NonInteractivePIDA: [
+        ("kc", 0, "kc must not be 0"),
+        ("tau_i", 0, "tau_i must be above 0, found 0"),
+        ("tau_d", -1, "tau_d must be at least 0, found -1"),
+        ("alpha_d", 0, "alpha_d must be above 0, found 0"),
+    ],
+    pidalab.HighOrderPID: [
+        ("gains", [1.0], "gains must be one-dimensional with at least 2"),
+        ("gains", [1.0, math.nan], "gains must be finite, found nan at index 1"),
+        ("filter_order", 1, "filter_order must be a whole number, at least 2, found 1"),
+        ("filter_time", 0.0, r"filter_time must be above 0 for a filter of order 2, found 0\.0"),
+    ],
+    pidalab.SeriesPIDA: [
+        ("ti", 0, "ti must be above 0, found 0"),
+        ("kd", math.inf, "kd must be finite, found inf"),
+        ("filter_time", 0, "filter_time must be above 0, found 0"),
+        ("filter_order", 1, "filter_order must be a whole number, at least 2, found 1"),
+        ("limits", (1.0, 0.0), r"limits must be .* lower < upper, found \(1\.0, 0\.0\)"),
+    ],
+}
 
 
-@pytest.mark.parametrize(
-    ("kind", "good", "name", "value", "message"), BAD, ids=[f"{b[0].__name__}-{b[2]}-{b[3]}" for b in BAD]
-)
-def test_bad_parameters_name_the_argument(kind, good, name, value, message):
-    with pytest.raises(ValueError, match=message):
-        kind(**(good | {name: value}))
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_parameters_name_the_argument(kind):
+    for name, value, message in BAD[kind]:
+        with pytest.raises(ValueError, match=message):
+            kind(**(GOOD[kind] | {name: value}))
 
 
 @pytest.mark.parametrize("value", ["2", "two", None, [1.0, 2.0]], ids=repr)
@@ -244,7 +215,7 @@ def test_a_gain_that_is_no_number(value):
 @pytest.mark.parametrize("value", [(1.0,), ("a", "b"), 1.0, None], ids=repr)
 def test_limits_that_are_no_numbers(value):
     with pytest.raises(TypeError, match="limits must be two numbers, lower and upper, found"):
-        pidalab.SeriesPIDA(**(SERIES | {"limits": value}))
+        pidalab.SeriesPIDA(**(GOOD[pidalab.SeriesPIDA] | {"limits": value}))
 
 
 def test_reset_signal_is_a_lag_behind_the_limited_signal():
@@ -271,16 +242,7 @@ def test_without_integral_action_the_fraction_is_the_same_controller():
     np.testing.assert_allclose(np.polyval(num, POINTS) / np.polyval(den, POINTS), filtered, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "C",
-    [
-        pidalab.PIDA(2.0, 4.0),
-        pidalab.NonInteractivePIDA(1.0, 2.0, 0.5, 0.1),
-        pidalab.HighOrderPID([1.0, 2.0], 0.1, 1),
-        pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2),
-    ],
-    ids=lambda C: type(C).__name__,
-)
+@pytest.mark.parametrize("C", [kind(**good) for kind, good in GOOD.items()], ids=lambda C: type(C).__name__)
 def test_a_controller_does_not_change(C):
     for field in dataclasses.fields(C):
         with pytest.raises(dataclasses.FrozenInstanceError):

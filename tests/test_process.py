@@ -64,33 +64,23 @@ def test_from_control_keeps_the_rational_part():
     np.testing.assert_allclose(process.rational_part()(POINTS), tf(POINTS), rtol=1e-10)
 
 
+TWO = control.ss(-np.eye(2), np.eye(2), np.eye(2), 0 * np.eye(2))
+
+
 @pytest.mark.parametrize(
-    ("system", "error", "message"),
+    ("system", "message"),
     [
-        (
-            control.tf([1.0], [1.0, 0.5], 0.1),
-            ValueError,
-            r"sys must be continuous in time, found sample time 0\.1",
-        ),
-        (
-            control.ss(-np.eye(2), np.eye(2), np.eye(2), 0 * np.eye(2)),
-            ValueError,
-            "sys must have one input and one output, found 2",
-        ),
+        (control.tf([1.0], [1.0, 0.5], 0.1), r"sys must be continuous in time, found sample time 0\.1"),
+        (TWO, "sys must have one input and one output, found 2"),
         (
             control.tf([1.0, 0.0], [1.0]),
-            ValueError,
-            r"sys must be proper .* found degrees 1 and 0; add a filter of order 1",
+            "sys must be proper .* found degrees 1 and 0; add a filter of order 1",
         ),
-        (
-            "1/s",
-            TypeError,
-            "sys must be a number, a pidalab controller or a control.TransferFunction, found str",
-        ),
+        ("1/s", "sys must be a number, a pidalab controller or a control.TransferFunction, found str"),
     ],
 )
-def test_from_control_complains(system, error, message):
-    with pytest.raises(error, match=message):
+def test_from_control_complains(system, message):
+    with pytest.raises(TypeError if isinstance(system, str) else ValueError, match=message):
         pidalab.Process.from_control(system)
 
 
@@ -101,11 +91,7 @@ def test_from_control_complains(system, error, message):
         (([1.0], [0.0, 0.0]), ValueError, "den must not be the zero polynomial"),
         (([1.0], [1.0, 1.0], np.inf), ValueError, "delay must be finite and at least 0, found inf"),
         (([1.0], [1.0, np.nan]), ValueError, "den must be finite, found nan at index 1"),
-        (
-            ([[1.0]], [1.0, 1.0]),
-            ValueError,
-            r"num must be one-dimensional with at least 1 value\(s\), found shape \(1, 1\)",
-        ),
+        (([[1.0]], [1.0, 1.0]), ValueError, r"num must be one-dimensional .* found shape \(1, 1\)"),
         (([1.0 + 1.0j], [1.0, 1.0]), TypeError, "num must be a one-dimensional array of real numbers"),
     ],
 )
