@@ -75,13 +75,6 @@ def test_areas_are_no_model():
     assert pidalab.is_stable(design.loop(pidalab.lags(4)))
 
 
-def test_pi_cancels_the_lag():
-    """Then the loop is K/s e^{-Ls}: kp L/ti is a number that depends on Ms alone, 0.5 for 1.590490."""
-    C = haalman.pi(pidalab.fopdt(-2.0, 3.0, 0.7), ms=1.5904902)
-    assert (C.ti, C.td, C.ta) == (3.0, 0.0, 0.0)
-    assert -2.0 * C.kp * 0.7 / 3.0 == pytest.approx(0.5, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
