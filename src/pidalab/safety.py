@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -129,9 +129,37 @@ def _next(asked: float, found: float, limit: float, active: bool) -> float:
     return 1 + (asked - 1) * min(max(wanted, FACTORS[0]), FACTORS[1])
 
 
-def safe(
-    make: Make, runs: Runs, process: Process, plants: Sequence[Process], limits: Asked, remedy: str
-) -> tuple[Design, float]:
+class Terms(NamedTuple):
+    """What a design has to keep.
+
+    Attributes
+    ----------
+    process : Process
+        The model.
+    plants : sequence of Process
+        What may be in its place.
+    ms, ms_worst : float
+        Largest Ms with the model, and with any of the plants.
+    remedy : str
+        What would help where there is no such design.
+    """
+
+    process: Process
+    plants: Sequence[Process]
+    ms: float
+    ms_worst: float
+    remedy: str
+
+    def refusal(self, worst: float, more: str = "") -> ValueError:
+        """Return the error that says why there is no design."""
+        found = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
+        return ValueError(
+            f"the model is too uncertain for this controller: a plant of its spread gives {found}, where "
+            f"ms_worst = {self.ms_worst:g} is allowed{more}; {self.remedy}"
+        )
+
+
+def safe(make: Make, runs: Runs, terms: Terms) -> tuple[Design, float]:
     """Return a design that is safe with all plants, and its price.
 
     Parameters
@@ -140,14 +168,8 @@ def safe(
         Makes a design for what is asked; it takes no other plants into account where an infinite worst Ms is asked for.
     runs : Runs
         How it will run.
-    process : Process
-        The model.
-    plants : sequence of Process
-        What may be in its place.
-    limits : tuple of float
-        Largest Ms with the model, and with any of the plants.
-    remedy : str
-        What would help if there is none.
+    terms : Terms
+        What it has to keep.
 
     Returns
     -------
@@ -160,26 +182,20 @@ def safe(
     ValueError
         If there is none, or none that is worth having.
     """
-    plain = corrected(make, lambda made: (runs.ms(made, process), 0.0), (limits[0], math.inf))
+    process, plants, ms, ms_worst, _ = terms
+    plain = corrected(make, lambda made: (runs.ms(made, process), 0.0), (ms, math.inf))
     worst = runs.worst(plain, plants)
-    if worst <= limits[1] * (1 + ROUNDING):
+    if worst <= ms_worst * (1 + ROUNDING):
         return plain, 1.0
+
+    def sizes(made: Design) -> Asked:
+        return runs.ms(made, process), runs.worst(made, plants)
+
     try:
-        made = corrected(make, lambda made: (runs.ms(made, process), runs.worst(made, plants)), limits, plain)
+        made = corrected(make, sizes, (ms, ms_worst), plain)
     except ValueError as refusal:
-        raise ValueError(unsafe(worst, limits[1], remedy, f" ({refusal})")) from None
+        raise terms.refusal(worst, f" ({refusal})") from None
     price = load_iae(runs.loop(made, process)) / load_iae(runs.loop(plain, process))
     if price > TOO_DEAR:
-        raise ValueError(
-            unsafe(worst, limits[1], remedy, f", and a design that is safe has {price:.1f} times the IAE")
-        )
+        raise terms.refusal(worst, f", and a design that is safe has {price:.1f} times the IAE")
     return made, price
-
-
-def unsafe(worst: float, limit: float, remedy: str, more: str = "") -> str:
-    """Say why there is no design."""
-    found = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
-    return (
-        f"the model is too uncertain for this controller: a plant of its spread gives {found}, where "
-        f"ms_worst = {limit:g} is allowed{more}; {remedy}"
-    )

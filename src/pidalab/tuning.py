@@ -17,8 +17,8 @@ from pidalab.process import Process, rational, require_no_zero_at_origin
 from pidalab.record import Record
 from pidalab.roots import roots
 from pidalab.rules import Design
-from pidalab.rules.registry import ORDER, find
-from pidalab.safety import Asked, Make, Runs, safe, unsafe
+from pidalab.rules.registry import ORDER, Rule, find
+from pidalab.safety import Asked, Make, Runs, Terms, safe
 
 # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 LOUDEST = 10.0
@@ -116,9 +116,11 @@ def tune(
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
-    remedy = _remedy(model)
+    terms = Terms(process, plants, ms, ms_worst, _remedy(model))
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
-        raise ValueError(f"the sign of the gain is not settled, and no controller serves both: {remedy}")
+        raise ValueError(
+            f"the sign of the gain is not settled, and no controller serves both: {terms.remedy}"
+        )
     designed, *others = (
         _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
     )
@@ -126,20 +128,20 @@ def tune(
     runs = Runs(sample_time, output_filter)
     if named is None:
         make = _optimal(model, designed, others, kind, noise_gain, sample_time, doubts)
-        made, price = safe(make, runs, process, plants, (ms, ms_worst), remedy)
+        made, price = safe(make, runs, terms)
         if "sample_time" in made.active:
             doubts.append(
                 f"the filter is as fast as the sample, {made.info['sample_time']:g}, allows: with faster sampling it "
                 "would be faster"
             )
     else:
-        made, price = _by_rule(named, designed, kind, runs, process, plants, (ms, ms_worst), remedy)
+        made, price = _by_rule(named, designed, kind, runs, terms)
         if noise_gain is not None:
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     if price > DEAR:
         doubts.append(
-            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {remedy}"
+            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {terms.remedy}"
         )
     loop = runs.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
@@ -168,32 +170,22 @@ def _remedy(model: Process | Fit) -> str:
     return "a smaller spread would help"
 
 
-def _by_rule(
-    rule: Any,
-    designed: Process,
-    kind: str,
-    runs: Runs,
-    process: Process,
-    plants: list[Process],
-    limits: Asked,
-    remedy: str,
-) -> tuple[Design, float]:
+def _by_rule(rule: Rule, designed: Process, kind: str, runs: Runs, terms: Terms) -> tuple[Design, float]:
     """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
     if rule.name == KNOWS_MS:
 
         def make(asked: Asked, near: Design | None) -> tuple[Design, list[str]]:
             return rule.tune(designed, kind, min(asked)), ["ms" if asked[0] <= asked[1] else "ms_worst"]
 
-        return safe(make, runs, process, plants, limits, remedy)
-    made = rule.tune(designed, kind, limits[0])
-    if math.isinf(runs.ms(made, process)):
+        return safe(make, runs, terms)
+    made = rule.tune(designed, kind, terms.ms)
+    if math.isinf(runs.ms(made, terms.process)):
         raise ValueError(
             f"the loop of the rule {rule.name!r} is unstable with the model itself: take another rule"
         )
-    worst = runs.worst(made, plants)
-    if worst > limits[1]:
-        other = f"{remedy}, or the rule 'optimal', which knows Ms"
-        raise ValueError(unsafe(worst, limits[1], other))
+    worst = runs.worst(made, terms.plants)
+    if worst > terms.ms_worst:
+        raise terms._replace(remedy=f"{terms.remedy}, or the rule 'optimal', which knows Ms").refusal(worst)
     return made, 1.0
 
 
