@@ -14,7 +14,6 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.identification import Fit, fit
 from pidalab.judging import Row, html_table, measure_row, one_line, text_table
-from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.record import Record
 from pidalab.rules import Design
@@ -243,30 +242,15 @@ def report(
 
 # --- judging ----------------------------------------------------------------------------------------------------------
 
+TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # what `tune` has measured of a design already
+
 
 def measure_candidate(
     design: Design, rule: str, kind: str, model: Process | Fit, sample_time: float | None
 ) -> Row:
-    """Measure a design of `tune` with the model, also as the digital controller; its worst is that of the design."""
+    """Measure a design of `tune` with the model; the worst, and Ms of the digital controller, are in its `info`."""
     process = model.process if isinstance(model, Fit) else model
     row = measure_row(rule, kind, lambda: design, process, sample_time, HORIZON * time_scale(process))
     if not row.applies:
         return row
-    worst = {name: design.info.get(name, math.nan) for name in ("iae_worst", "price", "ms_worst")}
-    if sample_time is None:
-        return row._replace(**worst)
-    ms_sampled, lacking = _sampled(design, process, sample_time)
-    reason = "; ".join(filter(None, (row.reason, lacking)))
-    return row._replace(**worst, ms_sampled=ms_sampled, reason=reason)
-
-
-def _sampled(design: Design, process: Process, sample_time: float) -> tuple[float, str]:
-    """Ms of the loop with backward differences; without one NaN and the reason."""
-    from pidalab.robustness.margins import margins
-
-    try:
-        digital = design.controller.discretise(sample_time, "backward", design.output_filter)
-        found = margins(Loop(process, digital))
-    except ValueError as refusal:
-        return math.nan, f"no sampled Ms: {one_line(refusal)}"
-    return (found.ms, "") if found.stable else (math.inf, "the sampled loop is unstable: sample faster")
+    return row._replace(**{name: design.info.get(name, math.nan) for name in TUNED})
