@@ -241,12 +241,3 @@ def test_no_board_is_one_line(monkeypatch):
     result = run("tclab", "--connected")
     assert result.exit_code == 1
     assert result.stderr.strip() == "Error: No Arduino device found."
-
-
-def test_compare_prints_the_table():
-    result = run(
-        "compare", "--num", 1, "--den", "1,2,1", "--delay", 1, "--sample-time", 0.1, "--rule", "simc"
-    )
-    assert result.exit_code == 0, result.output
-    assert "simc" in result.stdout
-    assert run("compare", "--num", 1, "--den", "1,1", "--ms", 0.5).exit_code == 1

@@ -111,11 +111,3 @@ def test_choices(call, message):
 def test_errors_say_what_to_pass(call, message):
     with pytest.raises(TypeError, match=message):
         call(TUNES["haalman PID"]())
-
-
-@pytest.mark.parametrize("name", ["mrdp", "automatic_reset"])
-def test_a_prefilter_is_a_part_of_the_digital_controller(name):
-    design = TUNES[name]()
-    z = np.exp(0.1j * np.array([0.1, 1.0]))
-    expected = design.loop().block("prefilter", (1 - 1 / z) / 0.1)
-    np.testing.assert_allclose(design.discretise(0.1).prefilter(z), expected, rtol=1e-12)

@@ -35,11 +35,8 @@ def _number_of_structured_text(value: float) -> str:
 class Language(NamedTuple):
     """How a language writes statements and names; in formats of names ``name`` is that of the controller."""
 
-    note: str
-    assign: str
-    choice: str
-    otherwise: str
-    end: str  # a line that closes a choice, if there is one
+    # formats of a note, an assignment, a choice, its other branch, and its end where it has one
+    statements: tuple[str, ...]
     words: Mapping[str, str]  # that are others than in expressions of a program
     number: Callable[[float], str]
     state: str = "{0}"
@@ -49,7 +46,7 @@ class Language(NamedTuple):
 
 LANGUAGES = {
     "c": Language(
-        *("/* {} */", "{} = {};", "if ({}) {{", "} else {", "}"),
+        ("/* {} */", "{} = {};", "if ({}) {{", "} else {", "}"),
         {"and": "&&", "or": "||", "not ": "!"},
         number=lambda value: repr(value).lower(),
         state="s->{0}",
@@ -57,12 +54,12 @@ LANGUAGES = {
         literal="({name}_real){0}",
     ),
     "structured_text": Language(
-        *("(* {} *)", "{} := {};", "IF {} THEN", "ELSE", "END_IF;"),
+        ("(* {} *)", "{} := {};", "IF {} THEN", "ELSE", "END_IF;"),
         {"and": "AND", "or": "OR", "not ": "NOT ", "true": "TRUE", "false": "FALSE"},
         number=_number_of_structured_text,
     ),
     "python": Language(
-        *("# {}", "{} = {}", "if {}:", "else:", ""),
+        ("# {}", "{} = {}", "if {}:", "else:", ""),
         {"true": "True", "false": "False"},
         number=repr,
         state="self.{0}",
@@ -118,6 +115,7 @@ def _method(program: Program, indent: str) -> str:
 def _statements(program: Program, language: str, name: str, indent: str) -> str:
     """Print the statements of a step."""
     has = LANGUAGES[language]
+    note, assign, choice, otherwise, end = has.statements
 
     def renamed(expression: str) -> str:
         return TOKEN.sub(lambda found: token(found[0]), expression)
@@ -136,17 +134,17 @@ def _statements(program: Program, language: str, name: str, indent: str) -> str:
     def printed(body: Sequence[Statement], indent: str) -> Iterable[str]:
         for one in body:
             if isinstance(one, Note):
-                yield indent + has.note.format(one.text)
+                yield indent + note.format(one.text)
             elif isinstance(one, Set):
-                yield indent + has.assign.format(renamed(one.target), renamed(one.value))
+                yield indent + assign.format(renamed(one.target), renamed(one.value))
             elif isinstance(one, If):
-                yield indent + has.choice.format(renamed(one.condition))
+                yield indent + choice.format(renamed(one.condition))
                 yield from printed(one.then, indent + "    ")
                 if one.otherwise:
-                    yield indent + has.otherwise
+                    yield indent + otherwise
                     yield from printed(one.otherwise, indent + "    ")
-                if has.end:
-                    yield indent + has.end
+                if end:
+                    yield indent + end
 
     return "\n".join(printed(program.body, indent))
 

@@ -371,9 +371,8 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     i = np.arange(1, t.size - 2)  # at least two samples on the ramp
     spread = count[i] * stt[i] - st[i] ** 2
     slope = (count[i] * sty[i] - st[i] * sy[i]) / spread
-    with np.errstate(
-        divide="ignore", invalid="ignore"
-    ):  # where the line through the samples meets the level of rest
+    # where the line through the samples meets the level of rest
+    with np.errstate(divide="ignore", invalid="ignore"):
         free = (st[i] - sy[i] / slope) / count[i]
     inside = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
     # the gain may have its only minimum between that line and the samples: then the other end is better
