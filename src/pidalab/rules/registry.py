@@ -38,6 +38,8 @@ TESTS = ("load", "setpoint")  # steps that a rule is made for
 # dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of an automatic reset
+HAALMAN = {"PI": "first_order", "PID": "second_order", "PIDA": "third_order"}
+ZN = "Ziegler and Nichols (1942)"
 
 
 class Limits(NamedTuple):
@@ -169,6 +171,10 @@ def _by_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Process, str,
     return lambda model, kind, limits: tune(model, *args, kind)
 
 
+def _textbook(name: str, tune: Callable[..., Design], model: str, source: str, short: str = "") -> Rule:
+    return Rule(name, source, _from(model, "PI", "PID"), _by_kind(tune), short)
+
+
 def _haalman(model: Process, kind: str, limits: Limits) -> Design:
     return haalman.tune(model, limits.ms, kind)
 
@@ -249,41 +255,21 @@ def _from(model: str, *kinds: str) -> dict[str, str]:
 RULES: dict[str, Rule] = {
     rule.name: rule
     for rule in (
-        Rule(
-            "haalman",
-            "haalman2024, eqs. (2) and (8) to (10)",
-            {"PI": "first_order", "PID": "second_order", "PIDA": "third_order"},
-            _haalman,
-        ),
-        Rule(
-            "simc",
-            "Skogestad (2003), eqs. (10), (11), (23) to (25)",
-            _from("process", "PI", "PID"),
-            _by_kind(classical.simc),
-        ),
-        Rule(
-            "amigo",
-            "Åström and Hägglund (2004), AMIGO",
-            _from("reaction", "PI", "PID"),
-            _by_kind(classical.amigo),
-        ),
-        Rule(
-            "lambda",
-            "Åström and Hägglund (2006), section 6.5",
-            _from("reaction", "PI", "PID"),
-            _by_kind(classical.lambda_tuning),
-        ),
-        Rule(
+        Rule("haalman", "haalman2024, eqs. (2) and (8) to (10)", HAALMAN, _haalman),
+        _textbook("simc", classical.simc, "process", "Skogestad (2003), eqs. (10), (11), (23) to (25)"),
+        _textbook("amigo", classical.amigo, "reaction", "Åström and Hägglund (2004), AMIGO"),
+        _textbook("lambda", classical.lambda_tuning, "reaction", "Åström and Hägglund (2006), section 6.5"),
+        _textbook(
             "Ziegler-Nichols step",
-            "Ziegler and Nichols (1942), process reaction curve",
-            _from("integrator", "PI", "PID"),
-            _by_kind(classical.ziegler_nichols_step),
+            classical.ziegler_nichols_step,
+            "integrator",
+            f"{ZN}, process reaction curve",
         ),
-        Rule(
+        _textbook(
             "Ziegler-Nichols ultimate",
-            "Ziegler and Nichols (1942), ultimate sensitivity",
-            _from("process", "PI", "PID"),
-            _by_kind(classical.ziegler_nichols_ultimate),
+            classical.ziegler_nichols_ultimate,
+            "process",
+            f"{ZN}, ultimate sensitivity",
             short="ziegler-nichols",
         ),
         *(_chr(test, overshoot) for test, overshoot in product(TESTS, (0, 20))),
