@@ -287,12 +287,14 @@ class Fit:
         values = ", ".join(
             f"{name} = {value:.4g} ± {self.uncertainty[name]:.2g}" for name, value in self.parameters.items()
         )
-        ahead = "none, since nothing moves at the end" if math.isnan(self.holdout) else f"{self.holdout:.3f}"
+        unseen = "no part left to test it on, since nothing moves at the end"
+        if not math.isnan(self.holdout):
+            unseen = f"{self.holdout:.3f} on a part that was not fitted"
         lines = [
             f"{self.model}: {values}",
             f"residuals {self.deviation:.3g} (root mean square): noise {self.noise:.3g}, "
             f"error of the model {self.model_error:.3g}",
-            f"NRMSE {self.nrmse:.3f}, of a part that was not fitted {ahead}",
+            f"NRMSE {self.nrmse:.3f}, {unseen}",
             self.reason,
         ]
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
