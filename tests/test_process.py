@@ -92,7 +92,7 @@ def test_from_control_complains(system, message):
         (([1.0], [1.0, 1.0], np.inf), ValueError, "delay must be finite and at least 0, found inf"),
         (([1.0], [1.0, np.nan]), ValueError, "den must be finite, found nan at index 1"),
         (([[1.0]], [1.0, 1.0]), ValueError, r"num must be one-dimensional .* found shape \(1, 1\)"),
-        (([1.0 + 1.0j], [1.0, 1.0]), TypeError, "num must be a one-dimensional array of real numbers"),
+        (([1.0 + 1.0j], [1.0, 1.0]), TypeError, "num must be an array of real numbers"),
     ],
 )
 def test_process_complains(arguments, error, message):

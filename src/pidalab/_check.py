@@ -75,7 +75,19 @@ def _real_array(name: str, value: ArrayLike) -> Array:
     except (TypeError, ValueError, OverflowError):
         found = repr(value)
         found = found if len(found) < 80 else f"{type(value).__name__} {found[:60]}..."
-        raise TypeError(f"{name} must be a one-dimensional array of real numbers, found {found}") from None
+        raise TypeError(f"{name} must be an array of real numbers, found {found}") from None
+
+
+def array(name: str, value: ArrayLike) -> Array:
+    """Return `value` as a finite float array of any shape but an empty one, or raise naming the argument."""
+    found = _real_array(name, value)
+    if not found.size:
+        raise ValueError(f"{name} must hold at least one number, found shape {found.shape}")
+    if not np.all(np.isfinite(found)):
+        where = tuple(np.argwhere(~np.isfinite(found))[0].tolist())
+        at = f" at index {where[0] if len(where) == 1 else where}" if where else ""
+        raise ValueError(f"{name} must be finite, found {found[where]}{at}")
+    return found
 
 
 def complex_array(name: str, value: ArrayLike) -> Any:
@@ -95,15 +107,12 @@ def complex_array(name: str, value: ArrayLike) -> Any:
 
 def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
     """Return `value` as a finite one-dimensional float array, or raise naming the argument."""
-    array = _real_array(name, value)
-    if array.ndim != 1 or array.size < minimum_length:
+    found = _real_array(name, value)
+    if found.ndim != 1 or found.size < minimum_length:
         raise ValueError(
-            f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {array.shape}"
+            f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {found.shape}"
         )
-    if not np.all(np.isfinite(array)):
-        where = int(np.flatnonzero(~np.isfinite(array))[0])
-        raise ValueError(f"{name} must be finite, found {array[where]} at index {where}")
-    return array
+    return array(name, found)
 
 
 def polynomial(name: str, value: ArrayLike) -> Array:

@@ -117,7 +117,6 @@ CALLS = {
         noise=0.0,
         limits=(-9.0, 9.0),
         prefilter=([1.0], [1.0, 1.0]),
-        chunk=2,
     ),
     "vendor_forms": partial(PIDA(1.0, 3.0, 1.0).vendor_forms, time_unit="s"),
 }

@@ -151,13 +151,8 @@ def many():
     return task, p
 
 
-def test_chunks_and_neighbours_do_not_matter(many):
+def test_neighbours_do_not_matter(many):
     task, p = many
-    for chunk in (1, 100, 10**6):
-        assert_same_bits(portrait(**task, chunk=chunk), p)
-    own_times = ([1.0], [np.linspace(0.01, 40.0, 500), 1.0, 1.0])
-    step = task | {"load": 0.0, "setpoint": 1.0, "prefilter": own_times}
-    assert_same_bits(portrait(**step, chunk=1), portrait(**step, chunk=10**6))
     order = np.random.default_rng(0).permutation(500)
     shuffled = portrait(**(task | {"parameters": {name: x[order] for name, x in task["parameters"].items()}}))
     np.testing.assert_array_equal(shuffled.itae, p.itae[order])
@@ -188,13 +183,6 @@ def test_shape_of_the_grid():
     assert portrait(LOOP, {}, T[:50], load=1.0).iae.shape == ()
 
 
-def test_progress_bar(capsys):
-    portrait(LOOP, GRID, T[:50], load=1.0, progress=True)
-    assert "1/1" in capsys.readouterr().err
-    portrait(LOOP, GRID, T[:50], load=1.0)
-    assert capsys.readouterr().err == ""
-
-
 WIDE = np.ones(3000)
 
 
@@ -207,14 +195,13 @@ WIDE = np.ones(3000)
         ({"parameters": [1.0]}, TypeError, "parameters must be a mapping or a DataFrame .* found list"),
         ({"parameters": {"Kp": [1.0]}}, ValueError, "parameters must be among kp, kd, .* found 'Kp'"),
         ({"parameters": {"kp": ["a"]}}, TypeError, r"parameters\['kp'\] must be an array of real numbers"),
-        ({"parameters": {"kp": [[1.0], [1.0, 2.0]]}}, TypeError, r"parameters\['kp'\] must be .* different lengths"),
+        ({"parameters": {"kp": [[1.0], [1.0, 2.0]]}}, TypeError, r"parameters\['kp'\] must be an array of real"),
         ({"prefilter": control.tf(1, [1, 1])}, TypeError, "prefilter must be two sequences of coefficients"),
-        ({"parameters": {"kp": []}}, ValueError, r"at least one set, found a grid of shape \(0,\)"),
-        ({"parameters": {"kp": [1.0, 2.0], "kd": [1, 2, 3]}}, ValueError, r"broadcast together, found .*'kd': \(3,\)"),
-        ({"parameters": {"kp": [1.0, np.nan]}}, ValueError, "kp must be finite and not 0, found nan at index 1"),
-        ({"parameters": {"kp": [[1.0], [0.0]]}}, ValueError, r"kp must be finite and not 0, .* index \(1, 0\)"),
-        ({"parameters": {"ti": [1.0, -1.0]}}, ValueError, r"ti must be finite and above 0, found -1\.0 at index 1"),
-        ({"parameters": {"kd": [np.inf]}}, ValueError, "kd must be finite, found inf at index 0"),
+        ({"parameters": {"kp": []}}, ValueError, r"must hold at least one number, found shape \(0,\)"),
+        ({"parameters": {"kp": [1.0, 2.0], "kd": [1, 2, 3]}}, ValueError, r"broadcast together, found .*\(2,\)"),
+        ({"parameters": {"kp": [1.0, np.nan]}}, ValueError, r"parameters\['kp'\] must be finite, found nan at index 1"),
+        ({"parameters": {"kp": [[1.0], [np.inf]]}}, ValueError, r"must be finite, found inf at index \(1, 0\)"),
+        ({"parameters": {"ti": [1.0, -1.0]}}, ValueError, r"ti must be above 0, found -1\.0"),
         ({"parameters": {"filter_time": [0.2, 0.01]}}, ValueError, r"sample time must be .* \(0\.01\), found 0\.02"),
         ({"limits": (0.1, -0.1)}, ValueError, r"limits must be \(lower, upper\)"),
         ({"load": 2.0}, ValueError, r"no state of rest: .* need u from -2 to -2, and the limits are \(-1\.1, 0\.1\)"),
@@ -223,11 +210,10 @@ WIDE = np.ones(3000)
         ({"prefilter": ([1.0], [1.0, -1.0])}, ValueError, r"prefilter must be stable, found a pole at 1"),
         ({"prefilter": ([1.0, 1.0], [1.0])}, ValueError, "prefilter must be proper, found 2 and 1"),
         ({"prefilter": ([1.0], [0.0, 1.0])}, ValueError, "first and last coefficients are not 0"),
-        ({"prefilter": ([np.nan], [1.0, 1.0])}, ValueError, "prefilter must have finite coefficients"),
+        ({"prefilter": ([np.nan], [1.0, 1.0])}, ValueError, "prefilter must be finite, found nan"),
         ({"prefilter": 1.0}, TypeError, "prefilter must be two sequences of coefficients, found 1.0"),
         ({"executor": 4}, TypeError, "executor must be a concurrent.futures.Executor or None, found int"),
-        ({"prefilter": ([1.0], [np.ones(3), 1.0])}, ValueError, r"broadcast together, found .*'prefilter': .*\(3,\)"),
-        ({"chunk": 0}, ValueError, "chunk must be a whole number, at least 1, found 0"),
+        ({"prefilter": ([1.0], [np.ones(3), 1.0])}, ValueError, r"broadcast together, found .*\(3,\)"),
         ({"parameters": {"kp": WIDE[:, None, None], "kd": WIDE[:, None], "ti": WIDE}}, MemoryError,
          r"a grid of shape \(3000, 3000, 3000\) has 2.7e\+10 sets, and 1e\+07 are allowed"),
     ],
@@ -239,5 +225,5 @@ def test_portrait_complains(arguments, error, message):
 
 def test_derivatives_need_a_filter():
     own = SeriesPIDA(1.0, 0.0, 0.0, 1.0, 0.1, 1)
-    with pytest.raises(ValueError, match="ka needs a filter_order of at least 2, found 1"):
+    with pytest.raises(ValueError, match="filter_order must be a whole number, at least 2, found 1"):
         portrait(Loop(LOOP.process, own), {"ka": [0.1]}, T, load=1.0)

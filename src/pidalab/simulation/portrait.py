@@ -1,13 +1,14 @@
 """Performance portraits: one loop for thousands of parameter sets, judged by its measures (huba2024, sec. 2.3).
 
-The sets go to an executor in chunks. The result of a set depends neither on its chunk nor on the executor.
+The sets go to an executor in parts. The result of a set depends neither on its part nor on the executor.
 """
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -16,15 +17,13 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab._many import TASKS, each
 from pidalab.loop import Loop
-from pidalab.process import Process
-from pidalab.simulation import lanes
-from pidalab.simulation.bank import Bank, require_series
+from pidalab.simulation.bank import Bank
+from pidalab.simulation.lanes import LANES, MEASURES
 from pidalab.simulation.sampled import limits_at_rest
 from pidalab.simulation.steps import Actuator, plant_steps
 
-MOST_SETS = 10**7  # whose measures take about 2 GB
+TASKS = 64  # for the workers, about
 
 
 class Portrait(NamedTuple):
@@ -65,18 +64,6 @@ class Portrait(NamedTuple):
     diverged: Any
 
 
-class Task(NamedTuple):
-    """All that a worker needs besides its sets."""
-
-    process: Process
-    limits: tuple[float, float]
-    samples: int
-    h: float
-    setpoint: float | Array
-    load: float | Array
-    noise: float | Array
-
-
 def portrait(
     loop: Loop,
     parameters: Mapping[str, Any],
@@ -87,8 +74,6 @@ def portrait(
     limits: tuple[float, float] = (-math.inf, math.inf),
     prefilter: tuple[Sequence[ArrayLike], Sequence[ArrayLike]] | None = None,
     executor: Executor | None = None,
-    chunk: int | None = None,
-    progress: bool = False,
 ) -> Portrait:
     r"""Simulate a loop for many parameter sets at once, and return the measures of each.
 
@@ -112,10 +97,6 @@ def portrait(
         number or an array over the grid. Proper and stable.
     executor : concurrent.futures.Executor, optional
         Who computes: by default one thread for each processor that this process may use. It is left open.
-    chunk : int, optional
-        Sets in a task, rounded up to a multiple of 128; by default there are about 64 tasks.
-    progress : bool, optional
-        Whether to show a progress bar.
 
     Returns
     -------
@@ -149,55 +130,45 @@ def portrait(
 
     With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
-    require_series(loop)
     t = _check.uniform_time("t", t)
-    signals = {
-        name: _compact(name, x, t.size)
-        for name, x in (("setpoint", setpoint), ("load", load), ("noise", noise))
-    }
-    task = Task(
-        loop.process, limits_at_rest(loop.limits, limits), t.size, float(t[-1] / (t.size - 1)), **signals
+    r, d, n = (
+        _check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise))
     )
-    plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))  # complains about the plant
-    bank = Bank.of(loop, parameters, prefilter)
-    sets = math.prod(bank.shape)
-    if sets > MOST_SETS:
-        raise MemoryError(
-            f"a grid of shape {bank.shape} has {sets:.3g} sets, and {MOST_SETS:.0e} are allowed; take one portrait "
-            "after the other"
+    h = float(t[-1] / (t.size - 1))
+    bank = Bank.of(loop, parameters, prefilter, h)
+    at_rest = limits_at_rest(loop.limits, limits)
+    plant = plant_steps(loop.process, h, Actuator(*at_rest, 0.0, 0))
+    rest = _state_of_rest(loop, bank, at_rest, r[-1], d[-1])
+    if not isinstance(executor, Executor | None):
+        raise TypeError(
+            f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}"
         )
-    bank.require_valid(task.h)
-    rest = _state_of_rest(task, bank)
-
-    size = _check.integer("chunk", -(-sets // TASKS) if chunk is None else chunk, at_least=1)
-    size = -(-size // lanes.LANES) * lanes.LANES
-    parts = [bank.part(slice(start, min(start + size, sets))) for start in range(0, sets, size)]
-    measures = each("parameters", partial(_work, task), parts, executor, progress)
-    return _portrait(np.concatenate(measures, axis=1).reshape(-1, *bank.shape), rest)
-
-
-def _compact(name: str, value: ArrayLike, size: int) -> float | Array:
-    """Check a signal; a number stays one, since every task carries it."""
-    signal = _check.signal(name, value, size)
-    return float(signal[0]) if np.ndim(value) == 0 else signal
-
-
-def _work(task: Task, bank: Bank) -> Array:
-    """Compute the sets of a chunk: shape (measures, sets)."""
-    plant = plant_steps(task.process, task.h, Actuator(*task.limits, 0.0, 0))
-    inputs = [np.broadcast_to(x, task.samples).astype(float) for x in (task.setpoint, task.load, task.noise)]
-    return bank.measures(plant, task.limits, task.h, *inputs)
+    # whole groups of lanes, the last one filled up with the last set
+    sets = math.prod(bank.shape)
+    places = np.minimum(np.arange(-(-sets // LANES) * LANES), sets - 1)
+    size = -(-places.size // (TASKS * LANES)) * LANES
+    parts = [bank.part(places[start : start + size]) for start in range(0, places.size, size)]
+    work = partial(Bank.measures, plant=plant, limits=at_rest, h=h, r=r, d=d, n=n)
+    if executor is None:
+        # compiled code lets go of the interpreter
+        available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+        with ThreadPoolExecutor(available) as threads:
+            measures = list(threads.map(work, parts))
+    else:
+        measures = list(executor.map(work, parts))
+    return _portrait(np.concatenate(measures, axis=1)[:, :sets].reshape(-1, *bank.shape), rest)
 
 
-def _state_of_rest(task: Task, bank: Bank) -> tuple[Array, Array]:
+def _state_of_rest(
+    loop: Loop, bank: Bank, limits: tuple[float, float], r: float, d: float
+) -> tuple[Array, Array]:
     """Return the final values of output and control signal, and check that the limits allow them."""
-    r, d = (float(np.ravel(x)[-1]) for x in (task.setpoint, task.load))
-    num, den = task.process.num[-1], task.process.den[-1]
+    num, den = loop.process.num[-1], loop.process.den[-1]
     if num == 0:
-        raise ValueError(f"the process must have a static gain other than 0, found {task.process!r}")
+        raise ValueError(f"the process must have a static gain other than 0, found {loop.process!r}")
     y = r * bank.static_gain()
     u = y * den / num - d
-    low, high = task.limits
+    low, high = limits
     if np.any((u < low) | (u > high)):
         raise ValueError(
             f"no state of rest: a set point of {r:g} and a load of {d:g} need u from {np.min(u):.4g} to "
@@ -209,7 +180,7 @@ def _state_of_rest(task: Task, bank: Bank) -> tuple[Array, Array]:
 def _portrait(raw: Array, rest: tuple[Array, Array]) -> Portrait:
     """Add the excess over one pulse, which the final values decide, and mark the sets that diverged."""
     diverged = ~np.isfinite(raw).all(axis=0)
-    values = dict(zip(lanes.MEASURES, raw, strict=True))
+    values = dict(zip(MEASURES, raw, strict=True))
     with np.errstate(all="ignore"):
         for signal, end in zip("yu", rest, strict=True):
             least, most = (np.minimum(values[f"{signal}_min"], end), np.maximum(values[f"{signal}_max"], end))
