@@ -15,7 +15,7 @@ import numpy as np
 
 import pidalab
 from benchmarks import peers
-from benchmarks.measure import case_loop, clocked, error, limit, median_time, oracle_cases
+from benchmarks.measure import case_loop, error, limit, median_time, oracle_cases
 from pidalab.rules import classical
 
 COLUMNS = ("quantity", "loop", "value", "method", "seconds", "ratio", "error", "note")
@@ -32,7 +32,6 @@ METHODS: dict[str, tuple[Callable[..., peers.Task], object]] = {
 DELAYS = 20  # horizon of a response
 EACH = (25, 100, 500)  # points in a dead time
 LOOPS = ("third_order_pida", "ten_states", "twelve_states", "ipdt_pida_stable")
-MANY = 500
 CAP = 30  # seconds of CPU time for one task
 HORIZONS = (5, 10, 20, 50, 100, 200, 500)  # dead times
 DEAD_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
@@ -133,34 +132,6 @@ def three(method: str, found: object) -> np.ndarray:
         return np.array([float(x) for x in found.split(",")])
     gm, pm, distance = found[:3]
     return np.array([gm, pm, 1 / distance])
-
-
-def together() -> Rows:
-    """Many loops in one call and one by one, by the clock: one call uses all processors."""
-    case = cases()["third_order_pida"]
-    process, t = case_loop(case).process, np.linspace(0, DELAYS * case["delay"], 2_001)
-    loops = [
-        pidalab.Loop(process, pidalab.PIDA(kp, 3.37, 0.938, 0.269)) for kp in np.linspace(0.5, 1.3, MANY)
-    ]
-    pairs = {
-        "responses": (
-            lambda: np.array([r.y for r in pidalab.simulate_many(loops, t, load=1.0)]),
-            lambda: np.array([pidalab.load_response(loop, t).y for loop in loops]),
-        ),
-        "margins": (
-            lambda: np.array([m.ms for m in pidalab.margins_many(loops)]),
-            lambda: np.array([pidalab.margins(loop).ms for loop in loops]),
-        ),
-    }
-    for name, tasks in pairs.items():
-        rows, first = [], None
-        for method, task in zip(("one call", "one by one"), tasks, strict=True):
-            clock, cpu, result = clocked(task, 5)
-            first = result if first is None else first
-            off = float(np.max(np.abs(result - first)))
-            rows.append({"method": method, "seconds": clock, "error": off, "note": f"CPU time {cpu:.2g} s"})
-        for row in with_ratios(rows):
-            yield {"quantity": f"many {name}", "loop": case["name"], "value": MANY} | row
 
 
 def family(order: int, delay: float) -> pidalab.Loop:

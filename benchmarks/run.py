@@ -30,7 +30,7 @@ def shown(rows: Iterable[dict]) -> Iterator[dict]:
 
 def main() -> None:
     """Compare, print and write."""
-    parts = (loops.responses, loops.margins, loops.together, loops.scaling, optimum.rows)
+    parts = (loops.responses, loops.margins, loops.scaling, optimum.rows)
     write(RESULTS, loops.COLUMNS, [row for part in parts for row in shown(part())])
     dead_time.main()
     portraits.main()

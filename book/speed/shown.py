@@ -127,19 +127,6 @@ def margins() -> pd.DataFrame:
     return pd.DataFrame(cells).T
 
 
-def together() -> pd.DataFrame:
-    """Many loops in one call and one by one, by the clock."""
-    both = pd.concat([rows(f"many {name}") for name in ("responses", "margins")])
-    both = both.assign(
-        what=both["quantity"].str.removeprefix("many ")
-        + " of "
-        + both["value"].astype(int).map("{:,}".format)
-        + " loops"
-    )
-    both["shown"] = both["seconds"].map(number) + " s, " + both["note"]
-    return both.pivot(index="what", columns="method", values="shown")[["one call", "one by one"]]
-
-
 def optimum() -> pd.DataFrame:
     """The solver beside differential evolution, by plant and order."""
     table = rows("optimum")

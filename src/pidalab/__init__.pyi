@@ -26,7 +26,6 @@ from .record import Record as Record
 from .reporting import Report as Report, report as report
 from .response import Response as Response
 from .robustness.gain import gain_for_ms as gain_for_ms
-from .robustness.many import margins_many as margins_many
 from .robustness.margins import (
     Margins as Margins,
     bandwidth as bandwidth,
@@ -49,7 +48,6 @@ from .simulation.exact import (
     simulate_ensemble as simulate_ensemble,
     step_response as step_response,
 )
-from .simulation.many import simulate_many as simulate_many
 from .simulation.noise import noise_gain as noise_gain, uniform_noise as uniform_noise
 from .simulation.portrait import Portrait as Portrait, portrait as portrait
 from .simulation.sampled import simulate_sampled as simulate_sampled
