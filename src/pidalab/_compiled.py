@@ -19,7 +19,6 @@ numba: Any
 try:
     import numba
     from numba.core import event
-    from numba.extending import register_jitable
 except ImportError:
     numba = None
     LOG.warning("pidalab: numba is not installed; the same digits within rounding, slower")
@@ -50,11 +49,6 @@ def compiled(function: Callable[..., Any], *others: Callable[..., Any]) -> Any:
 def inlined(function: Callable[..., Any]) -> Any:
     """Make a function a part of the compiled functions that call it."""
     return function if numba is None else numba.njit(inline="always")(function)
-
-
-def also_compiled(function: Callable[..., Any]) -> Any:
-    """Return a plain function that compiled ones may call, too."""
-    return function if numba is None else register_jitable(function)
 
 
 def plain(form: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pidalab._check import Array
@@ -11,25 +13,38 @@ from pidalab.simulation.steps import Actuator, Steps
 from pidalab.statespace import StateSpace
 
 
-@compiled
-def step(code: np.ndarray, numbers: Array) -> None:
-    """Carry out the operations of a step."""
-    for k in range(code.shape[0]):
-        kind, target, left, right = code[k, 0], code[k, 1], numbers[code[k, 2]], numbers[code[k, 3]]
-        if kind == op.MULTIPLY:
-            numbers[target] = left * right
-        elif kind == op.ADD:
-            numbers[target] = left + right
-        elif kind == op.SUBTRACT:
-            numbers[target] = left - right
-        elif kind == op.COPY:
-            numbers[target] = left
-        elif kind == op.LESS:
-            numbers[target] = 1.0 if left < right else 0.0
-        elif kind == op.GREATER:
-            numbers[target] = 1.0 if left > right else 0.0
-        elif kind == op.CHOOSE and right != 0.0:
-            numbers[target] = left
+def stepper(lanes: int) -> Any:
+    """Return the compiled function that carries out the operations of a step, in so many loops side by side."""
+
+    def step(code: np.ndarray, numbers: Array) -> None:
+        for k in range(code.shape[0]):
+            kind, out, left, right = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
+            if kind == op.MULTIPLY:
+                for i in range(lanes):
+                    numbers[out, i] = numbers[left, i] * numbers[right, i]
+            elif kind == op.ADD:
+                for i in range(lanes):
+                    numbers[out, i] = numbers[left, i] + numbers[right, i]
+            elif kind == op.SUBTRACT:
+                for i in range(lanes):
+                    numbers[out, i] = numbers[left, i] - numbers[right, i]
+            elif kind == op.COPY:
+                for i in range(lanes):
+                    numbers[out, i] = numbers[left, i]
+            elif kind == op.LESS:
+                for i in range(lanes):
+                    numbers[out, i] = 1.0 if numbers[left, i] < numbers[right, i] else 0.0
+            elif kind == op.GREATER:
+                for i in range(lanes):
+                    numbers[out, i] = 1.0 if numbers[left, i] > numbers[right, i] else 0.0
+            elif kind == op.CHOOSE:
+                for i in range(lanes):
+                    numbers[out, i] = numbers[left, i] if numbers[right, i] != 0.0 else numbers[out, i]
+
+    return compiled(step)
+
+
+step_one = stepper(1)
 
 
 @compiled
@@ -125,16 +140,14 @@ def run(
         measured = y[k] + noise[k]
         if fineness > 0:
             measured = fineness * np.rint(measured / fineness)
-        numbers[op.SETPOINT], numbers[op.MEASUREMENT] = (
-            y_offset + y_span * reference[k],
-            y_offset + y_span * measured,
-        )
-        error = numbers[op.SETPOINT] - numbers[op.MEASUREMENT]
-        numbers[op.ACTION] = output(block.c, block.d, z, error)
+        numbers[op.SETPOINT, 0] = y_offset + y_span * reference[k]
+        numbers[op.MEASUREMENT, 0] = y_offset + y_span * measured
+        error = numbers[op.SETPOINT, 0] - numbers[op.MEASUREMENT, 0]
+        numbers[op.ACTION, 0] = output(block.c, block.d, z, error)
         advanced(block.A, block.b, z, error, z_new)
         z, z_new = z_new, z
-        step(code, numbers)
-        wanted = (numbers[op.CONTROL] - bias) / u_span
+        step_one(code, numbers)
+        wanted = (numbers[op.CONTROL, 0] - bias) / u_span
         u[k] = acted(actuator, wanted, load[k], v, width, k + before)
         x, x_new = crossed(plant, x, x_new, v, width, k + before)
     return y, u, area

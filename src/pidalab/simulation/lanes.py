@@ -15,6 +15,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab._compiled import compiled, inlined
 from pidalab.simulation import operations as op
+from pidalab.simulation.kernels import stepper
 from pidalab.simulation.steps import Steps
 
 LANES = 128
@@ -37,32 +38,7 @@ class Controllers(NamedTuple):
     prefilter_d: Array  # (LANES,)
 
 
-@compiled
-def step(code: np.ndarray, numbers: Array) -> None:
-    """Carry out the operations of a step in all lanes."""
-    for k in range(code.shape[0]):
-        kind, out, left, right = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
-        if kind == op.MULTIPLY:
-            for i in range(LANES):
-                numbers[out, i] = numbers[left, i] * numbers[right, i]
-        elif kind == op.ADD:
-            for i in range(LANES):
-                numbers[out, i] = numbers[left, i] + numbers[right, i]
-        elif kind == op.SUBTRACT:
-            for i in range(LANES):
-                numbers[out, i] = numbers[left, i] - numbers[right, i]
-        elif kind == op.COPY:
-            for i in range(LANES):
-                numbers[out, i] = numbers[left, i]
-        elif kind == op.LESS:
-            for i in range(LANES):
-                numbers[out, i] = 1.0 if numbers[left, i] < numbers[right, i] else 0.0
-        elif kind == op.GREATER:
-            for i in range(LANES):
-                numbers[out, i] = 1.0 if numbers[left, i] > numbers[right, i] else 0.0
-        elif kind == op.CHOOSE:
-            for i in range(LANES):
-                numbers[out, i] = numbers[left, i] if numbers[right, i] != 0.0 else numbers[out, i]
+step_all = stepper(LANES)
 
 
 @compiled
@@ -114,7 +90,7 @@ def run(own: Controllers, plant: Steps, h: float, reference: Array, load: Array,
             f, f_new = f_new, f
         for i in range(LANES):
             measurement[i] = y[i] + noise[k]
-        step(own.code, numbers)
+        step_all(own.code, numbers)
         u = past[slot]
         for i in range(LANES):
             u[i] = control[i]

@@ -149,7 +149,7 @@ def simulate_sampled(
         block, own = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
         code, _, numbers = operations(program(own), own.at_rest())
     units = own.y_offset, own.y_span, own.bias, own.u_span
-    y, u, area = run(code, numbers, block, units, steps, actuator, fineness, reference, d, n)
+    y, u, area = run(code, numbers[:, None], block, units, steps, actuator, fineness, reference, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
         raise ValueError(
