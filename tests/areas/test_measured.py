@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
 import pidalab
@@ -60,19 +59,6 @@ def test_any_change_of_a_held_input():
     assert found.values == pytest.approx(areas.from_process(G1, 8), rel=1e-5)
 
 
-@pytest.mark.parametrize("h", [0.01, 0.1])
-def test_ramp(h):
-    """A ramp: its response is a difference of integrals of the step response. Read as held, it misses h/2."""
-    t = h * np.arange(round(40 / h) + 1)
-    area = pidalab.open_loop_step(G1, t).area
-    late = [np.concatenate([np.zeros(round(x / h)), area[: t.size - round(x / h)]]) for x in (1.0, 5.0)]
-    u, y = np.clip((t - 1) / 4, 0, 1), (late[0] - late[1]) / 4
-    assert areas.from_record(t, u, y, 8, between="linear").values == pytest.approx(
-        areas.from_process(G1, 8), rel=3e-6
-    )
-    assert areas.from_record(t, u, y, 8).values[1] == pytest.approx(4.0 - h / 2, abs=1e-6)
-
-
 def test_record_of_a_closed_loop():
     """A change of the set point under digital PID control: the areas are those of the process, not of the loop."""
     t = 0.02 * np.arange(6001)
@@ -87,16 +73,6 @@ def test_levels_at_rest_are_means():
     u = (t >= 10.0) * 1.0
     y = driven(G2, t, u) + 0.02 * np.cos(1e4 * t)
     assert areas.from_record(t, u, y, 2).gain == pytest.approx(1.0, abs=1e-3)
-
-
-def test_settled_from():
-    t, u, y = step_record(G1)
-    given = areas.from_record(t, u, y, 6, start=(0.0, 0.0), settled_from=40.0)
-    assert given.span == (0.0, 40.0)
-    assert given.values == pytest.approx(areas.from_process(G1, 6), rel=1e-9)
-    with pytest.warns(RecordWarning, match="still drifts at its end, after t = 8"):
-        early = areas.from_record(t, u, y, 6, start=(0.0, 0.0), settled_from=8.0)
-    assert not early.settled
 
 
 # Uncertainty
@@ -212,9 +188,7 @@ RECORD = step_record(G1, 30.0, 0.1)
     [
         ({"u": (RECORD[0] < 9) * 1.0, "start": (0.0, 0.0)}, "u must end elsewhere than it begins"),
         ({"y": RECORD[2][:-1]}, "y must be a number or an array as long as t"),
-        ({"start": (0.0, 0.0), "settled_from": 29.9}, "settled_from must leave 16 samples after it"),
         ({"start": 0.0}, "start must be two levels"),
-        ({"between": "smooth"}, "between must be 'held' or 'linear', found 'smooth'"),
         (
             {"u": np.arange(301) >= 295.0},
             "y must have more than 16 samples after the first move of u, found 5",
@@ -263,21 +237,14 @@ def test_a_record_has_its_own_signals(arguments, message):
 
 
 def test_weights_beside_quadrature():
-    """Held and straight signals exactly; samples of a smooth one by the trapezoidal rule with its end terms."""
+    """Held signals exactly; samples of a smooth one by the trapezoidal rule with its end terms."""
     h, n = 0.1, 81
     tau = h * np.arange(n)
     weights = np.array([tau**k / math.factorial(k) for k in range(7)])
     x = np.random.default_rng(1).normal(size=n)
-    line = Polynomial([1.0])
     for k in range(1, 6):
         held = sum(x[j] * (tau[j + 1] ** k - tau[j] ** k) / math.factorial(k) for j in range(n - 1))
-        assert measured._of_steps(x, weights, h)[k - 1] == pytest.approx(held, rel=1e-12)
-        straight = 0.0
-        for j in range(n - 1):
-            slope = (x[j + 1] - x[j]) / h
-            line = Polynomial([x[j] - slope * tau[j], slope]) * Polynomial([0.0, 1.0]) ** (k - 1)
-            straight += float(np.diff(line.integ()(tau[j : j + 2]))[0]) / math.factorial(k - 1)
-        assert measured._of_lines(x, weights, h)[k - 1] == pytest.approx(straight, rel=1e-9)
+        assert measured._of_steps(x, weights)[k - 1] == pytest.approx(held, rel=1e-12)
     # a smooth bump that begins level: its moments are those of the exact integral to all powers of h
     smooth = np.exp(-((tau / 2.0) ** 6))
     found = measured._of_samples(smooth, weights, h)
@@ -290,9 +257,9 @@ def test_the_record_is_summed_up():
     t = 0.1 * np.arange(600)
     u = np.where(t < 2.0, 5.0, 7.0)
     y = 20.0 + driven(pidalab.lags(2), t, u - 5.0)
-    y[600 - 100 :] += np.resize([0.01, -0.01], 100)
-    found = areas.from_record(t, u, y, 2, settled_from=50.0)
+    y += np.resize([0.01, -0.01], 600)
+    found = areas.from_record(t, u, y, 2)
     assert found.input_levels == (5.0, 7.0)
-    assert found.output_levels == pytest.approx((20.0, 22.0), abs=1e-9)
-    assert found.span == (2.0, 50.0)
-    assert found.noise == pytest.approx(0.01, rel=1e-6)
+    assert found.output_levels == pytest.approx((20.0, 22.0), abs=1e-3)
+    assert found.span[0] == 2.0
+    assert found.noise == pytest.approx(0.01, rel=1e-3)

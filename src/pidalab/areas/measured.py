@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
@@ -85,8 +85,6 @@ def from_record(
     y: ArrayLike | None = None,
     count: int | None = None,
     start: tuple[float, float] | None = None,
-    settled_from: float | None = None,
-    between: Literal["held", "linear"] = "held",
 ) -> MeasuredAreas:
     r"""Areas from a measured change of a process between steady states; any input does that ends where it stays.
 
@@ -104,18 +102,13 @@ def from_record(
     t : array_like, shape (n,), or Record
         Uniform times from 0. Or a `pidalab.Record`, with `count` as the only other argument that is needed.
     u, y : array_like, shape (n,), optional
-        Input and output, at rest at the beginning (or see `start`) and at rest again at the end.
+        Input, held from each sample to the next, and output, at rest at the beginning (or see `start`) and at rest
+        again at the end.
     count : int
         How many areas, at least 1. A controller of order m needs 2m + 4.
     start : tuple of float, optional
         Levels (u, y) before the record, if the change begins with its first sample. By default the input rests until it
         first moves, and the mean of y until then is its level. An input with noise needs this argument.
-    settled_from : float, optional
-        Time from which all is at rest again. By default the beginning of the longest end of the record that shows no
-        transient beyond its noise, and a tenth of the time until then later (see the notes). The levels at the end are
-        means from there on, and the integrals end there: what follows is noise, with the largest weights.
-    between : {"held", "linear"}, optional
-        The input between its samples: held, as by a digital controller, or on a straight line.
 
     Returns
     -------
@@ -143,7 +136,8 @@ def from_record(
     squares by more than 5: an oscillation that decays shows there. Noise still hides
     what is smaller, and all areas would come out too small. So a tenth of that time is waited in addition. In simulated
     records of three processes that gave areas about as good as the best fixed time; none at all costs bias, a quarter
-    costs noise. If you know how long the process takes, say so with `settled_from`.
+    costs noise. The levels at the end are means from there on, and the integrals end there: what follows is noise, with
+    the largest weights.
 
     Four errors are estimated: noise on the way; noise in the level at the end, which enters :math:`A_k` with the
     weight :math:`\tau_1^k/k!`; a slow tail that the steady state may hide, as large as the most by which the mean of
@@ -166,10 +160,9 @@ def from_record(
     """
     t, u, y = _signals(t, u, y)
     count = _check.order("count", count, at_least=1)
-    _check.choice("between", between, ("held", "linear"))
     h = float(t[-1] / (t.size - 1))
-    first, (u0, y0), rest = _beginning(u, y, start, between)
-    last, settled = _end(t, u, y, first, settled_from)
+    first, (u0, y0), rest = _beginning(u, y, start)
+    last, settled = _end(t, u, y, first)
     u1, y1 = float(np.mean(u[last:])), float(np.mean(y[last:]))
     step = u1 - u0
     if abs(step) <= 1e-9 * np.max(np.abs(u - u0)):
@@ -178,8 +171,7 @@ def from_record(
     weights = np.cumprod(
         [np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0
     )  # tau^k / k!
-    moments_of_u = _of_steps if between == "held" else _of_lines
-    a_u = np.append(step, moments_of_u(u1 - u[first : last + 1], weights, h)) / step
+    a_u = np.append(step, _of_steps(u1 - u[first : last + 1], weights)) / step
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
     quotient = _over(a_u)
     values = quotient @ a_y
@@ -212,9 +204,7 @@ def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, A
     return t, u, y
 
 
-def _beginning(
-    u: Array, y: Array, start: tuple[float, float] | None, between: str
-) -> tuple[int, tuple[float, float], int]:
+def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[int, tuple[float, float], int]:
     """Return the sample at which the change begins, both levels before it, and the samples that the latter took."""
     if start is not None:
         try:
@@ -228,19 +218,11 @@ def _beginning(
             f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, say from where with start"
         )
     rest = int(moved[0])
-    return rest if between == "held" else rest - 1, (float(u[0]), float(np.mean(y[:rest]))), rest
+    return rest, (float(u[0]), float(np.mean(y[:rest]))), rest
 
 
-def _end(t: Array, u: Array, y: Array, first: int, settled_from: float | None) -> tuple[int, bool]:
+def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
     """Return the sample from which all is at rest again, and whether it is."""
-    if settled_from is not None:
-        last = int(np.searchsorted(t, _check.real("settled_from", settled_from)))
-        if not first < last <= t.size - PIECES:
-            raise ValueError(
-                f"settled_from must leave {PIECES} samples after it and come after the first move of u at "
-                f"t = {t[first]:g}, found {settled_from!r} in a record up to {t[-1]:g}"
-            )
-        return last, _steady(u[last:]) and _steady(y[last:])
     length, least = t.size - first - 1, max(PIECES, math.ceil(SHORTEST * (t.size - first)))
     if length < least:
         raise ValueError(f"y must have more than {PIECES} samples after the first move of u, found {length}")
@@ -302,14 +284,9 @@ def _of_samples(x: Array, weights: Array, h: float) -> Array:
     return h * (np.sum(product, axis=1) - 0.5 * (product[:, 0] + product[:, -1])) + ends
 
 
-def _of_steps(x: Array, weights: Array, h: float) -> Array:
+def _of_steps(x: Array, weights: Array) -> Array:
     """Integrate the same for an x that is held from sample to sample."""
     return np.diff(weights[1:-1]) @ x[:-1]
-
-
-def _of_lines(x: Array, weights: Array, h: float) -> Array:
-    """Integrate the same for an x that goes straight from sample to sample."""
-    return weights[1:-1, -1] * x[-1] - np.diff(weights[2:]) @ np.diff(x) / h
 
 
 def _errors(values: Array, weights: Array, u: Array, y: Array, h: float, rest: int, unseen: float) -> Array:
