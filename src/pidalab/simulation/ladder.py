@@ -92,17 +92,12 @@ def _advanced(stack, rung):
 def _rows(C, direct, c, d, levels, run, rungs, base):
     """What the outputs at `run` times in succession read of a stack: (its states, times and outputs)."""
     order, wide = C.shape[1], 3 * run
-    ages = 1
-    for q in range(3):
-        if direct[q] != 0.0:
-            ages = 2 if d == 0.0 else levels
-    ages = min(ages, levels)
+    ages = 1 if not direct.any() else min(levels, 2 if d == 0.0 else levels)
     rows = np.zeros((ages * order, wide))
-    for i in range(order):
-        for q in range(3):
-            rows[(ages - 1) * order + i, q] = C[q, i]
-            for age in range(1, ages):  # the direct part of an output reads all older process inputs
-                rows[(ages - 1 - age) * order + i, q] = direct[q] * d ** (age - 1) * c[i]
+    for q in range(3):
+        rows[(ages - 1) * order :, q] = C[q]
+        for age in range(1, ages):  # the direct part of an output reads all older process inputs
+            rows[(ages - 1 - age) * order : (ages - age) * order, q] = direct[q] * d ** (age - 1) * c
     have, p = 3, base
     while have < wide:  # as many again, one rung later
         rung = rungs[p]
@@ -110,11 +105,8 @@ def _rows(C, direct, c, d, levels, run, rungs, base):
         more = min(have, wide - have)
         new = min(levels, ages + reach - 1)
         longer = np.zeros((new * order, wide))
-        for i in range(ages * order):
-            for j in range(have):
-                longer[(new - ages) * order + i, j] = rows[i, j]
-            for j in range(more):
-                longer[(new - ages) * order + i, have + j] = rows[i, j]
+        longer[(new - ages) * order :, :have] = rows[:, :have]
+        longer[(new - ages) * order :, have : have + more] = rows[:, :more]
         for age in range(new):
             least, most = max(0, age - ages + 1), min(reach, age + 1)  # ages that the rung adds
             read = rows[(ages - 1 - age + least) * order :]
@@ -127,11 +119,8 @@ def _rows(C, direct, c, d, levels, run, rungs, base):
             for i in range((new - 1 - age) * order, (new - age) * order):
                 for m in range(have + more):
                     size[age] = max(size[age], abs(longer[i, m]))
-        largest = 0.0
-        for age in range(new):
-            largest = max(largest, size[age])
         ages = new
-        while ages > 1 and size[ages - 1] <= FADED * largest:
+        while ages > 1 and size[ages - 1] <= FADED * size.max():
             ages -= 1
         rows, have, p = longer[(new - ages) * order :], have + more, p + 1
     return rows
@@ -144,10 +133,9 @@ def _responses(A, b, c, d, C, direct, x0, delay, step, n):
     result = np.zeros((channels, 3, n))
     # a time as close to a multiple of the dead time as rounding is that multiple
     eps = 8.0 * np.finfo(np.float64).eps
-    interval, first = np.zeros(n, dtype=np.intp), 0
+    interval = np.zeros(n, dtype=np.intp)
     if delay > 0.0:
-        for i in range(n):
-            interval[i] = int(np.floor(step * i * (1.0 + eps) / delay))
+        interval[:] = np.floor(step * np.arange(n) * (1.0 + eps) / delay)
     intervals = interval[n - 1]
     # rungs up to a run of times, or to the dead time if that is shorter
     top = LONGEST_RUN
@@ -161,9 +149,7 @@ def _responses(A, b, c, d, C, direct, x0, delay, step, n):
     # the stack must reach as far back as the loop remembers
     levels = 1
     anchors = np.zeros((channels, (intervals + 1) * size))  # states at the multiples of the dead time
-    for i in range(channels):
-        for j in range(size):
-            anchors[i, j] = x0[j, i]
+    anchors[:, :size] = x0.T
     if intervals > 0:
         most = min(intervals + 1, LARGEST // size + 1)
         whole = transition(rungs, step, low, delay, most, A, b, c, d)
@@ -182,20 +168,16 @@ def _responses(A, b, c, d, C, direct, x0, delay, step, n):
                 reached = own[at + size : min(own.size, at + size + short.shape[1])]
                 add_rows(reached, own[at : at + size], short)
 
-    count, most_in_one = 0, 0
-    for i in range(n):
-        count = count + 1 if i > 0 and interval[i] == interval[i - 1] else 1
-        most_in_one = max(most_in_one, count)
     # a long run makes its rows dear, a short one asks for many stacks: in all least near the root of n / 3
     power = min(LONGEST_RUN, int(np.rint(0.5 * np.log2(n / 3.0 + 1.0))))
-    run = min(most_in_one, 2**power)
+    run = min(np.bincount(interval).max(), 2**power)
     rows = _rows(C, direct, c, d, levels, run, rungs, -low)
 
     out = np.zeros(3 * run)
+    first = 0
     while first < n:
-        k, last = interval[first], first
-        while last < n and interval[last] == k:
-            last += 1
+        k = interval[first]
+        last = np.searchsorted(interval, k + 1)
         # from the multiple of the dead time to the first time asked for
         distance = step * first - k * delay
         if distance <= eps * step * first:

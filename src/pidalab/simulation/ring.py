@@ -39,39 +39,34 @@ def add_rows(out, factors, rows):
 
 
 @compiled
+def add(out, element):
+    """Add a ring element that is no longer than the other one, or the beginning of one that is."""
+    wide = min(out.shape[1], element.shape[1])
+    for i in range(out.shape[0]):
+        for j in range(wide):
+            out[i, j] += element[i, j]
+
+
+@compiled
 def shortened(element, share):
     """Drop the last coefficients of a ring element once they no longer matter."""
-    order = element.shape[0]
-    length = element.shape[1] // order
-    size = np.zeros(length)
+    order, width = element.shape
+    size = np.zeros(width)
     for i in range(order):
-        for k in range(length):
-            for j in range(k * order, k * order + order):
-                size[k] = max(size[k], abs(element[i, j]))
-    largest = 0.0
-    for k in range(length):
-        largest = max(largest, size[k])
-    least = share * largest
-    while length > 1 and size[length - 1] <= least:
-        length -= 1
-    if length * order == element.shape[1]:
-        return element
-    kept = np.empty((order, length * order))
-    for i in range(order):
-        for j in range(length * order):
-            kept[i, j] = element[i, j]
-    return kept
+        for j in range(width):
+            size[j] = max(size[j], abs(element[i, j]))
+    least = share * size.max()
+    while width > order and size[width - order : width].max() <= least:
+        width -= order
+    return element if width == size.size else element[:, :width].copy()
 
 
 @compiled
 def taylor(tau, most, A, b, c, d):
     """Power series of the exponential less 1, over a time that is no longer than the lowest rung."""
     order = b.size
-    term = np.zeros((order, order))  # transposed here: columns are states, since A has many zeros
-    for i in range(order):
-        term[i, i] = 1.0
+    term = np.eye(order)  # transposed here: columns are states, since A has many zeros
     total = np.zeros((order, order))
-    v = np.zeros(order)
     for n in range(1, TERMS + 1):
         length = term.shape[1] // order
         after = np.zeros((order, order * (min(most, length + 1) if d == 0.0 else most)))
@@ -82,33 +77,25 @@ def taylor(tau, most, A, b, c, d):
                     for j in range(term.shape[1]):
                         after[i, j] += factor * term[k, j]
         # the delayed process input of the next older states
-        v[:] = 0.0
-        for age in range(after.shape[1] // order):
-            at = age * order
+        v = np.zeros(order)
+        for at in range(0, after.shape[1], order):
             for i in range(order):
                 factor = b[i] * tau / n
                 for j in range(order):
                     after[i, at + j] += factor * v[j]
             v *= d
-            if age < length:
-                for k in range(order):
-                    for j in range(order):
-                        v[j] += c[k] * term[k, at + j]
+            for k in range(order if at < term.shape[1] else 0):
+                for j in range(order):
+                    v[j] += c[k] * term[k, at + j]
         term = shortened(after, FADED)
         if term.shape[1] > total.shape[1]:
             longer = np.zeros(term.shape)
-            for i in range(order):
-                for j in range(total.shape[1]):
-                    longer[i, j] = total[i, j]
+            add(longer, total)
             total = longer
-        for i in range(order):
-            for j in range(term.shape[1]):
-                total[i, j] += term[i, j]
-    out = np.zeros(total.shape)
+        add(total, term)
+    out = np.empty(total.shape)
     for at in range(0, total.shape[1], order):
-        for i in range(order):
-            for j in range(order):
-                out[i, at + j] = total[j, at + i]
+        out[:, at : at + order] = total[:, at : at + order].T
     return out
 
 
@@ -118,13 +105,11 @@ def product(first, second, most):
     order = first.shape[0]
     width = min(most * order, first.shape[1] + second.shape[1] - order)
     out = np.zeros((order, width))
-    for i in range(order):
-        for j in range(min(width, first.shape[1])):
-            out[i, j] += first[i, j]
-        for j in range(min(width, second.shape[1])):
-            out[i, j] += second[i, j]
-        for at in range(0, min(width, first.shape[1]), order):
-            wide = min(width - at, second.shape[1])
+    add(out, first)
+    add(out, second)
+    for at in range(0, min(width, first.shape[1]), order):
+        wide = min(width - at, second.shape[1])
+        for i in range(order):
             add_rows(out[i, at : at + wide], first[i, at : at + order], second)
     return shortened(out, FADED)
 
@@ -132,13 +117,7 @@ def product(first, second, most):
 @compiled
 def ladder(A, b, c, d, step, top, growth, most):
     """Exponentials less 1 over step 2^p, from a short one by doubling up to p = top, and the lowest p."""
-    norm, driving, reading = 0.0, 0.0, 0.0
-    for j in range(b.size):
-        column = 0.0
-        for i in range(b.size):
-            column += abs(A[i, j])
-        norm, driving, reading = max(norm, column), driving + abs(b[j]), max(reading, abs(c[j]))
-    norm += driving * reading * growth
+    norm = np.max(np.sum(np.abs(A), axis=0)) + np.sum(np.abs(b)) * np.max(np.abs(c)) * growth
     rungs = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
         return rungs, 0
