@@ -8,20 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import pidalab
 from pidalab import HighOrderPID, Loop
-from pidalab.optimal._descent import Last, Scaled
 from pidalab.optimal._design import _edge, sign_of_gain
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import polish
 from pidalab.optimal._problem import Problem, _other_side
 from pidalab.optimal._solver import Limits, Search
-from pidalab.optimal._starts import _apart, approached, at_once, stabilising
-from pidalab.optimal._units import _turn, unit_of_time
-from pidalab.optimal._walk import _distinct, _valleys
+from pidalab.optimal._starts import approached, at_once, stabilising
+from pidalab.optimal._units import unit_of_time
+from pidalab.optimal._walk import _valleys
 
 THIRD = pidalab.lags(3, delay=1.0)
 INTEGRATING = pidalab.Process([1.0], [0.3, 1.0, 0.0], 0.7)
@@ -302,63 +300,6 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
 NO_NOISE = Limits(1.6, None, None, None)
 
 
-@pytest.mark.parametrize(("lag", "delay"), [(1.0, 1.0), (20.0, 0.5), (0.1, 3.0)])
-def test_the_unit_of_time_is_where_the_phase_has_turned_by_three_eighths(lag, delay):
-    w = brentq(lambda w: w * delay + math.atan(w * lag) - 0.75 * math.pi, 1e-3 / lag, 100 / delay)
-    assert unit_of_time(pidalab.fopdt(-3.0, lag, delay), NO_NOISE) == pytest.approx(1 / w, rel=6e-3)
-
-
-def test_units_of_time_of_integrators_and_of_what_runs_away():
-    """With integrators the process has turned already: by a quarter of pi more, at least to three quarters of it."""
-    assert unit_of_time(pidalab.ipdt(5.0, 2.0), NO_NOISE) == pytest.approx(2.0 / (0.25 * math.pi), rel=6e-3)
-    double = pidalab.Process([3.0], [1.0, 0.0, 0.0], 2.0)
-    assert unit_of_time(double, NO_NOISE) == pytest.approx(2.0 / (0.25 * math.pi), rel=6e-3)
-    away = pidalab.Process([3.0], np.polymul([1.0, -0.2], [0.5, 1.0]), 0.1)
-    assert unit_of_time(away, NO_NOISE) == pytest.approx(1 / math.sqrt(0.2 * 10.0))
-    assert unit_of_time(pidalab.fopdt(1.0, 7.0, 0.0), NO_NOISE) == pytest.approx(7.0)  # never turns so far
-    for order, process in ((1, pidalab.ipdt(5.0, 0.0)), (2, pidalab.Process([5.0], [1.0, 0.0, 0.0]))):
-        by_mks, by_noise = Limits(1.6, 8.0, None, None), Limits(1.6, None, 8.0, 0.1)
-        for limits in (by_mks, by_noise):
-            assert unit_of_time(process, limits) == pytest.approx((5.0 * 0.1 * 8.0) ** (-1 / order))
-        with pytest.raises(ValueError, match="a gain alone has no best controller"):
-            unit_of_time(process, NO_NOISE)
-    with pytest.raises(ValueError, match="a gain alone has no best controller"):
-        unit_of_time(pidalab.Process([2.0], [1.0]), Limits(1.6, 8.0, None, None))
-
-
-@pytest.mark.parametrize(("mks", "noise_gain"), [(0.01, None), (None, 0.01), (0.01, 5.0), (5.0, 0.01)])
-def test_a_limit_of_noise_that_sets_the_unit_of_time(mks, noise_gain):
-    """To act up to w on k/s asks for |C S| = w/k, and of sampled noise for (h/pi) of the integral of its square."""
-    gain, h = 2.0, 0.05
-    limits = Limits(1.6, mks, noise_gain, None if noise_gain is None else h)
-    able = [] if mks is None else [mks * gain]
-    able += [] if noise_gain is None else [(3 * math.pi * gain**2 * noise_gain**2 / h) ** (1 / 3)]
-    corner = 0.25 * math.pi / 0.1  # a dead time of 0.1
-    expected = min(able) if corner > 8 * min(able) else corner
-    assert unit_of_time(pidalab.ipdt(gain, 0.1), limits) == pytest.approx(1 / expected, rel=8e-3)
-
-
-@pytest.mark.parametrize("share", [7.9, 8.1])
-def test_noise_sets_the_unit_where_it_is_eight_times_slower(share):
-    corner = 0.25 * math.pi / 0.1
-    limits = Limits(1.6, corner / share / 2.0, None, None)
-    expected = corner / share if share > 8 else corner
-    assert unit_of_time(pidalab.ipdt(2.0, 0.1), limits) == pytest.approx(1 / expected, rel=8e-3)
-
-
-def test_phase_beside_a_continuous_one():
-    """Zeros and poles on both sides, a pair on the axis; less what is at rest."""
-    process = pidalab.Process(
-        np.polymul([1.0, -3.0], [0.5, 1.0]), np.polymul([1.0, 0.4, 4.0], [2.0, 1.0, 0.0, 0.0]), 0.3
-    )
-    w = np.geomspace(1e-4, 40.0, 200_001)
-    phase = np.unwrap(np.angle(process(1j * w)))
-    np.testing.assert_allclose(_turn(process, w), phase - phase[0], atol=2e-3)
-    assert _turn(pidalab.Process([1.0], [1.0, 0.0, 4.0]), np.array([1.9, 2.1])) == pytest.approx(
-        [0.0, -math.pi], abs=1e-6
-    )
-
-
 @pytest.mark.parametrize(
     ("gains", "filter_time", "count"), [([4e5, 1.2e5], 1.2e-4, 2), ([4e8, 1.8e4], 1.5e-5, 0)]
 )
@@ -368,40 +309,6 @@ def test_the_characteristic_function_is_followed_where_a_short_dead_time_turns_i
     assert pidalab.unstable_poles(Loop(process, HighOrderPID(gains, filter_time, 1))) == count
     problem = Problem(process, 0, (1.0, 1.0))
     assert problem.unstable(np.array([*gains, math.log(filter_time)])) == (count > 0)
-
-
-def test_what_a_descent_sees():
-    start = np.array([0.5, 0.02, 0.3, 40.0, -1.0, 7.0])
-    seen = Scaled(start, 4)
-    assert seen.unit.tolist() == [1.0, 0.1, 0.3, 1.0, 1.0, 1.0]
-    np.testing.assert_allclose(seen(start), [math.log(0.5), 0.2, 1.0, 40.0, -1.0, 7.0])
-    np.testing.assert_allclose(seen.back(seen(start)), start, rtol=1e-14)
-    weights = np.arange(1.0, 7.0)
-    z = seen(start)
-    value, slope = seen.objective(lambda x: (float(weights @ x**2), lambda: 2 * weights * x))
-    one = seen.constraint({"fun": lambda x: x[:2] ** 3, "jac": lambda x: np.diag(3 * x**2)[:2]})
-    assert value(z) == pytest.approx(float(weights @ start**2))
-    np.testing.assert_allclose(one["fun"](z), start[:2] ** 3)
-    for k in range(z.size):
-        step = 1e-6 * np.eye(z.size)[k]
-        difference = (value(z + step) - value(z - step)) / 2e-6
-        assert slope(z)[k] == pytest.approx(difference, rel=1e-6, abs=1e-6)
-        difference = (one["fun"](z + step) - one["fun"](z - step)) / 2e-6
-        np.testing.assert_allclose(one["jac"](z)[:, k], difference, rtol=1e-5, atol=1e-9)
-
-
-def test_a_function_is_asked_once_for_a_value_and_for_a_slope_where_it_is_wanted():
-    asked, sloped = [], []
-    last = Last(lambda x: (asked.append(x) or x.sum(), lambda: sloped.append(x) or 2 * x))
-    x = np.array([1.0, 2.0])
-    assert last.value(x) == 3.0
-    assert not sloped
-    x[1] = 9.0  # the caller may change its array
-    x[1] = 2.0
-    assert last.slope(x).tolist() == [2.0, 4.0]
-    x[0] = 5.0
-    assert (last.slope(x).tolist(), last.value(x)) == ([10.0, 4.0], 7.0)
-    assert (len(asked), len(sloped)) == (2, 2)
 
 
 def test_values_of_valleys_differ_by_a_hundredth_and_are_no_more_than_twice_the_least():
@@ -448,13 +355,6 @@ def test_what_is_on_the_other_side_of_zero():
         assert _other_side(e)[1][k] == pytest.approx((_other_side(e + h)[0] - _other_side(e - h)[0]) / 2e-6)
 
 
-def test_rungs_that_are_one_point_count_once():
-    points = [np.array([1.0, x]) for x in (0.0, 0.0009, 0.0011, 5.0)]
-    rungs = list(zip([4.0, 3.0, 2.0, 1.0], points, strict=True))
-    assert [value for value, _ in _distinct(rungs, 9)] == [1.0, 2.0, 4.0]
-    assert [value for value, _ in _distinct(rungs, 2)] == [1.0, 2.0]
-
-
 def test_what_is_left_to_the_limits():
     """Not negative where a limit is kept, by the share of it that is left; the least of all counts as missed."""
     problem = Problem(pidalab.lags(2, delay=0.5), 1, (1.0, 1.0))
@@ -475,23 +375,6 @@ def test_what_is_left_to_the_limits():
     assert one.missed(0.01 * x) >= 0
     assert Limits(1.6, 5.0, None, None).named() == {"ms": 1.6, "mks": 5.0}
     assert Limits(1.6, None, 3.0, 0.1).named() == {"ms": 1.6, "noise_gain": 3.0}
-
-
-def test_starts_that_differ_by_more_than_a_factor_of_four():
-    one = np.array([0.5, 2.0, 1.0, -1.0])
-    for k, factor, apart in (
-        (0, 3.9, False),
-        (0, 4.1, True),
-        (1, 3.9, False),
-        (1, 4.1, True),
-        (2, 1.9, False),
-    ):
-        other = one.copy()
-        other[k] *= factor
-        assert _apart(one, other, 3) == apart
-        assert _apart(other, one, 3) == apart
-    for step, apart in ((1.38, False), (1.39, True), (-1.38, False), (-1.39, True)):
-        assert _apart(one, one + step * np.eye(4)[3], 3) == apart
 
 
 def test_what_lies_at_the_edge_of_the_search():
@@ -519,13 +402,6 @@ def test_nothing_can_be_held_through_a_zero_at_zero(limits):
         pidalab.optimal.load(pidalab.Process([1.0, 0.0], [1.0, 1.0, 1.0]), 1, **limits)
 
 
-def test_of_starts_that_keep_the_limits_the_quickest_is_the_first():
-    one = Search(Problem(THIRD, 1, (1.0, 1.0)), Limits(1.6, 5.0, None, None))
-    integral = [x[0] for x in stabilising(one) if one.missed(x) == 0]
-    assert max(integral) > min(integral)
-    assert integral == sorted(integral, reverse=True)
-
-
 @pytest.mark.parametrize(("ms", "kept"), [(2.0, True), (1.4, False)])
 def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     process = pidalab.Process([1.0], [1.0, -1.0], 0.3)
@@ -544,32 +420,3 @@ def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     if kept:
         assert found[0] is one.nearest
         assert pidalab.max_sensitivity(one.loop(found[0]))[0] < 1.01 * ms
-
-
-@pytest.mark.parametrize(
-    ("h", "fastest", "top", "bottom"),
-    [
-        (None, -7.0, 1.0, -5.0),
-        (1e-4, -7.0, 1.0, -5.0),
-        (0.1, math.log(0.05), 1.0, math.log(0.05)),
-        (20.0, math.log(10.0), math.log(10.0) + 1, math.log(10.0)),
-    ],
-)
-def test_the_ladder_of_filter_times_begins_above_the_sample(h, fastest, top, bottom):
-    """In units of 2: no filter is faster than a sample; ladder and bounds go at least a step beyond."""
-    limits = Limits(1.6, None, None if h is None else 5.0, h)
-    one = Search(Problem(pidalab.lags(2, delay=2.0), 1, (1.0, 2.0)), limits)
-    np.testing.assert_allclose(one.rungs, np.linspace(top, bottom, 13))
-    filters = (fastest, max(3.0, fastest + 2.0))
-    np.testing.assert_allclose(one.bounds, [(1e-6, 1e6), (0.0, 1e6), (0.0, 1e6), filters])
-    assert one.aim == (0.0 if h is None else 5.0)
-    assert (one.noise is None) == (h is None)
-    assert np.all(np.diff(one.w) >= 0)
-    turns = np.arange(3.0, 40.0, 0.7) / 2.0
-    assert all(np.any(np.isclose(one.w, w)) for w in turns[turns < one.w[-1]])
-
-
-def test_what_integral_action_makes_of_a_gain_is_no_limit():
-    """Integral action inverts the static gain of the plant, here 2."""
-    with pytest.raises(ValueError, match=r"mks must be above 1/\|P\(0\)\| = 0\.5, which .* found 0\.5"):
-        pidalab.optimal.load(pidalab.Process([2.0], [1.0, 2.0, 1.0]), 1, mks=0.5)

@@ -10,8 +10,8 @@ from matplotlib.lines import AxLine
 
 import pidalab
 from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
-from pidalab.robustness._infimum import ends, infimum, line
-from pidalab.robustness.limits import TOLERANCE, _best_multiplier
+from pidalab.robustness._infimum import ends, infimum
+from pidalab.robustness.limits import TOLERANCE
 from pidalab.rules import automatic_reset as reset
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)
@@ -134,31 +134,11 @@ LOOPS = [
 
 
 @pytest.mark.parametrize("loop", LOOPS)
-@pytest.mark.parametrize("w", [0.0, 0.3, 2.0, math.inf])
-def test_at_each_frequency_a_line_over_the_multipliers(loop, w):
-    part = linear_part(loop)
-    start, slope = line(part, w)
-    for theta in (0.1, 0.7, 1.9):
-        limits = dict(zip((0.0, math.inf), ends(part, theta), strict=True))
-        value = limits[w] if w in limits else 1 + ((1 + 1j * w * theta) * part(1j * w)).real
-        assert start + slope * theta == pytest.approx(value, abs=1e-9)
-
-
-@pytest.mark.parametrize("loop", LOOPS)
 def test_no_multiplier_of_a_grid_has_more_margin_than_that_of_popov(loop):
     part, best = linear_part(loop), popov(loop)
     assert best[:2] == infimum(part, best.multiplier)
     most = min(0.99 * part.reset_time, 10.0)
     assert all(infimum(part, theta)[0] <= best.margin + TOLERANCE for theta in np.linspace(0.0, most, 15))
-
-
-def test_where_the_least_of_lines_is_largest():
-    rising, falling = (0.0, 1.0), (3.0, -0.5)
-    assert _best_multiplier([rising], 5.0) == (5.0, 5.0)
-    assert _best_multiplier([rising, falling], 5.0) == (2.0, 2.0)
-    assert _best_multiplier([rising, falling, (1.0, 0.0)], 5.0) == (1.0, 1.0)  # the shortest of equals
-    assert _best_multiplier([rising, falling], 1.5) == (1.5, 1.5)
-    assert _best_multiplier([falling, falling], 5.0) == (0.0, 3.0)
 
 
 @pytest.mark.parametrize("n", [2, 4])
@@ -316,26 +296,3 @@ def test_plots_draw_the_curves_and_their_lines():
 
 def test_a_margin_within_the_tolerance_does_not_hold():
     assert not Criterion(0.5 * TOLERANCE, 1.0, 0.0).holds
-
-
-RESETS = [
-    design(reset.PID).loop(),
-    design(reset.MRDP_PIDA, 3).loop(),
-    reset.tune(pidalab.ipdt(-2.0, delay=0.3), reset.PIDA_1, n=2, filter_time=0.1).loop(),
-    pidalab.Loop(pidalab.fopdt(1.0, 2.0, 0.5), pidalab.SeriesPIDA(1.0, 0.5, 0.0, 3.0, 0.1, 2)),
-    pidalab.Loop(pidalab.lags(2), pidalab.SeriesPIDA(1.0, 0.5, 0.2, 0.7, 0.1, 2)),
-]
-
-
-@pytest.mark.parametrize("loop", RESETS, ids=range(len(RESETS)))
-@pytest.mark.parametrize("share", [0.0, 0.3, 3.0])
-def test_infimum_with_a_reset(loop, share):
-    """With a multiplier beyond T_i the reset rises instead of falling."""
-    part = linear_part(loop)
-    theta = share * part.reset_time
-    w = np.concatenate([np.geomspace(1e-4, 1.0, 20_001), np.linspace(1.0, 300.0, 400_001)])
-    whole = 1 + ((1 + 1j * w * theta) * (part.forward(1j * w) - 1 / (1 + 1j * w * part.reset_time))).real
-    at_zero, at_infinity = ends(part, theta)
-    assert whole[0] == pytest.approx(at_zero, abs=1e-5)
-    lowest, reference = infimum(part, theta)[0], min(whole.min(), at_zero, at_infinity)
-    assert reference * (1 + 1e-6 * np.sign(-reference)) <= lowest <= reference + 1e-9

@@ -1,4 +1,4 @@
-"""Margins against brute force, closed forms and python-control; every margin as a bound that holds."""
+"""Margins against closed forms and python-control; loops in which a grid or a logarithm could fail."""
 
 import math
 from dataclasses import FrozenInstanceError
@@ -10,25 +10,6 @@ import pytest
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
 from pidalab.robustness.loops import explore
-
-PAPER = Process([1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
-LIGHT = Process(
-    [1.0], np.convolve([1.0, 0.02, 1.0], [0.3, 1.0]), delay=0.4
-)  # resonance 50 times its static gain
-LOOPS = {
-    "paper": Loop(PAPER, PIDA(1.31, 3.37, 0.938, 0.269)),
-    "paper-filter": Loop(PAPER, PIDA(2.48, 3.37, 0.938, 0.269), control.tf([1.0], [0.0041, 0.128, 1.0])),
-    "ipdt": Loop(pidalab.ipdt(1.0, delay=1.0), PIDA(0.4, 8.0, 0.0, 0.0)),
-    "light": Loop(LIGHT, 0.015),
-    "light-integral": Loop(LIGHT, control.tf([0.02], [1.0, 0.0])),
-    "long-delay": Loop(pidalab.fopdt(1.0, 1.0, 30.0), PIDA(0.2, 8.0, 0.0, 0.0)),
-    "unstable-plant": Loop(Process([1.0], [1.0, -1.0], delay=0.2), 2.5),
-    "double-integrator": Loop(Process([1.0], [1.0, 0.0, 0.0], delay=0.1), PIDA(0.3, 20.0, 3.0, 0.0)),
-    "rhp-zero": Loop(Process([-0.7, 1.0], [1.0, 2.0, 1.0], delay=0.3), PIDA(0.4, 1.5, 0.2, 0.0)),
-    "neutral": Loop(Process([0.4, 1.0], [1.0, 1.0], delay=0.7), 0.6),
-    "negative": Loop(Process([-2.0], [3.0, 1.0], delay=1.0), PIDA(-0.4, 3.0, 0.0, 0.0)),
-    "no-delay": Loop(pidalab.lags(4), PIDA(2.0, 3.0, 1.0, 0.3)),
-}
 
 
 def brute_force(loop, points=5_000_000, low=1e-4, high=1e4):
@@ -45,60 +26,6 @@ def scaled(loop, factor=1.0, extra_delay=0.0):
     num, den = loop.blocks["controller"]
     process = Process(loop.process.num, loop.process.den, loop.process.delay + extra_delay)
     return Loop(process, control.tf(factor * num, den), loop.output_filter)
-
-
-@pytest.mark.parametrize("name", LOOPS)
-def test_peaks_against_brute_force(name):
-    result = margins(LOOPS[name])
-    assert result.stable
-    ms, mt = brute_force(LOOPS[name], points=5_000_000 if name in ("paper", "light") else 400_000)
-    assert ms * (1 - 1e-12) <= result.ms <= ms * (1 + 1e-4)  # never below what the grid found
-    assert mt * (1 - 1e-12) <= result.mt <= mt * (1 + 1e-4)
-    if math.isfinite(result.wms) and result.wms:
-        assert abs(LOOPS[name].S(1j * result.wms)) == pytest.approx(result.ms, rel=1e-9)
-
-
-@pytest.mark.parametrize("name", LOOPS)
-def test_delay_margin_is_a_valid_bound(name):
-    dm = margins(LOOPS[name]).dm
-    assert unstable_poles(scaled(LOOPS[name], extra_delay=0.0 if math.isinf(dm) else 0.999 * dm)) == 0
-    if math.isfinite(dm):
-        assert unstable_poles(scaled(LOOPS[name], extra_delay=1.001 * dm)) > 0
-
-
-@pytest.mark.parametrize("name", LOOPS)
-def test_gain_margins_are_valid_bounds(name):
-    result = margins(LOOPS[name])
-    if math.isfinite(result.gm):
-        assert unstable_poles(scaled(LOOPS[name], 1.001 * result.gm)) > 0
-    if result.gm_low:
-        assert unstable_poles(scaled(LOOPS[name], 0.999 * result.gm_low)) > 0
-    factors = np.geomspace(max(1.001 * result.gm_low, 1e-3), min(0.999 * result.gm, 1e3), 9)
-    assert [unstable_poles(scaled(LOOPS[name], factor)) for factor in factors] == [0] * 9
-    assert math.isfinite(result.gm)  # every loop above has a largest gain
-    assert (result.gm_low > 0) == (name in ("unstable-plant", "double-integrator"))
-
-
-def test_delay_margin_is_the_least_over_all_gain_crossovers():
-    """Three crossovers: the smallest phase margin (1.9 deg, second) is not the smallest delay margin (2.7, third)."""
-    resonance = [1 / 2.15**2, 2 * 0.0134 / 2.15, 1.0]
-    loop = Loop(
-        Process([1.0], np.convolve(resonance, [32.0, 1.0]), delay=0.18), PIDA(1.866, 17.9, 0.065, 0.0)
-    )
-    result, w = margins(loop), np.geomspace(1e-2, 10.0, 2_000_001)
-    crossings = w[:-1][np.diff(np.sign(np.abs(loop.L(1j * w)) - 1)) != 0]
-    assert crossings.size == 3
-    np.testing.assert_allclose(result.gain_crossovers, crossings, rtol=1e-5)
-    lag = np.mod(np.angle(loop.L(1j * crossings)) + np.pi, 2 * np.pi)
-    assert result.dm == pytest.approx(np.min(lag / crossings), rel=1e-3)
-    assert result.pm == pytest.approx(np.degrees(np.min(np.minimum(lag, 2 * np.pi - lag))), abs=0.1)
-    assert result.wgc == pytest.approx(crossings[1], rel=1e-5)
-    assert np.argmin(lag / crossings) == 2
-    assert (
-        unstable_poles(scaled(loop, extra_delay=0.999 * result.dm))
-        == 0
-        < unstable_poles(scaled(loop, extra_delay=1.001 * result.dm))
-    )
 
 
 @pytest.mark.parametrize("damping", [0.01, 0.3, 0.5])
@@ -308,7 +235,7 @@ def test_the_grid_follows_the_turns_of_the_dead_time():
 
 def test_margins_stay_as_they_were_found_and_are_themselves_alone():
     """Also those with several crossovers or none, as every result that holds arrays."""
-    one, same = (margins(LOOPS["light-integral"]) for _ in range(2))
+    one, same = (margins(Loop(pidalab.lags(4), PIDA(2.0, 3.0, 1.0, 0.3))) for _ in range(2))
     with pytest.raises(FrozenInstanceError):
         one.ms = 1.0
     assert len({one, same}) == 2

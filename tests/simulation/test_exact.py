@@ -1,17 +1,14 @@
-"""Simulation of held inputs: superposition, python-control, method of steps with an ODE solver, closed forms."""
+"""Simulation of held inputs: superposition, python-control, closed forms."""
 
 import math
 
 import control
 import numpy as np
 import pytest
-from scipy import signal
-from scipy.integrate import solve_ivp
 from scipy.special import gammainc
 
 import pidalab
 from pidalab import PIDA, Loop, Process, simulate
-from pidalab.loop import open_loop
 
 LOOPS = {
     "paper": Loop(pidalab.lags(4), PIDA(1.31, 3.37, 0.938, 0.269), control.tf([1.0], [0.0164, 0.256, 1.0])),
@@ -67,59 +64,6 @@ def test_against_python_control_without_delay(source):
         np.testing.assert_allclose(got, expected, atol=1e-8 * np.abs(expected).max())
 
 
-def method_of_steps(loop, t, tolerance=1e-11):
-    """Set-point step by an adaptive ODE solver, one dead time after the other, from dense output to dense output."""
-    num, den = open_loop(loop)
-    A, b, c, d = signal.tf2ss(num, den)
-    b, c, d, h = b[:, 0], c[0], d[0, 0], loop.process.delay
-    x, past, y = np.zeros(A.shape[0]), lambda s: 0.0, np.zeros(t.size)
-    for k in range(int(t[-1] / h) + 1):
-        last = past
-
-        def error(
-            s, last=last, k=k
-        ):  # what enters the undelayed loop: 1 - y, with y from the interval before
-            return 1.0 - last(s - k * h)
-
-        solution = solve_ivp(lambda s, x, error=error: A @ x + b * error(s), (k * h, (k + 1) * h), x, "DOP853",
-                             rtol=tolerance, atol=tolerance, dense_output=True)  # fmt: skip
-        inside = (t >= (k + 1) * h - 1e-12) & (
-            t < (k + 2) * h - 1e-12
-        )  # the output comes one dead time later
-        y[inside] = [c @ solution.sol(s - h) + d * error(s - h) for s in t[inside]]
-
-        def past(s, solution=solution, k=k, error=error):
-            return c @ solution.sol(s + k * h) + d * error(s + k * h)
-
-        x = solution.y[:, -1]
-    return y
-
-
-@pytest.mark.parametrize(
-    "loop",
-    [
-        Loop(pidalab.sopdt(2.0, 1.5, 1.2, 0.73), PIDA(0.6, 3.0, 0.5, 0.1, n=3, m=3)),
-        Loop(pidalab.sopdt(1.0, 1.0, 0.01, 1.3), PIDA(0.1, 2.0, 0.0, 0.0)),
-        Loop(Process([-0.7, 1.0], [1.0, 2.0, 1.0], 2.0), PIDA(0.4, 1.5, 0.0, 0.0)),
-        Loop(pidalab.ipdt(1.0, 1.0), 2.5),
-    ],
-    ids=["pida", "light", "rhp-zero", "unstable"],
-)
-def test_against_method_of_steps(loop):
-    t = np.linspace(0.0, 11.7, 118)
-    got, expected = simulate(loop, t, setpoint=1.0).y, method_of_steps(loop, t)
-    assert np.max(np.abs(got - expected) / np.maximum.accumulate(np.abs(expected) + 1)) < 1e-8
-
-
-@pytest.mark.parametrize("order", [1, 4, 8, 20])
-def test_chain_of_lags_is_an_incomplete_gamma_function(order):
-    t = np.linspace(0.0, 60.0, 601)
-    r = pidalab.open_loop_step(pidalab.lags(order, delay=0.37), t)
-    exact = np.where(t > 0.37, gammainc(order, np.maximum(t - 0.37, 0.0)), 0.0)
-    np.testing.assert_allclose(r.y, exact, atol=1e-9)
-    assert r.u.tolist() == [1.0] * t.size
-
-
 def test_a_slow_lag_sampled_at_its_dead_times():
     """Each dead time the control signal comes back through the lag once more; fed back positively, nothing cancels."""
     lag, gain, t = 1e3, 2e4, np.arange(25.0)
@@ -127,15 +71,6 @@ def test_a_slow_lag_sampled_at_its_dead_times():
     expected = np.sum(gain**k * gammainc(k, np.maximum(t - k, 0.0) / lag), axis=0)
     found = simulate(Loop(pidalab.fopdt(1.0, lag, 1.0), -gain), t, setpoint=1.0)
     np.testing.assert_allclose(-found.y, expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1e-6, 1.0, 1e3, 1e6, 1e8])
-def test_time_unit_does_not_matter(scale):
-    t = np.linspace(0.0, 20.0, 201)
-    reference = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, 1.0), PIDA(0.5, 1.0, 0.0, 0.0)), t)
-    r = pidalab.step_response(Loop(pidalab.fopdt(1.0, scale, scale), PIDA(0.5, scale, 0.0, 0.0)), t * scale)
-    np.testing.assert_allclose(r.y, reference.y, atol=1e-11)
-    assert r.iae() == pytest.approx(scale * reference.iae(), rel=1e-9)
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.0])
@@ -154,17 +89,6 @@ def test_units_of_gain_and_time_do_not_matter(gain, unit, delay):
         for gains in [[g * u**power / k for g, power in zip((0.2, 0.4, 0.1, 0.02), at, strict=True)]]
     ]
     np.testing.assert_allclose(answers[1].y / gain, answers[0].y, atol=1e-12)
-
-
-@pytest.mark.parametrize("name", LOOPS)
-@pytest.mark.parametrize("step", [0.317, 1.9])
-def test_coarse_grid_is_the_fine_grid_decimated(name, step):
-    coarse = step * np.arange(8)
-    fine = np.linspace(0.0, coarse[-1], 7 * 64 + 1)
-    a = simulate(LOOPS[name], coarse, setpoint=1.0, load=-0.5)
-    b = simulate(LOOPS[name], fine, setpoint=1.0, load=-0.5)
-    for key in ("y", "u", "area"):
-        np.testing.assert_allclose(getattr(a, key), getattr(b, key)[::64], rtol=1e-10, atol=1e-11)
 
 
 def test_unstable_loop_with_noise_keeps_its_digits_from_the_start():
@@ -294,11 +218,12 @@ def test_an_ensemble_needs_records_in_rows(noise):
         pidalab.simulate_ensemble(LOOPS["integrating"], TIME, noise)
 
 
-@pytest.mark.parametrize(("order", "lag"), [(24, 60.0), (30, 60.0), (40, 1.0), (60, 1.0), (200, 0.1)])
-def test_long_chains_of_equal_lags(order, lag):
+@pytest.mark.parametrize(("order", "lag"), [(1, 1.0), (8, 1.0), (30, 60.0), (60, 1.0), (200, 0.1)])
+@pytest.mark.parametrize("delay", [0.0, 0.37])
+def test_a_chain_of_equal_lags_is_an_incomplete_gamma_function(order, lag, delay):
     t = np.linspace(0.0, 2.0 * order * lag, 301)
-    y = pidalab.open_loop_step(pidalab.lags(order, lag=lag), t).y
-    np.testing.assert_allclose(y, gammainc(order, t / lag), atol=1e-11)
+    y = pidalab.open_loop_step(pidalab.lags(order, lag=lag, delay=delay), t).y
+    np.testing.assert_allclose(y, gammainc(order, np.maximum(t - delay, 0.0) / lag), atol=1e-11)
 
 
 @pytest.mark.parametrize("delay", [1e-5, 1e-6, 1e-7, 1e-12])
