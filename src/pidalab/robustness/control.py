@@ -43,21 +43,11 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     def gain(seen: Seen) -> Any:
         return abs(loop.transfer("u", "n", 1j * seen.w))
 
-    peak = looked.peak(gain)
     # at zero frequency C S is 1/P, or C where it does not integrate
-    static = loop.process.gain()
-    for value, where in (
-        (abs(1 / static) if static else math.inf, 0.0),
-        (float(gain(looked.on_grid)[-1]), math.inf),
-    ):
-        if _approached(loop, where) and value >= peak[0] * (1 - 1e-7):
-            return value, where
-    return peak
-
-
-def _approached(loop: Loop, end: float) -> bool:
-    """Whether |C S| tends to 1/P(0) at zero frequency, by integral action, or to a constant at infinite frequency."""
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
-    if end == 0.0:
-        return bool(c_den[-1] == 0 or f_den[-1] == 0)
-    return len(c_num) + len(f_num) == len(c_den) + len(f_den)
+    static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
+    if c_den[-1] == 0 or f_den[-1] == 0:
+        at_zero = abs(1 / static) if static else math.inf
+    if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant
+        at_end = float(gain(looked.on_grid)[-1])
+    return looked.supremum(gain, at_zero, at_end)

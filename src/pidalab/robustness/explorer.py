@@ -195,19 +195,19 @@ class Explorer:
 
     def max_sensitivity(self) -> tuple[float, float]:
         """Supremum of |S| and where it lies."""
-        return self._with_ends(self.peak(sensitivity), lambda L: 1 / (1 + L))
+        return self.supremum(sensitivity, *(_size(1.0, 1 + L) for L in (self.at_zero, self.at_end)))
 
     def max_complementary(self) -> tuple[float, float]:
         """Supremum of |T| and where it lies."""
-        return self._with_ends(self.peak(complementary), lambda L: 1.0 if math.isinf(L) else L / (1 + L))
+        ends = (_size(1.0, 1 + 1 / L) if L else 0.0 for L in (self.at_zero, self.at_end))
+        return self.supremum(complementary, *ends)
 
-    def _with_ends(self, peak: tuple[float, float], closed: Callable[[float], float]) -> tuple[float, float]:
-        """Take an end of the axis for a peak that is approached there; the points only come close."""
-        for L, w in ((self.at_zero, 0.0), (self.at_end, self.end)):
-            if L == -1:
-                return math.inf, w
-            if abs(closed(L)) >= peak[0] * (1 - 1e-7):
-                return abs(closed(L)), w
+    def supremum(self, height: Callable[[Seen], Any], at_zero: float, at_end: float) -> tuple[float, float]:
+        """Peak and where it lies, perhaps at an end of the axis: the points only come close to it."""
+        peak = self.peak(height)
+        for value, w in ((at_zero, 0.0), (at_end, self.end)):
+            if value >= peak[0] * (1 - 1e-7):
+                return value, w
         return peak
 
     def peak(self, height: Callable[[Seen], Any]) -> tuple[float, float]:
@@ -288,6 +288,10 @@ class Explorer:
         total += float(np.angle(first / first.real)) - float(np.angle(last / limit))
         count = 0.5 * self.degree - total / np.pi
         return round(count) if abs(count - round(count)) < 0.2 else None
+
+
+def _size(num: float, den: float) -> float:
+    return abs(num / den) if den else math.inf
 
 
 def most_between(*neighbours: Any) -> Any:

@@ -22,6 +22,7 @@ automatic reset             :math:`R_p Q_n`            0, :math:`1 - e^{-h/t_i}`
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -72,27 +73,18 @@ def sampled_controller(
     return discretise(num, den, h), _behind(h, limits, integral=ki * h, taken_back=tracking, anti_windup=way)
 
 
-def _behind(
-    h: float,
-    limits: tuple[float, float],
-    integral: float = 0.0,
-    from_signal: bool = False,
-    taken_back: float = 0.0,
-    anti_windup: str | None = None,
-) -> DigitalController:
+def _behind(h: float, limits: tuple[float, float], integral: float = 0.0, **more: Any) -> DigitalController:
     """Return the digital controller that adds an integral, where it grows, to a given signal, and limits the sum."""
+    rest: dict[str, Any] = {"from_signal": False, "taken_back": 0.0, "tracked": 0.0, "anti_windup": None}
     return DigitalController(
         sample_time=h,
         method="zoh",
         paths=(),
         integrates=integral != 0.0,
-        from_signal=from_signal,
         growth=(0.0, integral),
-        taken_back=taken_back,
-        tracked=0.0,
-        anti_windup=anti_windup,
         weights=(1.0, 1.0),
         limits=limits,
+        **rest | more,
     )
 
 
