@@ -369,7 +369,7 @@ def test_what_is_left_to_the_limits():
         ms**2 * np.abs(back) ** 2 - 1,
         (size - np.abs(controller) ** 2) / (size + np.abs(controller) ** 2),
     ]
-    left = one.constraints()[0]["fun"](x)
+    left = one.constraints()[0].value(x)
     np.testing.assert_allclose(left, np.concatenate(expected), rtol=1e-9)
     assert one.missed(x) == pytest.approx(max(0.0, -np.min(left)))
     assert one.missed(0.01 * x) >= 0

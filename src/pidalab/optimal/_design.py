@@ -110,13 +110,10 @@ def load(
     >>> pidalab.margins(safe.loop(late)).ms <= 1.6 < pidalab.margins(pida.loop(late)).ms, safe.iae > pida.iae
     (True, True)
     """
-    from pidalab.optimal._refusal import refusal
     from pidalab.optimal._solver import Limits
 
     require_no_zero_at_origin("process", process)
-    order = _check.order("order", order, at_least=0)
-    if order > HIGHEST:
-        raise ValueError(f"order must be at most {HIGHEST}, found {order}")
+    order = _check.integer("order", order, at_least=0, at_most=HIGHEST)
     limits = Limits(
         _check.real("ms", ms, above=1.0),
         None if mks is None else _check.real("mks", mks, above=0.0),
@@ -146,7 +143,7 @@ def load(
             "allow more, or a narrower family"
         )
     if best is None:
-        raise ValueError(refusal(seen, HIGHEST))
+        raise ValueError(_refusal(seen))
     return best
 
 
@@ -213,6 +210,46 @@ def _best(
             if design.iae - found.best.value * unit < SAME * design.iae:
                 break  # the search has seen all of the response
     return best
+
+
+def _refusal(seen: list[Search]) -> str:
+    """Say what prevents a design, from searches in several units of time none of which came to a design."""
+    from pidalab.optimal._problem import Problem
+    from pidalab.optimal._solver import Limits, Search
+    from pidalab.optimal._starts import stabilising
+
+    first = seen[0]
+    order, limits = first.problem.order, first.limits
+    wanted = ", ".join(f"{name} <= {value:g}" for name, value in limits.named().items())
+    near = [(one.missed(one.nearest), _nearest(one, one.nearest)) for one in seen if one.nearest is not None]
+    if near:
+        return (
+            f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}; the nearest "
+            f"has {min(near)[1]}: allow more, or take another order"
+        )
+    hint = ""
+    for other in range(HIGHEST, order, -1):
+        problem = Problem(first.problem.process, other, (first.problem.gain, first.problem.time))
+        if any(True for _ in stabilising(Search(problem, Limits(2.0, None, None, None)))):
+            hint = f"; order {other} has some"
+    return (
+        f"no stable controller of order {order} with non-negative gains was found, whatever its ms ({wanted} was asked "
+        f"for){hint}"
+    )
+
+
+def _nearest(one: Search, x: Array) -> str:
+    """What the nearest controller makes of the quantities that are limited."""
+    from pidalab.robustness.control import max_control_sensitivity
+    from pidalab.robustness.margins import max_sensitivity
+
+    loop = one.loop(x)
+    values = {
+        "ms": max_sensitivity(loop)[0],
+        "mks": max_control_sensitivity(loop)[0],
+        "noise_gain": one.true_noise(x),
+    }
+    return ", ".join(f"{name} = {values[name]:.4g}" for name in one.limits.named())
 
 
 def sign_of_gain(process: Process) -> float:

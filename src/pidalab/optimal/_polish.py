@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._descent import Scaled
-from pidalab.optimal._problem import Problem
+from pidalab.optimal._problem import Problem, Scaled
 from pidalab.process import Process
 
 if TYPE_CHECKING:

@@ -28,6 +28,8 @@ SAMPLES = 2048  # of a response
 DAMPING = 3.0  # real part of the line of the transform, times the horizon
 REST = 1e-3  # share of the integral that the transform may miss
 
+UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
+
 Slope = Callable[[], Array]  # of a value, where a search needs it: along a line it looks at values alone
 
 
@@ -193,3 +195,58 @@ def _other_side(error: Array) -> tuple[float, Array]:
     slope[at] += np.where(a <= b, by_low, by_high)
     slope[at + 1] += np.where(a <= b, by_high, by_low)
     return float(-0.5 * (low * share + below).sum()), slope
+
+
+class Last:
+    """A function that gives a value and a function of its slope, for those who ask for one after the other."""
+
+    def __init__(self, both: Any) -> None:
+        self.both, self.place = both, b""
+
+    def _at(self, x: Array) -> tuple[Any, Any]:
+        if x.tobytes() != self.place:  # a tenth of the time that arrays take to be compared
+            self.place, self.last = x.tobytes(), self.both(x.copy())
+        return self.last
+
+    def value(self, x: Array) -> Any:
+        """Value at x."""
+        return self._at(x)[0]
+
+    def slope(self, x: Array) -> Any:
+        """Slope at x."""
+        return self._at(x)[1]()
+
+
+class Scaled:
+    """Unknowns as a descent sees them: the integral gain by its logarithm, the others in units of where it starts."""
+
+    def __init__(self, start: Array, gains: int) -> None:
+        self.unit = np.ones(start.size)
+        self.unit[1:gains] = np.clip(start[1:gains], *UNITS)
+
+    def __call__(self, x: Array) -> Array:
+        """From unknowns to what the descent sees."""
+        z = x / self.unit
+        z[0] = np.log(x[0])
+        return z
+
+    def back(self, z: Array) -> Array:
+        """From what the descent sees to unknowns."""
+        x = z * self.unit
+        x[0] = np.exp(z[0])
+        return x
+
+    def slopes(self, x: Array, by_x: Array) -> Array:
+        """From slopes by the unknowns to those by what the descent sees."""
+        by_z = by_x * self.unit
+        by_z[..., 0] = by_x[..., 0] * x[0]
+        return by_z
+
+    def functions(self, one: Last) -> tuple[Any, Any]:
+        """Value and slope of a function, as functions of what the descent sees."""
+
+        def slope(z: Array) -> Array:
+            x = self.back(z)
+            return self.slopes(x, one.slope(x))
+
+        return lambda z: one.value(self.back(z)), slope

@@ -9,16 +9,15 @@ without the highest derivative, which keeps to the first. Descents from around t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.optimal._descent import Last, Scaled
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import SAMPLES, Polished, polish
-from pidalab.optimal._problem import Problem, Slope
+from pidalab.optimal._problem import Last, Problem, Scaled, Slope
 from pidalab.optimal._starts import WALL
 from pidalab.process import Process
 from pidalab.robustness.control import max_control_sensitivity
@@ -113,18 +112,16 @@ class Search:
         value, slope = self.worth(x)
         return float(np.log(value)), lambda: slope() / value
 
-    def missed(self, x: Array, constraints: list[dict[str, Any]] | None = None) -> float:
+    def missed(self, x: Array, constraints: list[Last] | None = None) -> float:
         """By how much the limit is missed that is missed most."""
-        return max(0.0, -min(float(np.min(one["fun"](x))) for one in constraints or self.constraints()))
+        return max(0.0, -min(float(np.min(one.value(x))) for one in constraints or self.constraints()))
 
-    def constraints(self) -> list[dict[str, Any]]:
+    def constraints(self) -> list[Last]:
         """What is left to every limit, not negative where it is kept, for the frequencies looked at so far."""
         mks = None if self.limits.mks is None else self.limits.mks * (1 - SPARE)
-        left = Last(self.problem.limits(self.w, self.limits.ms * (1 - SPARE), mks))
-        found = [{"type": "ineq", "fun": left.value, "jac": left.slope}]
+        found = [self.problem.limits(self.w, self.limits.ms * (1 - SPARE), mks)]
         for k in self.active:
-            other = Last(self.problem.limits(self.w, self.ms_worst * (1 - SPARE), None, self.family[k]))
-            found.append({"type": "ineq", "fun": other.value, "jac": other.slope})
+            found.append(self.problem.limits(self.w, self.ms_worst * (1 - SPARE), None, self.family[k]))
         if self.noise is not None:
             noise, most = self.noise, self.aim
 
@@ -133,9 +130,8 @@ class Search:
                 deviation = np.sqrt(variance)
                 return 1 - deviation / most, lambda: -slope() / (2 * deviation * most)
 
-            spare = Last(margin)
-            found.append({"type": "ineq", "fun": spare.value, "jac": spare.slope})
-        return found
+            found.append(margin)
+        return [Last(one) for one in found]
 
     def descend(
         self,
@@ -160,11 +156,14 @@ class Search:
         with np.errstate(all="ignore"):
             for _ in range(AGAIN):
                 scaled = Scaled(x, at)
-                value_of, slope_of = scaled.objective(self._worth)
+                value_of, slope_of = scaled.functions(Last(self._worth))
+                limits = (
+                    dict(zip(("fun", "jac"), scaled.functions(one), strict=True)) for one in constraints
+                )
                 found = minimize(
                     value_of, scaled(x), method="SLSQP", jac=slope_of,
                     bounds=list(zip(scaled(low), scaled(high), strict=True)),
-                    constraints=[scaled.constraint(one) for one in constraints],
+                    constraints=[{"type": "ineq", **limit} for limit in limits],
                     options=dict(zip(("maxiter", "ftol"), effort, strict=True)),
                 )  # fmt: skip
                 end = np.clip(scaled.back(found.x), low, high)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._problem import Problem
+from pidalab.optimal._problem import Last, Problem
 
 if TYPE_CHECKING:
     from pidalab.optimal._solver import Search
@@ -91,12 +91,12 @@ def _relaxed(search: Search, start: Array) -> Array:
         astray = search.problem.unstable(z[:-1])
         return (WALL, np.zeros(z.size)) if astray else (float(z[-1]), only_slack)
 
-    def with_slack(one: dict[str, Any]) -> dict[str, Any]:
+    def with_slack(one: Last) -> dict[str, Any]:
         def slope(z: Array) -> Array:
-            rows = np.atleast_2d(one["jac"](z[:-1]))
+            rows = np.atleast_2d(one.slope(z[:-1]))
             return np.hstack([rows, np.ones((rows.shape[0], 1))])
 
-        return {"type": "ineq", "fun": lambda z: np.atleast_1d(one["fun"](z[:-1])) + z[-1], "jac": slope}
+        return {"type": "ineq", "fun": lambda z: np.atleast_1d(one.value(z[:-1])) + z[-1], "jac": slope}
 
     with np.errstate(all="ignore"):
         found = minimize(

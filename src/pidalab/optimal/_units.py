@@ -54,11 +54,9 @@ def _turn(process: Process, w: Array) -> Array:
     """Phase less that at rest; poles on the axis count as stable ones."""
     total = -process.delay * w
     for sign, found in ((1, roots(process.num)), (-1, roots(process.den))):
-        for root in found[found != 0]:
-            # seen from the side of the root where its angle does not jump
-            side = -1.0 if root.real > 0 else 1.0
-            seen = root if root.real else root - 1e-9 * abs(root)
-            total = total + sign * (np.angle(side * (1j * w - seen)) - np.angle(-side * seen))
+        away = found[found != 0]
+        away = np.where(away.real == 0, away - 1e-9 * np.abs(away), away)
+        total = total + sign * np.angle(1 - 1j * w[:, None] / away).sum(axis=1)
     return total
 
 
