@@ -89,19 +89,13 @@ def ultimate_frequency(process: Process) -> float:
         raise ValueError(f"process must have at most one integrator, found {integrators} in {process!r}")
     turned = 0.5 * np.pi * integrators
     unit = _unit(Process(process.num, settling, process.delay))
-    zeros, poles = roots(unit.num), roots(unit.den)
-
-    looked = explore(Loop(unit, 1.0))
+    zeros = roots(unit.num)
 
     def phase(w: Array) -> Array:
-        s = 1j * np.atleast_1d(w)[:, None]
-        # each factor stays in one half plane, so its angle is continuous; the sum only counts the turns
-        about = np.angle(1 - s / zeros).sum(axis=1) - np.angle(1 - s / poles).sum(axis=1) - w * unit.delay
-        exact = np.angle(looked.L(np.atleast_1d(w)))
-        return exact + 2 * np.pi * np.round((about - exact) / (2 * np.pi)) - turned
+        return turned_phase(unit, np.atleast_1d(w)) - turned
 
     on_axis = np.abs(zeros[np.abs(zeros.real) <= 1e-9 * np.abs(zeros)])
-    w = looked.follow(0.1)
+    w = explore(Loop(unit, 1.0)).follow(0.1)
     w = w[w < on_axis.min(initial=math.inf)]
     past = np.flatnonzero(phase(w) < -np.pi)
     if not past.size or past[0] == 0:
@@ -111,6 +105,36 @@ def ultimate_frequency(process: Process) -> float:
         )
     low, high = w[past[0] - 1], w[past[0]]
     return float(brentq(lambda x: phase(x)[0] + np.pi, low, high, xtol=1e-14 * low, rtol=1e-14))
+
+
+def turned_phase(process: Process, w: Array) -> Array:
+    """Phase at some frequencies less that at rest, followed from there; roots on the axis count as stable ones.
+
+    Parameters
+    ----------
+    process : Process
+        Any process; its integrators turn at rest already.
+    w : ndarray, shape (n,)
+        In rad per time unit.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In rad.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> pidalab.reduction.turned_phase(pidalab.lags(3, delay=1.0), np.array([0.0, 1.0])).round(4).tolist()
+    [0.0, -3.3562]
+    """
+    total = -process.delay * w
+    for sign, found in ((1, roots(process.num)), (-1, roots(process.den))):
+        away = found[found != 0]
+        away = np.where(away.real == 0, away - 1e-9 * np.abs(away), away)
+        # each factor stays in one half plane, so its angle is continuous
+        total = total + sign * np.angle(1 - 1j * w[:, None] / away).sum(axis=1)
+    return np.asarray(total)
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:

@@ -8,7 +8,6 @@ well as the scattered ones do.
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import Any
 
@@ -56,14 +55,12 @@ def _of_nonzero(coefficients: Array) -> Any:
         return np.zeros(0, dtype=complex)
     if degree > MOST:
         raise ValueError(f"a polynomial of degree {degree} is too long: at most {MOST} are allowed")
-    # unit of s, a power of 2, in which first and last coefficient are about equal; they may be 1e300 apart
-    mantissa, power = np.frexp(coefficients)
-    unit = int(np.round((power[-1] - power[0]) / degree))
-    scaled = np.ldexp(
-        mantissa / mantissa[0], np.clip(power - power[0] - unit * np.arange(degree + 1), -1500, 1500)
-    )
-    scale = math.ldexp(1.0, unit) if abs(unit) < 1000 else 0.0
-    if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0) and scale):
+    with np.errstate(all="ignore"):
+        monic = coefficients / coefficients[0]
+        # unit of s, a power of 2, in which first and last coefficient are about equal
+        scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
+        scaled = monic / scale ** np.arange(degree + 1.0)
+    if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
         raise ValueError(
             f"the coefficients {coefficients[:4]}... lie too far apart: their roots leave double precision"
         )

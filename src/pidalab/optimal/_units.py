@@ -9,6 +9,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.optimal._solver import Limits
 from pidalab.process import Process
+from pidalab.reduction import turned_phase
 from pidalab.roots import roots
 
 CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
@@ -31,7 +32,7 @@ def unit_of_time(process: Process, limits: Limits) -> float:
         return 1 / math.sqrt(growing * float(corners.max()))
     w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
     at_rest = -0.5 * np.pi * integrators
-    turned = at_rest + _turn(process, w) < min(CORNER, at_rest - TURN)
+    turned = at_rest + turned_phase(process, w) < min(CORNER, at_rest - TURN)
     fastest = float(w[np.argmax(turned)]) if turned.any() else float(corners.max())
     loudest = _loudest(process, limits, w)
     return 1 / (loudest if fastest > APART * loudest else fastest)
@@ -48,16 +49,6 @@ def _loudest(process: Process, limits: Limits, w: Array) -> float:
         power = np.cumsum(asked**2 * np.gradient(w)) * limits.sample_time / np.pi
         able &= power <= limits.noise_gain**2
     return float(w[able].max()) if able.any() else math.inf
-
-
-def _turn(process: Process, w: Array) -> Array:
-    """Phase less that at rest; poles on the axis count as stable ones."""
-    total = -process.delay * w
-    for sign, found in ((1, roots(process.num)), (-1, roots(process.den))):
-        away = found[found != 0]
-        away = np.where(away.real == 0, away - 1e-9 * np.abs(away), away)
-        total = total + sign * np.angle(1 - 1j * w[:, None] / away).sum(axis=1)
-    return total
 
 
 def _by_noise(process: Process, integrators: int, limits: Limits) -> float:

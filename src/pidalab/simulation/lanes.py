@@ -77,8 +77,7 @@ def run(own: Controllers, plant: Steps, h: float, reference: Array, load: Array,
                 m, curve, plain, mixed, largest, y_old, y, area_old, area, reference[k - 1], h, h * (k - 1)
             )
         _follow(m[TV_Y], m[Y_MIN], m[Y_MAX], y, y_old)
-        for i in range(LANES):
-            area_old[i] = area[i]
+        area_old[:] = area
 
         # filtered set point, and the prefilter one sample on
         _scale(own.prefilter_d, reference[k], setpoint)
@@ -92,12 +91,10 @@ def run(own: Controllers, plant: Steps, h: float, reference: Array, load: Array,
             measurement[i] = y[i] + noise[k]
         step_all(own.code, numbers)
         u = past[slot]
-        for i in range(LANES):
-            u[i] = control[i]
+        u[:] = control
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
         # the load joins it; then the plant crosses the interval, piece by piece
-        for i in range(LANES):
-            u[i] += load[k]
+        u += load[k]
         for piece in range(plant.ago.size):
             place = slot - plant.ago[piece]
             v = past[place + size if place < 0 else place]
@@ -106,10 +103,8 @@ def run(own: Controllers, plant: Steps, h: float, reference: Array, load: Array,
                 _add_scaled(plant.phi[piece, 0, row], x, x_new[row])
             x, x_new = x_new, x
         slot = after
-    for i in range(LANES):
-        m[Y_END, i], m[U_END, i] = y_old[i], u_old[i]
-        for measure in (IE, IAE, ISE, ITAE):
-            m[measure, i] *= h
+    m[Y_END], m[U_END] = y_old, u_old
+    m[: ITAE + 1] *= h
     return m
 
 
