@@ -112,19 +112,6 @@ def test_ultimate_frequency_of_an_integrator():
         ultimate_frequency(pidalab.Process([1.0], [1.0, 0.0, 0.0], 1.0))
 
 
-def test_units_of_gain_and_time():
-    one = pidalab.Process([0.3, 2.0], [1.0, 3.5, 3.5, 1.0], delay=0.7)
-    scale = 1e-4
-    other = pidalab.Process(
-        [-5 * 0.3 * scale, -5 * 2.0], [scale**3, 3.5 * scale**2, 3.5 * scale, 1.0], 0.7 * scale
-    )
-    a, b = to_sopdt(one), to_sopdt(other)
-    expected = (-5 * a.gain, a.tau * scale, a.damping, a.delay * scale, a.wu / scale)
-    assert b == pytest.approx(expected, rel=1e-9)
-    c, d = to_fopdt(one), to_fopdt(other)
-    assert d == pytest.approx((-5 * c.gain, c.tau * scale, c.delay * scale, c.wu / scale), rel=1e-9)
-
-
 @pytest.mark.parametrize("reduce", [to_fopdt, to_sopdt, ultimate_frequency])
 @pytest.mark.parametrize(
     ("process", "message"),

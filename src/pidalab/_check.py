@@ -175,12 +175,18 @@ def squarable(name: str, array: Array) -> None:
         raise ValueError(f"{name} must be below {LARGEST:g}, found {largest:g}")
 
 
+def pair(name: str, what: str, value: Any) -> tuple[float, float]:
+    """Return two numbers as floats, or raise naming the argument and what they are."""
+    try:
+        first, second = (float(x) for x in value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be two numbers, {what}, found {value!r}") from None
+    return first, second
+
+
 def limits(value: Any) -> tuple[float, float]:
     """Return lower and upper limit, which may be infinite, as floats in order, or raise."""
-    try:
-        low, high = (float(x) for x in value)
-    except (TypeError, ValueError):
-        raise TypeError(f"limits must be two numbers, lower and upper, found {value!r}") from None
+    low, high = pair("limits", "lower and upper", value)
     if not low < high:
         raise ValueError(f"limits must be (lower, upper) with lower < upper, found {value!r}")
     return low, high

@@ -421,8 +421,7 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
         angle = np.linspace(0, 2 * np.pi, 200)
         ax.plot(-1 + radius * np.cos(angle), radius * np.sin(angle), ":", color=GREY, linewidth=1.2)
     ax.plot([-1], [0], "+", color=GREY, markersize=9)
-    ax.set_aspect("equal")
-    ax.set(xlabel="real part", ylabel="imaginary part")
+    ax.set(aspect="equal", xlabel="real part", ylabel="imaginary part")
 
 
 def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None:

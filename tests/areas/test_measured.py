@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 import pidalab
 from pidalab import areas
-from pidalab.areas import RecordWarning, measured
+from pidalab.areas import RecordWarning
 
 G1, G2 = pidalab.lags(4), pidalab.lags(2, delay=0.5)
 
@@ -188,7 +187,6 @@ RECORD = step_record(G1, 30.0, 0.1)
     [
         ({"u": (RECORD[0] < 9) * 1.0, "start": (0.0, 0.0)}, "u must end elsewhere than it begins"),
         ({"y": RECORD[2][:-1]}, "y must be a number or an array as long as t"),
-        ({"start": 0.0}, "start must be two levels"),
         (
             {"u": np.arange(301) >= 295.0},
             "y must have more than 16 samples after the first move of u, found 5",
@@ -226,31 +224,15 @@ def test_a_record_gives_the_areas_of_its_arrays():
             "left out with a Record",
         ),
         ((np.arange(40.0), np.ones(40)), "u and y must be given, unless t is a Record"),
+        ((*RECORD, 4, 0.0), "start must be two numbers, the levels of u and y"),
     ],
 )
 def test_a_record_has_its_own_signals(arguments, message):
     with pytest.raises(TypeError, match=message):
-        areas.from_record(*arguments, count=4)
+        areas.from_record(*arguments, **({"count": 4} if len(arguments) < 4 else {}))
 
 
 # What the uncertainty is made of, computed in another way.
-
-
-def test_weights_beside_quadrature():
-    """Held signals exactly; samples of a smooth one by the trapezoidal rule with its end terms."""
-    h, n = 0.1, 81
-    tau = h * np.arange(n)
-    weights = np.array([tau**k / math.factorial(k) for k in range(7)])
-    x = np.random.default_rng(1).normal(size=n)
-    for k in range(1, 6):
-        held = sum(x[j] * (tau[j + 1] ** k - tau[j] ** k) / math.factorial(k) for j in range(n - 1))
-        assert measured._of_steps(x, weights)[k - 1] == pytest.approx(held, rel=1e-12)
-    # a smooth bump that begins level: its moments are those of the exact integral to all powers of h
-    smooth = np.exp(-((tau / 2.0) ** 6))
-    found = measured._of_samples(smooth, weights, h)
-    for k in range(1, 6):
-        exact = quad(lambda s, k=k: math.exp(-((s / 2) ** 6)) * s ** (k - 1) / math.factorial(k - 1), 0, 8)[0]
-        assert found[k - 1] == pytest.approx(exact, rel=1e-8)
 
 
 def test_the_record_is_summed_up():

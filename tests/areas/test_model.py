@@ -103,6 +103,7 @@ def test_filters_are_blocks_in_series():
             "process must be stable",
         ),
         (lambda: areas.from_process(control.tf([1], [1, 1]), 4), TypeError, "found TransferFunction"),
+        (lambda: areas.from_process(pidalab.lags(1, lag=1e200), 3), ValueError, "leave double precision"),
         (lambda: areas.from_process(G1, 0), ValueError, "count must be a whole number, at least 1"),
         (
             lambda: areas.with_binomial_filter([1.0, 2.0], -0.1, 1),
@@ -131,30 +132,6 @@ def test_filters_are_blocks_in_series():
 def test_refusals(call, error, text):
     with pytest.raises(error, match=text):
         call()
-
-
-def value(series, s):
-    return sum((-1) ** k * float(c) * s**k for k, c in enumerate(series))
-
-
-def test_arithmetic_of_series():
-    """Alternating: [a, b, c] is a - b s + c s^2; products and quotients are as long as the shorter one."""
-    first, second = (power_series.fractions(x) for x in ([2.0, 3.0, 5.0, 1.0], [4.0, -1.0, 0.5]))
-    expected = np.convolve([2.0, 3.0, 5.0], [4.0, -1.0, 0.5])[:3]
-    assert power_series.floats(power_series.product(first, second)).tolist() == expected.tolist()
-    back = power_series.quotient(power_series.product(first, second), second)
-    assert back == first[:3]
-    assert power_series.quotient(second, first)[:1] == [Fraction(2)]
-    assert power_series.polynomial([7.0, 5.0, 3.0], 2) == [3, -5]
-    assert power_series.polynomial([7.0, 5.0, 3.0], 5) == [3, -5, 7, 0, 0]
-    assert power_series.dead_time(0.5, 4) == [1, Fraction(1, 2), Fraction(1, 8), Fraction(1, 48)]
-    assert power_series.lagged([Fraction(1)] * 3, 0.5, 2) == [1, 2, Fraction(11, 4)]
-    s = 1e-3
-    assert value(power_series.lagged([Fraction(1)] + [Fraction(0)] * 4, 2.0, 3), s) == pytest.approx(
-        (1 + 2 * s) ** -3, abs=1e-12
-    )
-    with pytest.raises(ValueError, match="areas or gains leave double precision"):
-        power_series.floats([Fraction(10) ** 400])
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5])

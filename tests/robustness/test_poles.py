@@ -280,14 +280,3 @@ def test_a_cluster_far_to_the_left_does_not_hide_the_others():
     assert pair.real == pytest.approx([4.90829e-04] * 2, rel=1e-5)
     with pytest.raises(ArithmeticError, match="the 10 rightmost poles cannot be told from their neighbours"):
         pidalab.rightmost_poles(loop, 10)
-
-
-@pytest.mark.parametrize("unit", [1e-40, 1e-25, 1.0, 1e25, 1e40])
-@pytest.mark.parametrize("delay", [0.0, 0.5])
-def test_stability_in_any_unit_of_time(unit, delay):
-    """Integrators beside lags, far faster or slower than 1, and alone."""
-    lag, late = pidalab.fopdt(2.0, unit, delay * unit), pidalab.ipdt(0.7 / unit, (delay + 0.1) * unit)
-    for process, ti in ((lag, unit), (late, 30 * unit), (late, math.inf)):
-        assert unstable_poles(Loop(process, PIDA(0.5, ti))) == 0
-        assert unstable_poles(Loop(process, PIDA(-0.5, unit))) > 0
-    assert unstable_poles(Loop(late, PIDA(500.0, math.inf))) > 0

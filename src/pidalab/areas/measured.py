@@ -207,10 +207,7 @@ def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, A
 def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[int, tuple[float, float], int]:
     """Return the sample at which the change begins, both levels before it, and the samples that the latter took."""
     if start is not None:
-        try:
-            u0, y0 = start
-        except (TypeError, ValueError):
-            raise ValueError(f"start must be two levels, of u and y, found {start!r}") from None
+        u0, y0 = _check.pair("start", "the levels of u and y", start)
         return 0, (_check.real("start[0]", u0), _check.real("start[1]", y0)), 0
     moved = np.flatnonzero(np.abs(u - u[0]) > 1e-9 * np.ptp(u))
     if not moved.size:

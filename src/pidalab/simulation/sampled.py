@@ -191,14 +191,8 @@ def limits_at_rest(own: tuple[float, float], limits: tuple[float, float]) -> tup
 
 def _conversion(low: float, high: float, quanta: tuple[float, float], widths: int) -> tuple[float, Actuator]:
     """Check what is between controller and plant: the resolution of the measurement, and the actuator."""
-    try:
-        measurement, control = quanta
-    except (TypeError, ValueError):
-        raise TypeError(
-            f"quanta must be two numbers, of measurement and control signal, found {quanta!r}"
-        ) from None
-    measurement = _check.real("quanta[0]", measurement, at_least=0.0)
-    control = _check.real("quanta[1]", control, at_least=0.0)
+    found = _check.pair("quanta", "of measurement and control signal", quanta)
+    measurement, control = (_check.real(f"quanta[{i}]", each, at_least=0.0) for i, each in enumerate(found))
     widths = _check.integer("pulse_widths", widths, at_least=0)
     if widths and control:
         raise ValueError(
