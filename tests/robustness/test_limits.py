@@ -89,31 +89,6 @@ def test_infimum_beside_a_dense_grid(name, n, theta):
         assert lowest == pytest.approx(1 + ((1 + 1j * where * theta) * part(1j * where)).real, abs=1e-12)
 
 
-PROCESSES = [
-    pidalab.fopdt(3.0, 2.0, delay=5.0),
-    pidalab.sopdt(2.0, 1.0, 0.05, delay=0.3),
-    pidalab.Process([1.0, 0.0, 4.0], [1.0, 2.0, 3.0, 1.0], delay=1.0),  # zeros on the axis
-    pidalab.Process([0.2, 1.0], [1.0, 1.0, 0.0], delay=2.0),
-    pidalab.Process([-1.0, 1.0], [1.0, 3.0, 2.0]),
-    pidalab.Process([2.0, 1.0], [1.0, 3.0, 2.0, 0.0]),
-]
-
-
-@pytest.mark.parametrize("process", PROCESSES, ids=repr)
-@pytest.mark.parametrize("theta", [0.0, 0.05, 0.7])
-def test_ends_and_infimum(process, theta):
-    part = linear_part(pidalab.Loop(process, 1.0))
-    at_zero, at_infinity = ends(part, theta)
-    near, far = np.array([1e-4]), np.linspace(1e5, 1e5 + 10.0, 10_001)
-
-    def f(w):
-        return 1 + ((1 + 1j * w * theta) * part(1j * w)).real
-
-    assert f(near)[0] == pytest.approx(at_zero, abs=1e-6)
-    assert f(far).min() == pytest.approx(at_infinity, abs=1e-4)
-    assert infimum(part, theta)[0] == pytest.approx(min(dense(part, theta), at_zero, at_infinity), abs=2e-6)
-
-
 @pytest.mark.parametrize("name", reset.SETTINGS)
 @pytest.mark.parametrize(("n", "weight"), [(4, 1.0), (3, 0.5), (2, 1.0)])
 def test_limit_at_zero_frequency(name, n, weight):
