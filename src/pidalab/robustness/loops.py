@@ -35,12 +35,11 @@ def factors(loop: Loop) -> Factors:
     """
     open_loop(loop)  # complains about what is not a loop
     gain, zeros, poles = 1.0, [], []
-    with np.errstate(over="ignore"):
-        for name in ("process", "controller", "output_filter"):
-            num, den = loop.blocks[name]
-            gain *= float(num[0]) / float(den[0])
-            zeros.append(roots(num))
-            poles.append(roots(den))
+    for name in ("process", "controller", "output_filter"):
+        num, den = loop.blocks[name]
+        gain *= float(num[0]) / float(den[0])
+        zeros.append(roots(num))
+        poles.append(roots(den))
     if not math.isfinite(gain):
         raise ValueError("the gain of the loop leaves the range of numbers (about 1e308)")
     return Factors(gain, np.concatenate(zeros), np.concatenate(poles))

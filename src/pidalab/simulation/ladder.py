@@ -48,9 +48,7 @@ def responses(cut: Cut, n: int, step: float) -> Array:
 def _balanced(cut: Cut) -> Cut:
     """Change the units of the states by powers of 2, so that rows and columns of |A| + |b c| are alike."""
     A, b, c, d, C, direct, x0, delay = cut
-    with np.errstate(over="ignore"):  # what leaves the range of numbers here does so later, too
-        driving = np.abs(A) + np.abs(np.outer(b, c))
-    scale = dgebal(driving, scale=1)[3]
+    scale = dgebal(np.abs(A) + np.abs(np.outer(b, c)), scale=1)[3]
     return Cut(
         A * scale / scale[:, None], b / scale, c * scale, d, C * scale, direct, x0 / scale[:, None], delay
     )
