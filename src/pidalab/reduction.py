@@ -91,11 +91,15 @@ def ultimate_frequency(process: Process) -> float:
     unit = _unit(Process(process.num, settling, process.delay))
     zeros = roots(unit.num)
 
+    looked = explore(Loop(unit, 1.0))
+
     def phase(w: Array) -> Array:
-        return turned_phase(unit, np.atleast_1d(w)) - turned
+        w = np.atleast_1d(w)
+        exact = np.angle(looked.L(w))  # the sum over all roots only counts the turns
+        return exact + 2 * np.pi * np.round((turned_phase(unit, w) - exact) / (2 * np.pi)) - turned
 
     on_axis = np.abs(zeros[np.abs(zeros.real) <= 1e-9 * np.abs(zeros)])
-    w = explore(Loop(unit, 1.0)).follow(0.1)
+    w = looked.follow(0.1)
     w = w[w < on_axis.min(initial=math.inf)]
     past = np.flatnonzero(phase(w) < -np.pi)
     if not past.size or past[0] == 0:
