@@ -24,13 +24,13 @@ except ImportError:
     LOG.warning("pidalab: numba is not installed; the same digits within rounding, slower")
 
 
-def compiled(function: Callable[..., Any], *others: Callable[..., Any]) -> Any:
+def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function when it is first called, without the interpreter's lock.
 
     The machine code is kept beside the source, or in the user's cache where that cannot be written to (or in
     ``NUMBA_CACHE_DIR``). Where nothing can be written, each process compiles for itself. A compiled function calls only
-    those of its own folder and of the folders of `others`, and is compiled anew when a file there, or this
-    one, has changed. Without numba it is the function itself, which divides by zero as numpy does, in silence.
+    those of its own folder, and is compiled anew when a file there, or this one, has changed. Without numba it is the
+    function itself, which divides by zero as numpy does, in silence.
     """
     if numba is None:
         return _in_silence(function)
@@ -40,9 +40,8 @@ def compiled(function: Callable[..., Any], *others: Callable[..., Any]) -> Any:
         dispatcher = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no place for its cache
         return numba.njit(**options)(function)
-    folders = [Path(one.__code__.co_filename).parent for one in (function, *others)]
     kept = dispatcher._cache._cache_file
-    kept._source_stamp = (kept._source_stamp, *(_changed(folder) for folder in folders))
+    kept._source_stamp = (kept._source_stamp, _changed(Path(function.__code__.co_filename).parent))
     return dispatcher
 
 

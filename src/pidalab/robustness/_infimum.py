@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pidalab import _check
 from pidalab.process import Process
 from pidalab.robustness.explorer import Seen, lowest, most_between
 from pidalab.robustness.loops import Factors, from_factors
@@ -42,8 +41,8 @@ class LinearPart(NamedTuple):
 
     def __call__(self, s: ArrayLike) -> Any:
         """Evaluate G at complex s."""
-        at, rate = _check.complex_array("s", s), 1 / self.reset_time
-        return self.forward(at) - rate / (rate + at)
+        rate = 1 / self.reset_time
+        return self.forward(s) - rate / (rate + np.asarray(s))
 
     @property
     def integrates(self) -> bool:
