@@ -63,27 +63,14 @@ class Bank(NamedTuple):
                 "after the other"
             )
         require_fine_enough(h, float(values["filter_time"].min()) if own.filter_order else math.inf)
+        _require_stable(den)
         values = {name: np.broadcast_to(x, shape) for name, x in values.items()}
-        bank = Bank(own, values, *(tuple(np.broadcast_to(x, shape) for x in part) for part in (num, den)))
-        bank.require_stable_prefilters()
-        return bank
+        return Bank(own, values, *(tuple(np.broadcast_to(x, shape) for x in part) for part in (num, den)))
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the grid."""
         return self.den[0].shape
-
-    def require_stable_prefilters(self) -> None:
-        """Raise for a prefilter that is unstable, or of lower order than its coefficients are many."""
-        if np.any(self.den[0] == 0) or np.any(self.den[-1] == 0):
-            raise ValueError(
-                "prefilter must have a denominator whose first and last coefficients are not 0, found 0"
-            )
-        if len(self.den) > 1:
-            den = np.stack(self.den, axis=-1)
-            poles = np.linalg.eigvals(_companion(den / den[..., :1]))
-            if np.any(poles.real >= 0):
-                raise ValueError(f"prefilter must be stable, found a pole at {poles[poles.real >= 0][0]:.4g}")
 
     def static_gain(self) -> Array:
         """Return the static gain of the prefilters."""
@@ -135,6 +122,19 @@ def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], 
     if not 0 < len(num) <= len(den):
         raise ValueError(f"prefilter must be proper, found {len(num)} and {len(den)} coefficients")
     return num, den
+
+
+def _require_stable(den: list[Array]) -> None:
+    """Raise for a prefilter that is unstable, or of lower order than its coefficients are many."""
+    if np.any(den[0] == 0) or np.any(den[-1] == 0):
+        raise ValueError(
+            "prefilter must have a denominator whose first and last coefficients are not 0, found 0"
+        )
+    if len(den) > 1:
+        each = np.stack(np.broadcast_arrays(*den), axis=-1)
+        poles = np.linalg.eigvals(_companion(each / each[..., :1]))
+        if np.any(poles.real >= 0):
+            raise ValueError(f"prefilter must be stable, found a pole at {poles[poles.real >= 0][0]:.4g}")
 
 
 def _companion(den: Array) -> Array:
