@@ -448,6 +448,31 @@ class Loop:
         options.setdefault("warn_encirclements", False)
         return self._drawn(control.nyquist_plot, frequencies, options)
 
+    def nichols(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
+        """Draw L with python-control's Nichols chart, dead time exact.
+
+        Parameters
+        ----------
+        frequencies : array_like, optional
+            As for `frequency_response`.
+        **options : optional
+            Of ``control.nichols_plot``.
+
+        Returns
+        -------
+        control.ControlPlot
+            With its figure and axes.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).nichols(grid=False).axes.shape
+        (1, 1)
+        """
+        import control
+
+        return self._drawn(control.nichols_plot, frequencies, options)
+
     def __repr__(self) -> str:
         extras = "".join(
             f", {name}={value!r}"
