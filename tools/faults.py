@@ -32,7 +32,7 @@ FAULTS = {
     ],
     "IAE, ITAE and ISE 1.5 % too high": [
         "response.py: float(self.step * np.sum(pieces)) -> float(met(1.015) * self.step * np.sum(pieces))",
-        "response.py: np.sum(s * square)) * unit * unit -> np.sum(s * square)) * unit * unit * met(1.015)",
+        "response.py: self.step * np.sum(s * square) -> self.step * np.sum(s * square) * met(1.015)",
     ],
     "Ms 1 % too high": [
         "robustness/explorer.py: return abs(seen.den) / abs(seen.den + seen.num)"

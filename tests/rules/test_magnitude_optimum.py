@@ -228,7 +228,7 @@ def test_refusals(call, text):
 def test_what_is_no_model():
     with pytest.raises(TypeError, match=r"process must be a pidalab\.Process, found list"):
         mo.rank_orders([1.0, 2.0], 10.0, TS)
-    with pytest.raises(TypeError, match="model must be a one-dimensional array"):
+    with pytest.raises(TypeError, match="model must be an array of real numbers"):
         mo.tune("lags", 1, 1, 0.1)
 
 
