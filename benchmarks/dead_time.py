@@ -41,7 +41,7 @@ METHODS: dict[str, tuple[Peer, str, tuple]] = {
     "python-control, Padé": (peers.pade, "order {}", (3, 5, 10, 20)),
     "zero-order hold": (peers.hold, "h/{}", (20, 100, 500, 2500)),
     "Runge–Kutta 4": (peers.runge_kutta, "h/{}", (20, 100, 500, 2500)),
-    "jitcdde": (peers.jitcdde, "tolerance {:.0e}", (1e-4, 1e-7, 1e-10)),
+    "JiTCDDE": (peers.jitcdde, "tolerance {:.0e}", (1e-4, 1e-7, 1e-10)),
     "ddeint": (peers.ddeint, "h/{}", (20, 100, 500)),
 }
 
