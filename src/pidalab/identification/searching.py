@@ -34,6 +34,7 @@ MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over nei
 BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
 NONE = 1e-3  # dead time in samples that counts as none
 LEVEL = 1  # place of the output's level among the parameters
+DESCENTS = 6  # from different starts, of which the lowest end counts
 MOST_DAMPED = 20.0  # damping beyond which a second order is a first one
 LOADS = 46  # times at which a step of the load is tried
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
@@ -154,9 +155,9 @@ def search(data: Data, shape: Shape) -> Found:
     delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
     grid = [[*start, delay] for start in _starts(shape, times) for delay in delays]
     costs = [float(np.sum(projected(data, shape, p)[0] ** 2)) for p in grid]
-    # the best start of each third of the list, so that an oscillation gets its chance beside an overdamped shape
-    thirds = [part for part in np.array_split(np.arange(len(grid)), 3) if part.size]
-    starts = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in thirds]
+    # the best start of each part of the list, so that an oscillation gets its chance beside an overdamped shape
+    parts = [part for part in np.array_split(np.arange(len(grid)), DESCENTS) if part.size]
+    starts = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in parts]
     runs = [refined(data, shape, start, span) for start in starts]
     ended = [found for found in runs if found.converged]
     if not ended:
