@@ -46,6 +46,11 @@ LOGS = {
 }
 
 
+@pytest.mark.parametrize(("kind", "loaded"), list(zip(LOGS, (False, True, True, False), strict=True)))
+def test_a_load_is_found_where_there_is_one(kind, loaded):
+    assert check(LOGS[kind](), RUNNING, sample_time=H).fit._data.loaded == loaded
+
+
 @pytest.mark.parametrize("kind", LOGS)
 def test_the_interval_has_the_true_ms_and_is_narrow(kind):
     found = check(LOGS[kind](), RUNNING, sample_time=H)
@@ -117,4 +122,5 @@ def test_gains_that_cannot_have_run_are_doubted_and_safe_ones_given():
 def test_slow_disturbances_that_are_fed_back_are_doubted(noise, share):
     found = check(log(setpoint=steps((20, 0.5)), noise=noise, slow=0.9), RUNNING, sample_time=H)
     assert any(f"slow disturbances make up about {share} %" in doubt for doubt in found.doubts)
+    assert not found.fit._data.loaded
     assert not any("slow" in doubt for doubt in check(bumped(), RUNNING, sample_time=H).doubts)
