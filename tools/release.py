@@ -41,7 +41,7 @@ def missing(wheel: Path, archive: Path) -> list[str]:
     own = {
         path.relative_to(PACKAGE.parent).as_posix()
         for path in PACKAGE.rglob("*")
-        if path.suffix in {".py", ".pyi", ".typed"}
+        if path.suffix in {".py", ".pyi", ".typed", ".j2"}
     }
     with zipfile.ZipFile(wheel) as packed:
         wheeled = {name for name in packed.namelist() if ".dist-info/" not in name}
