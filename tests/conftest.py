@@ -12,7 +12,8 @@ sys.path[:0] = [
     str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs")
 ]
 
-LONG = ("tests/site/", "book/")  # pages in a browser, then notebooks
+# pages in a browser, notebooks, searches
+LONG = ("tests/site/", "book/", "tests/test_running_loop.py", "tests/optimal/")
 
 
 @pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them

@@ -1,5 +1,6 @@
 """Gains judged by simulated logs of loops whose plant is known: Ms, what the gains miss, sets to try, refusals."""
 
+import functools
 import re
 
 import numpy as np
@@ -46,14 +47,20 @@ LOGS = {
 }
 
 
+@functools.cache
+def judged(kind):
+    """The gains judged by a log, once for all tests: each takes seconds."""
+    return check(LOGS[kind](), RUNNING, sample_time=H)
+
+
 @pytest.mark.parametrize(("kind", "loaded"), list(zip(LOGS, (False, True, True, False), strict=True)))
 def test_a_load_is_found_where_there_is_one(kind, loaded):
-    assert check(LOGS[kind](), RUNNING, sample_time=H).fit._data.loaded == loaded
+    assert judged(kind).fit._data.loaded == loaded
 
 
 @pytest.mark.parametrize("kind", LOGS)
 def test_the_interval_has_the_true_ms_and_is_narrow(kind):
-    found = check(LOGS[kind](), RUNNING, sample_time=H)
+    found = judged(kind)
     low, high = found.interval
     assert low <= TRUE <= high < low + 0.4
     assert low <= found.ms <= high
@@ -123,4 +130,4 @@ def test_slow_disturbances_that_are_fed_back_are_doubted(noise, share):
     found = check(log(setpoint=steps((20, 0.5)), noise=noise, slow=0.9), RUNNING, sample_time=H)
     assert any(f"slow disturbances make up about {share} %" in doubt for doubt in found.doubts)
     assert not found.fit._data.loaded
-    assert not any("slow" in doubt for doubt in check(bumped(), RUNNING, sample_time=H).doubts)
+    assert not any("slow" in doubt for doubt in judged("a bump of u by hand").doubts)
