@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -242,7 +243,7 @@ class Controller(Block):
         return quotient(*fraction_at(*self.fraction(), s))
 
     def __str__(self) -> str:
-        lines = [repr(self)]
+        lines = [six_digits(repr(self))]
         gains = self.gains()
         for name, form in (
             ("standard", gains.standard),
@@ -256,6 +257,11 @@ class Controller(Block):
                 text = str(reason)
             lines.append(f"  {name + ':':17}{text}")
         return "\n".join(lines)
+
+
+def six_digits(text: str) -> str:
+    """Round the numbers in a text that have more than six digits."""
+    return re.sub(r"\d+\.\d{6,}(e[+-]\d+)?", lambda number: f"{float(number[0]):.6g}", text)
 
 
 def coerce_floats(controller: Controller, names: Sequence[str], **bounds: float) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab.controllers.base import Controller, Fraction, coerce_floats, without_common_s
+from pidalab.controllers.base import Controller, Fraction, coerce_floats, six_digits, without_common_s
 from pidalab.forms import FilteredGains, IdealGains
 from pidalab.process import binomial
 
@@ -314,4 +314,4 @@ class HighOrderPID(Controller):
 
     def __str__(self) -> str:
         names = ", ".join(f"K_{k} = {value:.5g}" for k, value in enumerate(self.coefficients, start=-1))
-        return super().__str__() if not any(self.coefficients[4:]) else f"{self!r}\n  {names}"
+        return super().__str__() if not any(self.coefficients[4:]) else f"{six_digits(repr(self))}\n  {names}"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from pidalab.controllers import Controller
+from pidalab.controllers.base import six_digits
 from pidalab.loop import Loop
 from pidalab.process import Process, rational
 
@@ -201,7 +201,7 @@ class Design:
 def _block(block: Any) -> str:
     """Write a block on one line, with six digits; a transfer function by its coefficients."""
     if isinstance(block, Process) or hasattr(block, "fraction") or not hasattr(block, "num"):
-        return re.sub(r"\d+\.\d{6,}(e[+-]\d+)?", lambda number: f"{float(number[0]):.6g}", repr(block))
+        return six_digits(repr(block))
     num, den = (", ".join(f"{c:.6g}" for c in part) for part in rational("block", block))
     return f"[{num}] / [{den}]"
 
