@@ -7,10 +7,13 @@ from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parents[1]
 # pytest's importlib mode adds no path
 sys.path[:0] = [
-    str(Path(__file__).parent / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs")
+    str(ROOT / "tests" / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs")
 ]
+# last, since one of the tools is called like Python's module site
+sys.path += [str(ROOT / "tools")]
 
 # pages in a browser, notebooks, searches
 LONG = ("tests/site/", "book/", "tests/test_running_loop.py", "tests/optimal/")

@@ -3,14 +3,8 @@
 `make faults` plants more of them, and writes down what each chapter noticed first.
 """
 
-import importlib.util
-from pathlib import Path
-
+import faults
 import pytest
-
-SPEC = importlib.util.spec_from_file_location("faults", Path(__file__).parents[1] / "tools" / "faults.py")
-faults = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(faults)
 
 
 @pytest.mark.parametrize(

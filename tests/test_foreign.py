@@ -1,9 +1,9 @@
 """The page on plants of others: its tables cover what they say, and keep what is promised."""
 
 import csv
-import sys
 from pathlib import Path
 
+import foreign
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -14,14 +14,6 @@ SHARE = 0.8  # of the readable records in open loop that give a controller
 def table(name):
     with (ROOT / "book" / "data" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
-
-
-@pytest.fixture(scope="module")
-def foreign():
-    sys.path.append(str(ROOT / "tools"))
-    import foreign
-
-    return foreign
 
 
 def broken(row):
@@ -36,7 +28,7 @@ def broken(row):
     return wrong
 
 
-def test_every_record_that_is_listed_is_in_the_table_with_its_source(foreign):
+def test_every_record_that_is_listed_is_in_the_table_with_its_source():
     about = [{key: row[key] for key in foreign.ABOUT} for row in table("foreign")]
     assert about == [source for _, source, _ in foreign.listed()]
     assert all(len(row["commit"]) == 40 and "/" in row["repository"] for row in about)

@@ -1,16 +1,9 @@
 """Mutants: every module has tests to face, and what survives is told from what is killed."""
 
-import importlib.util
-import sys
 from pathlib import Path
 
+import mutants
 import pytest
-
-ROOT = Path(__file__).parents[1]
-SPEC = importlib.util.spec_from_file_location("mutants", ROOT / "tools" / "mutants.py")
-mutants = importlib.util.module_from_spec(SPEC)
-sys.modules["mutants"] = mutants  # dataclasses look their module up
-SPEC.loader.exec_module(mutants)
 
 ALGEBRA = Path("algebra.py")
 TEXT = (mutants.SRC / ALGEBRA).read_text()

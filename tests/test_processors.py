@@ -1,26 +1,13 @@
 """Other processors, imitated: what is asked for is in force."""
 
-import importlib.util
 import sys
 from pathlib import Path
 
+import processors
 import pytest
 
-ROOT = Path(__file__).parents[1]
 
-
-@pytest.fixture(scope="module")
-def processors():
-    spec = importlib.util.spec_from_file_location("processors", ROOT / "tools" / "processors.py")
-    module = importlib.util.module_from_spec(spec)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(ROOT / "tools")
-        patch.setitem(sys.modules, "processors", module)  # dataclasses look their module up
-        spec.loader.exec_module(module)
-        yield module
-
-
-def test_the_least_capable_processor_is_in_force(processors):
+def test_the_least_capable_processor_is_in_force():
     least = next(one for one in processors.variants() if one.name == "least capable")
     if least.missing:
         pytest.skip(f"{least.missing}: nothing to imitate it with")
@@ -29,12 +16,12 @@ def test_the_least_capable_processor_is_in_force(processors):
         assert set(processors.in_force(python, environment)) == set(processors.SHOWN)
 
 
-def test_one_that_is_not_in_force_is_refused(processors):
+def test_one_that_is_not_in_force_is_refused():
     with pytest.raises((processors.NotInForceError, processors.subprocess.CalledProcessError)):
         processors.in_force(Path(sys.executable), {"OPENBLAS_CORETYPE": "Hasbeen"})
 
 
-def test_words_choose_variants(processors):
+def test_words_choose_variants():
     def names(*words):
         return [one.name for one in processors.chosen(list(words))]
 

@@ -1,6 +1,5 @@
 """The front pages: their code runs, their score is that of the ledgers."""
 
-import importlib.util
 import re
 from pathlib import Path
 
@@ -53,9 +52,8 @@ def test_the_bibliography_has_every_paper_of_the_ledgers():
 
 def test_the_first_figure_is_what_its_designs_say():
     """`python tools/landing_figure.py` draws the figure and writes its caption, with `--search` its designs, too."""
-    spec = importlib.util.spec_from_file_location("landing_figure", ROOT / "tools" / "landing_figure.py")
-    landing = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(landing)
+    import landing_figure as landing
+
     state, (gain, sample) = landing.stored(), landing.units()
     many = landing.medians()
     assert state.pop("median") == list(many.values())

@@ -3,10 +3,10 @@
 import importlib.util
 import json
 import re
-import sys
 import tomllib
 from pathlib import Path
 
+import vendored
 import yaml
 
 from pidalab.ledger import papers
@@ -15,16 +15,9 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
-def loaded(path):
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-setup = loaded(ROOT / "setup.py")
-vendored = loaded(ROOT / "tools" / "vendored.py")
+SPEC = importlib.util.spec_from_file_location("setup", ROOT / "setup.py")
+setup = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(setup)
 
 
 def test_the_readme_stands_on_a_package_index():

@@ -4,9 +4,9 @@ cosmic-ray finds the places and makes the changes: another operator or compariso
 that never runs, a condition turned round. Every place has the same chance, however many changes it allows. The tests of
 the module's room run first, and its doctests; what they do not notice meets all other tests of the library.
 
-    python tools/mutants.py 70 --seed 1               # a sample
-    python tools/mutants.py 20 --seed 1 simulation    # of modules whose path has this word
-    python tools/mutants.py 70 --seed 1 --again       # of that sample what survived, with the tests of today
+    python tools/mutants.py 70 --seed 1
+
+The same seed draws the same sample, as long as the library does not change.
 
 Each mutant is a copy of the library with the machine code of its other folders; numba compiles that of the changed
 folder anew, as the file has another time. The table book/data/mutants.csv keeps what came out: killed by the tests of
@@ -156,10 +156,10 @@ def changed(module: Path, function: str, change: Change) -> Mutant | None:
     return Mutant(module, function, was, re.sub(r"(?<=[(\[]) ", "", becomes), new)
 
 
-def sample(number: int, seed: int, word: str) -> list[Mutant]:
+def sample(number: int, seed: int) -> list[Mutant]:
     """Draw places, and a change of each."""
     chance = random.Random(seed)
-    every = [(module, *place) for module in modules() if word in str(module) for place in places(module)]
+    every = [(module, *place) for module in modules() for place in places(module)]
     print(f"{len(every)} places", flush=True)
     drawn = (
         changed(module, name, chance.choice(some)) for module, name, some in chance.sample(every, len(every))
@@ -231,15 +231,10 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("number", type=int, help="how many")
-    parser.add_argument("word", nargs="?", default="", help="part of the paths of modules; by default all")
     parser.add_argument("--seed", type=int, default=1, help="of the sample")
-    parser.add_argument("--again", action="store_true", help="only those that survived so far")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="mutants at the same time")
-    given = parser.parse_intermixed_args()
-    chosen, known = sample(given.number, given.seed, given.word), rows()
-    if given.again:
-        chosen = [one for one in chosen if known.get(one.key, {}).get("outcome") == SURVIVED]
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(given.jobs) as pool:
+    given = parser.parse_args()
+    chosen = sample(given.number, given.seed)
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
         base = Path(folder)
         shutil.copytree(SRC, base / "pidalab")
         begun = time.monotonic()

@@ -1,15 +1,11 @@
 """The tables of *How we know* are counted from the files that the evidence leaves, each time the site is built."""
 
-import importlib.util
 from pathlib import Path
 
+import evidence
 import pytest
 
-ROOT = Path(__file__).parents[2]
-SPEC = importlib.util.spec_from_file_location("evidence", ROOT / "tools" / "evidence.py")
-evidence = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(evidence)
-PAGE = (ROOT / "book" / "how-we-know.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "book" / "how-we-know.md").read_text(encoding="utf-8")
 
 
 def test_every_table_of_the_page_is_made_and_shown(site):

@@ -26,8 +26,16 @@ def notebooks_not_in_toc(pages: list[str], root: Path) -> list[str]:
     return [f"{name}: not in the table of contents" for name in names if name not in pages]
 
 
+FOLDS = {"hide-input", "hide-cell"}
+
+
+def shows(output) -> bool:
+    """Whether a reader sees an output; what is only kept for another page is not seen."""
+    return "scrapbook" not in output.get("metadata", {})
+
+
 def notebook_problems(path: Path) -> list[str]:
-    """Outputs that are missing, failed, out of order or without words for those who cannot see them."""
+    """Outputs that are missing, failed, out of order or without words, and folds with nothing to see in them."""
     cells = [
         cell
         for cell in nbformat.read(path, as_version=4).cells
@@ -45,6 +53,8 @@ def notebook_problems(path: Path) -> list[str]:
                 wrong.append(f"cell {number}: error {output.ename}")
             if output.get("name") == "stderr":
                 wrong.append(f"cell {number}: text on stderr")
+        if FOLDS & {*cell.metadata.get("tags", [])} and not any(map(shows, cell.outputs)):
+            wrong.append(f"cell {number}: folded, and nothing to see")
         if any({"image/svg+xml", "image/png"} & output.get("data", {}).keys() for output in cell.outputs):
             mystnb = cell.metadata.get("mystnb", {})
             wrong += [
@@ -239,6 +249,13 @@ BAD_NOTEBOOKS = {
     "not run in order: [2, 1]": [cell(shown({"text/plain": "2"}), count=2), cell(count=1)],
     "not run in order: [None]": [cell(shown({"text/plain": "2"}), count=None)],
     "figure without caption": [cell(shown(), mystnb={"image": {"alt": "It rises."}})],
+    "cell 2: folded, and nothing to see": [
+        cell(shown(), **WORDS),
+        cell(count=2, tags=["hide-input"]),
+    ],
+    "cell 1: folded, and nothing to see": [
+        cell(new_output("display_data", data={}, metadata={"scrapbook": {}}), tags=["hide-cell"])
+    ],
     "figure without alt": [cell(shown({"image/png": ""}), mystnb={"figure": {"caption": "A step."}})],
 }
 
@@ -253,7 +270,8 @@ def test_bad_notebook_is_caught(problem, cells, tmp_path):
 
 def test_good_notebook_passes(tmp_path):
     path = tmp_path / "good.ipynb"
-    nbformat.write(new_notebook(cells=[cell(shown(), **WORDS), new_code_cell("")]), path)
+    folded = cell(shown(), tags=["hide-input"], **WORDS)
+    nbformat.write(new_notebook(cells=[folded, new_code_cell("")]), path)
     assert notebook_problems(path) == []
 
 

@@ -1,14 +1,8 @@
 """The document that is printed: its links lead to places in it, its pictures are there, answers stand at the end."""
 
-import importlib.util
-from pathlib import Path
-
+import pdf
 import pytest
 from bs4 import BeautifulSoup
-
-SPEC = importlib.util.spec_from_file_location("pdf", Path(__file__).parents[2] / "tools" / "pdf.py")
-pdf = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(pdf)
 
 PAGES = {"book/a", "book/audit/b"}
 

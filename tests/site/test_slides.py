@@ -1,9 +1,9 @@
 """Slides of the lectures: whole in one file, readable without a network, moved by keys."""
 
-import importlib.util
 import re
 
 import pytest
+import slides
 from looking import NARROW, OVERFLOW, barriers, mark_kinds
 
 COUNT = "() => document.querySelectorAll('.slide').length"
@@ -20,16 +20,8 @@ LOADS = re.compile(r"""<(?:script|img|link|iframe)\b[^>]*\b(?:src|href)="(?!data
 
 
 @pytest.fixture(scope="module")
-def tool(root):
-    spec = importlib.util.spec_from_file_location("slides", root / "tools" / "slides.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
-def made(tool, tmp_path_factory):
-    return {path.stem: path for path in tool.main(tmp_path_factory.mktemp("slides"))}
+def made(tmp_path_factory):
+    return {path.stem: path for path in slides.main(tmp_path_factory.mktemp("slides"))}
 
 
 def missing(text):
@@ -57,15 +49,15 @@ def test_every_lecture_has_slides_with_all_its_parts(made, root):
     }
 
 
-def test_text_is_shown_where_there_is_room(tool):
-    few, many = (tool.Block("text", f"<p>{'words ' * count}</p>") for count in (20, 200))
-    formula, figure = tool.Block("formula", r"\[x\]"), tool.Block("figure", "<figure></figure>")
-    lead = [tool.Block("lead", "<h3>Led</h3>"), many, formula]
+def test_text_is_shown_where_there_is_room():
+    few, many = (slides.Block("text", f"<p>{'words ' * count}</p>") for count in (20, 200))
+    formula, figure = slides.Block("formula", r"\[x\]"), slides.Block("figure", "<figure></figure>")
+    lead = [slides.Block("lead", "<h3>Led</h3>"), many, formula]
     shown = {
-        "few": tool.slide("", [few, formula]),
-        "many": tool.slide("", [many, formula]),
-        "with a figure": tool.slide("", [figure, few]),
-        "led": tool.slide("", lead),
+        "few": slides.slide("", [few, formula]),
+        "many": slides.slide("", [many, formula]),
+        "with a figure": slides.slide("", [figure, few]),
+        "led": slides.slide("", lead),
     }
     assert {name: 'class="notes"' in html for name, html in shown.items()} == {
         "few": False,
@@ -74,22 +66,24 @@ def test_text_is_shown_where_there_is_room(tool):
         "led": True,
     }
     assert shown["led"].index("Led") < shown["led"].index("notes") < shown["led"].index("words")
-    assert "Led" not in tool.slide("", [lead[0], few, formula])
+    assert "Led" not in slides.slide("", [lead[0], few, formula])
 
 
-def test_a_figure_comes_with_the_words_that_announce_it(tool):
-    question, announced = (tool.Block("shown", f"<p>{words}</p>") for words in ("A question?", "The answer:"))
-    figure, code = tool.Block("figure", "<figure></figure>"), tool.Block("code", "<pre></pre>")
-    first, second = tool.section("<h1>Title</h1>", [question, announced, code, figure])
+def test_a_figure_comes_with_the_words_that_announce_it():
+    question, announced = (
+        slides.Block("shown", f"<p>{words}</p>") for words in ("A question?", "The answer:")
+    )
+    figure, code = slides.Block("figure", "<figure></figure>"), slides.Block("code", "<pre></pre>")
+    first, second = slides.section("<h1>Title</h1>", [question, announced, code, figure])
     assert "A question?" in first
     assert "The answer:" not in first
     assert second.index("The answer:") < second.index("<figure>")
 
 
-def test_exercises_share_slides(tool):
+def test_exercises_share_slides():
     counts = {}
     for number in (1, 4, 6, 7):
-        made = tool.shared([tool.Block("shown", "<h2>Exercise: </h2>")] * number)
+        made = slides.shared([slides.Block("shown", "<h2>Exercise: </h2>")] * number)
         counts[number] = [each.count("<h2>") for each in made]
     assert counts == {1: [1], 4: [4], 6: [3, 3], 7: [4, 3]}
 

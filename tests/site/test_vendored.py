@@ -1,27 +1,12 @@
 """Every file of others that the site carries has its project, its version and its licence; the archive is whole."""
 
-import importlib.util
 import json
 import re
-import sys
 import zipfile
-from pathlib import Path
 
+import archive
 import pytest
-
-TOOLS = Path(__file__).parents[2] / "tools"
-
-
-def loaded(name):
-    spec = importlib.util.spec_from_file_location(name, TOOLS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-vendored = loaded("vendored")
-archive = loaded("archive")
+import vendored
 
 
 def test_the_bill_of_the_site_is_that_of_its_files(site):

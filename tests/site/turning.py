@@ -27,6 +27,8 @@ IDLE_ENDS = """async (bar) => {
     if ((await shown(value)) === (await shown(back))) idle.push(end);
   return idle;
 }"""
+# A figure draws at the next frame after a knob has moved.
+DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
 # What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
 EXPECTED = """([told, turned]) => {
@@ -100,6 +102,7 @@ def turn(page, host, knob):
     before = [bar.element_handle(), bar.get_attribute("aria-valuetext")]
     bar.press("PageUp")
     page.wait_for_function("([bar, before]) => bar.ariaValueText !== before", arg=before, timeout=20_000)
+    page.evaluate(DRAWN)
     value = row.locator("input[type=number]").input_value()
     assert bar.get_attribute("aria-valuetext").startswith(f"{knob['label']} ")
     return float(value)
