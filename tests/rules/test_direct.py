@@ -142,7 +142,7 @@ def test_refitted_factors_on_models_not_used_in_the_fit(kind, bound, mean, worst
     rule, factors = REFITTED[kind]
     refitted, printed = [], []
     for r, xi, _, least in validation(kind, bound):
-        refitted.append(itae_of(kind, r, xi, rule(unit(r, xi), factors=factors)) / least)
+        refitted.append(itae_of(kind, r, xi, rule(unit(r, xi), factors=factors(unit(r, xi)))) / least)
         stable = pidalab.is_stable(pidalab.Loop(unit(r, xi), rule(unit(r, xi))))
         printed.append(itae_of(kind, r, xi, rule(unit(r, xi))) / least if stable else math.inf)
     assert np.exp(np.mean(np.log(refitted))) < min(mean, np.exp(np.mean(np.log(printed))))
@@ -154,10 +154,10 @@ def test_refitted_factors_are_robust_in_the_whole_range(kind, bound, peak):
     """The peak is that of the corner where the gain of Table 2 jumps, just above a damping of 0.9."""
     rule, factors = REFITTED[kind]
     corner = unit(2.0, 0.9 + 1e-9)
-    found = pidalab.max_sensitivity(pidalab.Loop(corner, rule(corner, factors=factors)))[0]
+    found = pidalab.max_sensitivity(pidalab.Loop(corner, rule(corner, factors=factors(corner))))[0]
     assert found == pytest.approx(peak, abs=1e-3)
     for xi in DAMPINGS[::2]:
         for r in RATIOS[::2]:
-            loop = pidalab.Loop(unit(r, xi), rule(unit(r, xi), factors=factors))
+            loop = pidalab.Loop(unit(r, xi), rule(unit(r, xi), factors=factors(unit(r, xi))))
             assert pidalab.is_stable(loop)
             assert pidalab.max_sensitivity(loop)[0] < bound
