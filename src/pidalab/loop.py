@@ -135,7 +135,19 @@ class Loop:
 
     @property
     def open_loop(self) -> Fraction:
-        """L without its dead time: the product of the blocks of the loop, in which nothing is cancelled."""
+        """L without its dead time: the product of the blocks of the loop, in which nothing is cancelled.
+
+        Raises
+        ------
+        TypeError
+            For a loop with a digital controller.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 0.5).open_loop
+        (array([1.]), array([1., 0.]))
+        """
         if self.digital is not None:
             raise TypeError(
                 f"the controller of this loop is digital with sample time {self.digital.sample_time:g}: it has no "
