@@ -8,7 +8,7 @@ import pytest
 
 import pidalab
 from pidalab.reduction import to_fopdt, to_sopdt
-from pidalab.rules import itae
+from pidalab.rules import direct, itae
 from pidalab.rules._models import integrator
 
 EXAMPLE = pidalab.lags(3, delay=0.2)  # heo2023, (17)
@@ -145,7 +145,14 @@ def test_filters():
 
 @pytest.mark.parametrize(
     "rule",
-    [*list(RULES.values())[1:], itae.factors, itae.setpoint_factors, itae.load_factors],
+    [
+        *list(RULES.values())[1:],
+        itae.factors,
+        itae.setpoint_factors,
+        itae.load_factors,
+        direct.setpoint,
+        direct.load,
+    ],
 )
 @pytest.mark.parametrize(
     ("model", "message"),
