@@ -224,12 +224,18 @@ def dominant_delay():
             lambda: mo.tune_for_exact_noise(G1, 0, 1, 10.0, TS),
             "no filter time for noise_gain = 10 .* it is 0.",
         ),
-        (lambda: mo.rank_orders(G1, 1e-6, TS), "no orders have such a design: m = 0, n = 1"),
     ],
 )
 def test_refusals(call, text):
     with pytest.raises(ValueError, match=text):
         call()
+
+
+def test_a_noise_gain_that_no_orders_have(monkeypatch):
+    monkeypatch.setattr("pidalab.rules.magnitude_optimum.noise.LARGEST_M", 0)
+    monkeypatch.setattr("pidalab.rules.magnitude_optimum.noise.LARGEST_N", 2)
+    with pytest.raises(ValueError, match=r"no orders have such a design: m = 0, n = 1: .*; m = 0, n = 2"):
+        mo.rank_orders(G1, 1e-6, TS)
 
 
 def test_what_is_no_model():
