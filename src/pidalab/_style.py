@@ -99,7 +99,7 @@ class BookAxes(Axes):
             order = [kind for kind in (kind_of(label), *OTHERS) if kind]
             here = [line.get_color() for line in self.lines]
             free = [kind for kind in order if kind not in given.values()]
-            # of a figure with more than five
+            # where all looks are taken, those that these axes do not show yet
             free += [kind for kind in order if LOOKS[kind]["color"] not in here]
             given[label] = SETTLED.get(label) or [*free, *order][0]
         return LOOKS[given[label]]

@@ -203,7 +203,7 @@ class Loop:
         if name not in BLOCKS:
             raise ValueError(f"name must be one of {', '.join(BLOCKS)}, found {name!r}")
         if name == "controller":
-            _ = self.open_loop  # complains about a digital one
+            _ = self.open_loop  # raises for a digital one
         return quotient(*fraction_at(*self.blocks[name], s))
 
     def _fraction(self, s: ArrayLike) -> tuple[Any, Any]:
