@@ -144,7 +144,7 @@ def best_factors(plant: Plant, kind: str, bound: float) -> itae.Factors:
         changed = r * (1 - f_d) / (1 + 0.5 * r * f_d) if f_d > -2 / r else math.inf
         if f_d > 0.95 or f_a < 0.02 or changed > 4.5:  # Table 3 has a pole near 5.1
             return 1e3
-        return penalised(plant, rule(unit(plant), factors=lambda _: (f_d, f_a)), kind, bound)
+        return penalised(plant, rule(unit(plant), factors=(f_d, f_a)), kind, bound)
 
     starts = [(f_d, f_a) for f_d in (-0.4, 0.05, 0.35, 0.5) for f_a in (0.4, 0.6, 0.9)]
     start = min(starts, key=lambda pair: cost(np.array(pair)))
@@ -169,7 +169,7 @@ def table_factors(plant: Plant, measure: Callable[[pidalab.Response], float]) ->
         f_d, f_a = (float(v) for v in pair)
         if not (0 <= f_d < 0.9 and f_a > 0):
             return math.inf
-        loop = pidalab.Loop(unit(plant), itae.pida_setpoint(unit(plant), factors=lambda _: (f_d, f_a)))
+        loop = pidalab.Loop(unit(plant), itae.pida_setpoint(unit(plant), factors=(f_d, f_a)))
         return measure(pidalab.step_response(loop, TIMES)) if pidalab.is_stable(loop) else math.inf
 
     options = {"xatol": 1e-3, "fatol": 1e-4}
@@ -202,14 +202,14 @@ def setpoint_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInte
     """Set-point rule with factors like those of `itae.setpoint_factors`, on one side of a damping of 0.9."""
     log_xi, log_r = np.log(plant)
     pair = constants.reshape(2, 4) @ [1.0, log_r, log_xi, log_r * log_xi]
-    return itae.pida_setpoint(unit(plant), factors=lambda _: tuple(pair))
+    return itae.pida_setpoint(unit(plant), factors=tuple(pair))
 
 
 def load_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
     """Load rule with factors like those of `itae.load_factors`."""
     log_xi, log_r = np.log(plant)
     f_a = constants @ [1.0, log_r, log_xi, log_r * log_xi, log_r**2, log_xi**2]
-    return itae.pida_load(unit(plant), factors=lambda _: (0.0, f_a))
+    return itae.pida_load(unit(plant), factors=(0.0, f_a))
 
 
 def fit(

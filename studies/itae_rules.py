@@ -50,7 +50,7 @@ def on_optima() -> Iterator[tuple]:
         tried["least"] = NonInteractivePIDA(one.kc, one.tau_i, one.tau_d, one.tau_a)
         if (one.role, one.kind) == ("fit", "setpoint"):
             pair = one.f_d, one.f_a
-            tried["best factors"] = itae.pida_setpoint(model, factors=lambda _, pair=pair: pair)
+            tried["best factors"] = itae.pida_setpoint(model, factors=pair)
         for name, controller in tried.items():
             cost, *others = heo2023.measures(model, controller, one.kind)
             yield one.role, one.kind, name, one.damping, one.ratio, cost / one.itae, *others

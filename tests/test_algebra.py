@@ -1,7 +1,6 @@
 """Products of blocks, and loops in the plots of python-control: equal to what the parts say, or refused by name."""
 
 import control
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -71,28 +70,3 @@ def test_frequency_response_has_the_dead_time_exactly():
     assert w[0] < found.wgc / 3
     assert w[-1] > 3 * found.wpc
     assert LOOP.frequency_response([0.5, 1.0]).omega.tolist() == [0.5, 1.0]
-
-
-@pytest.mark.parametrize("name", ["bode", "nyquist"])
-def test_plots_of_python_control_in_a_book_of_another_layout(name):
-    """python-control lays out its figures itself; the book's setting would only be overruled, with a warning."""
-    with plt.rc_context({"figure.constrained_layout.use": True}):
-        getattr(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5), name)()
-        plt.close("all")
-        book = plt.figure()  # of the book, and the one drawn last
-        drawn = getattr(LOOP, name)()
-        assert drawn.figure is not book
-        assert getattr(LOOP, name)().figure is drawn.figure  # as python-control has it: curves upon curves
-    assert not book.axes
-    plt.close("all")
-
-
-@pytest.mark.parametrize(("name", "shape"), [("bode", (2, 1)), ("nyquist", (1, 1))])
-def test_plots_of_python_control(name, shape):
-    drawn = getattr(LOOP, name)(np.geomspace(0.1, 3.0, 50))
-    assert drawn.axes.shape == shape
-    if name == "nyquist":
-        expected = LOOP.L(1j * np.geomspace(0.1, 3.0, 50))
-        curves = [np.ma.filled(x.get_xdata(), np.nan) for x in drawn.axes[0, 0].lines]
-        assert any(x.size == 50 and np.allclose(x, expected.real) for x in curves)
-    plt.close("all")

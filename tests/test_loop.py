@@ -200,18 +200,10 @@ def test_a_digital_controller_has_no_transfer_function_in_s():
     assert loop.automatic_reset is None
     assert loop.block("process", 2.0) == PROCESS.rational_part()(2.0)
     assert loop.block("prefilter", 2.0) == PREFILTER(2.0)
-    message = (
-        "the controller of this loop is digital{}: it has no transfer function in s. Use simulate_sampled"
-    )
-    for ask in (lambda: loop.L(1j), lambda: loop.open_loop):
-        with pytest.raises(TypeError, match=message.format(" with sample time 0.1")):
+    message = r"digital with sample time 0\.1: it has no transfer function in s\. Use simulate_sampled"
+    for ask in (lambda: loop.L(1j), lambda: loop.open_loop, lambda: loop.block("controller", 1j)):
+        with pytest.raises(TypeError, match=message):
             ask()
-    with pytest.raises(TypeError, match=message.format("")):
-        loop.block("controller", 1j)
-    with pytest.raises(KeyError, match="plant"):
-        loop.blocks["plant"]
-    with pytest.raises(AttributeError, match="a Loop has no 'gain'"):
-        _ = loop.gain
     assert pickle.loads(pickle.dumps(loop)).digital == k
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.process import latex_polynomial, quotient, require_no_zero_at_origin
+from pidalab.process import quotient, require_no_zero_at_origin
 
 RNG = np.random.default_rng(1)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(
@@ -124,19 +124,6 @@ def test_repr_makes_the_same_process():
     assert again.delay == process.delay
 
 
-@pytest.mark.parametrize(
-    ("coefficients", "text"),
-    [
-        ([1.0, -2.0, 0.0, 3.5], "s^3-2s^2+3.5"),
-        ([-1.0, 1.0], "-s+1"),
-        ([0.0], "0"),
-        ([1.5e-7, 1.0], r"1.5\cdot 10^{-7}s+1"),
-    ],
-)
-def test_latex(coefficients, text):
-    assert latex_polynomial(coefficients) == text
-
-
 def test_a_pole_is_infinite_without_a_warning():
     integrator = pidalab.ipdt(1.0, 1.0)
     assert integrator(0) == pidalab.Loop(integrator, 1.0).L(0) == np.inf
@@ -181,8 +168,3 @@ def test_quotients_at_poles_and_where_both_are_zero():
     assert (found[0], found[2]) == (np.inf, 1.5)
     assert np.isnan(found[1])
     assert quotient(1.0 + 1j, 2.0) == 0.5 + 0.5j
-
-
-def test_a_process_in_latex():
-    assert pidalab.fopdt(2.0, 3.0, 0.5)._repr_latex_() == r"$\displaystyle \frac{2}{3s+1}\,e^{-0.5s}$"
-    assert pidalab.lags(1)._repr_latex_() == r"$\displaystyle \frac{1}{s+1}$"

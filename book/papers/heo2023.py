@@ -34,7 +34,7 @@ def with_f_d(ex, test, f_d):
     """The proposed controller with another f_d, and f_a of Table 1."""
     rule = {"setpoint": itae.pida_setpoint, "load": itae.pida_load}[test]
     model = SECOND[ex].process
-    return rule(model, factors=lambda _: (f_d, itae.factors(model).f_a))
+    return rule(model, factors=(f_d, itae.factors(model).f_a))
 
 
 NAMES = {
@@ -144,13 +144,15 @@ RULES = {
     "setpoint": {
         "ITAE-2": itae.pid_setpoint,
         "Table 1": itae.pida_setpoint,
-        "refit": lambda model: itae.pida_setpoint(model, factors=itae.setpoint_factors),
+        "refit": lambda model: itae.pida_setpoint(
+            model, factors=itae.setpoint_factors(model)
+        ),
         "direct": direct.setpoint,
     },
     "load": {
         "ITAE-2": itae.pid_load,
         "Table 1": itae.pida_load,
-        "refit": lambda model: itae.pida_load(model, factors=itae.load_factors),
+        "refit": lambda model: itae.pida_load(model, factors=itae.load_factors(model)),
         "direct": direct.load,
     },
 }

@@ -51,7 +51,7 @@ def order(name: str, value: Any, *, at_least: int) -> int:
 
 
 def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
-    """Raise for a word that is not offered, and for what is no word; None may be one of the words."""
+    """Raise unless `value` is one of the allowed words; None may be one of them."""
     if not isinstance(value, str | None) or value not in allowed:
         *others, last = map(repr, allowed)
         raise ValueError(f"{name} must be {', '.join(others)} or {last}, found {value!r}")

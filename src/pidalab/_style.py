@@ -18,14 +18,8 @@ LOOKS: dict[str, dict[str, Any]] = {  # the same as in the lab, book/_static/lab
     "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
     "other": {"color": "#404040", "linestyle": (0, (8, 1.5, 1, 1.5))},
 }
-OTHERS = (
-    "m = 3",
-    "m = 4",
-    "other",
-    "PID",
-    "PI",
-    "PIDA",
-)  # of a second design of a kind, the first that is free
+# of a second design of a kind, the first that is free
+OTHERS = ("m = 3", "m = 4", "other", "PID", "PI", "PIDA")
 SETTLED = {  # looks of controllers and of ways to meet a limit that appear on several pages
     "PPM-PIDA": "m = 3",
     "PIDA$_1$": "m = 4",
@@ -99,7 +93,7 @@ class BookAxes(Axes):
             order = [kind for kind in (kind_of(label), *OTHERS) if kind]
             here = [line.get_color() for line in self.lines]
             free = [kind for kind in order if kind not in given.values()]
-            # of a figure with more than five
+            # where all looks are taken, those that these axes do not show yet
             free += [kind for kind in order if LOOKS[kind]["color"] not in here]
             given[label] = SETTLED.get(label) or [*free, *order][0]
         return LOOKS[given[label]]

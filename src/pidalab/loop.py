@@ -25,24 +25,6 @@ TURN, TURNED = 0.1, 4 * np.pi
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
 
-class _Digital(dict[str, Any]):
-    """Blocks of a loop whose controller has no transfer function in s."""
-
-    def __missing__(self, name: str) -> Any:
-        if name != "controller":
-            raise KeyError(name)
-        raise TypeError(_no_transfer_function(None))
-
-
-def _no_transfer_function(controller: DigitalController | None) -> str:
-    """Return what to do with a loop whose controller is digital."""
-    which = "" if controller is None else f" with sample time {controller.sample_time:g}"
-    return (
-        f"the controller of this loop is digital{which}: it has no transfer function in s. Use simulate_sampled, "
-        "noise_gain, margins and is_stable, which take it, or the loop of the continuous controller"
-    )
-
-
 class Loop:
     r"""A process under feedback, with named blocks and signals; it does not change.
 
@@ -96,7 +78,7 @@ class Loop:
     output_filter: Any
     prefilter: Any
     blocks: Mapping[str, Fraction]
-    open_loop: Fraction
+    _open_loop: Fraction
 
     def __init__(
         self, process: Process, controller: Any, output_filter: Any = None, prefilter: Any = None
@@ -131,7 +113,6 @@ class Loop:
         poles = roots(blocks["prefilter"][1])
         if np.any(poles.real >= 0):
             raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
-        # L without its dead time: the product of the blocks of the loop; nothing is cancelled
         num, den = np.ones(1), np.ones(1)
         for name in () if digital else ("process", "controller", "output_filter"):
             num, den = np.convolve(num, blocks[name][0]), np.convolve(den, blocks[name][1])
@@ -142,21 +123,38 @@ class Loop:
             controller=controller,
             output_filter=output_filter,
             prefilter=prefilter,
-            blocks=MappingProxyType(_Digital(blocks) if digital else blocks),
-            **({} if digital else {"open_loop": (num, den)}),
+            blocks=MappingProxyType(blocks),
+            _open_loop=(num, den),
         )
-
-    def __getattr__(self, name: str) -> Any:
-        """Say why a loop with a digital controller has no `open_loop`."""
-        if name == "open_loop" and "controller" in vars(self):
-            raise TypeError(_no_transfer_function(self.controller))
-        raise AttributeError(f"a Loop has no {name!r}")
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"a Loop does not change; make a new one with another {name}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Loop, (self.process, self.controller, self.output_filter, self.prefilter)
+
+    @property
+    def open_loop(self) -> Fraction:
+        """L without its dead time: the product of the blocks of the loop, in which nothing is cancelled.
+
+        Raises
+        ------
+        TypeError
+            For a loop with a digital controller.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 0.5).open_loop
+        (array([1.]), array([1., 0.]))
+        """
+        if self.digital is not None:
+            raise TypeError(
+                f"the controller of this loop is digital with sample time {self.digital.sample_time:g}: it has no "
+                "transfer function in s. Use simulate_sampled, noise_gain, margins and is_stable, which take it, or "
+                "the loop of the continuous controller"
+            )
+        return self._open_loop
 
     @property
     def digital(self) -> DigitalController | None:
@@ -204,6 +202,8 @@ class Loop:
         """
         if name not in BLOCKS:
             raise ValueError(f"name must be one of {', '.join(BLOCKS)}, found {name!r}")
+        if name == "controller":
+            _ = self.open_loop  # raises for a digital one
         return quotient(*fraction_at(*self.blocks[name], s))
 
     def _fraction(self, s: ArrayLike) -> tuple[Any, Any]:
@@ -381,97 +381,6 @@ class Loop:
             return np.geomspace(low, high, POINTS)
         high = min(high, TURNED / delay)
         return np.union1d(np.geomspace(low, high, POINTS), np.arange(low, high, TURN / delay))
-
-    def _drawn(self, plot: Any, frequencies: ArrayLike | None, options: dict[str, Any]) -> Any:
-        """Draw with a plot of python-control, which lays out its figures in its own way.
-
-        It draws into the current figure, but for one of constrained layout, which it would lay out anew with a warning.
-        """
-        import matplotlib.pyplot as plt
-        from matplotlib.layout_engine import ConstrainedLayoutEngine
-
-        with plt.rc_context({"figure.constrained_layout.use": False}):
-            taken = plt.gcf().get_layout_engine()
-            if options.get("ax") is None and isinstance(taken, ConstrainedLayoutEngine):
-                plt.figure()
-            return plot(self.frequency_response(frequencies), **options)
-
-    def bode(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
-        """Draw L with python-control's Bode plot, dead time exact.
-
-        Parameters
-        ----------
-        frequencies : array_like, optional
-            As for `frequency_response`.
-        **options : optional
-            Of ``control.bode_plot``, such as ``dB=True`` or ``display_margins=True``.
-
-        Returns
-        -------
-        control.ControlPlot
-            With its figure and axes.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).bode(dB=True).axes.shape
-        (2, 1)
-        """
-        import control
-
-        return self._drawn(control.bode_plot, frequencies, options)
-
-    def nyquist(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
-        """Draw L with python-control's Nyquist plot, dead time exact.
-
-        Parameters
-        ----------
-        frequencies : array_like, optional
-            As for `frequency_response`.
-        **options : optional
-            Of ``control.nyquist_plot``, such as ``ms_circles=[1.6]``.
-
-        Returns
-        -------
-        control.ControlPlot
-            With its figure and axes.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).nyquist(ms_circles=[1.6]).axes.shape
-        (1, 1)
-        """
-        import control
-
-        # the curve has an end, so its turns are no whole number; is_stable counts them
-        options.setdefault("warn_encirclements", False)
-        return self._drawn(control.nyquist_plot, frequencies, options)
-
-    def nichols(self, frequencies: ArrayLike | None = None, **options: Any) -> Any:
-        """Draw L with python-control's Nichols chart, dead time exact.
-
-        Parameters
-        ----------
-        frequencies : array_like, optional
-            As for `frequency_response`.
-        **options : optional
-            Of ``control.nichols_plot``.
-
-        Returns
-        -------
-        control.ControlPlot
-            With its figure and axes.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5).nichols(grid=False).axes.shape
-        (1, 1)
-        """
-        import control
-
-        return self._drawn(control.nichols_plot, frequencies, options)
 
     def __repr__(self) -> str:
         extras = "".join(

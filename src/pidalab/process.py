@@ -170,26 +170,6 @@ class Process(Block):
         num, den = (", ".join(f"{c:.10g}" for c in p) for p in (self.num, self.den))
         return f"Process(num=[{num}], den=[{den}], delay={self.delay:.10g})"
 
-    def _repr_latex_(self) -> str:
-        fraction = rf"\frac{{{latex_polynomial(self.num)}}}{{{latex_polynomial(self.den)}}}"
-        return rf"$\displaystyle {fraction}" + (rf"\,e^{{-{self.delay:.4g}s}}$" if self.delay else "$")
-
-
-def latex_polynomial(coefficients: ArrayLike) -> str:
-    """Write a polynomial in s as LaTeX, four digits a coefficient."""
-    terms: list[str] = []
-    coefficients = np.asarray(coefficients, dtype=float)
-    for power, c in zip(range(coefficients.size - 1, -1, -1), coefficients, strict=True):
-        if c == 0 and coefficients.size > 1:
-            continue
-        size = "" if abs(c) == 1 and power else f"{abs(c):.4g}"
-        if "e" in size:
-            mantissa, exponent = size.split("e")
-            size = rf"{mantissa}\cdot 10^{{{int(exponent)}}}"
-        sign = "-" if c < 0 else "+" if terms else ""
-        terms.append(f"{sign}{size}" + ("" if power == 0 else "s" if power == 1 else f"s^{power}"))
-    return "".join(terms)
-
 
 def fraction_at(num: _check.Array, den: _check.Array, s: ArrayLike, delay: float = 0.0) -> tuple[Any, Any]:
     """Return num exp(-s delay) and den at complex s, or raise where they leave the range of a number."""

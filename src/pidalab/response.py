@@ -605,33 +605,6 @@ class Response:
         path = self._path(signal, None, 0.0, None)
         return float(path[np.argmax(np.abs(path))])
 
-    def peak_time(self, signal: str = "y") -> float:
-        """Time at which a signal is farthest from 0, over the samples.
-
-        Parameters
-        ----------
-        signal : {"u", "y"}
-            Which signal.
-
-        Returns
-        -------
-        float
-            The time of `peak`, the first one where there are several.
-
-        Raises
-        ------
-        ValueError
-            For another signal name.
-
-        Examples
-        --------
-        >>> from pidalab import Response
-        >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[1.0, -3.0, 2.0]).peak_time("u")
-        1.0
-        """
-        _check.choice("signal", signal, ("u", "y"))
-        return float(self.t[np.argmax(np.abs(getattr(self, signal)))])
-
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Time y needs from a low to a high share of its final value, first passage of each.
 

@@ -105,7 +105,6 @@ def test_choices(call, message):
         (lambda d: pidalab.areas.from_process(REDUCED, 4), r"found SecondOrderModel; pass its \.process"),
         (lambda d: pidalab.reduction.to_fopdt(REDUCED), r"found SecondOrderModel; pass its \.process"),
         (lambda d: pidalab.simulate_sampled(d.loop(), np.arange(9.0), plant=REDUCED), r"pass its \.process"),
-        (lambda d: magnitude_optimum.noise_gain(d, 0.1), "design must be one of the magnitude optimum"),
     ],
 )
 def test_errors_say_what_to_pass(call, message):

@@ -8,7 +8,7 @@ import pytest
 
 import pidalab
 from pidalab.reduction import to_fopdt, to_sopdt
-from pidalab.rules import itae
+from pidalab.rules import direct, itae
 from pidalab.rules._models import integrator
 
 EXAMPLE = pidalab.lags(3, delay=0.2)  # heo2023, (17)
@@ -145,7 +145,14 @@ def test_filters():
 
 @pytest.mark.parametrize(
     "rule",
-    [*list(RULES.values())[1:], itae.factors, itae.setpoint_factors, itae.load_factors],
+    [
+        *list(RULES.values())[1:],
+        itae.factors,
+        itae.setpoint_factors,
+        itae.load_factors,
+        direct.setpoint,
+        direct.load,
+    ],
 )
 @pytest.mark.parametrize(
     ("model", "message"),
@@ -190,27 +197,26 @@ def test_given_factors():
     """Those of Table 1 change nothing; with f_d = 0 the PID part is the one of the PID table."""
     model = unit(0.4, 0.7)
     for rule, pid in ((itae.pida_setpoint, itae.pid_setpoint), (itae.pida_load, itae.pid_load)):
-        assert rule(model, factors=itae.factors) == rule(model)
-        own, plain = rule(model, factors=lambda m: (0.0, 0.6)), pid(model)
+        assert rule(model, factors=itae.factors(model)) == rule(model)
+        own, plain = rule(model, factors=(0.0, 0.6)), pid(model)
         assert (own.kc, own.tau_i, own.tau_d) == (plain.kc, plain.tau_i, plain.tau_d)
         assert own.tau_a == pytest.approx(0.6 * plain.tau_d, rel=1e-12)
 
 
-def test_factors_that_are_refused():
-    for rule in (itae.pida_setpoint, itae.pida_load):
-        with pytest.raises(
-            TypeError, match=r"factors must be a function of the model .* found \(0\.3, 0\.6\)"
-        ):
-            rule(unit(1.0, 1.0), factors=(0.3, 0.6))
-        for f_d in (1.0, -2.0):
-            with pytest.raises(ValueError, match="f_d must leave dead time and time constant"):
-                rule(unit(1.0, 1.0), factors=lambda m, f_d=f_d: (f_d, 0.6))
-        with pytest.raises(TypeError, match="factors must return two numbers, f_d and f_a, found"):
-            rule(unit(1.0, 1.0), factors=lambda m: (0.3,))
-        with pytest.raises(ValueError, match="f_d must be finite"):
-            rule(unit(1.0, 1.0), factors=lambda m: (math.nan, 0.6))
-        with pytest.raises(ValueError, match="f_a must be at least 0"):
-            rule(unit(1.0, 1.0), factors=lambda m: (0.3, -0.1))
+@pytest.mark.parametrize(
+    ("factors", "error", "message"),
+    [
+        ((0.3,), TypeError, "factors must be two numbers, f_d and f_a, found"),
+        (itae.factors, TypeError, "factors must be two numbers, f_d and f_a, found"),
+        ((1.0, 0.6), ValueError, "f_d must leave dead time and time constant"),
+        ((-2.0, 0.6), ValueError, "f_d must leave dead time and time constant"),
+        ((math.nan, 0.6), ValueError, "f_d must be finite"),
+        ((0.3, -0.1), ValueError, "f_a must be at least 0"),
+    ],
+)
+def test_factors_that_are_refused(factors, error, message):
+    with pytest.raises(error, match=message):
+        itae.pida_setpoint(unit(1.0, 1.0), factors=factors)
 
 
 @pytest.mark.parametrize(
@@ -225,7 +231,7 @@ def test_factors_that_lead_out_of_the_tables(rule, r, gain):
     with pytest.raises(
         ValueError, match=r"f_d = .* takes the changed model to r = .*, where the table does not hold"
     ):
-        rule(pidalab.sopdt(gain, 1.0, 1.0, 1.0), factors=lambda m: (f_d, 0.6))
+        rule(pidalab.sopdt(gain, 1.0, 1.0, 1.0), factors=(f_d, 0.6))
 
 
 def test_an_integrator_with_dead_time_and_no_other_model():

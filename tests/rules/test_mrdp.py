@@ -116,12 +116,14 @@ def test_pi_and_pid_are_stable_with_any_filter(m, n):
         ({"model": pidalab.Process([1.0, 1.0], [1.0, 0.0], 1.0)}, "model must be an integrator"),
         ({"model": pidalab.Process([0.0], [1.0, 0.0], 1.0)}, "model must be an integrator"),
         ({"m": -1}, "m must be a whole number, at least 0"),
-        ({"n": 1}, "n must be at least m = 2"),
+        ({"m": 1.5}, "m must be a whole number"),
+        ({"m": 200, "n": 201}, "m must be at most 100, found 200"),
+        ({"n": 1}, "n must be a whole number, at least 2"),
         ({"te": 0.0}, "te must be above 0 with a filter"),
         ({"te": -0.1}, "te must be at least 0"),
         ({"m": 0, "n": 0}, "te must be above 0 with a filter and 0 without"),
         ({"cancelled": 0}, "cancelled must be a whole number, at least 1"),
-        ({"cancelled": 4}, r"cancelled must be at most m \+ 1 = 3"),
+        ({"cancelled": 4}, "cancelled must be at most 3"),
         ({"model": pidalab.ipdt(1.0, 0.0), "m": 0, "n": 0, "te": 0.0}, "must have a dead time"),
     ],
 )
@@ -133,12 +135,5 @@ def test_bad_input(arguments, message):
 def test_bad_types():
     with pytest.raises(TypeError, match=r"model must be a pidalab\.Process"):
         mrdp.tune("1/s", 1, 1, 0.5)
-    with pytest.raises(ValueError, match="m must be a whole number"):
-        mrdp.tune(UNIT, 1.5, 2, 0.5)
-    with pytest.raises(ValueError, match="n must be at least 1"):
+    with pytest.raises(ValueError, match="n must be a whole number, at least 1"):
         mrdp.filter_ratio(0, 0)
-
-
-def test_orders_beyond_double_precision():
-    with pytest.raises(ValueError, match="at most 100, found 200 and 201"):
-        pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, 1.0), 200, 201, 0.5)

@@ -242,13 +242,10 @@ class HighOrderPID(Controller):
         coefficients = _check.vector("gains", gains, minimum_length=2)
         order = _check.order("filter_order", filter_order, at_least=coefficients.size - 2)
         time = _check.real("filter_time", filter_time, at_least=0.0)
-        if order and not time:
+        if bool(time) != bool(order):
             raise ValueError(
-                f"filter_time must be above 0 for a filter of order {order}, found {filter_time!r}"
-            )
-        if time and not order:
-            raise ValueError(
-                f"filter_time must be 0 without a filter (filter_order=0), found {filter_time!r}"
+                f"filter_time must be {f'above 0 for a filter of order {order}' if order else '0 without a filter'}, "
+                f"found {filter_time!r}"
             )
         vars(self).update(coefficients=tuple(coefficients.tolist()), filter_time=time, filter_order=order)
 

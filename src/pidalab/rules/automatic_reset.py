@@ -96,8 +96,7 @@ def multiple_pole(m: int) -> Setting:
     >>> print(f"{setting.kp:.4f} {setting.kd:.4f} {setting.ti:.4f}")
     0.0598 0.2060 0.2846
     """
-    if _check.order("m", m, at_least=0) > 2:
-        raise ValueError(f"m must be 0, 1 or 2, for PI, PID or PIDA; found {m}")
+    m = _check.integer("m", m, at_least=0, at_most=2)
     unit = mrdp.constants(m)
     zeros = roots(unit.numerator)
     zero = float(np.min(zeros.real[zeros.imag == 0]))
@@ -232,19 +231,14 @@ def tune(
     velocity, dead_time = integrator(model)
     if not isinstance(setting, Setting):
         raise TypeError(f"setting must be a Setting, such as automatic_reset.PIDA_1, found {setting!r}")
-    order = 2 if setting.ka else 1
-    if _check.order("n", n, at_least=1) < order:
-        raise ValueError(
-            f"n must be at least {order} for {setting.name}, or the controller is not proper; found {n}"
-        )
+    n = _check.order("n", n, at_least=2 if setting.ka else 1)
     filter_time = _check.real("filter_time", filter_time, above=0.0)
     weight = _check.real("weight", weight)
     if weight != 0 and not 0.5 <= weight <= 1:
         raise ValueError(
             f"weight must be from 0.5 to 1, or 0 if the model contains the filter; found {weight:g}"
         )
-    if _check.integer("cancelled", cancelled, at_least=0) > 1:
-        raise ValueError(f"cancelled must be 0 or 1, found {cancelled}")
+    cancelled = _check.integer("cancelled", cancelled, at_least=0, at_most=1)
     te = n * weight * filter_time
     delay = dead_time + te
     if not delay:

@@ -146,7 +146,7 @@ def pida_setpoint(
     model: Process,
     alpha_d: float = 0.05,
     alpha_a: float = 0.025,
-    factors: Callable[[Process], tuple[float, float]] = factors,
+    factors: tuple[float, float] | None = None,
 ) -> NonInteractivePIDA:
     r"""PIDA controller for steps of the set point: Table 2 for the changed model of eq. (9).
 
@@ -162,8 +162,8 @@ def pida_setpoint(
         `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
         Filter time constants as shares of the derivative and acceleration time, above 0.
-    factors : callable, optional
-        Gives f_d and f_a of the model; by default those of Table 1, the function `factors`.
+    factors : tuple of float, optional
+        Factors f_d and f_a; by default those of Table 1, which the function `factors` gives.
 
     Returns
     -------
@@ -173,8 +173,8 @@ def pida_setpoint(
     Raises
     ------
     TypeError, ValueError
-        For factors that are not a function that returns two numbers, an f_a below 0, and an f_d that leaves no dead
-        time, no time constant, or a ratio for which the table gives a value that is not positive.
+        For factors that are not two numbers, an f_a below 0, and an f_d that leaves no dead time, no time constant, or
+        a ratio for which the table gives a value that is not positive.
 
     Examples
     --------
@@ -190,7 +190,7 @@ def pida_load(
     model: Process,
     alpha_d: float = 0.05,
     alpha_a: float = 0.025,
-    factors: Callable[[Process], tuple[float, float]] = factors,
+    factors: tuple[float, float] | None = None,
 ) -> NonInteractivePIDA:
     r"""PIDA controller for load disturbances: as `pida_setpoint`, with Table 3.
 
@@ -204,8 +204,8 @@ def pida_load(
         `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
         Filter time constants as shares of the derivative and acceleration time, above 0.
-    factors : callable, optional
-        Gives f_d and f_a of the model; by default those of Table 1, the function `factors`.
+    factors : tuple of float, optional
+        Factors f_d and f_a; by default those of Table 1, which the function `factors` gives.
 
     Returns
     -------
@@ -215,8 +215,8 @@ def pida_load(
     Raises
     ------
     TypeError, ValueError
-        For factors that are not a function that returns two numbers, an f_a below 0, and an f_d that leaves no dead
-        time, no time constant, or a ratio for which the table gives a value that is not positive.
+        For factors that are not two numbers, an f_a below 0, and an f_d that leaves no dead time, no time constant, or
+        a ratio for which the table gives a value that is not positive.
 
     Examples
     --------
@@ -303,7 +303,7 @@ def setpoint_factors(model: Process) -> Factors:
     >>> import pidalab
     >>> from pidalab.rules import itae
     >>> model = pidalab.sopdt(gain=1.0, tau=2.0, damping=0.5, delay=1.0)
-    >>> itae.pida_setpoint(model, factors=itae.setpoint_factors)
+    >>> itae.pida_setpoint(model, factors=itae.setpoint_factors(model))
     NonInteractivePIDA(kc=1.457, tau_i=2.213, tau_d=2.118, tau_a=1.202, alpha_d=0.05, alpha_a=0.025)
     """
     m = second_order(model)
@@ -343,7 +343,7 @@ def load_factors(model: Process) -> Factors:
     >>> import pidalab
     >>> from pidalab.rules import itae
     >>> model = pidalab.sopdt(gain=1.0, tau=2.0, damping=0.5, delay=1.0)
-    >>> itae.pida_load(model, factors=itae.load_factors)
+    >>> itae.pida_load(model, factors=itae.load_factors(model))
     NonInteractivePIDA(kc=2.380, tau_i=2.289, tau_d=1.641, tau_a=1.073, alpha_d=0.05, alpha_a=0.025)
     """
     m = second_order(model)
@@ -393,16 +393,10 @@ def _pida(
     table: Callable[[SecondOrder], tuple[float, ...]],
     alpha_d: float,
     alpha_a: float,
-    share: Callable[[Process], tuple[float, float]],
+    pair: tuple[float, float] | None,
 ) -> NonInteractivePIDA:
-    if not callable(share):
-        raise TypeError(f"factors must be a function of the model that returns f_d and f_a, found {share!r}")
     m = second_order(model)
-    pair = share(model)
-    try:
-        f_d, f_a = pair
-    except (TypeError, ValueError):
-        raise TypeError(f"factors must return two numbers, f_d and f_a, found {pair!r}") from None
+    f_d, f_a = factors(model) if pair is None else _check.pair("factors", "f_d and f_a", pair)
     f_d, f_a = _check.real("f_d", f_d), _check.real("f_a", f_a, at_least=0.0)
     if not -2 / m.ratio < f_d < 1:
         raise ValueError(

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import control
 
 
-HIGHEST = 100  # order of a controller or filter
+HIGHEST = 100  # order of a controller or filter: beyond it factorials leave double precision
 
 
 class Constants(NamedTuple):
@@ -95,7 +95,7 @@ def constants(m: int) -> Constants:
     >>> pidalab.rules.mrdp.constants(m=1)
     Constants(pole=-1.267949, gain=0.783612, integral_time=3.732051, derivative_times=(0.262892,))
     """
-    m = _check.order("m", m, at_least=0)
+    m = _check.integer("m", m, at_least=0, at_most=HIGHEST)
     mu = math.sqrt(m + 2)
     c = [_coefficient(m, j) for j in range(m + 2)]
     return Constants(mu - mu**2, c[1], c[1] / c[0], tuple(value / c[1] for value in c[2:]))
@@ -140,22 +140,14 @@ def filter_ratio(m: int, n: int) -> float:
     >>> print(f"{pidalab.rules.mrdp.filter_ratio(m=2, n=3):.4f}")
     0.3000
     """
-    m, n = _orders(m, n)
-    if n == 0:
-        raise ValueError("n must be at least 1 to have a filter, found 0")
+    m, n = _orders(m, _check.order("n", n, at_least=1))
     pole = (m + 2) * (n + 1) - math.sqrt((m + 2) * (n + 1) * (n - m))
     return pole / ((n + 1) * (n + 2) * -constants(m).pole)
 
 
 def _orders(m: int, n: int) -> tuple[int, int]:
-    m, n = _check.order("m", m, at_least=0), _check.order("n", n, at_least=0)
-    if n > HIGHEST:
-        raise ValueError(
-            f"m and n must be at most {HIGHEST}, found {m} and {n}: factorials leave double precision"
-        )
-    if n < m:
-        raise ValueError(f"n must be at least m = {m}, or the controller is not proper; found {n}")
-    return m, n
+    m = _check.integer("m", m, at_least=0, at_most=HIGHEST)
+    return m, _check.integer("n", n, at_least=m, at_most=HIGHEST)
 
 
 def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
@@ -185,11 +177,7 @@ def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
     [0.4226, 0.634]
     """
     unit = constants(m)
-    p = _check.integer("cancelled", cancelled, at_least=1)
-    if p > m + 1:
-        raise ValueError(
-            f"cancelled must be at most m + 1 = {m + 1}, or the prefilter is not proper; found {p}"
-        )
+    p = _check.integer("cancelled", cancelled, at_least=1, at_most=m + 1)
     scale = [unit.integral_time * time for time in (1.0, *unit.derivative_times)]
     return tuple(math.comb(p, k + 1) * (-1 / unit.pole) ** (k + 1) / scale[k] for k in range(p))
 

@@ -16,15 +16,19 @@ process that oscillates, there are orders at which it is not. From a process the
 areas do not tell.
 """
 
-from pidalab.rules.magnitude_optimum.design import gains, noise_gain, tune
-from pidalab.rules.magnitude_optimum.noise import filter_time, tune_for_exact_noise, tune_for_noise
-from pidalab.rules.magnitude_optimum.orders import Candidate, rank_orders
+from pidalab.rules.magnitude_optimum.design import gains, tune
+from pidalab.rules.magnitude_optimum.noise import (
+    Candidate,
+    filter_time,
+    rank_orders,
+    tune_for_exact_noise,
+    tune_for_noise,
+)
 
 __all__ = [
     "Candidate",
     "filter_time",
     "gains",
-    "noise_gain",
     "rank_orders",
     "tune",
     "tune_for_exact_noise",

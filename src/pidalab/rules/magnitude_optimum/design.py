@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_discrete_lyapunov
 
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.areas import MeasuredAreas, _power_series as series
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
-from pidalab.process import Process, binomial
+from pidalab.process import Process
 from pidalab.robustness.poles import is_stable
 from pidalab.rules._design import Design
 from pidalab.rules.magnitude_optimum.system import (
@@ -23,7 +19,6 @@ from pidalab.rules.magnitude_optimum.system import (
     require_digits,
     solved,
 )
-from pidalab.statespace import discretise
 
 SOURCES = {
     "gains": "eqs. (14) to (17)",
@@ -178,58 +173,3 @@ def _require_sign(controller: HighOrderPID, model: MeasuredAreas) -> None:
             f"model: with m = {len(controller.coefficients) - 2} the record gives K_-1 = {integral:.4g}, whose sign is "
             f"not that of the gain A_0 = {model.gain:.4g}: the loop would be unstable; take another m or another filter"
         )
-
-
-def noise_gain(design: Design, sample_time: float) -> float:
-    r"""Expected ratio of the standard deviations of control signal and measurement noise, eqs. (21) and (35).
-
-    The noise is white and held for a sample. Of the loop the high frequencies count, at which the process passes
-    nothing, so that the transfer function from the noise to the control signal is about
-
-    .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
-
-    (for m = 0 with :math:`K_0` on top). This is the H2 norm of its sampled form, exact, without the asymptotes of
-    eq. (26). For the loop itself see `pidalab.noise_gain`.
-
-    Parameters
-    ----------
-    design : Design
-        Made by this rule.
-    sample_time : float
-        Sample time T_S, above 0.
-
-    Returns
-    -------
-    float
-        The ratio, in units of u per unit of y.
-
-    Raises
-    ------
-    TypeError
-        For a design of another rule.
-
-    Examples
-    --------
-    >>> import pidalab
-    >>> from pidalab.rules import magnitude_optimum
-    >>> design = magnitude_optimum.tune(pidalab.lags(3, delay=0.5), m=3, n=4, filter_time=0.124)
-    >>> magnitude_optimum.noise_gain(design, sample_time=0.002)
-    9.40
-    """
-    if not isinstance(design.controller, HighOrderPID):
-        raise TypeError(f"design must be one of the magnitude optimum, found {design!r}")
-    n = design.controller.filter_order
-    return filtered_noise_gain(design.gains, design.filter_time, n, design.static_gain, sample_time)
-
-
-def filtered_noise_gain(
-    gains: Sequence[float], filter_time: float, n: int, static_gain: float, sample_time: float
-) -> float:
-    """H2 norm of the sampled form of eq. (21), for noise that is held."""
-    h = _check.real("sample_time", sample_time, above=0.0)
-    top = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
-    block = discretise(np.array(top[::-1]), binomial(filter_time, n), h)
-    spread = (
-        solve_discrete_lyapunov(block.A, np.outer(block.b, block.b)) if block.b.size else np.zeros((0, 0))
-    )
-    return math.sqrt(block.c @ spread @ block.c + block.d**2)
