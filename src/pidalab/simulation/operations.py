@@ -45,100 +45,77 @@ class Operations(NamedTuple):
 
 def operations(program: Program, states: Mapping[str, float]) -> Operations:
     """Turn the statements of a program that has started, in automatic mode, into operations."""
-    with PARSING:
-        return _compiled(program, states)
-
-
-def _compiled(program: Program, states: Mapping[str, float]) -> Operations:
     values = {
         **dict.fromkeys(SIGNALS, 0.0),
         **program.constants,
         **states,
-        "feedforward": 0.0,
-        "0.0": 0.0,
+        **dict.fromkeys([*program.variables, "feedforward", "0.0"], 0.0),
+        "0.5": 0.5,
         "1.0": 1.0,
     }
-    for node in ast.walk(ast.parse("\n".join(_expressions(program.body)))):
-        if isinstance(node, ast.Constant):
-            values[repr(node.value)] = float(repr(node.value))
     compiler = _Compiler(list(values))
-    compiler.statements(program.body, None)
-    compiler.keep(states)
-    code, size = _in_few_places(compiler.code, len(values))
-    numbers = np.zeros(size)
+    with PARSING:
+        compiler.statements(program.body, None)
+    numbers = np.zeros(compiler.size)
     numbers[: len(values)] = list(values.values())
-    return Operations(code, {name: k for k, name in enumerate(values)}, numbers)
-
-
-def _expressions(body: Sequence[Statement]) -> list[str]:
-    found = []
-    for one in body:
-        if isinstance(one, Set):
-            found.append(one.value)
-        elif isinstance(one, If):
-            found += [one.condition, *_expressions(one.then), *_expressions(one.otherwise)]
-    return found
+    return Operations(np.array(compiler.code, np.intp).reshape(-1, 4), compiler.places, numbers)
 
 
 class _Compiler:
-    """Operations as they are made; each result has a place of its own, at which no name but one is changed.
+    """Operations as they are made; each name has a place, and intermediate results use the places after them.
 
     Attributes
     ----------
-    at : dict
-        The place of the value that a name has at present, or whether it is true where that is known.
-    own : set of int
-        Places that a single name refers to, where a change under a condition can be made.
+    known : dict
+        Truth values that are known before the step runs.
+    free : int
+        First place after the intermediate results that are still needed.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
-        self.home = {name: k for k, name in enumerate(names)}
-        known = {
-            "started": True,
-            "manual": False,
-            "tracking": False,
-            "retuned": False,
-            "true": True,
-            "false": False,
-        }
-        self.at: dict[str, int | bool] = {**self.home, **known}
+        self.places = {name: k for k, name in enumerate(names)}
+        self.known = {"started": True, "manual": False, "tracking": False, "retuned": False}
+        self.known |= {"true": True, "false": False}
         self.code: list[list[int]] = []
-        self.own: set[int] = set()
-        self.size = len(names)
+        self.free = self.size = len(names)
 
     def statements(self, body: Sequence[Statement], mask: int | None) -> None:
+        """Add the operations of statements, which take effect where the number at `mask` is not 0."""
         for one in body:
+            kept = self.free
             if isinstance(one, Set):
                 self.assign(one.target, self.value(ast.parse(one.value, mode="eval").body), mask)
             elif isinstance(one, If):
                 condition = self.value(ast.parse(one.condition, mode="eval").body)
                 if isinstance(condition, bool):
                     self.statements(one.then if condition else one.otherwise, mask)
-                    continue
-                then = condition if mask is None else self.emit(MULTIPLY, mask, condition)
-                otherwise = self.emit(SUBTRACT, self.home["1.0"] if mask is None else mask, then)
-                self.statements(one.then, then)
-                self.statements(one.otherwise, otherwise)
+                else:
+                    then = condition if mask is None else self.emit(MULTIPLY, mask, condition)
+                    otherwise = self.emit(SUBTRACT, self.places["1.0"] if mask is None else mask, then)
+                    self.statements(one.then, then)
+                    self.statements(one.otherwise, otherwise)
+            self.free = kept
 
     def assign(self, name: str, value: int | bool, mask: int | None) -> None:
-        if mask is None or isinstance(value, bool):
-            self.own.discard(int(value))
-            self.at[name] = value
-            return
-        if self.at.get(name) not in self.own:
-            self.at[name] = self.emit(COPY, self.at.get(name, value), value)
-            self.own.add(self.size - 1)
-        self.code.append([CHOOSE, self.at[name], value, mask])
+        """Change the value of a name."""
+        if isinstance(value, bool):
+            self.known[name] = value
+        elif mask is not None:
+            self.code.append([CHOOSE, self.places[name], value, mask])
+        elif value >= len(self.places):
+            self.code[-1][1] = self.places[name]  # computed there at once
+        else:
+            self.code.append([COPY, self.places[name], value, value])
 
     def value(self, node: ast.expr) -> int | bool:
         """Return the place of an expression, or whether it is true."""
         match node:
             case ast.Name(id=name):
-                return self.at[name]
+                return self.known[name] if name in self.known else self.places[name]
             case ast.Constant(value=value):
-                return self.home[repr(value)]
+                return self.places[repr(value)]
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                return self.emit(SUBTRACT, self.home["0.0"], self.value(operand))
+                return self.emit(SUBTRACT, self.places["0.0"], self.value(operand))
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return not self.value(operand)
             case ast.BoolOp(op=op, values=[left, right]):
@@ -154,38 +131,8 @@ class _Compiler:
         raise TypeError(f"a step has no such expression: {ast.unparse(node)}")
 
     def emit(self, kind: int, left: int, right: int) -> int:
-        self.code.append([kind, self.size, left, right])
-        self.size += 1
-        return self.size - 1
-
-    def keep(self, states: Mapping[str, float]) -> None:
-        """Bring the states home, at once where they are computed if their last values are needed no more."""
-        changed = [x for x in states if not isinstance(self.at[x], bool) and self.at[x] != self.home[x]]
-        for name in changed:
-            if self.at[name] < len(self.home):  # an input, or what another state was
-                self.at[name] = self.emit(COPY, self.at[name], self.at[name])
-        for name in changed:
-            home, made = self.home[name], self.at[name]
-            first = next(k for k, operation in enumerate(self.code) if operation[1] == made)
-            if made < len(self.home) or any(home in operation[2:] for operation in self.code[first:]):
-                self.code.append([COPY, home, made, made])
-                continue
-            for operation in self.code[first:]:
-                operation[1:] = [home if place == made else place for place in operation[1:]]
-            self.at |= {other: home for other in changed if self.at[other] == made}
-
-
-def _in_few_places(code: list[list[int]], kept: int) -> tuple[np.ndarray, int]:
-    """Use the places of intermediate results again, so that all numbers stay near the processor."""
-    last = {place: k for k, operation in enumerate(code) for place in operation[1:]}
-    where, size = {place: place for place in range(kept)}, kept
-    free: list[int] = []
-    for k, operation in enumerate(code):
-        target = operation[1]
-        if target not in where:
-            size += not free
-            where[target] = free.pop() if free else size - 1
-        done = {place for place in operation[1:] if place >= kept and last[place] == k}
-        operation[1:] = [where[place] for place in operation[1:]]
-        free += [where[place] for place in done]
-    return np.array(code, np.intp).reshape(-1, 4), size
+        """Add an operation, and return the place of its result."""
+        self.code.append([kind, self.free, left, right])
+        self.free += 1
+        self.size = max(self.size, self.free)
+        return self.free - 1
