@@ -22,20 +22,12 @@ def _add_product(out, factors, rows):
 
 @plain(_add_product)
 def add_rows(out, factors, rows):
-    """Add factors @ rows to a row, as far as it goes; four rows at a time, to read and write it less often."""
-    n, i = factors.size, 0
-    while i + 4 <= n:
-        a, b, c, d = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
-        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+    """Add factors @ rows to a row, as far as it goes."""
+    for i in range(factors.size):
+        factor = factors[i]
+        if factor != 0.0:
             for j in range(out.size):
-                out[j] += a * rows[i, j] + b * rows[i + 1, j] + c * rows[i + 2, j] + d * rows[i + 3, j]
-        i += 4
-    while i < n:
-        a = factors[i]
-        if a != 0.0:
-            for j in range(out.size):
-                out[j] += a * rows[i, j]
-        i += 1
+                out[j] += factor * rows[i, j]
 
 
 @compiled
