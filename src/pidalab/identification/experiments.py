@@ -8,8 +8,7 @@ from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
-from scipy.signal import lfilter
+from scipy.signal import lsim
 
 from pidalab import _check
 from pidalab._check import Array
@@ -225,9 +224,8 @@ def ipdt_tangent(
         raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
     lever = np.arange(width + 1) - width / 2
     slopes = np.correlate(y, lever) / (h * np.sum(lever**2))
-    i = int(
-        np.argmax(slopes * np.sign(change))
-    )  # not the steepest of all: the record may first go the wrong way
+    # the steepest in the direction of the change: the record may first go the other way
+    i = int(np.argmax(slopes * np.sign(change)))
     middle, level = t[i] + h * width / 2, np.mean(y[i : i + width + 1])
     delay = middle - (level - y[0]) / slopes[i]
     if delay < -1e-9 * t[-1]:
@@ -276,14 +274,11 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     y = _check.signal("y", y, t.size)
     h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
     order = _check.order("filter_order", filter_order, at_least=1)
-    # a chain: the slope of a straight stretch drives the input, and the input the lags, one after the other
-    across = expm(h * (np.eye(order + 2, k=-1) - np.diag([0.0, 0.0] + [1.0] * order)))
-    level = y - y[0]
-    chain = [np.append(np.diff(level), 0.0) / h, level]
-    for row in across[2:]:
-        driven = sum(weight * signal[:-1] for weight, signal in zip(row, chain, strict=False))
-        chain.append(np.append(0.0, lfilter([1.0], [1.0, -row[len(chain)]], driven)))
-    return chain[-1] + y[0]
+    # the lags one after the other, in units of the filter time; `lsim` takes the input as straight between samples
+    lags = np.eye(order, k=-1) - np.eye(order)
+    first, last = np.eye(order)[:, :1], np.eye(order)[-1:]
+    _, filtered, _ = lsim((lags, first, last, [[0.0]]), y - y[0], h * np.arange(t.size))
+    return np.asarray(filtered, dtype=float) + y[0]
 
 
 def ipdt_least_squares(
