@@ -47,11 +47,11 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
     assert result.exit_code == 0, result.output
     for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
         assert said in result.stdout
-    worst = float(re.search(r"worst Ms .*, sampled: (\S+)", result.stdout)[1])
+    worst = float(re.search(r"worst Ms: (\S+)", result.stdout)[1])
     controller = from_json((tmp_path / "controller.json").read_text())
     assert pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst <= 2.0
-    assert "Ms, sampled: 1.6\n" in result.stdout or "Ms, sampled: 1.59" in result.stdout
-    assert "price of robustness: ×1" in result.stdout
+    assert "Ms sampled: 1.6\n" in result.stdout or "Ms sampled: 1.59" in result.stdout
+    assert "price: 1" in result.stdout
     doubts = re.findall(r"Doubt: (.*)", (tmp_path / "controller.c").read_text())
     assert any(doubt.startswith("noise_gain = ") for doubt in doubts)
     for file in ("controller.st", "controller.py", "controller.json"):
