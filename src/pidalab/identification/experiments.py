@@ -16,7 +16,7 @@ from pidalab.areas import RecordWarning
 from pidalab.process import Process, ipdt
 from pidalab.record import Record
 
-LEVELS = (0.05, 0.353, 0.853)
+LEVELS = (0.05, 0.353, 0.853)  # shares of the change to which the formulas of the three-point model belong
 # the model has real poles: a record may exceed its final value by noise, not by more than this
 OVERSHOOT = 0.1
 MOST_ENDS = 400  # stretches of a record to which a ramp is fitted
@@ -72,7 +72,6 @@ def three_point(
     t: ArrayLike | Record,
     y: ArrayLike | None = None,
     step: float | None = None,
-    levels: tuple[float, float, float] = LEVELS,
     crossing: Literal["interpolated", "sampled"] = "interpolated",
 ) -> ThreePointModel:
     """Fit a third-order model with dead time through three points of an open-loop step response.
@@ -86,11 +85,9 @@ def three_point(
         Output, from rest to rest. Its first sample is the rest value, the mean of its last tenth the final value.
     step : float, optional
         Change of the input, not 0; by default 1.
-    levels : tuple of float, optional
-        The three shares of the change. The method's formulas belong to 5 %, 35.3 % and 85.3 %; with others the model
-        is another one, and usually a worse one.
     crossing : {"interpolated", "sampled"}, optional
-        Time of a level: linear interpolation between the samples around it, or the first sample at or above it.
+        Time of a level (5 %, 35.3 % and 85.3 % of the change): linear interpolation between the samples around it, or
+        the first sample at or above it.
 
     Returns
     -------
@@ -111,9 +108,8 @@ def three_point(
     ------
     TypeError, ValueError
         For a record that never moves, still moves at its end, already moves at its beginning, or overshoots by more
-        than 10 %; for levels out of order; for a shape that the model does not fit (alpha outside
-        [0, 1], or a time constant that is not positive); for a Record without a step, or with arguments beside it that
-        it has itself.
+        than 10 %; for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not
+        positive); for a Record without a step, or with arguments beside it that it has itself.
 
     Warns
     -----
@@ -134,7 +130,7 @@ def three_point(
     2.148 0.382 2.041
     """
     t, y, step = _experiment(t, y, step)
-    t, (t5, t35, t85), change = _levels_reached(t, y, levels, crossing)
+    (t5, t35, t85), change = _levels_reached(t, y, crossing)
     gain = change / step
     apparent_delay = 1.3 * t35 - 0.29 * t85
     tau = 0.67 * (t85 - t35)
@@ -419,13 +415,8 @@ def _rise_time(t: Array, y: Array) -> float:
     return float(t[after[0]] - t[before[before < after[0]][-1]])  # a mean is reached by a sample at least
 
 
-def _levels_reached(
-    t: Array, y: Array, levels: tuple[float, ...], crossing: str
-) -> tuple[Array, tuple[float, float, float], float]:
-    """Check a step record; return its times, the times at which it reaches the levels, and its whole change."""
-    shares = _check.vector("levels", levels) if np.ndim(levels) == 1 else np.zeros(0)
-    if shares.size != 3 or not 0 < shares[0] < shares[1] < shares[2] < 1:
-        raise ValueError(f"levels must be three rising shares between 0 and 1, found {levels!r}")
+def _levels_reached(t: Array, y: Array, crossing: str) -> tuple[tuple[float, float, float], float]:
+    """Check a step record; return the times at which it reaches the levels, and its whole change."""
     _check.choice("crossing", crossing, ("interpolated", "sampled"))
     if t.size < 30:
         raise ValueError(f"y must have at least 30 samples to judge whether it settles, found {t.size}")
@@ -441,7 +432,7 @@ def _levels_reached(
             "record longer"
         )
     share = (y - y[0]) / change
-    if share[1] > levels[0]:
+    if share[1] > LEVELS[0]:
         raise ValueError(
             f"y already moves at its beginning ({100 * share[1]:.3g} % of the change in one sample): "
             "t = 0 must be the time of the step, and the record finer than the dead time and lags"
@@ -452,8 +443,8 @@ def _levels_reached(
             "is allowed for noise: a model with real poles cannot oscillate"
         )
     times = []
-    for level in levels:
+    for level in LEVELS:
         i = int(np.argmax(share >= level))
         part = 1.0 if crossing == "sampled" else (level - share[i - 1]) / (share[i] - share[i - 1])
         times.append(float(t[i - 1] + part * (t[i] - t[i - 1])))
-    return t, (times[0], times[1], times[2]), float(change)
+    return (times[0], times[1], times[2]), float(change)
