@@ -157,11 +157,7 @@ def test_doubts_of_limits_filter_and_sample_time_are_at_the_head_of_all_code(rec
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--y", "pressure"), "pressure"),
-        (("--ms", 0.9), "ms must be"),
-    ],
+    ("options", "said"), [(("--y", "pressure"), "pressure"), (("--ms", 0.9), "ms must be")]
 )
 def test_what_is_refused_is_one_line_and_status_1(record, options, said):
     result = run("tune", record, "--sample-time", 0.2, *options)
@@ -176,12 +172,8 @@ def test_designs_with_an_output_filter_and_with_a_prefilter_become_code(record, 
     assert kept.exit_code == 0, kept.output
     rising = tmp_path / "rising.csv"  # an integrator, as far as the record goes
     rising.write_text("\n".join(record.read_text().splitlines()[:70]))
-    loose = (
-        "--rule",
-        "mrdp",
-        "--ms-worst",
-        4,
-    )  # a short part of a record says little, and the rule knows no Ms
+    # a short part of a record says little, and the rule knows no Ms
+    loose = ("--rule", "mrdp", "--ms-worst", 4)
     filtered = run("tune", rising, *options, "--model", "ipdt", *loose, "--out", tmp_path)
     assert filtered.exit_code == 0, filtered.output
     assert "Prefilter of the set point: [" in (tmp_path / "controller.c").read_text()
