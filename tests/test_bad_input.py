@@ -91,10 +91,6 @@ REFUSED = {
         lambda: plots.comparison({"a": {"setpoint": ANSWER}}, {}, 10, 5),
         r"clean\['a'\] must have 'setpoint' and 'load', 'load' is missing",
     ),
-    "one level": (
-        lambda: pidalab.identification.three_point(T, ANSWER.y, levels=3),
-        "levels must be three rising shares",
-    ),
     "quietest": (lambda: pidalab.phase_crossovers(L, quietest=-1), "quietest must be above 0, found -1"),
 }
 

@@ -47,11 +47,11 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
     assert result.exit_code == 0, result.output
     for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
         assert said in result.stdout
-    worst = float(re.search(r"worst Ms .*, sampled: (\S+)", result.stdout)[1])
+    worst = float(re.search(r"worst Ms: (\S+)", result.stdout)[1])
     controller = from_json((tmp_path / "controller.json").read_text())
     assert pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst <= 2.0
-    assert "Ms, sampled: 1.6\n" in result.stdout or "Ms, sampled: 1.59" in result.stdout
-    assert "price of robustness: ×1" in result.stdout
+    assert "Ms sampled: 1.6\n" in result.stdout or "Ms sampled: 1.59" in result.stdout
+    assert "price: 1" in result.stdout
     doubts = re.findall(r"Doubt: (.*)", (tmp_path / "controller.c").read_text())
     assert any(doubt.startswith("noise_gain = ") for doubt in doubts)
     for file in ("controller.st", "controller.py", "controller.json"):
@@ -157,11 +157,7 @@ def test_doubts_of_limits_filter_and_sample_time_are_at_the_head_of_all_code(rec
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--y", "pressure"), "pressure"),
-        (("--ms", 0.9), "ms must be"),
-    ],
+    ("options", "said"), [(("--y", "pressure"), "pressure"), (("--ms", 0.9), "ms must be")]
 )
 def test_what_is_refused_is_one_line_and_status_1(record, options, said):
     result = run("tune", record, "--sample-time", 0.2, *options)
@@ -176,12 +172,8 @@ def test_designs_with_an_output_filter_and_with_a_prefilter_become_code(record, 
     assert kept.exit_code == 0, kept.output
     rising = tmp_path / "rising.csv"  # an integrator, as far as the record goes
     rising.write_text("\n".join(record.read_text().splitlines()[:70]))
-    loose = (
-        "--rule",
-        "mrdp",
-        "--ms-worst",
-        4,
-    )  # a short part of a record says little, and the rule knows no Ms
+    # a short part of a record says little, and the rule knows no Ms
+    loose = ("--rule", "mrdp", "--ms-worst", 4)
     filtered = run("tune", rising, *options, "--model", "ipdt", *loose, "--out", tmp_path)
     assert filtered.exit_code == 0, filtered.output
     assert "Prefilter of the set point: [" in (tmp_path / "controller.c").read_text()

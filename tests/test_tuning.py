@@ -85,9 +85,7 @@ def test_a_fit_brings_its_uncertainty_and_its_noise():
     )
     fitted = fit(Record(t, np.where(t < 10.0, 40.0, 45.0), y), "fopdt")
     design = tune(fitted, "PI")
-    assert design.ms <= 1.6 * (
-        1 + 1e-6
-    )  # below it, since half of the record's sample was added to the dead time
+    assert design.ms <= 1.6 * (1 + 1e-6)
     assert design.ms < design.ms_worst
     assert any("noise_gain" in doubt for doubt in design.doubts)
     with pytest.raises(ValueError, match=r"too uncertain .*; a longer record, a larger step"):

@@ -358,14 +358,8 @@ def perturbed_plants(process: Process, share: float) -> list[Process]:
     >>> [round(float(plant.gain()), 1) for plant in perturbed_plants(pidalab.fopdt(1.0, 2.0, 1.0), 0.2)]
     [0.8, 0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2]
     """
-    return [_varied(process, gain, time, delay, share) for gain, time, delay in product((-1, 1), repeat=3)]
-
-
-def _varied(process: Process, gain: int, time: int, delay: int, share: float) -> Process:
-    """Return the process with gain, time scale and dead time changed by a share, up or down."""
-
-    def scaled(coefficients: Array) -> Array:
-        return coefficients * (1 + time * share) ** np.arange(coefficients.size - 1.0, -1.0, -1.0)
-
-    num = scaled(process.num) * (1 + gain * share)
-    return Process(num, scaled(process.den), process.delay * (1 + delay * share))
+    found = []
+    for gain, time, delay in product((1 - share, 1 + share), repeat=3):
+        num, den = (c * time ** np.arange(c.size - 1.0, -1.0, -1.0) for c in (process.num, process.den))
+        found.append(Process(gain * num, den, delay * process.delay))
+    return found

@@ -129,14 +129,10 @@ def test_a_set_point_change_in_closed_loop_serves_too():
 
 
 def test_refusals():
-    t = np.arange(0.0, 100.0)
-    u, noise = np.where(t < 20, 0.0, 1.0), np.random.default_rng(0).normal(0.0, 1.0, t.size)
-    with pytest.raises(ValueError, match="not clearly above"):
-        fit(Record(t, u, noise), "fopdt")
     with pytest.raises(ValueError, match="model must be 'fopdt', 'lags'"):
         fit(historian(0), "arx")
     with pytest.raises(TypeError, match="must be a pidalab"):
-        fit(t)
+        fit(GRID)
 
 
 @pytest.mark.parametrize("ratio", [2.9, 3.1])

@@ -20,13 +20,7 @@ POWER = click.FloatRange(*FULL)  # of a heater, in per cent
 @click.option("--connected", is_flag=True, help="Use the board at a serial port; by default it is simulated.")
 @click.option("--power", default=50.0, type=POWER, help="Power of the step test, in per cent.")
 @click.option("--setpoint", default=40.0, help="Set point of the closed loops, in degrees.")
-@click.option(
-    "--load",
-    default=60.0,
-    show_default=True,
-    type=POWER,
-    help="Power of the second heater, the load, in per cent.",
-)
+@click.option("--load", default=60.0, type=POWER, help="Power of the second heater, the load, in per cent.")
 @click.option("--duration", default=900.0, help="Seconds of each part of the experiment.")
 @click.option("--cooling", default=1200.0, help="Seconds without heat before each run at the board.")
 @click.option("--sample-time", default=1.0, help="Of the controllers, in seconds.")

@@ -42,12 +42,7 @@ record = together(
     click.option("--model", default="auto", type=click.Choice(MODELS), help="Model to fit."),
 )
 design = together(
-    click.option(
-        "--rule",
-        default="optimal",
-        show_default=True,
-        help="The optimum, or a rule by its name, see 'pidalab rules'.",
-    ),
+    click.option("--rule", default="optimal", help="The optimum, or a rule of 'pidalab rules' by its name."),
     ms,
     ms_worst,
     click.option(
@@ -121,7 +116,7 @@ def tune_command(
     """
     from pidalab.identification import fit
     from pidalab.loop import Loop
-    from pidalab.reporting import report
+    from pidalab.reporting import COLUMNS, report
     from pidalab.robustness.margins import margins
 
     title = f"{kind} controller for {options['record'].name}"
@@ -144,7 +139,7 @@ def tune_command(
         ("Controller", f"{design.controller}\n{_vendors(design)}"),
         ("Margins, continuous", str(margins(design.loop(fitted.process)))),
         (f"Margins, sampled every {sample_time:g}", str(sampled)),
-        ("Expected", _expected(design)),
+        ("Expected", "\n".join(f"{name}: {getattr(found.rows[0], x):.4g}" for name, x in COLUMNS.items())),
         ("Doubts", "\n".join(doubts) or "none found"),
     ]
     show(sections)
@@ -214,16 +209,3 @@ def _vendors(design: Design) -> str:
         return f"in seconds, if that is the record's unit of time:\n{design.vendor_forms('s')}"
     except ValueError as refusal:
         return f"no vendor's form: {refusal}"
-
-
-def _expected(design: Design) -> str:
-    names = {
-        "iae": "IAE of a unit load step",
-        "iae_worst": "worst IAE within the uncertainty of the model",
-        "ms": "Ms",
-        "ms_sampled": "Ms, sampled",
-        "ms_worst": "worst Ms within the uncertainty of the model, sampled",
-        "mks": "largest gain from noise to u",
-    }
-    lines = [f"{said}: {design.info[name]:.5g}" for name, said in names.items() if name in design.info]
-    return "\n".join([*lines, f"price of robustness: ×{design.price:.2f} of the IAE"])

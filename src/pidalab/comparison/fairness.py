@@ -20,9 +20,8 @@ from pidalab.rules.starting_models import time_scale
 
 SLOWEST = 1e4  # filter time that is tried, in sample times
 SMALLEST = 0.01  # factor of the gains: with less of it nearly any loop is robust, and does nothing
-CLOSE = 1e-5  # share to which the filter time is found
+CLOSE = 1e-7  # share to which the filter time is found
 DENSITY = 4  # of the frequencies over which noise is summed: good for six digits
-TOO_LOUD = 3.0  # logarithm of a noise gain over its limit: more is no worse
 
 
 def at_equal_terms(
@@ -122,26 +121,17 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
     """The shortest filter with which the noise stays within its limit, found in the logarithm of its time."""
-    from scipy.optimize import brentq
-
-    def excess(log_time: float) -> float:
-        noise = scaled(log_time)[0]
-        return min(math.log(noise / most), TOO_LOUD)
-
     low, high = 0.0, 1.0
-    if excess(low) <= 0:
+    if scaled(low)[0] <= most:
         return scaled(low)
-    while excess(high) > 0:
+    while scaled(high)[0] > most:
         low, high = high, high + 1.0
         if high > math.log(SLOWEST):
             raise ValueError(
                 f"no filter time keeps noise_gain = {most:g} with the proportions of this design"
             )
-    found = scaled(brentq(excess, low, high, xtol=CLOSE))
-    if found[0] <= most * (1 + 10 * CLOSE):
-        return found
-    # the gain jumps there from one range of allowed gains to another: stay on the side that is quiet enough
+    # by halves, and from above: the noise jumps where the gain does, from one range of allowed gains to another
     while high - low > CLOSE:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+        low, high = (middle, high) if scaled(middle)[0] > most else (low, middle)
     return scaled(high)

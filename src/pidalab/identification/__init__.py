@@ -1,7 +1,6 @@
 """From a plant record to a process model."""
 
 from pidalab.identification.experiments import (
-    LEVELS,
     ThreePointModel,
     binomial_filtered,
     ipdt_least_squares,
@@ -11,7 +10,6 @@ from pidalab.identification.experiments import (
 from pidalab.identification.fitting import Fit, fit
 
 __all__ = [
-    "LEVELS",
     "Fit",
     "ThreePointModel",
     "binomial_filtered",

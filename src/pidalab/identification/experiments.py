@@ -8,8 +8,7 @@ from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
-from scipy.signal import lfilter
+from scipy.signal import lsim
 
 from pidalab import _check
 from pidalab._check import Array
@@ -17,7 +16,7 @@ from pidalab.areas import RecordWarning
 from pidalab.process import Process, ipdt
 from pidalab.record import Record
 
-LEVELS = (0.05, 0.353, 0.853)
+LEVELS = (0.05, 0.353, 0.853)  # shares of the change to which the formulas of the three-point model belong
 # the model has real poles: a record may exceed its final value by noise, not by more than this
 OVERSHOOT = 0.1
 MOST_ENDS = 400  # stretches of a record to which a ramp is fitted
@@ -73,7 +72,6 @@ def three_point(
     t: ArrayLike | Record,
     y: ArrayLike | None = None,
     step: float | None = None,
-    levels: tuple[float, float, float] = LEVELS,
     crossing: Literal["interpolated", "sampled"] = "interpolated",
 ) -> ThreePointModel:
     """Fit a third-order model with dead time through three points of an open-loop step response.
@@ -87,11 +85,9 @@ def three_point(
         Output, from rest to rest. Its first sample is the rest value, the mean of its last tenth the final value.
     step : float, optional
         Change of the input, not 0; by default 1.
-    levels : tuple of float, optional
-        The three shares of the change. The method's formulas belong to 5 %, 35.3 % and 85.3 %; with others the model
-        is another one, and usually a worse one.
     crossing : {"interpolated", "sampled"}, optional
-        Time of a level: linear interpolation between the samples around it, or the first sample at or above it.
+        Time of a level (5 %, 35.3 % and 85.3 % of the change): linear interpolation between the samples around it, or
+        the first sample at or above it.
 
     Returns
     -------
@@ -112,9 +108,8 @@ def three_point(
     ------
     TypeError, ValueError
         For a record that never moves, still moves at its end, already moves at its beginning, or overshoots by more
-        than 10 %; for levels out of order; for a shape that the model does not fit (alpha outside
-        [0, 1], or a time constant that is not positive); for a Record without a step, or with arguments beside it that
-        it has itself.
+        than 10 %; for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not
+        positive); for a Record without a step, or with arguments beside it that it has itself.
 
     Warns
     -----
@@ -135,7 +130,7 @@ def three_point(
     2.148 0.382 2.041
     """
     t, y, step = _experiment(t, y, step)
-    t, (t5, t35, t85), change = _levels_reached(t, y, levels, crossing)
+    (t5, t35, t85), change = _levels_reached(t, y, crossing)
     gain = change / step
     apparent_delay = 1.3 * t35 - 0.29 * t85
     tau = 0.67 * (t85 - t35)
@@ -225,9 +220,8 @@ def ipdt_tangent(
         raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
     lever = np.arange(width + 1) - width / 2
     slopes = np.correlate(y, lever) / (h * np.sum(lever**2))
-    i = int(
-        np.argmax(slopes * np.sign(change))
-    )  # not the steepest of all: the record may first go the wrong way
+    # the steepest in the direction of the change: the record may first go the other way
+    i = int(np.argmax(slopes * np.sign(change)))
     middle, level = t[i] + h * width / 2, np.mean(y[i : i + width + 1])
     delay = middle - (level - y[0]) / slopes[i]
     if delay < -1e-9 * t[-1]:
@@ -276,14 +270,11 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     y = _check.signal("y", y, t.size)
     h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
     order = _check.order("filter_order", filter_order, at_least=1)
-    # a chain: the slope of a straight stretch drives the input, and the input the lags, one after the other
-    across = expm(h * (np.eye(order + 2, k=-1) - np.diag([0.0, 0.0] + [1.0] * order)))
-    level = y - y[0]
-    chain = [np.append(np.diff(level), 0.0) / h, level]
-    for row in across[2:]:
-        driven = sum(weight * signal[:-1] for weight, signal in zip(row, chain, strict=False))
-        chain.append(np.append(0.0, lfilter([1.0], [1.0, -row[len(chain)]], driven)))
-    return chain[-1] + y[0]
+    # the lags one after the other, in units of the filter time; `lsim` takes the input as straight between samples
+    lags = np.eye(order, k=-1) - np.eye(order)
+    first, last = np.eye(order)[:, :1], np.eye(order)[-1:]
+    _, filtered, _ = lsim((lags, first, last, [[0.0]]), y - y[0], h * np.arange(t.size))
+    return np.asarray(filtered, dtype=float) + y[0]
 
 
 def ipdt_least_squares(
@@ -424,13 +415,8 @@ def _rise_time(t: Array, y: Array) -> float:
     return float(t[after[0]] - t[before[before < after[0]][-1]])  # a mean is reached by a sample at least
 
 
-def _levels_reached(
-    t: Array, y: Array, levels: tuple[float, ...], crossing: str
-) -> tuple[Array, tuple[float, float, float], float]:
-    """Check a step record; return its times, the times at which it reaches the levels, and its whole change."""
-    shares = _check.vector("levels", levels) if np.ndim(levels) == 1 else np.zeros(0)
-    if shares.size != 3 or not 0 < shares[0] < shares[1] < shares[2] < 1:
-        raise ValueError(f"levels must be three rising shares between 0 and 1, found {levels!r}")
+def _levels_reached(t: Array, y: Array, crossing: str) -> tuple[tuple[float, float, float], float]:
+    """Check a step record; return the times at which it reaches the levels, and its whole change."""
     _check.choice("crossing", crossing, ("interpolated", "sampled"))
     if t.size < 30:
         raise ValueError(f"y must have at least 30 samples to judge whether it settles, found {t.size}")
@@ -446,7 +432,7 @@ def _levels_reached(
             "record longer"
         )
     share = (y - y[0]) / change
-    if share[1] > levels[0]:
+    if share[1] > LEVELS[0]:
         raise ValueError(
             f"y already moves at its beginning ({100 * share[1]:.3g} % of the change in one sample): "
             "t = 0 must be the time of the step, and the record finer than the dead time and lags"
@@ -457,8 +443,8 @@ def _levels_reached(
             "is allowed for noise: a model with real poles cannot oscillate"
         )
     times = []
-    for level in levels:
+    for level in LEVELS:
         i = int(np.argmax(share >= level))
         part = 1.0 if crossing == "sampled" else (level - share[i - 1]) / (share[i] - share[i - 1])
         times.append(float(t[i - 1] + part * (t[i] - t[i - 1])))
-    return t, (times[0], times[1], times[2]), float(change)
+    return (times[0], times[1], times[2]), float(change)

@@ -46,33 +46,16 @@ def _first_order(t: Array, p: Sequence[float]) -> Array:
 
 
 def _second_order(t: Array, p: Sequence[float]) -> Array:
-    """Response of 1/(tau² s² + 2 damping tau s + 1): the roots' cosines, hyperbolic above damping 1."""
-    tau, damping = p
+    """Response of (zero s + 1)/(tau² s² + 2 damping tau s + 1), from tau, damping and, if there is one, the zero."""
+    tau, damping, zero = (*p, 0.0)[:3]
     x = np.maximum(t, 0.0) / tau
-    beat = 1.0 - damping**2
-    if abs(beat) < 1e-6:  # both roots in one place, to first order in their distance
-        return 1.0 - np.exp(-x) * (1.0 + x)
-    if beat > 0:
-        w = np.sqrt(beat)
-        return 1.0 - np.exp(-damping * x) * (np.cos(w * x) + damping / w * np.sin(w * x))
-    w = np.sqrt(-beat)
-    slow, fast = damping - w, damping + w
-    return 1.0 - (fast * np.exp(-slow * x) - slow * np.exp(-fast * x)) / (2 * w)
-
-
-def _second_order_and_zero(t: Array, p: Sequence[float]) -> Array:
-    """Response of (zero s + 1) over that: its own and, times the zero, its slope."""
-    tau, damping, zero = p
-    x = np.maximum(t, 0.0) / tau
-    beat = 1.0 - damping**2
-    w = np.sqrt(abs(beat))
-    if abs(beat) < 1e-6:
-        slope = x * np.exp(-x)
-    elif beat > 0:
-        slope = np.exp(-damping * x) * np.sin(w * x) / w
-    else:
-        slope = (np.exp(-(damping - w) * x) - np.exp(-(damping + w) * x)) / (2 * w)
-    return _second_order(t, p[:2]) + zero / tau * slope
+    apart = damping**2 - 1.0
+    # half the distance of the poles, imaginary for an oscillation; two close poles stand for a double one
+    half = np.emath.sqrt(apart) if abs(apart) > 1e-10 else 1e-5
+    slow = damping - half
+    late, early = np.exp(-slow * x), np.exp(-(damping + half) * x)
+    impulse = (late - early) / (2 * half)
+    return np.asarray(np.real(1.0 - late + (zero / tau - slow) * impulse), dtype=float)
 
 
 def _lagged_ramp(t: Array, p: Sequence[float]) -> Array:
@@ -131,5 +114,5 @@ def _integrator_and_lag(gain: float, p: Sequence[float], delay: float) -> Proces
     return Process([gain], [p[0], 1.0, 0.0], delay)
 
 
-ZERO = Shape("sopdtz", ("tau", "damping", "zero"), _second_order_and_zero, _with_zero, signed=1)
+ZERO = Shape("sopdtz", ("tau", "damping", "zero"), _second_order, _with_zero, signed=1)
 LAGGED = Shape("ifopdt", ("lag",), _lagged_ramp, _integrator_and_lag)
