@@ -70,9 +70,9 @@ def _of_nonzero(coefficients: Array) -> Any:
     single = np.full(1, -scaled[1] / degree, dtype=complex)
     if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= EXACT * degree:
         return np.repeat(single, degree) * scale
-    scattered = _of_quadratic(scaled) if degree == 2 else np.roots(scaled)
     if degree == 2:
-        return _in_pairs(scattered * scale)
+        return _in_pairs(_of_quadratic(scaled) * scale)
+    scattered = np.roots(scaled)
     # the eigenvalues of an n-fold root lie about eps^(1/n) from it: no need to look farther for its other copies
     scatter = 8 * np.finfo(float).eps ** (1 / degree)
     apart = np.abs(scattered[:, None] - scattered[None, :]) + 9.0 * np.eye(degree) * np.abs(scattered)

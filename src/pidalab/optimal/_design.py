@@ -25,9 +25,8 @@ ACTIVE = 1e-3  # share of a limit within which it is called active
 ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is none
 UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
 SLOW = 100.0  # largest sample time, in the shortest unit
-SAME = (
-    0.02  # difference of the IAE of the search from that of the engine, beyond which the unit was too short
-)
+# relative difference between the IAE of the search and that of the simulation, above which the unit is too short
+SAME = 0.02
 
 
 def load(

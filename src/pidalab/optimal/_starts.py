@@ -24,10 +24,9 @@ SHARES = (0.5, 0.1, 0.02, 0.004)  # integral over proportional gain
 DERIVATIVES = (0.0, 1.0, 5.0)  # over proportional gain
 FILTERS = (-4.0, -2.0, 0.0)  # logarithms of filter times
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)  # of the second family, in units of the process
-BELOW, ABOVE = (
-    (3.0, 8.0, 25.0),
-    (5.0, 30.0, 200.0),
-)  # of its zeros and its filter, as factors of the crossover
+# crossover over the zeros, and corner of the filter over the crossover, of the second family
+BELOW = (3.0, 8.0, 25.0)
+ABOVE = (5.0, 30.0, 200.0)
 INSIDE = -1e-3  # share of the limits that an approach goes beyond keeping them
 TRIED = 60  # candidates whose stability is looked at closely
 STARTS, APART = 6, np.log(4.0)  # starts at most, and how far they are apart

@@ -1,4 +1,4 @@
-"""The walk along the ladder of filter times, the descents from its best rungs, and a last doubt."""
+"""The walk along the ladder of filter times, the descents from its best rungs, and a last check from random starts."""
 
 from __future__ import annotations
 
@@ -14,10 +14,8 @@ from pidalab.optimal._solver import APART, LARGEST, NEARLY, Search
 FAR = 2.0  # factor by which the values of two valleys differ at most
 BEST = 3  # searches that are brought to the end
 SAME = 1e-4  # share by which values of descents differ that may have the same end
-SHAKES = (
-    (0.3, 0.5),
-    (0.8, 1.5),
-) * 20  # deviations of logarithms of gains and filter time in the last descents
+# standard deviations of the logarithms of the gains and of the filter time, for the random starts of the last descents
+SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
 
 class Found(NamedTuple):
@@ -57,7 +55,7 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     else:
         return None
     best = min(finished, key=lambda end: end.value)
-    # a last doubt: from places around the best, near and far
+    # a last check: descents from random starts around the best
     shaken = [one.descend(start) for start in _shaken(one, best.x)]
     value, start, _ = min(
         (end for end in shaken if end[2] <= NEARLY), default=(np.inf, x, 0.0), key=lambda end: end[0]
