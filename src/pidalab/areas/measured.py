@@ -252,12 +252,13 @@ def _steady(x: Array) -> bool:
 
     An oscillation that decays, or a transient whose mean is 0 by chance, shows in the squares only.
     """
-    rounding = 4 * ROUNDING * float(np.max(np.abs(x)))
+    # every piece may be off by some, and a projection adds them up
+    rounding, room = 4 * ROUNDING * float(np.max(np.abs(x))), math.sqrt(PIECES)
     squares = (x - np.mean(x[x.size // 2 :])) ** 2
     means, power = _transients(x), _transients(squares)
     return bool(
-        np.max(np.abs(means[0])) <= DRIFT * means[1] + rounding
-        and np.max(power[0]) <= FADE * power[1] + rounding**2
+        np.max(np.abs(means[0])) <= DRIFT * means[1] + room * rounding
+        and np.max(power[0]) <= FADE * power[1] + room * rounding**2
     )
 
 
