@@ -179,6 +179,17 @@ def test_a_short_record_is_told():
     assert np.all(error < 3 * found.uncertainty)
 
 
+@pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
+def test_a_record_that_never_rests_is_cut_where_the_means_of_its_quarters_differ_least():
+    t = 0.05 * np.arange(801)
+    y = 1 - np.exp(-t) + 0.2 * np.exp(-t / 30) * np.sin(2 * np.pi * t / 14) + 0.02 * t
+    found = areas.from_record(t, np.ones_like(t), y, 2, start=(0.0, 0.0))
+    assert not found.settled
+    means = {last: [part.mean() for part in np.split(y[last:], 4)] for last in (1, 401, 601, 741)}
+    apart = {last: np.max(np.abs(parts - np.mean(parts))) for last, parts in means.items()}
+    assert found.span == (0.0, t[min(apart, key=apart.get)])
+
+
 RECORD = step_record(G1, 30.0, 0.1)
 
 

@@ -174,7 +174,10 @@ def test_a_note_is_a_text():
 @pytest.mark.parametrize("name", CASES)
 def test_the_test_signals_take_the_control_signal_over_its_whole_range(name):
     k = CASES[name]
-    assert {end for end in k.limits if math.isfinite(end)} <= set(vector(k)["control"])
+    inputs = vector(k)
+    assert {end for end in k.limits if math.isfinite(end)} <= set(inputs["control"])
+    assert np.flatnonzero(inputs["manual"]).tolist() == [10, 11, 12]  # a spell by hand
+    assert np.flatnonzero(inputs["tracking"]).tolist() == [17]
 
 
 @pytest.mark.parametrize("method", ["backward", "tustin", "zoh"])

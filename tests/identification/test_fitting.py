@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import pidalab
 from pidalab import Record
@@ -408,3 +409,13 @@ def test_plants_are_about_as_likely_as_the_model():
     plants = [found.process, *found.spread(20)]
     squares = [np.sum((y - pidalab.simulate(pidalab.Loop(plant, 0.0), T, load=U).y) ** 2) for plant in plants]
     assert max(squares) < 1.35 * squares[0]
+
+
+def test_a_plot_of_a_fit_has_its_residuals_in_a_band_of_twice_the_noise():
+    found = fit(historian(1))
+    ax = Figure().subplots()
+    found.plot(ax)
+    below = ax.lines[2].get_ydata() - found.residuals
+    band = ax.patches[0].get_path().get_extents(ax.patches[0].get_patch_transform())
+    assert np.ptp(below) == pytest.approx(0.0, abs=1e-9)
+    assert (band.y0, band.y1) == pytest.approx((below[0] - 2 * found.noise, below[0] + 2 * found.noise))
