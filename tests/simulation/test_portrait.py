@@ -75,6 +75,16 @@ def test_measures_are_those_of_the_response(scene):
             assert getattr(p, name)[i] == pytest.approx(value, rel=1e-9, abs=1e-10), (i, name)
 
 
+def test_an_error_that_dips_below_zero_between_two_samples_counts():
+    """Between t = 52.5 and 53 it falls from 1.8 to -0.05, and ends above 0."""
+    process, t, limits = Process([1.0], [1.0, 0.4, 1.0]), 0.5 * np.arange(200), (-1e5, 1e5)
+    loop = Loop(process, SeriesPIDA(0.4141294824294266, 0.0, 0.0, 2.463764864097676, 1.0, 0, limits=limits))
+    record = simulate_sampled(loop, t, setpoint=1e4)
+    found = portrait(loop, {}, t, setpoint=1e4)
+    assert found.iae == pytest.approx(record.iae(), rel=1e-12)
+    assert found.itae == pytest.approx(record.itae(), rel=1e-12)
+
+
 @pytest.mark.parametrize("order", [0, 1])
 def test_low_filter_orders(order):
     own = SeriesPIDA(0.3, 0.1 * order, 0.0, 2.0, 0.1, order, limits=(-0.2, 0.3))
