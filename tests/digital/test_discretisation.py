@@ -227,6 +227,7 @@ def test_a_reset_behind_an_output_filter_stays_one():
     [
         (control.tf([1.0], [1.0, 0.5, 1.0]), r"equal lags of gain 1, .* found \[1\] / \[1, 0.5, 1\]"),
         (control.tf([2.0], [1.0, 1.0]), "equal lags of gain 1"),
+        (control.tf([1.0], [1.0, 0.0]), "equal lags of gain 1"),
         (control.tf([0.1, 1.0], [1.0, 1.0]), "equal lags of gain 1"),
         (control.tf([1.0, 3.0], [0.25, 1.0, 1.0]), "equal lags of gain 1"),
     ],

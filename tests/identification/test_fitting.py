@@ -395,6 +395,7 @@ def test_what_was_not_fitted_is_predicted():
     u = U - 2 * (T >= 80) + (T >= 120)
     y = rise() - 2 * rise(80.0) + rise(120.0) + NOISE
     assert fit(Record(T, u, y), "fopdt").holdout > 0.85
+    assert fit(Record(T, 0.01 * u, y), "fopdt").holdout > 0.85
     assert np.isnan(fit(Record(T, U, rise() + NOISE), "fopdt").holdout)
     assert fit(Record(T, u, y + 0.5 * rise(120.0)), "fopdt").holdout < 0.8
 

@@ -282,3 +282,14 @@ def test_a_loop_that_remembers_too_many_dead_times_is_refused():
     loop = Loop(Process([1.0, 2.0], [1.0, 1.0], 1.0), 0.999)
     with pytest.raises(ValueError, match="can be followed over 1333 dead times and not over 2000; shorten t"):
         simulate(loop, np.arange(2001.0), setpoint=1.0)
+
+
+def test_seven_oscillations_one_after_the_other_are_a_sum_of_modes():
+    sections = [np.array([1.0, 0.6 * w, w * w]) for w in 1.0 + 0.15 * np.arange(7)]
+    poles, den = np.concatenate([np.roots(one) for one in sections]), np.ones(1)
+    for one in sections:
+        den = np.convolve(den, one)
+    t = np.linspace(0.0, 40.0, 81)
+    residues = [den[-1] / (p * np.prod([p - q for q in poles if q != p])) for p in poles]
+    expected = 1.0 + sum((r * np.exp(p * t)).real for r, p in zip(residues, poles, strict=True))
+    assert pidalab.open_loop_step(Process([den[-1]], den), t).y == pytest.approx(expected, abs=1e-8)
