@@ -102,8 +102,9 @@ class _Compiler:
             self.known[name] = value
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
-        elif value >= len(self.places):
-            self.code[-1][1] = self.places[name]  # computed there at once
+        elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
+            # computed there at once, unless from the value that is there: lanes that change in place take turns
+            self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])
 
