@@ -122,9 +122,10 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
     """The shortest filter with which the noise stays within its limit, found in the logarithm of its time."""
     low, high = 0.0, 1.0
-    if scaled(low)[0] <= most:
-        return scaled(low)
-    while scaled(high)[0] > most:
+    found = scaled(low)
+    if found[0] <= most:
+        return found
+    while (found := scaled(high))[0] > most:
         low, high = high, high + 1.0
         if high > math.log(SLOWEST):
             raise ValueError(
@@ -133,5 +134,9 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
     # by halves, and from above: the noise jumps where the gain does, from one range of allowed gains to another
     while high - low > CLOSE:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if scaled(middle)[0] > most else (low, middle)
-    return scaled(high)
+        tried = scaled(middle)
+        if tried[0] > most:
+            low = middle
+        else:
+            high, found = middle, tried
+    return found
