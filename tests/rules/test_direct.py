@@ -10,7 +10,7 @@ import pytest
 import pidalab
 from pidalab.rules import direct, itae
 
-RATIOS, DAMPINGS = np.linspace(0.1, 2.0, 12), np.linspace(0.3, 2.0, 11)
+RATIOS, DAMPINGS = np.linspace(0.1, 2.0, 20), np.linspace(0.3, 2.0, 18)
 
 
 def unit(r: float, xi: float) -> pidalab.Process:
