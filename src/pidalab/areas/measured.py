@@ -175,7 +175,7 @@ def from_record(
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
     quotient = _over(a_u)
     values = quotient @ a_y
-    errors = _errors(values, weights, u[last:], y[last:], h, rest, _unseen(y, y[last:]))
+    errors = _moment_covariance(values, weights, u[last:], y[last:], h, rest, _quantisation(y, y[last:]))
     result = MeasuredAreas(
         values=values[:count],
         covariance=(quotient @ errors @ quotient.T / step**2)[:count, :count],
@@ -287,7 +287,9 @@ def _of_steps(x: Array, weights: Array) -> Array:
     return np.diff(weights[1:-1]) @ x[:-1]
 
 
-def _errors(values: Array, weights: Array, u: Array, y: Array, h: float, rest: int, unseen: float) -> Array:
+def _moment_covariance(
+    values: Array, weights: Array, u: Array, y: Array, h: float, rest: int, unseen: float
+) -> Array:
     """Estimate the covariance of the moments of y, from what u and y do in the steady state at the end.
 
     An error of the moments of u counts as one of those of y that makes the same error in the areas.
@@ -308,7 +310,7 @@ def _errors(values: Array, weights: Array, u: Array, y: Array, h: float, rest: i
     return errors
 
 
-def _unseen(y: Array, end: Array) -> float:
+def _quantisation(y: Array, end: Array) -> float:
     """Return how far a level can be off that a converter rounds: half its step, and less where noise crosses the steps.
 
     The step is the smallest between two values of the record; with two in all, as after a dead time, it is none.

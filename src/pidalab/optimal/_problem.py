@@ -197,7 +197,7 @@ def _other_side(error: Array) -> tuple[float, Array]:
     return float(-0.5 * (low * share + below).sum()), slope
 
 
-class Last:
+class CachedValueAndSlope:
     """A function that gives a value and a function of its slope, for those who ask for one after the other."""
 
     def __init__(self, both: Any) -> None:
@@ -242,7 +242,7 @@ class Scaled:
         by_z[..., 0] = by_x[..., 0] * x[0]
         return by_z
 
-    def functions(self, one: Last) -> tuple[Any, Any]:
+    def functions(self, one: CachedValueAndSlope) -> tuple[Any, Any]:
         """Value and slope of a function, as functions of what the descent sees."""
 
         def slope(z: Array) -> Array:

@@ -17,7 +17,7 @@ from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import SAMPLES, Polished, polish
-from pidalab.optimal._problem import Last, Problem, Scaled, Slope
+from pidalab.optimal._problem import CachedValueAndSlope, Problem, Scaled, Slope
 from pidalab.optimal._starts import WALL
 from pidalab.process import Process
 from pidalab.robustness.control import max_control_sensitivity
@@ -112,11 +112,11 @@ class Search:
         value, slope = self.worth(x)
         return float(np.log(value)), lambda: slope() / value
 
-    def missed(self, x: Array, constraints: list[Last] | None = None) -> float:
+    def missed(self, x: Array, constraints: list[CachedValueAndSlope] | None = None) -> float:
         """By how much the limit is missed that is missed most."""
         return max(0.0, -min(float(np.min(one.value(x))) for one in constraints or self.constraints()))
 
-    def constraints(self) -> list[Last]:
+    def constraints(self) -> list[CachedValueAndSlope]:
         """What is left to every limit, not negative where it is kept, for the frequencies looked at so far."""
         mks = None if self.limits.mks is None else self.limits.mks * (1 - SPARE)
         found = [self.problem.limits(self.w, self.limits.ms * (1 - SPARE), mks)]
@@ -131,7 +131,7 @@ class Search:
                 return 1 - deviation / most, lambda: -slope() / (2 * deviation * most)
 
             found.append(margin)
-        return [Last(one) for one in found]
+        return [CachedValueAndSlope(one) for one in found]
 
     def descend(
         self,
@@ -156,7 +156,7 @@ class Search:
         with np.errstate(all="ignore"):
             for _ in range(AGAIN):
                 scaled = Scaled(x, at)
-                value_of, slope_of = scaled.functions(Last(self._worth))
+                value_of, slope_of = scaled.functions(CachedValueAndSlope(self._worth))
                 limits = (
                     dict(zip(("fun", "jac"), scaled.functions(one), strict=True)) for one in constraints
                 )

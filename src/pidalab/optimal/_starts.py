@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._problem import Last, Problem
+from pidalab.optimal._problem import CachedValueAndSlope, Problem
 
 if TYPE_CHECKING:
     from pidalab.optimal._solver import Search
@@ -90,7 +90,7 @@ def _relaxed(search: Search, start: Array) -> Array:
         astray = search.problem.unstable(z[:-1])
         return (WALL, np.zeros(z.size)) if astray else (float(z[-1]), only_slack)
 
-    def with_slack(one: Last) -> dict[str, Any]:
+    def with_slack(one: CachedValueAndSlope) -> dict[str, Any]:
         def slope(z: Array) -> Array:
             rows = np.atleast_2d(one.slope(z[:-1]))
             return np.hstack([rows, np.ones((rows.shape[0], 1))])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.record.cleaning import cleaned, column, far_off, named
-from pidalab.record.inputs import MOVING, Step, find_steps, name_experiment, said
+from pidalab.record.inputs import MOVING, Step, described, find_steps, name_experiment
 from pidalab.record.reading import LONG_AGO, read_columns
 
 GAP = 5.0  # times the usual sampling interval: a longer one is a gap
@@ -153,7 +153,7 @@ class Record:
         first = _check.real("step", step) if step is not None else None
         steps = find_steps(times, inputs, before)
         if first is not None and not any(s.time >= first for s in steps):
-            raise ValueError(f"step: no change of the input at or after {first:g}; found {said(steps)}")
+            raise ValueError(f"step: no change of the input at or after {first:g}; found {described(steps)}")
         moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
         start = steps[0].time if steps else times[moved]
         rest, noise, resting = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
@@ -260,7 +260,7 @@ class Record:
         chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
         if len(chosen) > 1:
             raise ValueError(
-                f"the input changes again after the step: {said(tuple(chosen))}; cut the record before"
+                f"the input changes again after the step: {described(tuple(chosen))}; cut the record before"
             )
         return chosen[0]
 
@@ -348,7 +348,9 @@ class Record:
         if not self.steps:
             found.append(f"the input does not step between lasting levels: {self.experiment}")
         elif len(self.steps) > 1:
-            found.append(f"{len(self.steps)} changes of the input, {self.experiment}: {said(self.steps)}")
+            found.append(
+                f"{len(self.steps)} changes of the input, {self.experiment}: {described(self.steps)}"
+            )
         if self.steps:
             tail = self.y[-max(3, self.y.size // 10) :]
             first, last = np.array_split(tail, 2)
@@ -371,7 +373,7 @@ class Record:
 
     def _moves(self) -> str:
         if len(self.steps) == 1:
-            return said(self.steps)
+            return described(self.steps)
         return f"{self.experiment}, moves between {self.u.min():.6g} and {self.u.max():.6g}"
 
     def __repr__(self) -> str:

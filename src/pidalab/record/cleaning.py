@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from pidalab import _check
 from pidalab._check import Array
 
-FEWEST = 20  # samples from which something can be said
+FEWEST = 20  # samples from which something can be concluded
 BACKWARD = 0.05  # share of the samples that may lie before an earlier one
 # where clocks begin anew
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
-LISTED = 4  # samples that are said one by one
+LISTED = 4  # samples that are listed one by one
 
 Places = NDArray[np.intp]  # of samples
 
@@ -98,5 +98,5 @@ def far_off(y: Array) -> Places:
 
 
 def named(where: Sequence[str], y: Array, found: Places) -> str:
-    said = ", ".join(f"{where[k]} (y = {y[k]:.6g})" for k in found[:LISTED])
-    return said + (f" and {found.size - LISTED} more" if found.size > LISTED else "")
+    listed = ", ".join(f"{where[k]} (y = {y[k]:.6g})" for k in found[:LISTED])
+    return listed + (f" and {found.size - LISTED} more" if found.size > LISTED else "")

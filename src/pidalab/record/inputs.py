@@ -14,7 +14,7 @@ MANY = 12  # levels of the input, in steps of a hundredth of its span
 FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"
-LISTED = 4  # changes of the input that are said one by one
+LISTED = 4  # changes of the input that are listed one by one
 
 
 class Step(NamedTuple):
@@ -93,7 +93,7 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     return "steps to many levels" if steps else MOVING
 
 
-def said(steps: tuple[Step, ...]) -> str:
+def described(steps: tuple[Step, ...]) -> str:
     """List the first steps in words."""
     listed = [f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps[:LISTED]]
     return (", ".join(listed) or "none") + (f" and {len(steps) - LISTED} more" if len(steps) > LISTED else "")
