@@ -26,6 +26,13 @@ def test_a_double_pair():
     assert roots(np.poly(pair * 2).real) == pytest.approx(pair * 2, rel=1e-9)
 
 
+def test_a_multiple_real_root_beside_a_double_pair_stays_real():
+    pair = [-0.7 + 0.3j, -0.7 - 0.3j]
+    found = roots(np.poly([-0.5] * 3 + pair * 2).real)
+    assert found == pytest.approx([-0.5] * 3 + pair * 2, rel=1e-6)
+    assert found[:3].imag.tolist() == [0.0] * 3
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_simple_roots_are_those_of_numpy(seed):
     rng = np.random.default_rng(seed)

@@ -397,6 +397,8 @@ def test_what_was_not_fitted_is_predicted():
     assert fit(Record(T, u, y), "fopdt").holdout > 0.85
     assert fit(Record(T, 0.01 * u, y), "fopdt").holdout > 0.85
     assert np.isnan(fit(Record(T, U, rise() + NOISE), "fopdt").holdout)
+    slight = U + 0.04 * (T >= 150)  # too small to move the output
+    assert np.isnan(fit(Record(T, slight, rise() + NOISE), "fopdt").holdout)
     assert fit(Record(T, u, y + 0.5 * rise(120.0)), "fopdt").holdout < 0.8
 
 
