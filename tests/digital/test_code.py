@@ -15,7 +15,7 @@ import pidalab
 from pidalab import HighOrderPID
 from pidalab.digital.code import vector
 from pidalab.digital.languages import LANGUAGES
-from pidalab.digital.program import INPUTS, program
+from pidalab.digital.program import INPUTS, If, Set, program
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}
@@ -128,6 +128,26 @@ def test_python_is_the_reference_bit_for_bit(name):
     found = [block.step(*row) for row in zip(*(x.tolist() for x in RECORDS[name].values()), strict=True)]
     np.testing.assert_array_equal(found, EXPECTED[name])
     assert space["selftest"]() == 0.0
+
+
+def read_in(body):
+    """Names that statements use."""
+    for one in body:
+        if isinstance(one, Set):
+            yield from re.findall(r"[A-Za-z_]\w*", one.value)
+        elif isinstance(one, If):
+            yield from (
+                *re.findall(r"[A-Za-z_]\w*", one.condition),
+                *read_in(one.then),
+                *read_in(one.otherwise),
+            )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nothing_is_kept_that_the_step_does_not_use(name):
+    step = program(CASES[name])
+    kept = {*step.constants, *step.gains, *step.inputs, *step.states, *step.variables}
+    assert kept - {*read_in(step.body)} <= {"control"}  # the last signal, which a PD controller forgets
 
 
 @pytest.mark.parametrize("name", CASES)
