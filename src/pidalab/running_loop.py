@@ -13,7 +13,7 @@ from pidalab import _check
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
 from pidalab.identification import Fit, fit
-from pidalab.identification.judging import together
+from pidalab.identification.uncertainty import together
 from pidalab.judging import Row, one_line, text_table
 from pidalab.loop import Loop
 from pidalab.optimal._design import sign_of_gain

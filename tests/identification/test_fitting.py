@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 import pidalab
 from pidalab import Record
 from pidalab.identification import fit
-from pidalab.identification.judging import covariance
 from pidalab.identification.searching import Found, prepared, refined, search
 from pidalab.identification.shapes import FIRST, INTEGRATOR, SECOND
+from pidalab.identification.uncertainty import covariance
 
 GRID = np.linspace(0.0, 300.0, 3001)
 TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)

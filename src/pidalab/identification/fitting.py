@@ -14,7 +14,6 @@ from scipy.stats import chi2
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.identification.judging import covariance, drifts, noise_of, together, unsettled
 from pidalab.identification.searching import (
     BETTER,
     LEVEL,
@@ -28,6 +27,7 @@ from pidalab.identification.searching import (
     tried_models,
 )
 from pidalab.identification.shapes import Shape
+from pidalab.identification.uncertainty import covariance, drifts, noise_of, together, unsettled
 from pidalab.process import Process
 from pidalab.record import Record
 from pidalab.record.inputs import FOLLOWER

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab.process import Process
-from pidalab.robustness.explorer import Seen, lowest, most_between
 from pidalab.robustness.loops import Factors, from_factors
+from pidalab.robustness.peaks_and_crossovers import Seen, lowest, most_between
 
 NO_LOWER = 1e-10  # by how much a value must be lower to be sought, relative to it if it is beyond 1
 STEPS = 60  # of the grid that are followed at a time

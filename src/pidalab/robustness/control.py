@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from pidalab.loop import Loop
-from pidalab.robustness.explorer import Seen
 from pidalab.robustness.loops import explore
+from pidalab.robustness.peaks_and_crossovers import Seen
 
 
 def max_control_sensitivity(loop: Loop) -> tuple[float, float]:

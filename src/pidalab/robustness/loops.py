@@ -12,7 +12,7 @@ import numpy as np
 from pidalab.digital import DigitalController
 from pidalab.loop import Loop, open_loop, require_loop, require_well_posed
 from pidalab.process import static_gain
-from pidalab.robustness.explorer import Explorer, frequencies
+from pidalab.robustness.peaks_and_crossovers import Explorer, frequencies
 from pidalab.robustness.sampled import sampled_plant
 from pidalab.roots import roots
 

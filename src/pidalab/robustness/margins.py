@@ -11,8 +11,8 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.robustness.explorer import complementary, zeros
 from pidalab.robustness.loops import explore
+from pidalab.robustness.peaks_and_crossovers import complementary, zeros
 from pidalab.robustness.poles import count_unstable
 
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin

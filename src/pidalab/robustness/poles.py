@@ -11,8 +11,8 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
-from pidalab.robustness.explorer import Explorer
 from pidalab.robustness.loops import Factors, explore, factors, from_factors
+from pidalab.robustness.peaks_and_crossovers import Explorer
 
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for

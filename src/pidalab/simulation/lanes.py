@@ -15,7 +15,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab._compiled import compiled, inlined
 from pidalab.simulation import operations as op
-from pidalab.simulation.kernels import stepper
+from pidalab.simulation.stepping import stepper
 from pidalab.simulation.steps import Steps
 
 LANES = 128

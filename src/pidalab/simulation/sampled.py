@@ -30,9 +30,9 @@ from pidalab.loop import Loop, require_loop
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.simulation.kernels import filtered, run
 from pidalab.simulation.operations import operations
 from pidalab.simulation.sampled_controller import sampled_controller
+from pidalab.simulation.stepping import filtered, run
 from pidalab.simulation.steps import Actuator, plant_steps
 from pidalab.statespace import StateSpace, discretise
 
