@@ -163,13 +163,6 @@ def test_excess_over_one_pulse(seed):
     )
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_one_pulse_has_no_excess(sign):
-    pulse = sign * T * np.exp(-T)  # two monotonic intervals
-    assert record(T, 0.0, u=pulse).tv1() == pytest.approx(0.0, abs=1e-12)
-    assert record(T, 0.0, u=sign * (1 - np.exp(-T))).tv1() == pytest.approx(0.0, abs=1e-12)
-
-
 @pytest.mark.parametrize("target", [2.0, -0.5])
 def test_overshoot_between_samples(target):
     """Second-order response with damping 0.5: exp(-pi z/sqrt(1-z^2)), the peak falls between coarse samples."""
