@@ -20,13 +20,6 @@ def test_evaluates_rational_part_times_exact_dead_time():
     assert process(POINTS.reshape(4, 5)).shape == (4, 5)
 
 
-def test_dead_time_turns_the_phase_and_leaves_the_magnitude():
-    w = np.geomspace(1e-3, 1e5, 50)
-    with_delay, without = pidalab.fopdt(2.0, 3.0, 10.0)(1j * w), pidalab.fopdt(2.0, 3.0, 0.0)(1j * w)
-    np.testing.assert_allclose(np.abs(with_delay), np.abs(without), rtol=1e-13)
-    np.testing.assert_allclose(with_delay / without, np.cos(10 * w) - 1j * np.sin(10 * w), rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("process", "formula"),
     [

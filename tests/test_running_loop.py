@@ -1,13 +1,13 @@
 """Gains judged by simulated logs of loops whose plant is known: Ms, what the gains miss, sets to try, refusals."""
 
-import functools
 import re
 
 import numpy as np
 import pytest
 
 import pidalab
-from pidalab.running_loop import check
+from pidalab.identification import fit
+from pidalab.running_loop import SETS, check
 
 PLANT, RUNNING, H = pidalab.fopdt(2.0, 12.0, 4.0), pidalab.PIDA(kp=0.6, ti=12.0), 1.0
 T = H * np.arange(200)
@@ -47,28 +47,20 @@ LOGS = {
 }
 
 
-@functools.cache
-def judged(kind):
-    """The gains judged by a log, once for all tests: each takes seconds."""
-    return check(LOGS[kind](), RUNNING, sample_time=H)
-
-
-@pytest.mark.parametrize(("kind", "loaded"), list(zip(LOGS, (False, True, True, False), strict=True)))
-def test_a_load_is_found_where_there_is_one(kind, loaded):
-    assert judged(kind).fit._data.loaded == loaded
-
-
 @pytest.mark.parametrize("kind", LOGS)
 def test_the_interval_has_the_true_ms_and_is_narrow(kind):
-    found = judged(kind)
+    """And a load is found where there is one; nothing slow is doubted."""
+    found = check(LOGS[kind](), RUNNING, sample_time=H)
+    assert found.fit._data.loaded == (kind in ("a step of the load", "both"))
     low, high = found.interval
     assert low <= TRUE <= high < low + 0.4
     assert low <= found.ms <= high
+    assert not any("slow" in doubt for doubt in found.doubts)
 
 
 def test_gains_that_miss_much_are_told_how_much_and_three_safe_sets():
     timid = pidalab.PIDA(kp=0.3, ti=20.0)
-    found = check(log(setpoint=steps((20, 1.0))), timid, sample_time=H)
+    found = check(fit(log(setpoint=steps((20, 1.0))), "fopdt"), timid, sample_time=H)
     assert [row.rule for row in found.rows] == ["now", "best like it", "calmer", "same noise", "faster"]
     now, best, *sets = found.rows
     assert best.iae < now.iae
@@ -85,8 +77,9 @@ def test_gains_that_miss_much_are_told_how_much_and_three_safe_sets():
     assert re.search(r"faster .* kp = \S+, ti = \S+, filter", said)
 
 
-def test_the_optimum_itself_misses_nothing():
-    fitted = check(log(setpoint=steps((20, 1.0))), RUNNING, sample_time=H).fit
+def test_the_optimum_itself_misses_nothing(monkeypatch):
+    monkeypatch.setattr("pidalab.running_loop.SETS", {})  # each takes seconds, and plays no part
+    fitted = fit(log(setpoint=steps((20, 1.0))), "fopdt")
     design = pidalab.tune(fitted.process, "PI", 1.5, 0.5, H)
     assert abs(check(fitted, design.controller, sample_time=H).loss) < 0.2
 
@@ -103,7 +96,7 @@ def test_gains_of_the_wrong_sign_are_refused():
     with pytest.raises(
         ValueError, match=r"gains of the sign of the plant's, found kp = -0\.6 for a plant of gain 2"
     ):
-        check(bumped(), -1 * RUNNING)
+        check(fit(bumped(), "fopdt"), -1 * RUNNING)
 
 
 def test_without_integral_action_and_digital_controllers_are_refused():
@@ -112,11 +105,12 @@ def test_without_integral_action_and_digital_controllers_are_refused():
     with pytest.raises(TypeError, match="DigitalController"):
         check(bumped(), RUNNING.discretise(1.0))
     with pytest.raises(ValueError, match="ms_worst must be above 1"):
-        check(bumped(), RUNNING, ms_worst=1.0)
+        check(fit(bumped(), "fopdt"), RUNNING, ms_worst=1.0)
 
 
-def test_gains_that_cannot_have_run_are_doubted_and_safe_ones_given():
-    found = check(bumped(), 10 * RUNNING, sample_time=H)
+def test_gains_that_cannot_have_run_are_doubted_and_safe_ones_given(monkeypatch):
+    monkeypatch.setattr("pidalab.running_loop.SETS", {"faster": SETS["faster"]})  # the boldest
+    found = check(fit(bumped(), "fopdt"), 10 * RUNNING, sample_time=H)
     assert found.ms == np.inf
     assert any("other gains ran, or other units" in doubt for doubt in found.doubts)
     assert np.isnan(found.loss)
@@ -130,4 +124,3 @@ def test_slow_disturbances_that_are_fed_back_are_doubted(noise, share):
     found = check(log(setpoint=steps((20, 0.5)), noise=noise, slow=0.9), RUNNING, sample_time=H)
     assert any(f"slow disturbances make up about {share} %" in doubt for doubt in found.doubts)
     assert not found.fit._data.loaded
-    assert not any("slow" in doubt for doubt in judged("a bump of u by hand").doubts)

@@ -1,42 +1,15 @@
-"""What must hold whatever the loop: other units change nothing, and what is converted comes back."""
+"""Other units change nothing, whatever the loop."""
 
 import math
 
 import drawn
 import numpy as np
-from hypothesis import assume, given, strategies as st
+from hypothesis import assume, given
 
 import pidalab
 from pidalab import HighOrderPID, Loop, Process
-from pidalab.rules import classical, direct, haalman, itae, magnitude_optimum
 
 scales = drawn.decades(-4, 4)
-RULES = {
-    "haalman PIDA": (
-        haalman.tune,
-        st.builds(pidalab.lags, st.just(3), drawn.decades(-0.5, 0.5), drawn.gains, drawn.delays),
-    ),
-    "SIMC": (
-        classical.simc,
-        st.builds(pidalab.sopdt, drawn.gains, drawn.decades(-0.5, 0.5), st.floats(1, 3), drawn.delays),
-    ),
-    "AMIGO": (
-        classical.amigo,
-        st.builds(pidalab.fopdt, drawn.gains, drawn.decades(-0.5, 0.5), drawn.decades(-1, 0.5)),
-    ),
-    "direct": (
-        direct.tune,
-        st.builds(
-            pidalab.sopdt, drawn.gains, drawn.decades(-0.5, 0.5), st.floats(0.5, 1), drawn.decades(-1, 0)
-        ),
-    ),
-    "ITAE": (
-        itae.tune,
-        st.builds(
-            pidalab.sopdt, drawn.gains, drawn.decades(-0.5, 0.5), st.floats(0.5, 1), drawn.decades(-1, 0)
-        ),
-    ),
-}
 
 
 def slower(process, times):
@@ -80,38 +53,3 @@ def test_another_unit_of_the_output_changes_no_margin(loop, size):
     assert first.stable == second.stable
     for name in ("gm", "pm", "dm", "ms", "mt"):
         assert math.isclose(getattr(first, name), getattr(second, name), rel_tol=1e-5) or not first.stable
-
-
-@drawn.cases(25)
-@given(st.sampled_from(sorted(RULES)), st.data(), scales)
-def test_a_rule_knows_no_unit(name, data, times):
-    """The same design in another unit of time, or refused in both."""
-    tune, models = RULES[name]
-    model = data.draw(models)
-    found = []
-    for one in (model, slower(model, times)):
-        try:
-            found.append(tune(one).controller.gains())
-        except ValueError:
-            found.append(None)
-    if None in found:
-        assert found == [None, None]
-        return
-    first, second = map(np.asarray, found)
-    np.testing.assert_allclose(second, first * times ** np.arange(-1.0, 3.0), rtol=1e-6)
-
-
-@drawn.cases(10)
-@given(st.integers(1, 5), drawn.decades(-0.5, 0.5), drawn.delays, st.integers(0, 2))
-def test_the_magnitude_optimum_is_flat(order, lag, delay, m):
-    """|T| of the unfiltered loop departs from 1 only with a power of w that its m + 2 gains cannot cancel."""
-    process = pidalab.lags(order, lag, 1.0, delay)
-    try:
-        gains = magnitude_optimum.tune(process, m, m, 0.0).controller
-    except (ValueError, ArithmeticError):
-        return
-    w = 5e-2 / (order * lag + delay)
-    s = 1j * np.array([w, 2 * w])
-    open_loop = process(s) * np.polyval(np.asarray(gains.coefficients)[::-1], s) / s
-    off = np.abs(np.abs(open_loop / (1 + open_loop)) ** 2 - 1)
-    assert off[1] >= off[0] * 2 ** (2 * (m + 2)) or off[1] < 1e-11

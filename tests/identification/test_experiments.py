@@ -168,10 +168,16 @@ def test_tangent_at_a_corner_is_off_by_half_a_sample():
         assert model.delay == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("span", [None, 0.5, 7.0])
-def test_tangent_of_an_integrator_is_the_integrator(span):
+@pytest.mark.parametrize(
+    ("rule", "options"),
+    [
+        *((ipdt_tangent, {"span": span}) for span in (None, 0.5, 7.0)),
+        *((ipdt_least_squares, {"rise": rise}) for rise in (0.02, 0.2, 0.9)),
+    ],
+)
+def test_the_model_of_an_integrator_is_the_integrator(rule, options):
     y = 5.0 - 0.3 * np.maximum(T - 3.217, 0.0)
-    model = ipdt_tangent(T, y, step=0.5, span=span)
+    model = rule(T, y, step=0.5, **options)
     assert (model.num[0], model.den.tolist()) == (pytest.approx(-0.6, rel=1e-10), [1.0, 0.0])
     assert model.delay == pytest.approx(3.217, abs=1e-9)
 
@@ -207,14 +213,6 @@ def test_filtered_record_is_that_of_the_process_with_the_filter():
     process = pidalab.Process([1.0], np.convolve([1, 4, 6, 4, 1], np.poly([-2.0] * 4) / 16.0), delay=0.7)
     y = pidalab.open_loop_step(pidalab.lags(4, delay=0.7), T).y
     assert binomial_filtered(T, y, 0.5, 4) == pytest.approx(pidalab.open_loop_step(process, T).y, abs=1e-5)
-
-
-@pytest.mark.parametrize("rise", [0.02, 0.2, 0.9])
-def test_least_squares_of_an_integrator_is_the_integrator(rise):
-    y = 5.0 - 0.3 * np.maximum(T - 3.217, 0.0)
-    model = ipdt_least_squares(T, y, step=0.5, rise=rise)
-    assert (model.num[0], model.den.tolist()) == (pytest.approx(-0.6, rel=1e-9), [1.0, 0.0])
-    assert model.delay == pytest.approx(3.217, abs=1e-8)
 
 
 @pytest.mark.parametrize("rule", [ipdt_tangent, ipdt_least_squares])

@@ -87,7 +87,7 @@ def test_plants_drawn_have_a_lag_that_the_record_cannot_show():
     plants = fitted.spread(30)
     assert fitted.model == "fopdt"
     assert {len(plant.den) - 1 for plant in plants} == {1, 2}
-    design = pidalab.tune(fitted, "PID", ms=1.6, sample_time=0.2)
+    design = pidalab.tune(fitted.process, "PID", ms=1.6, sample_time=0.2)
     true = pidalab.margins(design.loop(process)).ms
     own, hidden = (
         max(pidalab.margins(design.loop(plant)).ms for plant in plants if len(plant.den) - 1 == order)

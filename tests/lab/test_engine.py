@@ -109,6 +109,14 @@ def test_closed_form_of_an_integrator_with_dead_time(engine):
     assert found["dm"] == pytest.approx(math.pi - 1, rel=1e-12)
 
 
+def off(engine, true, process, controller, limits=None, **more):
+    """Largest deviation of a sampled run of the engine from that of the library."""
+    case = asked(process, controller, end=true.t[-1], sampleTime=true.step, setpoint=1.0, load=true.d[-1])
+    case["controller"]["limits"] = limits
+    run = engine.simulateSampled(**case, **more)
+    return max(distance(run["y"], true.y), distance(run["u"], true.u))
+
+
 @pytest.mark.parametrize("way", [None, "clamping", "conditioning"])
 def test_digital_controller_with_limits_and_noise(engine, way):
     process, controller = pidalab.lags(3, delay=0.777), pidalab.HighOrderPID([0.5, 1.5, 1.0, 0.3], 0.1, 3)
@@ -118,34 +126,21 @@ def test_digital_controller_with_limits_and_noise(engine, way):
         pidalab.Loop(process, controller), t, 1.0, -0.3, noise, limits=limits, anti_windup=way
     )
     assert true.u.max() == limits[1]
-    case = asked(
-        process, controller, end=t[-1], sampleTime=0.05, setpoint=1.0, load=-0.3, noise=noise.tolist()
-    )
-    case["controller"]["limits"] = limits
-    run = engine.simulateSampled(**case, antiWindup=way or "none")
-    assert distance(run["y"], true.y) < 1e-9
-    assert distance(run["u"], true.u) < 1e-9
+    more = {"noise": noise.tolist(), "antiWindup": way or "none"}
+    assert off(engine, true, process, controller, limits, **more) < 1e-9
 
 
 def test_automatic_reset(engine):
     """The fastest real zero is the reset; the double zero of PIDA_1 counts, and so does one of rounded gains."""
-    process, t = pidalab.ipdt(1.0, delay=1.0), 0.02 * np.arange(1501)
+    process, t, limits = pidalab.ipdt(1.0, delay=1.0), 0.02 * np.arange(1501), (-0.1, 0.1)
     own = automatic_reset.tune(process, automatic_reset.PIDA_1, n=4, filter_time=0.2).controller
-    true = pidalab.simulate_sampled(pidalab.Loop(process, own), t, 1.0, limits=(-0.1, 0.1))
+    true = pidalab.simulate_sampled(pidalab.Loop(process, own), t, 1.0, limits=limits)
     exact = pidalab.HighOrderPID(list(own.gains()), own.filter_time, own.filter_order)
     rounded = pidalab.HighOrderPID([round(k, 5) for k in own.gains()], own.filter_time, own.filter_order)
     for controller, close in ((exact, 1e-6), (rounded, 0.01)):
-        case = asked(process, controller, end=t[-1], sampleTime=0.02, setpoint=1.0)
-        case["controller"]["limits"] = (-0.1, 0.1)
-        run = engine.simulateSampled(**case, antiWindup="reset")
-        assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < close
+        assert off(engine, true, process, controller, limits, antiWindup="reset") < close
     with pytest.raises(ValueError, match="real zero"):
-        engine.simulateSampled(
-            **asked(process, pidalab.HighOrderPID([0.0, 1.0], 0.0, 0)),
-            end=1.0,
-            sampleTime=0.1,
-            antiWindup="reset",
-        )
+        off(engine, true, process, pidalab.HighOrderPID([0.0, 1.0], 0.0, 0), antiWindup="reset")
 
 
 @pytest.mark.parametrize(
@@ -162,27 +157,21 @@ def test_automatic_reset(engine):
 def test_backward_differences(engine, h, way, names):
     """Also with a sample time of several filter times."""
     process, controller = pidalab.lags(3, delay=0.777), pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
-    t = h * np.arange(round(30 / h) + 1)
-    digital = controller.discretise(h, limits=(-0.2, 1.1), **names)
+    t, limits = h * np.arange(round(30 / h) + 1), (-0.2, 1.1)
+    digital = controller.discretise(h, limits=limits, **names)
     true = pidalab.simulate_sampled(pidalab.Loop(process, digital), t, 1.0, -0.3)
     assert true.u.max() == 1.1
-    case = asked(process, controller, end=t[-1], sampleTime=h, setpoint=1.0, load=-0.3)
-    case["controller"]["limits"] = (-0.2, 1.1)
-    run = engine.simulateSampled(
-        **case, method="backward", antiWindup=way, trackingTime=names.get("tracking_time")
-    )
-    assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-9
+    more = {"method": "backward", "antiWindup": way, "trackingTime": names.get("tracking_time")}
+    assert off(engine, true, process, controller, limits, **more) < 1e-9
 
 
 def test_backward_differences_of_a_reset(engine):
-    process, t = pidalab.ipdt(1.0, delay=1.0), 0.3 * np.arange(101)
+    process, t, limits = pidalab.ipdt(1.0, delay=1.0), 0.3 * np.arange(101), (-0.1, 0.1)
     own = automatic_reset.tune(process, automatic_reset.PID, n=2, filter_time=0.2).controller
-    true = pidalab.simulate_sampled(pidalab.Loop(process, own.discretise(0.3, limits=(-0.1, 0.1))), t, 1.0)
+    true = pidalab.simulate_sampled(pidalab.Loop(process, own.discretise(0.3, limits=limits)), t, 1.0)
     controller = pidalab.HighOrderPID(list(own.gains())[:3], own.filter_time, own.filter_order)
-    case = asked(process, controller, end=t[-1], sampleTime=0.3, setpoint=1.0)
-    case["controller"]["limits"] = (-0.1, 0.1)
-    run = engine.simulateSampled(**case, method="backward", antiWindup="reset")
-    assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-9
+    more = {"method": "backward", "antiWindup": "reset"}
+    assert off(engine, true, process, controller, limits, **more) < 1e-9
 
 
 @pytest.mark.parametrize("delay", [0.137, 0.2, 0.777])
@@ -190,14 +179,10 @@ def test_backward_differences_of_a_reset(engine):
 def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
     """A dead time that is no multiple of the sample time, 0.2: the plant answers to what was set a sample before."""
     process, controller = pidalab.Process(num, den, delay), pidalab.HighOrderPID([0.2, 0.3], 0.0, 0)
-    t = 0.2 * np.arange(101)
-    true = pidalab.simulate_sampled(pidalab.Loop(process, controller.discretise(0.2)), t, 1.0, -0.3)
-    case = asked(process, controller, end=t[-1], sampleTime=0.2, setpoint=1.0, load=-0.3)
-    for method in ("backward", "held"):  # without a filter they differ by a sample of the integral
-        run = engine.simulateSampled(**case, method=method)
-        if method == "held":
-            true = pidalab.simulate_sampled(pidalab.Loop(process, controller), t, 1.0, -0.3)
-        assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-9
+    # without a filter they differ by a sample of the integral
+    for method, own in (("backward", controller.discretise(0.2)), ("held", controller)):
+        true = pidalab.simulate_sampled(pidalab.Loop(process, own), 0.2 * np.arange(101), 1.0, -0.3)
+        assert off(engine, true, process, controller, method=method) < 1e-9
 
 
 @pytest.mark.parametrize("gains", [[0.0486, 0.0641, 0.0115, 7e-5], [0.5, 0.3, 0.2, 0.001]], ids=["a", "b"])

@@ -71,14 +71,14 @@ def test_a_better_valley_is_not_passed_by(process, most, h, gains, filter_time):
 
 
 def test_less_noise_or_more_robustness_costs_error():
-    base = pidalab.optimal.load(THIRD, 2, ms=1.4, mks=10.0).iae
-    assert pidalab.optimal.load(THIRD, 2, ms=1.4, mks=4.0).iae > base > 2.654
-    assert pidalab.optimal.load(THIRD, 2, ms=1.25, mks=10.0).iae > base
-    assert pidalab.optimal.load(THIRD, 2, ms=2.0, mks=10.0).iae < base
+    base = pidalab.optimal.load(THIRD, 1, ms=1.4, mks=10.0).iae
+    assert pidalab.optimal.load(THIRD, 1, ms=1.4, mks=4.0).iae > base > 3.42
+    assert pidalab.optimal.load(THIRD, 1, ms=1.25, mks=10.0).iae > base
+    assert pidalab.optimal.load(THIRD, 1, ms=2.0, mks=10.0).iae < base
     quiet, loud = (
-        pidalab.optimal.load(THIRD, 2, 1.4, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0)
+        pidalab.optimal.load(THIRD, 1, 1.4, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0)
     )
-    assert 2.654 < loud < quiet
+    assert loud < quiet
 
 
 def test_pi_beside_brute_force():
@@ -394,12 +394,6 @@ def test_integrators_and_signs_of_a_process():
     assert sign_of_gain(pidalab.fopdt(-2.0, 1.0, 1.0)) == -1.0
     assert sign_of_gain(pidalab.Process([1.0], [-1.0, 1.0])) == -1.0
     assert sign_of_gain(pidalab.Process([-1.0, -2.0], [-1.0, 1.0, 0.0])) == 1.0
-
-
-@pytest.mark.parametrize("limits", [{}, {"mks": 9.0}])
-def test_nothing_can_be_held_through_a_zero_at_zero(limits):
-    with pytest.raises(ValueError, match="process must have a static gain other than 0, or an integrator"):
-        pidalab.optimal.load(pidalab.Process([1.0, 0.0], [1.0, 1.0, 1.0]), 1, **limits)
 
 
 @pytest.mark.parametrize(("ms", "kept"), [(2.0, True), (1.4, False)])

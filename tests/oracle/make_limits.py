@@ -18,8 +18,8 @@ from fractions import Fraction
 
 from make_margins import CHECKED, DIGITS, PRECISION, AxisFunctions, text, unstable_poles
 from mpmath import cos, diff, fabs, findroot, inf, mp, mpf, pi
-from problems import rational, store
-from quasipolynomials import Quasi, add, fraction, number, positive_beyond, scaled, times
+from problems import poly, rational, store
+from quasipolynomials import Quasi, add, fraction, number, positive_beyond, scaled
 
 
 def infimum(top, below, end):
@@ -35,8 +35,8 @@ def infimum(top, below, end):
 def circle(f, ti):
     """Infimum of Re[1 + G]."""
     slow = [Fraction(1)] if ti is None else [Fraction(1), Fraction(0), Fraction(ti) ** 2]
-    one = f.dd if ti is None else times(f.dd, [Fraction(0), Fraction(0), Fraction(ti) ** 2])
-    top, below = f.real * slow + Quasi(one, [0], [0], f.delay), times(f.dd, slow)
+    one = f.dd if ti is None else poly(f.dd, [Fraction(0), Fraction(0), Fraction(ti) ** 2])
+    top, below = f.real * slow + Quasi(one, [0], [0], f.delay), poly(f.dd, slow)
     ratio = Quasi(below)
     seen = min(top(w) / ratio(w) for w in (mpf(10) ** (mpf(k) / 20) for k in range(-60, 60)))
     assert seen < mpf("0.98"), "the infimum may lie at infinity"
@@ -58,7 +58,7 @@ def popov(f):
         theta = fraction(x)
         top = f.real + f.imaginary * [Fraction(0), -theta] + Quasi(f.dd, [0], [0], f.delay)
         # beyond `end` (1 + (x w)^2) |L|^2 < (1 - margin)^2
-        gap = add(scaled(f.dd, (1 - fraction(margin)) ** 2), scaled(times(f.nn, [1, 0, theta**2]), -1))
+        gap = add(scaled(f.dd, (1 - fraction(margin)) ** 2), scaled(poly(f.nn, [1, 0, theta**2]), -1))
         end = mpf(1)
         while not positive_beyond(gap, end) and end < mpf(10) ** 12:
             end *= 2

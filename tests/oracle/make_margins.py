@@ -27,8 +27,8 @@ The script fails if one of these checks fails.  Run: python tests/oracle/make_ma
 """
 
 from mpmath import arg, atan, exp, fabs, inf, isinf, isnan, mp, mpc, mpf, nan, nstr, pi, polyroots, sqrt
-from problems import store
-from quasipolynomials import Quasi, add, exact, number, on_axis, positive_beyond, scaled, squared, times
+from problems import poly, store
+from quasipolynomials import Quasi, add, exact, number, on_axis, positive_beyond, scaled, squared
 
 DIGITS, PRECISION, CHECKED = 30, 90, 40
 MOST_TURNS = 500  # rad of the dead time over which |C S| is followed
@@ -46,6 +46,11 @@ class Elsewhere(Exception):
     """The highest value may lie at infinite frequency, or too far out."""
 
 
+def at(p, w):
+    """p(jw)."""
+    return sum(number(x) * mpc(0, w) ** k for k, x in enumerate(p))
+
+
 class AxisFunctions:
     """A loop on the imaginary axis."""
 
@@ -54,12 +59,12 @@ class AxisFunctions:
             case[name] or {"num": [1.0], "den": [1.0]} for name in ("process", "controller", "output_filter")
         ]
         (gn, gd), (cn, cd), (fn, fd) = ((exact(b["num"]), exact(b["den"])) for b in blocks)
-        self.c_num, self.c_den, self.g_den = times(cn, fn), times(cd, fd), gd
-        self.num, self.den = times(gn, self.c_num), times(gd, self.c_den)
+        self.c_num, self.c_den, self.g_den = poly(cn, fn), poly(cd, fd), gd
+        self.num, self.den = poly(gn, self.c_num), poly(gd, self.c_den)
         self.delay = case["delay"]
         (nr, ni), (dr, di) = on_axis(self.num), on_axis(self.den)
-        real = add(times(nr, dr), times(ni, di))  # of N D*, without the dead time
-        imaginary = add(times(ni, dr), scaled(times(nr, di), -1))
+        real = add(poly(nr, dr), poly(ni, di))  # of N D*, without the dead time
+        imaginary = add(poly(ni, dr), scaled(poly(nr, di), -1))
         self.nn, self.dd = squared(self.num), squared(self.den)
         self.real = Quasi([0], real, imaginary, self.delay)
         self.imaginary = Quasi([0], imaginary, scaled(real, -1), self.delay)
@@ -68,14 +73,11 @@ class AxisFunctions:
         self.flat = number(self.flat_exact)  # at infinite frequency, without the dead time
 
     def L(self, w, factor=1, extra=0):
-        s = mpc(0, w)
-        n, d = (sum(number(x) * s**k for k, x in enumerate(p)) for p in (self.num, self.den))
-        return factor * n / d * exp(-(number(self.real.delay) + extra) * s)
+        late = exp(-(number(self.real.delay) + extra) * mpc(0, w))
+        return factor * at(self.num, w) / at(self.den, w) * late
 
     def C(self, w):
-        s = mpc(0, w)
-        n, d = (sum(number(x) * s**k for k, x in enumerate(p)) for p in (self.c_num, self.c_den))
-        return n / d
+        return at(self.c_num, w) / at(self.c_den, w)
 
     def quiet_beyond(self, most):
         """Some W beyond which |L| < most."""
@@ -140,8 +142,7 @@ def unstable_poles(f, factor=1.0, extra=0.0):
     gap = Quasi(difference)
     slope = gap.slope()
     for w in gap.zeros(end):
-        n, d = (sum(number(x) * mpc(0, w) ** k for k, x in enumerate(p)) for p in (num, f.den))
-        first = (arg(n / d) + pi) % (2 * pi) / w  # dead time that puts a pole on the axis
+        first = (arg(at(num, w) / at(f.den, w)) + pi) % (2 * pi) / w  # dead time that puts a pole on the axis
         crossings = 0
         while first + crossings * 2 * pi / w < delay:
             crossings += 1
@@ -227,7 +228,7 @@ def control_peak(f, flat):
                     return w
         raise Elsewhere
 
-    num = times(c_num, squared(f.g_den))
+    num = poly(c_num, squared(f.g_den))
     floor = fabs(last) / (1 - flat)
     try:
         return peak(f, num, lambda w: fabs(f.C(w) / (1 + f.L(w))), floor, quiet)

@@ -28,11 +28,12 @@ from fractions import Fraction
 from itertools import pairwise
 
 from delay_loop_series import horner
+from make_margins import CHECKED, DIGITS, text
 from mpmath import acos, arg, exp, fabs, inf, matrix, mp, mpc, mpf, nan, nstr, pi, polyroots, sqrt
 from problems import add, poly, store
-from quasipolynomials import Quasi, slope
+from quasipolynomials import Quasi, add as ascending_sum, slope
 
-DIGITS, PRECISION, CHECKED = 30, 130, 40
+PRECISION = 130
 NODES = 400  # of the circles
 
 
@@ -144,21 +145,13 @@ def on_circle(p, q):
     even, odd = [[mpf(1)], x], [[mpf(0)], [mpf(1)]]  # cos(k a), sin(k a)/sin(a)
     for kind in (even, odd):
         while len(kind) < n + 1:
-            twice = _times([2 * c for c in x], kind[-1])
-            kind.append(_plus(twice, [-c for c in kind[-2]]))
+            twice = poly([2 * c for c in x], kind[-1])
+            kind.append(ascending_sum(twice, [-c for c in kind[-2]]))
     real, imaginary = [by[0]], [mpf(0)]
     for k in range(1, n + 1):
-        real = _plus(real, [(by[k] + by[-k]) * c for c in even[k]])
-        imaginary = _plus(imaginary, [(by[k] - by[-k]) * c for c in odd[k]])
+        real = ascending_sum(real, [(by[k] + by[-k]) * c for c in even[k]])
+        imaginary = ascending_sum(imaginary, [(by[k] - by[-k]) * c for c in odd[k]])
     return real, imaginary
-
-
-def _times(p, q):
-    return poly(p[::-1], q[::-1])[::-1]
-
-
-def _plus(p, q):
-    return add(p[::-1], q[::-1])[::-1]
 
 
 def cleaned(p):
@@ -184,8 +177,8 @@ def margins(num, den, h):
 
     top = pi / h
     nn, dd, (real, imaginary) = on_circle(num, num)[0], on_circle(den, den)[0], on_circle(num, den)
-    below = _plus(_plus(nn, dd), [2 * x for x in real])
-    crossings = [frequency(y) for y in zeros(_plus(dd, [-x for x in nn]))]
+    below = ascending_sum(ascending_sum(nn, dd), [2 * x for x in real])
+    crossings = [frequency(y) for y in zeros(ascending_sum(dd, [-x for x in nn]))]
     lags = [(arg(L(w)) + pi) % (2 * pi) for w in crossings]
     turns = [min(x, 2 * pi - x) for x in lags]
     assert all(fabs(fabs(L(w)) - 1) < mpf(10) ** -CHECKED for w in crossings)
@@ -208,7 +201,7 @@ def margins(num, den, h):
         "phase_crossovers": crossed,
     }
     for name, over in (("ms", dd), ("mt", nn)):
-        change = _plus(_times(slope(over), below), [-x for x in _times(over, slope(below))])
+        change = ascending_sum(poly(slope(over), below), [-x for x in poly(over, slope(below))])
         value = (lambda w: 1 / fabs(1 + L(w))) if name == "ms" else (lambda w: 1 / fabs(1 + 1 / L(w)))
         places = [*(frequency(y) for y in zeros(change)), top]
         best, where = max((value(w), w) for w in places)
@@ -254,12 +247,6 @@ def running(values):
         total += x
         out.append(total)
     return out
-
-
-def text(x):
-    if isinstance(x, list):
-        return [text(v) for v in x]
-    return "inf" if x == inf else "nan" if x != x else nstr(x, DIGITS)
 
 
 def solve(case):

@@ -7,6 +7,7 @@ function is evaluated. That no zero is missed is proved: see ``zeros``.
 from fractions import Fraction
 
 from mpmath import cos, fabs, mpf, sin
+from problems import poly
 
 TERMS = 40  # of the power series at 0, beyond the degree of the polynomials
 
@@ -20,15 +21,6 @@ def add(*polynomials):
     return [
         sum((p[k] for p in polynomials if k < len(p)), Fraction(0)) for k in range(max(map(len, polynomials)))
     ]
-
-
-def times(p, q):
-    out = [Fraction(0)] * (len(p) + len(q) - 1)
-    for i, x in enumerate(p):
-        if x:
-            for j, y in enumerate(q):
-                out[i + j] += x * y
-    return out
 
 
 def scaled(p, factor):
@@ -50,7 +42,7 @@ def on_axis(p):
 def squared(p):
     """|p(jw)|^2."""
     real, imaginary = on_axis(p)
-    return add(times(real, real), times(imaginary, imaginary))
+    return add(poly(real, real), poly(imaginary, imaginary))
 
 
 def fraction(x):
@@ -108,7 +100,7 @@ class Quasi:
         return Quasi(add(self.a, other.a), add(self.b, other.b), add(self.c, other.c), self.delay)
 
     def __mul__(self, polynomial):
-        return self._with(lambda p: times(p, polynomial))
+        return self._with(lambda p: poly(p, polynomial))
 
     def slope(self):
         return Quasi(
@@ -158,7 +150,7 @@ class Quasi:
             for k in range(self._terms()):
                 trigonometric.append(term * (-1) ** (k // 2) if k % 2 == odd else Fraction(0))
                 term *= self.delay / (k + 1)
-            out = add(out, times(p, trigonometric)[: self._terms()])
+            out = add(out, poly(p, trigonometric)[: self._terms()])
         return out
 
     def leading(self):

@@ -71,8 +71,9 @@ def test_noise_gain_without_a_process():
             3.8e-6,
             r"sample_time must be at least 3\.81e-06, for 4 dead times",
         ),
+        (Loop(pidalab.lags(4), PIDA(1.5, 4.0, 1.0, 0.3)), 0.5, r"sample time must be at most .*discretise"),
     ],
-    ids=["unstable", "digital", "zero", "dead-time"],
+    ids=["unstable", "digital", "zero", "dead-time", "filter"],
 )
 def test_noise_gain_complains(loop, h, message):
     with pytest.raises(ValueError, match=message):

@@ -183,15 +183,10 @@ RUNAWAY = {
     [
         ({"loop": pidalab.ipdt(1.0, 1.0)}, TypeError, "loop must be a pidalab.Loop, found Process"),
         ({"t": [0.0, 1.0, 3.0]}, ValueError, "t must be uniform"),
-        ({"t": [1.0, 2.0]}, ValueError, "t must start at 0"),
-        ({"setpoint": [1.0]}, ValueError, r"setpoint must be .* as long as t \(3\), found shape \(1,\)"),
         ({"load": [0.0, 1.0, np.nan]}, ValueError, "load must be finite, found nan at index 2"),
-        ({"noise": "loud"}, TypeError, "noise must be"),
         ({"limits": (1.0, -1.0)}, ValueError, r"limits must be \(lower, upper\) .* found \(1\.0, -1\.0\)"),
         ({"limits": (1.0, 2.0)}, ValueError, "hold 0, the control signal at rest"),
         ({"limits": (-1.0, np.nan)}, ValueError, "limits must be"),
-        ({"limits": 1.0}, TypeError, "limits must be two numbers, lower and upper, found 1.0"),
-        ({"limits": (0.0, 1.0, 2.0)}, TypeError, "limits must be two numbers"),
         ({"plant": 1.0}, TypeError, "plant must be a Process or an AsymmetricPlant, found float"),
         ({"plant": Process([1.0, 2.0], [1.0, 1.0])}, ValueError, "answers within the sample"),
         ({"loop": Loop(pidalab.ipdt(1.0, 1.0), RESET)}, ValueError, r"the sample time must be .* \(0\.1\), found 1:"),
@@ -206,9 +201,9 @@ RUNAWAY = {
         (RUNAWAY, ValueError, "leaves the range of"),
         (RUNAWAY | {"pulse_widths": 10}, ValueError, "leaves the range of"),
     ],
-    ids=["loop", "uneven", "late", "short", "nan", "text", "order", "zero", "nan-limit", "number", "three", "plant",
-         "feedthrough", "reset", "pida", "high-order", "non-interactive", "control", "output", "step", "twice",
-         "overflow", "overflow-limited", "overflow-pulses"],
+    ids=["loop", "uneven", "nan", "order", "zero", "nan-limit", "plant", "feedthrough", "reset", "pida",
+         "high-order", "non-interactive", "control", "output", "step", "twice", "overflow",
+         "overflow-limited", "overflow-pulses"],
 )  # fmt: skip
 def test_simulate_sampled_complains(arguments, error, message):
     with pytest.raises(error, match=message):
