@@ -42,16 +42,16 @@ DENSE = {
         np.linspace(1.0, 20.0, 200_001),
     )
 }
-for delay in (1e3, 1e5):  # one of the first turns of thousands is the highest; the lag has not begun there
+# one of the first turns of thousands is the highest; the lag has not begun there
+for delay in (1e3, 1e5):
     loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, delay), pidalab.HighOrderPID([0.0, 0.3], 0.1, 1))
     DENSE[f"far longer than the lag, {delay:g}"] = loop, np.linspace(0.1, 60.0, 120_001) / delay
-for delay in (
-    10.0,
-    1e4,
-):  # |L| never falls below a tenth; one of the first turns, where it is 0.3, is the highest
+# |L| never falls below a tenth; one of the first turns, where it is 0.3, is the highest
+for delay in (10.0, 1e4):
     loop = pidalab.Loop(pidalab.Process([0.3, 1.0], [1.0, 1.0], delay), 0.3)
     DENSE[f"as loud far out, {delay:g}"] = loop, np.linspace(0.1, 60.0, 120_001) / delay
-for gain in (0.5, 2.0, 8.0):  # a band-pass in positive feedback: L reaches -k between two points of the grid
+# a band-pass in positive feedback: L reaches -k between two points of the grid
+for gain in (0.5, 2.0, 8.0):
     band = control.tf([0.5 * gain, 0.0], [1.0, 0.5, 1.0])
     loop = pidalab.Loop(pidalab.Process([-1.0], [0.003, 1.0]), band)
     DENSE[f"beyond minus one, {gain:g}"] = loop, np.linspace(0.5, 2.0, 100_001)
