@@ -80,6 +80,9 @@ def test_limits_of_controller_and_actuator_both_hold():
     assert (both.u.min(), both.u.max()) == (-0.05, 0.2)
     own = SeriesPIDA(0.8, 0.0, 0.0, 3.0, 0.1, 1, limits=(-0.05, 0.2))
     np.testing.assert_array_equal(simulate_sampled(Loop(loop.process, own), t, both.r).u, both.u)
+    digital = Loop(loop.process, loop.controller.discretise(0.02))
+    held = simulate_sampled(digital, t, both.r, limits=(-0.05, 0.5))
+    assert (held.u.min(), held.u.max()) == pytest.approx((-0.05, 0.2), rel=1e-12)
 
 
 # A PI controller that sees the set point alone: kp = 1, ki h = 1/4, limits -1.5 and 1.5, errors 1 six times, then -1.
