@@ -171,6 +171,13 @@ def test_ensemble_is_simulate_row_by_row():
             np.testing.assert_allclose(getattr(record, key), getattr(single, key), atol=1e-12)
 
 
+def test_signals_that_are_not_given_are_zero():
+    noise = held(3, every=1)
+    (record,) = pidalab.simulate_ensemble(LOOPS["delay"], TIME, noise[None])
+    np.testing.assert_allclose(record.y, simulate(LOOPS["delay"], TIME, 0.0, 0.0, noise).y, atol=1e-12)
+    assert not simulate(LOOPS["delay"], TIME).y.any()
+
+
 def limited(low, high):
     return Loop(
         pidalab.fopdt(1.0, 1.0, 1.0), pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(low, high))
