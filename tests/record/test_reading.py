@@ -97,6 +97,14 @@ def test_a_clock_that_is_set_forward_leaves_no_gap(tmp_path, monkeypatch):
     assert found.tolist() == [60.0 * k for k in range(40)]
 
 
+def test_an_offset_that_changes_with_the_clock_leaves_no_gap(tmp_path):
+    text = "t,u,y\n" + "\n".join(
+        f"2026-03-29T0{1 if k < 20 else 3}:{(40 + k) % 60:02d}:00+0{1 if k < 20 else 2}:00,{u},{y}"
+        for k, u, y in map(steps, range(40))
+    )
+    assert Record.read_csv(write(tmp_path, text), time="t").t.tolist() == [60.0 * k for k in range(40)]
+
+
 def test_an_error_names_the_row_and_words_for_missing_values_are_known(tmp_path):
     rows = ("time,u,y\n" + lines()).splitlines()
     rows[5] = "4,40,bad"
