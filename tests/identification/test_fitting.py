@@ -198,6 +198,7 @@ def test_a_fit_is_its_own_and_says_what_it_found():
         "fopdt was asked for.",
     ]
     assert fitted.deviation == pytest.approx(np.sqrt(np.mean(fitted.residuals**2)))
+    assert fitted.nrmse == pytest.approx(1 - fitted.deviation / np.std(historian(0).y))
 
 
 def test_uncertainty_of_white_residuals_in_closed_form():
@@ -397,8 +398,8 @@ def test_what_was_not_fitted_is_predicted():
     assert fit(Record(T, u, y), "fopdt").holdout > 0.85
     assert fit(Record(T, 0.01 * u, y), "fopdt").holdout > 0.85
     assert np.isnan(fit(Record(T, U, rise() + NOISE), "fopdt").holdout)
-    slight = U + 0.04 * (T >= 150)  # too small to move the output
-    assert np.isnan(fit(Record(T, slight, rise() + NOISE), "fopdt").holdout)
+    slight = U + 0.04 * (T >= 150)  # too small to count as a change
+    assert np.isnan(fit(Record(T, slight, rise(lag=60.0) + 0.1 * NOISE), "fopdt").holdout)
     assert fit(Record(T, u, y + 0.5 * rise(120.0)), "fopdt").holdout < 0.8
 
 

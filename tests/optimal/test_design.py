@@ -211,6 +211,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
         (lambda: pidalab.optimal.load(THIRD, 1, sample_time=2.0), ValueError, "noise_gain is missing"),
         (lambda: pidalab.optimal.load(pidalab.Process([1.0, 0.0], [1.0, 1.0]), 1), ValueError, "static gain"),
         (lambda: pidalab.optimal.load(pidalab.ipdt(1.0, 0.0), 1), ValueError, "a lag or a dead time"),
+        (lambda: pidalab.optimal.load(THIRD, 1, noise_gain=9.0, sample_time=1e3), ValueError, "to be that slow"),
         (
             lambda: pidalab.optimal.load(pidalab.Process([1.0], [1.0, -1.0], 3.0), 1, ms=2.0),
             ValueError,
@@ -227,7 +228,8 @@ def test_iae_of_the_search_is_that_of_the_engine():
             "too slow to be followed",
         ),
     ],
-    ids=["loop", "order", "negative", "ms", "mks", "noise", "sample", "zero", "bare", "unstable", "nearest", "slow"],
+    ids=["loop", "order", "negative", "ms", "mks", "noise", "sample", "zero", "bare", "rare", "unstable", "nearest",
+         "slow"],
 )  # fmt: skip
 def test_what_cannot_be_is_refused(call, error, message):
     with pytest.raises(error, match=message):

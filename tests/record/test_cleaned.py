@@ -305,6 +305,9 @@ def test_a_counter_that_begins_anew_is_counted_on_and_a_clock_set_back_is_refuse
     wrapped = Record(np.round(10 * t + 300) % 1000, u, y)
     assert np.diff(wrapped.t).min() > 0
     assert "the time begins anew 1 time(s), at 1000, and was counted on" in wrapped.doubts
+    for counter in (60.0, 3600.0, 86400.0):  # seconds of a minute, an hour, a day
+        anew = Record((t * counter / 200.0 + 0.6 * counter) % counter, u, y)
+        assert anew.t == pytest.approx((t - t[0]) * counter / 200.0 + anew.t[0], rel=1e-9)
     with pytest.raises(ValueError, match=r"clock was set back: .* of the samples lie before an earlier one"):
         Record(np.where(t > 70.0, t - 20.0, t), u, y)
     turned = Record(t[::-1], u[::-1], y[::-1])
