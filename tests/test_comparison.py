@@ -7,18 +7,25 @@ import pidalab
 from pidalab.rules import classical
 
 
+@pytest.fixture(scope="module")
+def integrating():
+    return pidalab.compare(pidalab.ipdt(0.1, delay=1.0), ms=1.6, noise_gain=10.0, sample_time=0.05)
+
+
 def row(table, rule, kind):
     (found,) = [one for one in table.rows if (one.rule, one.kind) == (rule, kind)]
     return found
 
 
-def test_nothing_in_the_limits_beats_the_optimum_and_a_rule_outside_its_validity_says_so():
-    integrating = pidalab.compare(pidalab.ipdt(0.1, delay=1.0), ms=1.6, noise_gain=10.0, sample_time=0.05)
+def test_nothing_in_the_limits_beats_the_optimum_of_its_kind(integrating):
     for kind in ("PI", "PID", "PIDA"):
         best = row(integrating, "optimal", kind)
         assert integrating.keeps(best)
         rivals = [one for one in integrating.rows if one.kind == kind and integrating.keeps(one)]
         assert min(one.iae_load for one in rivals) >= best.iae_load * 0.999
+
+
+def test_a_rule_outside_its_validity_is_a_row_with_its_message(integrating):
     found = row(integrating, "direct load", "PIDA")
     assert not found.applies
     assert found.design is None

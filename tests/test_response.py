@@ -230,8 +230,8 @@ def test_a_stretch_by_hand(sign):
     limits = (0.0, 5.0) if sign > 0 else (-5.0, 0.0)
     assert r.saturated(limits, 0.5, 3.5) == 1.5
     assert r.saturated(limits) == 1.5
-    narrow = (sign * 0.5, sign * 3.5)[:: int(sign)]  # a record may lie beyond limits that are asked about
-    assert r.saturated(narrow) == r.step * np.sum((sign * r.u <= 0.5) | (sign * r.u >= 3.5))
+    low, high = sorted([0.5 * sign, 3.5 * sign])  # a record may lie beyond limits that are asked about
+    assert r.saturated((low, high)) == r.step * np.sum((r.u <= low) | (r.u >= high))
 
 
 def test_a_stretch_ends_before_the_next_step():

@@ -43,6 +43,14 @@ def test_simc_cancels_and_has_its_known_margins(kind):
     assert margins.ms == pytest.approx(1.590, rel=2e-3)
 
 
+def test_amigo_pi_keeps_ms_near_its_target():
+    for lag in (0.1, 0.5, 2.0, 10.0, 100.0):
+        ms = pidalab.margins(classical.amigo(pidalab.fopdt(3.0, lag, 1.0), "PI").loop()).ms
+        assert 1.2 < ms < 1.65
+    ms = pidalab.margins(classical.amigo(pidalab.ipdt(0.2, 2.0), "PI").loop()).ms
+    assert 1.3 < ms < 1.5
+
+
 def test_lambda_tuning_gives_the_closed_loop_asked_for():
     """The lag cancels, L = e^(-Ls)/((lambda + L)s): a first-order response but for the dead time's rest."""
     design = classical.lambda_tuning(pidalab.fopdt(2.0, 3.0, 0.01), closed_loop_time=1.0)

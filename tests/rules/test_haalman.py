@@ -40,6 +40,8 @@ def test_times_cancel_the_poles(tuned, key):
 def test_gain_reaches_ms(tuned, key):
     loop = Loop(MODELS[key[0]], tuned[key])
     assert pidalab.max_sensitivity(loop)[0] == pytest.approx(key[1], rel=1e-9)
+    w = np.geomspace(1e-3, 1e3, 2_000_001)
+    assert np.max(np.abs(loop.S(1j * w))) == pytest.approx(key[1], rel=1e-6)  # brute force
     assert pidalab.is_stable(loop)
 
 
@@ -62,6 +64,12 @@ def test_integrator_with_dead_time_in_closed_form():
     k = C.kp * SECOND.delay / C.ti
     assert np.max(1 / np.abs(1 + k / (1j * x) * np.exp(-1j * x))) == pytest.approx(1.59049, abs=1e-4)
     assert k == pytest.approx(0.5, abs=1e-4)  # as for 0.5/s e^{-s}, whose Ms is 1.590490
+
+
+@pytest.mark.parametrize("ms", [1.0, -2.0, math.nan])
+def test_ms_must_be_above_one(ms):
+    with pytest.raises(ValueError, match=r"ms must be (finite and )?above 1, found"):
+        haalman.pid(SECOND, ms=ms)
 
 
 @pytest.mark.parametrize(

@@ -245,8 +245,9 @@ def polish(search: Search, x: Array) -> Polished | None:
                 length < min(LOCAL, 0.5 * before) and there < math.inf
             ):
                 break
-            trust = 0.3 * min(length, trust)  # a step may pass a trust that rounding has lost
-            if not trust >= SHORTEST:  # nor for nan
+            # it shrinks, also where rounding let the step pass it
+            trust = 0.3 * min(trust, length)
+            if trust < SHORTEST:
                 return None
         z, value, missed = np.clip(z + step, one.low, one.high), there, by
         trust = max(trust, min(WIDEST, 3 * length))

@@ -15,7 +15,7 @@ FEWEST = 20  # samples from which something can be concluded
 BACKWARD = 0.05  # share of the samples that may lie before an earlier one
 # where clocks begin anew
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
-LISTED = 4  # samples that are listed one by one
+LISTED = 4  # samples, or changes of the input, that are listed one by one
 
 Places = NDArray[np.intp]  # of samples
 
@@ -98,5 +98,11 @@ def far_off(y: Array) -> Places:
 
 
 def named(where: Sequence[str], y: Array, found: Places) -> str:
-    listed = ", ".join(f"{where[k]} (y = {y[k]:.6g})" for k in found[:LISTED])
-    return listed + (f" and {found.size - LISTED} more" if found.size > LISTED else "")
+    return first_few([f"{where[k]} (y = {y[k]:.6g})" for k in found])
+
+
+def first_few(entries: Sequence[str]) -> str:
+    """List the first entries, and say how many more there are."""
+    return ", ".join(entries[:LISTED]) + (
+        f" and {len(entries) - LISTED} more" if len(entries) > LISTED else ""
+    )

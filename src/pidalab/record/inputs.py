@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pidalab._check import Array
+from pidalab.record.cleaning import first_few
 
 CREEP = 0.1  # share of the input's span by which a level may move and still be one
 SHORT = 4  # samples that a level of the input takes at least
@@ -14,7 +15,6 @@ MANY = 12  # levels of the input, in steps of a hundredth of its span
 FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"
-LISTED = 4  # changes of the input that are listed one by one
 
 
 class Step(NamedTuple):
@@ -95,5 +95,4 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
 
 def described(steps: tuple[Step, ...]) -> str:
     """List the first steps in words."""
-    listed = [f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps[:LISTED]]
-    return (", ".join(listed) or "none") + (f" and {len(steps) - LISTED} more" if len(steps) > LISTED else "")
+    return first_few([f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps]) or "none"
