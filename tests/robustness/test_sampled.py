@@ -101,6 +101,8 @@ def test_refusals():
         margins(Loop(Process([1.0, 1.0], [1.0, 2.0]), PIDA(0.1, 1.0).discretise(0.1)))
     with pytest.raises(ArithmeticError, match="the sample much shorter than the dead time"):
         margins(Loop(fopdt(1.0, 1.0, 1e3), PIDA(9000.0, 1.0).discretise(1e-3)))
+    with pytest.raises(ValueError, match="the dead time must be at most 1e\\+06 samples"):
+        margins(Loop(fopdt(1.0, 1.0, 1e3), PIDA(1.0, 1.0).discretise(5e-4)))
     with pytest.raises(TypeError, match="is digital"):
         pidalab.gain_for_ms(Loop(lags(3), PIDA(1.0, 4.0).discretise(0.5)), 1.4)
 
