@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from pidalab._check import Array
 from pidalab.digital import DigitalController
 from pidalab.loop import Loop, open_loop, require_loop, require_well_posed
 from pidalab.process import static_gain
-from pidalab.robustness.peaks_and_crossovers import Explorer, frequencies
+from pidalab.robustness._arrays import fraction as fraction_of_factors, frequencies
+from pidalab.robustness.peaks_and_crossovers import Explorer, FactoredExplorer, LoopFactors
 from pidalab.robustness.sampled import sampled_plant
 from pidalab.roots import roots
 
-
-class Factors(NamedTuple):
-    """L(s) = gain * prod(s - zeros) / prod(s - poles), and its dead time beside it."""
-
-    gain: float
-    zeros: Any
-    poles: Any
+FAR_PER_DECADE = 12  # points of the grid far from all corners
+CLEAR = 10.0  # |L|, or one over it, up to which the grid goes on
 
 
-def factors(loop: Loop) -> Factors:
+def factors(loop: Loop) -> LoopFactors:
     """Factor a loop block by block; nothing is cancelled.
 
     Raises
@@ -33,59 +29,77 @@ def factors(loop: Loop) -> Factors:
     ValueError
         For a gain beyond the range of numbers, and for roots that cannot be found.
     """
+    return factors_of(loop, "process", "controller", "output_filter")._replace(
+        delay=float(loop.process.delay)
+    )
+
+
+def factors_of(loop: Loop, *names: str) -> LoopFactors:
+    """Factor some blocks of a loop, without the dead time."""
     open_loop(loop)  # complains about what is not a loop
     gain, zeros, poles = 1.0, [], []
-    for name in ("process", "controller", "output_filter"):
+    for name in names:
         num, den = loop.blocks[name]
         gain *= float(num[0]) / float(den[0])
         zeros.append(roots(num))
         poles.append(roots(den))
     if not math.isfinite(gain):
         raise ValueError("the gain of the loop leaves the range of numbers (about 1e308)")
-    return Factors(gain, np.concatenate(zeros), np.concatenate(poles))
+    return together(gain, np.concatenate(zeros), np.concatenate(poles))
+
+
+def together(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopFactors:
+    """Put the factors of a loop together, with a speed for each pole: its own, or the slowest where that is 0."""
+    speeds = np.abs(poles)
+    moving = speeds[speeds > 0]
+    own = float(moving.min()) if moving.size else 1 / delay if delay else 1.0
+    speeds = np.where(speeds > 0, speeds, own)
+    return LoopFactors(gain, zeros.astype(complex), poles.astype(complex), speeds, delay)
 
 
 def explore(loop: Loop) -> Explorer:
     """Look at a loop along the frequency axis; from sample to sample if its controller is digital."""
     require_loop(loop)
-    return _in_s(loop) if loop.digital is None else _in_z(loop, loop.digital)
+    return explore_in_s(loop) if loop.digital is None else _in_z(loop, loop.digital)
 
 
-def _in_s(loop: Loop) -> Explorer:
+def explore_in_s(loop: Loop) -> FactoredExplorer:
+    """Look at a continuous loop along the frequency axis, with its factors."""
     require_well_posed(loop)
-    return from_factors(factors(loop), float(loop.process.delay), static_gain(*open_loop(loop)))
+    return from_factors(factors(loop), static_gain(*open_loop(loop)))
 
 
-def from_factors(of: Factors, delay: float, at_zero: float = math.nan) -> Explorer:
+def from_factors(of: LoopFactors, at_zero: float = math.nan) -> FactoredExplorer:
     """Look at a continuous loop by its factors."""
     at_infinity = of.gain if of.zeros.size == of.poles.size else 0.0
-    return Explorer(
-        grid=frequencies(np.concatenate([of.zeros, of.poles]), delay),
-        fraction=_fraction(of, delay),
-        delay=delay,
+    return FactoredExplorer(
+        grid=_with_far_crossovers(of, frequencies(np.concatenate([of.zeros, of.poles]), of.delay)),
+        fraction=lambda s: fraction_of_factors(s, of),
+        delay=of.delay,
         at_zero=at_zero,
-        at_end=-abs(at_infinity) if delay else at_infinity,
-        degree=of.poles.size,
+        at_end=-abs(at_infinity) if of.delay else at_infinity,
+        of=of,
     )
 
 
-def _fraction(of: Factors, delay: float) -> Callable[[Any], tuple[Any, Any]]:
-    """Numerator and denominator of L, factor by factor over |s| plus a speed: their products stay in range."""
-    zeros, poles, speeds = of.zeros.tolist(), of.poles.tolist(), np.abs(of.poles)
-    moving = speeds[speeds > 0]
-    own = moving.min() if moving.size else 1 / delay if delay else 1.0
-    scales = np.where(speeds > 0, speeds, own).tolist()
+def _with_far_crossovers(of: LoopFactors, w: Array) -> Array:
+    """Extend the grid to where |L|, a power of the frequency far from all corners, crosses 1."""
+    from pidalab.robustness._scan import along  # compiled code: loaded when it is needed
 
-    def fraction(s: Any) -> tuple[Any, Any]:
-        size = abs(s)
-        num, den = of.gain * np.exp(-s * delay), 1.0 + 0.0 * s
-        for i, pole in enumerate(poles):
-            scale = 1 / (size + scales[i])
-            den = den * ((s - pole) * scale)
-            num = num * ((s - zeros[i]) * scale if i < len(zeros) else scale)
-        return num, den
-
-    return fraction
+    at_zero, at_infinity = int(np.sum(of.poles == 0) - np.sum(of.zeros == 0)), of.poles.size - of.zeros.size
+    parts = [w]
+    with np.errstate(all="ignore"):
+        num, den = along(w[[0, -1]], 0.0, 0.0, tuple(of))
+        sizes = np.abs(num) / np.abs(den)
+        for side, end, size, power in ((-1, w[0], sizes[0], at_zero), (1, w[-1], sizes[1], at_infinity)):
+            if not power:
+                continue
+            beyond = CLEAR if side * power < 0 else 1 / CLEAR  # |L| on its way to infinity, or to 0
+            far = float(end * (size / beyond) ** (1 / power))
+            if 0 < far < math.inf and (far > end) == (side > 0):
+                more = np.geomspace(end, far, 2 + int(FAR_PER_DECADE * abs(math.log10(far / end))))[1:]
+                parts.insert(0 if side < 0 else len(parts), more[::side])
+    return np.concatenate(parts) if len(parts) > 1 else w
 
 
 def _in_z(loop: Loop, k: DigitalController) -> Explorer:

@@ -11,8 +11,8 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.robustness._arrays import COMPLEMENTARY, height, zeros
 from pidalab.robustness.loops import explore
-from pidalab.robustness.peaks_and_crossovers import complementary, zeros
 from pidalab.robustness.poles import count_unstable
 
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
@@ -120,7 +120,7 @@ def gain_crossovers(loop: Loop) -> Array:
     >>> pidalab.gain_crossovers(pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 0.25)).round(9).tolist()
     [0.5]
     """
-    return explore(loop).gain_crossovers()
+    return explore(loop).gain_crossovers
 
 
 def bandwidth(loop: Loop, drop: float = 3.0) -> float:
@@ -160,7 +160,8 @@ def bandwidth(loop: Loop, drop: float = 3.0) -> float:
     w = looked.follow(0.9 * level / (1 + level))
 
     def excess(w: Any) -> Any:
-        return complementary(looked.at(w)) - level
+        _, num, den = looked.at(w)
+        return height(COMPLEMENTARY, num, den) - level
 
     values = excess(w)
     first = int(np.argmax(values < 0))
@@ -226,7 +227,7 @@ def margins(loop: Loop) -> Margins:
     gain margin 3.142 at 1.571, phase margin 61.35 deg at 0.5, delay margin 2.142
     """
     looked, quietest = explore(loop), QUIETEST
-    wgc = looked.gain_crossovers()
+    wgc = looked.gain_crossovers
     if count_unstable(looked):
         none = math.nan
         return Margins(False, none, none, none, none, none, none, none, none, none, none, wgc, np.zeros(0))
