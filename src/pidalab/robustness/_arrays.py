@@ -33,6 +33,7 @@ TINIEST = 1e-300  # |L| that is not 0
 HUGE = 1e9  # |L| beyond which a jump of the phase is that at a pole on the axis
 ONE_BY_ONE = 20  # crossovers or peaks that are found one by one
 BRACKET_SHARE = 1e-8  # of the distance of two points, to which a peak between them is found
+PIECE = 64.0  # points of a step that are passed over, or followed, together
 FOLLOWED_AT_ONCE = 60  # steps of the grid, those first in which a peak may be highest
 # what has a peak
 SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2
@@ -198,10 +199,24 @@ def height(kind: int, num: Any, den: Any) -> Any:
     return 0.5 * abs(den - num) / abs(den + num)
 
 
-def highest(kind: int, at: At, weight: Any, w: Array, num: Any, den: Any, delay: float, least: float) -> Any:
+def _bound(kind: int, size: Array, weight: Any) -> Array:
+    """What a height does not exceed between neighbours, from |L| and the weight there: infinite where |L| may be 1.
+
+    Between two points |1 + L| is at least the distance of |L| from 1, whatever the dead time turns.
+    """
+    numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
+    pairs = size[:-1], size[1:]
+    apart = np.fmax(least_between(*pairs) - 1, 1 - most_between(*pairs))
+    return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
+
+
+def highest(
+    kind: int, at: At, weight: Any, w: Array, num: Any, den: Any, delay: float, probes: Array, least: float
+) -> Any:
     """Highest peak of |S|, |T| or half of |S - T|, times the modulus of `weight`, and where it lies.
 
-    The weight is a smooth function of frequency. Where nothing exceeds `least`, it is that, at NaN.
+    The weight is a smooth function of frequency. At the probes one is looked for first: a high peak that is known
+    saves others from being followed. Where nothing exceeds `least`, it is that, at NaN.
     """
 
     def values(w: Any, num: Any, den: Any) -> Any:
@@ -209,15 +224,20 @@ def highest(kind: int, at: At, weight: Any, w: Array, num: Any, den: Any, delay:
 
     with np.errstate(all="ignore"):
         size, heights = np.abs(num) / np.abs(den), values(w, num, den)
+        known, place = -math.inf, 0.0
+        if probes.size:
+            top = probes[int(np.argmax(values(probes, *at(probes))))]
+            near = top + np.array([-FINE, 0.0, FINE]) / delay
+            (place,), (known,) = lowest(lambda w: -values(w, *at(w)), near, np.array([1]))
+            known = -known
+        best = max(least, known, float(np.nanmax(heights)))
         if delay:
-            # between two points |1 + L| is at least the distance of |L| from 1, whatever the dead time turns
-            numerator = (1.0, size, 0.5 * (1 + size))[kind] * weight(w)
-            pairs = size[:-1], size[1:]
-            apart = np.fmax(least_between(*pairs) - 1, 1 - most_between(*pairs))
-            bound = most_between(numerator[:-1], numerator[1:]) / apart
-            bound = np.where((bound > 0) | (np.fmax(*pairs) == 0), bound, np.inf)
+            # long steps are taken in pieces, of which few may hold a peak
+            w = divided(w, _bound(kind, size, weight(w)) > best, delay, PIECE * FINE)
+            num, den = at(w)
+            heights = values(w, num, den)
+            bound = _bound(kind, np.abs(num) / np.abs(den), weight(w))
             grid, followed = w, np.diff(w) * delay <= FINE
-            best = max(least, float(np.nanmax(heights)))
             while not np.all(followed):
                 order = np.argsort(np.where(followed, -np.inf, bound))[::-1][:FOLLOWED_AT_ONCE]
                 steps = np.zeros(followed.size, dtype=bool)
@@ -229,7 +249,7 @@ def highest(kind: int, at: At, weight: Any, w: Array, num: Any, den: Any, delay:
                 num, den = at(w)
                 heights = values(w, num, den)
                 best = max(best, float(np.nanmax(heights)))
-        best = max(least, float(np.nanmax(heights))) * (1 + NO_HIGHER)
+        best = max(least, known, float(np.nanmax(heights))) * (1 + NO_HIGHER)
         around = np.fmin(heights[:-2], heights[2:]), np.fmax(heights[:-2], heights[2:])
         # a difference of rounding makes no hill
         hills = 1 + np.flatnonzero((heights[1:-1] >= around[1]) & (heights[1:-1] * (1 - REAL) > around[0]))
@@ -241,5 +261,9 @@ def highest(kind: int, at: At, weight: Any, w: Array, num: Any, den: Any, delay:
         hills = hills[~((bound <= best) & (closest > 0))]
         tops, top = lowest(lambda w: -values(w, *at(w)), w, hills)
     first = int(np.nanargmax(heights))
-    candidates = zip([least, heights[first], *-top], [math.nan, w[first], *tops], strict=True)
+    candidates = zip(
+        [least, known, heights[first], *-top],
+        [math.nan, place, w[first], *tops],
+        strict=True,
+    )
     return max(((float(h), float(x)) for h, x in candidates), key=lambda pair: pair[0])

@@ -34,8 +34,14 @@ from pidalab.robustness._arrays import (
     TOUCHING,
 )
 
+# rad that the dead time must turn the phase by between two points, and the factors at most, for a count of the turns
+CLEAR_TURN, FACTORS_TURN = 2.0, 0.3
+PIECE = 64.0  # points of a step that are passed over, or followed, together
 MOST_STEPS = 120  # of Newton's method or of bisection, between two points
 SAME_TOP = 1e-8  # share of its bracket by which the last step to a peak moves at most: the peak is flat
+# share of the first bracket, and of the step before, by which a step to a crossover moves that is to be the last: those
+# of Newton's method then shrink by their square
+SMALL_STEP, QUICKER = 1e-10, 1e-2
 SAME_CROSSING = 4e-16  # share of a frequency, the same for a crossover
 
 
@@ -43,8 +49,9 @@ SAME_CROSSING = 4e-16  # share of a frequency, the same for a crossover
 def fraction(s, of):
     """Numerator and denominator of L, factor by factor over |s| plus a speed: their products stay in range."""
     gain, zeros, poles, speeds, delay = of
-    size = abs(s)
-    num, den = gain * np.exp(-s * delay), 1.0 + 0.0 * s
+    size, angle = abs(s), -s.imag * delay
+    level = gain if s.real == 0.0 else gain * np.exp(-s.real * delay)
+    num, den = complex(level * np.cos(angle), level * np.sin(angle)), 1.0 + 0.0j
     for i in range(poles.size):
         scale = 1.0 / (size + speeds[i])
         den = den * ((s - poles[i]) * scale)
@@ -122,7 +129,7 @@ def _extremum(sign, low, at, high, lean, aside, of):
 @compiled
 def _crossing(low, high, rises, lean, aside, of):
     """Where ln |L| is 0 between two points."""
-    w = 0.5 * (low + high)
+    w, wide, last = 0.5 * (low + high), high - low, np.inf
     for _ in range(MOST_STEPS):
         value, slope, _ = _gain(w, lean, aside, of)
         if (value > 0.0) == rises:
@@ -132,9 +139,10 @@ def _crossing(low, high, rises, lean, aside, of):
         after = w - value / slope
         if not low <= after <= high:
             after = 0.5 * (low + high)
-        if abs(after - w) <= SAME_CROSSING * w:
+        step = abs(after - w)
+        if step <= SAME_CROSSING * w or (step <= SMALL_STEP * wide and step <= QUICKER * last):
             return after
-        w = after
+        w, last = after, step
     return w
 
 
@@ -180,7 +188,7 @@ def gain_crossings(w, num, den, lean, aside, of):
 @compiled
 def _opposite(low, high, above, of):
     """Where L crosses the real axis between two points; `above` tells on which side of it the second one lies."""
-    w = 0.5 * (low + high)
+    w, wide, last = 0.5 * (low + high), high - low, np.inf
     for _ in range(MOST_STEPS):
         s = complex(0.0, w)
         num, den = fraction(s, of)
@@ -193,10 +201,41 @@ def _opposite(low, high, above, of):
         after = w - np.arctan2(-product.imag, -product.real) / first.real
         if not low <= after <= high:
             after = 0.5 * (low + high)
-        if abs(after - w) <= SAME_CROSSING * w:
+        step = abs(after - w)
+        if step <= SAME_CROSSING * w or (step <= SMALL_STEP * wide and step <= QUICKER * last):
             return after
-        w = after
+        w, last = after, step
     return w
+
+
+@compiled
+def _turns(w0, n0, d0, w1, n1, d1, delay):
+    """Angle of -L at a point, how far it turns to the next, and how often L crosses the negative axis on the way.
+
+    That is known where the dead time turns the phase by more than the factors do: the number is -1 where it is not.
+    """
+    before, after = n0 * np.conj(d0), n1 * np.conj(d1)
+    start, stop = np.arctan2(-before.imag, -before.real), np.arctan2(-after.imag, -after.real)
+    turned = (w1 - w0) * delay
+    # what the factors add: small between points of the grid, so that its principal value is it
+    own = (after * np.conj(before)) * complex(np.cos(turned), np.sin(turned))
+    added = np.arctan2(own.imag, own.real)
+    if not (turned > CLEAR_TURN and abs(added) < FACTORS_TURN):
+        return start, turned, -1
+    whole = np.rint((turned - added - start + stop) / (2.0 * np.pi))
+    return start, turned - added, int(whole) + (1 if start > 0.0 else 0) - (1 if stop > 0.0 else 0)
+
+
+@compiled
+def _append(found, count, w):
+    """Add a frequency to those found, in a longer array where they fill theirs."""
+    if count == found.size:
+        longer = np.empty(2 * count)
+        for j in range(count):
+            longer[j] = found[j]
+        found = longer
+    found[count] = w
+    return found
 
 
 def _phase_crossings_in_arrays(w, num, den, floor, every, of):
@@ -209,17 +248,31 @@ def phase_crossings(w, num, den, floor, every, of):
     delay, found, count, points = of[4], np.empty(64), 0, 0.0
     kept = TINIEST if every else floor
     started, w0, side0, ahead0, loud0 = False, 0.0, 0.0, False, False
-    last = abs(num[0]) / abs(den[0])
+    last = 0.0
     for i in range(w.size):
-        size = abs(num[i]) / abs(den[i])
+        size, before = abs(num[i]) / abs(den[i]), last
+        last = size
         parts = 1
-        if i > 0 and delay > 0.0 and (size >= floor or last >= floor):
+        if i > 0 and delay > 0.0 and (size >= floor or before >= floor):
             turns = np.ceil((w[i] - w[i - 1]) * delay / COARSE)
             points += turns
             if not points <= MOST_POINTS:
                 return np.full(1, np.nan)
             parts = max(1, int(turns))
-        last = size
+        product = num[i] * np.conj(den[i])
+        clear = started and w0 == w[i - 1] and abs(product.imag) >= REAL * abs(product)
+        if parts > 1 and clear and min(size, before) > kept and max(size, before) < HUGE:
+            angle, turned, crossings = _turns(w0, num[i - 1], den[i - 1], w[i], num[i], den[i], delay)
+            for k in range(crossings):
+                # the phase is nearly a straight line
+                share = (angle + 2.0 * np.pi * (k + (0 if angle > 0.0 else 1))) / turned
+                guess, beside = w0 + share * (w[i] - w0), 1.0 / delay
+                found = _append(found, count, _opposite(guess - beside, guess + beside, True, of))
+                count += 1
+            if crossings >= 0:
+                ahead = product.real > NEAR_POSITIVE_AXIS * abs(product)
+                started, w0, side0, ahead0, loud0 = True, w[i], product.imag, ahead, size >= kept
+                continue
         for k in range(1, parts + 1):
             here, n, d = w[i], num[i], den[i]
             if k < parts:
@@ -235,12 +288,7 @@ def phase_crossings(w, num, den, floor, every, of):
                 n, d = fraction(complex(0.0, at), of)
                 # the phase also jumps at poles and zeros on the axis
                 if (n * np.conj(d)).real < 0.0 and abs(n) >= kept * abs(d) and abs(n) < HUGE * abs(d):
-                    if count == found.size:
-                        longer = np.empty(2 * count)
-                        for j in range(count):
-                            longer[j] = found[j]
-                        found = longer
-                    found[count] = at
+                    found = _append(found, count, at)
                     count += 1
             started, w0, side0, ahead0, loud0 = True, here, product.imag, ahead, loud
     return found[:count]
@@ -250,14 +298,48 @@ def phase_crossings(w, num, den, floor, every, of):
 
 
 @compiled
-def _heights(kind, w, num, den, weight):
-    """Height of a function of L at a point, that over |1 + L|, and the weight."""
+def _weigh(w, weight):
+    """Modulus of the weight at a frequency."""
+    if weight[2].size == 0 and weight[0] == 1.0:
+        return 1.0
+    n, d = fraction(complex(0.0, w), weight)
+    return abs(n) / abs(d)
+
+
+@compiled
+def _height(kind, num, den):
+    """|S|, |T| or half of |S - T|."""
     top = abs(den) if kind == SENSITIVITY else abs(num) if kind == COMPLEMENTARY else 0.5 * abs(den - num)
-    factor = 1.0
-    if weight[2].size > 0 or weight[0] != 1.0:
-        n, d = fraction(complex(0.0, w), weight)
-        factor = abs(n) / abs(d)
-    return factor * top / abs(den + num), factor * top / abs(den), factor
+    return top / abs(den + num)
+
+
+@compiled
+def _bound(kind, n0, d0, f0, n1, d1, f1):
+    """What a height does not exceed between two points: infinite where |L| may be 1.
+
+    There |1 + L| is at least the distance of |L| from 1, whatever the dead time turns.
+    """
+    a, b = abs(n0) / abs(d0), abs(n1) / abs(d1)
+    if kind == COMPLEMENTARY:
+        f0, f1 = f0 * a, f1 * b
+    elif kind != SENSITIVITY:
+        f0, f1 = 0.5 * f0 * (1.0 + a), 0.5 * f1 * (1.0 + b)
+    low, high, least, most = min(a, b), max(a, b), min(f0, f1), max(f0, f1)
+    apart = max(low * low / high - 1.0, 1.0 - high * high / low)
+    bound = most * (most / least if least > 0.0 else 1.0) / apart
+    return bound if apart > 0.0 and high > 0.0 else np.inf
+
+
+@compiled
+def _may_exceed(best, h0, h1, h2, n0, d0, n1, d1, n2, d2):
+    """Whether between three points, the middle one of which is the highest, a value may exceed the best."""
+    before, here, after = n0 * _inverse(d0), n1 * _inverse(d1), n2 * _inverse(d2)
+    # beside a point L comes no closer to -1 than its way to the next one allows
+    closest = abs(1.0 + here) - DETOUR * max(abs(here - before), abs(after - here))
+    over = h0 * abs(1.0 + before), h1 * abs(1.0 + here), h2 * abs(1.0 + after)
+    top, bottom = max(over[0], over[1], over[2]), min(over[0], over[1], over[2])
+    bound = top * (top / bottom if bottom > 0.0 else 1.0) / closest
+    return not (closest > 0.0 and bound <= best * (1.0 + NO_HIGHER))
 
 
 @compiled
@@ -282,7 +364,7 @@ def _summit(kind, low, at, high, weight, of):
         if weight[2].size > 0:
             own_first, own_second = _slopes(s, weight)
             slope, bend = slope + own_first, bend + own_second
-        value = _heights(kind, w, num, den, weight)[0]
+        value = _height(kind, num, den) * _weigh(w, weight)
         if value > best:
             best, where = value, w
         # along the axis: ds = j dw
@@ -302,67 +384,83 @@ def _summit(kind, low, at, high, weight, of):
     return best, where
 
 
-def _highest_in_arrays(kind, w, num, den, least, weight, of):
+def _highest_in_arrays(kind, w, num, den, probes, least, weight, of):
     def factor(w):
         n, d = _arrays.fraction(1j * w, weight)
         return abs(n / d)
 
-    return _arrays.highest(kind, lambda w: _arrays.fraction(1j * w, of), factor, w, num, den, of[4], least)
+    return _arrays.highest(
+        kind, lambda w: _arrays.fraction(1j * w, of), factor, w, num, den, of[4], probes, least
+    )
 
 
 @plain(_highest_in_arrays)
-def highest(kind, w, num, den, least, weight, of):
+def highest(kind, w, num, den, probes, least, weight, of):
     """As `_arrays.highest`; NaN where the dead time turns the phase too often."""
     delay, size, points = of[4], w.size, 0.0
     best, where = least, np.nan
-    value, over, factor = np.empty(size), np.empty(size), np.empty(size)
+    for probe in probes:
+        n, d = fraction(complex(0.0, probe), of)
+        h = _height(kind, n, d) * _weigh(probe, weight)
+        if h > best:
+            best, where = h, probe
+    if not np.isnan(where):
+        peak, at = _summit(kind, where - FINE / delay, where, where + FINE / delay, weight, of)
+        if peak > best:
+            best, where = peak, at
+    value, factor = np.empty(size), np.empty(size)
     for i in range(size):
-        value[i], over[i], factor[i] = _heights(kind, w[i], num[i], den[i], weight)
+        factor[i] = _weigh(w[i], weight)
+        value[i] = factor[i] * _height(kind, num[i], den[i])
         if value[i] > best:
             best, where = value[i], w[i]
     passed = 0  # points; the last one and the one before
-    w1, h1, o1, c1 = 0.0, 0.0, 0.0, 0.0j
-    w0, h0, o0, c0 = 0.0, 0.0, 0.0, 0.0j
+    w1, h1, num1, den1 = 0.0, 0.0, 0.0j, 0.0j
+    w0, h0, num0, den0 = 0.0, 0.0, 0.0j, 0.0j
     for i in range(size):
-        parts = 1
-        turns = 0.0 if i == 0 else np.ceil((w[i] - w[i - 1]) * delay / FINE)
-        if turns > 1.0:
-            a, b = abs(num[i - 1]) / abs(den[i - 1]), abs(num[i]) / abs(den[i])
-            low, high = min(a, b), max(a, b)
-            # between two points |1 + L| is at least the distance of |L| from 1, whatever the dead time turns
-            apart = max(low * low / high - 1.0, 1.0 - high * high / low)
-            n0, n1 = factor[i - 1], factor[i]
-            if kind == COMPLEMENTARY:
-                n0, n1 = n0 * a, n1 * b
-            elif kind != SENSITIVITY:
-                n0, n1 = 0.5 * n0 * (1.0 + a), 0.5 * n1 * (1.0 + b)
-            top, bottom = max(n0, n1), min(n0, n1)
-            bound = top * (top / bottom if bottom > 0.0 else 1.0) / apart
-            if not (high == 0.0 or (apart > 0.0 and bound <= best * (1.0 + NO_HIGHER))):
-                points += turns
-                if not points <= MOST_POINTS:
-                    return np.nan, np.nan
-                parts = int(turns)
-        for k in range(1, parts + 1):
-            here, h, o, n, d = w[i], value[i], over[i], num[i], den[i]
-            if k < parts:
-                here = w[i - 1] + k * ((w[i] - w[i - 1]) / parts)
-                n, d = fraction(complex(0.0, here), of)
-                h, o, _ = _heights(kind, here, n, d, weight)
-                if h > best:
-                    best, where = h, here
-            c = n * _inverse(d)
-            # a hill at the last point; a difference of rounding makes none
-            if passed > 1 and h1 >= max(h0, h) and h1 * (1.0 - REAL) > min(h0, h):
-                # beside a point L comes no closer to -1 than its way to the next one allows
-                closest = abs(1.0 + c1) - DETOUR * max(abs(c1 - c0), abs(c - c1))
-                top, bottom = max(o0, o1, o), min(o0, o1, o)
-                bound = top * (top / bottom if bottom > 0.0 else 1.0) / closest
-                if not (closest > 0.0 and bound <= best * (1.0 + NO_HIGHER)):
+        # long steps are taken in pieces, of which few may hold a peak
+        pieces, turned = 1, 0.0
+        if i > 0:
+            turned = (w[i] - w[i - 1]) * delay / FINE
+            if (
+                turned > PIECE
+                and _bound(kind, num[i - 1], den[i - 1], factor[i - 1], num[i], den[i], factor[i]) > best
+            ):
+                pieces = int(np.ceil(turned / PIECE))
+        w_before, f_before, num_before, den_before = w1, 1.0 if i == 0 else factor[i - 1], num1, den1
+        for j in range(1, pieces + 1):
+            stop, f, n_stop, d_stop, h_stop = w[i], factor[i], num[i], den[i], value[i]
+            if j < pieces:
+                stop = w[i - 1] + j * ((w[i] - w[i - 1]) / pieces)
+                n_stop, d_stop = fraction(complex(0.0, stop), of)
+                f = _weigh(stop, weight)
+                h_stop = f * _height(kind, n_stop, d_stop)
+                if h_stop > best:
+                    best, where = h_stop, stop
+            parts = 1
+            if turned > pieces:
+                bound = _bound(kind, num_before, den_before, f_before, n_stop, d_stop, f)
+                if not bound <= best * (1.0 + NO_HIGHER):
+                    parts = int(np.ceil(turned / pieces))
+            points += parts
+            if points > MOST_POINTS:
+                return np.nan, np.nan
+            for k in range(1, parts + 1):
+                here, h, n, d = stop, h_stop, n_stop, d_stop
+                if k < parts:
+                    here = w_before + k * ((stop - w_before) / parts)
+                    n, d = fraction(complex(0.0, here), of)
+                    h = _height(kind, n, d) * _weigh(here, weight)
+                    if h > best:
+                        best, where = h, here
+                # a hill at the last point; a difference of rounding makes none
+                hill = passed > 1 and h1 >= max(h0, h) and h1 * (1.0 - REAL) > min(h0, h)
+                if hill and _may_exceed(best, h0, h1, h, num0, den0, num1, den1, n, d):
                     peak, at = _summit(kind, w0, w1, here, weight, of)
                     if peak > best:
                         best, where = peak, at
-            w0, h0, o0, c0 = w1, h1, o1, c1
-            w1, h1, o1, c1 = here, h, o, c
-            passed += 1
+                w0, h0, num0, den0 = w1, h1, num1, den1
+                w1, h1, num1, den1 = here, h, n, d
+                passed += 1
+            w_before, f_before, num_before, den_before = stop, f, n_stop, d_stop
     return best, where

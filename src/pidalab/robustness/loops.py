@@ -13,7 +13,7 @@ from pidalab.digital import DigitalController
 from pidalab.loop import Loop, open_loop, require_loop, require_well_posed
 from pidalab.process import static_gain
 from pidalab.robustness._arrays import fraction as fraction_of_factors, frequencies
-from pidalab.robustness.peaks_and_crossovers import Explorer, FactoredExplorer, LoopFactors
+from pidalab.robustness.peaks_and_crossovers import Explorer, FactoredExplorer, LoopFactors, Seen
 from pidalab.robustness.sampled import sampled_plant
 from pidalab.roots import roots
 
@@ -71,35 +71,41 @@ def explore_in_s(loop: Loop) -> FactoredExplorer:
 
 def from_factors(of: LoopFactors, at_zero: float = math.nan) -> FactoredExplorer:
     """Look at a continuous loop by its factors."""
+    from pidalab.robustness._scan import along  # compiled code: loaded when it is needed
+
     at_infinity = of.gain if of.zeros.size == of.poles.size else 0.0
+    w = frequencies(np.concatenate([of.zeros, of.poles]), of.delay)
+    num, den = along(w, 0.0, 0.0, tuple(of))
+    more = _towards_far_crossovers(of, w, num, den)
+    if more:
+        w = np.concatenate([more[0], w, more[1]])
+        num, den = along(w, 0.0, 0.0, tuple(of))
     return FactoredExplorer(
-        grid=_with_far_crossovers(of, frequencies(np.concatenate([of.zeros, of.poles]), of.delay)),
+        grid=w,
         fraction=lambda s: fraction_of_factors(s, of),
         delay=of.delay,
         at_zero=at_zero,
         at_end=-abs(at_infinity) if of.delay else at_infinity,
         of=of,
+        on_grid=Seen(w, num, den),
     )
 
 
-def _with_far_crossovers(of: LoopFactors, w: Array) -> Array:
-    """Extend the grid to where |L|, a power of the frequency far from all corners, crosses 1."""
-    from pidalab.robustness._scan import along  # compiled code: loaded when it is needed
-
+def _towards_far_crossovers(of: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
+    """Return more of the grid at both ends, up to where |L|, a power of the frequency there, has crossed 1."""
     at_zero, at_infinity = int(np.sum(of.poles == 0) - np.sum(of.zeros == 0)), of.poles.size - of.zeros.size
-    parts = [w]
-    with np.errstate(all="ignore"):
-        num, den = along(w[[0, -1]], 0.0, 0.0, tuple(of))
-        sizes = np.abs(num) / np.abs(den)
-        for side, end, size, power in ((-1, w[0], sizes[0], at_zero), (1, w[-1], sizes[1], at_infinity)):
-            if not power:
-                continue
-            beyond = CLEAR if side * power < 0 else 1 / CLEAR  # |L| on its way to infinity, or to 0
-            far = float(end * (size / beyond) ** (1 / power))
-            if 0 < far < math.inf and (far > end) == (side > 0):
-                more = np.geomspace(end, far, 2 + int(FAR_PER_DECADE * abs(math.log10(far / end))))[1:]
-                parts.insert(0 if side < 0 else len(parts), more[::side])
-    return np.concatenate(parts) if len(parts) > 1 else w
+    parts = []
+    for side, k, power in ((-1, 0, at_zero), (1, -1, at_infinity)):
+        end, part, size = float(w[k]), np.zeros(0), abs(complex(num[k])) / (abs(complex(den[k])) or math.nan)
+        beyond = CLEAR if side * power < 0 else 1 / CLEAR  # |L| on its way to infinity, or to 0
+        if power and size > 0 and (size < beyond) == (beyond > 1):
+            far = math.exp(math.log(end) + math.log(size / beyond) / power)
+            if 0 < far < math.inf:
+                part = np.geomspace(end, far, 2 + int(FAR_PER_DECADE * abs(math.log10(far / end))))[1:][
+                    ::side
+                ]
+        parts.append(part)
+    return parts if any(part.size for part in parts) else []
 
 
 def _in_z(loop: Loop, k: DigitalController) -> Explorer:

@@ -12,15 +12,24 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.robustness import _arrays
-from pidalab.robustness._arrays import COARSE, COMPLEMENTARY, DIFFERENCE, FINE, SENSITIVITY, divided
+from pidalab.robustness._arrays import (
+    COARSE,
+    COMPLEMENTARY,
+    DIFFERENCE,
+    FINE,
+    SENSITIVITY,
+    divided,
+    most_between,
+)
 
-LOUD = 0.5  # |L| above which the turns of the dead time are followed to count poles in z
 TURNED = 0.8  # largest turn of the characteristic function between two points, in rad
 HALVINGS = 70  # of a step, at most, until it turns no more than that
 ON_CONTOUR = 1e-9  # share of its terms below which the characteristic function has a zero on the contour
 UNCERTAIN_TURNS = (
     1e12  # rad that a dead time turns the phase by, of which rounding leaves no more than whole turns
 )
+QUICK = 12.0  # rad that a dead time turns the phase by, from where on it does so within a step of the grid
+MOST_PROBED = 20  # gain crossovers around which a peak is looked for first
 TO_AN_END = 1e-7  # share by which a peak must exceed what is approached at an end of the axis
 
 
@@ -163,7 +172,7 @@ class Explorer:
             return self.fraction(1j * w)
 
         found: tuple[float, float] = _arrays.highest(
-            kind, at, lambda w: 1.0 + 0.0 * w, *self.on_grid, self.delay, least
+            kind, at, lambda w: 1.0 + 0.0 * w, *self.on_grid, self.delay, np.zeros(0), least
         )
         return found
 
@@ -178,11 +187,28 @@ class Explorer:
             value = den + num
             return np.where(np.abs(value) > ON_CONTOUR * (np.abs(den) + np.abs(num)), value, np.nan)
 
-        w = self.follow(LOUD, COARSE)
+        w = self.grid
         with np.errstate(all="ignore"):
+            num, den = self.fraction(1j * w - (lean * w + aside))
             f = characteristic(w)
             first, last = f[0], f[-1]
-            total, a, b, fa, fb = 0.0, w[:-1], w[1:], f[:-1], f[1:]
+            if np.any(np.isnan(f)):
+                return None
+            # where |L| stays below 1 the function turns as den does; where it stays above, as num
+            L, size = num / den, np.abs(num) / np.abs(den)
+            quiet, loud = (
+                most_between(*pair) < 1 for pair in ((size[:-1], size[1:]), (1 / size[:-1], 1 / size[1:]))
+            )
+            turned = num * np.exp(1j * w * self.delay)
+            by_den, by_num = (np.angle(part[1:] * np.conj(part[:-1])) for part in (den, turned))
+            known = (quiet & (np.abs(by_den) <= TURNED)) | (loud & (np.abs(by_num) <= TURNED))
+            in_quiet = by_den + np.diff(np.angle(1 + L))
+            in_loud = by_num - np.diff(w) * self.delay + np.diff(np.angle(1 + 1 / L))
+            total = float(np.where(quiet, in_quiet, in_loud)[known].sum())
+            w = self.points(~known, COARSE)
+            inside = ~known[np.searchsorted(self.grid, w[1:]) - 1]
+            f = characteristic(w)
+            a, b, fa, fb = w[:-1][inside], w[1:][inside], f[:-1][inside], f[1:][inside]
             for _ in range(HALVINGS):
                 turn = np.angle(fb * np.conj(fa))
                 if np.any(np.isnan(turn)):
@@ -211,20 +237,24 @@ class FactoredExplorer(Explorer):
     ----------
     of : LoopFactors
         The loop.
+    on_grid : Seen
+        Its values at the points of the grid.
     """
 
     of: LoopFactors = field(default=UNWEIGHTED)
+    on_grid: Seen = field(default=Seen(NOTHING, NOTHING, NOTHING))
 
     def scaled(self, factor: float) -> Explorer:
         """Return the loop with its gain times a factor above 0."""
-        return replace(super().scaled(factor), of=self.of._replace(gain=factor * self.of.gain))
+        of, seen = self.of._replace(gain=factor * self.of.gain), self.on_grid
+        return replace(super().scaled(factor), of=of, on_grid=seen._replace(num=factor * seen.num))
 
-    @cached_property
-    def on_grid(self) -> Seen:
-        """The loop at the points of the grid."""
-        from pidalab.robustness import _scan  # compiled code: loaded when it is needed
+    def L(self, w: Any) -> Any:
+        """Evaluate the loop transfer function at frequencies."""
+        from pidalab.robustness import _scan
 
-        return Seen(self.grid, *_scan.along(self.grid, 0.0, 0.0, tuple(self.of)))
+        num, den = _scan.along(np.atleast_1d(np.asarray(w, dtype=float)), 0.0, 0.0, tuple(self.of))
+        return np.reshape(num / den, np.shape(w))
 
     @cached_property
     def gain_crossovers(self) -> Array:
@@ -249,9 +279,22 @@ class FactoredExplorer(Explorer):
         from pidalab.robustness import _scan
 
         found: tuple[float, float] = _scan.highest(
-            kind, *self.on_grid, float(least), tuple(weight), tuple(self.of)
+            kind, *self.on_grid, self._probes, float(least), tuple(weight), tuple(self.of)
         )
         return found
+
+    @cached_property
+    def _probes(self) -> Array:
+        """Frequencies of one turn around gain crossovers where the dead time turns quickly: L comes near -1 there."""
+        quick = int(np.searchsorted(self.grid, QUICK / self.delay)) if self.delay else self.grid.size
+        if not (
+            quick < self.grid.size
+            and np.any(np.abs(self.on_grid.num[quick:]) >= np.abs(self.on_grid.den[quick:]))
+        ):
+            return np.zeros(0)
+        edges = self.gain_crossovers
+        edges = edges[edges > QUICK / self.delay][-MOST_PROBED:]
+        return (edges[:, None] + np.arange(-np.pi, np.pi, FINE) / self.delay).ravel()
 
     def max_weighted_sensitivity(
         self, weight: LoopFactors, at_zero: float, at_end: float
