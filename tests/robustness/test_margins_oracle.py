@@ -40,5 +40,6 @@ def test_peak_of_the_sensitivity_alone(case):
 @pytest.mark.parametrize(
     "case", [case for case in CASES if case["unstable_poles"]], ids=lambda case: case["name"]
 )
-def test_an_unstable_loop_has_none(case):
-    assert not pidalab.margins(oracle_loop(case)).stable
+def test_an_unstable_loop_says_so(case):
+    found = pidalab.margins(oracle_loop(case))
+    assert (found.stable, found.unstable_poles) == (False, case["unstable_poles"])
