@@ -16,7 +16,7 @@ sys.path[:0] = [
 sys.path += [str(ROOT / "tools")]
 
 # pages in a browser, notebooks, searches
-LONG = ("tests/site/", "book/", "tests/test_running_loop.py", "tests/optimal/")
+LONG = ("tests/site/", "book/", "tests/plant/test_running_loop.py", "tests/optimal/")
 
 
 @pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them

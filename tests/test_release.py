@@ -9,7 +9,7 @@ from pathlib import Path
 import vendored
 import yaml
 
-from pidalab.ledger import papers
+from paperledger import papers
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -36,7 +36,7 @@ PRELOADED = (
     "myst_nb",
     "pandas.io.formats.html",
     "pidalab.identification",
-    "pidalab.ledger",
+    "paperledger",
     "pidalab.optimal",
     "pidalab.plots",
     "pidalab.rules",

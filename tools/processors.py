@@ -35,8 +35,8 @@ SHOWN = ("numpy", "scipy", "numba", "control", "matplotlib")
 KERNELS = {"Nehalem": "SSE42", "Sandybridge": "AVX", "Haswell": "AVX2", "Zen": "AVX2", "SkylakeX": "AVX512F"}
 PYTHONS = ("3.11", "3.12", "3.13")
 SETS = {"lowest": "lowest-direct", "newest": "highest"}
-# the tests of src; the book, its ledger and the house have nothing to do with processors
-NAMES = {path.stem for path in (ROOT / "src" / "pidalab").iterdir()} - {"ledger", "__init__", "__main__"}
+# the tests of the library; the book, its ledger and the house have nothing to do with processors
+NAMES = {path.stem for path in (ROOT / "src" / "pidalab").iterdir()} - {"__init__", "__main__"}
 TESTS = [
     f"tests/{one.name}"
     for one in sorted((ROOT / "tests").iterdir())
