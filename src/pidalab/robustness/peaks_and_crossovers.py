@@ -141,17 +141,15 @@ class Explorer:
 
     def max_sensitivity(self) -> tuple[float, float]:
         """Supremum of |S| and where it lies."""
-        return self._supremum(SENSITIVITY, *(_size(1.0, 1 + L) for L in (self.at_zero, self.at_end)))
+        return self._supremum(SENSITIVITY, _sensitivity_of(self.at_zero), _sensitivity_of(self.at_end))
 
     def max_complementary(self) -> tuple[float, float]:
         """Supremum of |T| and where it lies."""
-        ends = (_size(1.0, 1 + 1 / L) if L else 0.0 for L in (self.at_zero, self.at_end))
-        return self._supremum(COMPLEMENTARY, *ends)
+        return self._supremum(COMPLEMENTARY, _complementary_of(self.at_zero), _complementary_of(self.at_end))
 
     def max_difference(self) -> tuple[float, float]:
         """Supremum of half of |S - T| and where it lies."""
-        ends = (0.5 if math.isinf(L) else _size(0.5 * (1 - L), 1 + L) for L in (self.at_zero, self.at_end))
-        return self._supremum(DIFFERENCE, *ends)
+        return self._supremum(DIFFERENCE, _difference_of(self.at_zero), _difference_of(self.at_end))
 
     def _supremum(
         self, kind: int, at_zero: float, at_end: float, weight: LoopFactors = UNWEIGHTED
@@ -247,7 +245,14 @@ class FactoredExplorer(Explorer):
     def scaled(self, factor: float) -> Explorer:
         """Return the loop with its gain times a factor above 0."""
         of, seen = self.of._replace(gain=factor * self.of.gain), self.on_grid
-        return replace(super().scaled(factor), of=of, on_grid=seen._replace(num=factor * seen.num))
+        return replace(
+            self,
+            fraction=lambda s: _arrays.fraction(s, of),
+            at_zero=factor * self.at_zero,
+            at_end=factor * self.at_end,
+            of=of,
+            on_grid=seen._replace(num=factor * seen.num),
+        )
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""
@@ -365,5 +370,13 @@ def _whole(count: float) -> int | None:
     return round(count) if math.isfinite(count) and abs(count - round(count)) < 0.2 else None
 
 
-def _size(num: float, den: float) -> float:
-    return abs(num / den) if den else math.inf
+def _sensitivity_of(L: float) -> float:
+    return abs(1 / (1 + L)) if 1 + L else math.inf
+
+
+def _complementary_of(L: float) -> float:
+    return _sensitivity_of(1 / L) if L else 0.0
+
+
+def _difference_of(L: float) -> float:
+    return 0.5 if math.isinf(L) else 0.5 * abs(1 - L) * _sensitivity_of(L)
