@@ -183,6 +183,10 @@ def _imc(model: Process, kind: str, limits: Limits) -> Design:
     return Design(model, itae.imc_pid(model), source="heo2023, rows IMC")
 
 
+def _improved_simc(model: Process, kind: str, limits: Limits) -> Design:
+    return classical.improved_simc(model)
+
+
 def _itae(test: str) -> Rule:
     source, models = "heo2023, Table 1 and eqs. (9) and (12)", _from("second_order", "PID", "PIDA")
     return Rule(f"itae {test}", source, models, _by_kind(itae.tune, test), _short("itae", test))
@@ -213,7 +217,7 @@ def _magnitude_optimum(model: Process, kind: str, limits: Limits) -> Design:
     shortest = magnitude_optimum.tune(model, m, m + 1, sample_time)
     if sampled_noise(shortest.loop(), sample_time)[0] <= noise_gain:
         return shortest
-    return magnitude_optimum.tune_for_exact_noise(model, m, m + 1, noise_gain, sample_time)
+    return magnitude_optimum.tune_for_filter_noise(model, m, m + 1, noise_gain, sample_time)
 
 
 def _mrdp(model: Process, kind: str, limits: Limits) -> Design:
@@ -257,6 +261,13 @@ RULES: dict[str, Rule] = {
     for rule in (
         Rule("haalman", "haalman2024, eqs. (2) and (8) to (10)", HAALMAN, _haalman),
         _textbook("simc", classical.simc, "process", "Skogestad (2003), eqs. (10), (11), (23) to (25)"),
+        Rule(
+            "improved simc",
+            "Grimholt and Skogestad (2018), improved SIMC",
+            {"PID": "process"},
+            _improved_simc,
+            compared=False,
+        ),
         _textbook("amigo", classical.amigo, "reaction", "Åström and Hägglund (2004), AMIGO"),
         _textbook("lambda", classical.lambda_tuning, "reaction", "Åström and Hägglund (2006), section 6.5"),
         _textbook(
