@@ -29,7 +29,7 @@ from pidalab import Process
 from pidalab.comparison import at_equal_terms, designs, first_horizon
 from pidalab.comparison.judging import Row, measure_row
 from pidalab.rules import Design
-from pidalab.rules.registry import Limits
+from pidalab.rules.registry import RuleLimits
 from pidalab.rules.starting_models import StartingModels
 
 MS = 1.4
@@ -86,7 +86,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
     """Every rule on one plant: its own design, then at equal terms."""
     own = units(process)
     rows, known, horizon = [], {}, first_horizon(process)
-    for rule, kind, make in designs(process, Limits(MS, TERMS["loud"] * own.gain, own.sample_time)):
+    for rule, kind, make in designs(process, RuleLimits(MS, TERMS["loud"] * own.gain, own.sample_time)):
         if rule == "optimal":
             continue
         about = {"plant": name, "rule": rule, "kind": kind}

@@ -188,6 +188,11 @@ def quotient(num: Any, den: Any) -> Any:
         return np.where(den == 0, np.where(num == 0, np.nan, np.inf), num / den)[()]
 
 
+def sign_of_gain(process: Process) -> float:
+    """Sign of the gains: integral action is stable only if the last coefficient of all has the sign of the first."""
+    return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
+
+
 def static_gain(num: _check.Array, den: _check.Array) -> float:
     """Return the limit of num/den for s falling to 0, infinite with its sign for integrators."""
     if not np.any(num):

@@ -11,11 +11,10 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.optimal._design import sign_of_gain
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
 from pidalab.plant.safety import Asked, Make, Runs, Terms, safe
-from pidalab.process import Process, rational, require_no_zero_at_origin
+from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
@@ -28,7 +27,6 @@ UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 DEAR = 1.5  # price of robustness in IAE that is doubted
 SLOW = 0.5  # turn of the crossover in a sample, in rad, from which on a loop is too fast for its sampling
-KNOWS_MS = "haalman"  # the one rule that does
 
 
 def tune(
@@ -172,7 +170,7 @@ def _remedy(model: Process | Fit) -> str:
 
 def _by_rule(rule: Rule, designed: Process, kind: str, runs: Runs, terms: Terms) -> tuple[Design, float]:
     """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
-    if rule.name == KNOWS_MS:
+    if rule.knows_ms:
 
         def make(asked: Asked, near: Design | None) -> tuple[Design, list[str]]:
             return rule.tune(designed, kind, min(asked)), ["ms" if asked[0] <= asked[1] else "ms_worst"]

@@ -1,4 +1,4 @@
-r"""Crossovers and peaks of a loop that is given by its factors, in one walk along the axis each: compiled code.
+r"""Crossovers of a loop that is given by its factors, in one walk along the axis each: compiled code.
 
 With :math:`L = k \prod (s - z_i) / \prod (s - p_i)\; e^{-s h}` the derivatives of its logarithm are sums,
 
@@ -21,22 +21,16 @@ from pidalab._compiled import compiled, plain
 from pidalab.robustness import _arrays
 from pidalab.robustness._arrays import (
     COARSE,
-    COMPLEMENTARY,
-    DETOUR,
-    FINE,
     HUGE,
     MOST_POINTS,
     NEAR_POSITIVE_AXIS,
-    NO_HIGHER,
     REAL,
-    SENSITIVITY,
     TINIEST,
     TOUCHING,
 )
 
 # rad that the dead time must turn the phase by between two points, and the factors at most, for a count of the turns
 CLEAR_TURN, FACTORS_TURN = 2.0, 0.3
-PIECE = 64.0  # points of a step that are passed over, or followed, together
 MOST_STEPS = 120  # of Newton's method or of bisection, between two points
 SAME_TOP = 1e-8  # share of its bracket by which the last step to a peak moves at most: the peak is flat
 # share of the first bracket, and of the step before, by which a step to a crossover moves that is to be the last: those
@@ -60,23 +54,23 @@ def fraction(s, of):
 
 
 @compiled
-def _inverse(z):
+def inverse(z):
     """1/z; infinite or NaN where z is 0."""
     size = abs(z)
     return complex(z.real / size / size, -z.imag / size / size)
 
 
 @compiled
-def _slopes(s, of):
+def slopes(s, of):
     """First and second derivative of ln L."""
     _, zeros, poles, _, delay = of
     first, second = complex(-delay, 0.0), 0.0j
     for zero in zeros:
-        part = _inverse(s - zero)
+        part = inverse(s - zero)
         first += part
         second -= part * part
     for pole in poles:
-        part = _inverse(s - pole)
+        part = inverse(s - pole)
         first -= part
         second += part * part
     return first, second
@@ -103,7 +97,7 @@ def _gain(w, lean, aside, of):
     """ln |L|, and its first and second derivative by the frequency."""
     s, way = complex(-lean * w - aside, w), complex(-lean, 1.0)
     num, den = fraction(s, of)
-    first, second = _slopes(s, of)
+    first, second = slopes(s, of)
     return np.log(abs(num) / abs(den)), (way * first).real, (way * way * second).real
 
 
@@ -197,7 +191,7 @@ def _opposite(low, high, above, of):
             high = w
         else:
             low = w
-        first, _ = _slopes(s, of)
+        first, _ = slopes(s, of)
         after = w - np.arctan2(-product.imag, -product.real) / first.real
         if not low <= after <= high:
             after = 0.5 * (low + high)
@@ -292,175 +286,3 @@ def phase_crossings(w, num, den, floor, every, of):
                     count += 1
             started, w0, side0, ahead0, loud0 = True, here, product.imag, ahead, loud
     return found[:count]
-
-
-# --- peaks ------------------------------------------------------------------------------------------------------------
-
-
-@compiled
-def _weigh(w, weight):
-    """Modulus of the weight at a frequency."""
-    if weight[2].size == 0 and weight[0] == 1.0:
-        return 1.0
-    n, d = fraction(complex(0.0, w), weight)
-    return abs(n) / abs(d)
-
-
-@compiled
-def _height(kind, num, den):
-    """|S|, |T| or half of |S - T|."""
-    top = abs(den) if kind == SENSITIVITY else abs(num) if kind == COMPLEMENTARY else 0.5 * abs(den - num)
-    return top / abs(den + num)
-
-
-@compiled
-def _bound(kind, n0, d0, f0, n1, d1, f1):
-    """What a height does not exceed between two points: infinite where |L| may be 1.
-
-    There |1 + L| is at least the distance of |L| from 1, whatever the dead time turns.
-    """
-    a, b = abs(n0) / abs(d0), abs(n1) / abs(d1)
-    if kind == COMPLEMENTARY:
-        f0, f1 = f0 * a, f1 * b
-    elif kind != SENSITIVITY:
-        f0, f1 = 0.5 * f0 * (1.0 + a), 0.5 * f1 * (1.0 + b)
-    low, high, least, most = min(a, b), max(a, b), min(f0, f1), max(f0, f1)
-    apart = max(low * low / high - 1.0, 1.0 - high * high / low)
-    bound = most * (most / least if least > 0.0 else 1.0) / apart
-    return bound if apart > 0.0 and high > 0.0 else np.inf
-
-
-@compiled
-def _may_exceed(best, h0, h1, h2, n0, d0, n1, d1, n2, d2):
-    """Whether between three points, the middle one of which is the highest, a value may exceed the best."""
-    before, here, after = n0 * _inverse(d0), n1 * _inverse(d1), n2 * _inverse(d2)
-    # beside a point L comes no closer to -1 than its way to the next one allows
-    closest = abs(1.0 + here) - DETOUR * max(abs(here - before), abs(after - here))
-    over = h0 * abs(1.0 + before), h1 * abs(1.0 + here), h2 * abs(1.0 + after)
-    top, bottom = max(over[0], over[1], over[2]), min(over[0], over[1], over[2])
-    bound = top * (top / bottom if bottom > 0.0 else 1.0) / closest
-    return not (closest > 0.0 and bound <= best * (1.0 + NO_HIGHER))
-
-
-@compiled
-def _summit(kind, low, at, high, weight, of):
-    """Highest value between two points, from one between them, and where it lies."""
-    w, best, where = at, -1.0, at
-    for _ in range(MOST_STEPS):
-        s = complex(0.0, w)
-        num, den = fraction(s, of)
-        first, second = _slopes(s, of)
-        inverse = _inverse(den + num)
-        S, T = den * inverse, num * inverse
-        both = T * S
-        if kind == SENSITIVITY:
-            slope, bend = -first * T, -second * T - first * first * both
-        elif kind == COMPLEMENTARY:
-            slope, bend = first * S, second * S - first * first * both
-        else:
-            back = _inverse(0.5 * (S - T))
-            slope = -first * both * back
-            bend = -(second * both + first * first * both * (S - T)) * back - slope * slope
-        if weight[2].size > 0:
-            own_first, own_second = _slopes(s, weight)
-            slope, bend = slope + own_first, bend + own_second
-        value = _height(kind, num, den) * _weigh(w, weight)
-        if value > best:
-            best, where = value, w
-        # along the axis: ds = j dw
-        rise, curve = -slope.imag, -bend.real
-        if rise > 0.0:
-            low = w
-        else:
-            high = w
-        after = w - rise / curve
-        if not (curve < 0.0 and low < after < high):
-            after = 0.5 * (low + high)
-        if abs(after - w) <= SAME_CROSSING * w:
-            break
-        if abs(after - w) <= SAME_TOP * (high - low) and value == best:
-            return best, after
-        w = after
-    return best, where
-
-
-def _highest_in_arrays(kind, w, num, den, probes, least, weight, of):
-    def factor(w):
-        n, d = _arrays.fraction(1j * w, weight)
-        return abs(n / d)
-
-    return _arrays.highest(
-        kind, lambda w: _arrays.fraction(1j * w, of), factor, w, num, den, of[4], probes, least
-    )
-
-
-@plain(_highest_in_arrays)
-def highest(kind, w, num, den, probes, least, weight, of):
-    """As `_arrays.highest`; NaN where the dead time turns the phase too often."""
-    delay, size, points = of[4], w.size, 0.0
-    best, where = least, np.nan
-    for probe in probes:
-        n, d = fraction(complex(0.0, probe), of)
-        h = _height(kind, n, d) * _weigh(probe, weight)
-        if h > best:
-            best, where = h, probe
-    if not np.isnan(where):
-        peak, at = _summit(kind, where - FINE / delay, where, where + FINE / delay, weight, of)
-        if peak > best:
-            best, where = peak, at
-    value, factor = np.empty(size), np.empty(size)
-    for i in range(size):
-        factor[i] = _weigh(w[i], weight)
-        value[i] = factor[i] * _height(kind, num[i], den[i])
-        if value[i] > best:
-            best, where = value[i], w[i]
-    passed = 0  # points; the last one and the one before
-    w1, h1, num1, den1 = 0.0, 0.0, 0.0j, 0.0j
-    w0, h0, num0, den0 = 0.0, 0.0, 0.0j, 0.0j
-    for i in range(size):
-        # long steps are taken in pieces, of which few may hold a peak
-        pieces, turned = 1, 0.0
-        if i > 0:
-            turned = (w[i] - w[i - 1]) * delay / FINE
-            if (
-                turned > PIECE
-                and _bound(kind, num[i - 1], den[i - 1], factor[i - 1], num[i], den[i], factor[i]) > best
-            ):
-                pieces = int(np.ceil(turned / PIECE))
-        w_before, f_before, num_before, den_before = w1, 1.0 if i == 0 else factor[i - 1], num1, den1
-        for j in range(1, pieces + 1):
-            stop, f, n_stop, d_stop, h_stop = w[i], factor[i], num[i], den[i], value[i]
-            if j < pieces:
-                stop = w[i - 1] + j * ((w[i] - w[i - 1]) / pieces)
-                n_stop, d_stop = fraction(complex(0.0, stop), of)
-                f = _weigh(stop, weight)
-                h_stop = f * _height(kind, n_stop, d_stop)
-                if h_stop > best:
-                    best, where = h_stop, stop
-            parts = 1
-            if turned > pieces:
-                bound = _bound(kind, num_before, den_before, f_before, n_stop, d_stop, f)
-                if not bound <= best * (1.0 + NO_HIGHER):
-                    parts = int(np.ceil(turned / pieces))
-            points += parts
-            if points > MOST_POINTS:
-                return np.nan, np.nan
-            for k in range(1, parts + 1):
-                here, h, n, d = stop, h_stop, n_stop, d_stop
-                if k < parts:
-                    here = w_before + k * ((stop - w_before) / parts)
-                    n, d = fraction(complex(0.0, here), of)
-                    h = _height(kind, n, d) * _weigh(here, weight)
-                    if h > best:
-                        best, where = h, here
-                # a hill at the last point; a difference of rounding makes none
-                hill = passed > 1 and h1 >= max(h0, h) and h1 * (1.0 - REAL) > min(h0, h)
-                if hill and _may_exceed(best, h0, h1, h, num0, den0, num1, den1, n, d):
-                    peak, at = _summit(kind, w0, w1, here, weight, of)
-                    if peak > best:
-                        best, where = peak, at
-                w0, h0, num0, den0 = w1, h1, num1, den1
-                w1, h1, num1, den1 = here, h, n, d
-                passed += 1
-            w_before, f_before, num_before, den_before = stop, f, n_stop, d_stop
-    return best, where

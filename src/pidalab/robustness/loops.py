@@ -13,7 +13,8 @@ from pidalab.digital import DigitalController
 from pidalab.loop import Loop, open_loop, require_loop, require_well_posed
 from pidalab.process import static_gain
 from pidalab.robustness._arrays import fraction as fraction_of_factors, frequencies
-from pidalab.robustness.peaks_and_crossovers import Explorer, FactoredExplorer, LoopFactors, Seen
+from pidalab.robustness.factored import FactoredExplorer
+from pidalab.robustness.peaks_and_crossovers import Explorer, LoopFactors, Seen
 from pidalab.robustness.sampled import sampled_plant
 from pidalab.roots import roots
 
