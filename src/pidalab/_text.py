@@ -1,9 +1,10 @@
 """Text from outside, on its way into files that are written here: one function lets it through, whatever the file.
 
 File names, names of columns, lines of a record, notes and the name of a controller in a JSON are text of others.
-Written code, reports, tables and JSON carry such text in heads and titles. There it must stay text: no end of a comment,
-no quote, no tag, no formula and no line feed may come through. Nobody needs those to know a file again, so only a few
-kinds of characters pass. What is left needs no escaping in C, structured text, Python, JSON, HTML or a cell of a table.
+Written code, reports, tables and JSON carry such text in heads and titles. There it must stay text: no end of a
+comment, no quote, no tag, no formula and no line feed may come through. Nobody needs those to know a file again, so
+only a few kinds of characters pass. What is left needs no escaping in C, structured text, Python, JSON, HTML or a cell
+of a table.
 """
 
 from __future__ import annotations
