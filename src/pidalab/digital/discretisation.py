@@ -62,9 +62,10 @@ def discretise(
     None                it integrates on
     ==================  ==============================================================================================
 
-    Take *reset*, the default, unless you know better. *clamping* serves where there is no integral time to go by (integral and derivative action without
-    proportional action), and where u sits at a limit for long and must leave it late; *back-calculation* with a short
-    `tracking_time` leaves a limit early. None of them locks. None is for actuators without limits.
+    Take *reset*, the default, unless you know better. *clamping* serves where there is no integral time to go by
+    (integral and derivative action without proportional action), and where u sits at a limit for long and must leave it
+    late; *back-calculation* with a short `tracking_time` leaves a limit early. None of them locks. None is for
+    actuators without limits.
 
     Parameters
     ----------
