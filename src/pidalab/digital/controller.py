@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -92,7 +92,7 @@ class DigitalController(Parameters):
 
     @cached_property
     def _run(self) -> Callable[..., float]:
-        return languages.function(self._program)
+        return _function(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the function that runs, which is made again when it is needed."""
@@ -487,6 +487,12 @@ class DigitalController(Parameters):
         }
         extras = "".join(f", {name}={value!r}" for name, (value, usual) in options.items() if value != usual)
         return f"{self.source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
+
+
+@lru_cache(maxsize=64)
+def _function(k: DigitalController) -> Callable[..., float]:
+    """Return the step of a controller as a function, the same for equal ones."""
+    return languages.function(program(k))
 
 
 def _signal(name: str, value: Any) -> float:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import lru_cache
 
 from pidalab.digital import chains
 from pidalab.digital.parameters import LARGEST_GAIN, LARGEST_SIGNAL, Parameters
@@ -46,8 +47,12 @@ def constants(k: Parameters) -> dict[str, float]:
     return found | {"LARGEST_SIGNAL": LARGEST_SIGNAL} | ({"LARGEST_GAIN": LARGEST_GAIN} if k.tunable else {})
 
 
+@lru_cache(maxsize=64)
 def program(k: Parameters, block: bool = False) -> Program:
-    """Write the step of a controller as statements; `summed` is given where a block outside makes it of the error."""
+    """Write the step of a controller as statements; `summed` is given where a block outside makes it of the error.
+
+    What is returned is shared: do not change it.
+    """
     found = constants(k)
     gains = {name: x for name, x in found.items() if k.tunable and not FIXED.fullmatch(name)}
     asked = (k.feedforward, k.tunable)
