@@ -27,7 +27,7 @@ from processes import batch
 
 from pidalab import Process
 from pidalab.comparison import at_equal_terms, designs, first_horizon
-from pidalab.comparison.judging import Row, measure_row
+from pidalab.comparison.judging import DesignRow, measure_row
 from pidalab.rules import Design
 from pidalab.rules.registry import Limits
 from pidalab.rules.starting_models import StartingModels
@@ -121,7 +121,7 @@ def at_all_terms(design: Design, process: Process, own: Units) -> list[dict[str,
     return rows
 
 
-def measures(row: Row, process: Process, own: Units, off: bool = True) -> dict[str, Any]:
+def measures(row: DesignRow, process: Process, own: Units, off: bool = True) -> dict[str, Any]:
     """What was measured, in the plant's units, perhaps with plants that are off; what could not be had stays away."""
     if not row.applies or row.design is None:
         return {"reason": row.reason}

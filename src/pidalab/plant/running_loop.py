@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab.comparison.judging import Row, one_line, text_table
+from pidalab.comparison.judging import DesignRow, one_line, text_table
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
 from pidalab.loop import Loop
@@ -20,7 +20,7 @@ from pidalab.plant.fitting.uncertainty import together
 from pidalab.plant.record import Record
 from pidalab.plant.record.inputs import FOLLOWER
 from pidalab.plant.reporting import measure_candidate
-from pidalab.plant.safety import Runs
+from pidalab.plant.safety import LoopEvaluator
 from pidalab.plant.tuning import tune
 from pidalab.process import Process
 from pidalab.rules import Design
@@ -69,7 +69,7 @@ class Check:
     doubts: tuple[str, ...]
 
     @cached_property
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[DesignRow, ...]:
         """The gains that run, the best of their kind with the same Ms and noise gain, and three sets to try."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
@@ -85,13 +85,13 @@ class Check:
 
     def _row(
         self, name: str, kind: str, plant: Process | Fit, ms: float, noise: float | None, worst: float
-    ) -> Row:
+    ) -> DesignRow:
         try:
             design = tune(plant, kind, ms, noise, self.sample_time, ms_worst=worst)
         except ValueError as refusal:
-            return Row(name, kind, reason=one_line(refusal))
+            return DesignRow(name, kind, reason=one_line(refusal))
         found = measure_candidate(design, name, kind, self.fit, self.sample_time)
-        return found._replace(ms_worst=Runs(self.sample_time, None).worst(design, self.plants))
+        return found._replace(ms_worst=LoopEvaluator(self.sample_time, None).worst(design, self.plants).ms)
 
     @property
     def loss(self) -> float:
@@ -116,7 +116,7 @@ class Check:
         lines += text_table(self.rows, {"rule": 14}, COLUMNS, 12, self._gains)
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
 
-    def _gains(self, row: Row) -> str:
+    def _gains(self, row: DesignRow) -> str:
         """Return the IAE as a multiple of that now, and what to type in."""
         k = None if row.design is None else row.design.controller
         if row.design is self.design or not isinstance(k, HighOrderPID):
@@ -200,9 +200,10 @@ def check(
         doubts.append(f"the controller is taken to have the sample time of the log, {sample_time:.4g}")
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     running = Design(process, controller, output_filter=output_filter, source="the gains that run")
-    runs, plants = Runs(sample_time, None), tuple(fitted.spread(DRAWN))
-    sizes = [runs.ms(running, plant) for plant in (process, *plants)]
-    doubts += runs.lacking
+    evaluator, plants = LoopEvaluator(sample_time, None), tuple(fitted.spread(DRAWN))
+    judged = [evaluator.ms(running, plant) for plant in (process, *plants)]
+    sizes = [one.ms for one in judged]
+    doubts += sorted({one.reason for one in judged if one.reason})
     if math.isinf(sizes[0]):
         doubts.append(
             "the loop of the model is unstable: if the log shows this loop, other gains ran, or other units"

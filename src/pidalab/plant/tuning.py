@@ -14,7 +14,7 @@ from pidalab.loop import Loop
 from pidalab.optimal._design import sign_of_gain
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
-from pidalab.plant.safety import Asked, Make, Runs, Terms, safe
+from pidalab.plant.safety import Asked, Designer, LoopEvaluator, Requirements, make_safe
 from pidalab.process import Process, rational, require_no_zero_at_origin
 from pidalab.roots import roots
 from pidalab.rules import Design
@@ -116,43 +116,46 @@ def tune(
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
-    terms = Terms(process, plants, ms, ms_worst, _remedy(model))
+    requirements = Requirements(process, plants, ms, ms_worst, _remedy(model))
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
-            f"the sign of the gain is not settled, and no controller serves both: {terms.remedy}"
+            f"the sign of the gain is not settled, and no controller serves both: {requirements.remedy}"
         )
     designed, *others = (
         _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
     )
     _known_dynamics(model, designed, kind, doubts)
-    runs = Runs(sample_time, output_filter)
+    evaluator = LoopEvaluator(sample_time, output_filter)
     if named is None:
         make = _optimal(model, designed, others, kind, noise_gain, sample_time, doubts)
-        made, price = safe(make, runs, terms)
+        made, price = make_safe(make, evaluator, requirements)
         if "sample_time" in made.active:
             doubts.append(
                 f"the filter is as fast as the sample, {made.info['sample_time']:g}, allows: with faster sampling it "
                 "would be faster"
             )
     else:
-        made, price = _by_rule(named, designed, kind, runs, terms)
+        made, price = _by_rule(named, designed, kind, evaluator, requirements)
         if noise_gain is not None:
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     if price > DEAR:
         doubts.append(
-            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {terms.remedy}"
+            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {requirements.remedy}"
         )
-    loop = runs.loop(made, process)
+    loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
+    reasons: list[str] = []  # why a sampled loop has no Ms
     if sample_time is not None:
-        info["ms_sampled"] = runs.ms(made, process)
+        info["ms_sampled"], reason = evaluator.ms(made, process)
+        reasons.append(reason)
         _doubt_sampling(loop, sample_time, doubts)
     if plants:
-        info["ms_worst"] = runs.worst(made, plants)
-        info["iae_worst"] = max(_iae_ms_mks(runs.loop(made, plant))["iae"] for plant in plants)
+        info["ms_worst"], reason = evaluator.worst(made, plants)
+        reasons.append(reason)
+        info["iae_worst"] = max(_iae_ms_mks(evaluator.loop(made, plant))["iae"] for plant in plants)
         info["price"] = price
-    info["doubts"] = (*doubts, *runs.lacking)
+    info["doubts"] = (*doubts, *dict.fromkeys(filter(None, reasons)))
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
 
 
@@ -170,22 +173,26 @@ def _remedy(model: Process | Fit) -> str:
     return "a smaller spread would help"
 
 
-def _by_rule(rule: Rule, designed: Process, kind: str, runs: Runs, terms: Terms) -> tuple[Design, float]:
+def _by_rule(
+    rule: Rule, designed: Process, kind: str, evaluator: LoopEvaluator, requirements: Requirements
+) -> tuple[Design, float]:
     """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
     if rule.name == KNOWS_MS:
 
         def make(asked: Asked, near: Design | None) -> tuple[Design, list[str]]:
             return rule.tune(designed, kind, min(asked)), ["ms" if asked[0] <= asked[1] else "ms_worst"]
 
-        return safe(make, runs, terms)
-    made = rule.tune(designed, kind, terms.ms)
-    if math.isinf(runs.ms(made, terms.process)):
+        return make_safe(make, evaluator, requirements)
+    made = rule.tune(designed, kind, requirements.ms)
+    if math.isinf(evaluator.ms(made, requirements.process).ms):
         raise ValueError(
             f"the loop of the rule {rule.name!r} is unstable with the model itself: take another rule"
         )
-    worst = runs.worst(made, terms.plants)
-    if worst > terms.ms_worst:
-        raise terms._replace(remedy=f"{terms.remedy}, or the rule 'optimal', which knows Ms").refusal(worst)
+    worst = evaluator.worst(made, requirements.plants).ms
+    if worst > requirements.ms_worst:
+        raise requirements._replace(
+            remedy=f"{requirements.remedy}, or the rule 'optimal', which knows Ms"
+        ).refusal(worst)
     return made, 1.0
 
 
@@ -215,7 +222,7 @@ def _optimal(
     noise_gain: float | None,
     sample_time: float | None,
     doubts: list[str],
-) -> Make:
+) -> Designer:
     """Least IAE under Ms and a limit for noise; without one given, a default, which is reported."""
     from pidalab import optimal
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.comparison.judging import Row, html_table, measure_row, one_line, text_table
+from pidalab.comparison.judging import DesignRow, html_table, measure_row, one_line, text_table
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.record import Record
 from pidalab.plant.tuning import plants_within, tune
@@ -53,7 +53,7 @@ class Report:
         Where the model comes from, if that was a record.
     ms : float
         The Ms that was asked for.
-    rows : tuple of Row
+    rows : tuple of DesignRow
         Each with its design, measures and responses.
     plants : tuple of Process
         Plants within the spread.
@@ -62,7 +62,7 @@ class Report:
     process: Process
     fit: Fit | None
     ms: float
-    rows: tuple[Row, ...]
+    rows: tuple[DesignRow, ...]
     plants: tuple[Process, ...]
 
     @property
@@ -92,7 +92,7 @@ class Report:
             for old, new in pairwise(able)
         )
 
-    def _worst(self, old: Row, new: Row) -> str:
+    def _worst(self, old: DesignRow, new: DesignRow) -> str:
         return "" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} after {old.ms_worst:.2f}"
 
     def __repr__(self) -> str:
@@ -231,7 +231,7 @@ def report(
         try:
             design = tune(fitted, kind, ms, noise_gain, sample_time, rule, spread, output_filter, ms_worst)
         except ValueError as refusal:
-            rows.append(Row(rule, kind, reason=one_line(refusal)))
+            rows.append(DesignRow(rule, kind, reason=one_line(refusal)))
         else:
             rows.append(measure_candidate(design, rule, kind, fitted, sample_time))
     if all(row.design is None for row in rows):
@@ -247,7 +247,7 @@ TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # what `tune` has meas
 
 def measure_candidate(
     design: Design, rule: str, kind: str, model: Process | Fit, sample_time: float | None
-) -> Row:
+) -> DesignRow:
     """Measure a design of `tune` with the model; the worst, and Ms of the digital controller, are in its `info`."""
     process = model.process if isinstance(model, Fit) else model
     row = measure_row(rule, kind, lambda: design, process, sample_time, HORIZON * time_scale(process))

@@ -20,7 +20,7 @@ from pidalab.simulation.exact import load_response, step_response
 from pidalab.style import GREY, LOOKS, STYLE
 
 if TYPE_CHECKING:
-    from pidalab.comparison.judging import Row
+    from pidalab.comparison.judging import DesignRow
     from pidalab.plant.reporting import Report
 
 LEFT = 0.005  # share of the largest error, below which a figure need not go on
@@ -85,13 +85,13 @@ def _lasting(response: Response) -> float:
     return float(response.t[large[-1]]) or float(response.t[-1])
 
 
-def _frequencies(rows: Sequence[Row], low: float, high: float) -> Array:
+def _frequencies(rows: Sequence[DesignRow], low: float, high: float) -> Array:
     """Frequencies around those of the largest sensitivities, as multiples of the lowest and the highest."""
     centres = [max_sensitivity(row.design.loop())[1] for row in rows if row.design is not None]
     return np.geomspace(low * min(centres), high * max(centres), CURVE)
 
 
-def _draw_responses(axes: Any, rows: Sequence[Row]) -> None:
+def _draw_responses(axes: Any, rows: Sequence[DesignRow]) -> None:
     runs = {"load": load_response, "setpoint": step_response}
     for column, (name, simulate) in enumerate(runs.items()):
         until = max(_lasting(getattr(row, name)) for row in rows)
@@ -107,7 +107,7 @@ def _draw_responses(axes: Any, rows: Sequence[Row]) -> None:
     axes[1, 0].set(ylabel="control signal u")
 
 
-def _draw_noise(ax: Any, rows: Sequence[Row]) -> None:
+def _draw_noise(ax: Any, rows: Sequence[DesignRow]) -> None:
     w = _frequencies(rows, 0.05, 50.0)
     for row in rows:
         assert row.design is not None
@@ -115,7 +115,7 @@ def _draw_noise(ax: Any, rows: Sequence[Row]) -> None:
     ax.set(xlabel="frequency, rad per time unit", ylabel="gain from noise to u")
 
 
-def _draw_nyquist(ax: Any, report: Report, rows: Sequence[Row]) -> None:
+def _draw_nyquist(ax: Any, report: Report, rows: Sequence[DesignRow]) -> None:
     w = _frequencies(rows, 0.1, 30.0)
     for row in rows:
         assert row.design is not None
