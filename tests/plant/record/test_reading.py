@@ -1,8 +1,10 @@
 """Files as historians write them; an error names the row."""
 
 import time
+import tracemalloc
 from datetime import datetime, timedelta
 
+import numpy as np
 import pytest
 
 from pidalab import Record
@@ -139,7 +141,7 @@ def test_what_was_done_to_a_file_is_said(tmp_path):
     text = lines("2026-03-05 11:00:{:02},250,{},{}")
     doubts = Record.read_csv(write(tmp_path, text + "\nTotal 40")).doubts
     assert doubts[0].startswith("milliseconds after a comma")
-    assert doubts[1] == "1 row(s) after the last row of numbers were left out: 'Total 40'"
+    assert doubts[1] == "1 row(s) after the last row of numbers were left out: Total 40"
 
 
 def test_two_roles_on_one_column_are_refused(tmp_path):
@@ -171,3 +173,59 @@ def test_a_wild_output_is_named_by_its_row_and_left_out_with_a_word(tmp_path):
     dropped = Record.read_csv(path, outliers="drop")
     assert (dropped.t.size, dropped.apart) == (79, "")
     assert "left out: row 61 (y = -9999)" in dropped.doubts
+
+
+def step_lines(count=5000):
+    """Rows of a first-order step, as many as are asked for."""
+    y = 20 + 7 * -np.expm1(-np.maximum(np.arange(count) - count // 10, 0) * 20 / count)
+    return [f"{k},{40 if k < count // 10 else 47},{value:.4f}" for k, value in enumerate(y)]
+
+
+@pytest.mark.parametrize("where", [0, 1, 2500, 5001])
+@pytest.mark.parametrize(
+    "line", ["," * 5000, '"' + "," * 5000, ",x" * 5000], ids=["commas", "quote", "words"]
+)
+def test_one_long_line_widens_no_other(tmp_path, where, line):
+    """Memory grows with the file: 25 million entries, of 5,000 rows with 5,000 columns each, would fill gigabytes."""
+    lines = ["t,u,y", *step_lines()]
+    lines.insert(where, line)
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines))
+    tracemalloc.start()
+    try:
+        refusal = ""
+        try:
+            assert Record.read_csv(path, u="u" if where else 1, y="y" if where else 2, time=0).t.size == 5000
+        except ValueError as found:
+            refusal = str(found)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 60e6
+    assert not refusal or (line != "," * 5000 and f"row {where + 1}" in refusal)
+
+
+def test_a_line_beyond_all_measure_is_named(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["t,u,y", *step_lines(200), "x" * 140_000]))
+    with pytest.raises(ValueError, match=r"log\.csv, row 202, has 140000 characters.*at most 100000"):
+        Record.read_csv(path)
+
+
+def test_the_time_to_read_grows_with_the_rows(tmp_path):
+    path = tmp_path / "log.csv"
+    seconds = []
+    for count in (2_000, 20_000, 200_000):
+        path.write_text("\n".join(["t,u,y", *step_lines(count)]))
+        begun = time.process_time()
+        assert Record.read_csv(path).t.size == count
+        seconds.append(time.process_time() - begun)
+    assert seconds[2] < 30 * seconds[1] + 1.0
+
+
+def test_a_table_wider_than_most_is_read(tmp_path):
+    path = tmp_path / "log.csv"
+    head = ",".join(["t", *(f"x{k}" for k in range(200)), "u", "y"])
+    rows = [",".join([k, *["1.5"] * 200, u, y]) for k, u, y in (line.split(",") for line in step_lines(60))]
+    path.write_text("\n".join([head, *rows]))
+    assert Record.read_csv(path, u="u", y="y").t.size == 60

@@ -325,12 +325,11 @@ class Record:
         if gaps.size:
             k = gaps[np.argmax(intervals[gaps])]
             found.append(f"{gaps.size} gap(s); the longest, {intervals[k]:.3g}, from {self.t[k]:.4g}")
+        apart = 0.5 * float(np.min(np.diff([s.time for s in self.steps]), initial=np.inf))
         for step in self.steps:
-            share = np.abs((self.u - step.before) / (step.after - step.before) - 0.5)
-            near = np.abs(self.t - step.time) <= 0.5 * np.min(
-                np.diff([s.time for s in self.steps]), initial=np.inf
-            )
-            slow = self.t[near & (share < 0.4)]
+            near = slice(*np.searchsorted(self.t, [step.time - apart, step.time + apart]))
+            share = np.abs((self.u[near] - step.before) / (step.after - step.before) - 0.5)
+            slow = self.t[near][share < 0.4]
             if slow.size > FEW:
                 found.append(
                     f"the input takes more than {np.ptp(slow):.3g} to go from {step.before:.6g} to {step.after:.6g}: "

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pidalab._check import Array
+from pidalab._text import plain_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +30,11 @@ STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
 GROUPED = r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"  # a number with a comma after the thousands
 LONG_AGO = 1e8  # a number above it counts seconds since then
 DAY = 86400.0  # seconds
+SHOWN = 60  # characters of the file in a message
 LOOKED_AT = 50  # lines from which the form of a file is told
+LONGEST_LINE = 100_000  # characters: a line of ten thousand columns is shorter
+ALWAYS_READ = 64  # columns that are read of any file
+WIDER = 8.0  # times the columns of the mean line, up to which a longer one widens the table
 
 
 class Columns(NamedTuple):
@@ -72,11 +77,17 @@ def read_columns(
         For a file without such columns, or with an entry that is neither a number nor a word for a missing one.
     """
     lines = _lines(path)[skip:]
+    for row, line in enumerate(lines):
+        if len(line) > LONGEST_LINE:
+            raise ValueError(
+                f"{path.name}, row {row + 1 + skip}, has {len(line)} characters, and a line of a record at most "
+                f"{LONGEST_LINE}: is it a table of text with a line for each sample?"
+            )
     if not any(line.strip() for line in lines):
         raise ValueError(f"{path.name} is empty")
     doubts = []
     mark = delimiter or max(DELIMITERS, key=lambda mark: _numbered(lines, mark))
-    joined = [re.sub(r"(:\d\d),(\d{3})(?=,)", r"\1.\2", line) for line in lines]
+    joined = [re.sub(r"(:\d\d),(\d{3})(?=,)", r"\1.\2", line) if ":" in line else line for line in lines]
     if mark == "," and joined != lines:
         doubts.append("milliseconds after a comma belong to the time before them: both are one column")
         lines = joined
@@ -93,14 +104,17 @@ def read_columns(
     end = int(np.flatnonzero(good)[-1]) + 1 if good.any() else len(data)
     if end < len(data):
         doubts.append(
-            f"{len(data) - end} row(s) after the last row of numbers were left out: {lines[data.index[end]]!r}"
+            f"{len(data) - end} row(s) after the last row of numbers were left out: "
+            f"{plain_text(lines[data.index[end]], SHOWN)}"
         )
     for name, place, (_, wrong) in zip(wanted, places, columns, strict=True):
         if wrong[:end].any():
             row = data.index[int(np.argmax(wrong))]
+            found = table.at[row, place]
             kind = "a number or a date" if timed and place == places[0] else "a number"
             raise ValueError(
-                f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, found {table.at[row, place]!r}"
+                f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, "
+                f"found {found[:SHOWN]!r}"
             )
     rows = data.index.to_numpy()[:end] + 1 + skip
     return Columns(tuple(values[:end] for values, _ in columns), rows, tuple(doubts))
@@ -124,11 +138,10 @@ def _numbered(lines: Sequence[str], mark: str) -> float:
 
 def _columns_of_numbers(rows: Sequence[Sequence[str]]) -> list[int]:
     """Return the columns that hold numbers and dates in more than half of the rows; one of words does not count."""
-    return [
-        k
-        for k in range(max(map(len, rows)))
-        if 2 * sum(k < len(row) and _is_value(row[k]) for row in rows) > len(rows)
-    ]
+    half = sorted(map(len, rows), reverse=True)[
+        len(rows) // 2
+    ]  # columns beyond are in half of the rows at most
+    return [k for k in range(half) if 2 * sum(k < len(row) and _is_value(row[k]) for row in rows) > len(rows)]
 
 
 def _is_value(entry: str) -> bool:
@@ -158,10 +171,17 @@ def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
     import pandas as pd
 
     plain = len(mark) == 1 or mark == r"\s+"
-    width = max(len(re.split(mark if len(mark) > 1 else re.escape(mark), line.strip())) for line in lines)
+    between = re.compile(mark if len(mark) > 1 else re.escape(mark))
+    counts = [len(between.split(line.strip())) for line in lines]
+    # one long line does not widen all others: the table has a few times the entries of the file
+    width = min(max(counts), max(ALWAYS_READ, round(WIDER * sum(counts) / len(counts))))
+    kept = [
+        line if count <= width else _cut(line, between, width)
+        for line, count in zip(lines, counts, strict=True)
+    ]
     try:
         table = pd.read_csv(
-            io.StringIO("\n".join(lines)),
+            io.StringIO("\n".join(kept)),
             sep=mark,
             header=None,
             names=range(width),
@@ -177,10 +197,22 @@ def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
     return table.fillna("").apply(lambda column: column.str.strip())
 
 
+def _cut(line: str, between: re.Pattern[str], width: int) -> str:
+    """Return the first entries of a line that has too many; no quote of it runs on into the next line."""
+    line = line.strip().replace('"', " ")
+    end = next(match for k, match in enumerate(between.finditer(line), 1) if k == width)
+    return line[: end.start()]
+
+
 def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: Path) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
     full = table[(table != "").any(axis=1)]
-    columns = _columns_of_numbers(full.tail(LOOKED_AT).to_numpy().tolist())
+    last = full.tail(LOOKED_AT).to_numpy().tolist()
+    # entries that no row has are no column, though a missing value may be blank
+    filled_in = [[row[k] for row in last if row[k]] for k in range(table.shape[1])]
+    columns = [
+        k for k, entries in enumerate(filled_in) if 2 * sum(map(_is_value, entries)) > max(len(entries), 1)
+    ]
     for index, row in enumerate(table.head(LOOKED_AT).to_numpy().tolist()):
         filled = [row[k] for k in columns if row[k]]
         if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(_is_value, filled)):
@@ -197,7 +229,7 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
             return names, index
     raise ValueError(
         f"{path.name} has no row of numbers in its first {LOOKED_AT} lines (columns divided by {mark!r}); "
-        f"its first line is {' '.join(table.iloc[0])[:60]!r}"
+        f"its first line is {' '.join(table.iloc[0])[:SHOWN]!r}"
     )
 
 
@@ -230,14 +262,20 @@ def _numbers(column: pd.Series, comma: bool) -> tuple[Array, Array]:
     """Return a column as numbers, nan where one is missing, and where there is neither a number nor a word for none."""
     import pandas as pd
 
+    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, copy=True)
+    # what reads as it stands needs no more; of decimal commas none does for sure
+    left = np.isnan(values) | comma
+    column = column[left]
     text = _bare(column)
     if comma:
         text = text.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
     else:
         text = text.mask(text.str.fullmatch(GROUPED), text.str.replace(",", "", regex=False))
-    values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=float, copy=True)
+    values[left] = pd.to_numeric(text, errors="coerce").to_numpy(dtype=float)
     values[~np.isfinite(values)] = np.nan
-    return values, np.isnan(values) & ~_bare(column).str.lower().isin(MISSING).to_numpy(dtype=bool)
+    wrong = np.isnan(values)
+    wrong[left] &= ~_bare(column).str.lower().isin(MISSING).to_numpy(dtype=bool)
+    return values, wrong
 
 
 def _stamps(column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
