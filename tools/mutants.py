@@ -64,7 +64,7 @@ ROOMS = (
         "plant/reporting",
         "plant/running_loop",
     ),
-    *("plant/heater", "plant/cli"),
+    *("plant/heater", "plant/cli", "plant/writing"),
 )
 NO_JUDGES = {  # in tests/: what does not judge the numbers of a copy, and why
     "fuzz": "Hypothesis draws with the numbers it finds in the library's text, so any change draws other cases",

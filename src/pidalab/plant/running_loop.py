@@ -16,7 +16,7 @@ from pidalab.controllers.base import Controller
 from pidalab.loop import Loop
 from pidalab.optimal._design import sign_of_gain
 from pidalab.plant.fitting import Fit, fit
-from pidalab.plant.fitting.uncertainty import together
+from pidalab.plant.fitting.uncertainty import samples_per_error
 from pidalab.plant.record import Record
 from pidalab.plant.record.inputs import FOLLOWER
 from pidalab.plant.reporting import measure_candidate
@@ -221,7 +221,7 @@ def _fitted(record: Record) -> Fit:
     found: list[Fit] = []
     refusal = None
     for load in (False, True):
-        if found and together(found[0].residuals) < COLOURED:
+        if found and samples_per_error(found[0].residuals) < COLOURED:
             break  # nothing is left that a load would explain
         try:
             found.append(fit(record, load=load))
@@ -242,7 +242,7 @@ def _biased(fitted: Fit, loop: Loop) -> list[str]:
     from pidalab.simulation.exact import simulate
 
     record, rest = fitted.record, fitted.residuals
-    if together(rest) < COLOURED:
+    if samples_per_error(rest) < COLOURED:
         return []
     t = np.linspace(0.0, float(np.ptp(record.t)), rest.size)
     share = float(np.var(simulate(loop, t, noise=rest).u) / np.var(record.u))

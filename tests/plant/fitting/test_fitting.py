@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 import pidalab
 from pidalab import Record
 from pidalab.plant.fitting import fit
-from pidalab.plant.fitting.searching import Found, prepared, refined, search
+from pidalab.plant.fitting.searching import FitResult, prepared, refined, search
 from pidalab.plant.fitting.shapes import FIRST, INTEGRATOR, SECOND
 from pidalab.plant.fitting.uncertainty import covariance
 
@@ -219,7 +219,7 @@ def test_uncertainty_of_white_residuals_in_closed_form():
 
 def test_uncertainty_of_an_exact_fit_is_none():
     data = prepared(historian(0))
-    exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
+    exact = FitResult(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
     assert not np.any(covariance(exact))
 
 

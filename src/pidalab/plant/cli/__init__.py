@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import sys
+
 import click
 
 from pidalab.plant.cli import desk, given, recorded
@@ -26,6 +29,9 @@ def main() -> None:
       pidalab rules                                            the rules by name
       pidalab tclab                                            a board on the desk, simulated
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a console that lacks a character shows another one for it
+            stream.reconfigure(errors="replace")
 
 
 for module in (recorded, given, desk):

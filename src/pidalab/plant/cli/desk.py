@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pidalab.plant.cli.parts import ms, one_line, out, show, write_csv
+from pidalab.plant.cli.parts import KINDS, csv_of, ms, one_line, out, show, write
 
 if TYPE_CHECKING:
     from pidalab.response import Response
@@ -37,6 +37,7 @@ def tclab_command(
     sample_time: float,
     ms: float,
     out: Path | None,
+    force: bool,
 ) -> None:
     """Step test, model, PI, PID and PIDA, and their loops on a Temperature Control Lab.
 
@@ -52,7 +53,10 @@ def tclab_command(
 
     from pidalab.plant.heater import Lab
     from pidalab.plant.reporting import report
+    from pidalab.plant.writing import refuse_others
 
+    if out is not None and not force:  # before an experiment of hours
+        refuse_others({out / name: None for name in ("report.html", *(f"{kind}.csv" for kind in KINDS))})
     with Lab(connected) as lab:
         record = lab.step_test(power, duration, sample_time=sample_time)
     found = report(record, ms=ms, sample_time=sample_time)
@@ -71,8 +75,7 @@ def tclab_command(
     where = "at the board" if connected else "simulated"
     show([(f"Closed loops, {where}, after heater 2 went to {load:g} %", _table(runs, duration))])
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        click.echo(f"written: {found.html(out / 'report.html', 'Temperature Control Lab')}")
+        texts = {"report.html": found.page("Temperature Control Lab")}
         for kind, run in runs.items():
             signals = {
                 "t": run.t,
@@ -81,7 +84,8 @@ def tclab_command(
                 "temperature": run.y,
                 "heater 1": run.u,
             }
-            write_csv(out / f"{kind}.csv", signals)
+            texts[f"{kind}.csv"] = csv_of(signals)
+        write(out, texts, force)
 
 
 def _table(runs: dict[str, Response], start: float) -> str:

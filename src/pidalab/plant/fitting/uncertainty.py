@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from pidalab._check import Array
-from pidalab.plant.fitting.searching import MOST_DAMPED, Data, Found
+from pidalab.plant.fitting.searching import MOST_DAMPED, FitData, FitResult
 from pidalab.plant.fitting.shapes import FIRST
 from pidalab.plant.record import Record
 
@@ -16,7 +16,7 @@ SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its
 CHANCE = 0.003  # that a drift alone makes an answer look as large
 
 
-def drifts(data: Data) -> bool:
+def drifts(data: FitData) -> bool:
     """Whether a parabola in time leaves nothing that answers of first order to the input would explain.
 
     Of a record that does not begin at rest the plant may come to rest, too, in any time.
@@ -31,10 +31,10 @@ def drifts(data: Data) -> bool:
         for basis in (parabola, np.column_stack([parabola, *answers]))
     )
     gained, left = float(drift @ drift - both @ both), float(both @ both)
-    return left > 0 and gained * data.t.size < float(chi2.isf(CHANCE, 5)) * together(both) * left
+    return left > 0 and gained * data.t.size < float(chi2.isf(CHANCE, 5)) * samples_per_error(both) * left
 
 
-def unsettled(data: Data, found: Found) -> str:
+def unsettled(data: FitData, found: FitResult) -> str:
     """Return what the record leaves open of a model, and which experiment would settle it; empty if nothing."""
     shape, values, J = found.shape, found.values, found.jacobian
     if values[0] == 0 or not np.all(np.isfinite(values)):
@@ -68,7 +68,7 @@ def unsettled(data: Data, found: Found) -> str:
     return ""
 
 
-def covariance(found: Found) -> Array:
+def covariance(found: FitResult) -> Array:
     """Covariance of the parameters: that of white residuals, times how many samples share one error."""
     r, J = found.residuals, found.jacobian
     freedom = max(1, r.size - J.shape[1])
@@ -77,10 +77,10 @@ def covariance(found: Found) -> Array:
         return np.zeros((J.shape[1], J.shape[1]))
     scale = np.linalg.norm(J, axis=0)
     inverse = np.linalg.pinv((J / scale).T @ (J / scale), hermitian=True)
-    return np.asarray(variance * together(r) * inverse / np.outer(scale, scale))
+    return np.asarray(variance * samples_per_error(r) * inverse / np.outer(scale, scale))
 
 
-def together(r: Array) -> float:
+def samples_per_error(r: Array) -> float:
     """Return how many samples share one error: the correlations of the residuals up to where they first fall to 0."""
     spectrum = np.abs(np.fft.rfft(r, 2 * r.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: r.size]
@@ -89,7 +89,7 @@ def together(r: Array) -> float:
     return 1.0 + 2.0 * float(correlation[1:end].sum())
 
 
-def noise_of(record: Record, data: Data, found: Found) -> float:
+def noise_of(record: Record, data: FitData, found: FitResult) -> float:
     """Return the larger of the noise at rest and of what changes from sample to sample beyond the model."""
     simulated = np.interp(record.t, data.t, data.y - found.residuals)
     rough = np.diff(record.y - simulated, 2)

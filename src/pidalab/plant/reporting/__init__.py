@@ -16,6 +16,7 @@ from pidalab.comparison.judging import DesignRow, html_table, measure_row, one_l
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.record import Record
 from pidalab.plant.tuning import plants_within, tune
+from pidalab.plant.writing import write_files
 from pidalab.process import Process
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER
@@ -52,7 +53,7 @@ class Report:
     fit : Fit or None
         Where the model comes from, if that was a record.
     ms : float
-        The Ms that was asked for.
+        The Ms that was requested.
     rows : tuple of DesignRow
         Each with its design, measures and responses.
     plants : tuple of Process
@@ -136,7 +137,7 @@ class Report:
         """
         from pidalab.plant.reporting.page import figure
 
-        return figure(self)
+        return figure(self.process, self.ms, self.rows, self.plants)
 
     def html(
         self,
@@ -167,11 +168,33 @@ class Report:
         >>> "<svg" in report.html(pathlib.Path(tempfile.mkdtemp(), "report.html")).read_text(encoding="utf-8")
         True
         """
+        path = Path(path)
+        return write_files(path.parent, {path.name: self.page(title, sections)}, replace=True)[0]
+
+    def page(self, title: str = "PI, PID and PIDA", sections: Sequence[tuple[str, str]] | None = None) -> str:
+        """Return the page that `html` writes.
+
+        Parameters
+        ----------
+        title, sections : optional
+            As for `html`.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> report = pidalab.report(pidalab.lags(3, delay=1.0), kinds=("PI",), rule="simc")
+        >>> report.page("Level").count("<h1>Level</h1>")
+        1
+        """
         from pidalab.plant.reporting.page import page
 
-        text = page(self, title, self._sections() if sections is None else sections)
-        Path(path).write_text(text, encoding="utf-8")
-        return Path(path)
+        return page(
+            title, self._repr_html_(), self.plot(), self._sections() if sections is None else sections
+        )
 
     def _sections(self) -> list[tuple[str, str]]:
         found = [("Record", str(self.fit.record))] if self.fit else []
