@@ -218,7 +218,7 @@ def test_options_of_reading(tmp_path):
     done = run("tune", path, *options, *design, "--u-before", 0, "--outliers", "drop")
     assert done.exit_code == 0, done.output
     assert "step from 0 to 1 at 0" in done.stdout
-    assert "left out: row 92" in done.stdout
+    assert "left out: far from its neighbours: row 92" in done.stdout
 
 
 def test_a_controller_changed_by_hand_is_refused(tmp_path):

@@ -23,7 +23,10 @@ from pidalab.rules.registry import ORDER, Rule, find
 # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 LOUDEST = 10.0
 QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
-AT_REST = 10.0  # longest times of the process that pass until it is at rest: slower sampling sees nothing but its gain
+# in one such sample a process that settles answers by 63 % or more, and little is left to control in the next; an
+# integrator has no such time, and its other dynamics are at rest after ten times their longest one
+LONGEST_SAMPLE, AT_REST = 1.0, 10.0
+OTHER_UNIT = 100.0  # times faster or slower than the record: a sample time that may be in another unit
 UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 DEAR = 1.5  # price of robustness in IAE that is doubted
@@ -106,20 +109,23 @@ def tune(
     if isinstance(process, Record):
         raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
     require_no_zero_at_origin("model", process)
-    slowest = max((1 / speed for speed in _corner_frequencies(process)), default=math.inf)
-    if sample_time is not None and sample_time > AT_REST * slowest:
-        raise ValueError(
-            f"sample_time must be at most {AT_REST * slowest:.4g} for this process, {AT_REST:g} times its longest time "
-            f"(after which it is at rest), found {sample_time:g}"
-        )
+    if sample_time is not None:
+        _require_sampling(process, sample_time)
     doubts: list[str] = []
+    if isinstance(model, Fit) and sample_time is not None:
+        share = sample_time / model.record.sampling
+        if not 1 / OTHER_UNIT < share < OTHER_UNIT:
+            doubts.append(
+                f"the sample time of {sample_time:g} is {share:.3g} times that of the record, "
+                f"{model.record.sampling:.4g}: is it in the record's unit of time?"
+            )
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
     requirements = Requirements(process, plants, ms, ms_worst, _remedy(model))
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
-            f"the sign of the gain is not settled, and no controller serves both: {requirements.remedy}"
+            f"the sign of the gain is not settled, and no controller is stable with both signs: {requirements.remedy}"
         )
     designed, *others = (
         _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
@@ -157,6 +163,22 @@ def tune(
         info["price"] = price
     info["doubts"] = (*doubts, *dict.fromkeys(filter(None, reasons)))
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
+
+
+def _require_sampling(process: Process, sample_time: float) -> None:
+    """Refuse a sample time in which the process does all it ever does."""
+    times = [1 / speed for speed in _corner_frequencies(process)]
+    poles = np.abs(roots(process.den))
+    if np.isfinite(process.gain()):
+        limit = LONGEST_SAMPLE * (float(np.sum(1 / poles)) + process.delay) if times else math.inf
+        why = "all its lags and its dead time, after which it has answered by 63 % or more"
+    else:
+        limit = AT_REST * max(times, default=math.inf)
+        why = f"{AT_REST:g} times its longest time (after which all but the integrator is at rest)"
+    if sample_time > limit:
+        raise ValueError(
+            f"sample_time must be at most {limit:.4g} for this process, {why}, found {sample_time:g}"
+        )
 
 
 def _seen_by_the_controller(process: Process, sample_time: float | None, output_filter: Any) -> Process:

@@ -423,3 +423,31 @@ def test_a_plot_of_a_fit_has_its_residuals_in_a_band_of_twice_the_noise():
     band = ax.patches[0].get_path().get_extents(ax.patches[0].get_patch_transform())
     assert np.ptp(below) == pytest.approx(0.0, abs=1e-9)
     assert (band.y0, band.y1) == pytest.approx((below[0] - 2 * found.noise, below[0] + 2 * found.noise))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_model_that_explains_less_than_half_of_the_variance_is_none(seed):
+    """A wheel whose speed is told by differences of a coarse encoder: alternating jumps, which no noise is."""
+    t = 0.1 * np.arange(200.0)
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-500, 800, 50), 4)
+    y = np.interp(t - 0.05, t, u) + 900.0 * (-1.0) ** np.arange(t.size) * rng.choice([1.0, 1.0, -1.0], t.size)
+    with pytest.raises(
+        ValueError, match=r"explains \d+ % of the variance.*NRMSE 0\.\d\d.*|does not settle|not clearly"
+    ):
+        fit(Record(t, u, y))
+
+
+def test_the_share_that_is_explained_is_that_of_the_variance():
+    """By noise of known size: half of the variance is the limit, whatever the kind of experiment."""
+    t = np.arange(2000.0)
+    u = np.where((t // 100) % 2 == 0, 0.0, 1.0)
+    clean = np.interp(t - 3.0, t, u)
+    noise = np.random.default_rng(0).normal(0.0, 1.0, t.size)
+    noise /= noise.std()
+    quiet, loud = (clean + share * clean.std() * noise for share in (0.8, 1.3))
+    assert fit(Record(t, u, quiet), "fopdt").nrmse == pytest.approx(1 - 0.8 / np.sqrt(1 + 0.8**2), abs=0.02)
+    with pytest.raises(
+        ValueError, match=r"explains (36|37|38) % of the variance.*has to explain 50 %|not clearly above"
+    ):
+        fit(Record(t, u, loud), "fopdt")

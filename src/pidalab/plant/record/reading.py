@@ -30,6 +30,11 @@ STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
 GROUPED = r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"  # a number with a comma after the thousands
 LONG_AGO = 1e8  # a number above it counts seconds since then
 DAY = 86400.0  # seconds
+# how dates in finer units are told: as seconds since 1970 they would lie in the year 5138 and beyond
+FINE_DATES = ((1e17, 1e9, "nanoseconds"), (1e14, 1e6, "microseconds"), (1e11, 1e3, "milliseconds"))
+FINE_UNIT = re.compile(
+    r"(?:^|[\W_])(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h)\W*$", re.IGNORECASE
+)
 SHOWN = 60  # characters of the file in a message
 LOOKED_AT = 50  # lines from which the form of a file is told
 LONGEST_LINE = 100_000  # characters: a line of ten thousand columns is shorter
@@ -100,6 +105,8 @@ def read_columns(
     columns = [_numbers(data[place], comma) for place in places]
     if timed and 2 * columns[0][1].sum() > len(data):
         columns[0] = _stamps(data[places[0]], columns[0], doubts)
+    if timed:
+        columns[0] = _in_seconds(columns[0], header[places[0]] if places[0] < len(header) else "", doubts)
     good = ~np.any([wrong for _, wrong in columns], axis=0)
     end = int(np.flatnonzero(good)[-1]) + 1 if good.any() else len(data)
     if end < len(data):
@@ -109,8 +116,16 @@ def read_columns(
         )
     for name, place, (_, wrong) in zip(wanted, places, columns, strict=True):
         if wrong[:end].any():
-            row = data.index[int(np.argmax(wrong))]
+            place_in_data = int(np.argmax(wrong))
+            row = data.index[place_in_data]
             found = table.at[row, place]
+            again = place_in_data + int(np.argmax(good[place_in_data:]))
+            if again > place_in_data + 1:
+                raise ValueError(
+                    f"{path.name}, row {row + 1 + skip}: words, such as {found[:SHOWN]!r}, and numbers again from row "
+                    f"{data.index[again] + 1 + skip} on: several traces lie one below the other; put them beside each "
+                    "other, with one column of times, or cut out the part that has time, input and output"
+                )
             kind = "a number or a date" if timed and place == places[0] else "a number"
             raise ValueError(
                 f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, "
@@ -276,6 +291,21 @@ def _numbers(column: pd.Series, comma: bool) -> tuple[Array, Array]:
     wrong = np.isnan(values)
     wrong[left] &= ~_bare(column).str.lower().isin(MISSING).to_numpy(dtype=bool)
     return values, wrong
+
+
+def _in_seconds(column: tuple[Array, Array], name: str, doubts: list[str]) -> tuple[Array, Array]:
+    """Return times that count from 1970 in a finer unit in seconds; say in which unit others are, by their name."""
+    times, wrong = column
+    latest = float(np.nanmax(times, initial=0.0))
+    for beyond, share, unit in FINE_DATES:
+        if latest > beyond:
+            doubts.append(f"the times are {unit} since 1970: they were read as seconds")
+            return (times - np.nanmin(times)) / share, wrong
+    if named := FINE_UNIT.search(name):
+        doubts.append(
+            f"the times are in {named[1]}, by the name of their column, and so is every other time, the sample time too"
+        )
+    return column
 
 
 def _stamps(column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
