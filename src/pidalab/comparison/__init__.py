@@ -78,10 +78,8 @@ class Comparison:
 
     def __str__(self) -> str:
         limits = f"limits Ms = {self.ms:g}, noise gain = {self.noise_gain:g}"
-        head = "".join(f"{name:{size}}" for name, size in NAMES.items())
-        head += "".join(f"{name:>11}" for name in COLUMNS)
         return "\n".join(
-            [f"{self.process!r}: {limits}", head, *text_table(self.rows, NAMES, COLUMNS, 11, self._note)]
+            [f"{self.process!r}: {limits}", *text_table(self.rows, NAMES, COLUMNS, 11, self._note)]
         )
 
     def _note(self, row: DesignRow) -> str:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from pidalab._table import set_out
 from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.rules import Design
@@ -177,12 +178,17 @@ def text_table(
     width: int,
     notes: Notes = _no_note,
 ) -> list[str]:
-    """Return the rows as lines: names (attribute: width) on the left, numbers (heading: attribute), and a note."""
-    lines = []
+    """Return head and rows as lines: names (attribute: width) on the left, numbers (heading: attribute), and a note."""
+    widths = [*names.values(), *([width] * len(columns))]
+    left = [name if len(names) > 1 else "" for name in names]
+    lines = [set_out([*left, *columns], widths, len(names))]
     for row in rows:
-        left = "".join(f"{getattr(row, name):{size}}" for name, size in names.items())
-        cells = "".join(f"{cell:>{width}}" for cell in _cells(row, columns))
-        lines.append(left + (f"{cells}  {notes(row)}".rstrip() if row.applies else f"  {row.reason}"))
+        own = [getattr(row, name) for name in names]
+        cells, note = (_cells(row, columns), notes(row)) if row.applies else ([], row.reason)
+        line = set_out([*own, *cells], widths, len(names))
+        if note:
+            line = f"{line:<{sum(widths[: len(own) + len(cells)])}}  {note}"
+        lines.append(line)
     return lines
 
 

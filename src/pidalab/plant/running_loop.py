@@ -112,7 +112,6 @@ class Check:
             lines.append(
                 f"their IAE for a load is {than} that of the best {self.rows[0].kind} of the same Ms and noise"
             )
-        lines.append(" " * 14 + "".join(f"{name:>12}" for name in COLUMNS))
         lines += text_table(self.rows, {"rule": 14}, COLUMNS, 12, self._gains)
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
 
@@ -185,7 +184,9 @@ def check(
         raise TypeError(f"controller must be a continuous controller, found {type(controller).__name__}")
     gains = controller.gains()
     if gains.ki == 0:
-        raise ValueError("controller must have integral action: without it a load leaves an error for ever")
+        raise ValueError(
+            "controller must have integral action: without it a load leaves a steady-state error"
+        )
     fitted = record if isinstance(record, Fit) else _fitted(record)
     process, doubts = fitted.process, [*fitted.record.doubts, *fitted.doubts]
     if gains.ki * sign_of_gain(process) < 0:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pidalab._table import set_out
 from pidalab.plant.cli.parts import KINDS, csv_of, ms, one_line, out, show, write
 
 if TYPE_CHECKING:
@@ -89,8 +90,9 @@ def tclab_command(
 
 
 def _table(runs: dict[str, Response], start: float) -> str:
-    lines = [f"{'':5}{'IAE':>10}{'TV of u':>10}"]
+    widths = (5, 10, 10)
+    lines = [set_out(["", "IAE", "TV of u"], widths)]
     for kind, run in runs.items():
         after = run.between(start, float(run.t[-1]))
-        lines.append(f"{kind:5}{after.iae():10.4g}{after.tv('u'):10.4g}")
+        lines.append(set_out([kind, f"{after.iae():.4g}", f"{after.tv('u'):.4g}"], widths))
     return "\n".join(lines)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pidalab._table import set_out
 from pidalab.plant.cli.parts import csv_of, force, limits, ms, one_line, plant, show, times, write
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def rules_command() -> None:
     from pidalab.rules.registry import RULES
 
     for rule in RULES.values():
-        click.echo(f"{rule.name:27}{', '.join(rule.kinds):15}{rule.source}")
+        click.echo(set_out([rule.name, ", ".join(rule.kinds), rule.source], (27, 15, 0), left=3))
 
 
 @click.command("simulate")

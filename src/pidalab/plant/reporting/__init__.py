@@ -101,8 +101,7 @@ class Report:
 
     def __str__(self) -> str:
         columns = self._columns()
-        head = f"{'':5}" + "".join(f"{name:>13}" for name in columns)
-        lines = [f"{self.process!r}: Ms at most {self.ms:g}", head]
+        lines = [f"{self.process!r}: Ms at most {self.ms:g}"]
         lines += text_table(self.rows, {"kind": 5}, columns, 13)
         return "\n".join([*lines, *self.verdict.splitlines(), *(f"doubt: {doubt}" for doubt in self.doubts)])
 
