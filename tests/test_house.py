@@ -21,8 +21,6 @@ LONGEST = 300  # lines of a file, docstrings aside
 TYPES_STILL_OPEN = {"pidalab.digital", "pidalab.optimal"}
 STILL_OPEN = {
     "src/pidalab/comparison/fairness.py",
-    "src/pidalab/plant/running_loop.py",
-    "src/pidalab/plant/tuning.py",
     "book/across/valleys.py",
     "studies/random_starts.py",
 }

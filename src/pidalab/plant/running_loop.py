@@ -14,7 +14,6 @@ from pidalab.comparison.judging import DesignRow, one_line, text_table
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
 from pidalab.loop import Loop
-from pidalab.optimal._design import sign_of_gain
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.fitting.uncertainty import samples_per_error
 from pidalab.plant.record import Record
@@ -22,7 +21,7 @@ from pidalab.plant.record.inputs import FOLLOWER
 from pidalab.plant.reporting import measure_candidate
 from pidalab.plant.safety import LoopEvaluator
 from pidalab.plant.tuning import tune
-from pidalab.process import Process
+from pidalab.process import Process, sign_of_gain
 from pidalab.rules import Design
 from pidalab.rules.registry import KINDS
 

@@ -11,11 +11,10 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.optimal._design import sign_of_gain
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
 from pidalab.plant.safety import Asked, Designer, LoopEvaluator, Requirements, make_safe
-from pidalab.process import Process, rational, require_no_zero_at_origin
+from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find

@@ -19,7 +19,8 @@ STILL, STILL_SHARE = (
     15,
     0.05,
 )  # samples, and their share, for which an output stands still, before that is told
-JUST_BEFORE = 10  # samples before, in which it moved
+BEFORE, JUST_BEFORE = 10, 3  # samples before, in which it moved
+SLOWED = 0.1  # share of the way of the former that what comes to rest has at most in the latter
 MANY_STEPS, LITTLE = 2.5, 0.005  # by more than so many steps of its rounding, and than this share of its span
 LISTED = 4  # samples, or changes of the input, that are listed one by one
 
@@ -120,9 +121,10 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
     rounded = float(np.median(np.diff(levels))) if 3 * levels.size < 2 * y.size and levels.size > 1 else 0.0
     found = []
     for first, after in zip(moved, np.append(moved[1:], y.size), strict=True):
-        if after - first <= max(STILL, STILL_SHARE * y.size) or first < JUST_BEFORE:
+        if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
-        if np.ptp(y[first - JUST_BEFORE : first]) > max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels))):
+        way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
+        if way > max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels))) and last > SLOWED * way:
             found.append((int(known[first]), int(known[after - 1])))
     return found
 
