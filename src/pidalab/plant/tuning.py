@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
 from pidalab.plant.safety import Asked, Designer, LoopEvaluator, Requirements, make_safe
+from pidalab.plant.sampling import corner_frequencies, doubt_unit, require_sampling
 from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
 from pidalab.roots import roots
 from pidalab.rules import Design
@@ -22,10 +22,6 @@ from pidalab.rules.registry import ORDER, Rule, find
 # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 LOUDEST = 10.0
 QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
-# in one such sample a process that settles answers by 63 % or more, and little is left to control in the next; an
-# integrator has no such time, and its other dynamics are at rest after ten times their longest one
-LONGEST_SAMPLE, AT_REST = 1.0, 10.0
-OTHER_UNIT = 100.0  # times faster or slower than the record: a sample time that may be in another unit
 UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 DEAR = 1.5  # price of robustness in IAE that is doubted
@@ -109,15 +105,10 @@ def tune(
         raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
     require_no_zero_at_origin("model", process)
     if sample_time is not None:
-        _require_sampling(process, sample_time)
+        require_sampling(process, sample_time)
     doubts: list[str] = []
     if isinstance(model, Fit) and sample_time is not None:
-        share = sample_time / model.record.sampling
-        if not 1 / OTHER_UNIT < share < OTHER_UNIT:
-            doubts.append(
-                f"the sample time of {sample_time:g} is {share:.3g} times that of the record, "
-                f"{model.record.sampling:.4g}: is it in the record's unit of time?"
-            )
+        doubts += doubt_unit(sample_time, model.record.sampling)
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
@@ -162,22 +153,6 @@ def tune(
         info["price"] = price
     info["doubts"] = (*doubts, *dict.fromkeys(filter(None, reasons)))
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
-
-
-def _require_sampling(process: Process, sample_time: float) -> None:
-    """Refuse a sample time in which the process does all it ever does."""
-    times = [1 / speed for speed in _corner_frequencies(process)]
-    poles = np.abs(roots(process.den))
-    if np.isfinite(process.gain()):
-        limit = LONGEST_SAMPLE * (float(np.sum(1 / poles)) + process.delay) if times else math.inf
-        why = "all its lags and its dead time, after which it has answered by 63 % or more"
-    else:
-        limit = AT_REST * max(times, default=math.inf)
-        why = f"{AT_REST:g} times its longest time (after which all but the integrator is at rest)"
-    if sample_time > limit:
-        raise ValueError(
-            f"sample_time must be at most {limit:.4g} for this process, {why}, found {sample_time:g}"
-        )
 
 
 def _seen_by_the_controller(process: Process, sample_time: float | None, output_filter: Any) -> Process:
@@ -294,7 +269,7 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
     if sample_time is not None:
         return 1 / sample_time
     plain = Process(process.num, process.den)
-    corners = _corner_frequencies(plain)
+    corners = corner_frequencies(plain)
     if rule != "optimal" or noise_gain is not None or not corners.size:
         return math.inf
     # |T| is at most |P| times the gain from noise to u
@@ -303,18 +278,12 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
     return math.inf if acts[-1] else float(w[np.flatnonzero(acts).max(initial=0)])
 
 
-def _corner_frequencies(process: Process) -> Array:
-    """Return the frequencies of poles and zeros, and that of the dead time."""
-    found = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
-    return np.append(found[found > 0], [1 / process.delay] if process.delay else [])
-
-
 def _asked_of_u(process: Process) -> float:
     """Return 1/|P| where the phase has fallen by 45 degrees from rest, or at rest for a process that settles."""
     gain = process.gain()
     if math.isfinite(gain):
         return 1 / abs(gain)
-    corners = _corner_frequencies(process)
+    corners = corner_frequencies(process)
     if not corners.size:
         raise ValueError(
             "noise_gain and sample_time must be given for integrators without lag and dead time: nothing else limits "

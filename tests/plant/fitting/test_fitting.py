@@ -195,7 +195,7 @@ def test_a_fit_is_its_own_and_says_what_it_found():
         f"residuals {fitted.deviation:.3g} (root mean square): noise {fitted.noise:.3g}, "
         f"error of the model {fitted.model_error:.3g}",
         f"NRMSE {fitted.nrmse:.3f}, no part left to test it on, since nothing moves at the end",
-        "fopdt was asked for.",
+        "fopdt was requested.",
     ]
     assert fitted.deviation == pytest.approx(np.sqrt(np.mean(fitted.residuals**2)))
     assert fitted.nrmse == pytest.approx(1 - fitted.deviation / np.std(historian(0).y))
@@ -252,7 +252,7 @@ def test_what_a_fit_looks_at_of_a_record():
     u = np.select([t < 20, t < 50], [1.0, 4.0], 2.5)
     data = prepared(Record(t, u, np.minimum(t, 80.0)))
     first, second = int(np.argmax(t >= 20)), int(np.argmax(t >= 50))
-    assert data.moments.tolist() == [t[first], t[second]]
+    assert data.change_times.tolist() == [t[first], t[second]]
     assert data.changes.tolist() == [3.0, -1.5]
     assert data.unseen == pytest.approx((t[first] - t[first - 1] + t[second] - t[second - 1]) / 2)
     assert (data.t.size, data.grid) == (200, 0.0)
@@ -278,7 +278,7 @@ def test_a_long_record_is_averaged_over_neighbours():
     assert data.t[0] == pytest.approx(np.mean(t[:3]))
     assert data.t[-1] == pytest.approx(np.mean(t[-2:]))
     assert np.all(np.abs(data.y - np.interp(data.t, t, y)) < 1e-2)
-    assert data.moments.tolist() == [20.0]
+    assert data.change_times.tolist() == [20.0]
 
 
 def test_eight_equal_lags_are_the_most():

@@ -27,7 +27,15 @@ from pidalab.plant.fitting.searching import (
     tried_models,
 )
 from pidalab.plant.fitting.shapes import Shape
-from pidalab.plant.fitting.uncertainty import covariance, drifts, noise_of, samples_per_error, unsettled
+from pidalab.plant.fitting.uncertainty import (
+    DRIFTS,
+    covariance,
+    drifts,
+    noise_of,
+    samples_per_error,
+    unexplained,
+    unsettled,
+)
 from pidalab.plant.record import Record
 from pidalab.plant.record.inputs import FOLLOWER
 from pidalab.process import Process
@@ -42,14 +50,6 @@ WORKING_POINT = 0.15  # share by which the gain may be higher or lower than in a
 HIGHER = 0.75  # share of the plants whose gain is higher
 UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
 MOVED = 0.05  # share of its span by which the input moves, if it does
-DRIFTS = (
-    "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "
-    "step the input, wait until the output rests again, and step it back, which no drift does; with nothing else (a "
-    "load, a lid, another heater) moving the output"
-)
-# share of the variance of the output that a model has to explain: with less, most of the movement came from elsewhere,
-# and what is called noise may as well be the plant's answer, with another sign
-EXPLAINED = 0.5
 LEFT = 0.5  # share of the movement of the output that no model may leave beyond noise
 TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
 
@@ -364,7 +364,7 @@ def fit(record: Record, model: str = "auto", load: bool = False) -> Fit:
         tried += [found for found in more if not unsettled(data, found)]
     if not tried:
         raise ValueError(f"{failed}; step the input further, from rest")
-    if load and _explained_share(data, min(tried, key=lambda found: found.cost)) < EXPLAINED:
+    if load and unexplained(data, min(tried, key=lambda found: found.cost)):
         raise ValueError(DRIFTS)  # so many times and models would explain some noise, too
     if model != "auto":
         best = min(tried, key=lambda found: found.cost)
@@ -410,11 +410,6 @@ def _require_settled(data: FitData, found: FitResult) -> None:
         raise ValueError(refusal)
 
 
-def _explained_share(data: FitData, found: FitResult) -> float:
-    """Return the share of the output's variance that a model explains."""
-    return 1.0 - found.cost / float(np.sum((data.y - data.y.mean()) ** 2))
-
-
 def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit:
     names = ("gain", "level", *found.shape.parameters, "delay")
     spread = covariance(found)
@@ -425,14 +420,8 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
     process = found.shape.process(parameters["gain"], found.values[2:-1].tolist(), parameters["delay"])
     keep = np.delete(np.arange(len(names)), LEVEL)
     noise = noise_of(record, data, found)
-    share = _explained_share(data, found)
-    if share < EXPLAINED:
-        raise ValueError(
-            f"{found.shape.name} explains {100 * share:.0f} % of the variance of the output (NRMSE "
-            f"{1 - math.sqrt(1 - share):.2f}), and a model has to explain {100 * EXPLAINED:.0f} %: most of what moved "
-            "the output was not this input, or the samples are too far apart to show how; make a larger step, from "
-            "rest, with several samples while the output answers"
-        )
+    if refusal := unexplained(data, found):
+        raise ValueError(refusal)
     if found.deviation**2 - noise**2 > (LEFT * float(np.std(data.y))) ** 2:
         raise ValueError(
             f"{found.shape.name} does not describe this plant: it leaves {found.deviation:.3g} of an output that moves "

@@ -13,7 +13,16 @@ from pidalab.plant.record import Record
 # condition number of the parameters' sensitivities, scaled, above which the input tells too little
 BLIND = 1e7
 SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its sign to be known
+# share of the variance of the output that a model has to explain: with less, most of the movement came from elsewhere,
+# and what is called noise may as well be the plant's answer, with another sign
+EXPLAINED = 0.5
 CHANCE = 0.003  # that a drift alone makes an answer look as large
+
+DRIFTS = (
+    "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "
+    "step the input, wait until the output rests again, and step it back, which no drift does; with nothing else (a "
+    "load, a lid, another heater) moving the output"
+)
 
 
 def drifts(data: FitData) -> bool:
@@ -66,6 +75,19 @@ def unsettled(data: FitData, found: FitResult) -> str:
                 "output rests again, or step the input more than once"
             )
     return ""
+
+
+def unexplained(data: FitData, found: FitResult) -> str:
+    """Return why a model explains too little of the output, with its number; empty if it explains enough."""
+    share = 1.0 - found.cost / float(np.sum((data.y - data.y.mean()) ** 2))
+    if share >= EXPLAINED:
+        return ""
+    return (
+        f"{found.shape.name} explains {100 * share:.0f} % of the variance of the output (NRMSE "
+        f"{1 - np.sqrt(1 - share):.2f}), and a model has to explain {100 * EXPLAINED:.0f} %: most of what moved the "
+        "output was not this input, or the samples are too far apart to show how; make a larger step, from rest, with "
+        "several samples while the output answers"
+    )
 
 
 def covariance(found: FitResult) -> Array:
