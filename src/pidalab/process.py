@@ -188,11 +188,6 @@ def quotient(num: Any, den: Any) -> Any:
         return np.where(den == 0, np.where(num == 0, np.nan, np.inf), num / den)[()]
 
 
-def sign_of_gain(process: Process) -> float:
-    """Sign of the gains: integral action is stable only if the last coefficient of all has the sign of the first."""
-    return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
-
-
 def static_gain(num: _check.Array, den: _check.Array) -> float:
     """Return the limit of num/den for s falling to 0, infinite with its sign for integrators."""
     if not np.any(num):
@@ -253,6 +248,11 @@ def require_no_zero_at_origin(name: str, value: Any) -> None:
             f"{name} must have a static gain other than 0, or an integrator, found {value!r}: nothing can be held "
             "through it"
         )
+
+
+def sign_of_gain(process: Process) -> float:
+    """Return the sign of gains: integral action is stable only if the last coefficient of all has that of the first."""
+    return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
 def fopdt(gain: float, lag: float, delay: float) -> Process:

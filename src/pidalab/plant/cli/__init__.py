@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import sys
+
 import click
 
-from pidalab.plant.cli import desk, given, recorded
+from pidalab.plant.cli import desk, given, judged, recorded
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
 
@@ -24,11 +27,15 @@ def main() -> None:
       pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  one loop
     Without a plant:
       pidalab rules                                            the rules by name
+      pidalab benchmark rule.py:tune --out folder              a rule of yours on 134 plants
       pidalab tclab                                            a board on the desk, simulated
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a console that lacks a character shows another one for it
+            stream.reconfigure(errors="replace")
 
 
-for module in (recorded, given, desk):
+for module in (recorded, given, judged, desk):
     for command in vars(module).copy().values():
         if isinstance(command, click.Command):
             main.add_command(command)

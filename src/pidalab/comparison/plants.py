@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pidalab import Process, fopdt, lags
+from pidalab.process import Process, fopdt, lags
 
 P1 = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.3, 1.5, 2, 4, 6, 8, 10, 20, 50, 100, 200, 500, 1000)
 P2 = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.3, 1.5, 2, 4, 6, 8, 10, 20, 50, 100, 200, 500)
@@ -56,6 +56,6 @@ def batch() -> Iterator[Case]:
     for T in P7[0]:
         yield from (Case(f"P7 T={T} L={L:g}", "P7", _product((T, 1.0 - L), delay=L)) for L in P7[1])
     yield from (Case(f"P8 a={a:g}", "P8", _product((1.0, 1.0, 1.0), num=(-a, 1.0))) for a in P8)
-    for T in P9:
-        den = np.convolve([1.0, 1.0], [T**2, 1.4 * T, 1.0])
-        yield Case(f"P9 T={T:g}", "P9", Process([1.0], den))
+    for time in P9:
+        den = np.convolve([1.0, 1.0], [time**2, 1.4 * time, 1.0])
+        yield Case(f"P9 T={time:g}", "P9", Process([1.0], den))
