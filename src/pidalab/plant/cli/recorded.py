@@ -207,7 +207,14 @@ def tune_command(
     if out is None:
         return
     note = "\n".join(f"Doubt: {doubt}" for doubt in (*read.doubts, *doubts))
-    texts = {name: getattr(digital, language)(margins=sampled, note=note) for name, language in CODE.items()}
+    head = {
+        "record": options["record"].name,
+        "time_unit": "that of the record, s where it has dates or clocks",
+    }
+    texts = {
+        name: getattr(digital, language)(margins=sampled, note=note, **head)
+        for name, language in CODE.items()
+    }
     write(out, texts | {"report.html": found.page(title, sections)}, force)
 
 
