@@ -168,7 +168,8 @@ def tune_command(
     from pidalab.plant.reporting import COLUMNS, report
     from pidalab.robustness.margins import margins
 
-    title = f"{kind} controller for {plain_text(options['record'].name)}"
+    called = options["record"].name
+    title = f"{kind} controller for {plain_text(called)}"
     read = _read(options)
     fitted = fit(read, model)
     found = report(fitted, kinds=kind, **options)
@@ -208,7 +209,7 @@ def tune_command(
         return
     note = "\n".join(f"Doubt: {doubt}" for doubt in (*read.doubts, *doubts))
     head = {
-        "record": options["record"].name,
+        "record": called,
         "time_unit": "that of the record, s where it has dates or clocks",
     }
     texts = {
