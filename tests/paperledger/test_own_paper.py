@@ -5,13 +5,15 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import yaml
 
 from paperledger import read_rows
 
-PAGE = (Path(__file__).parents[2] / "book" / "keep-a-ledger.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "book" / "keep-a-ledger.md").read_text(encoding="utf-8")
 FILES = dict(re.findall(r"```\{code-block\} \w+\n:caption: ([^\n]+)\n\n(.*?)```", PAGE, flags=re.DOTALL))
 COMMANDS = [
     line for block in re.findall(r"```bash\n(.*?)```", PAGE, flags=re.DOTALL) for line in block.splitlines()
@@ -60,6 +62,8 @@ def test_the_page_alone_is_enough(tmp_path):
 
 
 def test_its_workflow_runs_these_commands():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert f"git+{project['urls']['Repository']} " in FILES[".github/workflows/account.yml"]
     steps = yaml.safe_load(FILES[".github/workflows/account.yml"])["jobs"]["account"]["steps"]
     assert {"python -m paperledger check", "python -m paperledger shake growth"} <= {
         one.get("run") for one in steps
