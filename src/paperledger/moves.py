@@ -204,6 +204,8 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     # prints move each by another part, which may nearly cancel; then only the very same number is a copy
     if far < (COPIED if row.basis != "from-print" else 1e-12):
         return "" if made.stays else f"stays at {found}"
+    if made.stays == "count" and _rounded(row, new):  # it went to the next place of its grid
+        return ""
     if made.stays:
         return f"moves by {far:.1e}, so 'made' needs no {made.stays!r}"
     if _rounded(row, new):
