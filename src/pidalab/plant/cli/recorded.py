@@ -210,7 +210,7 @@ def tune_command(
     note = "\n".join(f"Doubt: {doubt}" for doubt in (*read.doubts, *doubts))
     head = {
         "record": called,
-        "time_unit": "that of the record, s where it has dates or clocks",
+        "time_unit": "unit of the record",
     }
     texts = {
         name: getattr(digital, language)(margins=sampled, note=note, **head)
