@@ -71,8 +71,9 @@ release: $(ENV)  ## build wheel and source archive in dist, install the wheel in
 archive: $(SITE)  ## the built site as one file in dist that opens from the disk
 	$(BIN)/python tools/archive.py
 
-pdf: $(SITE)  ## print the built site as one PDF in dist, with Chromium (about 2 minutes)
+pdf: $(SITE)  ## print the built site as one PDF in dist, and its tasks as sheets, with Chromium (about 2 minutes)
 	$(BIN)/python tools/pdf.py
+	$(BIN)/python tools/sheets.py
 
 processors: $(ENV)  ## tests of the library and all notebooks as other processors and Pythons would run them (2 hours)
 	$(BIN)/python tools/processors.py

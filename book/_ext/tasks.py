@@ -24,7 +24,7 @@ word of what the page says to it. The tests compare both with the library. Witho
 
 import json
 import re
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import yaml
 from docutils import nodes
@@ -116,7 +116,7 @@ class Task(SphinxDirective):
     has_content = True
     required_arguments = 1
     final_argument_whitespace = True
-    option_spec = {"label": directives.unchanged_required}
+    option_spec: ClassVar = {"label": directives.unchanged_required}
 
     def run(self):
         label = self.options.get("label", "")
