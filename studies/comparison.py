@@ -27,7 +27,7 @@ from processes import batch
 
 from pidalab import Process
 from pidalab.comparison import at_equal_terms, designs, first_horizon
-from pidalab.judging import Row, measure_row
+from pidalab.comparison.judging import Row, measure_row
 from pidalab.rules import Design
 from pidalab.rules.registry import Limits
 from pidalab.rules.starting_models import StartingModels

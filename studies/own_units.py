@@ -25,9 +25,9 @@ from typing import Any, NamedTuple
 
 import pidalab
 from pidalab import Process
+from pidalab.plant.tuning import perturbed_plants
 from pidalab.reduction import ultimate_frequency
 from pidalab.simulation import noise
-from pidalab.tuning import perturbed_plants
 
 DATA = Path(__file__).parents[1] / "book" / "data"
 SAMPLES = 100  # of the noise, in an ultimate period

@@ -3,10 +3,10 @@
 from itertools import product
 
 import numpy as np
+from paperledger import Ledger
 from scipy.optimize import brentq
 
 import pidalab
-from pidalab.ledger import Ledger
 from pidalab.rules.haalman import OutputFilter
 
 t = np.linspace(0, 60, 6001)  # of every record: a sample each 0.01

@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
-from pidalab.cli import main
 from pidalab.comparison import designs
 from pidalab.controllers import PIDA
+from pidalab.plant.cli import main
 from pidalab.rules import Design, registry
 from pidalab.rules.registry import RULES, Limits, Rule, find
 

@@ -20,8 +20,8 @@ from pidalab.process import fraction_at, quotient
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
 
+    from pidalab.controllers.vendor import VendorForms
     from pidalab.digital import DigitalController
-    from pidalab.vendor import VendorForms
 
 Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
 
@@ -172,7 +172,7 @@ class Controller(Block):
         parallel: Kp = 2, Ki [1/s] = 0.016667, Ki [1/min] = 1, Kd [s] = 60, Kd [min] = 1
         filters:  derivative 3 s
         """
-        from pidalab.vendor import vendor_forms
+        from pidalab.controllers.vendor import vendor_forms
 
         return vendor_forms(self.gains(), self.parts(), time_unit)
 
