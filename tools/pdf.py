@@ -103,7 +103,7 @@ def answer_apart(task: Tag) -> None:
     answer.name, answer["class"] = "div", "solution"
     answer.summary.name = "p"
     answer.p["class"] = "admonition-title"
-    answer.p.string = task.select_one(".task-title").get_text(" ", strip=True).removesuffix("#")
+    answer.p.string = task.select_one(".task-title").get_text(" ", strip=True).removesuffix("#").strip()
 
 
 def unfold(fold: Tag) -> None:

@@ -8,6 +8,7 @@ import json
 import sys
 import tomllib
 from copy import copy
+from functools import cache
 
 import pdf
 from bs4 import BeautifulSoup, Tag
@@ -22,6 +23,7 @@ article.bd-article { break-before: auto; }
 .task-said { font-size: 9pt; margin: 1mm 0; }
 .task-part { font-weight: 600; margin: 1mm 0 0; }
 """
+MARK = 'class="pidalab-task"'
 KINDS = {
     "": ("Tasks", ()),
     "-answers": ("Tasks, with answers", ("answer",)),
@@ -29,17 +31,17 @@ KINDS = {
 }
 
 
+@cache
 def collected() -> list[tuple[str, list[Tag]]]:
     """The pages with tasks, in the order of the table of contents: the title of each, and its tasks."""
     pages = [page for _, names in pdf.parts() for page in names]
     found = []
     for page in pages:
-        soup = BeautifulSoup((pdf.SITE / f"{page}.html").read_text(encoding="utf-8"), "html.parser")
-        if tasks := soup.select(".pidalab-task"):
-            head = copy(soup.h1)
-            for link in head.select(".headerlink"):
-                link.decompose()
-            found.append((head.get_text(" ", strip=True), tasks))
+        text = (pdf.SITE / f"{page}.html").read_text(encoding="utf-8")
+        if MARK in text:  # reading all pages takes a while
+            body = BeautifulSoup(text, "html.parser").select_one("article.bd-article")
+            head = "".join(body.h1.find_all(string=True, recursive=False)).strip()
+            found.append((head, body.select(".pidalab-task")))
     return found
 
 
