@@ -18,8 +18,9 @@ of
 * ``holds``, ``fails``: these follow from the inequality of two computed numbers that decides a statement;
 * ``misprint``, ``as-read``, ``differs``, ``not-computable``: declared by a person, with the reason in the note.
 
-The basis of a row says where its value comes from: the paper's problem (``computed``), other printed results
-(``from-print``), or reading alone (``reading``).
+The basis of a row says where its value comes from: the paper's problem (``computed``), the paper's problem with
+settings that were found by trying, from these very prints (``fitted``), other printed results (``from-print``), or
+reading alone (``reading``).
 
 ``python -m paperledger update haalman2024`` runs the pages of a paper, stores what is new and prints what changed;
 ``show``, ``check``, ``manifest`` and ``readme`` print, validate, freeze and publish.
@@ -28,6 +29,7 @@ The basis of a row says where its value comes from: the paper's problem (``compu
 from paperledger.book import Ledger
 from paperledger.digits import BASES, VERDICTS, LedgerError, derive
 from paperledger.display import Display
+from paperledger.making import Making
 from paperledger.pages import (
     errata,
     every_row,
@@ -49,6 +51,7 @@ __all__ = [
     "Evidence",
     "Ledger",
     "LedgerError",
+    "Making",
     "Relation",
     "Row",
     "derive",

@@ -3,7 +3,7 @@
 update KEY ...    run the pages of papers and store what they compute
 show KEY ...      print ledgers, printed beside computed
 check             validate all files and print their scores
-manifest          freeze what is printed, its kind and its basis; review the change
+manifest          freeze what is claimed, and print what changed; review it line by line
 readme FILE ...   bring the score in Markdown files up to date
 """
 
@@ -35,7 +35,8 @@ def _check(_: list[str]) -> None:
 
 
 def _manifest(_: list[str]) -> None:
-    print(f"manifest: {'rewritten' if freeze() else 'up to date'}")
+    changes = freeze()
+    print("\n".join([f"manifest: {'rewritten' if changes else 'up to date'}", *changes]))
 
 
 def _readme(files: list[str]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from paperledger import display
 from paperledger.digits import DECLARED, DIGITS, LedgerError, exponent, plain, read_number, write
 from paperledger.display import Display
-from paperledger.rows import REMOVED, Row, find_folder, naming, papers, read_rows, read_table
+from paperledger.rows import Row, find_folder, naming, papers, read_rows, removed
 from paperledger.statements import Cases, Evidence, Relation
 
 if TYPE_CHECKING:
@@ -349,11 +349,10 @@ class Ledger:
         >>> Ledger(Path("demo.csv"), [Row("other.kp", "Table 1", "gain", "1.31", page="demo")]).problems()
         ['other.kp: does not start with demo.', "other.kp: 'computed' is empty"]
         """
-        path = self.path.with_name(REMOVED)
-        removed = [id for id, _ in read_table(path, ("id", "reason"))] if path.is_file() else []
+        gone = removed(self.path.parent)
         foreign = [id for id in self.rows if not id.startswith(f"{self.paper}.")]
         found = [f"{id}: does not start with {self.paper}." for id in foreign]
-        found += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in removed]
+        found += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in gone]
         return found + [problem for row in self.rows.values() for problem in row.problems()]
 
     def scorebar(self) -> Display:

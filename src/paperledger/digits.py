@@ -13,7 +13,7 @@ DIGITS = 10  # significant digits of a stored value
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person decides these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "fails", *DECLARED)
 AGREEING = ("reproduced", "approximate", "holds")  # a declared disagreement must give none of these
-BASES = ("computed", "from-print", "reading")
+BASES = ("computed", "fitted", "from-print", "reading")
 
 _SLACK = Decimal("1e-9")  # relative; absorbs the rounding of floating-point arithmetic, nothing more
 _NUMBER = r"(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?"

@@ -15,12 +15,14 @@ from paperledger.statements import Evidence, Relation
 
 KINDS = {  # under what a row is counted: by verdict where the paper's problem decides, else apart
     **{verdict: verdict for verdict in VERDICTS if verdict != "not-computable"},
+    "fitted-agrees": "agree, settings fitted",
+    "fitted-disagrees": "disagree, settings fitted",
     "print-agrees": "agree with other print",
     "print-disagrees": "disagree with other print",
     "reading": "settled by reading",
     "not-computable": "not computable",
 }
-BASIS = {"computed": "", "from-print": "from print", "reading": "by reading"}
+BASIS = {"computed": "", "fitted": "settings fitted", "from-print": "from print", "reading": "by reading"}
 # K_-1, PID_2^2, A_(2m+3), (1 + T s)^n: a letter, capitals or a bracket with an index, an exponent, or both
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
@@ -148,8 +150,9 @@ def claim(row: Row, unfold: bool = True, anchor: bool = False) -> Cell:
     """Make a cell of a claim and its place; it unfolds to the note. A terminal shows the id, an anchor links to it."""
     text = row.printed if row.is_statement else row.quantity
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
-    if row.note and unfold:
-        html = f"<details><summary>{html}</summary><p>{markup(row.note)}</p></details>"
+    if unfold and (row.note or row.made):
+        said = "".join(f"<p>{markup(one)}</p>" for one in (row.note, *row.made.split(" | ")) if one)
+        html = f"<details><summary>{html}</summary>{said}</details>"
     if anchor:
         place = row.id.replace(".", "-")  # a dot in an address means something else to a script
         html += f' <a class="row-id" id="{place}" href="#{place}">{escape(row.id)}</a>'
@@ -192,9 +195,10 @@ def score(rows: Iterable[Row]) -> dict[str, int]:
 
 
 def _kind(row: Row) -> str:
-    if row.verdict and row.basis == "from-print":
+    apart = {"fitted": "fitted", "from-print": "print"}.get(row.basis)
+    if row.verdict and apart:
         agrees = row.verdict in ("reproduced", "last-digit", "approximate", "holds")
-        return "print-agrees" if agrees else "print-disagrees"
+        return f"{apart}-{'agrees' if agrees else 'disagrees'}"
     reading = row.basis == "reading" and row.verdict != "not-computable"
     return "reading" if reading else row.verdict or "open"
 

@@ -1,12 +1,13 @@
 """All ledgers together: the pages *Scoreboard* and *Errata*, the score of the front pages, the manifest."""
 
+import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from paperledger import display
 from paperledger.book import Ledger
-from paperledger.digits import BASES, DECLARED, VERDICTS, LedgerError
+from paperledger.digits import BASES, DECLARED, VERDICTS, LedgerError, read_number, tolerance
 from paperledger.display import (
     KINDS,
     Cell,
@@ -19,7 +20,7 @@ from paperledger.display import (
     scorebar,
     words,
 )
-from paperledger.rows import MANIFEST, Row, find_folder, papers, table
+from paperledger.rows import MANIFEST, REMOVED, Row, find_folder, papers, removed, table
 
 ERRATA = {
     "misprint": (
@@ -35,9 +36,10 @@ ERRATA = {
     ),
 }
 BEGIN, END = "<!-- score -->", "<!-- /score -->"
-_APART = ("print-agrees", "print-disagrees", "reading", "not-computable")
+_APART = ("fitted-agrees", "fitted-disagrees", "print-agrees", "print-disagrees", "reading", "not-computable")
 GROUPS = {
     "computed from the paper's problem": [kind for kind in KINDS if kind not in _APART],
+    "with settings fitted to these prints": ["fitted-agrees", "fitted-disagrees"],
     "from other printed results": ["print-agrees", "print-disagrees"],
     "by reading": ["reading", "not-computable"],
 }
@@ -249,6 +251,8 @@ def score_markdown(folder: Path | str | None = None) -> str:
 
     lines = [f"| {' | '.join(['claims', *columns])} |", f"| --- |{' --: |' * len(columns)}"]
     for group, kinds in GROUPS.items():
+        if not any(columns["total"][kind] for kind in kinds):
+            continue
         lines.append(line(group, kinds, "**"))
         lines += [line(KINDS[kind], [kind]) for kind in kinds if columns["total"][kind]]
     return "\n".join([BEGIN, "", *lines, line("all", [*KINDS], "**"), "", END])
@@ -297,23 +301,65 @@ def _rewritten(file: Path, text: str) -> bool:
     return True
 
 
+FROZEN = ("id", "printed", "kind", "basis", "page", "made", "relation", "tolerance", "declared")
+
+
+def _frozen(row: Row) -> tuple[str, ...]:
+    """Return the entries of a row that only a review may change."""
+    width = tolerance(row.note, read_number(row.printed)) if row.is_number else None
+    return (
+        row.id,
+        row.printed,
+        "statement" if row.is_statement else "number",
+        row.basis,
+        row.page,
+        row.made,
+        row.relation,
+        "" if width is None else f"{width.normalize():f}",
+        row.verdict if row.verdict in DECLARED else "",
+    )
+
+
 def claims(folder: Path | str | None = None) -> str:
     """Return what every row of a folder claims, as the text of its manifest."""
     rows = [row for book in load_all(folder).values() for row in book.rows.values()]
-    lines = [
-        (
-            row.id,
-            row.printed,
-            "statement" if row.is_statement else "number",
-            row.basis,
-            row.verdict if row.verdict in DECLARED else "",
-        )
-        for row in rows
-    ]
-    return table(("id", "printed", "kind", "basis", "declared"), lines)
+    return table(FROZEN, map(_frozen, rows))
 
 
-def freeze(folder: Path | str | None = None) -> bool:
-    """Write the manifest, and tell whether it changed: no claim is retyped, shortened, dropped or padded unseen."""
+def freeze(folder: Path | str | None = None) -> list[str]:
+    """Write the manifest, and say what changed, one line for each entry: no claim is changed or dropped unseen.
+
+    Raises
+    ------
+    LedgerError
+        If an id is gone and ``removed.csv`` does not say why; nothing is written then.
+    """
     place = Path(folder) if folder is not None else find_folder()
-    return _rewritten(place / MANIFEST, claims(place))
+    new, file = claims(place), place / MANIFEST
+    old = {line["id"]: line for line in _lines(file.read_text(encoding="utf-8"))} if file.is_file() else {}
+    now = {line["id"]: line for line in _lines(new)}
+    reasons = removed(place)
+    if lost := [
+        f"{id}: is gone, and {REMOVED} does not say why" for id in old if id not in {**now, **reasons}
+    ]:
+        raise LedgerError("\n".join(lost))
+    if not old:
+        changes = [f"{len(now)} new claims"]
+    else:
+        changes = [f"{id}: removed: {reasons[id]}" for id in old if id not in now]
+        for id, line in now.items():
+            if id not in old:
+                changes.append(f"{id}: new: {line['printed']}")
+                continue
+            was = old[id]
+            changes += [
+                f"{id}: {column} {was.get(column, '')!r} -> {entry!r}"
+                for column, entry in line.items()
+                if was.get(column, "") != entry
+            ]
+    rewritten = _rewritten(file, new)
+    return changes or ["the order of the rows"] * rewritten
+
+
+def _lines(text: str) -> list[dict[str, str]]:
+    return [*csv.DictReader(text.splitlines())]

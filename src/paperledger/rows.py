@@ -12,6 +12,7 @@ from pathlib import Path
 
 from paperledger import digits
 from paperledger.digits import AGREEING, BASES, DECLARED, LedgerError
+from paperledger.making import Making
 from paperledger.statements import Evidence, Relation
 
 FOLDER = Path("book", "ledger")
@@ -53,6 +54,9 @@ class Row:
         One of `BASES`.
     page : str, optional
         The notebook that hands the row over, its path below ``book`` without suffix; empty when settled by reading.
+    made : str, optional
+        Which settings were fitted to which prints, and why the value stays when the library is slightly off; see
+        `Making`.
     relation : str, optional
         What a statement asks for; see `Relation`.
     evidence : str, optional
@@ -77,6 +81,7 @@ class Row:
     verdict: str = ""
     basis: str = "computed"
     page: str = ""
+    made: str = ""
     relation: str = ""
     evidence: str = ""
     note: str = ""
@@ -243,7 +248,9 @@ class Row:
         reading, statement = self.basis == "reading", ("relation", "evidence")
         computing = ("computed", "page", *(statement if self.is_statement else ()))
         needed = ("where", "quantity", "printed", *(() if reading else computing))
-        barred = ("computed", "page", *statement) if reading else () if self.is_statement else statement
+        barred = (
+            ("computed", "page", "made", *statement) if reading else () if self.is_statement else statement
+        )
         if not _ID.fullmatch(self.id):
             yield "an id is lower case and dotted, such as haalman2024.ex1.pida.kp"
         if self.basis not in BASES:
@@ -257,6 +264,7 @@ class Row:
             yield f"settled by reading cannot be {self.verdict or 'left without a verdict'}"
         if (reading or self.verdict in DECLARED) and len(self.note.split()) < WORDS:
             yield f"{self.verdict} needs a note of at least {WORDS} words"
+        yield from self._badly_made()
         if self.relation:
             try:
                 relation = Relation.parse(self.relation)
@@ -265,6 +273,20 @@ class Row:
             else:
                 if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
                     yield f"a tolerance above {IDENTITY:g} needs a note that says why"
+
+    def _badly_made(self) -> Iterator[str]:
+        """Say what is wrong with the column ``made``."""
+        try:
+            made = Making.parse(self.made)
+        except LedgerError as error:
+            yield str(error)
+            return
+        if self.basis == "fitted" and not made.settings:
+            yield "fitted, so 'made' says how many settings from how many numbers: 'fit: 3 settings from 70 numbers: …'"
+        if made.settings and self.basis != "fitted":
+            yield f"'made' says what was fitted, so its basis is fitted, not {self.basis}"
+        if made.stays and self.basis == "from-print":
+            yield "from-print, so nobody asks why it stays; 'made' is empty"
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
@@ -319,6 +341,15 @@ def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
         if len(line) != len(columns) or any("\n" in entry or "\r" in entry for entry in line):
             raise LedgerError(f"{path.name}: expected {len(columns)} entries on one line, found {line}")
     return lines
+
+
+def removed(folder: Path) -> dict[str, str]:
+    """Return the ids of a folder that are never used again, and why."""
+    path = folder / REMOVED
+    lines = read_table(path, ("id", "reason")) if path.is_file() else []
+    if bare := [id for id, reason in lines if not reason.strip()]:
+        raise LedgerError(f"{REMOVED}: no reason for {', '.join(bare)}")
+    return {id: reason.strip() for id, reason in lines}
 
 
 def table(columns: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -377,7 +408,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
     >>> path = Path(tempfile.mkdtemp(), "demo.csv")
     >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
     >>> print(path.read_text(encoding="utf-8"), end="")
-    id,where,quantity,printed,computed,verdict,basis,page,relation,evidence,note
-    demo.kp,Table 1,gain,1.31,,,computed,,,,
+    id,where,quantity,printed,computed,verdict,basis,page,made,relation,evidence,note
+    demo.kp,Table 1,gain,1.31,,,computed,,,,,
     """
     path.write_text(table(COLUMNS, (astuple(row) for row in rows)), encoding="utf-8", newline="")

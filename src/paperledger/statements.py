@@ -33,7 +33,7 @@ _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==) (?:([\d.]+(?:/[\d.]+)?) \* )?(\S+)(?
 
 @dataclass(frozen=True)
 class Convention:
-    """The meaning of a word that compares; one table for all papers, fixed before any number was compared.
+    """The meaning of a word that compares: one table for all papers, whose numbers no single row may change.
 
     Parameters
     ----------

@@ -9,16 +9,16 @@ import pytest
 from paperledger import Ledger, LedgerError, Row
 
 TABLE = """\
-demo.t1.kp,Table 1,gain,1.31,1.309812345,reproduced,computed,audit/demo,,,
-demo.t1.ti,Table 1,integral time (s),2.88,2.868000000,last-digit,computed,audit/demo,,,
-demo.t1.td,Table 1,time (s),0.50,0.5100000000,approximate,computed,audit/demo,,,noise: tolerance 5 %
-demo.t1.ta,Table 1,time (s),12,0.1200000000,misprint,computed,audit/demo,,,eq. (3) gives 0.12 s instead
-demo.t1.tf,Table 1,filter,0.3,0.8000000000,as-read,from-print,audit/demo,,,a 3 may be an 8
-demo.t2.ms,Table 2,M_s,1.40,1.900000000,differs,computed,audit/demo,,,"they say ""about"", and say no more"
-demo.t2.iae,Table 2,IAE,n/a,,not-computable,reading,,,,the seed was never published
-demo.s1,sec. 3,statement,A < B & it wins,holds,holds,computed,audit/demo,A < B,3.100000000 < 4.200000000 | ratio 0.74,
-demo.s2,sec. 3,statement,the loop is stable,fails,fails,computed,audit/demo,poles == none,2 == 0,
-demo.s3,sec. 3,statement,the oldest rule,,holds,reading,,,,the list of references says so
+demo.t1.kp,Table 1,gain,1.31,1.309812345,reproduced,computed,audit/demo,,,,
+demo.t1.ti,Table 1,integral time (s),2.88,2.868000000,last-digit,computed,audit/demo,,,,
+demo.t1.td,Table 1,time (s),0.50,0.5100000000,approximate,computed,audit/demo,,,,noise: tolerance 5 %
+demo.t1.ta,Table 1,time (s),12,0.1200000000,misprint,computed,audit/demo,,,,eq. (3) gives 0.12 s instead
+demo.t1.tf,Table 1,filter,0.3,0.8000000000,as-read,from-print,audit/demo,,,,a 3 may be an 8
+demo.t2.ms,Table 2,M_s,1.40,1.900000000,differs,computed,audit/demo,,,,"they say ""about"", and say no more"
+demo.t2.iae,Table 2,IAE,n/a,,not-computable,reading,,,,,the seed was never published
+demo.s1,sec. 3,statement,A < B & it wins,holds,holds,computed,audit/demo,,A < B,3.100000000 < 4.200000000 | ratio 0.74,
+demo.s2,sec. 3,statement,the loop is stable,fails,fails,computed,audit/demo,,poles == none,2 == 0,
+demo.s3,sec. 3,statement,the oldest rule,,holds,reading,,,,,the list of references says so
 """
 ROWS = [Row(*line) for line in csv.reader(TABLE.splitlines())]
 NUMBERS = {

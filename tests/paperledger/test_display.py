@@ -74,3 +74,11 @@ def test_score_counts_rows_without_a_verdict_as_open():
     assert list(counts) == [*KINDS, "open"]
     assert (counts["reproduced"], counts["misprint"], counts["open"]) == (1, 0, 1)
     assert "verdict-open" in ledger(replace(KP, computed="", verdict="")).table().html
+
+
+def test_a_fitted_row_is_counted_apart_and_says_what_was_fitted():
+    fitted = replace(KP, basis="fitted", made="fit: 2 settings from 12 numbers: T_F and K, from Table 1")
+    assert score([fitted, replace(fitted, verdict="differs")])["fitted-agrees"] == 1
+    table = ledger(fitted).table()
+    assert "reproduced (settings fitted)" in repr(table)
+    assert "2 settings from 12 numbers" in table.html

@@ -5,13 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from demo_ledger import KP, ROWS, write_notebook
+from demo_ledger import KP, ROWS, S1, write_notebook
 from honesty import cells, module, page
 
-from paperledger import papers, read_rows, write_rows
+from paperledger import LedgerError, papers, read_rows, write_rows
 from paperledger.digits import read_number, tolerance
 from paperledger.pages import claims, freeze
-from paperledger.rows import read_table
 from paperledger.running import pages
 
 ROOT = Path(__file__).parents[2]
@@ -75,11 +74,8 @@ def test_no_tolerance_above_five_percent():
 
 
 def test_the_claims_are_those_of_the_manifest():
-    """`python -m paperledger manifest` freezes a reviewed change; an id that was removed has a reason."""
+    """`python -m paperledger manifest` freezes a reviewed change."""
     assert claims(LEDGERS).splitlines() == (LEDGERS / "manifest.csv").read_text(encoding="utf-8").splitlines()
-    removed = LEDGERS / "removed.csv"
-    if removed.is_file():
-        assert all(reason.strip() for _, reason in read_table(removed, ("id", "reason")))
 
 
 # ------------------------------------------------------------------------------------------------ each cheat is seen
@@ -156,17 +152,52 @@ def test_tags_that_hide_and_a_missing_end_are_seen(tmp_path):
             KP, quantity="statement", printed="a gain", relation="A < B", evidence="1 < 2", verdict="holds"
         ),
         replace(KP, basis="from-print"),
+        replace(KP, basis="fitted", made="fit: 1 setting from 4 numbers: T_F, from Table 1"),
+        replace(KP, made="page: gain"),
+        replace(KP, page="demo"),
+        replace(KP, note="noise: tolerance 5 %", verdict="approximate"),
         replace(KP, id="demo.t1.kp2"),
         replace(KP, verdict="misprint", computed="2.000000000", note="a reason of five words"),
     ],
 )
 def test_the_manifest_shows_what_was_changed(tmp_path, changed):
     write_rows(tmp_path / "demo.csv", ROWS)
-    assert freeze(tmp_path)
-    assert not freeze(tmp_path)
+    assert freeze(tmp_path) == ["10 new claims"]
+    assert freeze(tmp_path) == []
     frozen = (tmp_path / "manifest.csv").read_text()
     write_rows(tmp_path / "demo.csv", [changed, *ROWS[1:]])
     assert len({*claims(tmp_path).splitlines()} - {*frozen.splitlines()}) == 1
+    if changed.id != KP.id:
+        (tmp_path / "removed.csv").write_text(f"id,reason\n{KP.id},counted twice\n")
+    assert all(line.startswith("demo.t1.kp") for line in freeze(tmp_path))
+    assert freeze(tmp_path) == []
+
+
+def test_each_frozen_entry_that_changes_has_a_line(tmp_path):
+    write_rows(tmp_path / "demo.csv", ROWS)
+    freeze(tmp_path)
+    turned = replace(S1, relation="A > B", evidence="4.200000000 > 3.100000000 | ratio 1.4")
+    write_rows(tmp_path / "demo.csv", [row if row != S1 else turned for row in ROWS])
+    assert freeze(tmp_path) == ["demo.s1: relation 'A < B' -> 'A > B'"]
+    write_rows(tmp_path / "demo.csv", ROWS[::-1])
+    assert freeze(tmp_path) == ["demo.s1: relation 'A > B' -> 'A < B'"]
+    write_rows(tmp_path / "demo.csv", ROWS)
+    assert freeze(tmp_path) == ["the order of the rows"]
+
+
+def test_no_claim_goes_without_a_reason(tmp_path):
+    write_rows(tmp_path / "demo.csv", ROWS)
+    freeze(tmp_path)
+    frozen = (tmp_path / "manifest.csv").read_text()
+    write_rows(tmp_path / "demo.csv", ROWS[1:])
+    with pytest.raises(LedgerError, match=r"demo\.t1\.kp: is gone, and removed\.csv does not say why"):
+        freeze(tmp_path)
+    assert (tmp_path / "manifest.csv").read_text() == frozen
+    (tmp_path / "removed.csv").write_text("id,reason\ndemo.t1.kp, \n")
+    with pytest.raises(LedgerError, match=r"removed\.csv: no reason for demo\.t1\.kp"):
+        freeze(tmp_path)
+    (tmp_path / "removed.csv").write_text("id,reason\ndemo.t1.kp,one fact counted twice\n")
+    assert freeze(tmp_path) == ["demo.t1.kp: removed: one fact counted twice"]
 
 
 @pytest.mark.parametrize("note", ["tolerance 5.1 %", "tolerance 0.07", "tolerance 900 %"])

@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
-from demo_ledger import KP
+from demo_ledger import KP, ROWS
 
 from paperledger import (
     LedgerError,
@@ -102,3 +102,12 @@ def test_commands_fail_aloud(project, capsys):
     for command in (["check"], ["show", "nobody"], ["update", "nobody"], ["readme", "none.md"]):
         assert main(command) == 1
         assert capsys.readouterr().err
+
+
+def test_the_manifest_command_prints_what_changed(project, capsys):
+    assert main(["manifest"]) == 0
+    write_rows(project / "book" / "ledger" / "demo.csv", [replace(KP, printed="1.310"), *ROWS[1:]])
+    assert main(["manifest"]) == 0
+    assert "demo.t1.kp: printed '1.31' -> '1.310'" in capsys.readouterr().out
+    assert main(["manifest"]) == 0
+    assert capsys.readouterr().out == "manifest: up to date\n"

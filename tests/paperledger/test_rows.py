@@ -22,7 +22,13 @@ REASON = "a reason of five words"
         ({"note": "tolerance 1 %"}, "file says reproduced, .* gives approximate"),
         ({"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
         ({"evidence": "1 < 2"}, "a number, but 'evidence' is not empty"),
-        ({"basis": "guess"}, "unknown basis 'guess'; one of computed, from-print, reading"),
+        ({"basis": "guess"}, "unknown basis 'guess'; one of computed, fitted, from-print, reading"),
+        ({"basis": "fitted"}, "fitted, so 'made' says how many settings from how many numbers"),
+        ({"made": "fit: 1 setting from 4 numbers: T_F, from Table 1"}, "its basis is fitted, not computed"),
+        ({"made": "by hand"}, "made 'by hand' does not read like"),
+        ({"made": "fit: 0 settings from 4 numbers: T_F"}, "fit .* does not read like"),
+        ({"made": "fit: T_F"}, "fit 'T_F' does not read like"),
+        ({"made": "count: poles", "basis": "from-print"}, "from-print, so nobody asks why it stays"),
         ({"basis": "reading"}, "settled by reading, but 'computed' is not empty"),
         ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading, but 'page' is not empty"),
         ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading cannot be reproduced"),
@@ -62,17 +68,17 @@ def test_half_a_unit_of_the_print():
         _ = S1.half_unit
 
 
-HEAD = "id,where,quantity,printed,computed,verdict,basis,page,relation,evidence,note\n"
+HEAD = "id,where,quantity,printed,computed,verdict,basis,page,made,relation,evidence,note\n"
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "expected the columns id, where, .* found $"),
-        (f"{HEAD}demo.a,b\n", "expected 11 entries on one line, found .'demo.a', 'b'"),
-        (f"{HEAD}a,,,,,,,,,,\na,,,,,,,,,,\n", "more than one row for a"),
-        (f'{HEAD}a,,,,,,,,,,"x\ny"\n', "expected 11 entries on one line"),
-        (f'{HEAD}a,,,,,,,,,,"x', "unexpected end of data"),
+        (f"{HEAD}demo.a,b\n", "expected 12 entries on one line, found .'demo.a', 'b'"),
+        (f"{HEAD}a,,,,,,,,,,,\na,,,,,,,,,,,\n", "more than one row for a"),
+        (f'{HEAD}a,,,,,,,,,,,"x\ny"\n', "expected 12 entries on one line"),
+        (f'{HEAD}a,,,,,,,,,,,"x', "unexpected end of data"),
     ],
 )
 def test_unreadable_files(tmp_path, text, message):
