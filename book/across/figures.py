@@ -57,7 +57,9 @@ def over_rolloff(table: pd.DataFrame, terms: tuple[str, ...] = ("quiet", "loud")
 def savings(table: pd.DataFrame, names: list[str], worth: float) -> None:
     """What one more derivative saves of the least IAE, over the allowed noise: a panel for each plant."""
     rows = -(-len(names) // 2)
-    figure, axes = plt.subplots(rows, 2, figsize=(6.4, 0.5 + 1.9 * rows), sharex=True, sharey=True, squeeze=False)
+    figure, axes = plt.subplots(
+        rows, 2, figsize=(6.4, 0.5 + 1.9 * rows), sharex=True, sharey=True, squeeze=False
+    )
     for ax, name in zip(axes.flat, names, strict=True):
         iae = table[table["plant"] == name].pivot_table(index="noise_limit", columns="order", values="iae")
         for order, kind in ((2, "PIDA"), (3, "m = 3")):

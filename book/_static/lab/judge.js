@@ -17,10 +17,10 @@
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, simulateSampled, margins } = globalThis.pidalabEngine;
-  const { PLANTS, RULES, controller, iae, sampledMargins } = globalThis.pidalabModel;
+  const { PLANTS, RULES, controller, iae, noiseGainAt, sampledMargins } = globalThis.pidalabModel;
 
   const SLACK = 1.003; // answers are printed in three digits
-  const POINTS = 2001, NOISE_SAMPLES = 4000;
+  const POINTS = 2001;
   const LARGEST = 1e6, SMALLEST = 1e-6;
 
   const digits = (x, count = 3) => (Number.isFinite(x) ? String(Number(x.toPrecision(count))) : "without bound");
@@ -52,14 +52,6 @@
 
   const area = (t, y) => t.reduce((sum, time, k) => (k ? sum + 0.5 * (time - t[k - 1]) * (y[k] + y[k - 1]) : 0), 0);
 
-  /* Standard deviation of u for white noise of standard deviation 1 that changes every h: what one noisy sample does. */
-  function noiseGain(process, own, h, end) {
-    const noise = new Float64Array(Math.round(Math.min(end, NOISE_SAMPLES * h) / h) + 1);
-    noise[0] = 1;
-    const { u } = simulateSampled({ process, controller: own, sampleTime: h, end: (noise.length - 1) * h, noise, method: "held" });
-    return Math.sqrt(u.reduce((sum, x) => sum + x * x, 0));
-  }
-
   /* What is known of a loop by name, each found when it is first asked for. */
   function loopFacts(plant, task, given) {
     const asked = { ...task.loop, ...given }, process = plantOf(plant, given), { end } = process, kept = new Map();
@@ -76,7 +68,7 @@
     });
     const load = () => run({ load: 1 }), step = () => run({ setpoint: 1 });
     const found = {
-      noise: () => noiseGain(process, own(), task.sample, end),
+      noise: () => noiseGainAt(process, design(), task.sample, end),
       // a record that ends cuts the area: what is left of the error itself counts
       iae: () => iae(load().t, load().y, 0) + Math.abs(Math.abs(1 / own().gains[0]) - Math.abs(found.ie())),
       ie: () => area(load().t, load().y),
