@@ -76,8 +76,9 @@ release: $(DEV)  ## build wheel and source archive in dist, install the wheel in
 archive: $(SITE)  ## the built site as one file in dist that opens from the disk
 	$(BIN)/python tools/archive.py
 
-pdf: $(DEV) $(SITE)  ## print the built site as one PDF in dist, with Chromium (about 2 minutes)
+pdf: $(DEV) $(SITE)  ## print the built site as one PDF in dist, and its tasks as sheets, with Chromium (about 2 minutes)
 	$(BIN)/python tools/pdf.py
+	$(BIN)/python tools/sheets.py
 
 processors: $(DEV)  ## tests of the library and all notebooks as other processors and Pythons would run them (2 hours)
 	$(BIN)/python tools/processors.py
