@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from pidalab.plant.cli import desk, given, recorded
+from pidalab.plant.cli import desk, given, judged, recorded
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
 
@@ -24,11 +24,12 @@ def main() -> None:
       pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  one loop
     Without a plant:
       pidalab rules                                            the rules by name
+      pidalab benchmark rule.py:tune --out folder              a rule of yours on 134 plants
       pidalab tclab                                            a board on the desk, simulated
     """
 
 
-for module in (recorded, given, desk):
+for module in (recorded, given, judged, desk):
     for command in vars(module).copy().values():
         if isinstance(command, click.Command):
             main.add_command(command)

@@ -56,6 +56,6 @@ def batch() -> Iterator[Case]:
     for T in P7[0]:
         yield from (Case(f"P7 T={T} L={L:g}", "P7", _product((T, 1.0 - L), delay=L)) for L in P7[1])
     yield from (Case(f"P8 a={a:g}", "P8", _product((1.0, 1.0, 1.0), num=(-a, 1.0))) for a in P8)
-    for T in P9:
-        den = np.convolve([1.0, 1.0], [T**2, 1.4 * T, 1.0])
-        yield Case(f"P9 T={T:g}", "P9", Process([1.0], den))
+    for time in P9:
+        den = np.convolve([1.0, 1.0], [time**2, 1.4 * time, 1.0])
+        yield Case(f"P9 T={time:g}", "P9", Process([1.0], den))
