@@ -35,11 +35,11 @@ WEIGHTS = (
 ALSO = {
     "book/how-do-i.html#install-pidalab": "install installation setup download pip PyPI Binder Colab",
     "book/how-do-i.html#cite-the-book-or-one-of-its-numbers": "cite citation DOI BibTeX licence license copyright",
-    "book/how-do-i.html#weigh-the-set-point-b-and-c": "set point weighting derivative kick proportional kick 2DOF 2-DOF "
-    "two degrees of freedom",
+    "book/how-do-i.html#weigh-the-set-point-b-and-c": "set point weighting derivative kick proportional kick "
+    "2DOF 2-DOF two degrees of freedom",
     "book/how-do-i.html#hand-a-controller-to-python-control-control-tf-c": "export Matlab Simulink",
-    "book/how-do-i.html#also-not-supported": "MIMO relay autotuning adaptive stiction dead time compensation compensator "
-    "predictor",
+    "book/how-do-i.html#also-not-supported": "MIMO relay autotuning adaptive stiction "
+    "dead time compensation compensator predictor",
     "book/heater.html#a-heater-on-the-desk": "temperature control Arduino TCLab thermostat oven",
     "book/design.html#design-for-your-process": "step response identification tune from data autotune bump test",
     "book/design.html#fit": "system identification estimate model from data",

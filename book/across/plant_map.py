@@ -37,7 +37,7 @@ def facts(some: pd.DataFrame, study: tuple[pd.DataFrame, ...]) -> dict[str, obje
     rules = loud.groupby(["rule", "kind"])["of_best"].agg(["size", "median"]).reset_index()
     rules = rules[rules["size"] >= min(FEW, len(some))].round(DIGITS).sort_values(["median", "rule", "kind"])
     center = some[["rolloff", "dead_time"]].median()
-    far = ((some[["rolloff", "dead_time"]] - center) / (0.5, 0.2)).pow(2).sum(axis=1).round(DIGITS)
+    far = ((some[["rolloff", "dead_time"]] - center) / [0.5, 0.2]).pow(2).sum(axis=1).round(DIGITS)
     return {
         "kinds": {term: words.kind(*steps.loc[term]) for term in tables.NOISE},
         "saves": {
