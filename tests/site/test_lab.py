@@ -422,7 +422,9 @@ def test_a_change_of_plant_retunes_or_says_why_not(lab):
     announced(page, "needs a plant that does not integrate; least IAE in place of cancel the lags")
     page.wait_for_function("() => !document.querySelector('.pidalab-lab').lab.state.designs[0].pending")
     page.get_by_label("rule", exact=True).select_option("cancellation")
-    page.wait_for_function("() => document.querySelector('.lab-problem')?.textContent.includes('does not integrate')")
+    page.wait_for_function(
+        "() => document.querySelector('.lab-problem')?.textContent.includes('does not integrate')"
+    )
     page.get_by_label("rule", exact=True).select_option("multiple")
     page.wait_for_function("() => !document.querySelector('.lab-problem')")
     assert float(page.evaluate(COLUMNS)[0][3]) < 2.5

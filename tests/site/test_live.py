@@ -133,7 +133,9 @@ def shown(open_figure, **more):
     found = [[float(text.replace("∞", "inf")) for text in row[1:]] for row in rows]
     assert page.locator(".lab-live").text_content().count(" IAE load ") == 3
     noise = (
-        ["Noise gain: standard deviation of u for white measurement noise of standard deviation 1, a sample every 0.04"]
+        [
+            "Noise gain: standard deviation of u for white measurement noise of standard deviation 1, a sample every 0.04"
+        ]
         if "sigma" in more["numbers"]
         else []
     )
