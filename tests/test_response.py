@@ -318,8 +318,49 @@ def test_step_information_of_a_process():
     root = np.sqrt(1 - z**2)
     assert swing.overshoot(final=3.0) == pytest.approx(100 * np.exp(-np.pi * z / root), rel=1e-8)
     assert swing.rise_time(final=3.0) < swing.settling_time(final=3.0) < 12
+    assert swing.overshoot() == swing.overshoot(final=3.0)
+    assert swing.peak_time() == pytest.approx(np.pi / root, rel=1e-6)
+    integrating = pidalab.open_loop_step(pidalab.ipdt(1.0, delay=0.0), np.linspace(0.0, 4.0, 41))
     with pytest.raises(ValueError, match=r"overshoot needs a final value other than 0.* static gain"):
-        swing.overshoot()
+        integrating.overshoot()
+
+
+MEASURES = (
+    "overshoot",
+    "undershoot",
+    "peak",
+    "peak_time",
+    "rise_time",
+    "tv",
+    "tv1",
+    "iae",
+    "ie",
+    "ise",
+    "itae",
+)
+
+
+@pytest.mark.parametrize("measure", [*MEASURES, "settling_time"])
+def test_no_measure_of_a_response_that_diverges(measure):
+    loop = pidalab.Loop(pidalab.fopdt(2.0, 1.0, 0.1), pidalab.PIDA(20.0, 0.1, 0.05))
+    run = pidalab.step_response(loop, np.linspace(0.0, 5.0, 501))
+    with pytest.raises(ValueError, match=r"(?s)last tenth.*t = 5"):
+        getattr(run, measure)()
+
+
+def test_a_measure_up_to_a_stated_horizon_stays_possible():
+    loop = pidalab.Loop(pidalab.fopdt(2.0, 1.0, 0.1), pidalab.PIDA(20.0, 0.1, 0.05))
+    run = pidalab.step_response(loop, np.linspace(0.0, 5.0, 501))
+    assert run.iae(0.1) == pytest.approx(0.1, rel=1e-6)
+    assert run.peak("u", 0.05) == pytest.approx(np.abs(run.u[:6]).max())
+    assert run.tv("u", 0.05) > 0
+
+
+@pytest.mark.parametrize("measure", ["overshoot", "peak_time", "rise_time", "settling_time"])
+def test_no_measure_of_a_response_that_is_cut_off(measure):
+    loop = pidalab.Loop(pidalab.lags(3, delay=0.2), pidalab.PIDA(1.0, 3.0))
+    with pytest.raises(ValueError, match=r"t = 0\.5|simulate longer"):
+        getattr(pidalab.step_response(loop, np.linspace(0.0, 0.5, 51)), measure)()
 
 
 def test_a_jump_to_the_wrong_side_is_an_undershoot():
