@@ -5,9 +5,11 @@ PYTHON ?= python3
 # Two processes at once, with small matrices: more threads would only wait for each other.
 export OPENBLAS_NUM_THREADS ?= 1
 BIN := .venv/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check
-ENV := .venv/.installed
+ENV := .venv/.book
+DEV := .venv/.dev
 SITE := _build/.built
+COMPILE = $(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes \
+	--no-annotate --custom-compile-command "make lock"
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
 .PHONY: help env book test notebooks faults foreign fuzz mutants lint bench studies study release archive pdf \
@@ -17,13 +19,13 @@ SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/
 help:  ## list these targets
 	@sed -n 's/^\([a-z]*\):.*##  *\(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
 
-env: $(ENV)  ## make .venv from the locked requirements
+env: $(DEV)  ## make .venv from the locked requirements, with what tests and tools need
 
-$(ENV): requirements.txt pyproject.toml
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(PIP) install --quiet --require-hashes -r requirements.txt
-	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
-	touch $@
+$(ENV): requirements.txt pyproject.toml tools/environment.py
+	$(PYTHON) tools/environment.py
+
+$(DEV): requirements-dev.txt $(ENV)
+	$(PYTHON) tools/environment.py --dev
 
 book: $(SITE)  ## execute every notebook and build the site in _build/html (about 2 minutes)
 	@echo "The site: _build/html/index.html"
@@ -32,58 +34,58 @@ $(SITE): $(ENV) $(SOURCES)
 	$(BIN)/python tools/site.py
 	touch $@
 
-test: $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site (about 5 minutes)
+test: $(DEV) $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site (about 5 minutes)
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --nbval --nbval-current-env
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 	$(BIN)/python tools/notebooks.py
 
-faults: $(ENV)  ## plant gross errors in the library and see every chapter notice (5 minutes)
+faults: $(DEV)  ## plant gross errors in the library and see every chapter notice (5 minutes)
 	$(BIN)/python tools/faults.py
 
-fuzz: $(ENV)  ## random loops, arguments, records and files against second methods, FUZZ=2000 of each (hours)
+fuzz: $(DEV)  ## random loops, arguments, records and files against second methods, FUZZ=2000 of each (hours)
 	FUZZ=$${FUZZ:-2000} $(BIN)/pytest -n auto tests/fuzz tests/lab/test_model.py
 
-foreign: $(ENV)  ## tune on the plant records in FOLDER, which tools/foreign.toml lists, and write the table (10 minutes)
+foreign: $(DEV)  ## tune on the plant records in FOLDER, which tools/foreign.toml lists, and write the table (10 minutes)
 	$(BIN)/python tools/foreign.py $(FOLDER) --out book/data/foreign.csv
 
-mutants: $(ENV)  ## change MUTANTS=70 places of the library, drawn with SEED=1, and see the tests notice (hours)
+mutants: $(DEV)  ## change MUTANTS=70 places of the library, drawn with SEED=1, and see the tests notice (hours)
 	$(BIN)/python tools/mutants.py $${MUTANTS:-70} --seed $${SEED:-1}
 
-lint: $(ENV)  ## style and types
+lint: $(DEV)  ## style and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(SITE)  ## time and error beside other libraries and what the lab costs, for the page on speed (9 minutes)
+bench: $(DEV) $(SITE)  ## time and error beside other libraries and what the lab costs, for the page on speed (9 minutes)
 	$(BIN)/python -m benchmarks.run
 
-studies: $(ENV)  ## compare all rules on 134 plants, and find the frontier (stops and resumes)
+studies: $(DEV)  ## compare all rules on 134 plants, and find the frontier (stops and resumes)
 	$(BIN)/python studies/comparison.py
 	$(BIN)/python studies/frontier.py
 
-study: $(ENV)  ## find the optimal controllers of heo2023 again (many hours)
+study: $(DEV)  ## find the optimal controllers of heo2023 again (many hours)
 	$(BIN)/python studies/itae_optima.py
 
-release: $(ENV)  ## build wheel and source archive in dist, install the wheel into an empty environment, use it (a minute)
+release: $(DEV)  ## build wheel and source archive in dist, install the wheel into an empty environment, use it (a minute)
 	$(BIN)/python tools/release.py
 
 archive: $(SITE)  ## the built site as one file in dist that opens from the disk
 	$(BIN)/python tools/archive.py
 
-pdf: $(SITE)  ## print the built site as one PDF in dist, with Chromium (about 2 minutes)
+pdf: $(DEV) $(SITE)  ## print the built site as one PDF in dist, with Chromium (about 2 minutes)
 	$(BIN)/python tools/pdf.py
 
-processors: $(ENV)  ## tests of the library and all notebooks as other processors and Pythons would run them (2 hours)
+processors: $(DEV)  ## tests of the library and all notebooks as other processors and Pythons would run them (2 hours)
 	$(BIN)/python tools/processors.py
 
-least: $(ENV)  ## the notebooks as the least capable of these processors would run them (5 minutes)
+least: $(DEV)  ## the notebooks as the least capable of these processors would run them (5 minutes)
 	$(BIN)/python tools/processors.py --only notebooks --no-store least
 
-versions: $(ENV)  ## test with the lowest and newest versions of the dependencies, on each Python found (an hour)
+versions: $(DEV)  ## test with the lowest and newest versions of the dependencies, on each Python found (an hour)
 	$(BIN)/python tools/processors.py lowest newest
 
-twice: $(ENV)  ## build the site of the last commit twice and compare every byte (5 minutes)
+twice: $(DEV)  ## build the site of the last commit twice and compare every byte (5 minutes)
 	set -e; folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	for one in first second; do \
 		git clone --quiet . "$$folder/$$one"; \
@@ -91,14 +93,14 @@ twice: $(ENV)  ## build the site of the last commit twice and compare every byte
 	done; \
 	diff --recursive --brief "$$folder/first/_build/html" "$$folder/second/_build/html"
 
-shuffle: $(SITE)  ## the tests ten times, each time in another order (half an hour)
+shuffle: $(DEV) $(SITE)  ## the tests ten times, each time in another order (half an hour)
 	for seed in 1 2 3 4 5 6 7 8 9 10; do \
 		$(BIN)/pytest tests -n auto --dist loadfile --random-order-bucket=module --random-order-seed=$$seed || exit 1; \
 	done
 
-lock: $(ENV)  ## write requirements.txt from pyproject.toml, keeping the versions it already has
-	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
-		--custom-compile-command "make lock" --all-extras --output-file requirements.txt pyproject.toml
+lock: $(DEV)  ## write both locks from pyproject.toml, keeping the versions they already have
+	$(COMPILE) --extra book --extra tclab --output-file requirements.txt pyproject.toml
+	$(COMPILE) --all-extras --constraint requirements.txt --output-file requirements-dev.txt pyproject.toml
 
 clean:  ## remove everything that was made
 	rm -rf .venv _build dist .pytest_cache .mypy_cache .ruff_cache

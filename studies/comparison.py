@@ -1,6 +1,6 @@
 """Every rule of the library on the 134 processes of Åström and Hägglund, as it comes and at equal terms.
 
-Three tables in book/data, each resumed where it stopped:
+Three tables of the package, which `pidalab.benchmark` reads too, each resumed where it stopped:
 
 * ``processes.csv``: the plants and those of the frontier, their ultimate gain and period, normalised dead time and
   roll-off;
@@ -16,24 +16,25 @@ from __future__ import annotations
 import argparse
 import math
 import os
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
 
 import numpy as np
 from frontier import PLANTS, mapped
-from own_units import COLUMNS, SAMPLES, Units, least_robust, one_line, optimum, resume, units
-from processes import batch
+from own_units import COLUMNS, least_robust, optimum, resume
 
 from pidalab import Process
-from pidalab.comparison import at_equal_terms, designs, first_horizon
-from pidalab.judging import Row, measure_row
+from pidalab.comparison import at_equal_terms, designs
+from pidalab.comparison.benchmarking import MS, NOISE, Units, judge, ultimate_units
+from pidalab.comparison.judging import one_line
+from pidalab.comparison.plants import batch
 from pidalab.rules import Design
 from pidalab.rules.registry import Limits
 from pidalab.rules.starting_models import StartingModels
 
-MS = 1.4
-TERMS = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
 FASTER = 2.0  # another Ms, for the optima alone
 PROCESS = (
     "plant",
@@ -62,7 +63,7 @@ RULES = ("plant", "rule", "kind", "terms", *MEASURES, "factor", "filter_time", "
 
 def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]]:
     """A plant and what it is like."""
-    own = units(process)
+    own = ultimate_units(process)
     w = 2 * math.pi / own.period
     size = [math.log(abs(process(1j * w * factor))) for factor in (0.999, 1.001)]
     model = StartingModels(process).reaction
@@ -83,82 +84,38 @@ def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]
 
 
 def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
-    """Every rule on one plant: its own design, then at equal terms."""
-    own = units(process)
-    rows, known, horizon = [], {}, first_horizon(process)
-    for rule, kind, make in designs(process, Limits(MS, TERMS["loud"] * own.gain, own.sample_time)):
+    """Every rule on one plant: its own design, then at equal terms, and what becomes of it on plants that are off."""
+    own = ultimate_units(process)
+    rows: list[dict[str, Any]] = []
+    for rule, kind, make in designs(process, Limits(MS, NOISE["loud"] * own.gain, own.sample_time)):
         if rule == "optimal":
             continue
-        about = {"plant": name, "rule": rule, "kind": kind}
-        row = measure_row(rule, kind, make, process, own.sample_time, horizon)
-        rows.append(about | {"terms": "own"} | measures(row, process, own))
-        if row.design is not None:
-            # at equal terms two rules with the same proportions are the same controller
-            same = proportions(row.design)
-            if same not in known:
-                known[same] = at_all_terms(row.design, process, own)
-            rows += [about | scaled for scaled in known[same]]
+        made = cache(make)
+        for row in judge(rule, kind, made, process, own):
+            rows.append({"plant": name} | row | off_the_model(row, made, process, own))
     return rows
 
 
-def proportions(design: Design) -> tuple[float, ...]:
-    """Gains over the largest of them."""
-    gains = np.trim_zeros(
-        np.array(getattr(design.controller, "coefficients", None) or design.controller.gains()), "b"
-    )
-    return tuple(float(f"{gain:.9g}") for gain in gains / np.max(np.abs(gains)))
-
-
-def at_all_terms(design: Design, process: Process, own: Units) -> list[dict[str, Any]]:
-    """The proportions of a design at the Ms and the noise of all others, the loud terms first."""
-    rows: list[dict[str, Any]] = []
-    for terms, noise in sorted(TERMS.items(), key=lambda pair: -pair[1]):
-        # a filter as short as the sample stays so where less noise is allowed and not made
-        if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
-            rows.append(rows[-1] | {"terms": terms})
-        else:
-            rows.append({"terms": terms} | fair(design, noise, process, own))
-    return rows
-
-
-def measures(row: Row, process: Process, own: Units, off: bool = True) -> dict[str, Any]:
-    """What was measured, in the plant's units, perhaps with plants that are off; what could not be had stays away."""
-    if not row.applies or row.design is None:
-        return {"reason": row.reason}
-    found = {
-        "iae_load": row.iae_load * own.gain / own.period,
-        "iae_setpoint": row.iae_setpoint / own.period,
-        "ms": row.ms,
-        "mks": row.mks / own.gain,
-        "noise_gain": row.noise_gain / own.gain,
-        "tv": row.tv,
-        "delay_margin": row.delay_margin / own.period,
-    }
-    known = {key: value for key, value in found.items() if not math.isnan(value)}
-    reasons = [row.reason]
-    if off:
-        try:
-            known |= least_robust(row.design.loop(process), process, own)
-        except (ValueError, ArithmeticError) as refusal:
-            reasons.append(f"plants that are off: {one_line(refusal)}")
-    return known | {"reason": "; ".join(filter(None, reasons))}
-
-
-def fair(design: Design, noise: float, process: Process, own: Units) -> dict[str, Any]:
-    """A design at equal terms, measured; its prefilter is gone, so that its set-point response says nothing."""
+def off_the_model(
+    row: dict[str, Any], make: Callable[[], Design], process: Process, own: Units
+) -> dict[str, Any]:
+    """The worst of the plants that are off, as published and with loud noise."""
+    if "ms" not in row or row["terms"] == "quiet":
+        return {}
     try:
-        made = at_equal_terms(design, process, MS, noise * own.gain, own.sample_time)
-        row = measure_row("", "", lambda: made, process, own.sample_time, first_horizon(process))
-        known = measures(row, process, own, off=noise == TERMS["loud"])
+        design = make()
+        if row["terms"] == "loud":
+            design = at_equal_terms(design, process, MS, NOISE["loud"] * own.gain, own.sample_time)
+        return least_robust(design.loop(process), process, own)
     except (ValueError, ArithmeticError) as refusal:
-        return {"reason": one_line(refusal)}
-    known.pop("iae_setpoint", None)
-    return known | {"factor": made.factor, "filter_time": round(made.controller.filter_time / own.period, 12)}
+        return {
+            "reason": "; ".join(filter(None, (row["reason"], f"plants that are off: {one_line(refusal)}")))
+        }
 
 
 def optima_rows(name: str, ms: float, process: Process) -> list[dict[str, Any]]:
     """The best of each kind at all terms."""
-    return [optimum(name, process, order, ms, noise) for order in range(3) for noise in TERMS.values()]
+    return [optimum(name, process, order, ms, noise) for order in range(3) for noise in NOISE.values()]
 
 
 def main(tables: list[str], workers: int | None) -> None:

@@ -20,13 +20,15 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
 
 import numpy as np
-from own_units import DATA, Units, load_iae, one_line, units, written
-from processes import batch
+from own_units import DATA, load_iae, written
 from tqdm import tqdm
 
 import pidalab
 from pidalab import HighOrderPID, Process
 from pidalab.comparison import at_equal_terms
+from pidalab.comparison.benchmarking import TABLES, Units, ultimate_units
+from pidalab.comparison.judging import one_line
+from pidalab.comparison.plants import batch
 from pidalab.rules import Design
 
 MS = 1.4
@@ -47,7 +49,8 @@ JUDGED = (
 
 def read(name: str) -> list[dict[str, str]]:
     """Rows of a table."""
-    with (DATA / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+    path = TABLES / f"{name}.csv"
+    with (path if path.exists() else DATA / path.name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
@@ -96,7 +99,7 @@ def controller(
 
 def judged(process: Process, made: HighOrderPID, noise: float, best: float) -> dict[str, Any]:
     """The rule on one plant, as it comes and at equal terms, over the least IAE of its kind."""
-    own = units(process)
+    own = ultimate_units(process)
     unit, loop = own.period / own.gain, pidalab.Loop(process, made)
     out: dict[str, Any] = {}
     try:
@@ -134,7 +137,7 @@ def main() -> None:
         ]
         for row in tqdm(best, desc=kind):
             process, noise = processes[row["plant"]], float(row["noise_limit"])
-            made = controller(found, plants[row["plant"]], noise, units(process))
+            made = controller(found, plants[row["plant"]], noise, ultimate_units(process))
             about = {"plant": row["plant"], "half": half[row["plant"]], "kind": kind, "noise_limit": noise}
             out.append(about | judged(process, made, noise, float(row["iae"])))
     store("own_rule_constants", ("kind", "parameter", *CONSTANTS), constants)

@@ -21,16 +21,16 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pidalab
 from pidalab import Process
-from pidalab.reduction import ultimate_frequency
+from pidalab.comparison.benchmarking import TABLES, Units, ultimate_units
+from pidalab.comparison.judging import one_line
+from pidalab.plant.tuning import perturbed_plants
 from pidalab.simulation import noise
-from pidalab.tuning import perturbed_plants
 
 DATA = Path(__file__).parents[1] / "book" / "data"
-SAMPLES = 100  # of the noise, in an ultimate period
 OFF = 0.2  # what the model may be wrong by: gain, time scale, dead time
 HORIZON = 24.0  # of a first response, in ultimate periods
 DIGITS = 5
@@ -41,24 +41,6 @@ def five_digits() -> None:
     noise.FADED = 1e-7  # of the squares of a response
 
 
-class Units(NamedTuple):
-    """Ultimate gain and period of a plant."""
-
-    gain: float
-    period: float
-
-    @property
-    def sample_time(self) -> float:
-        """Sample time of the noise."""
-        return self.period / SAMPLES
-
-
-def units(process: Process) -> Units:
-    """Ultimate gain and period."""
-    w = ultimate_frequency(process)
-    return Units(1 / float(abs(process(1j * w))), 2 * math.pi / w)
-
-
 OPTIMUM = ("plant", "order", "ms_limit", "noise_limit", "iae", "ms", "mks", "noise_gain", "filter_time")
 GAINS = tuple(f"k{k}" for k in range(-1, 4))
 WORST = ("ms_worst", "iae_worst")
@@ -67,7 +49,7 @@ COLUMNS = (*OPTIMUM, *GAINS, *WORST, "active", "reason")
 
 def optimum(name: str, process: Process, order: int, ms: float, noise: float) -> dict[str, Any]:
     """Least IAE under both limits as a row, in the plant's units; why there is none, where there is none."""
-    own = units(process)
+    own = ultimate_units(process)
     row: dict[str, Any] = {"plant": name, "order": order, "ms_limit": ms, "noise_limit": noise}
     try:
         found = pidalab.optimal.load(process, order, ms, None, noise * own.gain, own.sample_time)
@@ -119,11 +101,6 @@ def load_iae(loop: pidalab.Loop, own: Units) -> float:
     return settled(pidalab.load_response, loop, HORIZON * own.period).iae(horizon=math.inf)
 
 
-def one_line(refusal: Exception) -> str:
-    """Message of an error."""
-    return " ".join(str(refusal).split())
-
-
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
@@ -146,7 +123,7 @@ def resume(
     """
     from tqdm import tqdm
 
-    path = DATA / file
+    path = (TABLES if (TABLES / file).exists() else DATA) / file
     if not path.exists():
         path.write_text(",".join(columns) + "\n", encoding="utf-8")
     with path.open(encoding="utf-8", newline="") as old:

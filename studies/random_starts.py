@@ -21,11 +21,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
 
 import numpy as np
 from frontier import PLANTS
-from own_units import one_line, resume, units
-from processes import batch
+from own_units import resume
 
 import pidalab
 from pidalab import Process
+from pidalab.comparison.benchmarking import ultimate_units
+from pidalab.comparison.judging import one_line
+from pidalab.comparison.plants import batch
 from pidalab.optimal._design import SAME, UNITS
 from pidalab.optimal._problem import Problem
 from pidalab.optimal._solver import NEARLY, Limits, Search
@@ -65,7 +67,7 @@ def drawn(number: int) -> tuple[np.random.Generator, str, Process, int, float, f
 def beside(number: int) -> list[dict[str, Any]]:
     """The row of a problem."""
     rng, name, process, order, ms, noise = drawn(number)
-    own = units(process)
+    own = ultimate_units(process)
     limits = Limits(ms, None, noise * own.gain, own.sample_time)
     row: dict[str, Any] = {
         "problem": number,

@@ -1,6 +1,7 @@
 """What all tests share: which modules are imported by name, and what runs first."""
 
 import gc
+import os
 import sys
 from collections import Counter
 from pathlib import Path
@@ -8,6 +9,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+# every process of the tests uses the compiled forms, and waits for them
+os.environ.setdefault("PIDALAB_COMPILE", "1")
 # pytest's importlib mode adds no path
 sys.path[:0] = [
     str(ROOT / "tests" / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs")
@@ -16,7 +19,7 @@ sys.path[:0] = [
 sys.path += [str(ROOT / "tools")]
 
 # pages in a browser, notebooks, searches
-LONG = ("tests/site/", "book/", "tests/test_running_loop.py", "tests/optimal/")
+LONG = ("tests/site/", "book/", "tests/plant/test_running_loop.py", "tests/optimal/")
 
 
 @pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them

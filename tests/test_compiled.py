@@ -1,10 +1,10 @@
-"""Compiled code: kept between processes, announced when it is made, silent where it cannot be kept, and not needed."""
+"""Both forms of compiled functions: the plain one answers first, the other is made beside it, with the same digits."""
 
 import json
 import os
-import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,47 +12,73 @@ import pytest
 
 import pidalab
 
-SCRIPT = """
-from pidalab import _compiled
-from pidalab._compiled import compiled
-{before}
-from pidalab.simulation.ring import shortened
-import numpy as np
-print(shortened(np.array([[1.0, 1.0, 0.0]]), 0.0)[0])
+FIRST = """
+import sys
+import pidalab
+loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
+print(pidalab.load_response(loop, [0.0, 4.5, 9.0]).y[2].round(9), "numba" in sys.modules)
 """
 
 
-def run(folder, before=""):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": os.pathsep.join(sys.path)}
-    script = SCRIPT.format(before=before)
+def environment(**variables):
+    """The variables of this process, without a wish for one of the forms; None takes one away."""
+    given = (
+        os.environ
+        | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PIDALAB_COMPILE": ""}
+        | variables
+    )
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def run(script, **variables):
     return subprocess.run(
-        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
+        [sys.executable, "-c", script],
+        env=environment(**variables),
+        capture_output=True,
+        text=True,
+        check=True,
     )
 
 
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """A folder with the code that a first process compiled, and what that process said."""
-    folder = tmp_path_factory.mktemp("kept")
-    return folder, run(folder)
+def test_the_first_answer_waits_for_no_compilation_and_later_ones_use_it(tmp_path):
+    """An empty cache is filled by a process beside the first; nobody says a word that a notebook would store."""
+    first = run(FIRST, NUMBA_CACHE_DIR=str(tmp_path))
+    assert first.stderr == ""
+    value, waited = first.stdout.split()
+    assert waited == "False"
+    assert list(tmp_path.glob("*.lock"))
+    for _ in range(600):
+        if not list(tmp_path.glob("*.lock")):
+            break
+        time.sleep(0.5)
+    assert len(list(tmp_path.glob("compiled-*"))) == 1
+    later = run(FIRST, NUMBA_CACHE_DIR=str(tmp_path))
+    assert later.stderr == ""
+    assert later.stdout.split() == [value, "True"]
 
 
-def test_the_first_call_is_announced_and_later_processes_are_silent(kept):
-    folder, first = kept
-    second = run(folder)
-    assert first.stdout == second.stdout == "[1. 1.]\n"
-    assert first.stderr.startswith("pidalab: compiling for this machine")
-    assert first.stderr.count("\n") == 1
-    assert second.stderr == ""
-
-
-def test_a_change_of_a_neighbouring_file_compiles_anew(kept, tmp_path):
-    folder = shutil.copytree(
-        kept[0], tmp_path / "kept"
-    )  # the code of a changed file takes the place of the other
-    assert run(folder).stderr == ""
-    changed = "_compiled._changed = lambda folder: (('ring.py', 1.0, 1),)"
-    assert "compiling" in run(folder, changed).stderr
+def test_what_warms_up_compiles_all_that_the_library_calls(tmp_path):
+    """After it no function of ours is compiled any more, whatever is called."""
+    script = f"""
+import logging, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pidalab import warm_up
+warm_up.main()
+logging.basicConfig(level=logging.INFO)
+logging.getLogger("pidalab").info("warm")
+from test_compiled import answers
+from pidalab import _compiled
+from numba.core import event
+class Listener(event.Listener):
+    def on_start(self, event):
+        function = event.data["dispatcher"].py_func
+        assert not function.__module__.startswith("pidalab."), function
+    def on_end(self, event):
+        pass
+event.register("numba:compile", Listener())
+answers()
+"""
+    run(script, NUMBA_CACHE_DIR=str(tmp_path), PIDALAB_COMPILE="1")
 
 
 def answers():
@@ -67,29 +93,33 @@ def answers():
     runs += [pidalab.simulate_sampled(one, t, setpoint=1.0, load=0.3) for one in (limited, digital)]
     margins = [pidalab.margins(one) for one in (loop, neutral)]
     sets = pidalab.portrait(limited, {"kp": [0.2, 0.4]}, t, setpoint=1.0)
+    noise = [pidalab.noise_gain(one, sample_time=0.01) for one in (loop, limited)]
     tuned = pidalab.rules.haalman.tune(pidalab.sopdt(1.0, 2.0, 1.0, 0.5), ms=1.6, kind="PID").controller
     best = pidalab.optimal.load(loop.process, order=1, ms=1.6)
     return {
         "responses": [x[i] for r in runs for x in (r.y, r.u) for i in (5, 60, 240)],
         "margins": [x for m in margins for x in (m.ms, m.gm, m.pm)],
         "portrait": [*sets.iae, *sets.itae, *sets.tv_u],
+        "noise": noise,
         "rule": [tuned.kp, tuned.ti, tuned.td],
         "optimum": [best.iae],
     }
 
 
-def test_without_numba_the_digits_are_the_same(tmp_path):
-    (tmp_path / "numba.py").write_text("raise ImportError('no numba here')")
+@pytest.mark.parametrize("without", ["numba", "wish", "switch"])
+def test_both_forms_give_the_same_digits(without, tmp_path):
+    """Plain without numba, by our own variable and by numba's; and nothing is said."""
+    variables = {
+        "numba": {"PIDALAB_COMPILE": "1"},
+        "wish": {"PIDALAB_COMPILE": "0"},
+        "switch": {"NUMBA_DISABLE_JIT": "1"},
+    }[without]
+    if without == "numba":
+        (tmp_path / "numba.py").write_text("raise ImportError('no numba here')", encoding="utf-8")
+    path = os.pathsep.join([str(tmp_path), str(Path(__file__).parent), *filter(None, sys.path)])
     script = "import json, sys; from test_compiled import answers; json.dump(answers(), sys.stdout)"
-    path = os.pathsep.join([str(tmp_path), str(Path(__file__).parent), *sys.path])
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        env=os.environ | {"PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stderr == "pidalab: numba is not installed; the same digits within rounding, slower\n"
+    done = run(script, **variables, PYTHONPATH=path)
+    assert done.stderr == ""
     plain, compiled = json.loads(done.stdout), answers()
     for name, values in compiled.items():
         # a search ends where its steps are small

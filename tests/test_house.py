@@ -1,4 +1,4 @@
-"""The design in CONTRIBUTING, kept: one way for imports, short files, a quick import."""
+"""The design in CONTRIBUTING, kept: three doors, one way for imports, walls, short files, a quick import."""
 
 import ast
 import json
@@ -13,104 +13,176 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
-ORDER = (
-    (ROOT / "CONTRIBUTING.md")
-    .read_text()
-    .split("**Imports run one way.**")[1]
-    .split("The ledger stands apart")[0]
-)
-CORRIDOR = [  # a room imports only from those on earlier lines, and from its own line
-    sorted(path.stem for path in SRC.glob("_*.py") if not path.stem.startswith("__")),  # helpers of all
-    *(
-        re.findall(r"\w+", line.strip().split("  ")[0])
-        for line in ORDER.splitlines()
-        if line.startswith(7 * " ")
-    ),
-]
-APART = "ledger"
+SRC, TESTS = ROOT / "src", ROOT / "tests"
+DESIGN = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("**Imports run one way.**")[1]
+LIBRARY, WING = DESIGN.split("Inside the wing as well:")
 LONGEST = 300  # lines of a file, docstrings aside
+# a door hands on names of the wing, and loads it when they are first used
+TYPES_STILL_OPEN = {"pidalab.digital", "pidalab.optimal", "pidalab.plant"}
+STILL_OPEN = {
+    "src/pidalab/comparison/fairness.py",
+    "src/pidalab/plant/running_loop.py",
+    "src/pidalab/plant/tuning.py",
+    "book/across/valleys.py",
+    "studies/random_starts.py",
+}
+ATOP = ["pidalab.__main__", "pidalab.warm_up"]  # what a user runs
+HANDS_ON = {"pidalab.identification": "pidalab.plant.fitting"}
+
+
+def lines(text, package):
+    """Rooms of a package, a list for each line: one imports only from those on earlier lines, and from its own."""
+    text = text.split("Imports for types count")[0]
+    rooms = [line.strip().split("  ")[0] for line in text.splitlines() if line.startswith(7 * " ")]
+    return [[f"{package}.{room}" for room in re.findall(r"\w+", line)] for line in rooms]
+
+
+HELPERS = sorted(
+    f"pidalab.{path.stem}" for path in (SRC / "pidalab").glob("_*.py") if not path.stem.startswith("__")
+)
+CORRIDOR = [HELPERS, *lines(LIBRARY, "pidalab")]
+ROAD = lines(WING, "pidalab.plant")
 
 
 def name_of(path):
-    """Dotted name of a module, without the package's own."""
+    """Dotted name of a module."""
     parts = path.relative_to(SRC).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 MODULES = {name_of(path): path for path in sorted(SRC.rglob("*.py"))}
+OTHERS = [
+    path
+    for folder in ("book", "studies", "benchmarks", "tools")
+    for path in sorted((ROOT / folder).rglob("*"))
+    if path.suffix in (".py", ".ipynb") and not {".ipynb_checkpoints", "__pycache__"} & set(path.parts)
+]
 
 
-def for_types_only(node):
-    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+def code_of(path):
+    """Python text of a module or a notebook, without the notebook's magics."""
+    if path.suffix == ".py":
+        return path.read_text(encoding="utf-8")
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    source = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    return re.sub(r"^\s*[%!].*$", "", source, flags=re.MULTILINE)
 
 
-def imports(tree):
-    """Every import of a module, in functions too, but for those that only type checkers see."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, (ast.Import, ast.ImportFrom)):
-            yield node
-        elif not for_types_only(node):
-            yield from imports(node)
+def imported(path):
+    """Dotted names that a file imports, in functions and for types, too."""
+    for node in ast.walk(ast.parse(code_of(path))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: a relative import hides where the arrow goes"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
 @cache
 def arrows(module):
-    """Modules of the library that a module imports."""
-    found = set()
-    for node in imports(ast.parse(MODULES[module].read_text())):
-        assert getattr(node, "level", 0) == 0, f"{module}: a relative import hides where the arrow goes"
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        else:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-        for name in names:
-            if name.split(".")[0] == "pidalab":
-                inner = name.partition(".")[2]
-                found.add(inner if inner in MODULES else inner.rpartition(".")[0])
-    return found
+    """Modules of ours that a module imports."""
+    found = {
+        name if name in MODULES else name.rpartition(".")[0]
+        for name in imported(MODULES[module])
+        if name.split(".")[0] in ("pidalab", "paperledger")
+    }
+    return found - {module}
 
 
-def room(module):
-    return module.split(".")[0]
+def room(module, package="pidalab"):
+    """The part of a package that a module belongs to."""
+    inner = module.removeprefix(f"{package}.")
+    return f"{package}.{inner.split('.')[0]}" if inner != module else module
 
 
-def test_every_room_has_its_place():
-    places = [one for line in CORRIDOR for one in line]
-    assert len(CORRIDOR) > 10
+def in_wing(module):
+    return f"{module}.".startswith("pidalab.plant.")
+
+
+@pytest.mark.parametrize(
+    ("package", "order"), [("pidalab", CORRIDOR), ("pidalab.plant", ROAD)], ids=["library", "wing"]
+)
+def test_every_room_has_its_place(package, order):
+    places = [one for line in order for one in line]
+    assert len(order) > 4
     assert len(set(places)) == len(places)
-    assert {room(module) for module in MODULES} - {*places, APART, "", "__main__"} == set(), (
-        "CONTRIBUTING does not name it"
-    )
+    rooms = {room(module, package) for module in MODULES if module.startswith(f"{package}.")}
+    assert rooms - {*places, *ATOP} == set(), "CONTRIBUTING does not name it"
 
 
-@pytest.mark.parametrize("module", [m for m in MODULES if m and room(m) != APART])
+@pytest.mark.parametrize("module", [m for m in MODULES if m.startswith("pidalab.")])
 def test_imports_run_one_way(module):
-    place = {one: i for i, line in enumerate([*CORRIDOR, ["__main__"]]) for one in line}
-    for target in arrows(module):
-        if target == "" or room(target) == APART:
-            assert room(module) in ("cli", "__main__"), f"{module} imports {target or 'the whole library'}"
-        else:
-            assert place[room(target)] <= place[room(module)], f"{module} imports {target}, which comes later"
+    for package, order in (("pidalab", [*CORRIDOR, ATOP]), ("pidalab.plant", ROAD)):
+        if module == package or not module.startswith(f"{package}."):
+            continue
+        place = {one: i for i, line in enumerate(order) for one in line}
+        for target in arrows(module):
+            if not target.startswith(f"{package}.") or HANDS_ON.get(module, target) != target:
+                assert package != "pidalab" or target != package or module in ATOP, (
+                    f"{module} imports the whole library"
+                )
+                continue
+            if HANDS_ON.get(module) == target:
+                continue
+            assert place[room(target, package)] <= place[room(module, package)], (
+                f"{module} imports {target}, which comes later"
+            )
 
 
 def test_no_circles():
-    order = list(TopologicalSorter({module: arrows(module) - {module} for module in MODULES}).static_order())
+    graph = {
+        module: {target for target in arrows(module) if room(target) not in TYPES_STILL_OPEN}
+        - {HANDS_ON.get(module)}
+        for module in MODULES
+    }
+    order = list(TopologicalSorter(graph).static_order())
     assert set(order) >= set(MODULES)
 
 
-def test_the_ledger_stands_apart():
+def test_three_doors():
+    """The library does not know the wing but where it hands its names on; the account and control do not meet."""
     for module in MODULES:
-        if room(module) == APART:
-            assert {room(target) for target in arrows(module)} <= {APART, ""}
+        for target in arrows(module):
+            if in_wing(target):
+                assert in_wing(module) or module == "pidalab.__main__" or HANDS_ON.get(module) == target
+            assert module.split(".")[0] == target.split(".")[0], f"{module} imports {target}"
+
+
+def private_uses(path, package):
+    """Names with a leading underscore that a file takes from another package than its own."""
+    for name in imported(path):
+        parts = name.split(".")
+        if parts[0] not in ("pidalab", "paperledger"):
+            continue
+        for k, part in enumerate(parts):
+            owner = ".".join(parts[:k])
+            if (
+                part.startswith("_")
+                and not part.startswith("__")
+                and not f"{package}.".startswith(f"{owner}.")
+            ):
+                yield name
+
+
+@pytest.mark.parametrize("path", [*MODULES.values(), *OTHERS], ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_private_names_stay_at_home(path):
+    """`_x` of a package is for files of that package: no page, study or other package imports it."""
+    package = name_of(path) if path.is_relative_to(SRC) else ""
+    if path.relative_to(ROOT).as_posix() in STILL_OPEN:
+        return
+    assert list(private_uses(path, package)) == []
 
 
 def without_docstrings(path):
     """Lines of a file that are no docstring."""
-    tree = ast.parse(path.read_text())
+    text = path.read_text(encoding="utf-8")
     kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
-    texts = [node.body[0] for node in ast.walk(tree) if isinstance(node, kinds) and ast.get_docstring(node)]
-    return len(path.read_text().splitlines()) - sum(text.end_lineno - text.lineno + 1 for text in texts)
+    texts = [
+        node.body[0]
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, kinds) and ast.get_docstring(node)
+    ]
+    return len(text.splitlines()) - sum(text.end_lineno - text.lineno + 1 for text in texts)
 
 
 @pytest.mark.parametrize(
@@ -121,60 +193,58 @@ def test_files_can_be_read_in_one_sitting(path):
 
 
 def test_a_quick_import():
-    """Who only wants the ledger, or a process, does not wait for what takes long to import."""
+    """Who only wants the ledger, or a process, does not wait for what takes long to import, nor for the wing."""
     heavy = ["control", "matplotlib", "numba", "pandas", "scipy"]
-    for code in (
-        "import pidalab",
-        "import pidalab.ledger",
-        "import pidalab; pidalab.Loop(pidalab.lags(3), pidalab.PIDA(1, 2))",
+    for code, closed in (
+        ("import pidalab", [*heavy, "pidalab.plant"]),
+        ("import paperledger", [*heavy, "pidalab"]),
+        ("import pidalab; pidalab.Loop(pidalab.lags(3), pidalab.PIDA(1, 2))", [*heavy, "pidalab.plant"]),
+        ("from pidalab.identification import three_point; import pidalab.comparison", ["pidalab.plant"]),
     ):
-        show = (
-            f"import json, sys; {code}; print(json.dumps([name for name in {heavy} if name in sys.modules]))"
-        )
+        show = f"import json, sys; {code}; print(json.dumps([n for n in {closed} if n in sys.modules]))"
         run = subprocess.run([sys.executable, "-c", show], capture_output=True, text=True, check=True)
         assert json.loads(run.stdout) == [], code
 
 
-def test_names_at_the_top_have_one_home():
+@pytest.mark.parametrize("package", ["pidalab", "pidalab.plant"])
+def test_names_at_the_door_have_one_home(package):
     """Each name that the stub has is there; none hides a module, or the other way round."""
-    import pidalab
-
+    stub = SRC.joinpath(*package.split("."), "__init__.pyi")
     found = [
-        node
-        for node in ast.parse((SRC / "__init__.pyi").read_text()).body
-        if isinstance(node, ast.ImportFrom)
+        node for node in ast.parse(stub.read_text(encoding="utf-8")).body if isinstance(node, ast.ImportFrom)
     ]
     homes = [(alias.name, node.module) for node in found for alias in node.names]
-    assert sorted(pidalab.__all__) == sorted(name for name, _ in homes)
+    door = import_module(package)
+    assert sorted(door.__all__) == sorted(name for name, _ in homes)
     for name, module in homes:
-        home = import_module(f"pidalab.{module or name}")
-        assert getattr(pidalab, name) is (getattr(home, name) if module else home)
-    assert {name for name, module in homes if module}.isdisjoint({room(module) for module in MODULES})
+        home = import_module(f"{package}.{module or name}")
+        assert getattr(door, name) is (getattr(home, name) if module else home)
+    rooms = {room(module, package) for module in MODULES}
+    assert {f"{package}.{name}" for name, module in homes if module}.isdisjoint(rooms)
 
 
 @pytest.mark.parametrize("package", [name_of(path) for path in SRC.rglob("*/__init__.py")])
 def test_no_function_hides_a_module(package):
     """`import pidalab.x.y as y` gives the module y, whatever x takes out of it."""
-    inner = [
-        module for module in MODULES if module.rpartition(".")[0] == package and module != f"{APART}.__main__"
-    ]
+    inner = [m for m in MODULES if m.rpartition(".")[0] == package and not m.endswith("__main__")]
     for module in inner:
-        found = import_module(f"pidalab.{module}")
-        assert getattr(import_module(f"pidalab.{package}"), module.rpartition(".")[2]) is found
+        found = import_module(module)
+        assert getattr(import_module(package), module.rpartition(".")[2]) is found
 
 
 def test_unknown_names_are_refused():
     import pidalab
 
-    with pytest.raises(AttributeError, match="nonsense"):
-        _ = pidalab.nonsense
+    for door in (pidalab, pidalab.plant, pidalab.identification):
+        with pytest.raises(AttributeError, match="nonsense"):
+            _ = door.nonsense
     assert set(dir(pidalab)) >= set(pidalab.__all__)
     assert pidalab.__version__
 
 
 def test_helpers_have_names_of_their_own():
     """The folders that tests import from stand on one path: of two modules of one name the first hides the other."""
-    text = (TESTS / "conftest.py").read_text()
+    text = (TESTS / "conftest.py").read_text(encoding="utf-8")
     folders = re.search(r"for folder in \(([^)]*)\)", text)[1]
     names = [
         path.stem

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 from pidalab import plots
-from pidalab._style import LOOKS
+from pidalab.style import LOOKS
 
 
 @pytest.fixture

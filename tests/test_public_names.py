@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 from numpydoc.validate import validate
 
-MODULES = ["pidalab", "pidalab.rules", "pidalab.identification", "pidalab.ledger", "pidalab.plots"]
+MODULES = ["pidalab", "pidalab.rules", "pidalab.identification", "paperledger", "pidalab.plots"]
 
 
 def members(module):

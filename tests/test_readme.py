@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.ledger import papers, score_markdown
+from paperledger import papers, score_markdown
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "book" / "intro.md"]
@@ -41,7 +41,7 @@ def test_short_answers_run(capsys):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_score_is_that_of_the_ledgers(page):
-    """`python -m pidalab.ledger readme README.md book/intro.md` writes it."""
+    """`python -m paperledger readme README.md book/intro.md` writes it."""
     assert score_markdown(ROOT / "book" / "ledger") in page.read_text()
 
 

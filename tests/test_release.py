@@ -6,10 +6,12 @@ import re
 import tomllib
 from pathlib import Path
 
+import metadata
+import pytest
 import vendored
 import yaml
 
-from pidalab.ledger import papers
+from paperledger import papers
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -54,6 +56,38 @@ def test_one_version():
     numbers = [tuple(map(int, name.split("."))) for name in released]
     assert numbers == sorted(set(numbers), reverse=True)
     assert "Unreleased" not in releases[1:]
+
+
+@pytest.mark.parametrize("name", sorted(metadata.described()))
+def test_what_archives_read_agrees_with_the_project(name):
+    assert (ROOT / name).read_text(encoding="utf-8") == metadata.text(metadata.described()[name])
+
+
+def test_actions_are_named_by_their_commit():
+    """A tag can be moved to other code."""
+    for path in (ROOT / ".github" / "workflows").glob("*.yml"):
+        used = re.findall(r"uses: (\S+)", path.read_text(encoding="utf-8"))
+        assert used
+        assert [one for one in used if not re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", one)] == []
+
+
+def test_the_lock_for_readers_is_a_part_of_the_other():
+    """Both have hashes, and the same versions; what only tests and tools need is in one of them."""
+    locks = [
+        (ROOT / name).read_text(encoding="utf-8") for name in ("requirements.txt", "requirements-dev.txt")
+    ]
+    reader, developer = (set(re.findall(r"^[\w.-]+==[^ ]+", text, flags=re.MULTILINE)) for text in locks)
+    assert reader < developer
+    assert not {one.split("==")[0] for one in reader} & {
+        "pytest",
+        "playwright",
+        "mini-racer",
+        "mypy",
+        "symengine",
+    }
+    for text in locks:
+        assert text.count("==") <= text.count("--hash=sha256:")
+        assert "://" not in text
 
 
 def test_every_licence_of_what_the_site_carries_has_its_text(tmp_path):

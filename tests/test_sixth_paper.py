@@ -12,8 +12,8 @@ import pytest
 import yaml
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-from pidalab.ledger import Row, update, write_rows, write_score
-from pidalab.ledger.pages import freeze
+from paperledger import Row, update, write_rows, write_score
+from paperledger.pages import freeze
 
 ROOT = Path(__file__).parents[1]
 PARTS = [
@@ -47,7 +47,7 @@ ROWS = [
     ),
 ]
 CHAPTER = f"""import pidalab
-from pidalab.ledger import Ledger
+from paperledger import Ledger
 
 book = Ledger.open("{KEY}")
 model = pidalab.fopdt(gain=1.0, lag=2.0, delay=1.0)
@@ -56,7 +56,7 @@ book.compare({{"table1": {{"kp": C.kp, "ti": C.ti}}}})
 book.close()"""
 AUDIT = f"""import numpy as np
 import pidalab
-from pidalab.ledger import Ledger
+from paperledger import Ledger
 
 book = Ledger.open("{KEY}", page="audit/{KEY}")
 t, model = np.linspace(0.0, 60.0, 601), pidalab.fopdt(gain=1.0, lag=2.0, delay=1.0)
@@ -166,7 +166,7 @@ def test_only_the_places_that_contributing_names(book):
 def test_the_checks_of_the_book_accept_it(book):
     """The project's own tests, run in the copy: honesty of its pages, scores, bibliography, manifest."""
     root, _ = book
-    tests = ["tests/ledger/test_honesty.py", "tests/test_readme.py"]
+    tests = ["tests/paperledger/test_honesty.py", "tests/test_readme.py"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
     chosen = ["-k", f"{KEY} or score or bibliography or manifest"]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import pidalab
-from pidalab.ledger import Ledger, LedgerError
+from paperledger import Ledger, LedgerError
 
 COMMAND = [str(Path(sys.executable).with_name("pidalab"))]
 

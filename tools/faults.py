@@ -63,8 +63,8 @@ Seen = dict[str, str | bool]
 
 def chapters() -> dict[str, Path]:
     """Chapters that hand over numbers, by paper."""
-    from pidalab.ledger import papers
-    from pidalab.ledger.running import cells
+    from paperledger import papers
+    from paperledger.running import cells
 
     found = {paper: ROOT / "book" / f"{paper}.ipynb" for paper in papers(ROOT / "book" / "ledger")}
     return {paper: path for paper, path in found.items() if ".compare(" in "".join(cells(path))}
@@ -90,8 +90,8 @@ def plant(fault: str, library: Path) -> None:
 
 def first_red(path: Path) -> str:
     """Execute a chapter up to the first row, or cell, that is not as stored; empty if all are."""
-    from pidalab.ledger import LedgerError
-    from pidalab.ledger.running import execute
+    from paperledger import LedgerError
+    from paperledger.running import execute
 
     stored = [cell["outputs"] for cell in json.loads(path.read_text("utf-8"))["cells"] if "outputs" in cell]
     number = 0
@@ -145,7 +145,7 @@ def planted(fault: str, papers: dict[str, Path]) -> dict[str, Seen]:
 
 def noticed(fault: str, paper: str, seen: Seen) -> str:
     """Say what turned red first in a chapter, or else in an audit; empty if the chapter does not meet the fault."""
-    from pidalab.ledger.running import pages
+    from paperledger.running import pages
 
     audits = pages(paper, ROOT / "book" / "ledger")[1:] if seen["met"] and not seen["red"] else []
     for audit in audits:

@@ -11,7 +11,6 @@ import atexit
 import gc
 import importlib
 import json
-import logging
 import os
 import select
 import signal
@@ -36,7 +35,7 @@ PRELOADED = (
     "myst_nb",
     "pandas.io.formats.html",
     "pidalab.identification",
-    "pidalab.ledger",
+    "paperledger",
     "pidalab.optimal",
     "pidalab.plots",
     "pidalab.rules",
@@ -124,8 +123,14 @@ def start_server() -> None:
 
 
 def fork_kernels() -> None:
-    """Let all kernels that this process starts be forked, where the system can do so."""
-    if not hasattr(os, "fork"):
+    """Let all kernels that this process starts be forked, where the system can do so.
+
+    macOS can fork, but not safely once its matrix library, Accelerate, has been used, as NumPy uses it there.
+    """
+    os.environ.setdefault(
+        "PIDALAB_COMPILE", "1"
+    )  # kernels that are not forked wait for the machine code, too
+    if not hasattr(os, "fork") or sys.platform == "darwin":
         return
     # one thread for each notebook: their matrices are small
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -148,12 +153,12 @@ def become_kernel(request: dict[str, Any]) -> None:
     os.setsid()
     os.chdir(request["folder"])
     os.environ.clear()
-    os.environ.update(request["environment"], JPY_PARENT_PID=str(os.getppid()))  # to end with the server
+    os.environ.update(request["environment"])
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    # that code is compiled for this machine is no part of a page; the server says it
-    logging.getLogger("pidalab").setLevel(logging.ERROR)
+    # it ends with the server; ipykernel reads the environment for that when it is imported, in the server
+    parent = f"--IPKernelApp.parent_handle={os.getppid()}"
     try:
-        IPKernelApp.launch_instance(argv=request["arguments"])
+        IPKernelApp.launch_instance(argv=[*request["arguments"], parent])
     finally:
         os._exit(0)
 
@@ -161,42 +166,26 @@ def become_kernel(request: dict[str, Any]) -> None:
 def warm_up() -> None:
     """Import what the notebooks import, draw a figure, and compile the engine or read its machine code."""
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
+    from pidalab.warm_up import respond, sample
+
     other = os.fork()  # it compiles one half of the engine, this process the other
     if not other:
-        logging.getLogger("pidalab").setLevel(logging.ERROR)
         try:
             respond()
         finally:
             os._exit(0)
     for name in PRELOADED:
         importlib.import_module(name)
-    import numpy as np
     import pandas as pd
     from matplotlib.figure import Figure
     from tqdm import tqdm
 
-    import pidalab
-
     tqdm.monitor_interval = 0  # no thread that watches its bars: this process forks
     pd.set_option("display.max_columns", 20)  # its default in a kernel; it takes this process for a terminal
     Figure().subplots(subplot_kw={"xlabel": "$t$"}).figure.savefig(BytesIO(), format="svg")
-    controller = pidalab.SeriesPIDA(0.1, 0.4, 0.2, ti=0.6, filter_time=0.2, filter_order=2)
-    loop, t = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), controller), 0.01 * np.arange(3)
-    pidalab.simulate_sampled(loop, t)
-    pidalab.portrait(loop, {"ka": [0.2]}, t)
+    sample()
     os.waitpid(other, 0)
     respond()
-
-
-def respond() -> None:
-    """Compute the margins and a response of a loop."""
-    import numpy as np
-
-    import pidalab
-
-    loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
-    pidalab.margins(loop)
-    pidalab.load_response(loop, np.arange(3.0))
 
 
 def serve(listener: socket.socket) -> None:

@@ -1,7 +1,7 @@
 """Execute the book's notebooks, several at once, and store their outputs in place.
 
-Nothing is stored that changes from run to run or from machine to machine (time stamps, the Python version, the line
-that announces a compilation), so a second run changes no file. With paths as arguments only these notebooks are run.
+Nothing is stored that changes from run to run or from machine to machine (time stamps, the Python version), so a
+second run changes no file. With paths as arguments only these notebooks are run.
 """
 
 import os
@@ -37,21 +37,12 @@ def execute(path: Path) -> float:
     ).execute()
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)  # time stamps that an editor left
-        if "outputs" in cell:
-            cell.outputs = [output for output in cell.outputs if not announces(output)]
         for output in cell.get("outputs", []):
             if output.output_type == "error":  # one that did not stop the cell: its result could not be shown
                 raise RuntimeError("\n".join([f"{path.name}: {cell.source}", *output.traceback]))
     notebook.metadata = nbformat.from_dict(METADATA)
     nbformat.write(notebook, path)
     return time.perf_counter() - start
-
-
-def announces(output) -> bool:
-    """Whether an output is nothing but the line that says that code is compiled for this machine."""
-    return output.get("name") == "stderr" and all(
-        line.startswith("pidalab: compiling") for line in output.text.splitlines() if line.strip()
-    )
 
 
 def notebooks(folder: Path) -> list[Path]:

@@ -33,10 +33,10 @@ RESULTS = ROOT / "book" / "data" / "processors.csv"
 COLUMNS = ("variant", "what", "packages", "passed", "failed", "skipped", "seconds", "date")
 SHOWN = ("numpy", "scipy", "numba", "control", "matplotlib")
 KERNELS = {"Nehalem": "SSE42", "Sandybridge": "AVX", "Haswell": "AVX2", "Zen": "AVX2", "SkylakeX": "AVX512F"}
-PYTHONS = ("3.11", "3.12", "3.13")
+PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 SETS = {"lowest": "lowest-direct", "newest": "highest"}
-# the tests of src; the book, its ledger and the house have nothing to do with processors
-NAMES = {path.stem for path in (ROOT / "src" / "pidalab").iterdir()} - {"ledger", "__init__", "__main__"}
+# the tests of the library; the book, its ledger and the house have nothing to do with processors
+NAMES = {path.stem for path in (ROOT / "src" / "pidalab").iterdir()} - {"__init__", "__main__"}
 TESTS = [
     f"tests/{one.name}"
     for one in sorted((ROOT / "tests").iterdir())
@@ -157,7 +157,7 @@ def prepared(variant: Variant) -> Iterator[tuple[Path, dict[str, str]]]:
             subprocess.run([*install, *wanted, *TOOLS], check=True)
             one["PYTHONPATH"] = str(ROOT / "src")
         else:
-            subprocess.run([*install, "--require-hashes", "-r", ROOT / "requirements.txt"], check=True)
+            subprocess.run([*install, "--require-hashes", "-r", ROOT / "requirements-dev.txt"], check=True)
             subprocess.run([*install, "--no-deps", "--no-build-isolation", "--editable", ROOT], check=True)
         yield python, one
 

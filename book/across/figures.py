@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from pidalab import plots
-from pidalab._style import LOOKS
+from pidalab.style import LOOKS
 
 MARKS = {"PI": "o", "PID": "s", "PIDA": "D", "m = 3": "^"}
 

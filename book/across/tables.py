@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from pidalab.comparison import benchmarking
 
 DATA = Path(__file__).parents[1] / "data"
 KINDS = ("PI", "PID", "PIDA")
@@ -35,6 +36,8 @@ CLASSES = (
 
 def read(name: str) -> pd.DataFrame:
     """A table of a study."""
+    if (benchmarking.TABLES / f"{name}.csv").exists():
+        return benchmarking.stored(name)
     return pd.read_csv(DATA / f"{name}.csv", keep_default_na=True)
 
 

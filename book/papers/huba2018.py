@@ -7,7 +7,7 @@ identifies its plant. It shows what a plausible plant of that kind would do.
 
 import numpy as np
 import pandas as pd
-from control import TransferFunction
+from control import TransferFunction, ss
 from scipy.optimize import brentq
 
 import pidalab
@@ -99,3 +99,61 @@ def measures(run, hold=200.0):
             "at a limit, s": run.saturated(LAMP, start, start + hold),
         }
     return pd.DataFrame(found).T
+
+
+# Dormand and Prince: places, weights, and the difference of both orders
+PLACES = 0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1
+WEIGHTS = [
+    [],
+    [1 / 5],
+    [3 / 40, 9 / 40],
+    [44 / 45, -56 / 15, 32 / 9],
+    [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
+    [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
+    [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+]
+ERROR = 71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40
+
+
+def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
+    """Run a loop on UNIT as a solver with variable steps would: times and output.
+
+    Dormand and Prince's pair; no step is longer than a fiftieth of the run; the dead
+    time is a line between the control signals at the ends of past steps. Tolerances
+    and longest step are the usual defaults.
+    """
+    blocks = design.loop().blocks
+    parts = [ss(TransferFunction(*blocks[x])) for x in ("controller", "prefilter")]
+    control, filtered = parts
+    split = 1 + control.nstates
+    times, late = np.zeros(100_000), np.zeros(100_000)
+    x, t, k, h = np.zeros(split + filtered.nstates), 0.0, 0, end / 50
+
+    def signals(x):
+        r = filtered.C[0] @ x[split:] + filtered.D[0, 0] * setpoint
+        return control.C[0] @ x[1:split] + control.D[0, 0] * (r - x[0]), r - x[0]
+
+    def slope(t, x):
+        u = np.interp(t - 1.0, times[: k + 1], late[: k + 1], left=0.0)
+        inner = control.A @ x[1:split] + control.B[:, 0] * signals(x)[1]
+        outer = filtered.A @ x[split:] + filtered.B[:, 0] * setpoint
+        return np.concatenate([[u + load * (t >= 1.0)], inner, outer])
+
+    late[0], out = signals(x)[0], [0.0]
+    first = slope(t, x)
+    h = min(h, 0.8 * rtol**0.2 / np.max(np.abs(first) / (atol / rtol) + 1e-300))
+    while t < end - 1e-9:
+        h = min(h, end / 50, end - t)
+        slopes = [first]
+        for place, row in zip(PLACES[1:], WEIGHTS[1:], strict=True):
+            new = x + h * (np.array(row) @ slopes)
+            slopes.append(slope(t + place * h, new))
+        size = np.maximum(np.maximum(np.abs(x), np.abs(new)), atol / rtol)
+        error = h * np.max(np.abs(np.array(ERROR) @ slopes) / size) / rtol
+        if error <= 1.0:
+            t, x, k = t + h, new, k + 1
+            times[k], late[k] = t, signals(x)[0]
+            first = slope(t, x)
+            out.append(x[0])
+        h *= min(5.0, max(0.1, 0.8 * (error + 1e-300) ** -0.2))
+    return times[: k + 1], np.array(out)

@@ -8,6 +8,7 @@ import numpy as np
 import pidalab
 from pidalab.controllers import AutomaticReset, Controller
 from pidalab.forms import FilteredGains
+from pidalab.identification import ipdt_tangent
 from pidalab.process import binomial
 from pidalab.rules import automatic_reset as ar, mrdp
 
@@ -159,3 +160,55 @@ def higher(m, n, te=0.8, delay=1.0, real=False):
     den = np.convolve(gains[::-1] / gains[0], [ti * T, 1.0])
     prefilter = pidalab.Process([1.0], den)
     return pidalab.Loop(plant(delay), controller, prefilter=prefilter)
+
+
+def behind(lag, filter_time):
+    """One lag behind the filter Q_4."""
+    return pidalab.Process(
+        [1.0], np.convolve(pidalab.lags(4, filter_time).den, [lag, 1.0])
+    )
+
+
+def dryer(gain, delay, rise=4.0, sensor=10.0, transport=5.0):
+    """Simulated dryer from V to K, and the T_f behind which its tangent is the model (32).
+
+    Assumed are the final rise in K/V, the lag of the sensor and the transport delay. The slow
+    lag and T_f follow.
+    """
+    slow, filter_time, t = 5000.0, 15.0, np.linspace(0, 1500, 15001)
+    for _ in range(8):
+        den = np.convolve([slow, 1.0], [sensor, 1.0])
+        late = np.convolve(den, pidalab.lags(4, filter_time).den)
+        step = pidalab.open_loop_step(pidalab.Process([rise], late, delay=transport), t)
+        found = ipdt_tangent(t, step.y)
+        slow *= found.num[0] / gain
+        filter_time += (delay - found.delay) / 4
+    return pidalab.Process([rise], den, delay=transport), filter_time
+
+
+CLOCK = 0.5 * np.arange(20001)  # s, sample time of the dryer
+LID = np.where(CLOCK < 6000, 0.0, -6.0)  # V, a load as if a lid were opened
+
+
+def dryer_record(process, seed):
+    """Times, and a step to 12 V as a rise in K, with noise and resolution."""
+    t = CLOCK[:6001]
+    noise = pidalab.uniform_noise(t, 0.3, seed=seed)
+    noise[0] = 0.0
+    y = 12.0 * pidalab.open_loop_step(process, t).y
+    return t, 0.1 * np.rint((y + noise) / 0.1)
+
+
+def dryer_runs(process, filter_time, gain, delay):
+    """Run PI, PID and PIDA_1 on the dryer from 25 to 80 °C, clean and with noise."""
+    real = {"noise": pidalab.uniform_noise(CLOCK, 0.3, seed=6)}
+    real |= {"quanta": (0.1, 0.0), "pulse_widths": 255}
+    model, clean, noisy = pidalab.ipdt(gain, delay=delay), {}, {}
+    for name in ("PI", "PID", "PIDA_1"):
+        own = ar.tune(
+            model, ar.SETTINGS[name], n=4, filter_time=filter_time, weight=0.0
+        )
+        given = own.loop(process), CLOCK, 55.0, LID
+        clean[name] = pidalab.simulate_sampled(*given, limits=(0.0, 24.0))
+        noisy[name] = pidalab.simulate_sampled(*given, limits=(0.0, 24.0), **real)
+    return clean, noisy

@@ -1,4 +1,4 @@
-"""PIDA control: processes with dead time, loops simulated exactly, tuning rules, and a ledger of printed numbers.
+"""PIDA control: processes with dead time, loops simulated exactly, and tuning rules.
 
 Data flow in one direction, in the library and in every chapter of the book::
 

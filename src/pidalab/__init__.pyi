@@ -2,10 +2,9 @@
 from . import (
     areas as areas,
     digital as digital,
-    heater as heater,
     identification as identification,
-    ledger as ledger,
     optimal as optimal,
+    plant as plant,
     plots as plots,
     reduction as reduction,
     robustness as robustness,
@@ -13,6 +12,7 @@ from . import (
 )
 from ._version import __version__ as __version__
 from .comparison import Comparison as Comparison, compare as compare
+from .comparison.benchmarking import Benchmark as Benchmark, benchmark as benchmark
 from .controllers import (
     PIDA as PIDA,
     HighOrderPID as HighOrderPID,
@@ -20,10 +20,17 @@ from .controllers import (
     SeriesPIDA as SeriesPIDA,
 )
 from .loop import Loop as Loop
+from .plant import (
+    Check as Check,
+    Record as Record,
+    Report as Report,
+    check as check,
+    heater as heater,
+    report as report,
+    tune as tune,
+)
 from .plants import AsymmetricPlant as AsymmetricPlant
 from .process import Process as Process, fopdt as fopdt, ipdt as ipdt, lags as lags, sopdt as sopdt
-from .record import Record as Record
-from .reporting import Report as Report, report as report
 from .response import Response as Response
 from .robustness.gain import gain_for_ms as gain_for_ms
 from .robustness.margins import (
@@ -40,7 +47,6 @@ from .robustness.poles import (
     unstable_poles as unstable_poles,
 )
 from .rules import Design as Design
-from .running_loop import Check as Check, check as check
 from .simulation.exact import (
     load_response as load_response,
     open_loop_step as open_loop_step,
@@ -51,4 +57,3 @@ from .simulation.exact import (
 from .simulation.noise import noise_gain as noise_gain, uniform_noise as uniform_noise
 from .simulation.portrait import Portrait as Portrait, portrait as portrait
 from .simulation.sampled import simulate_sampled as simulate_sampled
-from .tuning import tune as tune

@@ -1,67 +1,247 @@
-"""Functions that numba compiles where it is installed, and that run as plain Python where it is not.
+"""Functions in two forms: plain Python, which answers at once, and machine code, which numba makes and keeps.
 
-The machine code is kept between runs, and a line on stderr announces that it has to be made anew.
+Making the machine code takes longer than most first answers. So a process that finds none uses the plain forms, which
+give the same digits within rounding, and starts another process that makes it. The code is used as soon as it is there,
+or is waited for where a call is so large that waiting pays. Without numba all is plain.
+
+``PIDALAB_COMPILE=1`` in the environment makes every process wait for the code, as tests, notebooks and benchmarks do;
+``PIDALAB_COMPILE=0``, or numba's own ``NUMBA_DISABLE_JIT=1``, keeps to the plain forms. Code and stamp are kept beside
+the source, or in the user's cache where that cannot be written to, or in ``NUMBA_CACHE_DIR``.
 """
 
 from __future__ import annotations
 
 import logging
+import os
+import platform
+import subprocess
+import sys
+import time
 from collections.abc import Callable
-from functools import cache, wraps
+from functools import cache, cached_property
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import CellType, FunctionType
 from typing import Any
 
 import numpy as np
 
 LOG = logging.getLogger("pidalab")
+PACKAGE = Path(__file__).parent
+LARGE = 50_000  # numbers in the arguments of a call beyond which its machine code is waited for
+SOON = 1.0  # seconds of plain work after which it is asked again whether the machine code is there
+STALE = 600.0  # seconds after which another process may begin anew what one has begun and not ended
 
-numba: Any
-try:
-    import numba
-    from numba.core import event
-except ImportError:
-    numba = None
-    LOG.warning("pidalab: numba is not installed; the same digits within rounding, slower")
+
+class Function:
+    """A function in both forms; compiled functions that call it see the compiled one, plain ones the plain one.
+
+    Parameters
+    ----------
+    function : callable
+        What numba compiles.
+    form : callable
+        Its plain form: the same function, or another with array operations in place of loops.
+    options : dict
+        Numba's, beside its cache.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], form: Callable[..., Any], options: dict[str, Any]
+    ) -> None:
+        self.function, self.form, self.options = function, form, options
+        self.__doc__, self.__name__, self.__module__ = (
+            function.__doc__,
+            function.__name__,
+            function.__module__,
+        )
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the form that answers first."""
+        if TIER.compiles(arguments):
+            return self.dispatcher(*arguments)
+        return TIER.run(self.twin, arguments)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """The compiled form, whose machine code is kept, and made anew when a file of its folder has changed."""
+        import numba
+
+        _announce()
+        # no fused multiply-add: what is written out as C or Python is to give the same bits
+        options: Any = {"nogil": True, "error_model": "numpy", **self.options}
+        if "inline" in options:
+            return numba.njit(**self.options)(self.function)
+        try:
+            found = numba.njit(cache=True, **options)(self.function)
+        except RuntimeError:  # numba found no place for its cache
+            return numba.njit(**options)(self.function)
+        kept = found._cache._cache_file
+        kept._source_stamp = (kept._source_stamp, _changed(Path(self.function.__code__.co_filename).parent))
+        return found
+
+    @cached_property
+    def twin(self) -> Callable[..., Any]:
+        """The plain form, which calls the plain forms of others."""
+        names = dict(self.form.__globals__)
+        cells = self.form.__closure__
+        made = FunctionType(
+            self.form.__code__,
+            names,
+            self.form.__name__,
+            self.form.__defaults__,
+            cells and tuple(CellType(_plain_form(cell.cell_contents)) for cell in cells),
+        )
+        self.__dict__["twin"] = made  # before the others: functions may call each other
+        names.update({name: _plain_form(value) for name, value in names.items()})
+        return made
+
+    # what numba asks of a function that compiled code calls
+    @property
+    def _numba_type_(self) -> Any:
+        return self.dispatcher._numba_type_
+
+    @property
+    def targetoptions(self) -> Any:
+        """Numba's options, which say whether it is made a part of its callers."""
+        return self.dispatcher.targetoptions
+
+    @property
+    def py_func(self) -> Callable[..., Any]:
+        """What numba compiles."""
+        return self.function
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function when it is first called, without the interpreter's lock.
+    """Give a function its two forms; the compiled one runs without the interpreter's lock.
 
-    The machine code is kept beside the source, or in the user's cache where that cannot be written to (or in
-    ``NUMBA_CACHE_DIR``). Where nothing can be written, each process compiles for itself. A compiled function calls only
-    those of its own folder, and is compiled anew when a file there, or this one, has changed. Without numba it is the
-    function itself, which divides by zero as numpy does, in silence.
+    A compiled function calls only those of its own folder.
     """
-    if numba is None:
-        return _in_silence(function)
-    # no fused multiply-add: what is written out as C or Python is to give the same bits
-    options: Any = {"nogil": True, "error_model": "numpy"}
-    try:
-        dispatcher = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # numba found no place for its cache
-        return numba.njit(**options)(function)
-    kept = dispatcher._cache._cache_file
-    kept._source_stamp = (kept._source_stamp, _changed(Path(function.__code__.co_filename).parent))
-    return dispatcher
+    return Function(function, function, {})
+
+
+def plain(form: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
+    """Give a compiled function another plain form, with array operations in place of loops."""
+    return lambda function: Function(function, form, {})
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Make a function a part of the compiled functions that call it."""
-    return function if numba is None else numba.njit(inline="always")(function)
+    return Function(function, function, {"inline": "always"})
 
 
-def plain(form: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
-    """Give a compiled function another form for plain Python, with array operations in place of loops."""
-    return lambda function: compiled(form if numba is None else function)
+def _plain_form(value: Any) -> Any:
+    return value.twin if isinstance(value, Function) else value
 
 
-def _in_silence(function: Callable[..., Any]) -> Any:
-    @wraps(function)
-    def silent(*arguments: Any) -> Any:
+class Tier:
+    """Which form the calls of this process take.
+
+    Attributes
+    ----------
+    ready : bool or None
+        Whether calls go to machine code; None before the first one.
+    """
+
+    def __init__(self) -> None:
+        self.ready: bool | None = None
+        self.allowed = False  # to compile at all
+        self.depth = 0  # of plain calls
+        self.asked, self.spent = 0.0, 0.0
+
+    def compiles(self, arguments: tuple[Any, ...]) -> bool:
+        """Whether a call goes to machine code, which is made if it is not there."""
+        if self.ready is None:
+            self.begin()
+        if self.ready or not self.allowed:
+            return bool(self.ready)
+        large = sum(getattr(one, "size", 1) for one in arguments) > LARGE
+        if self.spent > SOON or large:
+            self.spent, self.ready = 0.0, stamp().is_file() and self.imports()
+        return bool(self.ready) or (large and self.imports())
+
+    def begin(self) -> None:
+        """Look for machine code, and have it made if there is none."""
+        wish = os.environ.get("PIDALAB_COMPILE", "")
+        off = wish == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+        try:
+            self.allowed = not off and bool(version("numba"))
+        except PackageNotFoundError:
+            LOG.info("pidalab: numba is not installed; the same digits within rounding, slower")
+        self.ready = self.allowed and (wish == "1" or stamp().is_file()) and self.imports()
+        if self.allowed and not self.ready:
+            have_made()
+
+    def imports(self) -> bool:
+        """Whether numba can be imported; once it cannot, all stays plain."""
+        try:
+            import numba  # noqa: F401
+        except ImportError:
+            self.allowed = False
+        return self.allowed
+
+    def run(self, twin: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        """Call a plain form, which divides by zero as numpy does, in silence."""
+        begun = time.perf_counter()
         with np.errstate(all="ignore"):
-            return function(*arguments)
+            try:
+                return twin(*arguments)
+            finally:
+                self.spent += time.perf_counter() - begun
 
-    return silent
+
+TIER = Tier()
+
+
+@cache
+def stamp() -> Path:
+    """Name of the file that says that all machine code is there, for these sources, this Python, numba and machine."""
+    sources = [
+        (path.name, path.stat().st_mtime, path.stat().st_size) for path in sorted(PACKAGE.rglob("*.py"))
+    ]
+    wishes = sorted(
+        (k, v) for k, v in os.environ.items() if k.startswith("NUMBA_") and k != "NUMBA_CACHE_DIR"
+    )
+    key = (sys.version, version("numba"), platform.machine(), platform.processor(), wishes, sources)
+    return _folder() / f"compiled-{sha256(repr(key).encode()).hexdigest()[:16]}"
+
+
+def _folder() -> Path:
+    """Where machine code is kept, by the rules that numba follows."""
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(chosen)
+    beside = PACKAGE / "__pycache__"
+    if os.access(beside if beside.is_dir() else PACKAGE, os.W_OK):
+        return beside
+    home = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(home) / "pidalab"
+
+
+def have_made() -> None:
+    """Start a process that makes all machine code and then writes the stamp, unless one is at it."""
+    lock = stamp().with_suffix(".lock")
+    try:
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        if lock.is_file() and time.time() - lock.stat().st_mtime > STALE:
+            lock.unlink()
+        lock.touch(exist_ok=False)
+        alone: dict[str, Any] = (
+            {"creationflags": 0x00000208}  # Windows: detached, and a group of its own
+            if os.name == "nt"
+            else {"start_new_session": True}
+        )
+        subprocess.Popen(
+            [sys.executable, "-m", "pidalab.warm_up"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            close_fds=True,
+            env={**os.environ, "PIDALAB_COMPILE": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            **alone,
+        )
+    except OSError:  # somebody else is at it, or nothing can be written
+        return
 
 
 @cache
@@ -71,21 +251,21 @@ def _changed(folder: Path) -> tuple[tuple[str, float, int], ...]:
     return tuple((name, stat.st_mtime, stat.st_size) for name, stat in stats)
 
 
-if numba is not None:
+@cache
+def _announce() -> None:
+    """Let numba tell the log, once in a process, that code of this library is being compiled."""
+    from numba.core import event
 
-    class _Announcer(event.Listener):
-        """Says once in a process that code of this library is being compiled."""
-
+    class Announcer(event.Listener):
         said = False
 
         def on_start(self, event: event.Event) -> None:
-            """Speak before the first compilation."""
             function = event.data["dispatcher"].py_func
             if not self.said and function.__module__.startswith("pidalab."):
                 self.said = True
-                LOG.warning("pidalab: compiling for this machine; later runs find it done (up to a minute)")
+                LOG.info("pidalab: compiling for this machine; later runs find it done (up to a minute)")
 
         def on_end(self, event: event.Event) -> None:
             """Say nothing."""
 
-    event.register("numba:compile", _Announcer())  # type: ignore[no-untyped-call]
+    event.register("numba:compile", Announcer())  # type: ignore[no-untyped-call]

@@ -21,12 +21,12 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab._style import GREY, STYLE, BookAxes
 from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.robustness._infimum import LinearPart
+from pidalab.robustness import LinearPart
+from pidalab.style import GREY, STYLE, BookAxes
 
 POINTS = 4000  # of a line; a vector file keeps only those that can be seen
 NOISY_POINTS = 400  # of a noisy line, of which it would keep nearly all

@@ -10,7 +10,7 @@ import pytest
 
 import pidalab
 from pidalab import areas
-from pidalab.areas import _power_series as power_series
+from pidalab.areas import power_series
 
 G1, G2 = pidalab.lags(4), pidalab.lags(2, delay=0.5)
 TABLE_1 = {  # process, order of controller and filter: A_0, A_1, ...

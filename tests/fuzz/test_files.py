@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from hypothesis import given, strategies as st
 
 import pidalab
-from pidalab.cli import main
+from pidalab.plant.cli import main
 
 SPOILS = ("nothing", "gaps", "nan", "twice", "backwards", "words", "short", "quantised", "still", "huge")
 

@@ -71,3 +71,17 @@ def test_experiment_and_its_measures():
     found = setup.measures(setup.experiment(cycling, setup.thermal_plant()))
     assert found["overshoot, %"].isna().all()
     assert (found["at a limit, s"] > 100).all()
+
+
+@pytest.mark.parametrize("step", ["setpoint", "load"])
+def test_the_imitated_solver_converges(step):
+    """Short steps bring it to the exact engine; with its usual ones it errs, but by little."""
+    design = pidalab.rules.mrdp.tune(setup.UNIT, 2, 4, 0.5)
+    t = np.linspace(0, 10, 10_001)
+    exact, errors = pidalab.simulate(design.loop(), t, **{step: 1.0}).y, []
+    for rtol in (1e-3, 1e-8):
+        times, y = setup.ode45(design, **{step: 1.0}, end=10.0, rtol=rtol, atol=1e-3 * rtol)
+        errors.append(np.abs(y - np.interp(times, t, exact)).max())
+        assert times[-1] == pytest.approx(10.0)
+        assert np.diff(times).max() < 10.0 / 50 + 1e-9
+    assert errors[1] < 1e-4 < errors[0] < 5e-3

@@ -5,6 +5,7 @@ import pytest
 from papers import huba2024 as setup
 
 import pidalab
+from pidalab.identification import ipdt_tangent
 from pidalab.rules import automatic_reset as ar, mrdp
 
 
@@ -47,3 +48,19 @@ def test_excess_is_nothing_for_the_ideal_shapes():
         r = setup.sampled(setup.DESIGNS["PID"].loop(), step, h=0.01)
         assert setup.excess(r, step) == pytest.approx((0.0, 0.0), abs=1e-9)
         assert setup.beyond(r, step) == 0.0
+
+
+def test_the_dryer_gives_its_model():
+    """Behind the filter that was found, the tangent is the model; other sensors give other filters."""
+    t, found = np.linspace(0, 1500, 15001), []
+    for sensor in (10.0, 20.0):
+        process, filter_time = setup.dryer(8.31e-4, 74.5, sensor=sensor)
+        den = np.convolve(process.den, pidalab.lags(4, filter_time).den)
+        y = pidalab.open_loop_step(pidalab.Process(process.num, den, process.delay), t).y
+        model = ipdt_tangent(t, y)
+        assert (model.num[0], model.delay) == pytest.approx((8.31e-4, 74.5), rel=1e-4)
+        found.append(filter_time)
+    assert found[1] < found[0] < 19.0
+    record = setup.dryer_record(process, seed=1)[1]
+    assert record[0] == 0.0
+    np.testing.assert_allclose(record, 0.1 * np.rint(record / 0.1), atol=1e-9)

@@ -1,7 +1,6 @@
 """SIMC, AMIGO, lambda tuning and Ziegler-Nichols: published examples, closed forms, what is refused."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -77,9 +76,8 @@ def test_refusals(call, message):
         call()
 
 
-def test_the_batch_has_134_processes(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "studies")
-    from processes import batch
+def test_the_batch_has_134_processes():
+    from pidalab.comparison.plants import batch
 
     cases = list(batch())
     assert len(cases) == len({case.name for case in cases}) == 134

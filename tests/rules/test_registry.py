@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
-from pidalab.cli import main
-from pidalab.comparison import designs
+from pidalab.comparison import benchmarking, designs
 from pidalab.controllers import PIDA
+from pidalab.plant.cli import main
 from pidalab.rules import Design, registry
 from pidalab.rules.registry import RULES, Limits, Rule, find
 
@@ -52,7 +52,7 @@ def test_a_new_entry_is_known_at_every_door(monkeypatch, tmp_path):
 
 
 def test_the_default_comparison_is_that_of_the_book():
-    with (BOOK / "data" / "comparison.csv").open(encoding="utf-8") as file:
+    with (benchmarking.TABLES / "comparison.csv").open(encoding="utf-8") as file:
         stored = {(row["rule"], row["kind"]) for row in csv.DictReader(file)}
     found = {(rule, kind) for rule, kind, _ in designs(PLANT, Limits(1.6, 10.0, 0.01))}
     assert found - stored == {("optimal", kind) for kind in registry.KINDS}

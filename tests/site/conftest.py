@@ -66,7 +66,9 @@ def site() -> Path:
 @pytest.fixture(scope="module")
 def browser():
     names = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
-    executable = next(filter(None, map(shutil.which, names)), None)
+    with sync_playwright() as playwright:
+        fetched = playwright.chromium.executable_path  # where Playwright keeps one that it has fetched
+    executable = next(filter(None, map(shutil.which, [*names, fetched])), None)
     if executable is None:
         message = (
             f"no browser on PATH ({', '.join(names)}): the pages were not looked at; "

@@ -10,7 +10,7 @@ import pytest
 from looking import NARROW, contrasts, looked_over, problems
 from turning import astray
 
-from pidalab.ledger import papers
+from paperledger import papers
 
 
 class QuietHandler(SimpleHTTPRequestHandler):

@@ -418,8 +418,11 @@ def test_what_a_search_finds_is_no_step_of_its_own_to_undo(lab):
 def test_a_change_of_plant_retunes_or_says_why_not(lab):
     page = lab()
     page.get_by_label("plant", exact=True).select_option("huba-ipdt")
-    announced(page, "needs a plant that does not integrate; its gains are as before")
-    assert "does not integrate" in page.locator(".lab-problem").inner_text()
+    # a rule that does not serve gives way, and nothing is shown until there is a design
+    announced(page, "needs a plant that does not integrate; least IAE in place of cancel the lags")
+    page.wait_for_function("() => !document.querySelector('.pidalab-lab').lab.state.designs[0].pending")
+    page.get_by_label("rule", exact=True).select_option("cancellation")
+    page.wait_for_function("() => document.querySelector('.lab-problem')?.textContent.includes('does not integrate')")
     page.get_by_label("rule", exact=True).select_option("multiple")
     page.wait_for_function("() => !document.querySelector('.lab-problem')")
     assert float(page.evaluate(COLUMNS)[0][3]) < 2.5
@@ -497,6 +500,13 @@ def test_on_a_phone_the_plot_comes_before_the_knobs(lab):
     ]
     assert sorted(tops) == tops
     assert tops[0] < 844
+    # the answer to a load stays in sight beside the last knob
+    page.get_by_label("noise", exact=False).last.scroll_into_view_if_needed()
+    page.mouse.wheel(0, 300)
+    page.evaluate(NEXT_FRAME)
+    box = page.locator(".lab-first > div:last-child").bounding_box()
+    assert 0 <= box["y"] < 200
+    assert box["height"] < 300
 
 
 def test_a_link_that_is_followed_in_the_lab_brings_no_more_than_in_a_fresh_page(lab):

@@ -56,7 +56,7 @@ NUMBERS = {  # names of the table by their keys
     "dm": "delay margin",
     "peak": "peak of u",
     "overshoot": "overshoot, %",
-    "sigma": "σ(u) per σ(n)",
+    "sigma": "noise gain",
     "gmLeast": "at least Ms/(Ms−1)",
     "pmLeast": "at least 2 asin 1/(2Ms), °",
     "first": "phase margin at the first crossover, °",
@@ -133,7 +133,7 @@ def shown(open_figure, **more):
     found = [[float(text.replace("∞", "inf")) for text in row[1:]] for row in rows]
     assert page.locator(".lab-live").text_content().count(" IAE load ") == 3
     noise = (
-        ["σ(u): white noise of standard deviation 1, a sample every 0.04"]
+        ["Noise gain: standard deviation of u for white measurement noise of standard deviation 1, a sample every 0.04"]
         if "sigma" in more["numbers"]
         else []
     )

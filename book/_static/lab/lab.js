@@ -2,7 +2,7 @@
    also what the page's address and the exported file hold; whatever changes it draws everything anew. */
 (function () {
   "use strict";
-  const { PLANTS, RULES, ORDER, ownPlant, controller, gainOf, study, write, read } = globalThis.pidalabModel;
+  const { PLANTS, RULES, ORDER, ownPlant, controller, gainOf, study, noiseTimeOf, noiseGainAt, write, read } = globalThis.pidalabModel;
   const { readRecord, fit } = globalThis.pidalabRecord;
   const plot = globalThis.pidalabPlot, { element } = plot;
 
@@ -164,7 +164,7 @@
     iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["mks", (s) => s.mks],
     gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm],
     peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => s.overshoot],
-    sigma: ["σ(u) per σ(n)", (s) => s.sigma],
+    sigma: ["noise gain", (s) => s.sigma],
     gmLeast: ["at least Ms/(Ms−1)", (s) => s.ms / (s.ms - 1)], pmLeast: ["at least 2 asin 1/(2Ms), °", (s) => degrees(2 * Math.asin(0.5 / s.ms))],
     first: ["phase margin at the first crossover, °", (s) => s.beyond().first, true], hump: ["top of |L| beyond it", (s) => s.beyond().hump, true],
   };
@@ -177,11 +177,10 @@
   /* The head of a column; a formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => (k ? [["wbr", {}], part] : part))];
 
-  /* What noise the σ(u) of a table are of: a filter faster than the usual sample takes a sample time of its own. */
+  /* What noise the noise gains of a table are of: the same for all rows. */
   function noiseMeant(shown) {
-    const times = shown.map((s) => digits(s.sampleTime)), same = times.every((time) => time === times[0]);
     const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? "; – where the plant answers within a sample" : "";
-    return `σ(u): white noise of standard deviation 1, a sample every ${same ? times[0] ?? "–" : `${times.join(", ")} (row by row)`}${none}`;
+    return `Noise gain: standard deviation of u for white measurement noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}${none}`;
   }
 
   /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */
@@ -331,9 +330,10 @@
         if (!found) { this.problems[k] = "the search is running"; return design; }
         if (found.problem) throw new RangeError(found.problem);
         if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} descents ended here: there may be a better one`;
-        return { ...design, ...found.design };
+        return { ...design, ...found.design, pending: undefined };
       } catch (error) {
-        this.problems[k] = `${error.message}; its gains are as before`;
+        // a design that was never found is not shown; another one stays as it was
+        this.problems[k] = `${error.message}; ${design.pending ? "there is no design" : "its gains are as before"}`;
         return design;
       }
     }
@@ -347,10 +347,24 @@
       if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
     }
 
+    /* Another plant; a rule that does not serve it gives way to the search, and that is said. */
+    choosePlant(plant) {
+      this.change({ plant, record: plant === "own" ? this.state.record : null });
+      const words = [], names = this.names(), designs = this.state.designs.map((design, k) => {
+        const { slow, name } = RULES[design.rule] ?? RULES.hand;
+        if (!this.problems[k] || slow) return design;
+        words.push(`${names[k]}: ${this.problems[k].replace("; its gains are as before", "")}; least IAE in place of ${name}.`);
+        return { ...design, rule: "optimum", pending: true };
+      });
+      if (!words.length) return;
+      this.say(words.join(" "));
+      this.change({ designs });
+    }
+
     /* Change the chosen design. */
     edit(update) { this.change({ designs: this.state.designs.map((design, k) => (k === this.state.chosen ? { ...design, ...update } : design)) }); }
 
-    byHand(update) { this.edit({ rule: this.design.rule === "gain" && !("kp" in update) ? "gain" : "hand", ...update }); }
+    byHand(update) { this.edit({ pending: undefined, rule: this.design.rule === "gain" && !("kp" in update) ? "gain" : "hand", ...update }); }
 
     /* The state as a link holds it: what differs from a page that was just opened, and no record. */
     link() {
@@ -405,7 +419,7 @@
 
       const plantRow = choice({
         label: "plant", options: [...Object.entries(PLANTS).map(([key, plant]) => [key, plant.name]), ["given", "the plant of the link"], ["own", "my own"]],
-        get: () => this.state.plant, set: (plant) => this.change({ plant, record: plant === "own" ? this.state.record : null }),
+        get: () => this.state.plant, set: (plant) => this.choosePlant(plant),
       });
       this.givenOption = plantRow.querySelector("option[value=given]");
       this.nameBox = element("input", { type: "text", id: "lab-name", maxlength: 40, onchange: () => this.edit({ name: this.nameBox.value }) });
@@ -413,7 +427,7 @@
       nameRow.refresh = () => { if (document.activeElement !== this.nameBox) this.nameBox.value = this.design.name; };
       const design = [
         nameRow,
-        choice({ label: "controller", options: Object.keys(ORDER).map((kind) => [kind, kind]), get: () => this.design.kind, set: (kind) => this.edit({ kind, filterOrder: ORDER[kind] + 1 }) }),
+        choice({ label: "controller", options: Object.keys(ORDER).map((kind) => [kind, kind]), get: () => this.design.kind, set: (kind) => this.edit({ kind, filterOrder: ORDER[kind] + 1, pending: RULES[this.design.rule]?.slow || undefined }) }),
         choice(ownChoice({ label: "rule", key: "rule", options: Object.entries(RULES).map(([key, rule]) => [key, rule.name]) })),
         this.msRow = slider({ label: "Ms", help: "largest sensitivity allowed", low: 1.1, high: 2.5, step: 0.01, get: () => this.knob("ms"), set: (ms) => this.setKnob("ms", ms) }),
         this.limitRow = slider({ label: "noise limit", help: "largest gain from measurement noise to u, times the gain of the plant", low: 1.5, high: 200, log: true, get: () => this.knob("noiseLimit"), set: (x) => this.setKnob("noiseLimit", x) }),
@@ -488,7 +502,7 @@
     threeKinds() {
       const made = [], missing = [], { rule } = this.design;
       for (const kind of Object.keys(ORDER)) {
-        const design = { ...this.design, name: "", kind, filterOrder: ORDER[kind] + 1 };
+        const design = { ...this.design, name: "", kind, filterOrder: ORDER[kind] + 1, pending: RULES[rule].slow && kind !== this.design.kind || undefined };
         try {
           if (!RULES[rule].slow) RULES[rule].apply(this.process, design, this.knob(RULES[rule].knob));
           made.push(design);
@@ -507,7 +521,7 @@
     }
 
     /* A record becomes a plant, by least squares, and that a design with a filter that suits its noise: u is to move by a
-       tenth of the record's step for three standard deviations. Until the search is done, a slow PI stands in. */
+       tenth of the record's step for three standard deviations. Until the search is done, nothing is shown in its place. */
     takeRecord(text, name, columns) {
       const record = readRecord(text, columns), { own, name: structure, t, fitted, sigma, explained, span, h } = fit(record), four = (x) => Number(x.toPrecision(4));
       const rounded = Object.fromEntries(Object.entries(own).map(([key, x]) => [key, typeof x === "number" ? four(x) : x]));
@@ -524,7 +538,7 @@
         this.columns.replaceChildren(...["time", "input", "output"].map((label) => element("label", {}, `${label} `, element("select", {}, ...names.map((word, k) => element("option", { value: k }, word))))));
       }
       const file = used.length > 2 ? { called: quoted(name) + chosen, h, columns: used, dropped: this.dropped.id } : null;
-      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum" }], chosen: 0 });
+      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum", pending: true }], chosen: 0 });
     }
 
     /* The same record, of other columns. */
@@ -615,10 +629,17 @@
       for (const row of this.rows) if (!row.hidden) row.refresh?.();
 
       const looks = looksOf(state.designs.map(({ kind }) => kind)), names = this.names(), shown = [];
+      const ready = state.designs.filter(({ pending }) => !pending), noiseTime = noiseTimeOf(ready, this.process.end);
       state.designs.forEach((each, k) => {
-        try { shown.push({ ...study(this.process, each, this.conditionsOf(each)), k, look: looks[k], name: names[k] }); } catch (error) { this.problems[k] = error.message; }
+        if (each.pending) return;
+        try { shown.push({ ...study(this.process, each, { ...this.conditionsOf(each), noiseTime }), k, look: looks[k], name: names[k] }); } catch (error) { this.problems[k] = error.message; }
       });
       this.current = shown.find(({ k }) => k === state.chosen);
+      // a rule that aims at Ms knows the continuous loop alone
+      if (state.sampled) for (const { k, ms, design: { rule } } of shown) {
+        const asked = this.knob("ms", state.designs[k]);
+        if ((RULES[rule]?.knob === "ms") && ms > 1.02 * asked && !this.problems[k]) this.problems[k] = `the digital loop has Ms ${digits(ms)}, not ${digits(asked)}: sample faster, or ask for less`;
+      }
       this.drawCards(looks, names);
       this.drawRecord();
       this.drawPlots(shown);
@@ -642,10 +663,11 @@
 
     /* What was read of a record, and the command that goes on from it with the chosen design. */
     drawRecord() {
-      const { about, file } = this.state.record ?? {}, noise = this.knob("noiseLimit") / Math.abs(gainOf(this.process));
-      const command = file && `pidalab tune ${file.called} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
+      const { about, file } = this.state.record ?? {}, ready = file && !this.design.pending;
+      const noise = ready && noiseGainAt(this.process, this.design, file.h, this.process.end);
+      const command = ready && Number.isFinite(noise) && `pidalab tune ${file.called} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
       plot.show(this.about, ...(about ? [["p", {}, about]] : []),
-        ...(command ? [["p", {}, "The same limits from the command line, with uncertainty and sampling, and code for a controller in the folder ", ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
+        ...(command ? [["p", {}, "The same Ms, and the noise gain that this design has at the record's sample time, from the command line, with uncertainty and sampling, and code for a controller in the folder ", ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
     }
 
     drawPlots(shown) {

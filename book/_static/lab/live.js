@@ -16,7 +16,7 @@
      caption   the caption of the live figure; `lab: true` adds a link to the lab with these designs loaded */
 (function () {
   "use strict";
-  const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
+  const { noiseTimeOf, PLANTS, RULES, study, write } = globalThis.pidalabModel;
   const { slider, digits, drawPlots, drawTable, looksOf, known, verdict } = globalThis.pidalabLab;
   const { element } = globalThis.pidalabPlot;
 
@@ -78,12 +78,15 @@
 
     draw() {
       const { state } = this, rule = RULES[state.rule ?? "hand"];
-      const end = state.conditions.end ?? this.process.end, shown = [], trouble = [], looks = looksOf(state.designs.map((design) => design.kind));
+      const end = state.conditions.end ?? this.process.end, made = [], shown = [], trouble = [], looks = looksOf(state.designs.map((design) => design.kind));
       this.process.end = end;
       state.designs.forEach((design, kind) => {
+        try { made.push({ kind, design: rule.apply(this.process, design, design[rule.knob] ?? state[rule.knob]) }); } catch (error) { trouble.push(`${state.names?.[kind] ?? design.kind}: ${error.message}.`); }
+      });
+      const noiseTime = noiseTimeOf(made.map(({ design }) => design), end);
+      made.forEach(({ kind, design }) => {
         try {
-          const made = rule.apply(this.process, design, design[rule.knob] ?? state[rule.knob]);
-          shown.push({ ...study(this.process, made, { ...state.conditions, end, ...design.conditions }), kind, look: looks[kind], name: state.names?.[kind] ?? design.kind });
+          shown.push({ ...study(this.process, design, { ...state.conditions, end, noiseTime, ...design.conditions }), kind, look: looks[kind], name: state.names?.[kind] ?? design.kind });
         } catch (error) { trouble.push(`${state.names?.[kind] ?? design.kind}: ${error.message}.`); }
       });
       for (const knob of this.knobs) knob.refresh();

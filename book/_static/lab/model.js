@@ -136,6 +136,20 @@
 
   const REMEMBERED = 20;
 
+  /* One sample time for the noise of all designs of a table, so that they compare: fine enough for the fastest derivative,
+     and so that the whole time axis is a few thousand samples. */
+  function noiseTimeOf(designs, end) {
+    const filters = designs.map(controller).filter(({ gains, filterOrder }) => filterOrder && gains.slice(2).some(Boolean)).map(({ filterTime }) => filterTime);
+    return Math.max(end / 4000, Math.min(end / 1000, ...filters));
+  }
+
+  /* The noise gain with a sample time of its own: the controller's own signal where its filter spans a sample, else that of
+     its differences. */
+  function noiseGainAt(process, design, sampleTime, end) {
+    const own = controller(design), method = own.filterTime < sampleTime ? "backward" : "held";
+    return noiseGain(impulses(process, own, sampleTime, end, method).u, sampleTime, end);
+  }
+
   /* Whether a plant answers within the sample, by a direct path without dead time: noise that is held has no effort then. */
   function atOnce({ num, den, delay }) {
     const degree = (values) => values.length - values.findIndex(Boolean);
@@ -146,13 +160,11 @@
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
     const process = { num, den, delay }, own = controller(design), curve = sampleTime ? sampledResponse({ process, controller: own, sampleTime }) : frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }, curve) : margins({ process, controller: own });
-    const h = sampleTime || Math.min(own.filterOrder && own.filterTime || Infinity, end / 1000);
     let beyond;
-    return {
-      ...found, beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve, sampleTime: h,
-      sigma: !found.stable || atOnce(process) ? NaN : found.sigma ?? noiseGain(impulses(process, own, h, Math.min(end, 4000 * h), "held").u, h, end),
-    };
+    return { ...found, beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve };
   });
+
+  const effort = remembering(REMEMBERED, ({ num, den, delay }, design, h, end) => noiseGain(impulses({ num, den, delay }, controller(design), h, end, "held").u, h, end));
 
   const LEAST_OVERSHOOT = 5e-5; // what is less is rounding and the end of a slow rise
   const STEPS = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
@@ -173,8 +185,11 @@
   });
 
   /* Everything the lab shows of one design on one plant. What is looked at is never forgotten, whatever changes beside it. */
-  const study = (process, design, conditions) =>
-    ({ design, ...character(process, design, conditions.sampleTime ?? 0, conditions.end), ...answers(process, design, conditions) });
+  function study(process, design, { noiseTime, ...conditions }) {
+    const { sampleTime = 0, end } = conditions, found = character(process, design, sampleTime, end), h = sampleTime || noiseTime || noiseTimeOf([design], end);
+    const sigma = !found.stable || atOnce(process) ? NaN : found.sigma ?? effort(process, design, h, end);
+    return { design, ...found, sigma, sampleTime: h, ...answers(process, design, conditions) };
+  }
 
   /* Noise that is the same at every call: an even spread between −size and size. */
   function uniform(size, count) {
@@ -437,6 +452,6 @@
     } catch { throw new RangeError("it is cut short or mistyped"); }
   }
 
-  globalThis.pidalabModel = { write, read, gainOf, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
+  globalThis.pidalabModel = { noiseTimeOf, noiseGainAt, write, read, gainOf, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
 });
 globalThis.pidalabScripts.at(-1)();

@@ -123,11 +123,13 @@
     const slowest = Math.min(1, ...roots(process.den).map(([a, b]) => Math.hypot(a, b) * unit).filter(Boolean));
     const grid = Float64Array.from([...span(Math.min(1e-3, 0.01 * slowest) / unit, 0.03 / unit, 40), ...span(0.031 / unit, 12 / unit, 260), ...span(12.5 / unit, 1e3 / unit, 130), ...turns]).sort();
     const axis = places(process, new Float64Array(grid.length), grid);
-    // s den / (s + 1/unit)^(n+1) along the axis: 1 + L times this turns as the loop is stable or not
+    // s den over a polynomial with stable poles of the same speeds, along the axis: 1 + L times this turns as the loop is
+    // stable or not. With the same speeds a pole far beyond the last frequency turns neither of them.
+    const speeds = roots(process.den).map(([a, b]) => Math.hypot(a, b) || 1 / unit);
     const own = Array.from(grid, (w) => {
       let a = 0, b = 0, t;
       for (const c of process.den) { t = a * 0 - b * w + c; b = a * w; a = t; }
-      return Math.atan2(b, a) + Math.PI / 2 - process.den.length * Math.atan(w * unit);
+      return Math.atan2(b, a) + Math.PI / 2 - [1 / unit, ...speeds].reduce((sum, speed) => sum + Math.atan(w / speed), 0);
     });
     const read = (x) => ({ gains: units.map((one, k) => one * Math.exp(x[k])), time: unit * Math.exp(x[order + 2]) });
     const peaks = (sizes) => {

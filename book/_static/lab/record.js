@@ -82,6 +82,7 @@
   }
 
   const MOST = 800; // samples of a fit
+  const NEGLIGIBLE = 2e-3; // share of all times below which a lag or a dead time is left out
   /* Structures, from unknowns that are free: logarithms of times, and a share or a damping. */
   const share = (x) => 1 / (1 + Math.exp(-x));
   const STRUCTURES = [
@@ -121,6 +122,9 @@
       if (!best || found.rest < 0.9 * best.rest) best = found;
     }
     if (!Number.isFinite(best.rest)) throw new RangeError("no model fits this record");
+    // a lag or a dead time that no sample can show is none of the model
+    const together = best.own.t1 + best.own.t2 + best.own.t3 + best.own.delay;
+    for (const lag of ["t2", "t3", "delay"]) if (best.own[lag] < NEGLIGIBLE * together) best.own[lag] = 0;
     const whole = output.reduce((sum, value) => sum + value, 0) / output.length, total = output.reduce((sum, value) => sum + (value - whole) ** 2, 0);
     return { own: best.own, name: best.structure.name, t: grid, fitted: Array.from(best.fitted), sigma: Math.sqrt(best.rest / output.length), explained: 1 - best.rest / total, span: Math.max(...moved) - Math.min(...moved, 0), h };
   }

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol, TypeGuard
 from warnings import warn
 
 import numpy as np
@@ -21,9 +21,6 @@ from scipy.special import bernoulli, factorial
 
 from pidalab import _check
 from pidalab._check import Array
-
-if TYPE_CHECKING:
-    from pidalab.record import Record
 
 PIECES = 16  # of a steady state, whose means are compared; in four quarters of four
 LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # in pieces, of the transients that are looked for in it
@@ -38,6 +35,29 @@ UNCERTAIN = 0.05  # share of an area beyond which its uncertainty is worth a war
 
 class RecordWarning(UserWarning):
     """A record that is too short or too noisy for what is asked of it."""
+
+
+class StepRecord(Protocol):
+    """What areas and step experiments ask of a plant record; a `pidalab.Record` has it."""
+
+    @property
+    def step(self) -> Any:
+        """The change of the input, with `before` and `after`."""
+
+    @property
+    def noise(self) -> Any:
+        """Its standard deviation is `noise.deviation`."""
+
+    def uniform(self) -> tuple[Array, Array, Array]:
+        """Times, input and output on a uniform grid."""
+
+    def after_step(self) -> tuple[Array, Array]:
+        """Times and output as the response to a unit step from rest."""
+
+
+def is_record(given: Any) -> TypeGuard[StepRecord]:
+    """Whether a record was given in place of times."""
+    return hasattr(given, "after_step")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +100,7 @@ class MeasuredAreas:
 
 
 def from_record(
-    t: ArrayLike | Record,
+    t: ArrayLike | StepRecord,
     u: ArrayLike | None = None,
     y: ArrayLike | None = None,
     count: int | None = None,
@@ -191,7 +211,7 @@ def from_record(
 
 def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, Array, Array]:
     """Check times, input and output, which a Record has on a uniform grid."""
-    if hasattr(t, "uniform"):
+    if is_record(t):
         if u is not None or y is not None:
             raise TypeError("u and y must be left out with a Record: it has its own")
         t, u, y = t.uniform()

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.areas import _power_series as series
+from pidalab.areas import power_series as series
 from pidalab.process import Process, rational, require_process
 from pidalab.roots import roots
 

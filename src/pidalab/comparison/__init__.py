@@ -13,7 +13,7 @@ from functools import partial
 
 from pidalab import _check
 from pidalab.comparison.fairness import at_equal_terms
-from pidalab.judging import Row, html_table, measure_row, text_table
+from pidalab.comparison.judging import Row, html_table, measure_row, text_table
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
 from pidalab.rules.registry import KINDS, RULES, Limits, Rule, find
@@ -43,7 +43,7 @@ class Comparison:
     ms, noise_gain, sample_time : float
         The limits of the optima.
     rows : tuple of Row
-        See `pidalab.judging.Row`.
+        See `pidalab.comparison.judging.Row`.
     """
 
     process: Process

@@ -1,4 +1,10 @@
-"""From a plant record to a process model."""
+"""From a plant record to a process model: three points, a tangent, a straight line.
+
+The fit to all samples of a record is the engineer's, `pidalab.plant.fit`; it is handed on here, and loaded when it is
+used.
+"""
+
+from typing import TYPE_CHECKING, Any
 
 from pidalab.identification.experiments import (
     ThreePointModel,
@@ -7,7 +13,9 @@ from pidalab.identification.experiments import (
     ipdt_tangent,
     three_point,
 )
-from pidalab.identification.fitting import Fit, fit
+
+if TYPE_CHECKING:
+    from pidalab.plant.fitting import Fit, fit
 
 __all__ = [
     "Fit",
@@ -18,3 +26,11 @@ __all__ = [
     "ipdt_tangent",
     "three_point",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("Fit", "fit"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from pidalab.plant import fitting
+
+    return getattr(fitting, name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, cast
 from warnings import warn
 
 import numpy as np
@@ -13,8 +13,8 @@ from scipy.signal import lsim
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.areas import RecordWarning
+from pidalab.areas.measured import StepRecord, is_record
 from pidalab.process import Process, ipdt
-from pidalab.record import Record
 
 LEVELS = (0.05, 0.353, 0.853)  # shares of the change to which the formulas of the three-point model belong
 # the model has real poles: a record may exceed its final value by noise, not by more than this
@@ -69,7 +69,7 @@ class ThreePointModel:
 
 
 def three_point(
-    t: ArrayLike | Record,
+    t: ArrayLike | StepRecord,
     y: ArrayLike | None = None,
     step: float | None = None,
     crossing: Literal["interpolated", "sampled"] = "interpolated",
@@ -150,7 +150,7 @@ def three_point(
 
 
 def ipdt_tangent(
-    t: ArrayLike | Record,
+    t: ArrayLike | StepRecord,
     y: ArrayLike | None = None,
     step: float | None = None,
     span: float | None = None,
@@ -207,7 +207,7 @@ def ipdt_tangent(
     >>> pidalab.identification.ipdt_tangent(t, y)
     Process(num=[0.36787], den=[1, 0], delay=1.28171)
     """
-    noisy = isinstance(t, Record) and t.noise.deviation > 0
+    noisy = is_record(t) and t.noise.deviation > 0
     t, y, step = _experiment(t, y, step)
     h = float(t[-1] / (t.size - 1))
     change = _whole_change(y)
@@ -278,7 +278,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
 
 
 def ipdt_least_squares(
-    t: ArrayLike | Record, y: ArrayLike | None = None, step: float | None = None, rise: float = 0.2
+    t: ArrayLike | StepRecord, y: ArrayLike | None = None, step: float | None = None, rise: float = 0.2
 ) -> Process:
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
@@ -382,9 +382,11 @@ def _whole_change(y: Array) -> float:
     return change
 
 
-def _experiment(t: ArrayLike | Record, y: ArrayLike | None, step: float | None) -> tuple[Array, Array, float]:
+def _experiment(
+    t: ArrayLike | StepRecord, y: ArrayLike | None, step: float | None
+) -> tuple[Array, Array, float]:
     """Check a step experiment that is given as arrays or as a Record: times from the step on, output, change of u."""
-    if isinstance(t, Record):
+    if is_record(t):
         if y is not None or step is not None:
             raise TypeError("y and step must be left out with a Record: it has its own")
         times, response = t.after_step()
@@ -401,7 +403,7 @@ def _experiment(t: ArrayLike | Record, y: ArrayLike | None, step: float | None) 
         return times, response, 1.0
     if y is None:
         raise TypeError("y must be given, unless t is a Record")
-    times = _check.uniform_time("t", t)
+    times = _check.uniform_time("t", cast(ArrayLike, t))
     change = 1.0 if step is None else _check.real("step", step)
     if change == 0:
         raise ValueError("step must not be 0: without a change of the input nothing can be identified")

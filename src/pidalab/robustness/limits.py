@@ -43,11 +43,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pidalab import _check
-from pidalab._search import border
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
 from pidalab.robustness._infimum import LinearPart, infimum, line
 from pidalab.roots import roots
+from pidalab.search import border
 
 TOLERANCE = 1e-6  # margin above which a criterion surely holds
 SLOWEST = 1e3  # without a reset the multiplier is searched up to so many times the slowest time of the loop

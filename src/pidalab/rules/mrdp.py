@@ -27,13 +27,13 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pidalab import _check
-from pidalab._search import border
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, ipdt
 from pidalab.robustness.poles import is_stable
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator
+from pidalab.search import border
 
 if TYPE_CHECKING:
     import control

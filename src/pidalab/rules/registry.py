@@ -30,7 +30,7 @@ from pidalab.areas import from_process
 from pidalab.process import Process
 from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, mrdp
 from pidalab.rules._design import Design
-from pidalab.rules._sampled import sampled_noise
+from pidalab.rules.sampled import sampled_noise
 
 ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
 KINDS = tuple(ORDER)

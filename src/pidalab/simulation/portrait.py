@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab._parts import done, require_executor
 from pidalab.loop import Loop
 from pidalab.simulation.bank import Bank
 from pidalab.simulation.lanes import LANES, MEASURES
@@ -139,10 +140,7 @@ def portrait(
     at_rest = limits_at_rest(loop.limits, limits)
     plant = plant_steps(loop.process, h, Actuator(*at_rest, 0.0, 0))
     rest = _state_of_rest(loop, bank, at_rest, r[-1], d[-1])
-    if not isinstance(executor, Executor | None):
-        raise TypeError(
-            f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}"
-        )
+    require_executor(executor)
     # whole groups of lanes, the last one filled up with the last set
     sets = math.prod(bank.shape)
     places = np.minimum(np.arange(-(-sets // LANES) * LANES), sets - 1)
@@ -153,9 +151,9 @@ def portrait(
         # compiled code lets go of the interpreter
         available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
         with ThreadPoolExecutor(available) as threads:
-            measures = list(threads.map(work, parts))
+            measures = done(work, parts, threads, "part")
     else:
-        measures = list(executor.map(work, parts))
+        measures = done(work, parts, executor, "part")
     return _portrait(np.concatenate(measures, axis=1)[:, :sets].reshape(-1, *bank.shape), rest)
 
 

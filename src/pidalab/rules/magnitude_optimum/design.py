@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.areas import MeasuredAreas, _power_series as series
+from pidalab.areas import MeasuredAreas, power_series as series
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process

@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import brentq
 
 from pidalab import _check
-from pidalab.areas import MeasuredAreas, _power_series as series, exact
+from pidalab.areas import MeasuredAreas, exact, power_series as series
 from pidalab.loop import Loop
 from pidalab.process import Process, binomial, require_process
 from pidalab.rules._design import Design

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.areas import MeasuredAreas, _power_series as series, exact
+from pidalab.areas import MeasuredAreas, exact, power_series as series
 from pidalab.process import Process
 
 HIGHEST = 16  # order m: rounding the areas leaves nothing of more gains

@@ -1,0 +1,68 @@
+"""Printed against computed: every number and statement of a paper, its value here, and the verdict.
+
+A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the paper compute, and hand over what they
+computed::
+
+    from paperledger import Ledger
+
+    book = Ledger.open("haalman2024")  # a chapter; its audit adds page="audit/haalman2024"
+    book.compare({"ex1.pida": {"ti": C.ti, "td": C.td}})  # printed / computed, a column for each last part
+    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # a statement: its row knows the relation
+    book.close()
+
+A value or evidence that drifts from the stored one fails, and so do a verdict that no longer follows, a declared
+disagreement that starts to agree, an id that is unknown, a row of the page that was not handed over. A verdict is one
+of
+
+* ``reproduced``, ``last-digit``, ``approximate``: these follow from the two numbers, see `derive`;
+* ``holds``, ``fails``: these follow from the inequality of two computed numbers that decides a statement;
+* ``misprint``, ``as-read``, ``differs``, ``not-computable``: declared by a person, with the reason in the note.
+
+The basis of a row says where its value comes from: the paper's problem (``computed``), the paper's problem with
+settings that were found by trying, from these very prints (``fitted``), other printed results (``from-print``), or
+reading alone (``reading``).
+
+``python -m paperledger update haalman2024`` runs the pages of a paper, stores what is new and prints what changed;
+``show``, ``check``, ``manifest`` and ``readme`` print, validate, freeze and publish.
+"""
+
+from paperledger.book import Ledger
+from paperledger.digits import BASES, VERDICTS, LedgerError, derive
+from paperledger.display import Display
+from paperledger.making import Making
+from paperledger.pages import (
+    errata,
+    every_row,
+    load_all,
+    score_markdown,
+    scoreboard,
+    write_score,
+)
+from paperledger.rows import Row, papers, read_rows, write_rows
+from paperledger.running import update
+from paperledger.statements import CONVENTIONS, Convention, Evidence, Relation
+
+__all__ = [
+    "BASES",
+    "CONVENTIONS",
+    "VERDICTS",
+    "Convention",
+    "Display",
+    "Evidence",
+    "Ledger",
+    "LedgerError",
+    "Making",
+    "Relation",
+    "Row",
+    "derive",
+    "errata",
+    "every_row",
+    "load_all",
+    "papers",
+    "read_rows",
+    "score_markdown",
+    "scoreboard",
+    "update",
+    "write_rows",
+    "write_score",
+]

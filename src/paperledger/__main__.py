@@ -1,0 +1,65 @@
+"""Maintain the ledgers in ``book/ledger``: python -m paperledger COMMAND ...
+
+update KEY ...    run the pages of papers and store what they compute
+show KEY ...      print ledgers, printed beside computed
+check             validate all files and print their scores
+manifest          freeze what is claimed, and print what changed; review it line by line
+readme FILE ...   bring the score in Markdown files up to date
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from paperledger import Ledger, LedgerError, load_all, update, write_score
+from paperledger.pages import freeze
+
+
+def _update(papers: list[str]) -> None:
+    problems = []
+    for paper in papers:
+        result = update(paper)
+        print("\n".join([f"{paper}: {len(result.changes)} entries changed", *result.changes]))
+        problems += result.problems
+    if problems:
+        raise LedgerError("\n".join(["left to do:", *problems]))
+
+
+def _show(papers: list[str]) -> None:
+    for book in map(Ledger.open, papers):
+        print(book.table(), "", book.scorebar(), sep="\n")
+
+
+def _check(_: list[str]) -> None:
+    print(*(book.scorebar() for book in load_all().values()), sep="\n")
+
+
+def _manifest(_: list[str]) -> None:
+    changes = freeze()
+    print("\n".join([f"manifest: {'rewritten' if changes else 'up to date'}", *changes]))
+
+
+def _readme(files: list[str]) -> None:
+    for file in files:
+        print(f"{file}: {'rewritten' if write_score(file) else 'up to date'}")
+
+
+COMMANDS = {"update": _update, "show": _show, "check": _check, "manifest": _manifest, "readme": _readme}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command, of the command line by default; 0, or 1 after printing what is wrong."""
+    parser = argparse.ArgumentParser("python -m paperledger", usage=__doc__.partition(": ")[2])
+    parser.add_argument("command", choices=COMMANDS)
+    parser.add_argument("names", nargs="*")
+    asked = parser.parse_args(arguments)
+    try:
+        COMMANDS[asked.command](asked.names)
+    except (LedgerError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,431 @@
+"""The ledger of one paper, as its pages use it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from difflib import get_close_matches
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from paperledger import display
+from paperledger.digits import DECLARED, DIGITS, LedgerError, exponent, plain, read_number, write
+from paperledger.display import Display
+from paperledger.rows import Row, find_folder, naming, papers, read_rows, removed
+from paperledger.statements import Cases, Evidence, Relation
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MARKS = {"last-digit": " °", "approximate": " ~", "differs": " †", "misprint": " *", "as-read": " *"}
+
+
+class Ledger:
+    """The printed numbers and statements of one paper, each waiting for what a page computes.
+
+    An id may be given without the key of the paper: ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The csv file; its stem is the key of the paper.
+    rows : sequence of Row
+        The rows of the file; see `Ledger.open`.
+    page : str, optional
+        The notebook that uses it; by default the chapter, which is called like the paper.
+
+    Attributes
+    ----------
+    paper : str
+        Key of the paper, the first part of every id.
+    rows : dict of str to Row
+        By id, in the order of the file.
+    fresh : dict of str to Row
+        What has been handed over so far, as rows.
+
+    Examples
+    --------
+    >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+    >>> book = Ledger(Path("demo.csv"), [row])
+    >>> book.compare({"kp": 1.309812345})
+    printed / computed             kp
+    demo                1.31 / 1.3098
+    >>> book.compare({"kq": 1.0})
+    Traceback (most recent call last):
+    paperledger.digits.LedgerError: demo.kq: unknown id; the closest are demo.kp
+    >>> book.close()
+    demo: 1 claim, 1 reproduced
+    """
+
+    _recorded: ClassVar[list["Ledger"] | None] = None
+
+    def __init__(self, path: Path, rows: Sequence[Row], page: str | None = None) -> None:
+        self.path = path
+        self.paper = path.stem
+        self.page = page or self.paper
+        self.rows = {row.id: row for row in rows}
+        self.fresh: dict[str, Row] = {}
+        self.closed = False
+        self.records = Ledger._recorded is not None
+        if Ledger._recorded is not None:
+            Ledger._recorded.append(self)
+
+    @classmethod
+    def open(cls, paper: str, page: str | None = None, folder: Path | str | None = None) -> Self:
+        """Open the ledger of a paper.
+
+        Parameters
+        ----------
+        paper : str
+            Key of the paper, such as ``haalman2024``.
+        page : str, optional
+            The notebook that opens it, its path below ``book`` without suffix, such as ``audit/haalman2024``; by
+            default the chapter, which is called like the paper. `close` asks for the rows of this page.
+        folder : path, optional
+            Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
+
+        Returns
+        -------
+        Ledger
+
+        Raises
+        ------
+        LedgerError
+            If the file is missing or is no table.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> from paperledger import write_rows
+        >>> write_rows(folder / "demo.csv", [Row("demo.kp", "Table 1", "gain", "1.31")])
+        >>> list(Ledger.open("demo", folder=folder).rows)
+        ['demo.kp']
+        """
+        place = Path(folder) if folder is not None else find_folder()
+        path = place / f"{paper}.csv"
+        if not path.is_file():
+            known = ", ".join(papers(place)) or "none"
+            raise LedgerError(f"no ledger {path.name} in {place}; there are: {known}")
+        return cls(path, read_rows(path), page)
+
+    def compare(self, values: Mapping[str, Any], digits: int = DIGITS) -> "pd.DataFrame":
+        """Compare numbers of this run with the printed ones.
+
+        Parameters
+        ----------
+        values : mapping
+            Numbers nested by the parts of their ids, ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``, or by whole ids.
+        digits : int, optional
+            Significant digits that are determined; fewer than ten need a note that says why, with the word *digits*.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``printed / computed``, a row for each group and a column for each last part. Marks: ``°`` one unit off in
+            the last place, ``~`` within the tolerance of the note, ``*`` misprint or as read, ``†`` differs.
+
+        Raises
+        ------
+        LedgerError
+            Listing every value that is unknown or no finite number, has drifted from the stored one, no longer has the
+            verdict of the file, or agrees although it was declared not to.
+
+        Examples
+        --------
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+        >>> book = Ledger(Path("demo.csv"), [row])
+        >>> book.compare({"demo": {"kp": 1.3151}})
+        Traceback (most recent call last):
+        paperledger.digits.LedgerError: demo.kp: drifted from 1.309812345 to 1.315100000
+        demo.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit
+        """
+        import pandas as pd
+
+        failures: list[str] = []
+        shown: dict[str, dict[str, str]] = {}
+        for id, value in _flat(values):
+            try:
+                row = self._take(self._number(id, value, digits))
+            except LedgerError as error:
+                failures.append(str(error))
+                continue
+            verdict = row.verdict if row.verdict in DECLARED else row.derived() or "differs"
+            group, _, key = id.rpartition(".")
+            entry = f"{row.printed} / {row.shown()}{MARKS.get(verdict, '')}"
+            shown.setdefault(group or self.paper, {})[key] = entry
+        if failures:
+            raise LedgerError("\n".join(failures))
+        frame = pd.DataFrame.from_dict(shown, orient="index").fillna("")
+        return frame.rename_axis(columns="printed / computed")
+
+    def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
+        """Decide a statement by numbers of this run; its row says what is compared, and how.
+
+        Parameters
+        ----------
+        id : str
+            Id of a statement.
+        cases : mapping of any to pair of numbers, or pair of numbers, or number
+            Left and right side by case, of which the worst decides (the best, where the relation says *some*); or both
+            sides of the only case; or a residual, of an identity. ``==`` takes integers.
+        digits : int, optional
+            As in `compare`.
+
+        Returns
+        -------
+        str
+            The verdict and what decided it.
+
+        Raises
+        ------
+        LedgerError
+            If a side is no number of the kind that the relation compares, and as in `compare`.
+
+        Examples
+        --------
+        >>> row = Row("demo.s", "sec. 3", "statement", "A is faster", "holds", "holds", page="demo")
+        >>> row = replace(row, relation="first < second", evidence="1 < 2")
+        >>> book = Ledger(Path("demo.csv"), [row])
+        >>> book.decide("s", (1, 2))
+        'holds: 1 < 2'
+        >>> book.decide("s", (1, 3))
+        Traceback (most recent call last):
+        paperledger.digits.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
+        """
+        row = self._handed(id, True, digits)
+        with naming(row.id):
+            relation = Relation.parse(row.relation)
+            found = relation.decide(cases, digits)
+        kept = Evidence.parse(self._take(replace(row, computed=found.verdict, evidence=str(found))).evidence)
+        if relation.is_identity and kept.verdict == "holds":  # its decade depends on the machine
+            return f"holds: largest residual ≤ {relation.right}"
+        return f"{kept.verdict}: {kept.shown()}" + (f" ({kept.remark})" if kept.remark else "")
+
+    def _handed(self, id: str, statement: bool, digits: int) -> Row:
+        """Return the row of what is handed over, if it takes something of this kind."""
+        row = self.row(id)
+        if row.basis == "reading":
+            raise LedgerError(f"{row.id}: its basis is reading, so nothing computed belongs there")
+        if row.is_statement != statement:
+            raise LedgerError(f"{row.id}: a printed number takes book.compare, a statement book.decide")
+        if digits < DIGITS and "digits" not in row.note:
+            raise LedgerError(
+                f"{row.id}: kept to {digits} digits; the note has to say why, with the word 'digits'"
+            )
+        return row
+
+    def _number(self, id: str, value: object, digits: int) -> Row:
+        row = self._handed(id, False, digits)
+        with naming(row.id):
+            number = float(plain(value))
+            if not isfinite(number):
+                raise LedgerError(f"expected a finite number, found {number}")
+            floor = exponent(read_number(row.printed)) - DIGITS
+            return replace(row, computed=write(number, floor, digits))
+
+    def _take(self, fresh: Row) -> Row:
+        """Note down what was handed over, unless it does not fit the file; return the row to show.
+
+        While it agrees, what is stored is shown and decides the verdict, so that noise never flips one.
+        """
+        row = self.rows[fresh.id]
+        with naming(row.id):
+            kept = row if row.same(fresh) else fresh
+        if self.records:
+            before = self.fresh.get(row.id, fresh)
+            if not before.same(fresh):
+                raise LedgerError(f"{row.id}: handed over twice, as {before.found} and as {fresh.found}")
+        elif not row.computed:
+            advice = f"`python -m paperledger update {self.paper}` stores it"
+            raise LedgerError(f"{row.id}: nothing stored yet; {advice}")
+        else:
+            drifted = f"{row.id}: drifted from {row.found} to {fresh.found}" if kept is fresh else ""
+            failures = [*filter(None, (drifted, kept.disagreement()))]
+            if failures:
+                raise LedgerError("\n".join(failures))
+        self.fresh[row.id] = fresh
+        return kept
+
+    def row(self, id: str) -> Row:
+        """Return a row, to read what is printed and how precisely.
+
+        Parameters
+        ----------
+        id : str
+            Id of a row, with or without the key of the paper.
+
+        Returns
+        -------
+        Row
+
+        Raises
+        ------
+        LedgerError
+            For an unknown id.
+
+        Examples
+        --------
+        >>> Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")]).row("kp").half_unit
+        0.005
+        """
+        full = id if id.startswith(f"{self.paper}.") else f"{self.paper}.{id}"
+        if full not in self.rows:
+            closest = ", ".join(get_close_matches(full, self.rows, n=3))
+            raise LedgerError(f"{full}: unknown id" + (f"; the closest are {closest}" if closest else ""))
+        return self.rows[full]
+
+    def printed(self, id: str) -> float:
+        """Return a printed number, for computations that start from what the paper prints.
+
+        Parameters
+        ----------
+        id : str
+            Id of a row with a number.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        LedgerError
+            For an unknown id, or a statement.
+
+        Examples
+        --------
+        >>> Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31")]).printed("kp")
+        1.31
+        """
+        row = self.row(id)
+        with naming(row.id):
+            return float(read_number(row.printed))
+
+    def owed(self) -> list[Row]:
+        """Return the rows that this page has to hand over.
+
+        Returns
+        -------
+        list of Row
+
+        Examples
+        --------
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+        >>> [row.id for row in Ledger(Path("demo.csv"), [row]).owed()]
+        ['demo.kp']
+        """
+        return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
+
+    def close(self) -> None:
+        """End a page: every row of this page must have been handed over. Prints their score.
+
+        Raises
+        ------
+        LedgerError
+            Listing the ids that were not.
+
+        Examples
+        --------
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+        >>> Ledger(Path("demo.csv"), [row]).close()
+        Traceback (most recent call last):
+        paperledger.digits.LedgerError: demo.kp: never handed over
+        """
+        missing = [f"{row.id}: never handed over" for row in self.owed() if row.id not in self.fresh]
+        if missing and not self.records:
+            raise LedgerError("\n".join(missing))
+        self.closed = True
+        print(display.score_line(self.page, display.score(self.owed())))
+
+    def problems(self) -> list[str]:
+        """List what is wrong with the file taken alone, one line each.
+
+        Returns
+        -------
+        list of str
+
+        Examples
+        --------
+        >>> Ledger(Path("demo.csv"), [Row("other.kp", "Table 1", "gain", "1.31", page="demo")]).problems()
+        ['other.kp: does not start with demo.', "other.kp: 'computed' is empty"]
+        """
+        gone = removed(self.path.parent)
+        foreign = [id for id in self.rows if not id.startswith(f"{self.paper}.")]
+        found = [f"{id}: does not start with {self.paper}." for id in foreign]
+        found += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in gone]
+        return found + [problem for row in self.rows.values() for problem in row.problems()]
+
+    def scorebar(self) -> Display:
+        """Return the score of the paper as a bar with a legend.
+
+        Returns
+        -------
+        Display
+
+        Examples
+        --------
+        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+        >>> book.scorebar()
+        demo: 1 claim, 1 reproduced
+        """
+        return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
+
+    def table(self, *prefixes: str) -> Display:
+        """Return rows of the file as a table, printed beside computed.
+
+        Parameters
+        ----------
+        *prefixes : str
+            What the ids start with, the key of the paper apart; without any the table has all rows.
+
+        Returns
+        -------
+        Display
+
+        Raises
+        ------
+        LedgerError
+            If no id starts with one of the prefixes.
+
+        Examples
+        --------
+        >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+        >>> book.table()
+        verdict     claim                    printed  computed  difference
+        reproduced  demo.kp: gain (Table 1)  1.31     1.3098    -0.0
+        """
+        rows = []
+        for prefix in prefixes or ("",):
+            found = [
+                row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))
+            ]
+            if not found:
+                raise LedgerError(f"{self.paper}: no id starts with {prefix}")
+            rows += found
+        return display.claims(rows)
+
+
+@contextmanager
+def recording() -> Iterator[list[Ledger]]:
+    """Let every ledger that is opened take what it is given, compared with nothing; yields these ledgers.
+
+    >>> with recording() as books:
+    ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
+    ...     _ = book.compare({"kp": 1.5})
+    >>> books[0].fresh["demo.kp"].computed
+    '1.500000000'
+    """
+    Ledger._recorded = []
+    try:
+        yield Ledger._recorded
+    finally:
+        Ledger._recorded = None
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Walk nested numbers by their ids."""
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value

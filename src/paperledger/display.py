@@ -1,0 +1,229 @@
+"""What a reader sees of rows: tables of claims and scores, as HTML for a page and as text for a terminal.
+
+The HTML carries classes and no styles except the widths of a bar; the colours of ``verdict-…`` are the site's.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+
+from paperledger.digits import VERDICTS
+from paperledger.rows import Row
+from paperledger.statements import Evidence, Relation
+
+KINDS = {  # under what a row is counted: by verdict where the paper's problem decides, else apart
+    **{verdict: verdict for verdict in VERDICTS if verdict != "not-computable"},
+    "fitted-agrees": "agree, settings fitted",
+    "fitted-disagrees": "disagree, settings fitted",
+    "print-agrees": "agree with other print",
+    "print-disagrees": "disagree with other print",
+    "reading": "settled by reading",
+    "not-computable": "not computable",
+}
+BASIS = {"computed": "", "fitted": "settings fitted", "from-print": "from print", "reading": "by reading"}
+# K_-1, PID_2^2, A_(2m+3), (1 + T s)^n: a letter, capitals or a bracket with an index, an exponent, or both
+_PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
+_MATHS = re.compile(
+    rf"((?<![A-Za-z])[a-z][\u0300-\u036f]?|[A-Z][\u0300-\u036f]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?"
+)
+_LETTER = re.compile(r"[^\W\d_][\u0300-\u036f]?")  # one letter, perhaps with a bar or hat
+
+
+@dataclass(frozen=True)
+class Display:
+    """Something to show: a notebook takes the HTML, everything else the text.
+
+    Parameters
+    ----------
+    html : str
+        A fragment, the same for the same content.
+    text : str
+        The same for a terminal.
+
+    Examples
+    --------
+    >>> Display("<b>one</b>", "one")
+    one
+    """
+
+    html: str
+    text: str
+
+    def _repr_html_(self) -> str:
+        return self.html
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class Cell:
+    """An entry of a table: its text, its HTML, the class of the HTML cell, and how many columns it takes."""
+
+    text: str
+    html: str
+    kind: str = "text"
+    span: int = 1
+
+
+def markup(text: str) -> str:
+    """Escape plain text and typeset its names: an index is lowered, an exponent raised, a single letter slanted.
+
+    >>> markup("K_-1 of PID_2^2 < 3")
+    '<i>K</i><sub>−1</sub> of PID<sub>2</sub><sup>2</sup> &lt; 3'
+    """
+    return _MATHS.sub(_typeset, escape(text, quote=False))
+
+
+def _typeset(found: re.Match[str]) -> str:
+    base, index, power = found.groups()
+    if index is None and power is None:
+        return found.group()
+    parts = [
+        f"<{tag}>{part.strip('{}()').replace('-', '−')}</{tag}>"
+        for tag, part in (("sub", index), ("sup", power))
+        if part
+    ]
+    return (f"<i>{base}</i>" if _LETTER.fullmatch(base) else base) + "".join(parts)
+
+
+def words(text: str) -> Cell:
+    """Make a cell of plain text."""
+    return Cell(text, markup(text))
+
+
+def number(text: str) -> Cell:
+    """Make a cell of a number, to be aligned as one."""
+    return Cell(text, escape(text).replace("-", "−"), "number")
+
+
+def chip(verdict: str) -> str:
+    """Return a verdict in its colour, as HTML."""
+    return f'<span class="verdict-{escape(verdict)}">{escape(verdict)}</span>'
+
+
+def grid(
+    kind: str,
+    header: Sequence[str],
+    rows: Sequence[Sequence[Cell]],
+    heading: int = 0,
+    notes: Sequence[str] = (),
+) -> Display:
+    """Lay cells out as a table of a class, one cell of each row its heading; a terminal shows notes beside the rows.
+
+    >>> grid("demo", ["rule", "gain"], [[words("SIMC"), number("1.5")]])
+    rule  gain
+    SIMC  1.5
+    """
+    lines = [[*header, ""]]
+    body = []
+    for row, note in zip(rows, notes or [""] * len(rows), strict=True):
+        lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
+        columns = zip(row, header, strict=False)  # no number comes after a cell that spans several columns
+        cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
+        body.append(f"<tr>{cells}</tr>")
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    text = ["  ".join(part.ljust(n) for part, n in zip(line, widths, strict=True)).rstrip() for line in lines]
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in header)
+    table = f'<table class="dataframe ledger-{kind}">', f"<thead><tr>{head}</tr></thead>", "<tbody>"
+    return Display("\n".join([*table, *body, "</tbody>", "</table>"]), "\n".join(text))
+
+
+def _entry(cell: Cell, column: str, heading: bool) -> str:
+    """A cell as HTML; on a phone, where a row becomes a block, a number is labelled by the heading of its column."""
+    tag, scope = ("th", ' scope="row"') if heading else ("td", "")
+    span = f' colspan="{cell.span}"' if cell.span > 1 else ""
+    label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
+    return f'<{tag}{scope} class="{cell.kind}"{span}{label}>{cell.html}</{tag}>'
+
+
+def verdict(row: Row) -> Cell:
+    """Make a cell of a verdict, and of its basis where that is not the paper's problem."""
+    word, basis = row.verdict or "open", BASIS.get(row.basis, row.basis)
+    below = f' <span class="basis">{escape(basis)}</span>' if basis else ""
+    return Cell(f"{word} ({basis})" if basis else word, chip(word) + below, "verdict text")
+
+
+def claim(row: Row, unfold: bool = True, anchor: bool = False) -> Cell:
+    """Make a cell of a claim and its place; it unfolds to the note. A terminal shows the id, an anchor links to it."""
+    text = row.printed if row.is_statement else row.quantity
+    html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
+    if unfold and (row.note or row.made):
+        said = "".join(f"<p>{markup(one)}</p>" for one in (row.note, *row.made.split(" | ")) if one)
+        html = f"<details><summary>{html}</summary>{said}</details>"
+    if anchor:
+        place = row.id.replace(".", "-")  # a dot in an address means something else to a script
+        html += f' <a class="row-id" id="{place}" href="#{place}">{escape(row.id)}</a>'
+    return Cell(f"{row.id}: {text} ({row.where})", html, "claim text")
+
+
+def evidence(row: Row, span: int = 1) -> Cell:
+    """Make a cell of what decides a statement."""
+    if not row.evidence:
+        return Cell("", "—", "evidence text", span)
+    kept, relation = Evidence.parse(row.evidence), Relation.parse(row.relation)
+    first = f"largest residual {kept.shown()}" if relation.is_identity else kept.shown()
+    rest = [*filter(None, ("" if relation.is_identity else relation.words, kept.remark))]
+    below = f' <span class="where">{markup("; ".join(rest))}</span>' if rest else ""
+    return Cell("; ".join([first, *rest]), f"{markup(first)}{below}", "evidence text", span)
+
+
+def claims(rows: Sequence[Row], anchors: bool = False) -> Display:
+    """Show rows of a ledger: a number in units of the last printed place off its print, a statement by its evidence."""
+    statements = all(row.is_statement for row in rows)
+    last = ["evidence"] if statements else ["printed", "computed", "difference"]
+    cells = [[verdict(row), claim(row, anchor=anchors), *_found(row, len(last))] for row in rows]
+    return grid("claims", ["verdict", "claim", *last], cells, 1, [row.note for row in rows])
+
+
+def _found(row: Row, columns: int) -> list[Cell]:
+    if row.is_statement:
+        return [evidence(row, columns)]
+    off = row.difference()
+    return [
+        number(row.printed),
+        number(row.shown() or "—"),
+        number("—" if off is None else f"{off:+z.1f}"),
+    ]
+
+
+def score(rows: Iterable[Row]) -> dict[str, int]:
+    """Count rows by the keys of `KINDS`; ``open`` last, if some rows have no verdict yet."""
+    return {**dict.fromkeys(KINDS, 0), **Counter(map(_kind, rows))}
+
+
+def _kind(row: Row) -> str:
+    apart = {"fitted": "fitted", "from-print": "print"}.get(row.basis)
+    if row.verdict and apart:
+        agrees = row.verdict in ("reproduced", "last-digit", "approximate", "holds")
+        return f"{apart}-{'agrees' if agrees else 'disagrees'}"
+    reading = row.basis == "reading" and row.verdict != "not-computable"
+    return "reading" if reading else row.verdict or "open"
+
+
+def score_line(name: str, counts: Mapping[str, int]) -> str:
+    """Say a score in one line.
+
+    >>> score_line("demo", {"reproduced": 3, "print-agrees": 1, "differs": 0})
+    'demo: 4 claims, 3 reproduced, 1 agree with other print'
+    """
+    total = sum(counts.values())
+    parts = [f"{count} {KINDS.get(kind, kind)}" for kind, count in counts.items() if count]
+    return f"{name}: " + ", ".join([f"{total} claim{'' if total == 1 else 's'}", *parts])
+
+
+def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Display:
+    """Show a score as a bar, perhaps with a legend; a screen reader reads `score_line`."""
+    line, shown = score_line(name, counts), {kind: count for kind, count in counts.items() if count}
+    total = sum(counts.values())
+    parts = "".join(
+        f'<span class="verdict-{kind}" style="width:{100 * count / total:.2f}%"></span>'
+        for kind, count in shown.items()
+    )
+    bar = f'<div class="scorebar" role="img" aria-label="{escape(line)}">{parts}</div>'
+    items = "".join(
+        f'<li class="verdict-{kind}">{KINDS.get(kind, kind)} {count}</li>' for kind, count in shown.items()
+    )
+    return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)

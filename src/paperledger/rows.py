@@ -1,0 +1,414 @@
+"""The rows of a ledger, what can be wrong with one, and the files that hold them: ``book/ledger/<paper>.csv``."""
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import astuple, dataclass, fields
+from decimal import Decimal
+from pathlib import Path
+
+from paperledger import digits
+from paperledger.digits import AGREEING, BASES, DECLARED, LedgerError
+from paperledger.making import Making
+from paperledger.statements import Evidence, Relation
+
+FOLDER = Path("book", "ledger")
+MANIFEST = "manifest.csv"  # the frozen list of claims, beside the ledgers
+REMOVED = "removed.csv"  # ids that are never used again, and why
+IDENTITY = 1e-9  # largest relative residual of two formulas that are called the same, without a note
+WORDS = 5  # of a note that carries a verdict; a reason is a sentence
+_ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
+
+
+@contextmanager
+def naming(id: str) -> Iterator[None]:
+    """Say in which row an error happened."""
+    try:
+        yield
+    except LedgerError as error:
+        raise LedgerError(f"{id}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One printed number or statement of a paper, beside what was computed. All entries are strings.
+
+    Parameters
+    ----------
+    id : str
+        Permanent, lower case, dotted, starting with the key of the paper.
+    where : str
+        Where the paper prints it.
+    quantity : str
+        What it is, with its unit.
+    printed : str
+        The printed number, digit for digit; for a statement, a short paraphrase.
+    computed : str, optional
+        The computed number, or ``holds`` or ``fails``. Empty when settled by reading, or not yet computed.
+    verdict : str, optional
+        One of `VERDICTS`, or empty while nobody has judged.
+    basis : str, optional
+        One of `BASES`.
+    page : str, optional
+        The notebook that hands the row over, its path below ``book`` without suffix; empty when settled by reading.
+    made : str, optional
+        Which settings were fitted to which prints, and why the value stays when the library is slightly off; see
+        `Making`.
+    relation : str, optional
+        What a statement asks for; see `Relation`.
+    evidence : str, optional
+        The inequality of two computed numbers that decides a statement; see `Evidence`.
+    note : str, optional
+        Reasons, proofs, tolerances: plain text by a person, without numbers that could drift.
+
+    Examples
+    --------
+    >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+    >>> row.derived()
+    'reproduced'
+    >>> row.problems()
+    []
+    """
+
+    id: str
+    where: str
+    quantity: str
+    printed: str
+    computed: str = ""
+    verdict: str = ""
+    basis: str = "computed"
+    page: str = ""
+    made: str = ""
+    relation: str = ""
+    evidence: str = ""
+    note: str = ""
+
+    @property
+    def is_statement(self) -> bool:
+        """Whether the paper prints words, not a number; the quantity is then called ``statement``."""
+        return self.quantity == "statement"
+
+    @property
+    def is_number(self) -> bool:
+        """Whether a number was computed, so that differences make sense."""
+        return not self.is_statement and self.computed != ""
+
+    @property
+    def found(self) -> str:
+        """What was computed: a number, or the evidence of a statement."""
+        return self.evidence if self.is_statement else self.computed
+
+    @property
+    def half_unit(self) -> float:
+        """Half a unit of the last printed place: how far the number may lie from its print.
+
+        Raises
+        ------
+        LedgerError
+            For a statement.
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", printed="1.30").half_unit
+        0.005
+        """
+        with naming(self.id):
+            return float(digits.unit(digits.read_number(self.printed)) / 2)
+
+    def derived(self) -> str | None:
+        """Return the verdict that follows from the entries, None if they disagree.
+
+        Returns
+        -------
+        str or None
+            For a statement what its evidence gives, for a number see `derive`.
+
+        Raises
+        ------
+        LedgerError
+            If an entry cannot be read.
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", printed="1.31", computed="1.3151").derived()
+        'last-digit'
+        >>> Row("demo.s", "sec. 2", "statement", "at most 10", evidence="10.82 <= 10").derived()
+        'fails'
+        """
+        with naming(self.id):
+            if self.is_statement:
+                return Evidence.parse(self.evidence).verdict
+            return digits.derive(self.printed, self.computed, self.note)
+
+    def difference(self) -> Decimal | None:
+        """Return computed minus printed in units of the last printed place, None where there is no number.
+
+        Returns
+        -------
+        decimal.Decimal or None
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", printed="1.30", computed="1.3125").difference()
+        Decimal('1.25')
+        """
+        with naming(self.id):
+            return digits.difference(self.printed, self.computed) if self.is_number else None
+
+    def shown(self) -> str:
+        """Return the computed entry, a number rounded for a reader to two digits more than printed.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", printed="1.31", computed="1.309812345").shown()
+        '1.3098'
+        """
+        with naming(self.id):
+            return digits.show(self.printed, self.computed) if self.is_number else self.computed
+
+    def same(self, fresh: "Row") -> bool:
+        """Tell whether a fresh row says what this one says, to one unit in its last stored place.
+
+        Parameters
+        ----------
+        fresh : Row
+            The row with what a run computed.
+
+        Returns
+        -------
+        bool
+
+        Examples
+        --------
+        >>> from dataclasses import replace
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
+        >>> row.same(replace(row, computed="1.309812346")), row.same(replace(row, computed="1.309900000"))
+        (True, False)
+        """
+        if not self.found:
+            return False
+        if not self.is_statement:
+            return digits.agrees(fresh.computed, self.computed)
+        old, new = Evidence.parse(self.evidence), Evidence.parse(fresh.evidence)
+        if Relation.parse(self.relation).is_identity and old.verdict == new.verdict == "holds":
+            return old.right == new.right  # the size of a rounding error depends on the machine
+        return digits.same_text(self.evidence, fresh.evidence)
+
+    def disagreement(self) -> str | None:
+        """Say why the verdict does not follow from the entries, None if it does.
+
+        Returns
+        -------
+        str or None
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.3151", "reproduced").disagreement()
+        'demo.kp: file says reproduced, 1.3151 against printed 1.31 gives last-digit'
+        """
+        try:
+            derived = self.derived()
+        except LedgerError as error:
+            return str(error)
+        found = self.evidence if self.is_statement else f"{self.computed} against printed {self.printed}"
+        gives = f"{found} gives {derived or 'no agreement'}"
+        if self.verdict in DECLARED:
+            agrees = derived in AGREEING
+            return f"{self.id}: declared {self.verdict} starts to agree, {gives}" if agrees else None
+        if derived == self.verdict:
+            return None
+        advice = "" if derived else "; declare misprint, as-read or differs, with a note"
+        return f"{self.id}: file says {self.verdict or 'nothing'}, {gives}{advice}"
+
+    def problems(self) -> list[str]:
+        """List what is wrong with the row taken alone, one line each.
+
+        Returns
+        -------
+        list of str
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.900000000", "misprint", page="demo").problems()
+        ['demo.kp: misprint needs a note of at least 5 words']
+        """
+        found = [f"{self.id}: {problem}" for problem in self._malformed()]
+        disagreement = None if found or self.basis == "reading" else self.disagreement()
+        return [*found, disagreement] if disagreement else found
+
+    def _malformed(self) -> Iterator[str]:
+        """Say which entries are missing, or there without reason."""
+        reading, statement = self.basis == "reading", ("relation", "evidence")
+        computing = ("computed", "page", *(statement if self.is_statement else ()))
+        needed = ("where", "quantity", "printed", *(() if reading else computing))
+        barred = (
+            ("computed", "page", "made", *statement) if reading else () if self.is_statement else statement
+        )
+        if not _ID.fullmatch(self.id):
+            yield "an id is lower case and dotted, such as haalman2024.ex1.pida.kp"
+        if self.basis not in BASES:
+            yield f"unknown basis {self.basis!r}; one of {', '.join(BASES)}"
+        yield from (f"{name!r} is empty" for name in needed if not getattr(self, name).strip())
+        kind = "settled by reading" if reading else "a number"
+        yield from (f"{kind}, but {name!r} is not empty" for name in barred if getattr(self, name))
+        if self.verdict == "not-computable" and not reading:
+            yield "not-computable, so its basis is reading"
+        if reading and self.verdict not in ("holds", "fails", *DECLARED):
+            yield f"settled by reading cannot be {self.verdict or 'left without a verdict'}"
+        if (reading or self.verdict in DECLARED) and len(self.note.split()) < WORDS:
+            yield f"{self.verdict} needs a note of at least {WORDS} words"
+        yield from self._badly_made()
+        if self.relation:
+            try:
+                relation = Relation.parse(self.relation)
+            except LedgerError as error:
+                yield str(error)
+            else:
+                if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
+                    yield f"a tolerance above {IDENTITY:g} needs a note that says why"
+
+    def _badly_made(self) -> Iterator[str]:
+        """Say what is wrong with the column ``made``."""
+        try:
+            made = Making.parse(self.made)
+        except LedgerError as error:
+            yield str(error)
+            return
+        if self.basis == "fitted" and not made.settings:
+            yield "fitted, so 'made' says how many settings from how many numbers: 'fit: 3 settings from 70 numbers: …'"
+        if made.settings and self.basis != "fitted":
+            yield f"'made' says what was fitted, so its basis is fitted, not {self.basis}"
+        if made.stays and self.basis == "from-print":
+            yield "from-print, so nobody asks why it stays; 'made' is empty"
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+
+
+def find_folder() -> Path:
+    """Search for ``book/ledger`` in the current directory and above it."""
+    here = Path.cwd()
+    for parent in (here, *here.parents):
+        if (parent / FOLDER).is_dir():
+            return parent / FOLDER
+    raise LedgerError(
+        f"no folder {FOLDER.as_posix()} in {here} or above it; the ledgers come with a clone of the book, not with the "
+        "installed library"
+    )
+
+
+def papers(folder: Path) -> list[str]:
+    """List the papers that have a ledger in a folder.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Folder of the csv files.
+
+    Returns
+    -------
+    list of str
+        Keys in alphabetical order.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> papers(Path(tempfile.mkdtemp()))
+    []
+    """
+    return sorted(file.stem for file in folder.glob("*.csv") if file.name not in (MANIFEST, REMOVED))
+
+
+def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
+    """Read a csv file that has these columns; one row is one line, so that a diff reads well."""
+    with path.open(encoding="utf-8", newline="") as file:
+        try:
+            header, *lines = [*csv.reader(file, strict=True)] or [[]]
+        except csv.Error as error:
+            raise LedgerError(f"{path.name}: {error}") from None
+    if header != [*columns]:
+        raise LedgerError(
+            f"{path.name}: expected the columns {', '.join(columns)}, found {', '.join(header)}"
+        )
+    for line in lines:
+        if len(line) != len(columns) or any("\n" in entry or "\r" in entry for entry in line):
+            raise LedgerError(f"{path.name}: expected {len(columns)} entries on one line, found {line}")
+    return lines
+
+
+def removed(folder: Path) -> dict[str, str]:
+    """Return the ids of a folder that are never used again, and why."""
+    path = folder / REMOVED
+    lines = read_table(path, ("id", "reason")) if path.is_file() else []
+    if bare := [id for id, reason in lines if not reason.strip()]:
+        raise LedgerError(f"{REMOVED}: no reason for {', '.join(bare)}")
+    return {id: reason.strip() for id, reason in lines}
+
+
+def table(columns: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """Write a csv file as text: quotes only where needed, one line feed after each line."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([columns, *lines])
+    return text.getvalue()
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Read a ledger file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The csv file.
+
+    Returns
+    -------
+    list of Row
+        In the order of the file.
+
+    Raises
+    ------
+    LedgerError
+        If the columns are others than those of `Row`, a line is incomplete or an id occurs twice.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "demo.csv")
+    >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
+    >>> [row.printed for row in read_rows(path)]
+    ['1.31']
+    """
+    lines = read_table(path, COLUMNS)
+    twice = [id for id, count in Counter(line[0] for line in lines).items() if count > 1]
+    if twice:
+        raise LedgerError(f"{path.name}: more than one row for {', '.join(twice)}")
+    return [Row(*line) for line in lines]
+
+
+def write_rows(path: Path, rows: Sequence[Row]) -> None:
+    """Write a ledger file in UTF-8.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The csv file.
+    rows : sequence of Row
+        In the order to keep.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "demo.csv")
+    >>> write_rows(path, [Row("demo.kp", "Table 1", "gain", "1.31")])
+    >>> print(path.read_text(encoding="utf-8"), end="")
+    id,where,quantity,printed,computed,verdict,basis,page,made,relation,evidence,note
+    demo.kp,Table 1,gain,1.31,,,computed,,,,,
+    """
+    path.write_text(table(COLUMNS, (astuple(row) for row in rows)), encoding="utf-8", newline="")

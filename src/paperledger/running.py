@@ -1,0 +1,156 @@
+"""Running the pages of a paper, and storing what they hand over."""
+
+import ast
+import contextlib
+import json
+import os
+import re
+import sys
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from paperledger.book import Ledger, recording
+from paperledger.digits import DECLARED, LedgerError
+from paperledger.rows import Row, find_folder, naming, write_rows
+
+
+def pages(paper: str, folder: Path) -> list[Path]:
+    """Find the notebooks beside a folder of ledgers that open the ledger of a paper, chapters before audits."""
+    opened = re.compile(rf"Ledger\.open\(\s*['\"]{paper}['\"]")
+    notebooks = [path for path in folder.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
+    found = [path for path in notebooks if opened.search("\n".join(cells(path)))]
+    return sorted(found, key=lambda path: (len(path.parts), path))
+
+
+def cells(path: Path) -> list[str]:
+    """Read the code cells of a notebook, magics left out."""
+    notebook = json.loads(path.read_text(encoding="utf-8"))
+    code = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    return [re.sub(r"(?m)^[%!].*$", "", source) for source in code]
+
+
+def execute(path: Path) -> Iterator[str]:
+    """Run the code cells of a notebook in its folder, one after the other; yields what each prints and returns."""
+    os.environ["MPLBACKEND"] = "Agg"
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].switch_backend("Agg")
+    names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
+    here, sources = str(path.resolve().parent), cells(path)
+    with contextlib.chdir(here):
+        sys.path.insert(0, here)
+        try:
+            for number, source in enumerate(sources, start=1):
+                tree, last = ast.parse(source), None
+                if tree.body and isinstance(tree.body[-1], ast.Expr):
+                    last = ast.Expression(tree.body.pop().value)  # type: ignore[attr-defined]
+                with contextlib.redirect_stdout(StringIO()) as said, warnings.catch_warnings():
+                    warnings.filterwarnings("ignore", message=".*non-interactive.*")
+                    exec(compile(tree, f"{path.name}, cell {number}", "exec"), names)
+                    value = last and eval(compile(last, f"{path.name}, cell {number}", "eval"), names)
+                yield said.getvalue() + ("" if value is None else repr(value))
+        finally:
+            sys.path.remove(here)
+            if "matplotlib.pyplot" in sys.modules:
+                sys.modules["matplotlib.pyplot"].close("all")
+
+
+class Update(NamedTuple):
+    """What an update did to a ledger.
+
+    Parameters
+    ----------
+    changes : list of str
+        One line for each entry that changed, old and new.
+    problems : list of str
+        What is left for a person: verdicts to declare, ids never handed over.
+
+    Examples
+    --------
+    >>> Update(changes=[], problems=["demo.kp: never handed over"]).changes
+    []
+    """
+
+    changes: list[str]
+    problems: list[str]
+
+
+def update(paper: str, folder: Path | str | None = None) -> Update:
+    """Run the pages of a paper and store what they hand over, with the verdicts that follow.
+
+    What still agrees stays as it is, so that a second run on another machine changes nothing; so does everything that a
+    person wrote: order, basis, relations, notes and declared verdicts. A row whose numbers disagree without a declared
+    reason is left without a verdict.
+
+    Parameters
+    ----------
+    paper : str
+        Key of the paper.
+    folder : path, optional
+        Folder of the csv files, beside which the notebooks lie; by default as in `Ledger.open`.
+
+    Returns
+    -------
+    Update
+
+    Raises
+    ------
+    LedgerError
+        If no page opens the ledger, a page closes it under another name than its own, an id is unknown, or what is
+        handed over does not fit its row. Nothing is stored then.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> book = Path(tempfile.mkdtemp(), "book")
+    >>> (book / "ledger").mkdir(parents=True)
+    >>> write_rows(book / "ledger" / "demo.csv", [Row("demo.kp", "Table 1", "gain", "1.31")])
+    >>> cell = "from paperledger import Ledger; book = Ledger.open('demo'); book.compare({'kp': 1.3098})"
+    >>> page = {"cells": [{"cell_type": "code", "source": [cell]}]}
+    >>> _ = (book / "demo.ipynb").write_text(json.dumps(page))
+    >>> for change in update("demo", book / "ledger").changes:
+    ...     print(change)
+    demo.kp: computed '' -> '1.309800000'
+    demo.kp: verdict '' -> 'reproduced'
+    demo.kp: page '' -> 'demo'
+    """
+    place = Path(folder) if folder is not None else find_folder()
+    found = pages(paper, place)
+    if not found:
+        raise LedgerError(f'no notebook has Ledger.open("{paper}")')
+    books: list[Ledger] = []
+    for path in found:
+        with recording() as opened:
+            for _ in execute(path):
+                pass
+        name = path.relative_to(place.parent).with_suffix("").as_posix()
+        for book in opened:
+            if book.closed and book.page != name:
+                raise LedgerError(f"{name} closes the ledger as page {book.page!r}")
+        books += [book for book in opened if book.paper == paper]
+    fresh: dict[str, Row] = {}
+    for book in sorted(books, key=lambda book: not book.closed):  # the first that closes it owes a row
+        fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
+    book = Ledger.open(paper, folder=place)
+    new = {id: _updated(row, fresh[id]) if id in fresh else row for id, row in book.rows.items()}
+    changes = [
+        f"{id}: {column} {getattr(row, column)!r} -> {getattr(new[id], column)!r}"
+        for id, row in book.rows.items()
+        for column in ("computed", "evidence", "verdict", "page")
+        if getattr(row, column) != getattr(new[id], column)
+    ]
+    if changes:
+        write_rows(book.path, list(new.values()))
+    owed = [row.id for row in new.values() if row.basis != "reading" and row.id not in fresh]
+    left = Ledger.open(paper, folder=place).problems() + [f"{id}: never handed over" for id in owed]
+    return Update(changes, left)
+
+
+def _updated(row: Row, fresh: Row) -> Row:
+    """Return the row with what is new in a fresh one, and the verdict that follows."""
+    with naming(row.id):
+        new = replace(row, page=fresh.page) if row.same(fresh) else fresh
+        return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")

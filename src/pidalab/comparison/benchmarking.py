@@ -1,0 +1,426 @@
+"""A rule, given as a function, judged on 134 plants beside all rules of the library and the best there is.
+
+The rule of a user and those of the library go through the same judge, `judge`: first as published, then scaled to the
+same maximum sensitivity and the same noise (`pidalab.comparison.at_equal_terms`). What the library's rules and the
+optima reach is stored beside this file, in units of each plant's ultimate gain and period.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pidalab import _check
+from pidalab._parts import done, require_executor
+from pidalab.comparison import first_horizon
+from pidalab.comparison.fairness import at_equal_terms
+from pidalab.comparison.judging import Row, measure_row, one_line
+from pidalab.comparison.plants import batch
+from pidalab.controllers.base import Controller
+from pidalab.process import Process
+from pidalab.reduction import ultimate_frequency
+from pidalab.rules import Design
+from pidalab.rules.registry import KINDS
+from pidalab.rules.starting_models import StartingModels
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+TABLES = Path(__file__).with_name("tables")
+MS = 1.4  # of all that is compared at equal terms
+NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
+SAMPLES = 100  # of the noise, in an ultimate period
+MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
+NEAR = 1.2  # times the least IAE: as good as the best for most purposes
+SHOWN = {
+    "plants": "served",
+    "of its kind": "median IAE over the least of its kind",
+    "of all": "over the least of all kinds",
+    "worst tenth": "a tenth of the plants is beyond",
+}
+
+Rule = Callable[[Process], Design | Controller]
+
+
+class Units(NamedTuple):
+    """Ultimate gain and period of a plant, in which plants compare that are a thousand times faster or slower."""
+
+    gain: float
+    period: float
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time of the noise."""
+        return self.period / SAMPLES
+
+
+def ultimate_units(process: Process) -> Units:
+    """Return the ultimate gain and period of a plant."""
+    w = ultimate_frequency(process)
+    return Units(1 / float(abs(process(1j * w))), 2 * math.pi / w)
+
+
+@cache
+def stored(name: str) -> pd.DataFrame:
+    """Return a stored table: ``processes``, ``comparison`` or ``optima``, in units of each plant.
+
+    Parameters
+    ----------
+    name : str
+        Of the table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One for all callers: copy before you change it.
+
+    Examples
+    --------
+    >>> from pidalab.comparison.benchmarking import stored
+    >>> len(stored("processes").query("family not in ('frontier', 'map')"))
+    134
+    """
+    import pandas as pd
+
+    _check.choice("name", name, ("processes", "comparison", "optima"))
+    return pd.read_csv(TABLES / f"{name}.csv", keep_default_na=True)
+
+
+def judge(
+    rule: str, kind: str, make: Callable[[], Design], process: Process, own: Units
+) -> Iterator[dict[str, Any]]:
+    """Yield what a design is on a plant: as published, then at equal terms, loud noise first; in units of the plant.
+
+    Parameters
+    ----------
+    rule, kind : str
+        Names of the rows; an empty kind is read off the design.
+    make : callable
+        Returns the design, or raises ValueError where the rule does not apply.
+    process : Process
+        The plant.
+    own : Units
+        Of the plant.
+
+    Yields
+    ------
+    dict
+        A refusal is a row with its ``reason``.
+    """
+    row = measure_row(rule, kind, make, process, own.sample_time, first_horizon(process))
+    kind = kind or kind_of(row.design)
+    yield {"rule": rule, "kind": kind, "terms": "own", **in_units(row, own)}
+    if row.design is not None:
+        for terms in at_all_terms(row.design, process, own):
+            yield {"rule": rule, "kind": kind, **terms}
+
+
+def in_units(row: Row, own: Units) -> dict[str, Any]:
+    """Return what was measured, in the plant's units; what could not be had stays away."""
+    if not row.applies:
+        return {"reason": row.reason}
+    found = {
+        "iae_load": row.iae_load * own.gain / own.period,
+        "iae_setpoint": row.iae_setpoint / own.period,
+        "ms": row.ms,
+        "mks": row.mks / own.gain,
+        "noise_gain": row.noise_gain / own.gain,
+        "tv": row.tv,
+        "delay_margin": row.delay_margin / own.period,
+    }
+    return {key: value for key, value in found.items() if not math.isnan(value)} | {"reason": row.reason}
+
+
+def at_all_terms(design: Design, process: Process, own: Units) -> list[dict[str, Any]]:
+    """Return the proportions of a design at the Ms and the noise of all others, the loud terms first."""
+    rows: list[dict[str, Any]] = []
+    for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
+        # a filter as short as the sample stays so where less noise is allowed and not made
+        if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
+            rows.append(rows[-1] | {"terms": terms})
+        else:
+            rows.append({"terms": terms} | at_terms(design, noise, process, own))
+    return rows
+
+
+def at_terms(design: Design, noise: float, process: Process, own: Units) -> dict[str, Any]:
+    """Return a design at equal terms, measured; its prefilter is gone, so that its set-point response says nothing."""
+    try:
+        made = at_equal_terms(design, process, MS, noise * own.gain, own.sample_time)
+        row = measure_row("", "", lambda: made, process, own.sample_time, first_horizon(process))
+    except (ValueError, ArithmeticError) as refusal:
+        return {"reason": one_line(refusal)}
+    known = in_units(row, own)
+    known.pop("iae_setpoint", None)
+    time: float = made.controller.filter_time  # type: ignore[attr-defined]  # a HighOrderPID
+    return known | {"factor": made.factor, "filter_time": round(time / own.period, 12)}
+
+
+def kind_of(design: Design | None) -> str:
+    """Return what a design is by its highest derivative: "PI", "PID" or "PIDA"; empty for anything else."""
+    if design is None:
+        return ""
+    coefficients = getattr(design.controller, "coefficients", None) or design.controller.gains()
+    return dict(enumerate(KINDS)).get(max(0, len(np.trim_zeros(np.array(coefficients), "b")) - 2), "")
+
+
+@dataclass(frozen=True, eq=False)
+class Benchmark:
+    """Result of `benchmark`.
+
+    Attributes
+    ----------
+    name : str
+        Of the rule.
+    rows : pandas.DataFrame
+        A row for each plant and terms (``own``, ``loud``, ``quiet``), in units of the plant: what was measured, the IAE
+        over the least of its kind (``of_kind``) and of all kinds (``of_best``), and the reason of a refusal.
+    """
+
+    name: str
+    rows: pd.DataFrame
+
+    def ranking(self, terms: str = "loud") -> pd.DataFrame:
+        """Return the rule among all rules of the library at equal terms, the nearest to the best first.
+
+        Parameters
+        ----------
+        terms : {"loud", "quiet"}, optional
+            How much noise is allowed: 1.5 or 0.3 ultimate gains.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each rule and kind: on how many plants it could be judged, the median of its IAE over the least of
+            its kind and over the least of all kinds, and what it exceeds on a tenth of the plants.
+
+        Raises
+        ------
+        ValueError
+            For other terms.
+        """
+        import pandas as pd
+
+        _check.choice("terms", terms, tuple(NOISE))
+        others = beside_least(stored("comparison").query("terms == @terms"))
+        mine = self.rows.query("terms == @terms").assign(rule=self.name)
+        table = pd.concat([others, mine]).dropna(subset=["of_best"])
+        groups = table.groupby(["rule", "kind"])
+        found = pd.DataFrame(
+            {
+                "plants": groups.size(),
+                "of its kind": groups["of_kind"].median(),
+                "of all": groups["of_best"].median(),
+                "worst tenth": groups["of_best"].quantile(0.9),
+            }
+        )
+        return found.sort_values("of all")
+
+    def refusals(self) -> pd.Series:
+        """Return on how many plants the rule refused, or made an unstable loop, by reason."""
+        own = self.rows.query("terms == 'own'")
+        return own.loc[own["ms"].isna(), "reason"].value_counts()
+
+    def as_published(self) -> pd.DataFrame:
+        """Return medians of what the rule is with its author's own settings, by kind."""
+        import pandas as pd
+
+        own = self.rows.query("terms == 'own'").dropna(subset=["ms"])
+        groups = own.groupby("kind")
+        return pd.DataFrame(
+            {
+                "plants": groups.size(),
+                "Ms": groups["ms"].median(),
+                "Ms, 9 of 10 below": groups["ms"].quantile(0.9),
+                "noise gain": groups["noise_gain"].median(),
+            }
+        )
+
+    def __str__(self) -> str:
+        plants = self.rows["plant"].nunique()
+        lines = [
+            f"{self.name}: {plants} plants, Ms = {MS:g}; IAE of a load step over the least there is",
+            "as published:",
+            self.as_published().round(2).to_string(),
+            f"at equal Ms and noise, {NOISE['loud']:g} ultimate gains:",
+            self.ranking().round(2).to_string(),
+        ]
+        if len(refused := self.refusals()):
+            lines += ["refused, or unstable:", *(f"{count:4} {reason}" for reason, count in refused.items())]
+        return "\n".join(lines)
+
+    def csv(self, path: str | Path) -> Path:
+        """Write the rows, for other programs; returns the path."""
+        self.rows.to_csv(path, index=False, float_format="%.5g", lineterminator="\n")
+        return Path(path)
+
+    def latex(self, terms: str = "loud") -> str:
+        """Return the ranking as a table for a paper, with the rule in bold."""
+        lines = [
+            r"\begin{tabular}{llrrrr}",
+            r"\hline",
+            r"rule & kind & " + " & ".join(SHOWN) + r" \\",
+            r"\hline",
+        ]
+        for (rule, kind), row in self.ranking(terms).iterrows():
+            name = _escape(rule)
+            cells = [rf"\textbf{{{name}}}" if rule == self.name else name, kind, f"{row['plants']:.0f}"]
+            lines.append(" & ".join([*cells, *(f"{row[one]:.2f}" for one in list(SHOWN)[1:])]) + r" \\")
+        return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
+
+    def plot(self, terms: str = "loud") -> Figure:
+        """Draw the spread of every rule of the same kinds over the plants, this one marked.
+
+        Parameters
+        ----------
+        terms : {"loud", "quiet"}, optional
+            As for `ranking`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            One panel: from the first to the ninth tenth of the plants, and the median.
+        """
+        import pandas as pd
+        from matplotlib.figure import Figure
+
+        others = beside_least(stored("comparison").query("terms == @terms"))
+        mine = self.rows.query("terms == @terms").assign(rule=self.name)
+        table = pd.concat([others[others["kind"].isin(mine["kind"])], mine]).dropna(subset=["of_best"])
+        tenths = table.groupby(["rule", "kind"])["of_best"].quantile([0.1, 0.5, 0.9]).unstack()
+        tenths = tenths.sort_values(0.5, ascending=False)
+        figure = Figure(figsize=(6.4, 0.8 + 0.24 * len(tenths)), layout="constrained")
+        axes = figure.subplots()
+        for place, ((rule, _), row) in enumerate(tenths.iterrows()):
+            wide = rule == self.name
+            axes.plot(
+                [row[0.1], row[0.9]], [place, place], color="C0" if wide else "0.6", lw=3.0 if wide else 1.2
+            )
+            axes.plot(row[0.5], place, "o", color="C0" if wide else "0.4", ms=7 if wide else 4)
+        axes.set_yticks(range(len(tenths)), [f"{rule} {kind}" for rule, kind in tenths.index])
+        axes.set(
+            xscale="log", xlabel="IAE of a load step over the least there is; a tenth, median, nine tenths"
+        )
+        axes.grid(axis="x", which="both", alpha=0.3)
+        return figure
+
+
+def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return rows at equal terms with their IAE over the least of their kind, and of all kinds, for the same terms."""
+    optima = stored("optima").query("ms_limit == @MS")
+    terms = {noise: name for name, noise in NOISE.items()}
+    least = optima.assign(
+        kind=optima["order"].map(dict(enumerate(KINDS))), terms=optima["noise_limit"].map(terms)
+    )
+    kinds = least.groupby(["plant", "terms", "kind"])["iae"].min().rename("least_of_kind").reset_index()
+    best = least.groupby(["plant", "terms"])["iae"].min().rename("least").reset_index()
+    found = rows.merge(kinds, on=["plant", "terms", "kind"], how="left").merge(
+        best, on=["plant", "terms"], how="left"
+    )
+    return found.assign(
+        of_kind=found["iae_load"] / found["least_of_kind"], of_best=found["iae_load"] / found["least"]
+    )
+
+
+def benchmark(
+    rule: Rule,
+    name: str | None = None,
+    model: str = "process",
+    plants: Iterable[str] | None = None,
+    executor: Executor | None = None,
+) -> Benchmark:
+    """Judge a rule of your own on the 134 plants of Åström and Hägglund, beside all rules and the best there is.
+
+    Parameters
+    ----------
+    rule : callable
+        Takes a `Process`, its model of the plant, and returns a controller or a `Design`. It raises ValueError where it
+        does not apply; the message is kept.
+    name : str, optional
+        What it is called in tables; by default the function's name.
+    model : str, optional
+        What the rule is given: ``process``, the plant itself, or a model of it, as the authors of rules start from:
+        ``reaction`` (lag and dead time from the steepest tangent), ``first_order``, ``second_order`` (reductions),
+        ``third_order`` (three points of the step response), ``integrator`` (with dead time).
+    plants : iterable of str, optional
+        Names of plants, for a first look; by default all.
+    executor : concurrent.futures.Executor, optional
+        Who computes: processes, or the executor of a cluster. The rule has to be importable there. By default this
+        process, which takes about a minute.
+
+    Returns
+    -------
+    Benchmark
+        Print it, or take its figure, its CSV, its table for a paper.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a rule that cannot be called or returns something else, and for names that are unknown.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> def half(process):
+    ...     return pidalab.rules.classical.simc(process, "PI")
+    >>> result = pidalab.benchmark(half, "mine", model="first_order", plants=["P2 T=1", "P4 n=4"])
+    >>> result.rows.query("terms == 'loud'")["of_best"].round(1).tolist()
+    [1.8, 2.4]
+    """
+    if not callable(rule):
+        raise TypeError(f"rule must be a function of a Process, found {type(rule).__name__}")
+    _check.choice("model", model, MODELS)
+    called = name or str(getattr(rule, "__name__", "rule"))
+    cases = {case.name: case.process for case in batch()}
+    wanted = list(cases) if plants is None else list(plants)
+    if unknown := [one for one in wanted if one not in cases]:
+        raise ValueError(f"plants must be names such as 'P2 T=1' and 'P4 n=4', found {unknown[0]!r}")
+    require_executor(executor)
+    found = done(partial(_rows_of, rule, model), [(one, cases[one]) for one in wanted], executor, "plant")
+    return Benchmark(called, _with_least([row for rows in found for row in rows]))
+
+
+def _rows_of(rule: Rule, model: str, case: tuple[str, Process]) -> list[dict[str, Any]]:
+    name, process = case
+
+    def make() -> Design:
+        made = rule(getattr(StartingModels(process), model))
+        if isinstance(made, Design):
+            return made
+        if isinstance(made, Controller):
+            return Design(process, made, source="a rule of the user")
+        raise TypeError(f"rule must return a controller or a Design, found {type(made).__name__}")
+
+    return [{"plant": name, **row} for row in judge("", "", make, process, ultimate_units(process))]
+
+
+def _with_least(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    import pandas as pd
+
+    columns = [
+        "plant",
+        "kind",
+        "terms",
+        "iae_load",
+        "iae_setpoint",
+        "ms",
+        "mks",
+        "noise_gain",
+        "tv",
+        "delay_margin",
+    ]
+    table = pd.DataFrame(rows).reindex(columns=[*columns, "factor", "filter_time", "reason"])
+    return beside_least(table).drop(columns=["least_of_kind", "least"])
+
+
+def _escape(text: str) -> str:
+    """Letters that mean something to LaTeX, as themselves."""
+    return "".join(f"\\{one}" if one in "&%$#_{}" else one for one in text)

@@ -1,0 +1,207 @@
+"""The judge of a design: its loop with a plant, measured, as a row; and rows as a table of text or HTML."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+from pidalab.process import Process
+from pidalab.response import Response
+from pidalab.rules import Design
+from pidalab.rules.sampled import sampled_noise
+
+
+class Row(NamedTuple):
+    """One design on a plant; a measure that could not be had is NaN, and `reason` says why.
+
+    Attributes
+    ----------
+    rule, kind : str
+        Name of the rule, and "PI", "PID" or "PIDA".
+    iae_load, iae_setpoint : float
+        IAE of unit steps of the load and of the set point.
+    ms : float
+        Maximum sensitivity.
+    mks : float
+        Largest gain from noise to u over all frequencies.
+    noise_gain : float
+        Standard deviation of u per unit of that of white, sampled noise.
+    tv : float
+        Total variation of u after the load step.
+    delay_margin : float
+    reason : str
+        Why there is no design, or why a measure is missing.
+    design : Design or None
+    peak : float
+        Largest deviation of the output after the load step.
+    overshoot : float
+        After the step of the set point, in per cent.
+    load, setpoint : Response or None
+        Responses to the unit steps.
+    iae_worst, ms_worst : float
+        The worst within the spread of the model, with the digital loop, if there is one, for Ms.
+    price : float
+        How many times the IAE is that of the design without a limit for the worst Ms.
+    ms_sampled : float
+        Maximum sensitivity of the digital loop with the model.
+    """
+
+    rule: str
+    kind: str
+    iae_load: float = math.nan
+    iae_setpoint: float = math.nan
+    ms: float = math.nan
+    mks: float = math.nan
+    noise_gain: float = math.nan
+    tv: float = math.nan
+    delay_margin: float = math.nan
+    reason: str = ""
+    design: Design | None = None
+    peak: float = math.nan
+    overshoot: float = math.nan
+    load: Response | None = None
+    setpoint: Response | None = None
+    iae_worst: float = math.nan
+    ms_worst: float = math.nan
+    price: float = math.nan
+    ms_sampled: float = math.nan
+
+    @property
+    def applies(self) -> bool:
+        """Whether there is a design and its loop with the plant is stable."""
+        return math.isfinite(self.ms)
+
+    @property
+    def iae(self) -> float:
+        """The IAE of the load step."""
+        return self.iae_load
+
+
+def measure_row(
+    rule: str,
+    kind: str,
+    make: Callable[[], Design],
+    process: Process,
+    sample_time: float | None,
+    horizon: float,
+) -> Row:
+    """Make a design and measure its loop with a process.
+
+    Parameters
+    ----------
+    rule, kind : str
+        Names of the row.
+    make : callable
+        Returns the design, or raises ValueError where the rule does not apply.
+    process : Process
+        The plant.
+    sample_time : float or None
+        Sample time of the noise; without one its gain is left out.
+    horizon : float
+        The end of the first response that is tried.
+
+    Returns
+    -------
+    Row
+        Its reason says what could not be had.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.comparison.judging import measure_row
+    >>> process = pidalab.lags(3, delay=1.0)
+    >>> design = pidalab.rules.classical.simc(process, "PI")
+    >>> row = measure_row("simc", "PI", lambda: design, process, sample_time=0.05, horizon=60.0)
+    >>> print(f"{row.iae_load:.2f} {row.ms:.2f}")
+    5.36 1.53
+    """
+    try:
+        return _measure_loop(rule, kind, make(), process, sample_time, horizon)
+    except (ValueError, ArithmeticError) as refusal:
+        return Row(rule, kind, reason=one_line(refusal))
+
+
+def _measure_loop(
+    rule: str, kind: str, design: Design, process: Process, sample_time: float | None, horizon: float
+) -> Row:
+    from pidalab.robustness.control import max_control_sensitivity
+    from pidalab.robustness.margins import margins
+    from pidalab.simulation.exact import load_response, step_response
+    from pidalab.simulation.settling import settled
+
+    loop = design.loop(process)
+    found = margins(loop)
+    if not found.stable:
+        return Row(rule, kind, reason="the loop with the process is unstable", design=design)
+    load, setpoint = (settled(simulate, loop, horizon) for simulate in (load_response, step_response))
+    noise, reason = (math.nan, "") if sample_time is None else sampled_noise(loop, sample_time)
+    return Row(
+        rule,
+        kind,
+        iae_load=load.iae(horizon=math.inf),
+        iae_setpoint=setpoint.iae(horizon=math.inf),
+        ms=found.ms,
+        mks=max_control_sensitivity(loop)[0],
+        noise_gain=noise,
+        tv=load.tv("u"),
+        delay_margin=found.dm,
+        reason=reason,
+        design=design,
+        peak=abs(load.peak()),
+        overshoot=setpoint.overshoot(),
+        load=load,
+        setpoint=setpoint,
+    )
+
+
+def one_line(refusal: object) -> str:
+    """Return a message without line breaks."""
+    return " ".join(str(refusal).split())
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+Notes = Callable[[Row], str]
+
+
+def _no_note(row: Row) -> str:
+    return ""
+
+
+def text_table(
+    rows: Sequence[Row],
+    names: Mapping[str, int],
+    columns: Mapping[str, str],
+    width: int,
+    notes: Notes = _no_note,
+) -> list[str]:
+    """Return the rows as lines: names (attribute: width) on the left, numbers (heading: attribute), and a note."""
+    lines = []
+    for row in rows:
+        left = "".join(f"{getattr(row, name):{size}}" for name, size in names.items())
+        cells = "".join(f"{cell:>{width}}" for cell in _cells(row, columns))
+        lines.append(left + (f"{cells}  {notes(row)}".rstrip() if row.applies else f"  {row.reason}"))
+    return lines
+
+
+def html_table(
+    rows: Sequence[Row], names: Sequence[str], columns: Mapping[str, str], notes: Notes = _no_note
+) -> str:
+    """Return the rows as a table of HTML; the column of notes is there if there are any."""
+    noted = any(map(notes, rows))
+    heads = [*names, *columns, *(["note"] * noted)]
+    body = []
+    for row in rows:
+        left = "".join(f"<td>{html.escape(getattr(row, name))}</td>" for name in names)
+        cells = [*_cells(row, columns), *([notes(row)] * noted)] if row.applies else [row.reason]
+        span = "" if row.applies else f" colspan='{len(heads) - len(names)}'"
+        body.append(f"<tr>{left}{''.join(f'<td{span}>{html.escape(cell)}</td>' for cell in cells)}</tr>")
+    head = "".join(f"<th scope='col'>{html.escape(name)}</th>" for name in heads)
+    return f"<table class='dataframe'><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+
+
+def _cells(row: Row, columns: Mapping[str, str]) -> list[str]:
+    numbers = [getattr(row, name) for name in columns.values()]
+    return ["-" if math.isnan(x) else f"{x:.4g}" for x in numbers]

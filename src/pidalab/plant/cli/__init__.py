@@ -1,0 +1,35 @@
+"""The command line: from a plant record to controller code, rules and loops on a plant, a board on the desk."""
+
+from __future__ import annotations
+
+import click
+
+from pidalab.plant.cli import desk, given, judged, recorded
+
+SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
+
+
+@click.group(context_settings=SETTINGS)
+@click.version_option(package_name="pidalab")
+def main() -> None:
+    """PIDA control: from a plant record to controller code, and what a controller does to a plant.
+
+    \b
+    From a record, a delimited text file with an open-loop step:
+      pidalab report step.csv --sample-time 0.2                PI, PID and PIDA side by side
+      pidalab tune step.csv --sample-time 0.2 --out folder     one of them, as code
+      pidalab check log.csv --kp 0.6 --ti 12                   whether the gains that run are right
+    For a plant that you know:
+      pidalab compare --num 1 --den 1,3,3,1 --delay 1          every rule on it
+      pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  one loop
+    Without a plant:
+      pidalab rules                                            the rules by name
+      pidalab benchmark rule.py:tune --out folder              a rule of yours on 134 plants
+      pidalab tclab                                            a board on the desk, simulated
+    """
+
+
+for module in (recorded, given, judged, desk):
+    for command in vars(module).copy().values():
+        if isinstance(command, click.Command):
+            main.add_command(command)

@@ -1,0 +1,92 @@
+"""The command for the Temperature Control Lab."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pidalab.plant.cli.parts import ms, one_line, out, show, write_csv
+
+if TYPE_CHECKING:
+    from pidalab.response import Response
+
+FULL = (0.0, 100.0)
+POWER = click.FloatRange(*FULL)  # of a heater, in per cent
+
+
+@click.command("tclab")
+@click.option("--connected", is_flag=True, help="Use the board at a serial port; by default it is simulated.")
+@click.option("--power", default=50.0, type=POWER, help="Power of the step test, in per cent.")
+@click.option("--setpoint", default=40.0, help="Set point of the closed loops, in degrees.")
+@click.option("--load", default=60.0, type=POWER, help="Power of the second heater, the load, in per cent.")
+@click.option("--duration", default=900.0, help="Seconds of each part of the experiment.")
+@click.option("--cooling", default=1200.0, help="Seconds without heat before each run at the board.")
+@click.option("--sample-time", default=1.0, help="Of the controllers, in seconds.")
+@ms
+@out
+@one_line
+def tclab_command(
+    connected: bool,
+    power: float,
+    setpoint: float,
+    load: float,
+    duration: float,
+    cooling: float,
+    sample_time: float,
+    ms: float,
+    out: Path | None,
+) -> None:
+    """Step test, model, PI, PID and PIDA, and their loops on a Temperature Control Lab.
+
+    Each loop goes to the set point, and after the duration meets the second heater. At the board the whole takes about
+    three hours by default; the heaters are turned off at the end, also after Ctrl-C.
+
+    \b
+    Examples:
+      pidalab tclab
+      pidalab tclab --connected --out experiment
+    """
+    import numpy as np
+
+    from pidalab.plant.heater import Lab
+    from pidalab.plant.reporting import report
+
+    with Lab(connected) as lab:
+        record = lab.step_test(power, duration, sample_time=sample_time)
+    found = report(record, ms=ms, sample_time=sample_time)
+    show([("Record", str(record)), ("Model", str(found.fit)), ("Candidates", str(found))])
+    t = sample_time * np.arange(round(2 * duration / sample_time) + 1)
+    disturbance = np.where(t < duration, 0.0, load)
+    runs = {}
+    for row in found.rows:
+        if row.design is None:
+            continue
+        with Lab(connected) as lab:
+            if connected:
+                lab.hold(0.0, cooling)
+            k = row.design.discretise(sample_time, limits=FULL)
+            runs[row.kind] = lab.closed_loop(k, setpoint, 2 * duration, disturbance)
+    where = "at the board" if connected else "simulated"
+    show([(f"Closed loops, {where}, after heater 2 went to {load:g} %", _table(runs, duration))])
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        click.echo(f"written: {found.html(out / 'report.html', 'Temperature Control Lab')}")
+        for kind, run in runs.items():
+            signals = {
+                "t": run.t,
+                "setpoint": run.r,
+                "heater 2": run.d,
+                "temperature": run.y,
+                "heater 1": run.u,
+            }
+            write_csv(out / f"{kind}.csv", signals)
+
+
+def _table(runs: dict[str, Response], start: float) -> str:
+    lines = [f"{'':5}{'IAE':>10}{'TV of u':>10}"]
+    for kind, run in runs.items():
+        after = run.between(start, float(run.t[-1]))
+        lines.append(f"{kind:5}{after.iae():10.4g}{after.tv('u'):10.4g}")
+    return "\n".join(lines)

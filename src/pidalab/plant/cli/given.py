@@ -1,0 +1,167 @@
+"""Commands for a plant that is known: every rule on it, or one loop."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pidalab.plant.cli.parts import limits, ms, one_line, plant, show, times, write_csv
+
+if TYPE_CHECKING:
+    from pidalab.loop import Loop
+    from pidalab.response import Response
+
+SAMPLES = 2000  # of a response of a continuous controller
+MOST = 1e7  # of a digital one: more would fill the memory
+
+
+@click.command("compare")
+@plant
+@ms
+@click.option("--noise-gain", default=10.0, help="Largest gain from noise to u of the optima.")
+@click.option("--sample-time", default=0.01, help="Sample time of that noise.")
+@click.option(
+    "--rule",
+    "rules",
+    multiple=True,
+    help="A rule by its name, or 'optimal'; may be repeated. 'pidalab rules' lists them.",
+)
+@one_line
+def compare_command(
+    num: list[float], den: list[float], delay: float, rules: tuple[str, ...], **limits: float
+) -> None:
+    """Judge the rules of the library on a plant, beside the optima.
+
+    \b
+    Examples:
+      pidalab compare --num 1 --den 1,3,3,1 --delay 1
+      pidalab compare --den 1,3,3,1 --delay 1 --rule simc --rule optimal
+    """
+    from pidalab.comparison import compare
+    from pidalab.process import Process
+
+    click.echo(str(compare(Process(num, den, delay), **limits, rules=rules or None)))
+
+
+@click.command("rules")
+def rules_command() -> None:
+    """List the rules by name, with the kinds of controllers that they make and their sources."""
+    from pidalab.rules.registry import RULES
+
+    for rule in RULES.values():
+        click.echo(f"{rule.name:27}{', '.join(rule.kinds):15}{rule.source}")
+
+
+@click.command("simulate")
+@plant
+@click.option("--kp", type=float, help="Gain.")
+@click.option("--ti", default=math.inf, help="Integral time; by default no integral action.")
+@times
+@click.option(
+    "--controller",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="A controller.json of 'pidalab tune', in place of gains.",
+)
+@click.option("--until", type=float, required=True, help="End of the simulation.")
+@click.option("--setpoint", default=1.0, help="Step of the set point at 0.")
+@click.option("--load", default=0.0, help="Step of the load at 0.")
+@click.option(
+    "--sample-time", type=float, help="Of a digital controller, by backward differences; without, continuous."
+)
+@limits
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for t, r, y, u.")
+@one_line
+def simulate_command(
+    num: list[float], den: list[float], delay: float, until: float, out: Path | None, **options: Any
+) -> None:
+    """Simulate a loop from rest, its dead time exact, and print margins and measures.
+
+    Signals and limits count from the state of rest, but for those of a controller.json, which has its own working
+    point.
+
+    \b
+    Examples:
+      pidalab simulate --den 1,3,3,1 --delay 1 --kp 1.3 --ti 3 --td 1 --ta 0.3 --until 40 --out response.csv
+      pidalab simulate --num 2.3 --den 360,198,29,1 --delay 8 --controller folder/controller.json --until 200
+    """
+    from pidalab.process import Process
+    from pidalab.robustness.margins import margins
+
+    loop = _loop(Process(num, den, delay), **{name: options[name] for name in _CONTROLLER})
+    response = _response(loop, until, *(options[name] for name in ("setpoint", "load", "u_min", "u_max")))
+    show([("Loop", repr(loop)), ("Margins", str(margins(loop))), ("Measures", _measures(response))])
+    if out is not None:
+        write_csv(out, {name: getattr(response, name) for name in ("t", "r", "y", "u")})
+
+
+_CONTROLLER = ("controller", "kp", "ti", "td", "ta", "n", "m", "sample_time")
+
+
+def _loop(
+    process: Any, controller: Path | None, kp: float | None, sample_time: float | None, **times: float
+) -> Loop:
+    from pidalab.controllers import PIDA
+    from pidalab.digital import from_json
+    from pidalab.loop import Loop
+
+    if controller is not None and kp is None and sample_time is None:
+        return Loop(process, from_json(controller.read_text(encoding="utf-8")))
+    if controller is not None:
+        raise click.UsageError(
+            "--controller has its own gains and sample time: leave out --kp and --sample-time"
+        )
+    if kp is None:
+        raise click.UsageError("give --kp and its times, or --controller")
+    own = PIDA(kp, **times)
+    return Loop(process, own if sample_time is None else own.discretise(sample_time))
+
+
+def _response(loop: Loop, until: float, setpoint: float, load: float, low: float, high: float) -> Response:
+    import numpy as np
+
+    from pidalab import _check
+    from pidalab.simulation.exact import simulate
+    from pidalab.simulation.sampled import simulate_sampled
+
+    until = _check.real("--until", until, above=0.0)
+    if loop.digital is None:
+        if math.isfinite(low) or math.isfinite(high):
+            raise click.UsageError(
+                "--u-min and --u-max are limits of a digital controller: give --sample-time"
+            )
+        return simulate(loop, np.linspace(0.0, until, SAMPLES + 1), setpoint=setpoint, load=load)
+    h = loop.digital.sample_time
+    if not until / h <= MOST:
+        raise click.UsageError(f"--until must be at most {MOST:g} samples of {h:g}, found {until:g}")
+    t = h * np.arange(max(2, round(until / h) + 1))
+    return simulate_sampled(loop, t, setpoint=setpoint, load=load, limits=(low, high))
+
+
+def _measures(response: Response) -> str:
+    end = float(response.t[-1])  # that of a loop which may diverge, as the lines say
+    lines = [
+        f"IAE {response.iae(end):.6g}, ITAE {response.itae(end):.6g}, ISE {response.ise(end):.6g}, until {end:g}",
+        f"total variation of u {response.tv('u', end):.6g}, largest |u| {abs(response.peak('u', end)):.6g}, "
+        f"largest |y| {abs(response.peak('y', end)):.6g}",
+        f"output at the end {response.y[-1]:.6g}, control signal {response.u[-1]:.6g}",
+    ]
+    if response.r[-1] != 0:
+        lines.append(f"{_overshoot(response)}, {_settling(response)}")
+    return "\n".join(lines)
+
+
+def _overshoot(response: Response) -> str:
+    try:
+        return f"overshoot {response.overshoot():.4g} %"
+    except ValueError:
+        return "no overshoot to be read up to the end"
+
+
+def _settling(response: Response) -> str:
+    try:
+        return f"settling time (2 %) {response.settling_time(0.02):.6g}"
+    except ValueError:
+        return "not settled to 2 % at the end"

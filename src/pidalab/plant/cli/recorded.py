@@ -1,0 +1,211 @@
+"""Commands that start from a plant record: three candidates side by side, or one with its code."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pidalab.plant.cli.parts import KINDS, column, limits, ms, ms_worst, one_line, out, show, times, together
+
+if TYPE_CHECKING:
+    from pidalab.plant.record import Record
+    from pidalab.rules import Design
+
+MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
+READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers")
+CODE = {
+    "controller.c": "c",
+    "controller.st": "structured_text",
+    "controller.py": "python",
+    "controller.json": "json",
+}
+
+
+record = together(
+    click.argument("record", type=click.Path(exists=True, dir_okay=False, path_type=Path)),
+    click.option("--time", default="0", callback=column, help="Its name, or its number from 0."),
+    click.option("--u", default="1", callback=column, help="Column of the plant's input."),
+    click.option("--y", default="2", callback=column, help="Column of the measured output."),
+    click.option("--period", type=float, help="Time from sample to sample, for a file without times."),
+    click.option("--delimiter", help="Between the columns, such as ';' or '\\s+'; by default found out."),
+    click.option("--skip", default=0, help="Lines to leave out at the beginning."),
+    click.option("--step", type=float, help="Time of the step that matters, if there are several."),
+    click.option("--u-before", type=float, help="Input before the record, if that begins with its step."),
+    click.option(
+        "--outliers",
+        type=click.Choice(["drop", "keep"]),
+        help="What becomes of outputs far from their neighbours.",
+    ),
+    click.option("--model", default="auto", type=click.Choice(MODELS), help="Model to fit."),
+)
+design = together(
+    click.option("--rule", default="optimal", help="The optimum, or a rule of 'pidalab rules' by its name."),
+    ms,
+    ms_worst,
+    click.option(
+        "--noise-gain", type=float, help="Largest gain from noise to u; by default from the record."
+    ),
+    click.option(
+        "--spread", type=float, help="Share by which the model may be wrong; by default from the record."
+    ),
+    click.option(
+        "--sample-time", type=float, required=True, help="Of the controller, in the record's unit of time."
+    ),
+)
+
+
+@click.command("report")
+@record
+@design
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="HTML file to write.")
+@one_line
+def report_command(out: Path | None, model: str, **options: Any) -> None:
+    """Set PI, PID and PIDA for the plant of a RECORD side by side, with the same limits.
+
+    \b
+    Example:
+      pidalab report step.csv --time time --u valve --y level --sample-time 0.2 --out report.html
+    """
+    from pidalab.plant.fitting import fit
+    from pidalab.plant.reporting import report
+
+    name = options["record"].name
+    read = _read(options)
+    found = report(fit(read, model), **options)
+    show([("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))])
+    if out is not None:
+        click.echo(f"written: {found.html(out, f'PI, PID and PIDA for {name}')}")
+
+
+@click.command("tune")
+@record
+@click.option("--kind", default="PIDA", type=click.Choice(KINDS))
+@design
+@limits
+@click.option("--b", default=1.0, help="Weight of the set point in the proportional part.")
+@click.option("--c", default=1.0, help="Weight of the set point in the derivatives.")
+@click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal.")
+@click.option(
+    "--tunable", is_flag=True, help="Code with gains that may change while it runs, without a bump."
+)
+@out
+@one_line
+def tune_command(
+    out: Path | None,
+    model: str,
+    kind: str,
+    u_min: float,
+    u_max: float,
+    b: float,
+    c: float,
+    feedforward: bool,
+    tunable: bool,
+    **options: Any,
+) -> None:
+    """Tune a controller from a plant RECORD, a text file with an input that moves: a step, best from rest.
+
+    Prints the model, the controller, margins and doubts; with --out also writes controller.c, controller.st,
+    controller.py, controller.json and report.html.
+
+    \b
+    Example:
+      pidalab tune step.csv --time time --u valve --y level --kind PIDA --ms 1.6 --sample-time 0.2 --out folder
+    """
+    from pidalab.loop import Loop
+    from pidalab.plant.fitting import fit
+    from pidalab.plant.reporting import COLUMNS, report
+    from pidalab.robustness.margins import margins
+
+    title = f"{kind} controller for {options['record'].name}"
+    read = _read(options)
+    fitted = fit(read, model)
+    found = report(fitted, kinds=kind, **options)
+    design, sample_time = found.rows[0].design, options["sample_time"]
+    assert design is not None
+    # the working point of the record: model and controller count from there
+    rest = float(read.steps[0].before) if read.steps else read.u_before
+    further = {"b": b, "c": c, "feedforward": feedforward, "tunable": tunable}
+    digital = design.discretise(
+        sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest, **further
+    )
+    sampled = margins(Loop(fitted.process, digital))
+    doubts = [*fitted.doubts, *design.doubts, *_no_limits(u_min, u_max)]
+    sections = [
+        ("Record", str(read)),
+        ("Model", f"{fitted.process!r}\n{fitted}"),
+        ("Controller", f"{design.controller}\n{_vendors(design)}"),
+        ("Margins, continuous", str(margins(design.loop(fitted.process)))),
+        (f"Margins, sampled every {sample_time:g}", str(sampled)),
+        ("Expected", "\n".join(f"{name}: {getattr(found.rows[0], x):.4g}" for name, x in COLUMNS.items())),
+        ("Doubts", "\n".join(doubts) or "none found"),
+    ]
+    show(sections)
+    if out is None:
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    note = "\n".join(f"Doubt: {doubt}" for doubt in (*read.doubts, *doubts))
+    for name, language in CODE.items():
+        code = getattr(digital, language)(margins=sampled, note=note)
+        (out / name).write_text(code, encoding="utf-8")
+        click.echo(f"written: {out / name}")
+    click.echo(f"written: {found.html(out / 'report.html', title, sections)}")
+
+
+@click.command("check")
+@record
+@click.option("--kp", type=float, required=True, help="Gain, in units of u per unit of y.")
+@click.option("--ti", type=float, required=True, help="Integral time, in the log's unit of time.")
+@times
+@click.option("--filter", "lag", default=0.0, help="Time constant of the measurement's filter.")
+@click.option("--sample-time", type=float, help="Of the controller; by default that of the log.")
+@ms_worst
+@one_line
+def check_command(model: str, lag: float, sample_time: float | None, ms_worst: float, **options: Any) -> None:
+    """Judge the gains of a running loop by a log of it, the RECORD.
+
+    Changes of the set point, a step of the load or a bump of u show the plant. Prints the Ms of the loop with its
+    interval, what the gains miss, and three sets to try.
+
+    \b
+    Example:
+      pidalab check log.csv --time time --u valve --y level --kp 0.6 --ti 12 --sample-time 0.5
+    """
+    import control
+
+    from pidalab.controllers import PIDA
+    from pidalab.plant.fitting import fit
+    from pidalab.plant.running_loop import check
+
+    read = _read(options)
+    lags = control.TransferFunction([1.0], [lag, 1.0]) if lag else None
+    found = check(read if model == "auto" else fit(read, model), PIDA(**options), lags, sample_time, ms_worst)
+    show([("Log", str(read)), ("Model", f"{found.fit.process!r}\n{found.fit}"), ("Gains", str(found))])
+
+
+def _read(options: dict[str, Any]) -> Record:
+    """Read the record, and take what says how out of the options."""
+    from pidalab.plant.record import Record
+
+    path = options.pop("record")
+    return Record.read_csv(path, **{name: options.pop(name) for name in READING})
+
+
+def _no_limits(low: float, high: float) -> list[str]:
+    """Say which limits of u are missing."""
+    lacking = [name for name, limit in (("--u-min", low), ("--u-max", high)) if math.isinf(limit)]
+    if not lacking:
+        return []
+    return [
+        f"{' and '.join(lacking)} not given: the code does not know where the actuator ends, and may wind up"
+    ]
+
+
+def _vendors(design: Design) -> str:
+    """Forms of vendors, or why there are none."""
+    try:
+        return f"in seconds, if that is the record's unit of time:\n{design.vendor_forms('s')}"
+    except ValueError as refusal:
+        return f"no vendor's form: {refusal}"

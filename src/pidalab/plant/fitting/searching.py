@@ -1,0 +1,279 @@
+r"""Output-error least squares: the model whose simulated output lies closest to the recorded one.
+
+The simulated output is :math:`y_0 + K \sum_k \Delta u_k\, s(t - t_k - L)`, with s the unit step response of the model's
+shape in closed form and the sum over the changes of the held input; so any dead time is exact, and samples may lie
+anywhere. Gain K and level :math:`y_0` enter linearly and are solved for at each try (variable projection); times and
+dead time are searched from many starts, since a dead time makes several valleys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import fftconvolve
+
+from pidalab._check import Array
+from pidalab.plant.fitting.shapes import (
+    FIRST,
+    INTEGRATOR,
+    LAGGED,
+    MOST_LAGS,
+    SECOND,
+    ZERO,
+    Shape,
+    behind_lag,
+    equal_lags,
+)
+from pidalab.plant.record import Record
+
+MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
+MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over neighbours
+BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
+NONE = 1e-3  # dead time in samples that counts as none
+LEVEL = 1  # place of the output's level among the parameters
+DESCENTS = 6  # from different starts, of which the lowest end counts
+MOST_DAMPED = 20.0  # damping beyond which a second order is a first one
+LOADS = 46  # times at which a step of the load is tried
+HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
+
+
+class Data(NamedTuple):
+    """A record as the fit sees it."""
+
+    t: Array
+    y: Array
+    changes: Array  # of the input
+    moments: Array  # when they happen
+    unseen: float  # mean interval between samples in which the input changed
+    grid: float  # sampling interval of a uniform grid on which the input changes at every sample; 0 otherwise
+    free: bool = False  # whether the plant starts from a state that is not rest
+    load: float = np.nan  # when the output begins to answer a step of the load; nan for none
+
+    @property
+    def loaded(self) -> bool:
+        """Whether a step of the load moved the output, too."""
+        return not np.isnan(self.load)
+
+    def simulated(self, shape: Shape, p: Sequence[float], delay: float) -> Array:
+        """Response of the shape with gain 1 and dead time to the recorded input."""
+        if self.grid:
+            response = shape.step(self.t - self.t[0] - delay, p)
+            return fftconvolve(self.changes, response)[: self.t.size]
+        since = self.t[:, None] - self.moments - delay
+        return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
+
+    def basis(self, shape: Shape, p: Sequence[float]) -> Array:
+        """Return columns for what enters linearly: gain, level, a free initial state and its slope, a load."""
+        columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
+        if self.free:
+            settling = shape.step(self.t - self.t[0], p[:-1])
+            columns.append(settling)
+            if shape.name not in ("fopdt", "ipdt"):
+                columns.append(np.gradient(settling, self.t))
+        if self.loaded:
+            columns.append(shape.step(self.t - self.load, p[:-1]))
+        return np.column_stack(columns)
+
+    def until(self, time: float) -> Data:
+        """Return the data up to a time."""
+        seen, moved = self.t <= time, self.moments <= time
+        return self._replace(
+            t=self.t[seen], y=self.y[seen], changes=self.changes[moved], moments=self.moments[moved]
+        )
+
+
+def prepared(record: Record) -> Data:
+    """Return what a fit looks at of a record."""
+    t, u, y = record.t, record.u, record.y
+    moved = np.diff(u, prepend=record.u_before)
+    changed = np.flatnonzero(moved)
+    free = not record.at_rest
+    if changed.size > MOST_CHANGES:
+        # a moving input: on a uniform grid its changes and the response are one convolution
+        count = min(MOST_SAMPLES, round(np.ptp(t) / record.sampling) + 1)
+        uniform = np.linspace(t[0], t[-1], count)
+        held = u[np.searchsorted(t, uniform, side="right") - 1]
+        moved = np.diff(held, prepend=record.u_before)
+        return Data(uniform, np.interp(uniform, t, y), moved, uniform, 0.0, uniform[1] - uniform[0], free)
+    intervals = np.diff(t, prepend=t[0] - record.sampling)
+    unseen = float(np.mean(intervals[changed]))
+    moments, changes = t[changed], moved[changed]
+    if t.size > MOST_SAMPLES:
+        # neighbours are averaged: noise falls, and the response is smooth over so short a time
+        parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
+        t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
+    return Data(t, y, changes, moments, unseen, 0.0, free)
+
+
+class Found(NamedTuple):
+    shape: Shape
+    values: Array  # gain, level, shape parameters, delay
+    residuals: Array
+    jacobian: Array
+    converged: bool  # whether the descent came to rest
+    data: Data  # with the load at its place
+
+    @property
+    def cost(self) -> float:
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def deviation(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def near(self) -> float:
+        """Root mean square of residuals that count as no larger, ignoring rounding."""
+        return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
+
+
+def tried_models(data: Data, models: Sequence[str]) -> tuple[list[Found], str]:
+    """Return what the searches end with, and why the last one that failed did."""
+    tried, failed = [], ""
+    for shape in (shape for model in models for shape in _candidates(model)):
+        try:
+            tried.append(search(data, shape))
+        except ArithmeticError as why:
+            failed = str(why)
+    return tried, failed
+
+
+def _candidates(model: str) -> list[Shape]:
+    if model == "lags":
+        return [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
+    return [shape for shape in (FIRST, SECOND, INTEGRATOR, LAGGED, ZERO) if shape.name == model]
+
+
+def search(data: Data, shape: Shape) -> Found:
+    """Least squares over shape and dead time from a grid of starts, gain and level solved for at each try."""
+    span = data.t[-1] - float(data.moments[0])
+    times = span * np.geomspace(0.01, 0.5, 5)
+    delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
+    grid = [[*start, delay] for start in _starts(shape, times) for delay in delays]
+    costs = [float(np.sum(projected(data, shape, p)[0] ** 2)) for p in grid]
+    # the best start of each part of the list, so that an oscillation gets its chance beside an overdamped shape
+    parts = [part for part in np.array_split(np.arange(len(grid)), DESCENTS) if part.size]
+    starts = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in parts]
+    runs = [refined(data, shape, start, span) for start in starts]
+    ended = [found for found in runs if found.converged]
+    if not ended:
+        raise ArithmeticError(
+            f"no descent of a fit of shape {shape.name} came to rest, from {len(starts)} starts"
+        )
+    return min(ended, key=lambda found: found.cost)
+
+
+def _starts(shape: Shape, times: Array) -> list[list[float]]:
+    if shape.name == "sopdtz":
+        return [
+            [time / 2, damping, share * time]
+            for share in (-0.5, 0.5)
+            for damping in (0.5, 1.0)
+            for time in times
+        ]
+    if shape.name == "sopdt":
+        return [[time / 2, damping] for damping in (0.2, 0.5, 1.0) for time in times]
+    if shape.name == "lags":
+        return [[time / 3] for time in times]
+    return [[time] for time in times] if shape.parameters else [[]]
+
+
+def projected(data: Data, shape: Shape, p: Sequence[float]) -> tuple[Array, Array]:
+    """Residuals with the best gain and level for these times, and these two (and the initial state)."""
+    basis = data.basis(shape, p)
+    linear, *_ = np.linalg.lstsq(basis, data.y, rcond=None)
+    return np.asarray(data.y - basis @ linear, dtype=float), np.asarray(linear, dtype=float)
+
+
+def refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> Found:
+    """Follow one start down; times by their logarithms, a zero and the dead time as they are, this from 0 up."""
+    count = len(shape.parameters) - shape.signed
+
+    def times(x: Array) -> list[float]:
+        return [*(span * np.exp(x[:count])).tolist(), *(span * x[count : len(start)]).tolist()]
+
+    def placed(x: Array) -> Data:
+        return data._replace(load=data.t[0] + span * float(x[-1])) if data.loaded else data
+
+    low, high = [-9.0] * count + [-1.0] * shape.signed, [3.0] * count + [1.0] * shape.signed
+    if "damping" in shape.parameters:  # the second one, kept as a share of the span for one scale
+        low[1], high[1] = np.log(0.02 / span), np.log(MOST_DAMPED / span)
+    x = np.array(start) / span
+    x[:count] = np.log(x[:count])
+    x = np.clip(x, [*(np.array(low) + 1e-6), 1e-6], [*(np.array(high) - 1e-6), 0.9])
+    low, high = [*low, 0.0], [*high, 0.95]
+    if data.loaded:
+        low, high = [*low, 0.0], [*high, float(np.ptp(data.t)) / span]
+        x = np.append(x, np.clip((data.load - data.t[0]) / span, 1e-6, 0.99 * high[-1]))
+    found = least_squares(
+        lambda x: projected(placed(x), shape, times(x))[0],
+        x,
+        bounds=(low, high),
+        x_scale=[*([0.1] * count), *([0.02] * (x.size - count))],
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
+        max_nfev=200,
+    )
+    p, data = times(found.x), placed(found.x)
+    # the search stops a hair above the edge; no record tells so short a dead time from none
+    p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
+    residuals, linear = projected(data, shape, p)
+    jacobian = _sensitivity(data, shape, linear, p)
+    return Found(shape, np.array([*linear[:2], *p]), residuals, jacobian, bool(found.success), data)
+
+
+def _sensitivity(data: Data, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
+    """Derivatives of the simulated output by gain, level, shape and dead time (by differences), and initial state."""
+    basis = data.basis(shape, p)
+    columns = [basis[:, 0], basis[:, 1]]
+    whole = max(float(np.sum(np.abs(p))), 1e-3 * float(np.ptp(data.t)))
+    for k in range(len(p)):
+        h = 1e-4 * (p[k] if k < len(p) - 1 else whole)
+        high, low = list(p), list(p)
+        high[k], low[k] = p[k] + h, p[k] - h if k < len(p) - 1 else max(p[k] - h, 0.0)
+        above, below = (data.basis(shape, q) @ linear for q in (high, low))
+        columns.append((above - below) / (high[k] - low[k]))
+    columns += list(basis[:, 2:].T)
+    if data.loaded:
+        columns.append(np.gradient(linear[-1] * basis[:, -1], data.t))
+    return np.column_stack(columns)
+
+
+def loaded(data: Data) -> Data:
+    """Return the data with a step of the load where one explains most of what the input does not."""
+    span = float(np.ptp(data.t))
+    tried = [data._replace(load=data.t[0] + span * at) for at in np.linspace(0.0, 0.9, LOADS)]
+    ways = [[span * lag, span * delay] for lag in (0.01, 0.03, 0.1, 0.3) for delay in (0.0, 0.01, 0.03, 0.1)]
+    return min(tried, key=lambda one: min(float(np.sum(projected(one, FIRST, p)[0] ** 2)) for p in ways))
+
+
+def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:
+    """Return models with one lag more that the record does not rule out: the longest such lag, and a middle one.
+
+    For equal lags there are unequal ones, too: they do nearly what a mean lag does to a record.
+    """
+    span = data.t[-1] - float(data.moments[0])
+    left = _hidden(data, found, span, found.near)
+    if found.shape.name == "lags":
+        unequal = search(data, SECOND)
+        left += _hidden(data, unequal, span, found.near)
+    return tuple(left)
+
+
+def _hidden(data: Data, found: Found, span: float, near: float) -> list[tuple[Shape, Array]]:
+    """Return the longest further lag with which the model still serves, and a middle one."""
+    *times, delay = found.values[2:].tolist()
+    # of an integrator that shows no dead time, a lag within a sample is hidden too
+    whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
+    left = []
+    for lag in whole * HIDDEN:
+        # a further lag first takes the place of dead time
+        rival = refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
+        if rival.deviation <= near:  # which is all that is asked of one, at rest or not
+            left.append((rival.shape, np.delete(rival.values, LEVEL)))
+    return [left[len(left) // 2], left[-1]] if len(left) > 1 else left

@@ -1,0 +1,96 @@
+"""What a record settles of a model, and what it leaves open: uncertainty, noise, drift."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from pidalab._check import Array
+from pidalab.plant.fitting.searching import MOST_DAMPED, Data, Found
+from pidalab.plant.fitting.shapes import FIRST
+from pidalab.plant.record import Record
+
+# condition number of the parameters' sensitivities, scaled, above which the input tells too little
+BLIND = 1e7
+SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its sign to be known
+CHANCE = 0.003  # that a drift alone makes an answer look as large
+
+
+def drifts(data: Data) -> bool:
+    """Whether a parabola in time leaves nothing that answers of first order to the input would explain.
+
+    Of a record that does not begin at rest the plant may come to rest, too, in any time.
+    """
+    x = (data.t - data.t[0]) / np.ptp(data.t)
+    parabola = np.vander(x, 3)
+    if data.free:
+        parabola = np.column_stack([parabola, *(np.exp(-x / share) for share in (0.03, 0.1, 0.3, 1.0))])
+    answers = [data.simulated(FIRST, [lag], 0.0) for lag in np.ptp(data.t) * np.geomspace(0.01, 0.5, 5)]
+    drift, both = (
+        data.y - basis @ np.linalg.lstsq(basis, data.y, rcond=None)[0]
+        for basis in (parabola, np.column_stack([parabola, *answers]))
+    )
+    gained, left = float(drift @ drift - both @ both), float(both @ both)
+    return left > 0 and gained * data.t.size < float(chi2.isf(CHANCE, 5)) * together(both) * left
+
+
+def unsettled(data: Data, found: Found) -> str:
+    """Return what the record leaves open of a model, and which experiment would settle it; empty if nothing."""
+    shape, values, J = found.shape, found.values, found.jacobian
+    if values[0] == 0 or not np.all(np.isfinite(values)):
+        return "the output does not answer to the input: no gain can be found"
+    answer = float(np.ptp(J[:, 0] * values[0]))
+    if answer < 3 * found.deviation:
+        return (
+            f"the output answers by {answer:.3g}, not clearly above what is left over ({found.deviation:.3g}): "
+            f"the step is too small against the noise, or something else moved the output (level {values[1]:.4g}); "
+            "make a larger step, from rest"
+        )
+    # sensitivities scaled to the change that each parameter makes
+    scaled = J / np.linalg.norm(J, axis=0)
+    if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > BLIND:
+        return (
+            f"the input tells too little to fit {shape.name}: its parameters cannot be told apart "
+            "(in closed loop, move the set point more; in open loop, step the input)"
+        )
+    sigma = np.sqrt(np.diag(covariance(found)))
+    if abs(values[0]) < SURE * sigma[0]:
+        return (
+            f"the record does not settle the sign of the gain: {values[0]:.3g} ± {sigma[0]:.2g}; let the plant come to "
+            "rest, then step the input further or wait longer"
+        )
+    for name, value, error in zip(shape.parameters, values[2:-1], sigma[2:], strict=False):
+        if error > abs(value) or (name == "damping" and value > 0.99 * MOST_DAMPED):
+            return (
+                f"the record does not settle the {name} of {shape.name}: {value:.3g} ± {error:.2g}; record until the "
+                "output rests again, or step the input more than once"
+            )
+    return ""
+
+
+def covariance(found: Found) -> Array:
+    """Covariance of the parameters: that of white residuals, times how many samples share one error."""
+    r, J = found.residuals, found.jacobian
+    freedom = max(1, r.size - J.shape[1])
+    variance = float(r @ r) / freedom
+    if variance == 0.0:
+        return np.zeros((J.shape[1], J.shape[1]))
+    scale = np.linalg.norm(J, axis=0)
+    inverse = np.linalg.pinv((J / scale).T @ (J / scale), hermitian=True)
+    return np.asarray(variance * together(r) * inverse / np.outer(scale, scale))
+
+
+def together(r: Array) -> float:
+    """Return how many samples share one error: the correlations of the residuals up to where they first fall to 0."""
+    spectrum = np.abs(np.fft.rfft(r, 2 * r.size)) ** 2
+    correlation = np.fft.irfft(spectrum)[: r.size]
+    correlation = correlation / correlation[0]
+    end = int(np.argmax(correlation <= 0)) or r.size
+    return 1.0 + 2.0 * float(correlation[1:end].sum())
+
+
+def noise_of(record: Record, data: Data, found: Found) -> float:
+    """Return the larger of the noise at rest and of what changes from sample to sample beyond the model."""
+    simulated = np.interp(record.t, data.t, data.y - found.residuals)
+    rough = np.diff(record.y - simulated, 2)
+    return max(record.noise.deviation, float(np.sqrt(np.mean(rough**2) / 6)))

@@ -1,0 +1,252 @@
+"""The Temperature Control Lab: a heater on a board, or the simulated one of its package, by the same calls.
+
+The package is ``tclab`` (``pip install tclab``). Heater 1 is the control signal, in per cent of its power,
+the first thermistor the output, in degrees Celsius. Heater 2 is a few centimetres away and warms the first one a
+little: it is the load. A simulated hour takes a fraction of a second, one at the board an hour.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import random
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.digital import DigitalController
+from pidalab.plant.record import Record
+from pidalab.response import Response
+
+FULL = 100.0  # per cent of a heater's power
+
+
+class Lab:
+    """A Temperature Control Lab, on the desk or simulated; a context manager that turns the heaters off.
+
+    Parameters
+    ----------
+    connected : bool, optional
+        Whether a board is at a serial port. By default a simulated one, which starts at 21 degrees.
+    seed : int, optional
+        Of the simulated noise.
+
+    Raises
+    ------
+    ImportError
+        If the package tclab is not installed.
+    RuntimeError
+        If no board is found at a port.
+
+    Examples
+    --------
+    >>> from pidalab.plant.heater import Lab
+    >>> with Lab() as lab:
+    ...     record = lab.step_test(after=50.0, duration=600.0)
+    >>> record.steps[0].after, bool(record.y[-1] > 45.0)
+    (50.0, True)
+    """
+
+    def __init__(self, connected: bool = False, seed: int = 0) -> None:
+        try:
+            import tclab  # type: ignore[import-untyped]
+        except ImportError:
+            raise ImportError(
+                "the Temperature Control Lab needs the package tclab, simulated too: pip install tclab"
+            ) from None
+        self.connected = connected
+        self._random = random.Random(_check.integer("seed", seed, at_least=0)).getstate()
+        self._labtime = tclab.labtime
+        if connected:
+            self._device = tclab.TCLab()
+        else:
+            with _silent():
+                self._device = tclab.TCLabModel(synced=False)
+            self._now = self._device.tlast  # its own clock, which need not begin at 0
+
+    def __enter__(self) -> Lab:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Turn both heaters off and release the board.
+
+        Examples
+        --------
+        >>> from pidalab.plant.heater import Lab
+        >>> Lab().close()
+        """
+        with contextlib.nullcontext() if self.connected else _silent():
+            self._device.close()
+
+    def hold(self, power: float = 0.0, duration: float = 1200.0) -> None:
+        """Leave heater 1 at a power and heater 2 off, to warm up or to cool down.
+
+        Parameters
+        ----------
+        power : float, optional
+            In per cent.
+        duration : float, optional
+            Seconds.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a power outside 0 to 100, or a time that is not above 0.
+
+        Examples
+        --------
+        >>> from pidalab.plant.heater import Lab
+        >>> Lab().hold(30.0, duration=600.0)
+        """
+        _require_power("power", power)
+        duration = _check.real("duration", duration, above=0.0)
+        self._run(np.array([0.0, duration / 2]), lambda k, measured: power, np.zeros(2))
+
+    def step_test(
+        self,
+        after: float = 50.0,
+        duration: float = 900.0,
+        before: float = 0.0,
+        rest: float = 60.0,
+        sample_time: float = 1.0,
+    ) -> Record:
+        """Step heater 1 and record the temperature.
+
+        Parameters
+        ----------
+        after : float, optional
+            Power after the step, in per cent.
+        duration : float, optional
+            Seconds after the step.
+        before : float, optional
+            Power before the step, in per cent. Above 0 the board must have settled there, or `rest` be long enough.
+        rest : float, optional
+            Seconds before the step.
+        sample_time : float, optional
+            Seconds from sample to sample.
+
+        Returns
+        -------
+        Record
+
+        Raises
+        ------
+        TypeError, ValueError
+            For powers outside 0 to 100, or times that are not above 0.
+
+        Examples
+        --------
+        >>> from pidalab.plant.heater import Lab
+        >>> print(Lab().step_test(duration=300.0).y.size)
+        361
+        """
+        _require_power("before", before)
+        _require_power("after", after)
+        rest = _check.real("rest", rest, above=0.0)
+        t = _times(sample_time, rest + _check.real("duration", duration, above=0.0))
+        powers = np.where(t < rest, before, after)
+        u, y = self._run(t, lambda k, measured: float(powers[k]), np.zeros(t.size))
+        return Record(t, u, y)
+
+    def closed_loop(
+        self,
+        controller: DigitalController,
+        setpoint: ArrayLike,
+        duration: float = 900.0,
+        load: ArrayLike = 0.0,
+    ) -> Response:
+        """Let a digital controller run heater 1.
+
+        Parameters
+        ----------
+        controller : DigitalController
+            In per cent and degrees; it starts afresh.
+        setpoint : float or array_like, shape (n,)
+            Degrees, for each sample of the controller.
+        duration : float, optional
+            Seconds.
+        load : float or array_like, shape (n,), optional
+            Power of heater 2 for each sample, in per cent.
+
+        Returns
+        -------
+        Response
+            With what the thermistor measured as `y`, and heater 2 as `d`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For something else than a digital controller, and signals of another length.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> from pidalab.plant.heater import Lab
+        >>> k = pidalab.PIDA(kp=4.0, ti=150.0).discretise(1.0, limits=(0.0, 100.0))
+        >>> bool(Lab().closed_loop(k, 35.0, 600.0).y[-1] > 33.0)
+        True
+        """
+        if not isinstance(controller, DigitalController):
+            raise TypeError(
+                f"controller must be a DigitalController, found {type(controller).__name__}; "
+                "controller.discretise(sample_time, limits=(0, 100)) makes one"
+            )
+        t = _times(controller.sample_time, _check.real("duration", duration, above=0.0))
+        r, d = _check.signal("setpoint", setpoint, t.size), _check.signal("load", load, t.size)
+        controller.reset()
+        u, y = self._run(t, lambda k, measured: controller.step(float(r[k]), measured), d)
+        return Response(t=t, r=r, d=d, n=np.zeros(t.size), y=y, u=u)
+
+    def _run(self, t: Array, heater: Callable[[int, float], float], load: Array) -> tuple[Array, Array]:
+        """Read the temperature at each time and set the heaters, the first one by what `heater` makes of it."""
+        u, y = np.empty(t.size), np.empty(t.size)
+        start = self._labtime.time() if self.connected else self._now
+        for k, moment in enumerate(t):
+            self._wait_until(start + moment)
+            y[k] = self._temperature()
+            # the board takes powers from 0 to 100 and says what it took
+            u[k] = self._device.Q1(heater(k, float(y[k])))
+            self._device.Q2(float(load[k]))
+        # the last control signal acts for one sample, so that a further run can follow
+        self._wait_until(start + t[-1] + t[1])
+        return u, y
+
+    def _wait_until(self, moment: float) -> None:
+        if self.connected:
+            self._labtime.sleep(max(0.0, moment - self._labtime.time()))
+        else:
+            self._device.update(moment)
+            self._now = moment
+
+    def _temperature(self) -> float:
+        """Read thermistor 1; the simulated one draws its noise from random numbers of its own."""
+        others = random.getstate()
+        random.setstate(self._random)
+        try:
+            return float(self._device.T1)
+        finally:
+            self._random = random.getstate()
+            random.setstate(others)
+
+
+def _require_power(name: str, power: float) -> None:
+    if not 0 <= _check.real(name, power) <= FULL:
+        raise ValueError(f"{name} must be a power from 0 to 100 per cent, found {power!r}")
+
+
+def _times(sample_time: float, duration: float) -> Array:
+    h = _check.real("sample_time", sample_time, above=0.0)
+    if duration < 2 * h:
+        raise ValueError(f"duration must be at least two samples of {h:g} s, found {duration:g}")
+    return np.asarray(h * np.arange(round(duration / h) + 1), dtype=float)
+
+
+def _silent() -> contextlib.redirect_stdout[io.StringIO]:
+    """Keep the package's greetings off a page."""
+    return contextlib.redirect_stdout(io.StringIO())

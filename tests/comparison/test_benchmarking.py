@@ -1,0 +1,142 @@
+"""A rule of the user on the stored plants: the same judge as for the library's rules, wherever it is computed."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import pidalab
+from pidalab.comparison.benchmarking import TABLES, stored
+from pidalab.plant.cli import main
+
+DRIFT = 2e-3  # as on the page: the study follows noise to 1e-7 of its square, and stores five digits
+PLANTS = ["P2 T=1", "P4 n=4", "P8 a=0.5"]
+
+
+def mine(process):
+    return pidalab.rules.classical.simc(process, "PI")
+
+
+@pytest.fixture(scope="module")
+def found():
+    return pidalab.benchmark(mine, plants=PLANTS)
+
+
+def test_a_rule_of_the_library_gets_its_stored_rows(found):
+    """The stored table was made by the same judge, from another model of the plant only where the rule asks for one."""
+    rule = pidalab.rules.registry.RULES["simc"]
+    again = pidalab.benchmark(
+        lambda p: rule.tune(p, "PI", 1.4, math.nan, math.nan), "simc", rule.models["PI"], PLANTS
+    )
+    old = stored("comparison").query("rule == 'simc' and kind == 'PI' and plant in @PLANTS")
+    both = again.rows.merge(old, on=["plant", "terms"], suffixes=("", "_stored"))
+    assert len(both) == 9
+    for name in ("iae_load", "ms", "mks", "noise_gain", "factor"):
+        new, stored_ones = both[name].to_numpy(float), both[f"{name}_stored"].to_numpy(float)
+        assert new == pytest.approx(stored_ones, rel=DRIFT, nan_ok=True), name
+    assert again.ranking().loc[("simc", "PI"), "plants"] > 90
+
+
+def test_nothing_is_better_than_the_best(found):
+    rows = found.rows.dropna(subset=["of_best"])
+    assert len(rows)
+    assert (rows["of_kind"] > 0.999).all()
+    assert (rows["of_best"] >= rows["of_kind"] - 1e-9).all()
+    assert set(rows["kind"]) == {"PI"}
+
+
+def test_a_refusal_is_kept_and_counted(found):
+    reasons = found.refusals()
+    assert reasons.sum() == found.rows.query("terms == 'own'")["ms"].isna().sum()
+
+    def picky(process):
+        raise ValueError("not for me")
+
+    assert pidalab.benchmark(picky, plants=PLANTS).refusals().to_dict() == {"not for me": 3}
+
+
+def test_what_it_is_printed_drawn_and_stored_as(found, tmp_path):
+    assert "mine" in str(found)
+    back = pd.read_csv(found.csv(tmp_path / "rows.csv"))
+    assert back["iae_load"].to_numpy() == pytest.approx(
+        found.rows["iae_load"].to_numpy(float), rel=1e-4, nan_ok=True
+    )
+    table = found.latex()
+    assert r"\textbf{mine}" in table
+    assert table.count(r"\\") == len(found.ranking()) + 1
+    (axes,) = found.plot().axes
+    assert "mine PI" in [label.get_text() for label in axes.get_yticklabels()]
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: pidalab.benchmark(3), TypeError, "rule.*int"),
+        (lambda: pidalab.benchmark(mine, model="best"), ValueError, "model.*best"),
+        (lambda: pidalab.benchmark(mine, plants=["P77"]), ValueError, "plants.*P77"),
+        (lambda: pidalab.benchmark(mine, plants=PLANTS, executor=2), TypeError, "executor.*int"),
+        (lambda: pidalab.benchmark(lambda p: 1.0, plants=PLANTS[:1]), TypeError, "rule.*float"),
+    ],
+)
+def test_refusals(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_from_the_command_line(tmp_path):
+    rule = tmp_path / "rule.py"
+    rule.write_text(
+        "import pidalab\n\n\ndef tune(process):\n    return pidalab.rules.classical.simc(process, 'PI')\n",
+        encoding="utf-8",
+    )
+    words = [
+        "benchmark",
+        f"{rule}:tune",
+        "--plant",
+        PLANTS[0],
+        "--workers",
+        "1",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.output
+    assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == [".csv", ".svg", ".tex"]
+    refused = CliRunner().invoke(
+        main, ["benchmark", f"{rule}:absent", "--plant", PLANTS[0], "--workers", "1"]
+    )
+    assert refused.exit_code == 1
+    assert "absent" in refused.output
+
+
+def test_a_worker_that_is_killed_loses_nothing(found):
+    """A cluster of two processes on this machine, one of them killed half way: the same bits."""
+    distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
+    t = 0.01 * np.arange(2001)
+    loop = pidalab.Loop(
+        pidalab.ipdt(1.0, delay=1.0),
+        pidalab.SeriesPIDA(0.3, 0.1, 0.02, ti=1.0, filter_time=0.1, filter_order=3),
+    )
+    grid = {"kp": np.linspace(0.1, 0.5, 2000)}
+    here = pidalab.portrait(loop, grid, t, load=1.0)
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(**options) as cluster,
+        distributed.Client(cluster) as client,
+        client.get_executor() as executor,
+    ):
+        whole = executor.submit(
+            pidalab.portrait, loop, grid, t, load=1.0
+        )  # a worker is at it when one is killed
+        next(iter(cluster.workers.values())).process.process._process.kill()
+        there = pidalab.portrait(loop, grid, t, load=1.0, executor=executor)
+        assert all(np.array_equal(a, b) for a, b in zip(here, whole.result(), strict=True))
+        rows = pidalab.benchmark(mine, plants=PLANTS, executor=executor).rows
+    assert all(np.array_equal(a, b) for a, b in zip(here, there, strict=True))
+    pd.testing.assert_frame_equal(rows, found.rows)
+
+
+def test_the_tables_are_in_the_package():
+    assert {path.stem for path in TABLES.glob("*.csv")} == {"comparison", "optima", "processes"}

@@ -1,0 +1,23 @@
+"""The demo ledger as a project in a temporary folder; tests import the demo itself by name."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from demo_ledger import CELLS, ROWS, write_notebook
+
+from paperledger import write_rows
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A project with one ledger and the page that hands it over, seen from its root."""
+    folder = tmp_path / "book" / "ledger"
+    folder.mkdir(parents=True)
+    write_rows(folder / "demo.csv", ROWS)
+    write_notebook(tmp_path / "book" / "audit" / "demo.ipynb", *CELLS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

@@ -1,0 +1,134 @@
+"""A page and its ledger: what is refused, what fails, and what the messages name."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from demo_ledger import KP, NUMBERS, ROWS, S1, failures, hand_over, ledger
+
+from paperledger import Ledger, LedgerError, Row
+
+
+def test_a_whole_page(project, capsys):
+    book = Ledger.open("demo", page="audit/demo")
+    hand_over(book)
+    book.close()
+    line = "audit/demo: 8 claims, 1 reproduced, 1 last-digit, 1 approximate, 1 holds, 1 fails, 1 misprint, 1 differs, "
+    assert capsys.readouterr().out == line + "1 disagree with other print\n"
+
+
+def test_a_page_owes_its_own_rows(project, capsys):
+    Ledger.open("demo").close()  # the chapter owes nothing
+    assert failures(Ledger.open("demo", "audit/demo").close)[0] == "demo.t1.kp: never handed over"
+
+
+def test_open_searches_upward(project, monkeypatch):
+    monkeypatch.chdir(project / "book" / "ledger")
+    assert list(Ledger.open("demo").rows.values()) == ROWS
+    assert Ledger.open("demo", folder=project / "book" / "ledger").paper == "demo"
+
+
+def test_open_names_what_there_is(project, tmp_path_factory, monkeypatch):
+    for name in ("manifest.csv", "removed.csv"):
+        (project / "book" / "ledger" / name).write_text("")
+    with pytest.raises(LedgerError, match=r"no ledger dmeo\.csv .* there are: demo$"):
+        Ledger.open("dmeo")
+    monkeypatch.chdir(tmp_path_factory.mktemp("elsewhere"))
+    with pytest.raises(LedgerError, match="no folder book/ledger"):
+        Ledger.open("demo")
+
+
+def test_numbers_nested_by_the_parts_of_their_ids():
+    table = ledger().compare(
+        {"t1": {"kp": 1.309812345, "ti": 2.868, "ta": 0.12, "td": 0.51}, "t2": {"ms": 1.9}}
+    )
+    assert table.columns.name == "printed / computed"
+    assert table.loc["t1"].to_dict() == {
+        "kp": "1.31 / 1.3098",
+        "ti": "2.88 / 2.8680 °",
+        "ta": "12 / 0.120 *",
+        "td": "0.50 / 0.5100 ~",
+        "ms": "",
+    }
+    assert table.loc["t2", "ms"] == "1.40 / 1.9000 †"
+    same = ledger().compare({id.removeprefix("demo."): value for id, value in NUMBERS.items()})
+    assert set(same.columns) == {"kp", "ti", "td", "ta", "tf", "ms"}
+
+
+@pytest.mark.parametrize(
+    "value", [None, "1.31", float("nan"), 1.31 + 0j, np.ones(1), [1.31], True, float("inf")]
+)
+def test_refused_values(value):
+    (failure,) = failures(ledger().compare, {"t1.kp": value})
+    assert failure.startswith("demo.t1.kp: expected a ")
+
+
+def test_numbers_and_statements_do_not_mix():
+    assert "a statement book.decide" in failures(ledger().compare, {"s1": 1.0})[0]
+    assert "takes book.compare" in failures(ledger().decide, "t1.kp", (1.0, 2.0))[0]
+    assert "its basis is reading" in failures(ledger().compare, {"t2.iae": 1.0})[0]
+    assert "its basis is reading" in failures(ledger().decide, "s3", (1, 2))[0]
+    assert "expected a pair (left, right), found 1.0" in failures(ledger().decide, "s1", 1.0)[0]
+
+
+def test_drift_and_the_verdict_it_gives():
+    assert failures(ledger().compare, {"t1.kp": 1.3098124}) == [
+        "demo.t1.kp: drifted from 1.309812345 to 1.309812400"
+    ]
+    assert failures(ledger().compare, {"t1.kp": 1.3151}) == [
+        "demo.t1.kp: drifted from 1.309812345 to 1.315100000",
+        "demo.t1.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit",
+    ]
+    kept = "3.100000000 < 4.200000000 | ratio 0.74"
+    assert failures(ledger().decide, "s1", (5.2, 4.2)) == [
+        f"demo.s1: drifted from {kept} to 5.200000000 < 4.200000000 | ratio 1.2",
+        "demo.s1: file says holds, 5.200000000 < 4.200000000 | ratio 1.2 gives fails",
+    ]
+
+
+def test_verdict_no_longer_follows():
+    row = replace(KP, computed="1.315100000")
+    wrong = "demo.t1.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit"
+    assert failures(ledger(row).compare, {row.id: 1.3151}) == [wrong]
+    assert row.problems() == [wrong]
+
+
+def test_noise_on_a_tie_does_not_flip_the_verdict():
+    row = replace(KP, computed="1.315000000")
+    for value in (np.nextafter(1.315, 2), 1.3150000009):
+        assert ledger(row).compare({row.id: value}).iloc[0, 0] == "1.31 / 1.3150"
+    tie = replace(S1, relation="A <= B", evidence="2.000000000 <= 2.000000000 | ratio 1.0")
+    assert ledger(tie).decide("s1", (np.nextafter(2.0, 3), 2.0)) == "holds: 2.000 ≤ 2.000 (ratio 1.0)"
+
+
+@pytest.mark.parametrize("verdict", ["misprint", "as-read", "differs"])
+def test_declared_disagreement_starts_to_agree(verdict):
+    row = Row(
+        "demo.x", "Table 1", "x", "1.31", "1.400000000", verdict, page="demo", note="a reason of five words"
+    )
+    ledger(row).compare({"x": 1.4})
+    assert failures(ledger(row).compare, {"x": 1.31}) == [
+        "demo.x: drifted from 1.400000000 to 1.310000000",
+        f"demo.x: declared {verdict} starts to agree, 1.310000000 against printed 1.31 gives reproduced",
+    ]
+
+
+def test_unknown_id_names_the_closest():
+    (failure,) = failures(ledger().compare, {"t1.kq": 1.0})
+    assert failure.startswith("demo.t1.kq: unknown id; the closest are demo.t1.kp, demo.t1.t")
+    assert failures(ledger().row, "very.far.from.every.other.one") == [
+        "demo.very.far.from.every.other.one: unknown id"
+    ]
+
+
+def test_nothing_stored_yet():
+    row = replace(KP, computed="", verdict="")
+    (failure,) = failures(ledger(row).compare, {row.id: 1.25})
+    assert failure == "demo.t1.kp: nothing stored yet; `python -m paperledger update demo` stores it"
+
+
+def test_fewer_digits_need_a_reason():
+    row = replace(KP, computed="1.310", note="Fitted, so to four digits.")
+    assert "why, with the word 'digits'" in failures(ledger().compare, {"t1.kp": 1.3098}, digits=4)[0]
+    assert "why, with the word 'digits'" in failures(ledger().decide, "s1", (3.1, 4.2), digits=4)[0]
+    ledger(row).compare({"t1.kp": 1.3098}, digits=4)

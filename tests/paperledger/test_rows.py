@@ -1,0 +1,99 @@
+"""What can be wrong with a row, and the file that holds the rows."""
+
+from dataclasses import replace
+
+import pytest
+from demo_ledger import KP, ROWS, S1
+
+from paperledger import LedgerError, load_all, read_rows, write_rows
+
+REASON = "a reason of five words"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"id": "demo.T1.kp"}, "lower case and dotted"),
+        ({"id": "other.kp"}, "does not start with demo."),
+        ({"printed": "12 %"}, "'12 %' is not a plain number"),
+        ({"computed": "holds"}, "'holds' is not a plain number"),
+        ({"verdict": "good"}, "file says good, .* gives reproduced"),
+        ({"verdict": "approximate"}, "file says approximate, .* gives reproduced"),  # without a tolerance
+        ({"note": "tolerance 1 %"}, "file says reproduced, .* gives approximate"),
+        ({"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
+        ({"evidence": "1 < 2"}, "a number, but 'evidence' is not empty"),
+        ({"basis": "guess"}, "unknown basis 'guess'; one of computed, fitted, from-print, reading"),
+        ({"basis": "fitted"}, "fitted, so 'made' says how many settings from how many numbers"),
+        ({"made": "fit: 1 setting from 4 numbers: T_F, from Table 1"}, "its basis is fitted, not computed"),
+        ({"made": "by hand"}, "made 'by hand' does not read like"),
+        ({"made": "fit: 0 settings from 4 numbers: T_F"}, "fit .* does not read like"),
+        ({"made": "fit: T_F"}, "fit 'T_F' does not read like"),
+        ({"made": "count: poles", "basis": "from-print"}, "from-print, so nobody asks why it stays"),
+        ({"basis": "reading"}, "settled by reading, but 'computed' is not empty"),
+        ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading, but 'page' is not empty"),
+        ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading cannot be reproduced"),
+        ({"basis": "reading", "computed": "", "verdict": "misprint"}, "misprint needs a note"),
+    ],
+)
+def test_validation(project, change, message):
+    check_validation(project, replace(KP, **change), message)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"evidence": ""}, "'evidence' is empty"),  # nobody types a verdict in
+        ({"relation": ""}, "'relation' is empty"),
+        ({"relation": "A faster than B"}, "relation 'A faster than B' does not read like"),
+        ({"relation": "residual <= 1e-8 | rounding"}, "needs a note that says why"),
+        ({"verdict": "fails"}, "file says fails, 3.1.* gives holds"),
+        ({"verdict": "misprint", "note": REASON}, "declared misprint starts to agree"),
+        ({"evidence": "so it is"}, "is no inequality such as"),
+    ],
+)
+def test_validation_of_a_statement(project, change, message):
+    check_validation(project, replace(S1, **change), message)
+
+
+def check_validation(project, row, message):
+    write_rows(project / "book" / "ledger" / "demo.csv", [row])
+    with pytest.raises(LedgerError, match=message) as caught:
+        load_all()
+    assert row.id in str(caught.value)
+
+
+def test_half_a_unit_of_the_print():
+    assert [replace(KP, printed=text).half_unit for text in ("1.30", "8", "1.2e2")] == [0.005, 0.5, 5.0]
+    with pytest.raises(LedgerError, match=r"demo\.s1: 'A < B"):
+        _ = S1.half_unit
+
+
+HEAD = "id,where,quantity,printed,computed,verdict,basis,page,made,relation,evidence,note\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected the columns id, where, .* found $"),
+        (f"{HEAD}demo.a,b\n", "expected 12 entries on one line, found .'demo.a', 'b'"),
+        (f"{HEAD}a,,,,,,,,,,,\na,,,,,,,,,,,\n", "more than one row for a"),
+        (f'{HEAD}a,,,,,,,,,,,"x\ny"\n', "expected 12 entries on one line"),
+        (f'{HEAD}a,,,,,,,,,,,"x', "unexpected end of data"),
+    ],
+)
+def test_unreadable_files(tmp_path, text, message):
+    path = tmp_path / "demo.csv"
+    path.write_text(text)
+    with pytest.raises(LedgerError, match=message):
+        read_rows(path)
+
+
+def test_file_round_trip(tmp_path):
+    path = tmp_path / "demo.csv"
+    odd = replace(KP, note='comma, "quote", κ ≤ 2, a\\b, NA', where="nan")
+    write_rows(path, [odd, *ROWS[1:]])
+    once = path.read_bytes()
+    assert read_rows(path) == [odd, *ROWS[1:]]
+    write_rows(path, read_rows(path))
+    assert path.read_bytes() == once
+    assert b"\r" not in once

@@ -1,0 +1,425 @@
+"""Models fitted to records: the truth within the uncertainty, and refusals where a record cannot tell."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import pidalab
+from pidalab import Record
+from pidalab.plant.fitting import fit
+from pidalab.plant.fitting.searching import Found, prepared, refined, search
+from pidalab.plant.fitting.shapes import FIRST, INTEGRATOR, SECOND
+from pidalab.plant.fitting.uncertainty import covariance
+
+GRID = np.linspace(0.0, 300.0, 3001)
+TRUE = pidalab.Process([2.3], np.poly([-1 / 20, -1 / 6, -1 / 3]) * 360, 8.0)
+TRUE_STEP = pidalab.open_loop_step(TRUE, GRID).y
+
+
+def historian(seed, noise=0.25, count=600):
+    """A valve stepped from 40 to 47 % at 37: irregular, with a gap, quantised, noisy, with missing values."""
+    rng = np.random.default_rng(seed)
+    t = np.sort(rng.uniform(0.0, 260.0, count))
+    y = 350.0 + 7.0 * np.interp(np.maximum(t - 37.0, 0.0), GRID, TRUE_STEP) + rng.normal(0.0, noise, count)
+    y = np.round(y / 0.1) * 0.1
+    y[rng.integers(0, count, 9)] = np.nan
+    keep = (t < 120.0) | (t > 126.0)
+    return Record(t[keep], np.where(t < 37.0, 40.0, 47.0)[keep], y[keep])
+
+
+@pytest.mark.parametrize(
+    ("model", "process"),
+    [
+        ("fopdt", pidalab.fopdt(-1.5, 12.0, 5.0)),
+        ("sopdt", pidalab.sopdt(0.4, 9.0, 0.35, 2.0)),
+        ("lags", pidalab.lags(4, 3.0, gain=2.0, delay=1.0)),
+        ("ipdt", pidalab.ipdt(0.02, 7.0)),
+        ("ifopdt", pidalab.Process([0.02], [9.0, 1.0, 0.0], 4.0)),
+        ("sopdtz", pidalab.Process([-3.0, 0.5], [60.0, 16.0, 1.0], 2.0)),
+    ],
+)
+def test_clean_records_give_their_model_back(model, process):
+    t = np.arange(0.0, 150.0, 0.5)
+    y = 20.0 + 4.0 * np.concatenate([np.zeros(40), pidalab.open_loop_step(process, t[:-40]).y])
+    fitted = fit(Record(t, np.where(t < 20.0, 10.0, 14.0), y), model)
+    w = np.array([0.01, 0.05, 0.1])
+    assert np.allclose(fitted.process(1j * w), process(1j * w), rtol=1e-4)
+    assert fitted.process.delay == pytest.approx(process.delay, abs=1e-3)
+    assert fit(Record(t, np.where(t < 20.0, 10.0, 14.0), y)).model == model
+
+
+def test_historians_record_of_an_unknown_plant():
+    fitted = fit(historian(0))
+    assert fitted.parameters["gain"] == pytest.approx(2.3, rel=0.01)
+    assert fitted.deviation < 1.2 * fitted.noise
+    w = 0.05
+    assert abs(fitted.process(1j * w) / TRUE(1j * w) - 1) < 0.05
+    assert f"{fitted.model} is the simplest within 3 % of the least residual" in fitted.reason
+    assert "lag" in str(fitted)
+
+
+def test_the_truth_lies_within_the_uncertainty_as_often_as_it_should():
+    """Gain, lag and dead time of a record made from the model's own kind: 95 % within two deviations, here 60 cases."""
+    process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0)
+    clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
+    inside = 0
+    for seed in range(20):
+        y = clean + np.random.default_rng(seed).normal(0.0, 0.1, t.size)
+        fitted = fit(Record(t, np.where(t < 20, 0.0, 1.0), y), "fopdt")
+        for name, true in (("gain", 2.0), ("lag", 12.0), ("delay", 5.0)):
+            inside += abs(fitted.parameters[name] - true) < 2 * fitted.uncertainty[name]
+    assert inside >= 50  # of 60; with uncertainties half as large it would be about 40
+
+
+def test_plants_drawn_from_the_uncertainty_spread_like_it():
+    fitted = fit(historian(1), "fopdt")
+    gains = [plant.num[-1] / plant.den[-1] for plant in fitted.spread(200)]
+    assert np.std(gains) == pytest.approx(fitted.uncertainty["gain"], rel=0.3)
+    assert all(plant.delay >= 0 for plant in fitted.spread(200))
+
+
+def test_plants_drawn_have_a_lag_that_the_record_cannot_show():
+    """Two lags in noise look like one; a dead time that hides the other is a milder plant for a PID than the lag is."""
+    process, t = pidalab.Process([1.0], np.polymul([10.0, 1.0], [2.0, 1.0]), 3.0), np.arange(0.0, 100.0)
+    clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
+    y = clean + np.random.default_rng(3).normal(0.0, 0.05, t.size)
+    fitted = fit(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
+    plants = fitted.spread(30)
+    assert fitted.model == "fopdt"
+    assert {len(plant.den) - 1 for plant in plants} == {1, 2}
+    design = pidalab.tune(fitted.process, "PID", ms=1.6, sample_time=0.2)
+    true = pidalab.margins(design.loop(process)).ms
+    own, hidden = (
+        max(pidalab.margins(design.loop(plant)).ms for plant in plants if len(plant.den) - 1 == order)
+        for order in (1, 2)
+    )
+    assert own < hidden
+    assert true < hidden
+
+
+def test_plants_to_design_for_have_gains_that_one_record_cannot_show():
+    fitted = fit(historian(0))
+    first, *plants = fitted.plants()
+    ratios = [plant.gain() / drawn.gain() for plant, drawn in zip(plants, fitted.spread(), strict=True)]
+    assert first == fitted.process
+    assert set(np.round(ratios, 9)) == {0.85, 1.15}
+    assert ratios.count(max(ratios)) > 10
+
+
+def test_plants_drawn_know_that_a_record_hides_when_the_input_changed():
+    """A step half a sample before the one that shows it: without noise that is all that is uncertain."""
+    process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0, 2.0)
+    y = np.interp(t - 19.0, GRID, pidalab.open_loop_step(process, GRID).y, left=0.0)
+    fitted = fit(Record(t, np.where(t < 19.0, 0.0, 1.0), y), "fopdt")
+    delays = [plant.delay for plant in fitted.spread(40)]
+    assert fitted.process.delay == pytest.approx(4.0, abs=0.01)
+    assert min(delays) == pytest.approx(4.0, abs=0.3)
+    assert max(delays) == pytest.approx(6.0, abs=0.3)
+
+
+def test_a_set_point_change_in_closed_loop_serves_too():
+    process = pidalab.fopdt(2.0, 10.0, 4.0)
+    t = np.arange(0.0, 300.0, 0.5)
+    run = pidalab.simulate_sampled(
+        pidalab.Loop(process, pidalab.PIDA(0.6, 10.0)), t, setpoint=np.where(t < 30, 0.0, 1.0),
+        noise=pidalab.uniform_noise(t, 0.01, seed=3),
+    )  # fmt: skip
+    fitted = fit(Record(t, run.u, run.y + run.n), "fopdt")
+    for name, true in (("gain", 2.0), ("lag", 10.0), ("delay", 4.0)):
+        assert fitted.parameters[name] == pytest.approx(true, rel=0.05)
+
+
+def test_refusals():
+    with pytest.raises(ValueError, match="model must be 'fopdt', 'lags'"):
+        fit(historian(0), "arx")
+    with pytest.raises(TypeError, match="must be a pidalab"):
+        fit(GRID)
+
+
+@pytest.mark.parametrize("ratio", [2.9, 3.1])
+def test_an_answer_counts_from_three_times_what_is_left_over(ratio):
+    """What is left over changes its sign at each sample, which no model follows."""
+    t = np.arange(200.0)
+    y = np.where(t < 50, 0.0, -np.expm1(-(t - 50) / 10)) + (-1) ** t / ratio
+    record = Record(t, np.where(t < 50, 0.0, 1.0), y)
+    if ratio > 3:
+        assert fit(record, "fopdt").deviation == pytest.approx(1 / ratio, rel=0.01)
+    else:
+        with pytest.raises(ValueError, match=r"the output answers by 0.99, not clearly above .* \(0\.34"):
+            fit(record, "fopdt")
+
+
+def test_plants_drawn_around_an_integrator_without_dead_time_have_a_lag_within_a_sample():
+    t = np.arange(0.0, 60.0, 2.0)
+    y = 0.1 * np.maximum(t - 9.0, 0.0) + np.random.default_rng(0).normal(0.0, 0.05, t.size)
+    fitted = fit(Record(t, np.where(t < 10.0, 0.0, 1.0), y), "ipdt")
+    assert fitted.process.delay == 0.0
+    assert {len(plant.den) - 1 for plant in fitted.spread(9)} == {1, 2}
+
+
+def test_plants_are_drawn_around_the_model_and_a_hidden_lag_in_turn():
+    """Noise that hides no more than one of the lags that are tried: the shortest."""
+    t = np.arange(0.0, 80.0, 0.5)
+    y = -2.0 * np.expm1(-np.maximum(t - 14.0, 0.0) / 8.0) + np.random.default_rng(1).normal(
+        0.0, 0.004, t.size
+    )
+    fitted = fit(Record(t, np.where(t < 10.0, 0.0, 1.0), y), "fopdt")
+    assert [len(plant.den) - 1 for plant in fitted.spread(6)] == [1, 2, 1, 2, 1, 2]
+
+
+def test_unequal_lags_that_pass_for_equal_ones_are_among_the_plants():
+    """The gain of the true plant where a loop acts lies beyond that of equal lags with whatever further lag."""
+    true = pidalab.Process([2.3], np.poly([-1 / 5, -1 / 14, -1 / 33]) * 5 * 14 * 33, 17.7)
+    t = np.linspace(0.0, 390.0, 600)
+    u = np.where(t < 60.0, 40.0, 47.0)
+    y = 7 * np.interp(t - 60.0, t, pidalab.open_loop_step(true, t).y, left=0.0)
+    found = fit(Record(t, u, y + np.random.default_rng(1).normal(0.0, 0.16, t.size)), "lags")
+    w = np.geomspace(0.04, 0.07, 9)
+    ratios = [np.abs(plant(1j * w) / found.process(1j * w)) for plant in found.spread(20)]
+    actual = np.abs(true(1j * w) / found.process(1j * w))
+    assert np.all(actual > 1.0)
+    assert np.all(np.max(ratios, axis=0) >= actual)
+
+
+def test_a_fit_is_its_own_and_says_what_it_found():
+    fitted, other = fit(historian(0), "fopdt"), fit(historian(0), "fopdt")
+    assert fitted == fitted
+    assert fitted != other
+    assert len({fitted, other}) == 2
+    with pytest.raises(AttributeError):
+        fitted.model = "ipdt"
+    lines = str(fitted).splitlines()
+    for name, value in fitted.parameters.items():
+        assert f"{name} = {value:.4g} ± {fitted.uncertainty[name]:.2g}" in lines[0]
+    assert lines[1:] == [
+        f"residuals {fitted.deviation:.3g} (root mean square): noise {fitted.noise:.3g}, "
+        f"error of the model {fitted.model_error:.3g}",
+        f"NRMSE {fitted.nrmse:.3f}, no part left to test it on, since nothing moves at the end",
+        "fopdt was asked for.",
+    ]
+    assert fitted.deviation == pytest.approx(np.sqrt(np.mean(fitted.residuals**2)))
+    assert fitted.nrmse == pytest.approx(1 - fitted.deviation / np.std(historian(0).y))
+
+
+def test_uncertainty_of_white_residuals_in_closed_form():
+    """Variance over the sum of squared sensitivities, times the samples that share an error."""
+    fitted = fit(historian(2), "fopdt")
+    found = fitted._found
+    r, jacobian = found.residuals, found.jacobian
+    correlation = [float(r[k:] @ r[: r.size - k]) / float(r @ r) for k in range(r.size)]
+    end = next(k for k, value in enumerate(correlation) if value <= 0)
+    together = 1 + 2 * sum(correlation[1:end])
+    variance = float(r @ r) / (r.size - jacobian.shape[1])
+    expected = variance * together * np.linalg.inv(jacobian.T @ jacobian)
+    np.testing.assert_allclose(covariance(found), expected, rtol=1e-6, atol=1e-12)
+    assert list(fitted.uncertainty) == ["gain", "lag", "delay"]
+    sigma = np.sqrt(np.diag(expected))[[0, 2, 3]]
+    assert list(fitted.uncertainty.values()) == pytest.approx(list(sigma), rel=1e-6)
+
+
+def test_uncertainty_of_an_exact_fit_is_none():
+    data = prepared(historian(0))
+    exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
+    assert not np.any(covariance(exact))
+
+
+@pytest.mark.parametrize("model", ["fopdt", "sopdt", "ipdt"])
+def test_sensitivities_beside_a_finer_difference(model):
+    data = prepared(historian(3))
+    found = search(data, {"fopdt": FIRST, "sopdt": SECOND, "ipdt": INTEGRATOR}[model])
+    gain, level, *p = found.values.tolist()
+    shape = found.shape
+
+    def output(values):
+        return values[1] + values[0] * data.simulated(shape, values[2:-1], values[-1])
+
+    for k in range(len(found.values)):
+        step = 1e-5 * max(abs(found.values[k]), 1.0)
+        up, down = (np.array([gain, level, *p]) for _ in range(2))
+        up[k] += step
+        down[k] -= step
+        column = (output(up) - output(down)) / (2 * step)
+        scale = np.max(np.abs(column))
+        # where the response has a corner, both differences are means over it
+        close = np.abs(found.jacobian[:, k] - column) <= 2e-3 * scale
+        assert np.mean(close) > 0.99
+    np.testing.assert_allclose(found.residuals, data.y - output(found.values), atol=1e-9)
+
+
+def test_what_a_fit_looks_at_of_a_record():
+    """Changes of the input one by one; the interval in which each was is what the record hides."""
+    t = np.sort(np.random.default_rng(0).uniform(0.0, 100.0, 200))
+    u = np.select([t < 20, t < 50], [1.0, 4.0], 2.5)
+    data = prepared(Record(t, u, np.minimum(t, 80.0)))
+    first, second = int(np.argmax(t >= 20)), int(np.argmax(t >= 50))
+    assert data.moments.tolist() == [t[first], t[second]]
+    assert data.changes.tolist() == [3.0, -1.5]
+    assert data.unseen == pytest.approx((t[first] - t[first - 1] + t[second] - t[second - 1]) / 2)
+    assert (data.t.size, data.grid) == (200, 0.0)
+
+
+@pytest.mark.parametrize(("changes", "grid"), [(60, 0.0), (61, 0.5)])
+def test_an_input_of_many_changes_is_laid_on_a_grid(changes, grid):
+    t = 0.5 * np.arange(300)
+    u = np.where(np.arange(300) < 20, 0.0, np.minimum(np.arange(300) - 19.0, changes))
+    process = pidalab.fopdt(2.0, 5.0, 1.25)
+    y = pidalab.simulate(pidalab.Loop(process, 0.0), t, load=u).y
+    data = prepared(Record(t, u, 3.0 + y))
+    assert data.grid == grid
+    assert data.unseen == (0.0 if grid else 0.5)
+    np.testing.assert_allclose(2.0 * data.simulated(FIRST, [5.0], 1.25), y, atol=1e-9)
+
+
+def test_a_long_record_is_averaged_over_neighbours():
+    t = 0.01 * np.arange(8001)
+    y = np.minimum(np.maximum(t - 20.0, 0.0), 30.0)
+    data = prepared(Record(t, np.where(t < 20, 0.0, 1.0), y))
+    assert data.t.size == data.y.size == 4000
+    assert data.t[0] == pytest.approx(np.mean(t[:3]))
+    assert data.t[-1] == pytest.approx(np.mean(t[-2:]))
+    assert np.all(np.abs(data.y - np.interp(data.t, t, y)) < 1e-2)
+    assert data.moments.tolist() == [20.0]
+
+
+def test_eight_equal_lags_are_the_most():
+    t = np.arange(0.0, 150.0)
+    clean = {order: pidalab.open_loop_step(pidalab.lags(order, 4.0), t[:-20]).y for order in (8, 9)}
+    for order, lag in ((8, 4.0), (9, None)):
+        fitted = fit(Record(t, np.where(t < 20, 0.0, 1.0), np.append(np.zeros(20), clean[order])), "lags")
+        assert len(fitted.process.den) == 9
+        if lag:
+            assert fitted.parameters["lag"] == pytest.approx(lag, rel=1e-6)
+            assert fitted.parameters["delay"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_starts_that_are_followed_end_as_low_as_all_of_them():
+    """Of the grid one in each third is followed down: here a single lag for six, where not every start ends lowest."""
+    t = np.arange(0.0, 150.0, 0.5)
+    clean = pidalab.open_loop_step(pidalab.lags(6, 3.0, delay=20.0), t[:-40]).y
+    y = np.append(np.zeros(40), clean) + np.random.default_rng(0).normal(0.0, 0.01, t.size)
+    data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
+    span = 130.0
+    ends = [
+        refined(data, FIRST, [lag, delay], span).cost
+        for lag in span * np.geomspace(0.01, 0.5, 5)
+        for delay in span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
+    ]
+    assert max(ends) > 1.01 * min(ends)
+    assert search(data, FIRST).cost == pytest.approx(min(ends), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shape", "true"), [(FIRST, [1500.0]), (SECOND, [1.0, 19.0])], ids=["lag", "damping"]
+)
+def test_a_descent_from_the_truth_stays_there_close_to_the_upper_bounds_too(shape, true):
+    """A lag of 15 records, and a damping of nearly 20: in valleys so flat a start further away ends elsewhere."""
+    t = np.arange(0.0, 120.0, 0.5)
+    y = 30.0 * shape.step(t - 23.0, true)
+    data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
+    values = refined(data, shape, [*true, 3.0], 99.5).values
+    np.testing.assert_allclose(values, [30.0, 0.0, *true, 3.0], rtol=1e-6, atol=1e-8)
+
+
+def test_twenty_plants_of_the_same_seed_unless_told():
+    found = fit(historian(0), "fopdt")
+    assert found.spread() == found.spread(20, 0) != found.spread(20, 1)
+
+
+T = np.arange(200.0)
+U = np.where(T < 40, 0.0, 1.0)
+NOISE = np.random.default_rng(0).normal(0.0, 0.05, 200)
+
+
+def rise(at=40.0, gain=2.0, lag=12.0, delay=5.0):
+    return gain * -np.expm1(-np.maximum(T - at - delay, 0.0) / lag)
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "said"),
+    [
+        (U, 20 + 0.01 * T + NOISE, "not clearly above noise and a drift in time"),
+        (U, 20 - 3 * np.exp(-T / 150) + NOISE, "not clearly above noise and a drift in time"),
+        (
+            U,
+            np.where(T == 90, -9999.0, rise() + NOISE),
+            r"sample 90 \(y = -9999\); leave it out with outliers='drop'",
+        ),
+        (
+            -0.5 * rise() + 0.001 * NOISE,
+            rise(),
+            "it follows the output, as in a loop at a constant set point",
+        ),
+    ],
+)
+def test_what_tells_nothing_of_the_plant_is_refused(u, y, said):
+    with pytest.raises(ValueError, match=said):
+        fit(Record(T, u, y))
+
+
+def test_a_record_cut_in_the_middle_does_not_settle_the_parameters():
+    early = T < 75
+    record = Record(T[early], U[early], (rise(lag=60.0) + NOISE)[early])
+    with pytest.raises(
+        ValueError, match=r"does not settle the (sign of the gain|lag of fopdt|tau|damping).* ± "
+    ):
+        fit(record, "sopdt")
+
+
+@pytest.mark.parametrize(("model", "lag"), [("fopdt", 12.0), ("sopdt", 6.0)])
+def test_a_plant_that_was_still_moving_is_fitted_from_there(model, lag):
+    process = pidalab.fopdt(2.0, 12.0, 5.0) if model == "fopdt" else pidalab.lags(2, 6.0, 2.0, 5.0)
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
+    found = fit(Record(T, U, y - 8 * (1 + T / lag * (model == "sopdt")) * np.exp(-T / lag)), model)
+    assert found.parameters["gain"] == pytest.approx(2.0, rel=0.05)
+    assert found.parameters["delay"] == pytest.approx(5.0, abs=1.0)
+    assert "the record does not begin at rest: an initial state was fitted, too" in found.doubts
+
+
+def test_a_record_that_begins_with_its_step_gives_its_model():
+    found = fit(Record(T[:100], U[40:140], rise()[40:140] + NOISE[:100], u_before=0.0), "fopdt")
+    assert found.parameters["gain"] == pytest.approx(2.0, rel=0.03)
+    assert found.parameters["lag"] == pytest.approx(12.0, rel=0.1)
+
+
+def test_noise_is_told_from_the_error_of_a_model():
+    """Two lags in 0.005 of noise, as a single one: what is left over is model error, and is said."""
+    process = pidalab.Process([2.0], np.polymul([20.0, 1.0], [8.0, 1.0]))
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + 0.1 * NOISE
+    single, double = (fit(Record(T, U, y), model) for model in ("fopdt", "sopdt"))
+    assert single.noise == pytest.approx(0.005, rel=0.3)
+    assert single.model_error > 2 * single.noise > 4 * double.model_error
+    assert any("beyond the noise" in doubt for doubt in single.doubts)
+    assert double.doubts == ()
+
+
+def test_what_was_not_fitted_is_predicted():
+    u = U - 2 * (T >= 80) + (T >= 120)
+    y = rise() - 2 * rise(80.0) + rise(120.0) + NOISE
+    assert fit(Record(T, u, y), "fopdt").holdout > 0.85
+    assert fit(Record(T, 0.01 * u, y), "fopdt").holdout > 0.85
+    assert np.isnan(fit(Record(T, U, rise() + NOISE), "fopdt").holdout)
+    slight = U + 0.04 * (T >= 150)  # too small to count as a change
+    assert np.isnan(fit(Record(T, slight, rise(lag=60.0) + 0.1 * NOISE), "fopdt").holdout)
+    assert fit(Record(T, u, y + 0.5 * rise(120.0)), "fopdt").holdout < 0.8
+
+
+def test_plants_are_about_as_likely_as_the_model():
+    """Tau, damping and dead time of slow and fast lags go together; none is drawn without the others."""
+    process = pidalab.Process([2.0], np.polymul([40.0, 1.0], [3.0, 1.0]))
+    y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
+    found = fit(Record(T, U, y), "sopdt")
+    assert found.plants(21)[0] is found.process
+    assert len(found.plants(21)) == 21
+    plants = [found.process, *found.spread(20)]
+    squares = [np.sum((y - pidalab.simulate(pidalab.Loop(plant, 0.0), T, load=U).y) ** 2) for plant in plants]
+    assert max(squares) < 1.35 * squares[0]
+
+
+def test_a_plot_of_a_fit_has_its_residuals_in_a_band_of_twice_the_noise():
+    found = fit(historian(1))
+    ax = Figure().subplots()
+    found.plot(ax)
+    below = ax.lines[2].get_ydata() - found.residuals
+    band = ax.patches[0].get_path().get_extents(ax.patches[0].get_patch_transform())
+    assert np.ptp(below) == pytest.approx(0.0, abs=1e-9)
+    assert (band.y0, band.y1) == pytest.approx((below[0] - 2 * found.noise, below[0] + 2 * found.noise))

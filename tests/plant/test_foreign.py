@@ -1,0 +1,66 @@
+"""The page on plants of others: its tables cover what they say, and keep what is promised."""
+
+import csv
+from pathlib import Path
+
+import foreign
+import pytest
+
+ROOT = Path(__file__).parents[2]
+KEEPS = 2.0005  # the worst Ms that is allowed, to the digits of the tables
+SHARE = 0.8  # of the readable records in open loop that give a controller
+
+
+def table(name):
+    with (ROOT / "book" / "data" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def broken(row):
+    """What is wrong with a row of measured records."""
+    wrong = []
+    if row["result"].startswith("refused: "):
+        return wrong if len(row["result"]) > 60 else ["a refusal without cause and remedy"]
+    if not float(row["ms_worst"]) <= KEEPS:
+        wrong.append(f"worst Ms {row['ms_worst']}")
+    if row["sign"] and float(row["gain"]) * int(row["sign"]) < 0:
+        wrong.append("wrong sign")
+    return wrong
+
+
+def test_every_record_that_is_listed_is_in_the_table_with_its_source():
+    about = [{key: row[key] for key in foreign.ABOUT} for row in table("foreign")]
+    assert about == [source for _, source, _ in foreign.listed()]
+    assert all(len(row["commit"]) == 40 and "/" in row["repository"] for row in about)
+
+
+def test_no_measured_record_gives_an_unsafe_controller():
+    assert {row["path"]: broken(row) for row in table("foreign") if broken(row)} == {}
+
+
+def test_most_readable_records_in_open_loop_give_one():
+    readable = [row for row in table("foreign") if row["experiment"] and not row["remark"]]
+    assert sum(not row["result"].startswith("refused") for row in readable) >= SHARE * len(readable)
+
+
+@pytest.mark.parametrize(
+    "change", [{"ms_worst": "2.01"}, {"ms_worst": "inf"}, {"gain": "-1"}, {"result": "refused: no"}]
+)
+def test_a_broken_promise_is_seen(change):
+    row = {"result": "a PID", "ms_worst": "2.00", "sign": "1", "gain": "0.5"}
+    assert not broken(row)
+    assert broken(row | change)
+
+
+def test_no_random_plant_gives_an_unstable_loop():
+    assert "inf" not in {row["ms_true"] for row in table("strangers")}
+
+
+def test_random_plants_keep_the_other_aims():
+    rows = table("strangers")
+    made = [{key: float(row[key]) for key in ("ms_true", "ms_worst")} for row in rows if not row["refusal"]]
+    assert len({row["seed"] for row in rows}) == 1
+    assert len(rows) - len(made) <= 0.15 * len(rows)
+    assert max(row["ms_worst"] for row in made) <= KEEPS
+    assert sum(row["ms_true"] <= KEEPS for row in made) >= 0.97 * len(made)
+    assert sum(row["ms_true"] <= row["ms_worst"] + 0.0005 for row in made) >= 0.95 * len(made)

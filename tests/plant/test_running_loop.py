@@ -1,0 +1,125 @@
+"""Gains judged by simulated logs of loops whose plant is known: Ms, what the gains miss, sets to try, refusals."""
+
+import re
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.plant.fitting import fit
+from pidalab.plant.running_loop import check
+
+PLANT, RUNNING, H = pidalab.fopdt(2.0, 12.0, 4.0), pidalab.PIDA(kp=0.6, ti=12.0), 1.0
+T = H * np.arange(200)
+TRUE = pidalab.margins(pidalab.Loop(PLANT, RUNNING.discretise(H))).ms
+
+
+def log(setpoint=0.0, load=0.0, noise=0.02, seed=0, slow=0.0):
+    """A loop at work, logged at its samples; a slow disturbance is a random walk that returns to 0."""
+    rng = np.random.default_rng(seed)
+    disturbed = rng.normal(0.0, noise, T.size)
+    for k in range(1, T.size):
+        disturbed[k] += slow * (disturbed[k - 1] - disturbed[k]) if slow else 0.0
+    loop = pidalab.Loop(PLANT, RUNNING.discretise(H))
+    run = pidalab.simulate_sampled(loop, T, setpoint, load, disturbed)
+    return pidalab.Record(T, 40 + run.u, 300 + run.y + disturbed)
+
+
+def steps(*changes):
+    return sum(size * (at <= T) for at, size in changes)
+
+
+def bumped(noise=0.02):
+    """A pulse of u by hand."""
+    u = steps((20, 1.0), (60, -1.0))
+    y = pidalab.open_loop_step(PLANT, T).y
+    shifted = (np.interp(T - at, T, y, left=0.0) for at in (20, 60))
+    return pidalab.Record(
+        T, u, next(shifted) - next(shifted) + np.random.default_rng(1).normal(0, noise, T.size)
+    )
+
+
+LOGS = {
+    "two changes of the set point": lambda: log(setpoint=steps((20, 1.0), (110, -1.0))),
+    "a step of the load": lambda: log(load=steps((20, 1.0))),
+    "both": lambda: log(setpoint=steps((110, 1.0)), load=steps((20, 1.0))),
+    "a bump of u by hand": bumped,
+}
+
+
+@pytest.mark.parametrize("kind", LOGS)
+def test_the_interval_has_the_true_ms_and_is_narrow(kind):
+    """And a load is found where there is one; nothing slow is doubted."""
+    found = check(LOGS[kind](), RUNNING, sample_time=H)
+    assert found.fit._data.loaded == (kind in ("a step of the load", "both"))
+    low, high = found.interval
+    assert low <= TRUE <= high < low + 0.4
+    assert low <= found.ms <= high
+    assert not any("slow" in doubt for doubt in found.doubts)
+
+
+def test_gains_that_miss_much_are_told_how_much_and_three_safe_sets():
+    timid = pidalab.PIDA(kp=0.3, ti=20.0)
+    found = check(fit(log(setpoint=steps((20, 1.0))), "fopdt"), timid, sample_time=H)
+    assert [row.rule for row in found.rows] == ["now", "best like it", "calmer", "same noise", "faster"]
+    now, best, *sets = found.rows
+    assert best.iae < now.iae
+    assert best.ms_sampled == pytest.approx(found.ms, rel=2e-3)
+    assert best.noise_gain <= now.noise_gain * 1.001
+    assert found.loss == pytest.approx(100 * (now.iae / best.iae - 1))
+    for row, ms, share in zip(sets, (1.4, 1.6, 1.8), (0.5, 1.0, 2.0), strict=True):
+        loop = row.design.loop(PLANT)
+        assert row.ms_sampled <= ms * 1.001
+        assert pidalab.noise_gain(loop, H) <= share * now.noise_gain * 1.01
+        assert pidalab.margins(pidalab.Loop(PLANT, row.design.discretise(H))).ms <= 2.0
+    said = str(found)
+    assert f"{found.loss:.0f} % above that of the best PI" in said
+    assert re.search(r"faster .* kp = \S+, ti = \S+, filter", said)
+
+
+def test_the_optimum_itself_misses_nothing(monkeypatch):
+    monkeypatch.setattr("pidalab.plant.running_loop.SETS", {})  # each takes seconds, and plays no part
+    fitted = fit(log(setpoint=steps((20, 1.0))), "fopdt")
+    design = pidalab.tune(fitted.process, "PI", 1.5, 0.5, H)
+    assert abs(check(fitted, design.controller, sample_time=H).loss) < 0.2
+
+
+@pytest.mark.parametrize("record", [lambda: log(), lambda: log(load=0.02 * steps((20, 1.0)))])
+def test_a_log_that_shows_nothing_is_refused_with_what_would_do(record):
+    with pytest.raises(
+        ValueError, match="needs a change of the set point, a step of the load or a bump of u"
+    ):
+        check(record(), RUNNING)
+
+
+def test_gains_of_the_wrong_sign_are_refused():
+    with pytest.raises(
+        ValueError, match=r"gains of the sign of the plant's, found kp = -0\.6 for a plant of gain 2"
+    ):
+        check(fit(bumped(), "fopdt"), -1 * RUNNING)
+
+
+def test_without_integral_action_and_digital_controllers_are_refused():
+    with pytest.raises(ValueError, match="integral action"):
+        check(bumped(), pidalab.PIDA(kp=0.6, ti=np.inf))
+    with pytest.raises(TypeError, match="DigitalController"):
+        check(bumped(), RUNNING.discretise(1.0))
+    with pytest.raises(ValueError, match="ms_worst must be above 1"):
+        check(fit(bumped(), "fopdt"), RUNNING, ms_worst=1.0)
+
+
+def test_gains_that_cannot_have_run_are_doubted_and_safe_ones_given():
+    found = check(fit(bumped(), "fopdt"), 10 * RUNNING, sample_time=H)
+    assert found.ms == np.inf
+    assert any("other gains ran, or other units" in doubt for doubt in found.doubts)
+    assert np.isnan(found.loss)
+    for row in found.rows[1:]:
+        assert row.design.ms_worst <= 2.001  # over the plants that tune draws
+        assert pidalab.margins(pidalab.Loop(PLANT, row.design.discretise(H))).ms <= 2.0
+
+
+@pytest.mark.parametrize(("noise", "share"), [(0.5, 100), (0.25, 14)])
+def test_slow_disturbances_that_are_fed_back_are_doubted(noise, share):
+    found = check(log(setpoint=steps((20, 0.5)), noise=noise, slow=0.9), RUNNING, sample_time=H)
+    assert any(f"slow disturbances make up about {share} %" in doubt for doubt in found.doubts)
+    assert not found.fit._data.loaded

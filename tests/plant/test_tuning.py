@@ -1,0 +1,159 @@
+"""The front door: every rule by name, what the design knows, what it doubts, what it refuses."""
+
+import math
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab import Record, fopdt, lags, tune
+from pidalab.plant.fitting import fit
+from pidalab.plant.tuning import perturbed_plants
+
+THIRD = lags(3, delay=1.0)
+
+
+def test_the_optimum_keeps_what_it_promises_and_says_its_default():
+    design = tune(THIRD, "PID", ms=1.5)
+    margins = pidalab.margins(design.loop())
+    assert margins.ms == pytest.approx(design.ms, rel=1e-6)
+    assert design.ms <= 1.5 * (1 + 1e-6)
+    assert design.mks <= 10.0 * (1 + 1e-6)
+    assert "mks = 10" in design.doubts[0]
+    assert design.iae == pytest.approx(
+        pidalab.load_response(design.loop(), np.linspace(0, 100, 20001)).iae(), rel=1e-4
+    )
+
+
+def test_sample_time_and_own_filter_are_part_of_the_design():
+    plain, slow = tune(THIRD, "PI"), tune(THIRD, "PI", sample_time=1.0)
+    assert slow.controller.gains().ki < plain.controller.gains().ki
+    filtered = tune(THIRD, "PI", output_filter=pidalab.lags(1, 1.0).rational_part())
+    assert pidalab.margins(filtered.loop()).ms == pytest.approx(filtered.ms, rel=1e-6)
+    assert filtered.ms <= 1.6 * (1 + 1e-6)
+
+
+def test_limits_that_nothing_keeps_are_refused():
+    with pytest.raises(ValueError, match=r"no stable controller of order 0 .*; order 1 has some"):
+        tune(pidalab.Process([1.0], [1.0, 1.0, 0.0, 0.0]), "PI")
+
+
+def test_spread_prices_what_the_model_does_not_know():
+    design = tune(THIRD, "PI", spread=0.2)
+    assert 1.6 < tune(THIRD, "PI", spread=0.05).ms_worst < design.ms_worst <= 2.0 * (1 + 1e-6)
+    worst = pidalab.Loop(lags(3, 1.2, 1.2, delay=1.2), design.controller)
+    assert pidalab.margins(worst).ms <= design.ms_worst * (1 + 1e-9)
+
+
+def test_a_design_that_is_not_safe_with_all_plants_is_made_safer_at_a_price():
+    bold, design = (tune(THIRD, "PID", spread=0.2, ms_worst=most) for most in (3.0, 2.0))
+    assert bold.price == 1.0
+    assert bold.ms == pytest.approx(1.6, rel=1e-6)
+    assert bold.ms_worst > 2.1
+    worst = max(pidalab.margins(design.loop(plant)).ms for plant in perturbed_plants(THIRD, 0.2))
+    assert worst == pytest.approx(2.0, rel=1e-6)
+    assert design.ms_worst == pytest.approx(worst, rel=1e-6)
+    assert 1.01 < design.price == pytest.approx(design.iae / bold.iae, rel=1e-6)
+
+
+def test_plants_that_no_controller_serves_are_refused():
+    with pytest.raises(
+        ValueError, match=r"too uncertain for this controller: .* unstable .* a smaller spread"
+    ):
+        tune(pidalab.Process([1.0], [1.0, -1.0], 0.2), "PID", spread=0.5)
+
+
+@pytest.mark.parametrize(("kind", "sample_time"), [("PI", 0.5), ("PID", 0.2)])
+def test_the_sampled_loop_has_the_ms_that_is_asked_for(kind, sample_time):
+    design = tune(THIRD, kind, sample_time=sample_time)
+    loop = pidalab.Loop(THIRD, design.controller.discretise(sample_time, "backward"))
+    assert 1.6 * 0.999 <= pidalab.margins(loop).ms <= 1.6 * (1 + 1e-6)
+    assert design.ms_sampled == pytest.approx(pidalab.margins(loop).ms, rel=1e-9)
+
+
+def test_a_sample_time_slower_than_the_loop_and_a_filter_faster_than_it_are_doubted():
+    slow = tune(fopdt(1.0, 2.0, 0.1), "PI", rule="simc", sample_time=1.0)
+    assert any("the sample time of 1 is long for this loop" in doubt for doubt in slow.doubts)
+    quick = tune(THIRD, "PID", rule="simc", sample_time=0.5)
+    assert any("faster than the sample of 0.5" in doubt for doubt in quick.doubts)
+
+
+def test_a_fit_brings_its_uncertainty_and_its_noise():
+    t = np.arange(0.0, 80.0, 0.5)
+    y = 2.0 * 5.0 * (1 - np.exp(-np.maximum(t - 14.0, 0.0) / 8.0)) + np.random.default_rng(0).normal(
+        0, 0.1, t.size
+    )
+    fitted = fit(Record(t, np.where(t < 10.0, 40.0, 45.0), y), "fopdt")
+    design = tune(fitted, "PI")
+    assert design.ms <= 1.6 * (1 + 1e-6)
+    assert design.ms < design.ms_worst
+    assert any("noise_gain" in doubt for doubt in design.doubts)
+    with pytest.raises(ValueError, match=r"too uncertain .*; a longer record, a larger step"):
+        tune(fitted, "PI", spread=0.99)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: tune(THIRD, "PIDD"), "kind must be 'PI', 'PID' or 'PIDA'"),
+        (lambda: tune(THIRD, "PI", ms=0.9), "ms must be above 1"),
+        (lambda: tune(THIRD, "PI", rule="itae"), "kind must be 'PID' or 'PIDA' for the rule 'itae load'"),
+        (
+            lambda: tune(pidalab.ipdt(1.0, 0.0), rule="mrdp"),
+            "model must have a dead time for the rule 'mrdp'",
+        ),
+        (lambda: tune(THIRD, "PI", noise_gain=1.0), "sample_time must be given with noise_gain"),
+        (lambda: tune(THIRD, "PI", rule="simc", spread=1.0), "spread must be a share below 1"),
+        (lambda: tune(THIRD, "PI", sample_time=0.0), "sample_time must be above 0"),
+        (lambda: tune(THIRD, "PI", sample_time=1e9), "sample_time must be at most 10 for this process"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_what_is_no_model_says_what_to_pass():
+    with pytest.raises(TypeError, match="model"):
+        tune(1.0, "PI")
+
+    with pytest.raises(TypeError, match=r"found Record; fit one: identification\.fit\(record\)"):
+        tune(pidalab.Record(np.arange(30.0), np.arange(30) >= 9.0, np.arange(30) >= 12.0), "PI")
+
+
+@pytest.mark.parametrize(("lag", "sample_time"), [(3600.0, None), (1.0, 0.1)])
+def test_a_dead_time_that_no_loop_can_notice_is_left_out_and_said(lag, sample_time):
+    process = pidalab.fopdt(1.0, lag, 1e-9)
+    design = tune(process, "PI", sample_time=sample_time)
+    assert "the dead time of 1e-09 is left out" in design.doubts[0]
+    assert design.model.delay == 0.0
+    assert pidalab.margins(design.loop(process)).ms == pytest.approx(design.ms, rel=1e-3)
+    assert math.isfinite(design.iae)
+
+
+def test_an_integrator_alone_needs_a_limit():
+    with pytest.raises(
+        ValueError, match="noise_gain and sample_time must be given for integrators without lag"
+    ):
+        tune(pidalab.ipdt(1.0, 0.0), "PI")
+
+
+@pytest.mark.parametrize(("kind", "order"), [("PI", 0), ("PID", 1), ("PIDA", 2)])
+def test_the_filter_of_the_magnitude_optimum_is_ten_times_faster_than_the_process(kind, order):
+    """Its lags, one more than derivatives, sum up to a tenth of lags and dead time: three and one."""
+    found = pidalab.tune(pidalab.lags(3, delay=1.0), kind=kind, rule="magnitude optimum").controller
+    assert found.filter_order == order + 1
+    assert found.filter_order * found.filter_time == pytest.approx(0.1 * (3 + 1))
+
+
+def test_a_pida_is_refused_where_the_record_shows_dynamics_that_the_model_lacks():
+    """A plant of three lags, a model of one: its PID is designed, its PIDA would act on what is not known."""
+    t = np.arange(0.0, 60.0, 0.1)
+    y = pidalab.simulate(pidalab.Loop(lags(3), 0.0), t, load=t >= 5.0).y
+    fitted = fit(Record(t, 1.0 * (t >= 5.0), y), "fopdt")
+    assert fitted.incomplete
+    assert tune(fitted, "PID").ms <= 1.6 * 1.001
+    with pytest.raises(
+        ValueError, match=r"the model has 1 pole\(s\), and a PIDA acts on dynamics beyond them"
+    ):
+        tune(fitted, "PIDA")

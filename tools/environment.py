@@ -1,0 +1,68 @@
+"""Make `.venv` from the locked requirements: ``python tools/environment.py``, with ``--dev`` for tests and tools, too.
+
+Needs Python alone, on any system. Every package is held against its hash. `uv` fills the environment several times
+faster than pip; it comes out of the lock itself, and where it cannot be had, pip does the work.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / ".venv"
+LOCKS = {"book": ROOT / "requirements.txt", "dev": ROOT / "requirements-dev.txt"}
+SCRIPTS = FOLDER / ("Scripts" if os.name == "nt" else "bin")
+PYTHON = SCRIPTS / ("python.exe" if os.name == "nt" else "python")
+HASHES = "--require-hashes"
+
+
+def pip(*arguments: str | Path) -> bool:
+    """Run the environment's pip, and return whether it succeeded."""
+    command = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", *arguments]
+    return subprocess.run(command, check=False).returncode == 0
+
+
+def uv() -> Path | None:
+    """Return uv, which is installed if it is not there; None where it cannot be had."""
+    found = SCRIPTS / ("uv.exe" if os.name == "nt" else "uv")
+    if found.exists():
+        return found
+    locked = re.search(r"^uv==.*?(?=^\S)", LOCKS["dev"].read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    if not locked:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        alone = Path(folder, "uv.txt")
+        alone.write_text(locked[0], encoding="utf-8")
+        return found if pip(HASHES, "-r", alone) else None
+
+
+def install(lock: Path) -> None:
+    """Install what a lock names."""
+    fast = uv()
+    if fast:
+        command = [fast, "pip", "install", "--quiet", "--python", PYTHON, HASHES, "-r", lock]
+        if subprocess.run(command, check=False).returncode == 0:
+            return
+        print("uv did not succeed; pip tries", file=sys.stderr)
+    if not pip(HASHES, "-r", lock):
+        sys.exit("the environment could not be filled: see what pip says above")
+
+
+def main(which: str) -> None:
+    """Fill the environment, and say so to `make`."""
+    if not PYTHON.exists():
+        venv.create(FOLDER, with_pip=True)
+    install(LOCKS[which])
+    if not pip("--no-deps", "--no-build-isolation", "--editable", ROOT):
+        sys.exit("pidalab itself could not be installed: see what pip says above")
+    for name in LOCKS if which == "dev" else ["book"]:  # the tools stand on what the book needs
+        (FOLDER / f".{name}").touch()
+    print(f"{PYTHON.relative_to(ROOT)} has what {'tests and tools' if which == 'dev' else 'the book'} need")
+
+
+if __name__ == "__main__":
+    main("dev" if "--dev" in sys.argv[1:] else "book")
