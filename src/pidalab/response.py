@@ -10,6 +10,7 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab.roots import quadratic_roots
 
 SETTLED = 1e-6  # share of the largest error that may be left in the last tenth of a record called settled
 ARRIVED = (
@@ -265,9 +266,8 @@ class Response:
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
         """Raise for a signal that still grows at the end of the record: what is read of it belongs to that end."""
-        last = signal[-max(2, self.t.size // 10) :]
-        before = signal[: signal.size - last.size + 1]
-        late, early = np.ptp(last), np.ptp(before)
+        tenth = max(2, self.t.size // 10)
+        late, early = np.ptp(signal[-tenth:]), np.ptp(signal[: signal.size - tenth + 1])
         if self.t.size >= FEWEST and late > early:
             raise ValueError(
                 f"{measure} needs a response that does not diverge: {name} moves over {late:.3g} in the last tenth "
@@ -377,7 +377,7 @@ class Response:
         # where e can change its sign, the integral is cut at its zeros
         few = np.abs(curve[0]) <= np.abs(curve[1]) + np.abs(curve[2])
         ends = np.stack([np.zeros(few.sum()), end[few]])
-        cuts = np.sort(np.clip(np.vstack([ends, _roots(*curve[:, few])]), 0.0, ends[1]), axis=0)
+        cuts = np.sort(np.clip(np.vstack([ends, quadratic_roots(*curve[:, few])]), 0.0, ends[1]), axis=0)
         pieces[few] = integrals(curve[:, few], start[few], cuts)
         return float(self.step * np.sum(pieces))
 
@@ -409,14 +409,7 @@ class Response:
         square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
         return float(self.step * np.sum(s * square))
 
-    def tv(
-        self,
-        signal: str = "u",
-        horizon: float | None = None,
-        *,
-        rest: float = 0.0,
-        final: float | None = None,
-    ) -> float:
+    def tv(self, signal: str = "u", horizon: float | None = None, final: float | None = None) -> float:
         r"""Total variation :math:`\sum |x_{i+1} - x_i|`, the jump at t = 0 included.
 
         Parameters
@@ -425,8 +418,6 @@ class Response:
             Which signal.
         horizon : float, optional
             Time up to which it is summed, as for `iae`; by default the end of the record.
-        rest : float, optional
-            Value of the signal before t = 0.
         final : float, optional
             Value that the signal approaches after the horizon; the way there is added if it is given.
 
@@ -447,16 +438,9 @@ class Response:
         >>> record.tv("u"), record.tv("u", 1.0), record.tv("u", final=0.0)
         (6.0, 5.0, 8.0)
         """
-        return float(np.sum(np.abs(np.diff(self._path(signal, horizon, rest, final)))))
+        return float(np.sum(np.abs(np.diff(self._path(signal, horizon, final)))))
 
-    def tv1(
-        self,
-        signal: str = "u",
-        horizon: float | None = None,
-        *,
-        rest: float = 0.0,
-        final: float | None = None,
-    ) -> float:
+    def tv1(self, signal: str = "u", horizon: float | None = None, final: float | None = None) -> float:
         r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
 
         Zero for a signal made of two monotonic intervals, as an ideal control signal is; :math:`x_m` is the extreme
@@ -468,8 +452,6 @@ class Response:
             Which signal.
         horizon : float, optional
             Time up to which it is summed; by default the end of the record.
-        rest : float, optional
-            Value :math:`x_0` of the signal before t = 0.
         final : float, optional
             Value :math:`x_\infty` that the signal approaches, by default the last sample.
 
@@ -489,23 +471,23 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv1("u")
         2.0
         """
-        path = self._path(signal, horizon, rest, final)
+        path = self._path(signal, horizon, final)
         extreme = path[np.argmax(np.abs(2 * path - path[0] - path[-1]))]
         return float(np.sum(np.abs(np.diff(path))) - abs(2 * extreme - path[0] - path[-1]))
 
-    def _path(self, signal: str, horizon: float | None, rest: float, final: float | None) -> Array:
+    def _path(self, signal: str, horizon: float | None, final: float | None) -> Array:
         """The samples of a signal up to a time, between its value at rest and the one it approaches."""
         _check.choice("signal", signal, ("u", "y"))
         if horizon is None:
             self._require_bounded(signal, getattr(self, signal))
         last = [] if final is None else [_check.real("final", final)]
         within = self.t <= self._horizon(horizon) * (1 + 1e-12)
-        return np.concatenate([[_check.real("rest", rest)], getattr(self, signal)[within], last])
+        return np.concatenate([[0.0], getattr(self, signal)[within], last])
 
     def _final(self, final: float | None, measure: str) -> float:
         """Return the value that a step response is measured by: the final set point, unless another is given."""
-        known = self.r[-1] if self.final is None else self.final
-        target = float(known) if final is None else _check.real("final", final)
+        final = self.final if final is None else final
+        target = float(self.r[-1]) if final is None else _check.real("final", final)
         self._require_bounded("y", self.y, measure)
         if target == 0:
             raise ValueError(
@@ -676,7 +658,7 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[1.0, -3.0, 2.0]).peak("u")
         -3.0
         """
-        path = self._path(signal, horizon, 0.0, None)
+        path = self._path(signal, horizon, None)
         return float(path[np.argmax(np.abs(path))])
 
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
@@ -772,10 +754,3 @@ class Response:
         i = outside[-1]
         first, last = error[i], error[i + 1]
         return float(self.t[i] + self.step * (first - math.copysign(limit, first)) / (first - last))
-
-
-def _roots(c0: Array, c1: Array, c2: Array) -> Array:
-    """Return both roots of c0 + c1 s + c2 s^2, 0 where there is none, without cancellation."""
-    with np.errstate(all="ignore"):
-        q = -0.5 * (c1 + np.copysign(np.sqrt(c1**2 - 4 * c2 * c0), c1))
-        return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)

@@ -66,7 +66,9 @@ def case_of(number, name, loop):
         for key in ("process", "controller", "output_filter", "prefilter")
     }
     rng = np.random.default_rng([49, number])
-    times = np.sort(rng.uniform(0.2, 1.0, TIMES) * min(SPAN, (24 if number == 0 else 10) * loop.process.delay)).tolist()
+    times = np.sort(
+        rng.uniform(0.2, 1.0, TIMES) * min(SPAN, (24 if number == 0 else 10) * loop.process.delay)
+    ).tolist()
     return {"name": name, **block, "delay": loop.process.delay, "times": times}
 
 
