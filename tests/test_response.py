@@ -284,7 +284,7 @@ def test_the_set_point_that_counts_is_the_last():
 
 
 def test_total_variation_up_to_a_horizon_is_not_a_final_value():
-    """The second argument is a time, as for iae; values of rest and end go by name."""
+    """The second argument is a time, as for iae; the final value goes by name."""
     run = record(np.arange(5.0), 0.0, u=[1.0, -1.0, 1.0, -1.0, 1.0])
     assert run.tv("u", 2.0) == 1 + 2 + 2
     assert run.tv("u", 2.0, final=0.0) == 1 + 2 + 2 + 1

@@ -409,7 +409,7 @@ class Response:
         square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
         return float(self.step * np.sum(s * square))
 
-    def tv(self, signal: str = "u", horizon: float | None = None, final: float | None = None) -> float:
+    def tv(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Total variation :math:`\sum |x_{i+1} - x_i|`, the jump at t = 0 included.
 
         Parameters
@@ -440,7 +440,7 @@ class Response:
         """
         return float(np.sum(np.abs(np.diff(self._path(signal, horizon, final)))))
 
-    def tv1(self, signal: str = "u", horizon: float | None = None, final: float | None = None) -> float:
+    def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
 
         Zero for a signal made of two monotonic intervals, as an ideal control signal is; :math:`x_m` is the extreme
