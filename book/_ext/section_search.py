@@ -35,12 +35,16 @@ WEIGHTS = (
 ALSO = {
     "book/how-do-i.html#install-pidalab": "install installation setup download pip PyPI Binder Colab",
     "book/how-do-i.html#cite-the-book-or-one-of-its-numbers": "cite citation DOI BibTeX licence license copyright",
-    "book/how-do-i.html#weigh-the-set-point-b-and-c": "set point weighting derivative kick proportional kick",
+    "book/how-do-i.html#weigh-the-set-point-b-and-c": "set point weighting derivative kick proportional kick "
+    "2DOF 2-DOF two degrees of freedom",
     "book/how-do-i.html#hand-a-controller-to-python-control-control-tf-c": "export Matlab Simulink",
-    "book/how-do-i.html#also-not-supported": "MIMO relay autotuning adaptive stiction",
+    "book/how-do-i.html#also-not-supported": "MIMO relay autotuning adaptive stiction "
+    "dead time compensation compensator predictor",
+    "book/heater.html#a-heater-on-the-desk": "temperature control Arduino TCLab thermostat oven",
     "book/design.html#design-for-your-process": "step response identification tune from data autotune bump test",
     "book/design.html#fit": "system identification estimate model from data",
     "book/design.html#write": "PLC code IEC 61131 structured text generate C code",
+    "book/learn/what-acceleration-does.html#what-acceleration-does": "acceleration term second derivative",
     "book/learn/what-acceleration-does.html#names": "PIDD2 PIDD",
     "book/learn/tuning.html#what-ms-means": "maximum sensitivity gain margin phase margin robustness",
     "book/learn/limits.html#four-ways-out": "anti-windup reset windup integrator windup saturation",
@@ -48,9 +52,11 @@ ALSO = {
     "book/learn/digital.html#choose-h": "sampling time sample period sampling rate aliasing",
     "book/learn/filter-and-noise.html#why-filter-at-all": "derivative filter low pass measurement noise",
     "book/across/which-controller.html#the-rules-as-published": "SIMC Skogestad tuning rules",
+    "book/across/which-controller.html#your-rule-here": "SIMC improved own rule benchmark compare 134 plants",
     "book/notation.html#conventions": "definition of IAE ISE ITAE TV settling time overshoot",
     "book/api/process.html#pidalab.fopdt": "first order plus dead time FOPDT FOLPD",
     "book/api/rules.html#module-pidalab.rules.classical": "Ziegler–Nichols lambda tuning",
+    "book/api/rules.html#pidalab.rules.itae.imc_pid": "IMC internal model control",
 }
 
 

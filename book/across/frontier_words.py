@@ -17,9 +17,6 @@ SHOWN = (
     "eight lags",
 )
 KINDS = ("PI", "PID", "PIDA", "m = 3")
-WORTH = 0.1  # share of the IAE that a step must save to be worth its parameter
-
-
 LESS_ROBUST = 2.0  # the other limit of Ms for which the study has a frontier
 
 
@@ -58,7 +55,7 @@ def steps() -> pd.DataFrame:
         row = {}
         for order in (1, 2, 3):
             saves = (1 - table[order] / table[order - 1]).droplevel("plant")
-            enough = saves[saves >= WORTH]
+            enough = saves[saves >= tables.WORTH]
             row[f"{KINDS[order]} saves"] = f"{saves.iloc[-1]:.0%}"
             always = enough.size == saves.size
             first = "all noise" if always else f"noise {enough.index[0]:g}" if enough.size else "never"
@@ -76,7 +73,7 @@ def savings(ms: float = tables.MS) -> pd.DataFrame:
         rows[KINDS[order]] = {
             "saves, median": f"{saves.median():.0%}",
             "at most": f"{saves.max():.0%}: {plant}, noise gain {noise:g}",
-            "a tenth on": f"{(most >= WORTH).sum()} of {most.size} plants",
+            "a tenth on": f"{(most >= tables.WORTH).sum()} of {most.size} plants",
         }
     return pd.DataFrame(rows).T
 
@@ -121,8 +118,8 @@ def law() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     far = saves.sort_values("off", key=abs, ascending=False).drop_duplicates("plant").head(4)
     far = far.assign(off=(100 * far["off"]).map("{:+.0f} points".format))
     pays = saves.groupby("plant").agg(rolloff=("rolloff", "first"), most=("saves", "max"))
-    little = (pays["rolloff"] < 1) & (pays["most"] >= WORTH)
-    steep = (pays["rolloff"] >= 2) & (pays["most"] < WORTH)
+    little = (pays["rolloff"] < 1) & (pays["most"] >= tables.WORTH)
+    steep = (pays["rolloff"] >= 2) & (pays["most"] < tables.WORTH)
     exceptions = pays[little | steep].sort_values("rolloff").round({"rolloff": 3, "most": 2})
     return (
         pd.DataFrame([fit], ["acceleration saves"]),

@@ -31,14 +31,15 @@ def fields() -> pd.DataFrame:
 
 def facts(some: pd.DataFrame, study: tuple[pd.DataFrame, ...]) -> dict[str, object]:
     """What the study says of the plants of a field."""
-    enough, saves, loud = (table[table["plant"].isin(some["plant"])] for table in study)
+    saves, loud = (table[table["plant"].isin(some["plant"])] for table in study)
+    steps = saves.groupby("terms")[["pid", "saves"]].median()
     saves = saves.groupby("terms")["saves"]
     rules = loud.groupby(["rule", "kind"])["of_best"].agg(["size", "median"]).reset_index()
     rules = rules[rules["size"] >= min(FEW, len(some))].round(DIGITS).sort_values(["median", "rule", "kind"])
     center = some[["rolloff", "dead_time"]].median()
-    far = ((some[["rolloff", "dead_time"]] - center) / (0.5, 0.2)).pow(2).sum(axis=1).round(DIGITS)
+    far = ((some[["rolloff", "dead_time"]] - center) / [0.5, 0.2]).pow(2).sum(axis=1).round(DIGITS)
     return {
-        "kinds": {term: common(enough, noise) for term, noise in tables.NOISE.items()},
+        "kinds": {term: words.kind(*steps.loc[term]) for term in tables.NOISE},
         "saves": {
             term: (saves.median()[term], saves.min()[term], saves.max()[term]) for term in tables.NOISE
         },
@@ -46,12 +47,6 @@ def facts(some: pd.DataFrame, study: tuple[pd.DataFrame, ...]) -> dict[str, obje
         "distance": rules.iloc[0]["median"] if len(rules) else None,
         "typical": some.loc[far.idxmin()],
     }
-
-
-def common(enough: pd.DataFrame, noise: float) -> str:
-    """The kind that is enough for the most plants of a field; of two, the simpler one."""
-    count = enough[enough["noise_limit"] == noise]["enough"].value_counts()
-    return max(tables.KINDS, key=lambda kind: (count.get(kind, 0), -tables.KINDS.index(kind)))
 
 
 def lab(plant: pd.Series, kind: str) -> str:
@@ -66,6 +61,18 @@ def lab(plant: pd.Series, kind: str) -> str:
     return f"../lab.html#lab-{code}"
 
 
+def advice(rule: str | None, distance: float | None) -> str:
+    """Which rule to use: one of whose IAE the optimum would save less than a tenth, or else the optimum."""
+    if rule is None:
+        return "none serves here: take the optimum, in the lab or by pidalab.tune"
+    far = f"{rule} has {distance:.2f} times the least IAE in the median"
+    return (
+        f"{far}: near enough"
+        if 1 - 1 / distance < tables.WORTH
+        else f"none comes near, {far}: take the optimum"
+    )
+
+
 def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
     """What a click on a field shows."""
 
@@ -74,15 +81,11 @@ def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
         return f"{middle} % in the median, from {least} to {most} %"
 
     kinds = found["kinds"]
-    rule = "none serves here"
-    if found["rule"]:
-        rule = f"{found['rule']}; IAE {found['distance']:.2f} times the least, in the median"
     rows = {
-        "Simplest kind within 20 % of the best": f"{kinds['loud']} where noise may be loud, {kinds['quiet']} where "
-        "it must be quiet",
+        "Kind": f"{kinds['loud']} where noise may be loud, {kinds['quiet']} where it must be quiet",
         "Acceleration saves, noise loud": saving("loud"),
         "Acceleration saves, noise quiet": saving("quiet"),
-        "Nearest rule, noise loud": rule,
+        "Rule, noise loud": advice(found["rule"], found["distance"]),
     }
     plant = found["typical"]
     text = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in rows.items())
@@ -95,9 +98,9 @@ def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
 
 
 def shown() -> HTML:
-    """The map: a field for each pair of ranges, coloured by the kind that is enough where noise may be loud."""
+    """The map: a field for each pair of ranges, coloured by the kind to take where noise may be loud."""
     table, body, panels = fields(), [], []
-    study = words.simplest(), tables.pays(), tables.compared("loud").dropna(subset=["of_best"])
+    study = tables.pays(), tables.compared("loud").dropna(subset=["of_best"])
     for i in reversed(range(len(ROWS))):
         cells = [f'<th scope="row">{escape(ROWS[i])}</th>']
         for j in range(len(COLUMNS)):
@@ -115,7 +118,8 @@ def shown() -> HTML:
         body.append(f"<tr>{''.join(cells)}</tr>")
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in COLUMNS)
     return HTML(
-        '<div class="plant-map"><table><caption>Normalised dead time to the right, roll-off upwards. In a field the '
-        "simplest kind that is enough where noise may be loud, and what acceleration saves of the IAE there.</caption>"
+        '<div class="plant-map"><table><caption>Normalised dead time to the right, roll-off upwards. In a field '
+        "what acceleration saves of the IAE where noise may be loud, in the median, and the kind to take: PIDA where "
+        "that is a tenth or more, else PID where it saves a tenth of the IAE of a PI.</caption>"
         f"<thead><tr><td></td>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>{''.join(panels)}</div>"
     )

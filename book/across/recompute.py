@@ -1,4 +1,4 @@
-"""A part of the tables computed anew at each run of a page, by the library, and compared."""
+"""A random part of the tables computed anew by the library, and compared: the tests of the pages do it."""
 
 from __future__ import annotations
 

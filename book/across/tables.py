@@ -17,14 +17,8 @@ DATA = Path(__file__).parents[1] / "data"
 KINDS = ("PI", "PID", "PIDA")
 MS = 1.4  # of all that is compared at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gain over ultimate gain
-NEAR = 1.2  # times the least IAE: as good as the best for most purposes
-PARAMETERS = {
-    "k-1": "integral gain",
-    "k0": "proportional gain",
-    "k1": "derivative gain",
-    "k2": "acceleration gain",
-    "filter_time": "filter time",
-}
+WORTH = 0.1  # share of the IAE that a step from kind to kind must save, at equal Ms and noise, to pay
+NEAR = 1.2  # times the least IAE: a rule as good as the best for most purposes
 SERVES = 0.75  # share of a class of plants that a rule must serve to be recommended for it
 CLASSES = (
     "integrating",
@@ -158,22 +152,3 @@ def pays() -> pd.DataFrame:
     return least.assign(saves=1 - least["PIDA"] / least["PID"], pid=1 - least["PID"] / least["PI"]).merge(
         plants(), on="plant"
     )
-
-
-def own_rule() -> pd.DataFrame:
-    """The constants of the rule fitted to the optima, with its parameters in units of the plant."""
-    return read("own_rule_constants").replace({"parameter": PARAMETERS}).set_index(["kind", "parameter"])
-
-
-def own_rule_by_class() -> pd.DataFrame:
-    """Where the fitted rule fails: the judged half by class, at equal terms."""
-    table = read("own_rule").query("half == 'judged'").merge(plants()[["plant", "class"]], on="plant")
-    groups = table.groupby(["class", "kind"], observed=True)["over_best_at_equal_terms"]
-    return pd.DataFrame(
-        {
-            "designs": groups.size(),
-            "cannot reach Ms": groups.apply(lambda x: int(x.isna().sum())),
-            "median": groups.median().map(lambda x: f"{x:.2f}" if np.isfinite(x) else "–"),
-            "within 10 %": groups.apply(lambda x: (x <= 1.1).mean()),
-        }
-    ).unstack()

@@ -6,14 +6,12 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from IPython.display import Markdown
+from IPython.display import HTML, Markdown
 
 import tables
 
 ROLLOFF = (-np.inf, 1.0, 2.0, np.inf)  # as of one lag and less, as of two lags and more
 FEW = 20  # plants that a rule must serve to have a line in a figure
-GOOD = 0.9  # share of the plants on which a rule of our own must be within a tenth of the frontier
-WORTH = 0.1  # share of the IAE that acceleration must save to be worth its parameter
 
 
 def percent(values: pd.Series) -> pd.Series:
@@ -32,11 +30,13 @@ def acceleration() -> pd.DataFrame:
         for rows in (table[table["terms"] == terms] for terms in ("loud", "quiet"))
     )
     verdict = np.select(
-        [loud.quantile(0.1) >= WORTH, loud.max() >= WORTH], ["pays", "pays on some"], "does not pay"
+        [loud.quantile(0.1) >= tables.WORTH, loud.max() >= tables.WORTH],
+        ["pays", "pays on some"],
+        "does not pay",
     )
     found = {
-        "plants": loud.size(),
         "acceleration": verdict,
+        "plants": loud.size(),
         "saves, noise loud": percent(loud.median()),
         "least": percent(loud.min()),
         "most": percent(loud.max()),
@@ -54,22 +54,28 @@ def law() -> Markdown:
     named = ", ".join(f"{row.plant} ({100 * row.off:+.0f} points)" for row in far.itertuples())
     error = np.sqrt((off["off"] ** 2).mean())
     return Markdown(
-        f"Where noise may be loud, acceleration saves about **{100 * slope:.0f} % of the IAE for each order of "
-        f"roll-off**, {'less' if start < 0 else 'and'} {abs(100 * start):.0f} points. This line is off by "
+        f"Where noise may be loud, acceleration saves about **{100 * slope:.0f} % × roll-off "
+        f"{'−' if start < 0 else '+'} {abs(100 * start):.0f} points** of the IAE. This line is off by "
         f"{100 * error:.0f} points in the root mean square over {len(off)} plants. Farthest from it: {named}."
     )
 
 
+def kind(pid: float, pida: float) -> str:
+    """The kind to take, from the shares of the IAE that a PID saves of a PI's, and a PIDA of a PID's."""
+    return "PIDA" if pida >= tables.WORTH else "PID" if pid >= tables.WORTH else "PI"
+
+
 def simplest() -> pd.DataFrame:
-    """For every plant and limit of noise the simplest kind within 20 % of the best of all."""
+    """For every plant and limit of noise the kind to take: the last whose step pays."""
     wide = [
         table.pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
         for table in (tables.optima(), tables.read("frontier").query("ms_limit == @tables.MS"))
     ]
     table = pd.concat(wide)[[0, 1, 2]].dropna()
-    near = table.le(tables.NEAR * table.min(axis=1), axis=0)
-    enough = near.idxmax(axis=1).map(dict(enumerate(tables.KINDS)))
-    out = enough.rename("enough").reset_index()
+    enough = [
+        kind(pid, pida) for pid, pida in zip(1 - table[1] / table[0], 1 - table[2] / table[1], strict=True)
+    ]
+    out = table.assign(enough=enough)["enough"].reset_index()
     return out.merge(tables.read("processes")[["plant", "rolloff", "dead_time"]], on="plant")
 
 
@@ -90,13 +96,31 @@ def nearest() -> pd.DataFrame:
 
 
 def saved() -> pd.DataFrame:
-    """For each class of plants what a PID saves of the IAE of a PI, and a PIDA of that of a PID, in the median."""
+    """For each class of plants what a PIDA saves of the IAE of a PID, and a PID of that of a PI, in the median."""
     groups = tables.pays().groupby(["class", "terms"], observed=True)
     medians = groups[["pid", "saves"]].median().apply(percent).unstack()
-    found = {"plants": tables.plants().groupby("class", observed=True).size()}
-    for (step, kind), noise in product((("pid", "PID"), ("saves", "PIDA")), tables.NOISE):
-        found[f"{kind} saves, noise {noise}"] = medians[step, noise]
-    return pd.DataFrame(found)
+    found = {
+        f"{name} saves, noise {noise}": medians[step, noise]
+        for (step, name), noise in product((("saves", "PIDA"), ("pid", "PID")), reversed(tables.NOISE))
+    }
+    return pd.DataFrame(found | {"plants": tables.plants().groupby("class", observed=True).size()})
+
+
+def answer() -> HTML:
+    """For each class of plants the kind to take where noise may be loud, and the rule nearest to the best of all."""
+    medians = (
+        tables.pays().query("terms == 'loud'").groupby("class", observed=True)[["pid", "saves"]].median()
+    )
+    rules = tables.nearest("loud", ["class"], "of_best").reindex(medians.index)
+    table = pd.DataFrame(
+        {
+            "take": [kind(row.pid, row.saves) for row in medians.itertuples()],
+            "nearest rule": [tables.with_kind(row.rule, row.kind) for row in rules.itertuples()],
+            "its IAE over the optimum": rules["median"].map("{:.2f}".format),
+        },
+        index=medians.index.astype(str).rename(None),
+    ).rename_axis(columns="class")
+    return HTML(f'<div class="answer-table">{table.to_html(border=0)}</div>')
 
 
 def model_error() -> pd.DataFrame:
@@ -144,26 +168,6 @@ def ordered(table: pd.DataFrame, value: str) -> dict[str, pd.DataFrame]:
     """Groups of rows by rule and kind, the smallest median first."""
     groups = {tables.name(rows.iloc[0]): rows for _, rows in table.groupby(["rule", "kind"])}
     return dict(sorted(groups.items(), key=lambda pair: pair[1][value].median()))
-
-
-def own_rule() -> pd.DataFrame:
-    """Whether a simple rule came within a tenth of the frontier, on plants that it was not fitted to."""
-    rows = {}
-    for kind, judged in tables.read("own_rule").query("half == 'judged'").groupby("kind"):
-        near = judged["over_best_at_equal_terms"]
-        inside = (near <= 1 + WORTH).mean()
-        rivals = tables.compared("loud").query("kind == @kind").dropna(subset=["of_kind"])
-        medians = rivals.groupby("rule")["of_kind"].median()
-        rows[kind] = {
-            "designs": len(judged),
-            "within a tenth": f"{inside:.0%}",
-            "median": f"{near.median():.2f}",
-            "9 of 10 below": f"{near.quantile(0.9):.2f}",
-            f"Ms within 0.1 of {tables.MS:g}": f"{judged['ms'].between(1.3, 1.5).mean():.0%}",
-            "best published": f"{medians.idxmin()} ({medians.min():.2f})",
-            "good enough": "yes" if inside >= GOOD else "no",
-        }
-    return pd.DataFrame(rows).T
 
 
 def coverage() -> Markdown:

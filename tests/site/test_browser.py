@@ -121,6 +121,11 @@ ANSWERED = {
     "Matlab": "how-do-i.html#hand-a-controller",
     "settling time": "notation.html#conventions",
     "PIDD2": "what-acceleration-does.html#names",
+    "2DOF": "how-do-i.html#weigh-the-set-point",
+    "temperature control Arduino": "heater.html",
+    "dead time compensation": "how-do-i.html#also-not-supported",
+    "IMC": "rules.html#pidalab.rules.itae.imc_pid",
+    "acceleration term": "what-acceleration-does.html",
 }
 FOUND = """(queries) => queries.map((query) => {
   Search.performSearch(query);

@@ -150,15 +150,23 @@ def _response(loop: Loop, until: float, setpoint: float, load: float, low: float
 
 
 def _measures(response: Response) -> str:
+    end = float(response.t[-1])  # that of a loop which may diverge, as the lines say
     lines = [
-        f"IAE {response.iae():.6g}, ITAE {response.itae():.6g}, ISE {response.ise():.6g}, until {response.t[-1]:g}",
-        f"total variation of u {response.tv('u'):.6g}, largest |u| {abs(response.peak('u')):.6g}, "
-        f"largest |y| {abs(response.peak()):.6g}",
+        f"IAE {response.iae(end):.6g}, ITAE {response.itae(end):.6g}, ISE {response.ise(end):.6g}, until {end:g}",
+        f"total variation of u {response.tv('u', end):.6g}, largest |u| {abs(response.peak('u', end)):.6g}, "
+        f"largest |y| {abs(response.peak('y', end)):.6g}",
         f"output at the end {response.y[-1]:.6g}, control signal {response.u[-1]:.6g}",
     ]
     if response.r[-1] != 0:
-        lines.append(f"overshoot {response.overshoot():.4g} %, {_settling(response)}")
+        lines.append(f"{_overshoot(response)}, {_settling(response)}")
     return "\n".join(lines)
+
+
+def _overshoot(response: Response) -> str:
+    try:
+        return f"overshoot {response.overshoot():.4g} %"
+    except ValueError:
+        return "no overshoot to be read up to the end"
 
 
 def _settling(response: Response) -> str:

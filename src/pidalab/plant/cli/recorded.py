@@ -168,7 +168,8 @@ def tune_command(
     from pidalab.plant.reporting import COLUMNS, report
     from pidalab.robustness.margins import margins
 
-    title = f"{kind} controller for {plain_text(options['record'].name)}"
+    called = options["record"].name
+    title = f"{kind} controller for {plain_text(called)}"
     read = _read(options)
     fitted = fit(read, model)
     found = report(fitted, kinds=kind, **options)
@@ -207,7 +208,14 @@ def tune_command(
     if out is None:
         return
     note = "\n".join(f"Doubt: {doubt}" for doubt in (*read.doubts, *doubts))
-    texts = {name: getattr(digital, language)(margins=sampled, note=note) for name, language in CODE.items()}
+    head = {
+        "record": called,
+        "time_unit": "unit of the record",
+    }
+    texts = {
+        name: getattr(digital, language)(margins=sampled, note=note, **head)
+        for name, language in CODE.items()
+    }
     write(out, texts | {"report.html": found.page(title, sections)}, force)
 
 
