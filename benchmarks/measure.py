@@ -127,9 +127,17 @@ def error(t: np.ndarray, y: np.ndarray, case: dict) -> float:
 def machine() -> str:
     """Return Python, the packages that take part, the processors, and how many processes wanted them."""
     told = Path("/proc/cpuinfo")  # other systems say it less readably
-    found = re.search(r"^model name\s*: (.*)$", told.read_text() if told.exists() else "", flags=re.MULTILINE)
+    found = re.search(
+        r"^model name\s*: (.*)$",
+        told.read_text(encoding="utf-8") if told.exists() else "",
+        flags=re.MULTILINE,
+    )
     processor = found[1] if found else platform.processor() or platform.machine()
-    speed = re.search(r"^cpu MHz\s*: (.*)$", told.read_text(), flags=re.MULTILINE) if found else None
+    speed = (
+        re.search(r"^cpu MHz\s*: (.*)$", told.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        if found
+        else None
+    )
     clock = f" at {float(speed[1]) / 1e3:.1f} GHz" if speed else ""
     used = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     busy = f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
