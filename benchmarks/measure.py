@@ -34,7 +34,7 @@ PACKAGES = ("pidalab", "numpy", "scipy", "numba", "control", "jitcdde", "ddeint"
 
 def oracle_cases(name: str) -> list[dict]:
     """Return the cases of one oracle file."""
-    return json.loads((ORACLES / name).read_text())["cases"]
+    return json.loads((ORACLES / name).read_text(encoding="utf-8"))["cases"]
 
 
 def case_loop(case: dict) -> pidalab.Loop:
@@ -146,7 +146,7 @@ def machine() -> str:
 
 def write(name: str, columns: Iterable[str], rows: Iterable[dict]) -> None:
     """Write a table that the book reads: the machine in a comment above it, three digits of each number."""
-    with (DATA / f"{name}.csv").open("w", newline="") as file:
+    with (DATA / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         file.write(f"# Made by `make bench` with {machine()}\n")
         writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()

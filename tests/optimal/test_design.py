@@ -251,7 +251,7 @@ def test_dead_time_alone_has_a_design():
 
 def stored(name="optimal_check"):
     """Rows of a study, as far as it has run."""
-    with (Path(__file__).parents[2] / "book" / "data" / f"{name}.csv").open() as file:
+    with (Path(__file__).parents[2] / "book" / "data" / f"{name}.csv").open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
