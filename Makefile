@@ -12,7 +12,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --pyt
 	--no-annotate --custom-compile-command "make lock"
 SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks faults foreign fuzz mutants lint bench studies study release archive pdf \
+.PHONY: help env book test notebooks shake faults foreign fuzz mutants lint bench studies study release archive pdf \
 	processors least versions twice shuffle lock clean
 .DELETE_ON_ERROR:
 
@@ -39,6 +39,9 @@ test: $(DEV) $(SITE)  ## unit tests, doctests, notebooks against their stored ou
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 	$(BIN)/python tools/notebooks.py
+
+shake: $(DEV)  ## run every page with a library that is slightly off, and see each number move (about 2 minutes)
+	$(BIN)/python tools/shake.py
 
 faults: $(DEV)  ## plant gross errors in the library and see every chapter notice (5 minutes)
 	$(BIN)/python tools/faults.py
@@ -73,8 +76,9 @@ release: $(DEV)  ## build wheel and source archive in dist, install the wheel in
 archive: $(SITE)  ## the built site as one file in dist that opens from the disk
 	$(BIN)/python tools/archive.py
 
-pdf: $(DEV) $(SITE)  ## print the built site as one PDF in dist, with Chromium (about 2 minutes)
+pdf: $(DEV) $(SITE)  ## print the built site as one PDF in dist, and its tasks as sheets, with Chromium (about 2 minutes)
 	$(BIN)/python tools/pdf.py
+	$(BIN)/python tools/sheets.py
 
 processors: $(DEV)  ## tests of the library and all notebooks as other processors and Pythons would run them (2 hours)
 	$(BIN)/python tools/processors.py

@@ -252,6 +252,6 @@ def test_a_controller_does_not_change(C):
 def test_limits_of_a_controller_hold_from_its_working_point_on():
     C = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2, limits=(-1.0, 3.0))
     assert C.discretise(0.1).limits == (-1.0, 3.0)
-    assert C.discretise(0.1, bias=10.0, u_span=2.0).limits == (8.0, 16.0)
+    assert C.discretise(0.1, bias=10.0).limits == (9.0, 13.0)
     assert C.discretise(0.1, limits=(-7.0, 7.0)).limits == (-7.0, 7.0)
     assert pidalab.PIDA(1.0, 2.0).discretise(0.1, bias=5.0).limits == (-np.inf, np.inf)

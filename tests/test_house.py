@@ -18,11 +18,9 @@ DESIGN = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("**Imports
 LIBRARY, WING = DESIGN.split("Inside the wing as well:")
 LONGEST = 300  # lines of a file, docstrings aside
 # a door hands on names of the wing, and loads it when they are first used
-TYPES_STILL_OPEN = {"pidalab.digital", "pidalab.optimal", "pidalab.plant"}
+TYPES_STILL_OPEN = {"pidalab.digital", "pidalab.optimal"}
 STILL_OPEN = {
     "src/pidalab/comparison/fairness.py",
-    "src/pidalab/plant/running_loop.py",
-    "src/pidalab/plant/tuning.py",
     "book/across/valleys.py",
     "studies/random_starts.py",
 }

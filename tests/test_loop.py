@@ -148,9 +148,9 @@ def test_minus_one_without_dead_time_and_at_once_is_ill_posed_and_nothing_else(p
 
 
 def test_limits_are_those_of_the_controller_seen_from_rest():
-    """A valve of 0 to 100 % that rests at 40 % can close by 0.4 and open by 0.6 of its travel."""
-    valve = pidalab.PIDA(1.0, 2.0).discretise(0.1, limits=(0.0, 100.0), bias=40.0, u_span=100.0)
-    assert pidalab.Loop(pidalab.lags(2), valve).limits == pytest.approx((-0.4, 0.6))
+    """A valve of 0 to 100 % that rests at 40 % can close by 40 % and open by 60 %."""
+    valve = pidalab.PIDA(1.0, 2.0).discretise(0.1, limits=(0.0, 100.0), bias=40.0)
+    assert pidalab.Loop(pidalab.lags(2), valve).limits == pytest.approx((-40.0, 60.0))
     series = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2, limits=(-1.0, 3.0))
     assert pidalab.Loop(pidalab.lags(2), series).limits == (-1.0, 3.0)
     assert pidalab.Loop(pidalab.lags(2), pidalab.PIDA(1.0, 2.0)).limits == (-np.inf, np.inf)

@@ -37,15 +37,34 @@ from datetime import date
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-SRC, TESTS = ROOT / "src" / "pidalab", ROOT / "tests"
+SRC, TESTS = ROOT / "src", ROOT / "tests"
 TABLE = ROOT / "book" / "data" / "mutants.csv"
 COLUMNS = ("module", "function", "was", "becomes", "outcome", "drawn", "reason")
 KILLED, ELSEWHERE = "killed", "killed elsewhere"  # by a test of its room; by another one
 LATER, SURVIVED = "killed later", "survived"  # the former by a test that it asked for
+PACKAGES = ("pidalab", "paperledger")
 ROOMS = (
-    *("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "statespace"),
-    *("identification", "optimal", "record", "reduction", "robustness", "rules", "running_loop"),
-    *("simulation", "controllers", "digital", "ledger"),
+    *("algebra", "areas", "forms", "loop", "plants", "process", "response", "roots", "search", "statespace"),
+    *(
+        "identification",
+        "optimal",
+        "reduction",
+        "robustness",
+        "rules",
+        "simulation",
+        "controllers",
+        "digital",
+    ),
+    *("comparison", "paperledger"),
+    *(
+        "plant/record",
+        "plant/fitting",
+        "plant/safety",
+        "plant/tuning",
+        "plant/reporting",
+        "plant/running_loop",
+    ),
+    *("plant/heater", "plant/cli", "plant/writing"),
 )
 NO_JUDGES = {  # in tests/: what does not judge the numbers of a copy, and why
     "fuzz": "Hypothesis draws with the numbers it finds in the library's text, so any change draws other cases",
@@ -77,7 +96,7 @@ Change = tuple[str, int]  # an operator of cosmic-ray, and which of its places
 class Mutant:
     """A changed module."""
 
-    module: Path  # below src/pidalab
+    module: Path  # below src/pidalab; of the account, below src
     function: str
     was: str
     becomes: str
@@ -91,8 +110,19 @@ class Mutant:
 
 def modules() -> list[Path]:
     """List the files that are changed."""
-    found = (path.relative_to(SRC) for path in sorted(SRC.rglob("*.py")))
-    return [one for one in found if one.parts[0].removesuffix(".py") in ROOMS and one.name != "__main__.py"]
+    found = (path.relative_to(SRC) for package in PACKAGES for path in sorted((SRC / package).rglob("*.py")))
+    short = (one.relative_to("pidalab") if one.parts[0] == "pidalab" else one for one in found)
+    return [one for one in short if room_of(one) in ROOMS and one.name != "__main__.py"]
+
+
+def room_of(module: Path) -> str:
+    """Return the part of the library that a module is in; inside the engineer's wing, the part of that."""
+    return "/".join(module.parts[: 2 if module.parts[0] == "plant" else 1]).removesuffix(".py")
+
+
+def place_of(module: Path) -> Path:
+    """Return where a module lies in a folder of packages."""
+    return module if module.parts[0] == "paperledger" else "pidalab" / module
 
 
 def judges() -> list[str]:
@@ -103,8 +133,10 @@ def judges() -> list[str]:
 
 def tests_of(module: Path) -> list[str]:
     """List the test files of the room that a module is in."""
-    room = module.parts[0].removesuffix(".py")
-    return [path for path in judges() if re.match(rf"tests/(test_)?{room}[/_.]", path)]
+    folder, _, name = room_of(module).rpartition("/")
+    return [
+        path for path in judges() if re.match(rf"tests/{folder and f'{folder}/'}(test_)?{name}[/_.]", path)
+    ]
 
 
 def places(module: Path) -> Iterator[tuple[str, tuple[Change, ...]]]:
@@ -113,7 +145,7 @@ def places(module: Path) -> Iterator[tuple[str, tuple[Change, ...]]]:
     from cosmic_ray.ast.ast_query import ASTQuery
     from cosmic_ray.plugins import get_operator, operator_names
 
-    text = (SRC / module).read_text(encoding="utf-8")
+    text = (SRC / place_of(module)).read_text(encoding="utf-8")
     types = [((x.lineno, x.col_offset), (x.end_lineno, x.end_col_offset)) for x in types_of(ast.parse(text))]
     classes = {name: get_operator(name) for name in operator_names() if not WITHOUT.search(name)}
     operators = {name: kind() for name, kind in classes.items() if not kind.arguments()}
@@ -144,7 +176,7 @@ def changed(module: Path, function: str, change: Change) -> Mutant | None:
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    old = (SRC / module).read_text(encoding="utf-8")
+    old = (SRC / place_of(module)).read_text(encoding="utf-8")
     new = mutate_code(old, get_operator(change[0])(), change[1])
     try:
         if new is None or ast.dump(ast.parse(new)) == ast.dump(ast.parse(old)):
@@ -190,13 +222,14 @@ def outcome(base: Path, mutant: Mutant, seconds: float) -> str:
     """Try a mutant in a copy of its own."""
     own = tests_of(mutant.module)
     with tempfile.TemporaryDirectory() as folder:
-        library = Path(folder) / "pidalab"
-        shutil.copytree(base / "pidalab", library)
-        (library / mutant.module).write_text(mutant.text, encoding="utf-8")
-        if not run(library.parent, [*own, str(library / mutant.module)], seconds):
+        copy = Path(folder) / "copy"
+        shutil.copytree(base, copy)
+        changed_file = copy / place_of(mutant.module)
+        changed_file.write_text(mutant.text, encoding="utf-8")
+        if not run(copy, [*own, str(changed_file)], seconds):
             return KILLED
         others = [path for path in judges() if path not in own]
-        return SURVIVED if run(library.parent, [*others, str(library)], seconds) else ELSEWHERE
+        return SURVIVED if run(copy, [*others, str(copy)], seconds) else ELSEWHERE
 
 
 def rows() -> dict[Key, Row]:
@@ -221,7 +254,7 @@ def store(key: Key, result: str) -> None:
 
 def exists(row: Row) -> bool:
     """Whether the library still has the text that a row changes."""
-    path = SRC / row["module"]
+    path = SRC / place_of(Path(row["module"]))
     return path.is_file() and row["was"] in " ".join(path.read_text(encoding="utf-8").split())
 
 
@@ -236,9 +269,10 @@ def main() -> int:
     chosen = sample(given.number, given.seed)
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
         base = Path(folder)
-        shutil.copytree(SRC, base / "pidalab")
+        for package in PACKAGES:
+            shutil.copytree(SRC / package, base / package)
         begun = time.monotonic()
-        if not run(base, [*judges(), str(base / "pidalab")], 3600.0):
+        if not run(base, [*judges(), str(base)], 3600.0):
             raise SystemExit("tests fail without any change, or took an hour")
         seconds = PATIENCE * (time.monotonic() - begun) + COMPILING
         for mutant, result in zip(chosen, pool.map(lambda x: outcome(base, x, seconds), chosen), strict=True):

@@ -35,6 +35,7 @@ UNPRINTED = (
     "button",
     "nav",
 )
+BOOK = "pidalab: PIDA control, reproducible"
 FOOTER = '<div style="font: 8pt sans-serif; width: 100%; text-align: center"><span class="pageNumber"></span></div>'
 
 
@@ -62,6 +63,8 @@ def article(page: str, pages: set[str]) -> Tag:
     body = soup.select_one("article.bd-article")
     for live in body.select(".pidalab-live"):
         still(live)
+    for task in body.select(".pidalab-task"):
+        answer_apart(task)
     for gone in body.select(", ".join(UNPRINTED)):
         gone.decompose()
     for fold in body.select("details"):
@@ -93,6 +96,16 @@ def still(live: Tag) -> None:
         )
 
 
+def answer_apart(task: Tag) -> None:
+    """Leave the words of a task; its answer joins those of the exercises."""
+    task.select_one(".task-hint").decompose()
+    answer = task.select_one(".task-answer")
+    answer.name, answer["class"] = "div", "solution"
+    answer.summary.name = "p"
+    answer.p["class"] = "admonition-title"
+    answer.p.string = task.select_one(".task-title").get_text(" ", strip=True).removesuffix("#").strip()
+
+
 def unfold(fold: Tag) -> None:
     """Open a fold: of a claim its note, of a cell its output. All rows of a paper are in its audit, too."""
     words = fold.summary.extract()
@@ -122,8 +135,8 @@ def _from_root(page: str, address: str) -> str:
     return os.path.normpath(Path(page).parent / unquote(urlsplit(address).path))
 
 
-def joined(version: str) -> BeautifulSoup:
-    """Return the document: title, contents, every page, answers."""
+def empty(title: str) -> BeautifulSoup:
+    """Return a document with the looks and the formulas of the site, and nothing in it."""
     soup = BeautifulSoup((SITE / "book" / "intro.html").read_text(encoding="utf-8"), "html.parser")
     for tag in soup.select("head [href], head [src]"):
         key = "href" if tag.has_attr("href") else "src"
@@ -138,9 +151,15 @@ def joined(version: str) -> BeautifulSoup:
     soup.head.append(soup.new_tag("style"))
     soup.head.select("style")[-1].string = STYLE.read_text(encoding="utf-8")
     soup.html["data-theme"] = "light"
-    soup.title.string = "pidalab: PIDA control, reproducible"
+    soup.title.string = title
     soup.body.clear()
     soup.body.attrs = {"class": "bd-content"}
+    return soup
+
+
+def joined(version: str) -> BeautifulSoup:
+    """Return the document: title, contents, every page, answers."""
+    soup = empty(BOOK)
     for piece in (title(version), *book(soup)):
         soup.body.append(piece)
     return soup
@@ -234,7 +253,7 @@ def print_to(page: Page, path: Path) -> None:
     )  # fmt: skip
 
 
-def printed(source: Path, target: Path) -> None:
+def printed(source: Path, target: Path, title: str = BOOK) -> None:
     """Set the formulas, print, fill in the page numbers, print again."""
     executable = next(filter(None, map(shutil.which, BROWSERS)), None)
     if executable is None:
@@ -252,15 +271,13 @@ def printed(source: Path, target: Path) -> None:
         page.evaluate(fill, numbers(draft))
         print_to(page, Path(folder) / "book.pdf")
         browser.close()
-        finish(Path(folder) / "book.pdf", target)
+        finish(Path(folder) / "book.pdf", target, title)
 
 
-def finish(source: Path, target: Path) -> None:
+def finish(source: Path, target: Path, title: str) -> None:
     """Name the document, shrink it, and open it with its outline."""
     writer = PdfWriter(clone_from=source)
-    writer.add_metadata(
-        {"/Title": "pidalab: PIDA control, reproducible", "/Author": "The pidalab developers"}
-    )
+    writer.add_metadata({"/Title": title, "/Author": "The pidalab developers"})
     writer.page_mode = "/UseOutlines"
     writer.write(target)
 

@@ -44,6 +44,7 @@ TESTS = [
 ]
 TOOLS = ["pytest", "pytest-xdist", "nbval", "hypothesis", "mpmath", "pandas", "numpydoc", "mini-racer"]
 TOOLS += ["pyyaml", "tclab"]
+QEMU = "qemu-aarch64-static"
 UV = Path(sys.executable).with_name("uv")
 PARALLEL = ["-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder"]
 # what is in force, under the names of the variables that ask for it, and the versions of packages
@@ -73,12 +74,15 @@ class Variant:
     python: str | None = None  # another Python than this one
     packages: str | None = None  # "lowest" or "newest", instead of the locked ones
     needs: str | None = None  # a feature of the processor
+    arm: bool = False  # 64-bit Arm, instruction by instruction: ten to thirty times slower
 
     @property
     def missing(self) -> str | None:
         """What this machine lacks."""
         if self.needs and not __cpu_features__.get(self.needs):
             return f"this processor has no {self.needs}"
+        if self.arm and not all(map(shutil.which, (QEMU, "apt-get", "dpkg"))):
+            return f"no {QEMU} with Debian's packages"
         if self.python and interpreter(self.python) is None:
             return f"no Python {self.python}"
         return None
@@ -106,6 +110,7 @@ def variants() -> list[Variant]:
         Variant("numba for a generic processor", generic),
         Variant("C library without FMA", glibc),
         Variant("least capable", {"OPENBLAS_CORETYPE": "Nehalem"} | plain | generic | glibc, needs="SSE42"),
+        Variant("64-bit Arm", arm=True),
         *(Variant(f"Python {version}", python=version) for version in PYTHONS if version != own),
         *(
             Variant(f"Python {version}, {packages}", python=version, packages=packages)
@@ -113,6 +118,44 @@ def variants() -> list[Variant]:
             for packages in SETS
         ),
     ]
+
+
+def arm_python(folder: Path) -> Path:
+    """Make a Debian userland for 64-bit Arm with the locked packages, and a command that runs its Python."""
+    root, places = folder / "root", folder / "apt"
+    for part in ("state/lists/partial", "cache/archives/partial"):
+        (places / part).mkdir(parents=True)
+    (places / "state" / "status").touch()  # nothing is installed
+    options = [
+        "APT::Architecture=arm64",
+        "APT::Architectures=arm64",
+        f"Dir::State={places / 'state'}",
+        f"Dir::State::status={places / 'state' / 'status'}",
+        f"Dir::Cache={places / 'cache'}",
+        "Debug::NoLocking=true",
+    ]
+    apt = ["apt-get", "-qq", *(word for option in options for word in ("-o", option))]
+    subprocess.run([*apt, "update"], check=True)
+    wanted = ["python3", "libgomp1", "libstdc++6"]
+    subprocess.run(
+        [*apt, "install", "--download-only", "--yes", "--no-install-recommends", *wanted], check=True
+    )
+    for package in sorted((places / "cache" / "archives").glob("*.deb")):
+        subprocess.run(["dpkg", "-x", package, root], check=True)
+    (inside,) = root.glob("usr/bin/python3.[0-9]*[0-9]")
+    version = inside.name.removeprefix("python")
+    site = folder / "site"
+    target = ["--python-platform", "aarch64-manylinux_2_28", "--python-version", version, "--target", site]
+    lock = ["--require-hashes", "-r", ROOT / "requirements-dev.txt"]
+    subprocess.run([UV, "pip", "install", "--quiet", *target, *lock], check=True)
+    command = folder / "python"
+    command.write_text(
+        f'#!/bin/sh\nexport PYTHONPATH="{site}:{ROOT / "src"}:$PYTHONPATH"\n'
+        f'exec {QEMU} -L {root} -0 "$0" {inside} "$@"\n',
+        encoding="utf-8",
+    )
+    command.chmod(0o755)
+    return command
 
 
 def fused() -> bool:
@@ -142,8 +185,11 @@ def prepared(variant: Variant) -> Iterator[tuple[Path, dict[str, str]]]:
     """Yield the Python of a variant, and the environment to run it in."""
     with tempfile.TemporaryDirectory() as made:
         one = {"OPENBLAS_NUM_THREADS": "1"} | variant.environment
-        if variant.python or "NUMBA_CPU_NAME" in one:
+        if variant.python or variant.arm or "NUMBA_CPU_NAME" in one:
             one["NUMBA_CACHE_DIR"] = str(Path(made) / "cache")
+        if variant.arm:
+            yield arm_python(Path(made)), one
+            return
         if variant.python is None:
             yield Path(sys.executable), one
             return

@@ -9,13 +9,19 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import tomllib
 import venv
 import zipfile
+from datetime import UTC, datetime
 from pathlib import Path
+
+import yaml
+
+from paperledger.publishing import publish
 
 ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
-PACKAGE = ROOT / "src" / "pidalab"
+PACKAGES = [ROOT / "src" / name for name in ("pidalab", "paperledger")]
 
 
 def build() -> tuple[Path, Path]:
@@ -39,8 +45,9 @@ def committed() -> str:
 def missing(wheel: Path, archive: Path) -> list[str]:
     """List the modules of the library that one of the two files lacks, and what the wheel has beside them."""
     own = {
-        path.relative_to(PACKAGE.parent).as_posix()
-        for path in PACKAGE.rglob("*")
+        path.relative_to(package.parent).as_posix()
+        for package in PACKAGES
+        for path in package.rglob("*")
         if path.suffix in {".py", ".pyi", ".typed", ".j2"}
     }
     with zipfile.ZipFile(wheel) as packed:
@@ -84,6 +91,30 @@ def use(wheel: Path) -> None:
         python(ROOT / "tools" / "exercise.py")
 
 
+def account(version: str) -> Path:
+    """Pack the ledgers, and what an archive and other checkers read about them; the same for the same commit."""
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    urls = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["urls"]
+    when = datetime.fromtimestamp(int(committed()), UTC)
+    about = {
+        "name": f"{citation['title']}: the account of five papers on PIDA control",
+        "description": citation["abstract"],
+        "version": version,
+        "date": f"{when:%Y-%m-%d}",
+        "license": "https://creativecommons.org/licenses/by/4.0/",
+        "url": urls["Documentation"],
+        "repository": urls["Repository"],
+        "authors": [one["name"] for one in citation["authors"]],
+        "dois": [one["doi"] for one in citation["references"] if "doi" in one],
+    }
+    packed = DIST / f"pidalab-{version}-account.zip"
+    with tempfile.TemporaryDirectory() as made, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in publish(ROOT / "book" / "ledger", Path(made), about):
+            entry = zipfile.ZipInfo(path.relative_to(made).as_posix(), when.timetuple()[:6])
+            archive.writestr(entry, path.read_bytes(), zipfile.ZIP_DEFLATED)
+    return packed
+
+
 def main() -> int:
     """Return 1 if the files are not whole; a use that fails raises."""
     archive, wheel = build()
@@ -91,7 +122,8 @@ def main() -> int:
         print("\n".join(wrong), file=sys.stderr)
         return 1
     use(wheel)
-    print(f"{archive.relative_to(ROOT)}\n{wheel.relative_to(ROOT)}")
+    made = account(wheel.name.split("-")[1])
+    print(*(path.relative_to(ROOT) for path in (archive, wheel, made)), sep="\n")
     return 0
 
 

@@ -25,6 +25,7 @@ HERE, LAB = Path(__file__).parent, ROOT / "book" / "_static" / "lab"
 SCRIPTS = ("engine", "optima", "model", "optimum", "plot", "record", "lab", "live")
 SHOWN = {"list", "formula", "figure", "live", "result", "table", "shown"}  # on the slide; the rest are notes
 PICTURES = {"figure", "live"}
+PLAN = "<ul>\n<li><strong>You need:</strong>"  # what the teacher reads before, no slide
 SHORT, LEAD_IN = 1000, 200  # characters that a slide without a figure bears, and of what leads to a formula
 TOGETHER = 4  # exercises on a slide, at most
 CODE_SHOWN = "The recipe"  # heading under which code is no note
@@ -88,7 +89,8 @@ def blocks_of_text(own: MarkdownIt, text: str) -> Iterator[Block]:
         elif kind.startswith("math_block"):
             yield Block("formula", html)
         elif kind in ("bullet_list_open", "ordered_list_open"):
-            yield Block("list", html)
+            if not html.startswith(PLAN):
+                yield Block("list", html)
         else:
             yield Block({"table_open": "table"}.get(kind, "text"), html)
 
@@ -97,11 +99,19 @@ def fenced(own: MarkdownIt, info: str, content: str) -> Iterator[Block]:
     """Blocks of a directive, or of plain code."""
     directive = FENCE.match(info)
     name, title = (directive[1], directive[2]) if directive else ("", "")
+    label = re.match(r":label: task-([\d-]+)\n", content)
     content = re.sub(r"^(:[\w-]+:.*\n)+", "", content)
     if name == "raw":
         yield Block("live", content)
     elif name == "exercise":
         yield Block("exercise", f"<h2>Exercise: {escape(title)}</h2>{own.render(content)}")
+    elif name == "task":  # on a slide nobody enters a number: its answer is folded, as that of an exercise
+        words, _, _, answer = re.split(r"^---$", content, flags=re.MULTILINE)
+        number = label[1].replace("-", ".") if label else ""
+        yield Block("exercise", f"<h2>Task {number}: {escape(title)}</h2>{own.render(words)}")
+        yield Block("solution-start", "")
+        yield Block("text", own.render(answer))
+        yield Block("solution-end", "")
     elif name in ("solution-start", "solution-end"):
         yield Block(name, "")
     elif name:

@@ -65,3 +65,16 @@ def at_noise(process, controller, ms, order, gain):
 def load_iae(loop):
     """IAE after a unit step of the load, without noise, to the end."""
     return pidalab.load_response(loop, np.linspace(0, 400, 8001)).iae(np.inf)
+
+
+# How the paper writes what the ledger calls so.
+words = {"ex1": "Example 1", "ex2": "Example 2", "pida": "PIDA", "pid": "PID"}
+words |= {"ms14": "Ms 1.4", "ms20": "Ms 2.0", "topdt": "model", "sopdt": "model"}
+words |= {"k": "K", "l": "L", "alpha": "α", "tau": "τ", "delay": "dead time"}
+words |= {"a1": "a₁", "a2": "a₂", "a3": "a₃", "wgc": "ω_gc", "filter": "time of F"}
+words |= {"kp": "Kp", "ti": "Ti", "td": "Td", "ta": "Ta", "iae": "IAE"}
+words |= {"setpoint": "set point", "sec3": "section 3", "sec4": "section 4"}
+words |= {"eq5": "eq. (5)", "eq9": "eq. (9)", "l35": "factor of t35", "l85": "of t85"}
+words |= {f"level{x}": f"level {x} %" for x in (5, 35, 85)}
+words |= {"slowdown": "time of F × ω_gc", "factor": "corner of F / ω_gc"}
+words |= {"haalman": "Haalman's rule", "pm": "phase margin", "noise": "noise, %"}

@@ -6,9 +6,11 @@ from itertools import product
 import numba
 import numpy as np
 from scipy.linalg import expm
+from scipy.optimize import minimize
 
 import pidalab
 from pidalab.rules import direct, itae
+from pidalab.search import succeeded
 
 EXAMPLES = {  # eqs. (17), (18) and (19)
     "ex1": pidalab.lags(3, delay=0.2),
@@ -176,3 +178,46 @@ def measures(model, controller, test):
         pidalab.step_response(loop, [0.0, 0.01]).u[0],
     )
     return run.itae(), ms, over, kick
+
+
+def least(model, test, start, ms=math.inf, sharp=1e-3):
+    """Search the PIDA of least ITAE from `start`, by a simplex over the logarithms of its parameters.
+
+    `ms`: a bound on Ms, beyond which the cost is steep. `sharp`: how far the parameters are followed.
+    """
+    t = np.linspace(0, 60, 3001)
+
+    def controller(x):
+        return pidalab.NonInteractivePIDA(*np.exp(x).tolist())
+
+    def cost(x):
+        loop = pidalab.Loop(model, controller(x))
+        if not pidalab.is_stable(loop):
+            return 1e3
+        excess = 0.0
+        if ms < math.inf:
+            excess = max(0.0, pidalab.max_sensitivity(loop)[0] / ms - 1)
+        return math.log(TESTS[test](loop, t).itae()) + 20 * excess
+
+    x = np.log([start.kc, start.tau_i, start.tau_d, start.tau_a])
+    for size in (0.15, 0.03):
+        options = {"initial_simplex": np.vstack([x, x + size * np.eye(4)])}
+        options |= {"xatol": sharp, "fatol": 1e-2 * sharp}
+        found = minimize(cost, x, method="Nelder-Mead", options=options)
+        x = succeeded(found, "the least ITAE").x
+    return controller(x)
+
+
+# ---- how the paper writes what the ledger calls so
+WORDS = {"setpoint": "set point", "itae2": "ITAE-2", "imc": "IMC"}
+WORDS |= {ex: f"Example {ex[2]}" for ex in EXAMPLES}
+WORDS |= {"tau": "τ", "theta": "θ", "xi": "ξ", "kc": "k_c"}
+WORDS |= {"taui": "τ_i", "taud": "τ_d", "taua": "τ_a"}
+for (_, table), method in product(TABLES.items(), METHODS):
+    WORDS[f"{table}.{method}"] = METHODS[method]
+    for test in TESTS:
+        WORDS[f"{table}.{method}.{test}"] = (
+            f"{METHODS[method]}, {WORDS.get(test, test)}"
+        )
+for ex, method in product(EXAMPLES, METHODS):
+    WORDS[f"itae.{ex}.{method}"] = f"Example {ex[2]}, {METHODS[method]}"

@@ -113,3 +113,19 @@ def title(key: str) -> str:
 def plant(g: int) -> str:
     """Name of a process, as a table shows it."""
     return f"Gₚ{'₁₂₃₄₅₆₇'[g - 1]}"
+
+
+# %% How the paper writes what the ledger calls so
+WORDS = {f"{x}{k}": f"{x.upper()}{'₀₁₂₃₄₅₆₇₈₉'[k]}" for x in "ak" for k in range(10)}
+WORDS |= {"km1": "K₋₁", "tf": "T_F", "sigma": "σ_rel", "ms": "M_S", "gp6": plant(6)}
+WORDS |= {key: title(key) for key in CASES}
+WORDS |= {f"{eq}.m{m}": label(m, m) for eq in ("eq41", "eq44", "eq48") for m in (2, 3)}
+WORDS |= {"load": "disturbance"}
+for g in (1, 2):
+    WORDS[f"table1.gp{g}.plain"] = f"{plant(g)} alone"
+    for m in (1, 2, 3):
+        WORDS[f"table1.gp{g}.m{m}"] = f"{plant(g)}, filter of {label(m, m)}"
+        WORDS[f"table2.gp{g}.m{m}"] = f"{plant(g)}, {label(m, m)}"
+for n in (7, 8, 9):
+    WORDS |= {f"table{n}.pid22": label(2, 2), f"table{n}.pid33": label(3, 3)}
+WORDS |= {"table7.lurang": RIVAL[5], "table8.jung": RIVAL[6], "table9.puang": RIVAL[7]}

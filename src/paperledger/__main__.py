@@ -4,6 +4,7 @@ update KEY ...    run the pages of papers and store what they compute
 show KEY ...      print ledgers, printed beside computed
 check             validate all files and print their scores
 manifest          freeze what is claimed, and print what changed; review it line by line
+shake LIBRARY KEY ...  run pages with a package that is slightly off, and see each row move
 readme FILE ...   bring the score in Markdown files up to date
 """
 
@@ -44,7 +45,24 @@ def _readme(files: list[str]) -> None:
         print(f"{file}: {'rewritten' if write_score(file) else 'up to date'}")
 
 
-COMMANDS = {"update": _update, "show": _show, "check": _check, "manifest": _manifest, "readme": _readme}
+def _shake(names: list[str]) -> None:
+    from paperledger.moves import shake  # numpy takes a while, and only this needs it
+    from paperledger.shaking import Shaker
+
+    if not names:
+        raise LedgerError("shake needs the name of the package that computes: shake LIBRARY KEY ...")
+    if shake(Shaker(names[0]), None, names[1:]):
+        raise LedgerError("a row that does not move was not computed; see above")
+
+
+COMMANDS = {
+    "update": _update,
+    "show": _show,
+    "check": _check,
+    "manifest": _manifest,
+    "shake": _shake,
+    "readme": _readme,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,6 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("command", choices=COMMANDS)
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args(arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a file on Windows has no τ; nothing stops for that
+            stream.reconfigure(errors="backslashreplace")
     try:
         COMMANDS[asked.command](asked.names)
     except (LedgerError, OSError) as error:

@@ -42,6 +42,8 @@ class Ledger:
         By id, in the order of the file.
     fresh : dict of str to Row
         What has been handed over so far, as rows.
+    refused : list of str
+        What failed so far; `close` says it again, so that nothing that is swallowed is lost.
 
     Examples
     --------
@@ -65,6 +67,7 @@ class Ledger:
         self.page = page or self.paper
         self.rows = {row.id: row for row in rows}
         self.fresh: dict[str, Row] = {}
+        self.refused: list[str] = []
         self.closed = False
         self.records = Ledger._recorded is not None
         if Ledger._recorded is not None:
@@ -155,6 +158,7 @@ class Ledger:
             entry = f"{row.printed} / {row.shown()}{MARKS.get(verdict, '')}"
             shown.setdefault(group or self.paper, {})[key] = entry
         if failures:
+            self.refused += failures
             raise LedgerError("\n".join(failures))
         frame = pd.DataFrame.from_dict(shown, orient="index").fillna("")
         return frame.rename_axis(columns="printed / computed")
@@ -193,11 +197,17 @@ class Ledger:
         Traceback (most recent call last):
         paperledger.digits.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
         """
-        row = self._handed(id, True, digits)
-        with naming(row.id):
-            relation = Relation.parse(row.relation)
-            found = relation.decide(cases, digits)
-        kept = Evidence.parse(self._take(replace(row, computed=found.verdict, evidence=str(found))).evidence)
+        try:
+            row = self._handed(id, True, digits)
+            with naming(row.id):
+                relation = Relation.parse(row.relation)
+                found = relation.decide(cases, digits)
+            kept = Evidence.parse(
+                self._take(replace(row, computed=found.verdict, evidence=str(found))).evidence
+            )
+        except LedgerError as error:
+            self.refused += str(error).splitlines()
+            raise
         if relation.is_identity and kept.verdict == "holds":  # its decade depends on the machine
             return f"holds: largest residual ≤ {relation.right}"
         return f"{kept.verdict}: {kept.shown()}" + (f" ({kept.remark})" if kept.remark else "")
@@ -317,12 +327,12 @@ class Ledger:
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """End a page: every row of this page must have been handed over. Prints their score.
+        """End a page: every row of this page must have been handed over, and none refused. Prints their score.
 
         Raises
         ------
         LedgerError
-            Listing the ids that were not.
+            Listing the ids that were not, and what was refused before and swallowed by the page.
 
         Examples
         --------
@@ -332,8 +342,9 @@ class Ledger:
         paperledger.digits.LedgerError: demo.kp: never handed over
         """
         missing = [f"{row.id}: never handed over" for row in self.owed() if row.id not in self.fresh]
-        if missing and not self.records:
-            raise LedgerError("\n".join(missing))
+        failures = self.refused + ([] if self.records else missing)
+        if failures:
+            raise LedgerError("\n".join(failures))
         self.closed = True
         print(display.score_line(self.page, display.score(self.owed())))
 

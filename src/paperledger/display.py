@@ -146,16 +146,23 @@ def verdict(row: Row) -> Cell:
     return Cell(f"{word} ({basis})" if basis else word, chip(word) + below, "verdict text")
 
 
-def claim(row: Row, unfold: bool = True, anchor: bool = False) -> Cell:
+def anchor(row: Row) -> str:
+    """Return the place of a row on the page with all rows; a dot there would mean something else to a script."""
+    return row.id.replace(".", "-")
+
+
+def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
     """Make a cell of a claim and its place; it unfolds to the note. A terminal shows the id, an anchor links to it."""
     text = row.printed if row.is_statement else row.quantity
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
-    if unfold and (row.note or row.made):
+    if unfold and (row.note or row.made or anchored):
         said = "".join(f"<p>{markup(one)}</p>" for one in (row.note, *row.made.split(" | ")) if one)
+        if anchored:  # what to copy
+            cite = f"To cite: row {escape(row.id)} of the account of pidalab"
+            said += f'<p class="row-cite">{cite}, <a href="#{anchor(row)}">with this address</a></p>'
         html = f"<details><summary>{html}</summary>{said}</details>"
-    if anchor:
-        place = row.id.replace(".", "-")  # a dot in an address means something else to a script
-        html += f' <a class="row-id" id="{place}" href="#{place}">{escape(row.id)}</a>'
+    if anchored:
+        html += f' <a class="row-id" id="{anchor(row)}" href="#{anchor(row)}">{escape(row.id)}</a>'
     return Cell(f"{row.id}: {text} ({row.where})", html, "claim text")
 
 
@@ -174,7 +181,7 @@ def claims(rows: Sequence[Row], anchors: bool = False) -> Display:
     """Show rows of a ledger: a number in units of the last printed place off its print, a statement by its evidence."""
     statements = all(row.is_statement for row in rows)
     last = ["evidence"] if statements else ["printed", "computed", "difference"]
-    cells = [[verdict(row), claim(row, anchor=anchors), *_found(row, len(last))] for row in rows]
+    cells = [[verdict(row), claim(row, anchored=anchors), *_found(row, len(last))] for row in rows]
     return grid("claims", ["verdict", "claim", *last], cells, 1, [row.note for row in rows])
 
 

@@ -285,8 +285,6 @@ class Row:
             yield "fitted, so 'made' says how many settings from how many numbers: 'fit: 3 settings from 70 numbers: …'"
         if made.settings and self.basis != "fitted":
             yield f"'made' says what was fitted, so its basis is fitted, not {self.basis}"
-        if made.stays and self.basis == "from-print":
-            yield "from-print, so nobody asks why it stays; 'made' is empty"
 
 
 COLUMNS = tuple(field.name for field in fields(Row))

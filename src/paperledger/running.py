@@ -30,11 +30,15 @@ def cells(path: Path) -> list[str]:
     """Read the code cells of a notebook, magics left out."""
     notebook = json.loads(path.read_text(encoding="utf-8"))
     code = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    return [re.sub(r"(?m)^[%!].*$", "", source) for source in code]
+    return [re.sub(r"(?m)^(%(?!%)|!).*$", "", source) for source in code]
 
 
 def execute(path: Path) -> Iterator[str]:
-    """Run the code cells of a notebook in its folder, one after the other; yields what each prints and returns."""
+    """Run the code cells of a notebook in its folder, one after the other; yields what each prints and returns.
+
+    In this process, not in a kernel as nbclient would: it takes what a page hands over as objects, keeps the type of an
+    error, and runs with a library that was changed while it was imported. So a ledger needs no Jupyter.
+    """
     os.environ["MPLBACKEND"] = "Agg"
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].switch_backend("Agg")
@@ -44,6 +48,10 @@ def execute(path: Path) -> Iterator[str]:
         sys.path.insert(0, here)
         try:
             for number, source in enumerate(sources, start=1):
+                if source.lstrip().startswith("%%"):
+                    raise LedgerError(
+                        f"{path.name}, cell {number}: a cell magic decides whether the cell runs"
+                    )
                 tree, last = ast.parse(source), None
                 if tree.body and isinstance(tree.body[-1], ast.Expr):
                     last = ast.Expression(tree.body.pop().value)  # type: ignore[attr-defined]

@@ -165,7 +165,7 @@ class Loop:
     def limits(self) -> tuple[float, float]:
         """Limits of the control signal that the controller brings along, from rest; infinite without any."""
         if self.digital is not None:
-            low, high = ((limit - self.digital.bias) / self.digital.u_span for limit in self.digital.limits)
+            low, high = (limit - self.digital.bias for limit in self.digital.limits)
             return low, high
         return self.controller.limits if isinstance(self.controller, Controller) else Controller.limits
 

@@ -250,6 +250,11 @@ def require_no_zero_at_origin(name: str, value: Any) -> None:
         )
 
 
+def sign_of_gain(process: Process) -> float:
+    """Return the sign of gains: integral action is stable only if the last coefficient of all has that of the first."""
+    return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
+
+
 def fopdt(gain: float, lag: float, delay: float) -> Process:
     r"""First order plus dead time, :math:`\frac{gain}{lag\,s + 1} e^{-s\,delay}`.
 

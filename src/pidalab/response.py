@@ -10,8 +10,13 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab.roots import quadratic_roots
 
 SETTLED = 1e-6  # share of the largest error that may be left in the last tenth of a record called settled
+ARRIVED = (
+    0.1  # share of the final value that may be left at the end of a record of which an overshoot is read
+)
+FEWEST = 20  # samples of a record that shows whether it diverges
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,8 @@ class Response:
         Running integral of y from t = 0. The exact engine delivers it; for other records the trapezoidal rule does.
     held : ndarray, shape (k,), optional
         The part of y that is held between samples, such as noise in a measured record; default 0.
+    final : float, optional
+        The value that y approaches, where it is not the final set point: `open_loop_step` of a stable process knows it.
 
     Raises
     ------
@@ -62,6 +69,7 @@ class Response:
     u: Array
     area: Any = None
     held: Any = None
+    final: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _check.uniform_time("t", self.t))
@@ -80,7 +88,7 @@ class Response:
     def _of_checked(cls, **signals: Array) -> Response:
         """Make a record of arrays that have been checked: all fields but `held`, which is 0."""
         response = cls.__new__(cls)
-        response.__dict__.update(signals, held=np.zeros(signals["t"].size))
+        response.__dict__.update(signals, held=np.zeros(signals["t"].size), final=None)
         return response
 
     def __repr__(self) -> str:
@@ -159,6 +167,7 @@ class Response:
             y=self.y - reference.y,
             area=self.area - reference.area,
             held=self.held - reference.held,
+            final=None,
         )
 
     def between(self, start: float, stop: float) -> Response:
@@ -224,11 +233,13 @@ class Response:
             )
         return first, last
 
-    def _pieces(self, horizon: float | None) -> tuple[Array, Array, Array]:
+    def _pieces(self, horizon: float | None, judged: bool = False) -> tuple[Array, Array, Array]:
         """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
         if horizon == math.inf:
             self._require_settled()
             horizon = None
+        elif horizon is None and not judged:
+            self._require_bounded("the error", self.e)
         horizon = self._horizon(horizon)
         first, last = self.r[:-1] - self.y[:-1], self.r[:-1] - self.y[1:] + np.diff(self.held)
         mean = self.r[:-1] - np.diff(self.area) / self.step
@@ -251,6 +262,17 @@ class Response:
             raise ValueError(
                 f"horizon=inf needs a settled record: the error is still {tail:.3g} in the last tenth before "
                 f"t = {self.t[-1]:g}, and {SETTLED * largest:.3g} is allowed; simulate longer or give a finite horizon"
+            )
+
+    def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
+        """Raise for a signal that still grows at the end of the record: what is read of it belongs to that end."""
+        tenth = max(2, self.t.size // 10)
+        late, early = np.ptp(signal[-tenth:]), np.ptp(signal[: signal.size - tenth + 1])
+        if self.t.size >= FEWEST and late > early:
+            raise ValueError(
+                f"{measure} needs a response that does not diverge: {name} moves over {late:.3g} in the last tenth "
+                f"before t = {self.t[-1]:g}, and over {early:.3g} in all the time before; give a horizon where there "
+                "is one, or simulate a stable loop for longer"
             )
 
     def ie(self, horizon: float | None = None) -> float:
@@ -355,7 +377,7 @@ class Response:
         # where e can change its sign, the integral is cut at its zeros
         few = np.abs(curve[0]) <= np.abs(curve[1]) + np.abs(curve[2])
         ends = np.stack([np.zeros(few.sum()), end[few]])
-        cuts = np.sort(np.clip(np.vstack([ends, _roots(*curve[:, few])]), 0.0, ends[1]), axis=0)
+        cuts = np.sort(np.clip(np.vstack([ends, quadratic_roots(*curve[:, few])]), 0.0, ends[1]), axis=0)
         pieces[few] = integrals(curve[:, few], start[few], cuts)
         return float(self.step * np.sum(pieces))
 
@@ -387,14 +409,7 @@ class Response:
         square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
         return float(self.step * np.sum(s * square))
 
-    def tv(
-        self,
-        signal: str = "u",
-        horizon: float | None = None,
-        *,
-        rest: float = 0.0,
-        final: float | None = None,
-    ) -> float:
+    def tv(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Total variation :math:`\sum |x_{i+1} - x_i|`, the jump at t = 0 included.
 
         Parameters
@@ -403,8 +418,6 @@ class Response:
             Which signal.
         horizon : float, optional
             Time up to which it is summed, as for `iae`; by default the end of the record.
-        rest : float, optional
-            Value of the signal before t = 0.
         final : float, optional
             Value that the signal approaches after the horizon; the way there is added if it is given.
 
@@ -425,16 +438,9 @@ class Response:
         >>> record.tv("u"), record.tv("u", 1.0), record.tv("u", final=0.0)
         (6.0, 5.0, 8.0)
         """
-        return float(np.sum(np.abs(np.diff(self._path(signal, horizon, rest, final)))))
+        return float(np.sum(np.abs(np.diff(self._path(signal, horizon, final)))))
 
-    def tv1(
-        self,
-        signal: str = "u",
-        horizon: float | None = None,
-        *,
-        rest: float = 0.0,
-        final: float | None = None,
-    ) -> float:
+    def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
 
         Zero for a signal made of two monotonic intervals, as an ideal control signal is; :math:`x_m` is the extreme
@@ -446,8 +452,6 @@ class Response:
             Which signal.
         horizon : float, optional
             Time up to which it is summed; by default the end of the record.
-        rest : float, optional
-            Value :math:`x_0` of the signal before t = 0.
         final : float, optional
             Value :math:`x_\infty` that the signal approaches, by default the last sample.
 
@@ -467,20 +471,24 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv1("u")
         2.0
         """
-        path = self._path(signal, horizon, rest, final)
+        path = self._path(signal, horizon, final)
         extreme = path[np.argmax(np.abs(2 * path - path[0] - path[-1]))]
         return float(np.sum(np.abs(np.diff(path))) - abs(2 * extreme - path[0] - path[-1]))
 
-    def _path(self, signal: str, horizon: float | None, rest: float, final: float | None) -> Array:
+    def _path(self, signal: str, horizon: float | None, final: float | None) -> Array:
         """The samples of a signal up to a time, between its value at rest and the one it approaches."""
         _check.choice("signal", signal, ("u", "y"))
+        if horizon is None:
+            self._require_bounded(signal, getattr(self, signal))
         last = [] if final is None else [_check.real("final", final)]
         within = self.t <= self._horizon(horizon) * (1 + 1e-12)
-        return np.concatenate([[_check.real("rest", rest)], getattr(self, signal)[within], last])
+        return np.concatenate([[0.0], getattr(self, signal)[within], last])
 
     def _final(self, final: float | None, measure: str) -> float:
         """Return the value that a step response is measured by: the final set point, unless another is given."""
+        final = self.final if final is None else final
         target = float(self.r[-1]) if final is None else _check.real("final", final)
+        self._require_bounded("y", self.y, measure)
         if target == 0:
             raise ValueError(
                 f"{measure} needs a final value other than 0, and the set point ends at 0; give final=, such as the "
@@ -504,22 +512,68 @@ class Response:
         Raises
         ------
         ValueError
-            If the final value is 0: there is nothing to overshoot (see `peak`).
+            If the final value is 0 (see `peak`), for a response that diverges, and for one that ends before its peak.
 
         Examples
         --------
         >>> import numpy as np, pidalab
         >>> record = pidalab.Response(t=[0, 1, 2, 3], r=2.0, d=0.0, n=0.0, y=[0.0, 2.5, 2.0, 2.0], u=0.0)
         >>> swing = pidalab.open_loop_step(pidalab.sopdt(3.0, 1.0, damping=0.5, delay=0.0), np.linspace(0, 20, 2001))
-        >>> print(f"{record.overshoot():.1f} {swing.overshoot(final=3.0):.2f}")
+        >>> print(f"{record.overshoot():.1f} {swing.overshoot():.2f}")
         25.0 16.30
         """
-        target = self._final(final, "overshoot")
-        (c0, c1, c2), _, _ = self._pieces(None)
+        return max(0.0, 100 * (self._top(final, "overshoot")[1] - 1))
+
+    def peak_time(self, final: float | None = None) -> float:
+        """Time at which y is farthest beyond its final value; the extreme is resolved between samples.
+
+        Parameters
+        ----------
+        final : float, optional
+            The final value, as for `overshoot`.
+
+        Returns
+        -------
+        float
+            The time.
+
+        Raises
+        ------
+        ValueError
+            As `overshoot`, and if y does not pass its final value.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> swing = pidalab.open_loop_step(pidalab.sopdt(3.0, 1.0, damping=0.5, delay=0.0), np.linspace(0, 20, 2001))
+        >>> print(f"{swing.peak_time():.3f} {np.pi / np.sqrt(1 - 0.5**2):.3f}")
+        3.628 3.628
+        """
+        time, share = self._top(final, "peak_time")
+        if share <= 1:
+            raise ValueError(
+                f"peak_time needs a response that passes its final value, found {share:.6g} of it at most; "
+                "without an overshoot there is no peak"
+            )
+        return time
+
+    def _top(self, final: float | None, measure: str) -> tuple[float, float]:
+        """Return time and height, as a share of the final value, of the extreme of y; complain if it cannot be read."""
+        target = self._final(final, measure)
+        (c0, c1, c2), _, start = self._pieces(None, judged=True)
         with np.errstate(divide="ignore", invalid="ignore"):
             top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
-        y = self.r[:-1] - np.stack([c0, c0 + top * (c1 + top * c2), c0 + c1 + c2])
-        return float(max(0.0, 100 * np.max(y / target - 1)))
+        places = np.stack([np.zeros(top.size), top, np.ones(top.size)])
+        shares = (self.r[:-1] - (c0 + places * (c1 + places * c2))) / target
+        where = np.unravel_index(np.argmax(shares), shares.shape)
+        time, share = float(start[where[1]] + self.step * places[where]), float(shares[where])
+        left = abs(1 - float(self.y[-1]) / target)
+        if self.t.size >= FEWEST and left > ARRIVED and (share < 1 or time >= self.t[-1] - self.step):
+            raise ValueError(
+                f"{measure} needs a response that has passed its peak or come within {100 * ARRIVED:g} % of its final "
+                f"value; found one that ends at t = {self.t[-1]:g} with {100 * left:.3g} % left; simulate longer"
+            )
+        return time, share
 
     def undershoot(self, final: float | None = None) -> float:
         """How far y moves from rest to the wrong side, in per cent of its final value; a jump at t = 0 counts.
@@ -578,13 +632,15 @@ class Response:
         u = self.u[first:last]
         return float(self.step * np.count_nonzero((u <= low) | (u >= high)))
 
-    def peak(self, signal: str = "y") -> float:
+    def peak(self, signal: str = "y", horizon: float | None = None) -> float:
         """Value of a signal where it is farthest from 0, over the samples.
 
         Parameters
         ----------
         signal : {"u", "y"}
             Which signal.
+        horizon : float, optional
+            Time up to which it is looked for; by default the end of the record, which must not diverge.
 
         Returns
         -------
@@ -594,7 +650,7 @@ class Response:
         Raises
         ------
         ValueError
-            For another signal name.
+            For another signal name, a response that diverges, and a horizon beyond the record.
 
         Examples
         --------
@@ -602,7 +658,7 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[1.0, -3.0, 2.0]).peak("u")
         -3.0
         """
-        path = self._path(signal, None, 0.0, None)
+        path = self._path(signal, horizon, None)
         return float(path[np.argmax(np.abs(path))])
 
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
@@ -680,6 +736,7 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0, 3.0], r=1.0, d=0.0, n=0.0, y=[0.0, 0.5, 1.0, 1.0], u=0.0).settling_time(0.25)
         1.5
         """
+        final = self.final if final is None else final
         error = self.e if final is None else _check.real("final", final) - self.y
         e, target = np.abs(error), self.r[-1] if final is None else final
         if _check.real("band", band, above=0.0) >= 1:
@@ -697,10 +754,3 @@ class Response:
         i = outside[-1]
         first, last = error[i], error[i + 1]
         return float(self.t[i] + self.step * (first - math.copysign(limit, first)) / (first - last))
-
-
-def _roots(c0: Array, c1: Array, c2: Array) -> Array:
-    """Return both roots of c0 + c1 s + c2 s^2, 0 where there is none, without cancellation."""
-    with np.errstate(all="ignore"):
-        q = -0.5 * (c1 + np.copysign(np.sqrt(c1**2 - 4 * c2 * c0), c1))
-        return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)

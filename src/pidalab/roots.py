@@ -173,3 +173,10 @@ def _in_pairs(found: Any) -> Any:
     order = np.argsort(np.concatenate([np.abs(single), np.abs(upper)]), kind="stable")
     parts = [[complex(z)] for z in single] + [[z, z.conjugate()] for z in upper]
     return np.array([z for i in order for z in parts[i]], dtype=complex)
+
+
+def quadratic_roots(c0: Array, c1: Array, c2: Array) -> Array:
+    """Return both roots of c0 + c1 s + c2 s^2, 0 where there is none, without cancellation."""
+    with np.errstate(all="ignore"):
+        q = -0.5 * (c1 + np.copysign(np.sqrt(c1**2 - 4 * c2 * c0), c1))
+        return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)

@@ -15,25 +15,25 @@ SERIES = SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4)
 LEAD = control.tf([0.3, 1.0], [0.6, 1.0])
 RINGING = control.tf([0.5, 1.0], [0.2, 0.4, 1.1, 1.0])
 CASES = {
-    "pi": PIDA(1.3, 3.3).discretise(0.1, **RANGE),
+    "plain_pi": PIDA(1.3, 3.3).discretise(0.1, **RANGE),
     "pd": PIDA(1.3, math.inf, 0.9).discretise(0.1, rate_limit=60.0, **RANGE),
     "tustin": STANDARD.discretise(0.1, "tustin", b=0.4, c=0.0, anti_windup="clamping", rate_limit=50.0, **RANGE),
     "zoh": STANDARD.discretise(0.1, "zoh", anti_windup="back-calculation", deadband=0.02, **RANGE),
-    "backward": NonInteractivePIDA(1.0, 2.0, 0.5, 0.8).discretise(0.3, c=0.0, y_offset=3.0, y_span=2.0, **RANGE),
+    "backward": NonInteractivePIDA(1.0, 2.0, 0.5, 0.8).discretise(0.3, c=0.0, y_offset=3.0, **RANGE),
     "fifth": HighOrderPID([0.4, 1.3, 0.6, 0.2, 0.05], 0.3, 5).discretise(0.1, "zoh", b=0.7, c=0.2, **RANGE),
     "third": HighOrderPID([0.4, 1.3, 0.6], 0.3, 3).discretise(0.2, "tustin", anti_windup=None, rate_limit=5.0),
-    "gains": HighOrderPID([0.4, 1.3], 0.0, 0).discretise(0.2, u_span=3.0, anti_windup="clamping", **RANGE),
-    "reset": SERIES.discretise(0.1, rate_limit=50.0, **RANGE),
+    "gains": HighOrderPID([0.4, 1.3], 0.0, 0).discretise(0.2, anti_windup="clamping", **RANGE),
+    "own_reset": SERIES.discretise(0.1, rate_limit=50.0, **RANGE),
     "reset_tustin": SERIES.discretise(0.1, "tustin", deadband=0.01, **RANGE),
     "reset_zoh": SERIES.discretise(0.1, "zoh", **RANGE),
     "behind": STANDARD.discretise(0.1, output_filter=OutputFilter(0.4, 2, math.nan), b=0.8, c=0.0, **RANGE),
     "near": STANDARD.discretise(0.1, "tustin", OutputFilter(0.23, 2, math.nan), c=0.0, **RANGE),
     "near_zoh": STANDARD.discretise(0.1, "zoh", OutputFilter(0.23, 1, math.nan), **RANGE),
-    "prefilter": STANDARD.discretise(0.1, prefilter=LEAD, deadband=0.01, y_offset=3.0, y_span=2.0, **RANGE),
+    "prefilter": STANDARD.discretise(0.1, prefilter=LEAD, deadband=0.01, y_offset=3.0, **RANGE),
     "prefilter_tustin": PIDA(1.3, 3.3).discretise(0.1, "tustin", prefilter=RINGING, b=0.5, **RANGE),
     "prefilter_zoh": SERIES.discretise(0.1, "zoh", prefilter=RINGING, rate_limit=50.0, **RANGE),
     "reset_behind": SERIES.discretise(0.1, output_filter=OutputFilter(0.3, 1, math.nan), **RANGE),
-    "integral": HighOrderPID([0.4, 0.0], 0.0, 0).discretise(0.2, **RANGE),
+    "only_integral": HighOrderPID([0.4, 0.0], 0.0, 0).discretise(0.2, **RANGE),
     "integral_tustin": HighOrderPID([0.4, 0.0], 0.3, 1).discretise(0.2, "tustin", tunable=True, **RANGE),
     "fed": STANDARD.discretise(0.1, b=0.5, feedforward=True, rate_limit=50.0, **RANGE),
     "fed_clamping": STANDARD.discretise(0.1, anti_windup="clamping", feedforward=True, tunable=True, **RANGE),
@@ -50,8 +50,8 @@ def record(k, seed=0, n=300):
     y = 0.7 * np.convolve(jumps, np.exp(-np.arange(40) / 8) / 8)[:n] + 0.02 * rng.normal(size=n)
     manual = np.repeat(rng.random(n // 10) < 0.2, 10)
     rows = {
-        "setpoint": k.y_offset + k.y_span * jumps,
-        "measurement": k.y_offset + k.y_span * y,
+        "setpoint": k.y_offset + jumps,
+        "measurement": k.y_offset + y,
         "manual": manual,
         "manual_value": k.bias + rng.uniform(-6.0, 6.0, n),
         "tracking": rng.random(n) < 0.05,

@@ -129,7 +129,7 @@ class Instance:
     def _cast(self, kind, value):
         if isinstance(value, list):
             return [self._cast(kind, one) for one in value]
-        wanted = {"BOOL": bool, "INT": int}.get(kind, (float, self._real))
+        wanted = {"BOOL": (bool, np.bool_), "INT": int}.get(kind, (float, self._real))
         if not isinstance(value, wanted) or (kind != "BOOL" and isinstance(value, bool)):
             raise TypeError(f"{value!r} is no {kind}")
         return self._real(value) if kind in ("REAL", "LREAL") else value

@@ -15,7 +15,8 @@ import pidalab
 from pidalab import HighOrderPID
 from pidalab.digital.code import vector
 from pidalab.digital.languages import LANGUAGES
-from pidalab.digital.program import INPUTS, If, Set, program
+from pidalab.digital.program import INPUTS, program
+from pidalab.digital.statements import If, Set
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}
@@ -36,7 +37,18 @@ int main(void)
 }
 """
 # -ffp-contract=off: without a fused multiply-add each operation is rounded as in the reference
-GCC = ["gcc", "-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off"]
+GCC = [
+    "gcc",
+    "-std=c99",
+    "-O1",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-pedantic",
+    "-Wconversion",
+    "-Wshadow",
+    "-ffp-contract=off",
+]
 
 
 def run_c(folder, precision):
@@ -90,14 +102,14 @@ def test_c_in_single_precision(tmp_path):
 
 def test_c_tests_itself(tmp_path):
     """Its own test passes, in either precision, and notices a gain that is off by 0.1 %."""
-    code = CASES["tustin"].c("tested")
-    spoilt = re.sub(r"(PROPORTIONAL_GAIN_0 = \(tested_real\))1\.3;", r"\g<1>1.3013;", code)
+    code = CASES["tustin"].c("level")
+    spoilt = re.sub(r"(PART_1_GAIN_0 = \(level_real\))1\.3;", r"\g<1>1.3013;", code)
     assert spoilt != code
     for text, precision, status in ((code, "double", 0), (code, "float", 0), (spoilt, "double", 1)):
-        (tmp_path / "tested.c").write_text(text)
-        options = ["-DTESTED_SELFTEST", f"-DTESTED_REAL={precision}", str(tmp_path / "tested.c")]
-        subprocess.run([*GCC, *options, "-o", str(tmp_path / "tested"), "-lm"], check=True)
-        run = subprocess.run([str(tmp_path / "tested")], capture_output=True, text=True, check=False)
+        (tmp_path / "level.c").write_text(text)
+        options = ["-DLEVEL_SELFTEST", f"-DLEVEL_REAL={precision}", str(tmp_path / "level.c")]
+        subprocess.run([*GCC, *options, "-o", str(tmp_path / "level"), "-lm"], check=True)
+        run = subprocess.run([str(tmp_path / "level")], capture_output=True, text=True, check=False)
         assert run.returncode == status, run.stdout
 
 
@@ -147,7 +159,8 @@ def read_in(body):
 def test_nothing_is_kept_that_the_step_does_not_use(name):
     step = program(CASES[name])
     kept = {*step.constants, *step.gains, *step.inputs, *step.states, *step.variables}
-    assert kept - {*read_in(step.body)} <= {"control"}  # the last signal, which a PD controller forgets
+    # the last signal, which a PD controller forgets, and what the step tells
+    assert kept - {*read_in(step.whole)} <= {"control", "at_limit"}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -169,11 +182,14 @@ def test_head_says_where_it_comes_from():
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), STANDARD)
     margins = pidalab.margins(loop)
     for code in (
-        CASES["zoh"].c(margins=margins, note="level */ *)"),
-        CASES["zoh"].structured_text(margins=margins),
+        CASES["zoh"].c(margins=margins, note="level */ *)", time_unit="min", record="oven.csv"),
+        CASES["zoh"].structured_text(margins=margins, time_unit="min", record="oven.csv"),
     ):
-        assert repr(STANDARD) in code
-        assert "Sample time: 0.1, method: zoh, anti-windup: back-calculation" in code
+        assert "Controller: PIDA kp 1.3, ti 3.3, td 0.9, ta 0.27, n 4.0, m 2.0" in code
+        assert "Sample time: 0.1 min" in code
+        assert "Record: oven.csv" in code
+        assert f"written by pidalab {pidalab.__version__}." in code
+        assert "Method: zoh, anti-windup: back-calculation" in code
         assert f"Ms = {margins.ms:.4g}" in code
     assert CASES["zoh"].c(note="level */").count("*/") == CASES["zoh"].c().count("*/")
     anonymous = dataclasses.replace(CASES["zoh"], source="")
@@ -183,12 +199,12 @@ def test_head_says_where_it_comes_from():
 @pytest.mark.parametrize("name", ["", "Level", "two__bars", "while", "control", "2nd", "a b", "end_", 3])
 def test_names_that_are_refused(name):
     with pytest.raises(ValueError, match="name must be an identifier"):
-        CASES["pi"].c(name)
+        CASES["plain_pi"].c(name)
 
 
 def test_a_note_is_a_text():
     with pytest.raises(TypeError, match="note must be a text, found float"):
-        CASES["pi"].json(note=1.0)
+        CASES["plain_pi"].json(note=1.0)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -243,11 +259,11 @@ def test_a_feedforward_signal_is_added_before_the_limits_and_leaves_without_a_bu
     assert [k.step(0.0, 0.0, feedforward=f) for f in (0.0, 2.0, 9.0, 0.0)][:3] == [1.0, 3.0, 5.0]
     assert k.step(0.0, 0.0, manual=4.0, feedforward=2.0) == k.step(0.0, 0.0, feedforward=2.0) == 4.0
     with pytest.raises(ValueError, match="feedforward must be asked for"):
-        CASES["pi"].step(0.0, 0.0, feedforward=1.0)
+        CASES["plain_pi"].step(0.0, 0.0, feedforward=1.0)
 
 
 def test_integral_action_alone_stays_at_its_limit():
-    k = CASES["integral"]
+    k = CASES["only_integral"]
     k.reset()
     up = [k.step(20.0, 0.0) for _ in range(20)]
     assert up[-1] == 6.0

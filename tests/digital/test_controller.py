@@ -37,7 +37,7 @@ def test_pi_controller_by_hand():
 @pytest.mark.parametrize("name", CASES)
 def test_the_compiled_loop_is_the_reference_bit_for_bit(name):
     """Proportional plant of gain 0: the loop's controller is on its own, with the limits that it has."""
-    k = dataclasses.replace(CASES[name], y_offset=0.0, y_span=1.0, u_span=1.0, bias=0.0)
+    k = dataclasses.replace(CASES[name], y_offset=0.0, bias=0.0)
     rows = record(k)
     t = k.sample_time * np.arange(300)
     run = simulate_sampled(Loop(OPEN, k), t, rows["setpoint"], noise=rows["measurement"])
@@ -58,11 +58,12 @@ def test_units_change_nothing_but_the_scale(name):
     # the same in other units: gains, limits, rate and deadband go with them
     gains = tuple(path._replace(gains=tuple(g / 50.0 for g in path.gains)) for path in k.paths)
     growth = k.growth if k.from_signal else tuple(g / 50.0 for g in k.growth)
-    scaled = dataclasses.replace(
-        k, paths=gains, growth=growth, y_span=50.0 * k.y_span, deadband=50.0 * k.deadband
+    scaled = dataclasses.replace(k, paths=gains, growth=growth, deadband=50.0 * k.deadband)
+    moved, plant = (
+        dataclasses.replace(scaled, y_offset=k.y_offset + 20.0),
+        Process([50.0], [1.0, 3.0, 3.0, 1.0]),
     )
-    moved = dataclasses.replace(scaled, y_offset=k.y_offset + 20.0)
-    np.testing.assert_allclose(simulate_sampled(Loop(lags(3), moved), t, 0.7, load=0.3).u, run.u, atol=1e-9)
+    np.testing.assert_allclose(simulate_sampled(Loop(plant, moved), t, 35.0, load=0.3).u, run.u, atol=1e-9)
 
 
 def test_held_and_continuous_controllers_agree():
@@ -105,7 +106,7 @@ def test_slow_samples_of_a_fast_derivative():
 def test_rest_is_where_it_starts():
     for name, k in CASES.items():
         k.reset()
-        y = k.y_offset + 0.4 * k.y_span
+        y = k.y_offset + 0.4
         first = k.step(y, y)
         assert first == k.bias
         assert k.step(y, y) == pytest.approx(k.bias, abs=1e-12), name
@@ -207,15 +208,15 @@ def test_a_small_integral_adds_up_in_single_precision():
     exec(k.python(), space)
     space |= {name: np.float32(value) for name, value in k.coefficients.items()}
     single = space["Pida"]()
-    vars(single).update(started=True, integral=np.float32(8.0), carry=np.float32(0.0))
+    vars(single).update(started=True, integral_part=np.float32(8.0), carry=np.float32(0.0))
     for _ in range(20000):
         single.step(np.float32(0.1), np.float32(0.0))
-    assert single.integral.dtype == np.float32
-    assert single.integral == pytest.approx(8.002, abs=2e-6)
+    assert single.integral_part.dtype == np.float32
+    assert single.integral_part == pytest.approx(8.002, abs=2e-6)
 
 
 def test_it_does_not_change():
-    k = CASES["pi"]
+    k = CASES["plain_pi"]
     with pytest.raises(dataclasses.FrozenInstanceError):
         k.bias = 3.0
     assert "_states" not in repr(k)
@@ -236,9 +237,8 @@ def test_it_does_not_change():
     ("call", "error", "message"),
     [
         (lambda k: k.step("1", 0.0), TypeError, "r must be a real number"),
-        (lambda k: k.step(1.0, math.nan), ValueError, "y must be finite"),
-        (lambda k: k.step(1.0, 0.0, manual=math.inf), ValueError, "manual must be finite"),
-        (lambda k: k.step(1.0, 0.0, track=math.nan), ValueError, "track must be finite"),
+        (lambda k: k.step(1.0, 0.0, manual="auto"), TypeError, "manual must be a real number"),
+        (lambda k: k.step(1.0, True), TypeError, "y must be a real number"),
         (lambda k: k.reset(r=1.0), ValueError, "r and y must be given together"),
         (lambda k: k.reset(u=math.nan), ValueError, "u must be finite"),
         (
@@ -247,11 +247,11 @@ def test_it_does_not_change():
             "is digital.*Use simulate_sampled",
         ),
     ],
-    ids=["text", "nan", "manual", "track", "one", "start", "exact"],
+    ids=["text", "word", "truth", "one", "start", "exact"],
 )
 def test_complaints(call, error, message):
     with pytest.raises(error, match=message):
-        call(CASES["pi"])
+        call(CASES["plain_pi"])
 
 
 @pytest.mark.parametrize("method", ["backward", "tustin", "zoh"])
@@ -262,7 +262,7 @@ def test_complaints(call, error, message):
 )
 def test_transfer_function_beside_steps(own, method):
     """An error of one impulse, sample by sample: the sum over z^-k is the transfer function, both ways."""
-    k = own.discretise(0.1, method, y_span=2.0, u_span=5.0)
+    k = own.discretise(0.1, method)
     z = np.array([1.7, -1.6 + 0.5j, 2.5j])
     k.step(0.0, 0.0)  # a start at rest
     answers = np.array([k.step(0.0, -1.0 if i == 0 else 0.0) for i in range(120)])

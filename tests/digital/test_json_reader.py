@@ -1,31 +1,209 @@
-"""A controller is the same after it was written and read; what is no controller is refused."""
+"""A controller is the same after it was written and read; what is no controller, or was changed, is refused."""
 
+import copy
 import json
+import math
 
+import drawn
+import numpy as np
 import pytest
 from cases import CASES
+from hypothesis import given, strategies as st
 
 import pidalab
 from pidalab.digital import from_json
+from pidalab.digital.code import checksum
+from pidalab.digital.controller import DigitalController
+from pidalab.digital.paths import Path
+
+PI = pidalab.PIDA(2.0, 4.0).discretise(0.5, limits=(0.0, 10.0))
+FULL = CASES["prefilter_tustin"]
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_every_kind_comes_back(name):
-    written, read = CASES[name], from_json(CASES[name].json())
+    written, read = CASES[name], from_json(CASES[name].json(note="a note", record="r.csv", time_unit="s"))
     assert read == written
     written.reset()
     for y in (0.0, 0.3, 0.9):
         assert read.step(1.0, y) == written.step(1.0, y)
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", '{"integral": 3}', "PIDA(1, 2)"])
+def test_a_program_that_writes_numbers_and_names_in_another_way_changes_nothing():
+    stored = json.loads(PI.json(), parse_float=lambda x: int(float(x)) if float(x).is_integer() else float(x))
+    assert from_json(json.dumps(dict(reversed(stored.items())))) == PI
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{}", "[1, 2]", '{"integral": 3}', "PIDA(1, 2)", "[" * 100000, '{"a":' * 5000, "null", "9" * 5000,
+     PI.json().replace("0.25", "NaN"), PI.json().replace("0.25", "1e999"), PI.json().replace("0.25", "-Infinity"),
+     PI.json().replace('"method"', '"method": "zoh", "method"'), PI.json()[:-3], PI.json() + " " * 2_000_000],
+)  # fmt: skip
 def test_what_is_no_controller(text):
-    with pytest.raises(ValueError, match="JSON of a digital controller"):
+    with pytest.raises(ValueError, match=r"JSON of a digital controller"):
         from_json(text)
 
 
-def test_what_was_changed_by_hand():
-    stored = json.loads(pidalab.PIDA(2.0, 4.0).discretise(0.5).json())
-    stored["integral"]["new"] = 0.26
+def places(value, at=()):
+    """Where the values of a JSON are, but for the signals of the test, of which the first ones serve."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from places(inner, (*at, name))
+    elif isinstance(value, list):
+        yield at
+        for i, inner in enumerate(value[:3]):
+            yield from places(inner, (*at, i))
+    else:
+        yield at
+
+
+def changed(stored, at, value):
+    result = copy.deepcopy(stored)
+    inner = result
+    for name in at[:-1]:
+        inner = inner[name]
+    inner[at[-1]] = value
+    return result
+
+
+STORED = json.loads(FULL.json())
+EVIL = "p\n    open('PWNED', 'w').write('x')\n    #"
+OTHERS = (
+    -0.5,
+    0,
+    50.0,
+    99.0,
+    1e308,
+    None,
+    True,
+    "zoh",
+    "PIDA(kp=1000)",
+    EVIL,
+    [],
+    {},
+    [1.0, 2.0],
+    "clamping ahead",
+)
+WHERE = [at for at in places(STORED) if at[0] not in ("about", "version", "checksum")]
+
+
+@pytest.mark.parametrize("at", WHERE, ids=lambda at: ".".join(map(str, at)))
+def test_any_field_that_is_changed_is_refused(at, tmp_path, monkeypatch):
+    """With the checksum that the file has; and with a new one, no field is ever of another kind than it should be."""
+    monkeypatch.chdir(tmp_path)
+    inner = STORED
+    for name in at:
+        inner = inner[name]
+    for value in OTHERS:
+        if value == inner and isinstance(value, bool) == isinstance(inner, bool):
+            continue
+        text = json.dumps(changed(STORED, at, value))
+        with pytest.raises(ValueError, match=r"JSON of a digital controller|changed by hand"):
+            from_json(text)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("at", "value"),
+    [
+        (("sample_time",), -0.5),
+        (("sample_time",), 0),
+        (("sample_time",), True),
+        (("method",), "zoh"),
+        (("method",), "euler"),
+        (("anti_windup",), "clamping ahead"),
+        (("controller",), 3.0),
+        (("paths", 0, "gains"), [99.0]),
+        (("paths", 0, "name"), EVIL),
+        (("paths", 0, "name"), "class"),
+        (("paths", 0, "new"), [0.5]),
+        (("limits",), [10.0, 0.0]),
+        (("limits",), [20.0, 30.0]),
+        (("working_point", "u"), 11.0),
+        (("integral", "back_calculation_gain"), 1.5),
+        (("integral", "grows_by"), "__import__('os')"),
+        (("integral", "acts"), 1),
+        (("rate_limit",), -1.0),
+        (("largest_signal",), 1e300),
+        (("test",), {}),
+        (("test", "control"), []),
+        (("coefficients",), {}),
+        (("coefficients", "INTEGRAL_NEW"), 0.26),
+        (("prefilter",), {"num": [1.0], "den": [-1.0, 1.0], "new": 1.0, "old": 0.0, "move": [[9.0]], "out": [1.0]}),
+    ],
+)  # fmt: skip
+def test_a_right_checksum_does_not_help(at, value):
+    stored = changed(json.loads(PI.json()), at, value)
+    stored["checksum"] = checksum(stored)
+    if (at, value) == (
+        ("paths", 0, "name"),
+        "class",
+    ):  # a word, but of no weight: no name in code comes from it
+        assert from_json(json.dumps(stored)).paths[0].name == "class"
+        assert "class" not in from_json(json.dumps(stored)).c().replace("part 1, class", "")
+        return
+    with pytest.raises(ValueError, match=r"JSON of a digital controller|changed by hand"):
+        from_json(json.dumps(stored))
+
+
+def test_gains_of_99_with_an_emptied_test_vector():
+    stored = json.loads(PI.json())
+    stored["paths"][0]["gains"] = [99.0]
+    stored["test"] = {name: [] for name in stored["test"]}
+    stored["checksum"] = checksum(stored)
     with pytest.raises(ValueError, match="changed by hand"):
         from_json(json.dumps(stored))
+
+
+def test_the_file_that_ran_code(tmp_path, monkeypatch):
+    """One more path, whose name is a statement: with all else as the library itself would write it."""
+    monkeypatch.chdir(tmp_path)
+    stored = json.loads(PI.json())
+    stored["paths"].append({"name": EVIL, "weight": 1.0, "new": [], "old": [], "gains": [0.0]})
+    stored["checksum"] = checksum(stored)
+    with pytest.raises(ValueError, match="plain identifier"):
+        from_json(json.dumps(stored))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", [EVIL, "", "a b", "A", "_x", "a__b", "x;y", "é", "a" * 61, 3, None, "a\n"])
+def test_the_controller_itself_refuses_names_of_paths(name):
+    fields = {one: getattr(PI, one) for one in PI.__dataclass_fields__}
+    with pytest.raises(ValueError, match="plain identifier"):
+        DigitalController(**fields | {"paths": (Path(name, 1.0, (), (), (2.0,)),)})
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("bias", "0.0; x"), ("bias", math.nan), ("weights", (1.0, "c")), ("weights", [1.0, 1.0]),
+     ("growth", (math.inf, 0.0)),
+     ("paths", [1]), ("paths", (1,)), ("method", "*/"), ("source", 3), ("tunable", 1),
+     ("prefilter", (1.0,)), ("deadband", -1.0), ("sample_time", math.inf), ("y_offset", 1e12), ("growth", (1e16, 0.0)),
+     ("tracking_gain", 2.0)],
+)  # fmt: skip
+def test_the_controller_itself_refuses_what_is_no_field_of_its_kind(field, value):
+    fields = {one: getattr(PI, one) for one in PI.__dataclass_fields__}
+    with pytest.raises((TypeError, ValueError)):
+        DigitalController(**fields | {field: value})
+
+
+def test_numbers_of_numpy_are_numbers():
+    fields = {one: getattr(PI, one) for one in PI.__dataclass_fields__}
+    k = DigitalController(**fields | {"bias": np.float64(1.0), "integrates": np.True_})
+    assert type(k.bias) is float
+    assert k.integrates is True
+
+
+@drawn.cases(30)
+@given(st.text(max_size=300))
+def test_the_name_of_a_controller_stays_text(text):
+    """A file of our own with any text as its controller: read, and harmless in what is written."""
+    stored = json.loads(PI.json()) | {"controller": text}
+    stored["checksum"] = checksum(stored)
+    k = from_json(json.dumps(stored))
+    assert k.source == text
+    space = {}
+    exec(compile(k.python("loop"), "loop.py", "exec"), space)
+    assert space["selftest"]() == 0.0
+    assert k.c().count("*/") == PI.c().count("*/")

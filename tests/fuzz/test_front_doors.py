@@ -4,6 +4,7 @@ What comes out keeps what it says, by a second calculation; or the door refuses,
 """
 
 import math
+import warnings
 
 import control
 import drawn
@@ -62,6 +63,17 @@ def prefilters(draw):
     return control.tf(num, den)
 
 
+def quiet(call):
+    """The same call without its warnings of long samples."""
+
+    def called(*arguments, **options):
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "sample_time should be at most")
+            return call(*arguments, **options)
+
+    return called
+
+
 @st.composite
 def digital_ones(draw):
     """A controller, its digital form, and what was asked for; refusals are left out by `assume`."""
@@ -75,14 +87,12 @@ def digital_ones(draw):
         "rate_limit": draw(st.sampled_from([math.inf, 40.0])),
         "deadband": draw(st.sampled_from([0.0, 0.03])),
         "y_offset": draw(st.sampled_from([0.0, 3.0])),
-        "y_span": draw(st.sampled_from([1.0, 2.5])),
-        "u_span": draw(st.sampled_from([1.0, 0.3])),
         "bias": draw(st.sampled_from([0.0, 0.5])),
         "anti_windup": draw(st.sampled_from(["reset", "clamping", None])),
         "prefilter": draw(prefilters()),
     }
     k = answer(
-        lambda: controller.discretise(h, method, behind, **options),
+        lambda: quiet(controller.discretise)(h, method, behind, **options),
         "sample_time must be at most",
         "goes by the integral time",
         "the set point would have no effect",
@@ -99,7 +109,7 @@ def test_digital_controllers_are_what_was_discretised(drawing):
     h = k.sample_time
     s = {"backward": (1 - 1 / z) / h, "tustin": 2 / h * (z - 1) / (z + 1)}.get(k.method)
     if s is not None:
-        expected = controller(s) * k.u_span / k.y_span
+        expected = controller(s)
         if behind is not None:
             expected = expected / (behind.time * s + 1) ** behind.order
         # what is far below the largest gain is lost in its digits

@@ -83,7 +83,7 @@ CALLS = {
         sample_time=0.1,
         method="backward",
         **{"b": 0.5, "c": 0.0, "limits": (-9.0, 9.0), "rate_limit": 9.0, "deadband": 0.1, "bias": 1.0},
-        **{"y_offset": 2.0, "y_span": 2.0, "u_span": 2.0},
+        **{"y_offset": 2.0},
         **{
             "anti_windup": "back-calculation",
             "tracking_time": 2.0,

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import pidalab
 from pidalab import HighOrderPID, Loop
-from pidalab.optimal._design import _edge, sign_of_gain
+from pidalab.optimal._design import _edge
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import polish
 from pidalab.optimal._problem import Problem, _other_side
@@ -20,6 +20,7 @@ from pidalab.optimal._solver import Limits, Search
 from pidalab.optimal._starts import approached, at_once, stabilising
 from pidalab.optimal._units import unit_of_time
 from pidalab.optimal._walk import _valleys
+from pidalab.process import sign_of_gain
 
 THIRD = pidalab.lags(3, delay=1.0)
 INTEGRATING = pidalab.Process([1.0], [0.3, 1.0, 0.0], 0.7)

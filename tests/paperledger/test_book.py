@@ -132,3 +132,12 @@ def test_fewer_digits_need_a_reason():
     assert "why, with the word 'digits'" in failures(ledger().compare, {"t1.kp": 1.3098}, digits=4)[0]
     assert "why, with the word 'digits'" in failures(ledger().decide, "s1", (3.1, 4.2), digits=4)[0]
     ledger(row).compare({"t1.kp": 1.3098}, digits=4)
+
+
+def test_what_is_swallowed_comes_back_at_the_end(project):
+    book = Ledger.open("demo", page="audit/demo")
+    for call in (lambda: book.compare({"t1.kp": 7.0}), lambda: book.decide("s1", (5.2, 4.2))):
+        with pytest.raises(LedgerError):
+            call()
+    hand_over(book)
+    assert [line.split(": ")[0] for line in failures(book.close)] == ["demo.t1.kp"] * 2 + ["demo.s1"] * 2

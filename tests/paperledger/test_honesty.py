@@ -81,41 +81,36 @@ def test_the_claims_are_those_of_the_manifest():
 # ------------------------------------------------------------------------------------------------ each cheat is seen
 
 OPEN, CLOSE = 'book = Ledger.open("demo", page="audit/demo")', "book.close()"
-SETUP = 'GAIN = 1.31\nGAINS = {"kp": 1.31, "ti": 2.88}\nORDERS = {"kp": 1, "ti": 2}'
 
 
 @pytest.mark.parametrize(
     ("cell", "finding"),
     [
-        ('book.compare({"kp": 1.31})', "typed in"),
-        ('book.compare({"kp": -abs(GAIN)})', "typed in"),
-        ('book.compare({"t1": {"kp": GAINS["kp"], "ti": solve()}})', "typed in"),
-        ("book.compare(GAINS)", "typed in"),
-        ("book.compare({id: value for id, value in GAINS.items()})", "typed in"),
-        ('book.compare({"kp": book.printed("kp")})', "hands back what is printed"),
-        ('kp = float(book.printed("other"))\nbook.compare({"kp": kp})', "hands back what is printed"),
-        ('book.compare({"t1": {"kp": book.printed("t1.kp") * solve()}})', "hands back what is printed"),
-        ('book.decide("s", (1, 2))', "typed in"),
-        ('book.decide("s", 0.0)', "typed in"),
-        ('book.decide("s", {n: (n, 3) for n in ORDERS})', "typed in"),
-        ('book.decide("s", (solve() < 3, 1))', "truth value"),
-        ('book.decide("s", {n: (round(solve(n), 2), 3) for n in ORDERS})', "rounds"),
-        ('book.decide("s", (solve(), solve()))', "with itself"),
+        ('book.compare({"kp": float(book.row("kp").printed)})', "hands over what is printed"),
         ('book.compare({"kp": float(book.row("kp").computed)})', "reads .computed"),
-        ("for id, row in book.rows.items():\n    print(row.shown())", "reads .shown"),
-        ('one = book.row("kp")\none.shown()', "reads .shown"),
         ('book.fresh["demo.kp"] = solve()', "reads .fresh"),
+        ("book._take(solve())", "reads ._take"),
+        ("book.records = True", "reads .records"),
+        ('setattr(book, "records", True)', "by setattr"),
+        ("type(book)._take = solve", "by type"),
+        ("vars(book).clear()", "by vars"),
         ('try:\n    book.decide("s", solve())\nexcept ValueError:\n    pass', "swallowed"),
         ('with suppress(ValueError):\n    book.decide("s", solve())', "swallowed"),
+        (
+            "from contextlib import suppress as trying\nwith trying(Exception):\n    b.compare({})",
+            "swallowed",
+        ),
         ("Ledger.close = print", "changes the ledger"),
         ("from paperledger.running import record", "imports from inside"),
         ('open("../ledger/demo.csv")', "names a file of the ledger"),
         ("# NBVAL_IGNORE_OUTPUT", "marker NBVAL_IGNORE_OUTPUT"),
+        ("%%capture\nbook.compare({})", "a cell magic"),
+        ("%%script true\nbook.compare({})", "a cell magic"),
         (OPEN, "opens not one ledger"),
     ],
 )
 def test_a_cheating_page_is_seen(tmp_path, cell, finding):
-    found = page(write_notebook(tmp_path / "demo.ipynb", OPEN, SETUP, cell, CLOSE))
+    found = page(write_notebook(tmp_path / "demo.ipynb", OPEN, cell, CLOSE))
     assert any(finding in line for line in found)
 
 
@@ -134,7 +129,7 @@ def test_a_cheating_page_is_seen(tmp_path, cell, finding):
     ],
 )
 def test_an_honest_page_passes(tmp_path, cell):
-    assert page(write_notebook(tmp_path / "demo.ipynb", "%matplotlib inline", OPEN, SETUP, cell, CLOSE)) == []
+    assert page(write_notebook(tmp_path / "demo.ipynb", "%matplotlib inline", OPEN, cell, CLOSE)) == []
 
 
 def test_tags_that_hide_and_a_missing_end_are_seen(tmp_path):

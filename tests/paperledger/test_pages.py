@@ -1,6 +1,9 @@
 """Scoreboard, errata, the score of the README, and the commands."""
 
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -55,6 +58,8 @@ def test_every_row_leads_to_the_chapter_and_its_evidence(project):
     )
     assert "<summary>All 10 rows</summary>" in page.html
     assert page.html.count("<tr>") == 11
+    assert 'id="demo-t1-kp"' in page.html
+    assert 'row demo.t1.kp of the account of pidalab, <a href="#demo-t1-kp">' in page.html
 
 
 def test_markdown_score(project):
@@ -111,3 +116,14 @@ def test_the_manifest_command_prints_what_changed(project, capsys):
     assert "demo.t1.kp: printed '1.31' -> '1.310'" in capsys.readouterr().out
     assert main(["manifest"]) == 0
     assert capsys.readouterr().out == "manifest: up to date\n"
+
+
+def test_what_an_encoding_lacks_stops_no_command(project):
+    write_rows(project / "book" / "ledger" / "demo.csv", [replace(KP, quantity="τ, 3 ≤ κ"), *ROWS[1:]])
+    environment = os.environ | {
+        "PYTHONIOENCODING": "cp1252",
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+    }
+    command = [sys.executable, "-m", "paperledger", "show", "demo"]
+    shown = subprocess.run(command, capture_output=True, check=True, env=environment).stdout
+    assert rb"\u03c4, 3 \u2264 \u03ba" in shown

@@ -28,7 +28,6 @@ REASON = "a reason of five words"
         ({"made": "by hand"}, "made 'by hand' does not read like"),
         ({"made": "fit: 0 settings from 4 numbers: T_F"}, "fit .* does not read like"),
         ({"made": "fit: T_F"}, "fit 'T_F' does not read like"),
-        ({"made": "count: poles", "basis": "from-print"}, "from-print, so nobody asks why it stays"),
         ({"basis": "reading"}, "settled by reading, but 'computed' is not empty"),
         ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading, but 'page' is not empty"),
         ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading cannot be reproduced"),

@@ -85,6 +85,8 @@ def test_update_reports_what_is_left(project):
         ("book.compare({'t1.kp': 9.0})", "handed over twice, as 1.315100000 and as 9.000000000"),
         ("book.decide('s1', (True, 3))", "expected a number"),
         ("1 / 0", "division by zero"),
+        ("%%capture\nx = 1", "cell 5: a cell magic decides whether the cell runs"),
+        ("try:\n    book.compare({'t1.kq': 1.0})\nexcept ValueError:\n    pass", r"demo\.t1\.kq: unknown id"),
     ],
 )
 def test_update_stores_nothing_when_a_cell_fails(project, line, message):

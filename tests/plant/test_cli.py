@@ -3,6 +3,7 @@
 import importlib.util
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -217,7 +218,7 @@ def test_options_of_reading(tmp_path):
     done = run("tune", path, *options, *design, "--u-before", 0, "--outliers", "drop")
     assert done.exit_code == 0, done.output
     assert "step from 0 to 1 at 0" in done.stdout
-    assert "left out: row 92" in done.stdout
+    assert "left out: far from its neighbours: row 92" in done.stdout
 
 
 def test_a_controller_changed_by_hand_is_refused(tmp_path):
@@ -233,3 +234,152 @@ def test_no_board_is_one_line(monkeypatch):
     result = run("tclab", "--connected")
     assert result.exit_code == 1
     assert result.stderr.strip() == "Error: No Arduino device found."
+
+
+QUICK = ("--kind", "PI", "--rule", "simc", "--model", "fopdt", "--ms-worst", 3, "--sample-time", 1)
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """A clean record of one lag, in seconds: 60 rows."""
+    path = tmp_path_factory.mktemp("plain") / "step *µ.csv"
+    t = np.arange(60.0)
+    y = 20 + 10 * -np.expm1(-np.maximum(t - 13, 0) / 6) + np.random.default_rng(0).normal(0, 0.02, t.size)
+    np.savetxt(
+        path, np.column_stack([t, np.where(t < 10, 40, 45), y]), delimiter=",", header="t,u,y", comments=""
+    )
+    return path
+
+
+def written(folder):
+    """The controller that a folder has."""
+    return from_json((folder / "controller.json").read_text(encoding="utf-8"))
+
+
+def test_options_of_the_code_reach_it(plain, tmp_path):
+    """By default the weights are those that the book advises; what is given is what the code has."""
+    assert run("tune", plain, *QUICK, "--out", tmp_path / "usual").exit_code == 0
+    usual = written(tmp_path / "usual")
+    assert (usual.weights, usual.rate_limit, usual.deadband) == ((0.5, 0.0), np.inf, 0.0)
+    assert (usual.bias, usual.limits, usual.anti_windup) == (40.0, (-np.inf, np.inf), "reset")
+    assert usual.y_offset == pytest.approx(20.0, abs=0.02)
+    options = ("--b", 0.75, "--c", 0.25, "--rate-limit", 2, "--deadband", 0.1, "--anti-windup", "clamping")
+    options = (*options, "--u-min", 1, "--u-max", 99, "--feedforward", "--tunable")
+    assert run("tune", plain, *QUICK, *options, "--out", tmp_path / "own").exit_code == 0
+    own = written(tmp_path / "own")
+    assert (own.weights, own.rate_limit, own.deadband) == ((0.75, 0.25), 2.0, 0.1)
+    assert (own.limits, own.anti_windup, own.feedforward, own.tunable) == (
+        (1.0, 99.0),
+        "clamping",
+        True,
+        True,
+    )
+    none = run("tune", plain, *QUICK, "--anti-windup", "none", "--out", tmp_path / "none")
+    assert none.exit_code == 0
+    assert written(tmp_path / "none").anti_windup is None
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        ("--b", 5),
+        ("--b", -0.1),
+        ("--c", 1.1),
+        ("--rate-limit", 0),
+        ("--deadband", -1),
+        ("--anti-windup", "on"),
+    ],
+)
+def test_an_option_out_of_range_is_refused_by_its_name(plain, option):
+    result = run("tune", plain, *QUICK, *option)
+    assert result.exit_code == 2
+    assert option[0] in result.stderr
+
+
+def test_an_edited_controller_stays_and_a_full_disk_leaves_the_old_set(plain, tmp_path, monkeypatch):
+    command = ("tune", plain, *QUICK, "--out", tmp_path)
+    assert run(*command).exit_code == 0
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert sorted(before) == [
+        "controller.c",
+        "controller.json",
+        "controller.py",
+        "controller.st",
+        "report.html",
+    ]
+    assert run(*command).exit_code == 0  # the same again
+    edited = b"/* mine */" + before["controller.c"]
+    (tmp_path / "controller.c").write_bytes(edited)
+    refused = run(*command)
+    assert refused.exit_code == 1
+    assert "controller.c" in refused.stderr
+    assert "--force" in refused.stderr
+    assert (tmp_path / "controller.c").read_bytes() == edited
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("os.fsync", full)
+        cut = run(*command, "--b", 1, "--force")
+    assert (cut.exit_code, "No space left" in cut.stderr) == (1, True)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before | {"controller.c": edited}
+    assert run(*command, "--force").exit_code == 0
+    assert (tmp_path / "controller.c").read_bytes() == before["controller.c"]
+
+
+def test_a_response_and_a_report_stay_unless_they_may_be_replaced(plain, tmp_path):
+    commands = {
+        "r.csv": ("simulate", "--den", "1,1", "--kp", 1, "--ti", 1, "--until", 9),
+        "r.html": (
+            "report",
+            plain,
+            "--rule",
+            "simc",
+            "--model",
+            "fopdt",
+            "--ms-worst",
+            3,
+            "--sample-time",
+            1,
+        ),
+    }
+    for name, command in commands.items():
+        (tmp_path / name).write_text("mine")
+        assert name in run(*command, "--out", tmp_path / name).stderr
+        assert (tmp_path / name).read_text() == "mine"
+        assert run(*command, "--out", tmp_path / name, "--force").exit_code == 0
+        assert (tmp_path / name).read_text() != "mine"
+
+
+def test_the_board_is_not_heated_for_files_that_are_there(tmp_path, monkeypatch):
+    (tmp_path / "PID.csv").write_text("mine")
+    monkeypatch.setattr("pidalab.plant.heater.Lab.step_test", lambda *_, **__: pytest.fail("heated"))
+    result = run("tclab", "--out", tmp_path)
+    assert (result.exit_code, "PID.csv" in result.stderr) == (1, True)
+
+
+def test_text_of_a_file_and_its_name_reach_written_files_as_plain_text(plain, tmp_path):
+    line = 'end of log *"""/ int x = 1; /* "*/""; print("x"); "*/"" <script>'
+    path = tmp_path / "a'b<i>c.csv"
+    path.write_text(plain.read_text() + line + "\n")
+    result = run("tune", path, *QUICK, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    for file in (tmp_path / "out").iterdir():
+        text = file.read_text(encoding="utf-8")
+        assert "end of log int x 1 print x script" in text
+        for mark in ('print("x")', "int x = 1", "<script", "<i>", "a'b"):
+            assert mark not in text, (file.name, mark)
+
+
+def test_a_console_that_lacks_characters_gets_others(tmp_path):
+    """Windows prints what is piped in its code page 1252, which has no Greek and few mathematical signs."""
+    own = {"PYTHONPATH": str(ROOT / "src"), "PYTHONIOENCODING": "cp1252", "PATH": "/usr/bin:/bin"}
+    command = [sys.executable, "-m", "pidalab"]
+    path = tmp_path / "Ω≤.csv"
+    response = ("simulate", "--den", "1,1", "--kp", "1", "--ti", "1", "--until", "9", "--out", str(path))
+    done = subprocess.run([*command, *response], capture_output=True, env=own, check=True, cwd=ROOT)
+    assert done.stdout.decode("cp1252").splitlines()[-1].endswith("??.csv")
+    assert path.exists()
+    helped = subprocess.run([*command, "--help"], capture_output=True, env=own, check=True, cwd=ROOT)
+    assert b"Usage: pidalab [OPTIONS]" in helped.stdout

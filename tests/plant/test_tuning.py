@@ -105,7 +105,7 @@ def test_a_fit_brings_its_uncertainty_and_its_noise():
         (lambda: tune(THIRD, "PI", noise_gain=1.0), "sample_time must be given with noise_gain"),
         (lambda: tune(THIRD, "PI", rule="simc", spread=1.0), "spread must be a share below 1"),
         (lambda: tune(THIRD, "PI", sample_time=0.0), "sample_time must be above 0"),
-        (lambda: tune(THIRD, "PI", sample_time=1e9), "sample_time must be at most 10 for this process"),
+        (lambda: tune(THIRD, "PI", sample_time=1e9), "sample_time must be at most 4 for this process"),
     ],
 )
 def test_refusals(call, message):
@@ -157,3 +157,29 @@ def test_a_pida_is_refused_where_the_record_shows_dynamics_that_the_model_lacks(
         ValueError, match=r"the model has 1 pole\(s\), and a PIDA acts on dynamics beyond them"
     ):
         tune(fitted, "PIDA")
+
+
+def first_order_fit(sampling=1.0, seed=0):
+    """A lag of 20 and a dead time of 5, fitted to a record."""
+    t = np.arange(0.0, 200.0, sampling)
+    y = 2.0 * -np.expm1(-np.maximum(t - 25.0, 0.0) / 20.0)
+    noise = np.random.default_rng(seed).normal(0.0, 0.01, t.size)
+    return pidalab.identification.fit(pidalab.Record(t, np.where(t < 20.0, 0.0, 1.0), y + noise), "fopdt")
+
+
+def test_a_sample_time_in_which_the_process_does_all_it_does_is_none():
+    fitted = first_order_fit()
+    with pytest.raises(ValueError, match=r"sample_time must be at most 25\.?\d* for this process.*found 50"):
+        tune(fitted, "PI", sample_time=50, rule="simc")
+    assert tune(fitted, "PI", sample_time=20, rule="simc", ms_worst=9).info["ms_sampled"] > 1
+    with pytest.raises(ValueError, match=r"at most 4 for this process.*63 %.*found 4\.1"):
+        tune(THIRD, "PI", sample_time=4.1)
+    with pytest.raises(ValueError, match=r"at most 20 for this process, 10 times.*found 21"):
+        tune(pidalab.ipdt(1.0, delay=2.0), "PI", sample_time=21)
+
+
+def test_a_sample_time_in_another_unit_is_doubted():
+    said = "is it in the record's unit of time?"
+    for share, doubted in ((0.005, True), (0.02, False), (1.0, False)):
+        design = tune(first_order_fit(), "PI", sample_time=share, rule="simc", ms_worst=9)
+        assert any(said in doubt for doubt in design.doubts) is doubted, share

@@ -284,6 +284,30 @@ def test_a_derivative_filter_far_faster_than_the_plant_keeps_the_digits():
     np.testing.assert_allclose(r.u[1:], -kp * (y + area / ti + td * slope)[1:], atol=1e-9)
 
 
+def test_inside_a_dead_time_a_fast_filter_remembers_farther_than_across_it():
+    """Sixteen dead times matter from one to the next, 54 in between; exact by delay terms, one by one, in 60 digits."""
+    loop = Loop(pidalab.fopdt(1.0, 1.0, 0.3713), PIDA(0.1, 0.9, 0.3, 0.02))
+    r = simulate(loop, np.linspace(0.0, 20.0, 10_001), setpoint=1.0, load=0.3)
+    assert r.y[2987] == pytest.approx(0.657032936, abs=5e-10)
+
+
+@pytest.mark.parametrize("time", [1e-3, 1e-4])
+def test_a_prefilter_as_fast_as_the_filter_of_the_controller_drives_it(time):
+    """What is decoupled from the slow states is not what a fast prefilter drives: against one loop without it.
+
+    The set point through a prefilter is one that rises, and so the sum of steps; each is a loop without prefilter.
+    """
+    process, controller = pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.3, 0.6, 0.3], 1e-3, 2)
+    t = np.linspace(0.0, 4.0, 9)
+    found = simulate(Loop(process, controller, prefilter=Process([1.0], [time, 1.0])), t, setpoint=1.0)
+    bare = simulate(Loop(process, controller), t, setpoint=1.0)
+    fine = np.linspace(0.0, 4.0, 40_001)
+    y = simulate(Loop(process, controller), fine, setpoint=1.0 - np.exp(-fine / time)).y[::5000]
+    np.testing.assert_allclose(found.y, y, atol=2e-4)
+    np.testing.assert_allclose(found.y[1:], bare.y[1:], atol=2e-3)
+    assert np.abs(found.u).max() < 2e3
+
+
 def test_a_loop_that_remembers_too_many_dead_times_is_refused():
     """|L| = 0.999 at infinite frequency: three states and 1333 dead times fill the stack of 4000."""
     loop = Loop(Process([1.0, 2.0], [1.0, 1.0], 1.0), 0.999)

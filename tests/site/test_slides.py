@@ -36,9 +36,14 @@ def missing(text):
         "a project": "<h2>Project</h2>",
     }
     wrong = [f"without {what}" for what, mark in wanted.items() if mark not in text]
-    exercises, answers = text.count("<h2>Exercise: "), text.count("<summary>Answer</summary>")
-    if exercises < 6 or answers != exercises:
-        wrong.append(f"{exercises} exercises, {answers} answers")
+    exercises, answers = (
+        len(re.findall("<h2>(?:Exercise|Task [1-6]\\.[12]): ", text)),
+        text.count("<summary>Answer</summary>"),
+    )
+    if exercises < 8 or answers != exercises:
+        wrong.append(f"{exercises} exercises and tasks, {answers} answers")
+    if "You need:" in text:
+        wrong.append("a slide of what the teacher reads")
     return wrong + [f"loads {found}" for found in LOADS.findall(text)]
 
 
@@ -153,7 +158,7 @@ def test_a_slider_keeps_its_keys(made, visit):
 
 def test_what_is_missing_is_found(made):
     text = made["what-acceleration-does"].read_text(encoding="utf-8")
-    assert missing(text.replace("<h2>Exercise: ", "<h2>", 1)) == ["5 exercises, 6 answers"]
+    assert missing(text.replace("<h2>Exercise: ", "<h2>", 1)) == ["7 exercises and tasks, 8 answers"]
     assert missing(text.replace("<h2>The recipe</h2>", "")) == ["without a recipe"]
     (found,) = missing(text + '<script src="https://far.example/x.js"></script>')
     assert "far.example" in found

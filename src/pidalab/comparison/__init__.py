@@ -13,7 +13,7 @@ from functools import partial
 
 from pidalab import _check
 from pidalab.comparison.fairness import at_equal_terms
-from pidalab.comparison.judging import Row, html_table, measure_row, text_table
+from pidalab.comparison.judging import DesignRow, html_table, measure_row, text_table
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
 from pidalab.rules.registry import KINDS, RULES, Limits, Rule, find
@@ -42,22 +42,22 @@ class Comparison:
         What all were judged on.
     ms, noise_gain, sample_time : float
         The limits of the optima.
-    rows : tuple of Row
-        See `pidalab.comparison.judging.Row`.
+    rows : tuple of DesignRow
+        See `pidalab.comparison.judging.DesignRow`.
     """
 
     process: Process
     ms: float
     noise_gain: float
     sample_time: float
-    rows: tuple[Row, ...]
+    rows: tuple[DesignRow, ...]
 
-    def keeps(self, row: Row) -> bool:
+    def keeps(self, row: DesignRow) -> bool:
         """Whether a row keeps both limits, to 0.1 %.
 
         Parameters
         ----------
-        row : Row
+        row : DesignRow
             Of this comparison.
 
         Returns
@@ -68,8 +68,8 @@ class Comparison:
         Examples
         --------
         >>> import pidalab
-        >>> from pidalab.comparison import Row
-        >>> row = Row("mine", "PI", 4.0, 5.0, 1.5, 1.0, 0.5, 1.1, 5.0, "", None)
+        >>> from pidalab.comparison import DesignRow
+        >>> row = DesignRow("mine", "PI", 4.0, 5.0, 1.5, 1.0, 0.5, 1.1, 5.0, "", None)
         >>> table = pidalab.Comparison(pidalab.lags(3), ms=1.6, noise_gain=10.0, sample_time=0.01, rows=(row,))
         >>> table.keeps(row)
         True
@@ -78,13 +78,11 @@ class Comparison:
 
     def __str__(self) -> str:
         limits = f"limits Ms = {self.ms:g}, noise gain = {self.noise_gain:g}"
-        head = "".join(f"{name:{size}}" for name, size in NAMES.items())
-        head += "".join(f"{name:>11}" for name in COLUMNS)
         return "\n".join(
-            [f"{self.process!r}: {limits}", head, *text_table(self.rows, NAMES, COLUMNS, 11, self._note)]
+            [f"{self.process!r}: {limits}", *text_table(self.rows, NAMES, COLUMNS, 11, self._note)]
         )
 
-    def _note(self, row: Row) -> str:
+    def _note(self, row: DesignRow) -> str:
         return "; ".join(filter(None, ("keeps both limits" * self.keeps(row), row.reason)))
 
     def _repr_html_(self) -> str:

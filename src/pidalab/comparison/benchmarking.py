@@ -21,7 +21,7 @@ from pidalab import _check
 from pidalab._parts import done, require_executor
 from pidalab.comparison import first_horizon
 from pidalab.comparison.fairness import at_equal_terms
-from pidalab.comparison.judging import Row, measure_row, one_line
+from pidalab.comparison.judging import DesignRow, measure_row, one_line
 from pidalab.comparison.plants import batch
 from pidalab.controllers.base import Controller
 from pidalab.process import Process
@@ -123,7 +123,7 @@ def judge(
             yield {"rule": rule, "kind": kind, **terms}
 
 
-def in_units(row: Row, own: Units) -> dict[str, Any]:
+def in_units(row: DesignRow, own: Units) -> dict[str, Any]:
     """Return what was measured, in the plant's units; what could not be had stays away."""
     if not row.applies:
         return {"reason": row.reason}

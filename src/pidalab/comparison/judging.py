@@ -7,13 +7,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from pidalab._table import set_out
 from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.rules import Design
 from pidalab.rules.sampled import sampled_noise
 
 
-class Row(NamedTuple):
+class DesignRow(NamedTuple):
     """One design on a plant; a measure that could not be had is NaN, and `reason` says why.
 
     Attributes
@@ -86,7 +87,7 @@ def measure_row(
     process: Process,
     sample_time: float | None,
     horizon: float,
-) -> Row:
+) -> DesignRow:
     """Make a design and measure its loop with a process.
 
     Parameters
@@ -104,7 +105,7 @@ def measure_row(
 
     Returns
     -------
-    Row
+    DesignRow
         Its reason says what could not be had.
 
     Examples
@@ -120,12 +121,12 @@ def measure_row(
     try:
         return _measure_loop(rule, kind, make(), process, sample_time, horizon)
     except (ValueError, ArithmeticError) as refusal:
-        return Row(rule, kind, reason=one_line(refusal))
+        return DesignRow(rule, kind, reason=one_line(refusal))
 
 
 def _measure_loop(
     rule: str, kind: str, design: Design, process: Process, sample_time: float | None, horizon: float
-) -> Row:
+) -> DesignRow:
     from pidalab.robustness.control import max_control_sensitivity
     from pidalab.robustness.margins import margins
     from pidalab.simulation.exact import load_response, step_response
@@ -134,10 +135,10 @@ def _measure_loop(
     loop = design.loop(process)
     found = margins(loop)
     if not found.stable:
-        return Row(rule, kind, reason="the loop with the process is unstable", design=design)
+        return DesignRow(rule, kind, reason="the loop with the process is unstable", design=design)
     load, setpoint = (settled(simulate, loop, horizon) for simulate in (load_response, step_response))
     noise, reason = (math.nan, "") if sample_time is None else sampled_noise(loop, sample_time)
-    return Row(
+    return DesignRow(
         rule,
         kind,
         iae_load=load.iae(horizon=math.inf),
@@ -163,31 +164,36 @@ def one_line(refusal: object) -> str:
 
 # --- tables -----------------------------------------------------------------------------------------------------------
 
-Notes = Callable[[Row], str]
+Notes = Callable[[DesignRow], str]
 
 
-def _no_note(row: Row) -> str:
+def _no_note(row: DesignRow) -> str:
     return ""
 
 
 def text_table(
-    rows: Sequence[Row],
+    rows: Sequence[DesignRow],
     names: Mapping[str, int],
     columns: Mapping[str, str],
     width: int,
     notes: Notes = _no_note,
 ) -> list[str]:
-    """Return the rows as lines: names (attribute: width) on the left, numbers (heading: attribute), and a note."""
-    lines = []
+    """Return head and rows as lines: names (attribute: width) on the left, numbers (heading: attribute), and a note."""
+    widths = [*names.values(), *([width] * len(columns))]
+    left = [name if len(names) > 1 else "" for name in names]
+    lines = [set_out([*left, *columns], widths, len(names))]
     for row in rows:
-        left = "".join(f"{getattr(row, name):{size}}" for name, size in names.items())
-        cells = "".join(f"{cell:>{width}}" for cell in _cells(row, columns))
-        lines.append(left + (f"{cells}  {notes(row)}".rstrip() if row.applies else f"  {row.reason}"))
+        own = [getattr(row, name) for name in names]
+        cells, note = (_cells(row, columns), notes(row)) if row.applies else ([], row.reason)
+        line = set_out([*own, *cells], widths, len(names))
+        if note:
+            line = f"{line:<{sum(widths[: len(own) + len(cells)])}}  {note}"
+        lines.append(line)
     return lines
 
 
 def html_table(
-    rows: Sequence[Row], names: Sequence[str], columns: Mapping[str, str], notes: Notes = _no_note
+    rows: Sequence[DesignRow], names: Sequence[str], columns: Mapping[str, str], notes: Notes = _no_note
 ) -> str:
     """Return the rows as a table of HTML; the column of notes is there if there are any."""
     noted = any(map(notes, rows))
@@ -202,6 +208,6 @@ def html_table(
     return f"<table class='dataframe'><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
 
 
-def _cells(row: Row, columns: Mapping[str, str]) -> list[str]:
+def _cells(row: DesignRow, columns: Mapping[str, str]) -> list[str]:
     numbers = [getattr(row, name) for name in columns.values()]
     return ["-" if math.isnan(x) else f"{x:.4g}" for x in numbers]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pidalab import Process, fopdt, lags
+from pidalab.process import Process, fopdt, lags
 
 P1 = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.3, 1.5, 2, 4, 6, 8, 10, 20, 50, 100, 200, 500, 1000)
 P2 = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.3, 1.5, 2, 4, 6, 8, 10, 20, 50, 100, 200, 500)

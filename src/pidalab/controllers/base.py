@@ -191,7 +191,7 @@ class Controller(Block):
             A filter behind the controller that becomes a part of it: equal lags of gain 1. `Design.discretise` gives
             that of the design.
         **options : optional
-            Weights of the set point, limits, rate limit, anti-windup, deadband, bias and engineering units, as in
+            Weights of the set point, limits, rate limit, anti-windup, deadband and working point, as in
             `pidalab.digital.discretise`. Limits of the controller hold unless others are given; with derivatives, but
             without proportional action, the anti-windup is "clamping" unless another is given.
 
@@ -220,10 +220,8 @@ class Controller(Block):
             gains = (0.0, *reset.stabiliser[::-1].tolist())
             native = FilteredGains("stabiliser", gains, reset.filter_time, reset.filter_order), reset.time
         if options.get("limits") is None:
-            bias, span = (
-                _check.real(name, options.get(name, usual)) for name, usual in (("bias", 0), ("u_span", 1))
-            )
-            options["limits"] = tuple(bias + span * limit for limit in self.limits)
+            bias = _check.real("bias", options.get("bias", 0.0))
+            options["limits"] = tuple(bias + limit for limit in self.limits)
         proportional, higher = (
             any(any(part.gains[k]) for part in parts) for k in (slice(1, 2), slice(2, None))
         )

@@ -1,79 +1,93 @@
-"""Code that a digital controller writes: its head, its test vector, and what it is called."""
+"""Code that a digital controller writes: its head, its test vector, and its JSON."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-import re
+import textwrap
 from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pidalab import _check
+from pidalab._text import plain_text
+from pidalab._version import __version__
 from pidalab.digital import languages
-from pidalab.digital.program import INPUTS, MORE, Vector, program
-
-if TYPE_CHECKING:
-    from pidalab.digital.controller import DigitalController
+from pidalab.digital.parameters import LARGEST_SIGNAL, Parameters
+from pidalab.digital.program import INPUTS, MORE, constants, program
+from pidalab.digital.statements import Vector
+from pidalab.digital.words import identifier
 
 STEPS = 30  # samples of the test vector within the working range
 FAR = 5  # samples after them on either side of the set point
 DOUBLINGS = 24  # of the distance at most
-RESERVED = re.compile(  # words of structured text, in which the name stands alone, and of Python as a class
-    "a(nd|t|ction)|bool|by|case|config|constant|do|d?int|else|elsif|exit|false|for|from|function|if|l?real|mod|none|not|"
-    "of|on|or|program|repeat|return|struct|task|then|to|true|type|until|var|while|with|xor"
-)
+LEFT_OUT = (12, 15)  # samples whose measurement is no measurement, by hand and not
+NO_MEASUREMENT = 1e30  # single precision has it, too
+HEAD_WIDTH = 105  # characters of a line of the head
+MOST_NOTES, LONGEST_NOTE = 40, 500  # lines of a note and their characters
 
 
-def identifier(name: str) -> str:
-    """Check a name for the code: letters, digits and single underscores, as all three languages allow."""
-    allowed = isinstance(name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", name)
-    if not allowed or RESERVED.fullmatch(name) or name in (*INPUTS, *MORE) or name == "control":
-        raise ValueError(
-            f"name must be an identifier of small letters, digits and single underscores that begins with a letter "
-            f"and is no word of a language, found {name!r}"
-        )
-    return name
-
-
-def head(k: DigitalController, margins: Any, note: str) -> list[str]:
-    """Return lines that say where the code comes from."""
-    units = (
-        "" if k.y_span == k.u_span == 1.0 else f", a unit of y in {k.y_span!r} and of u in {k.u_span!r} units"
+def head(k: Parameters, margins: Any, note: str, time_unit: str, record: str) -> list[str]:
+    """Return lines that say where the code comes from; text of others passes `plain_text`, and no date is in it."""
+    for name, text in (("note", note), ("time_unit", time_unit), ("record", record)):
+        if not isinstance(text, str):
+            raise TypeError(f"{name} must be a text, found {type(text).__name__}")
+    unit = (
+        f" {plain_text(time_unit, 20)}"
+        if time_unit
+        else ", in the unit of time of the controller's ti and td"
     )
     lines = [
-        "Digital controller, written by pidalab.",
-        f"Controller: {k.source or 'not named'}",
-        f"Sample time: {k.sample_time!r}, method: {k.method}, anti-windup: {k.anti_windup or 'none'}",
+        f"Digital controller, written by pidalab {plain_text(__version__)}.",
+        f"Record: {plain_text(record) or 'not named'}",
+        f"Controller: {plain_text(k.source, LONGEST_NOTE) or 'not named'}",
+        f"Sample time: {k.sample_time!r}{unit}",
+        f"Method: {k.method}, anti-windup: {k.anti_windup or 'none'}",
         f"Weights of the set point: b = {k.weights[0]!r}, c = {k.weights[1]!r}",
         f"Limits: {k.limits[0]!r} to {k.limits[1]!r}, rate limit: {k.rate_limit!r}, deadband: {k.deadband!r}",
-        f"Working point: u = {k.bias!r}, y = {k.y_offset!r}{units}",
+        f"Working point: u = {k.bias!r}, y = {k.y_offset!r}",
     ]
-    lines += [] if k.prefilter is None else [f"Prefilter of the set point: {k.prefilter}"]
-    if margins is not None:
-        lines += [
-            f"Margins: {line}" if i == 0 else f"  {line}" for i, line in enumerate(str(margins).splitlines())
-        ]
-    if not isinstance(note, str):
-        raise TypeError(f"note must be a text, found {type(note).__name__}")
-    lines += note.splitlines()
-    return [re.sub(r"\*/|\*\)|\"\"\"", "", line) for line in lines]
+    if k.prefilter is not None:
+        parts = (", ".join(f"{c:.10g}" for c in part) for part in (k.prefilter.num, k.prefilter.den))
+        lines.append("Prefilter of the set point: [{}] over [{}]".format(*parts))
+    lines += [] if margins is None else [_margins(margins)]
+    notes = note.splitlines()
+    lines += [plain_text(line, LONGEST_NOTE) for line in notes[:MOST_NOTES]]
+    lines += [f"and {len(notes) - MOST_NOTES} more lines"] if len(notes) > MOST_NOTES else []
+    return [
+        part for line in lines if line for part in textwrap.wrap(line, HEAD_WIDTH, subsequent_indent="  ")
+    ]
 
 
-def vector(k: DigitalController) -> Vector:
+def _margins(margins: Any) -> str:
+    """Return a line with the margins, made of their numbers alone."""
+    try:
+        ms, gain, phase, delay = (float(getattr(margins, name)) for name in ("ms", "gm", "pm", "dm"))
+    except (AttributeError, TypeError, ValueError):
+        raise TypeError(f"margins must be Margins of a loop, found {type(margins).__name__}") from None
+    if math.isnan(ms):
+        return "Margins: the closed loop is unstable"
+    return f"Margins: Ms = {ms:.4g}, gain margin {gain:.4g}, phase margin {phase:.4g} deg, delay margin {delay:.4g}"
+
+
+def vector(k: Parameters) -> Vector:
     """Return inputs and expected control signals: a set-point jump, a manual spell, a tracked signal, a disturbance.
 
-    Then the measurement goes to either side, as far as takes the control signal over its whole range.
+    Two measurements are none. Then the measurement goes to either side, as far as takes the control signal over its
+    whole range.
     """
     low, high = k.limits
     # a manual signal within the limits, and another one that acts in between
-    span = high - low if math.isfinite(high - low) else 2.0 * k.u_span
+    span = high - low if math.isfinite(high - low) else 2.0
     by_hand = round(min(max(k.bias + 0.1 * span, low), high), 6)
     rows: Vector = {name: [] for name in program(k).inputs}
     y = 0.0
     for i in range(STEPS):
         target = 0.0 if i < 2 else 0.2 if i < 24 else -0.1
         y += 0.25 * (target - y) + (0.02 if i == 20 else 0.0)
-        values = (k.y_offset + k.y_span * target, k.y_offset + k.y_span * round(y, 4))
+        measured = NO_MEASUREMENT if i in LEFT_OUT else k.y_offset + round(y, 4)
+        values = (k.y_offset + target, measured)
         more = {"feedforward": round(0.05 * span, 6) if 5 <= i < 8 else 0.0, "retuned": i == 26}
         further = [more[name] for name in rows if name in more]
         for name, value in zip(
@@ -91,7 +105,7 @@ def vector(k: DigitalController) -> Vector:
     return {**far, "control": control}
 
 
-def _far(k: DigitalController, rows: Vector, size: float) -> Vector:
+def _far(k: Parameters, rows: Vector, size: float) -> Vector:
     """Return the inputs with the measurement far on either side of the set point at the end, in units of the model."""
     usual = {
         "setpoint": k.y_offset,
@@ -101,27 +115,37 @@ def _far(k: DigitalController, rows: Vector, size: float) -> Vector:
     longer: Vector = {
         name: values + 2 * FAR * [usual.get(name, type(values[0])(0))] for name, values in rows.items()
     }
-    ends = [k.y_offset + side * k.y_span * size for side in (1.0, -1.0) for _ in range(FAR)]
+    ends = [k.y_offset + side * size for side in (1.0, -1.0) for _ in range(FAR)]
     longer["measurement"] = rows["measurement"] + ends
     return longer
 
 
-def signals(k: DigitalController, inputs: Sequence[Sequence[Any]]) -> list[float]:
+def signals(k: Parameters, inputs: Sequence[Sequence[Any]]) -> list[float]:
     """Return the control signals of a controller from its start, for a row of each input."""
-    states = SimpleNamespace(**program(k).states)
-    step = languages.executed(k._code)
+    own = program(k)
+    states, step = SimpleNamespace(**own.states), languages.function(own)
     return [step(states, *row) for row in zip(*inputs, strict=True)]
 
 
-def written(k: DigitalController, language: str, name: str, margins: Any, note: str) -> str:
+def written(
+    k: Parameters, language: str, name: str, margins: Any, note: str, time_unit: str, record: str
+) -> str:
     """Write the code in one of the languages."""
-    return languages.written(program(k), language, head(k, margins, note), vector(k), identifier(name))
+    own = program(k)
+    taken = {*own.constants, *own.gains, *INPUTS, *MORE, *own.states, *own.variables, "TEST", "control"}
+    lines = head(k, margins, note, time_unit, record)
+    return languages.written(own, language, lines, vector(k), identifier(name, taken))
 
 
-def as_json(k: DigitalController, margins: Any, note: str) -> str:
+def as_json(k: Parameters, margins: Any, note: str, time_unit: str, record: str) -> str:
     """Return the controller as JSON; infinite limits are null."""
-    content = {
-        "about": head(k, margins, note),
+    stored = {"about": head(k, margins, note, time_unit, record), "version": __version__, **content(k)}
+    return json.dumps({**stored, "checksum": checksum(stored)}, indent=2) + "\n"
+
+
+def content(k: Parameters) -> dict[str, Any]:
+    """Return what makes the controller, with its coefficients and its test vector, as JSON has it."""
+    return {
         "controller": k.source,
         "sample_time": k.sample_time,
         "method": k.method,
@@ -131,23 +155,57 @@ def as_json(k: DigitalController, margins: Any, note: str) -> str:
         "rate_limit": k.rate_limit if math.isfinite(k.rate_limit) else None,
         "deadband": k.deadband,
         "working_point": {"u": k.bias, "y": k.y_offset},
+        "largest_signal": LARGEST_SIGNAL,
         "feedforward": k.feedforward,
         "tunable": k.tunable,
-        "units": {"u": k.u_span, "y": k.y_span},
         "paths": [
-            {"name": p.name, "weight": p.weight, "new": p.new, "old": p.old, "gains": p.gains}
+            {
+                "name": p.name,
+                "weight": p.weight,
+                "new": list(p.new),
+                "old": list(p.old),
+                "gains": list(p.gains),
+            }
             for p in k.paths
         ],
-        "prefilter": None if k.prefilter is None else k.prefilter._asdict(),
+        "prefilter": None if k.prefilter is None else _lists(k.prefilter._asdict()),
         "integral": {
             "acts": k.integrates,
             "grows_by": "signal of the paths" if k.from_signal else "error",
             "new": k.growth[0],
             "old": k.growth[1],
-            "taken_back": k.taken_back,
-            "tracked": k.tracked,
+            "back_calculation_gain": k.back_calculation_gain,
+            "tracking_gain": k.tracking_gain,
         },
-        "coefficients": k.coefficients,
+        "coefficients": constants(k),
         "test": vector(k),
     }
-    return json.dumps(content, indent=2) + "\n"
+
+
+def _lists(value: Any) -> Any:
+    """Return lists for tuples."""
+    if isinstance(value, dict):
+        return {name: _lists(x) for name, x in value.items()}
+    return [_lists(x) for x in value] if isinstance(value, (tuple, list)) else value
+
+
+def checksum(stored: dict[str, Any]) -> str:
+    """Return a sum over what a JSON says, whatever the order of its names and the way its numbers are written.
+
+    It is no secret: it finds what was changed by hand or by accident, in fields that the test vector cannot see.
+    """
+    text = json.dumps(_plain(stored), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with all numbers as floats."""
+    if isinstance(value, dict):
+        return {name: _plain(x) for name, x in value.items() if name != "checksum"}
+    if isinstance(value, list):
+        return [_plain(x) for x in value]
+    return (
+        _check.real("number", value)
+        if isinstance(value, (int, float)) and not isinstance(value, bool)
+        else value
+    )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -12,17 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
-from pidalab.digital import languages
-from pidalab.digital.paths import Path
-from pidalab.digital.prefilter import Prefilter
-from pidalab.digital.program import Program, constants, program
+from pidalab.digital import code, languages
+from pidalab.digital.parameters import Parameters
+from pidalab.digital.program import constants, program
+from pidalab.digital.statements import Program
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
 
 
-@dataclass(frozen=True, kw_only=True)
-class DigitalController:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DigitalController(Parameters):
     r"""A controller as a computer runs it: difference equations with limits, anti-windup, modes and units.
 
     Make one with ``controller.discretise(sample_time, method)``. At each sample
@@ -35,7 +36,8 @@ class DigitalController:
 
     It starts at the first measurement without a bump: with the control signal `bias`, and with filters at rest. (One
     without integral action starts with its own signal.) In manual mode it gives the signal it is told, and the integral
-    follows so that it goes on from there. ``step`` keeps states in the object itself; simulations have their own.
+    follows so that it goes on from there. A sample with a signal that is no number is left out: it holds. ``step``
+    keeps states in the object itself; simulations have their own.
 
     Parameters
     ----------
@@ -51,7 +53,7 @@ class DigitalController:
         Whether the integral is an automatic reset, which grows by what the paths make of the error.
     growth : tuple of float
         :math:`\gamma_0, \gamma_1`.
-    taken_back, tracked : float
+    back_calculation_gain, tracking_gain : float
         Shares of what a limit cut off, and of the difference to a tracked signal, that the integral takes up.
     anti_windup : str or None
         What the integral does at a limit.
@@ -61,9 +63,8 @@ class DigitalController:
         Of the control signal.
     rate_limit : float
         Of the control signal, in a unit of time.
-    deadband, bias, y_offset, y_span, u_span : float
-        In the units of the signals: error that counts as none, control signal and measurement at the working point, and
-        the sizes of a unit of the model.
+    deadband, bias, y_offset : float
+        In the units of the signals: error that counts as zero, control signal and measurement at the working point.
     source : str
         What was discretised.
     prefilter : Prefilter or None
@@ -84,41 +85,18 @@ class DigitalController:
     (3.0, 8.0, 8.25)
     """
 
-    sample_time: float
-    method: str
-    paths: tuple[Path, ...]
-    integrates: bool
-    from_signal: bool
-    growth: tuple[float, float]
-    taken_back: float
-    tracked: float
-    anti_windup: str | None
-    weights: tuple[float, float]
-    limits: tuple[float, float]
-    rate_limit: float = math.inf
-    deadband: float = 0.0
-    bias: float = 0.0
-    y_offset: float = 0.0
-    y_span: float = 1.0
-    u_span: float = 1.0
-    source: str = ""
-    prefilter: Prefilter | None = None
-    feedforward: bool = False
-    tunable: bool = False
-
-    @property
-    def limited(self) -> bool:
-        """Whether the control signal has a limit of range or rate."""
-        return bool(np.isfinite([*self.limits, self.rate_limit]).any())
-
     @cached_property
     def _program(self) -> Program:
         """The step as statements, with its constants and states."""
         return program(self)
 
     @cached_property
-    def _code(self) -> str:
-        return languages.step(self._program)
+    def _run(self) -> Callable[..., float]:
+        return _function(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the function that runs, which is made again when it is needed."""
+        return {name: value for name, value in vars(self).items() if name != "_run"}
 
     @cached_property
     def _states(self) -> SimpleNamespace:
@@ -128,10 +106,31 @@ class DigitalController:
     def coefficients(self) -> dict[str, float]:
         """Constants of the written code, by their names there.
 
-        ``<PATH>_WEIGHT`` weighs the set point, ``<PATH>_NEW`` and ``<PATH>_OLD`` are the shares of the input now and
-        one sample ago in each lag, ``<PATH>_GAIN_k`` is the gain on the k-th difference. ``INTEGRAL_NEW`` and
-        ``INTEGRAL_OLD`` say how the integral grows, ``TAKEN_BACK`` what it takes back of what a limit cut off, and
-        ``TRACKED`` what it takes up of the difference to a tracked signal.
+        The paths are counted from 1, in the order of `paths`: ``PART_1_WEIGHT`` weighs the set point, ``PART_1_NEW``
+        and ``PART_1_OLD`` are the shares of the input now and one sample ago in each lag (``PART_1_NEW_2`` of the
+        second, where lags differ), ``PART_1_GAIN_k`` is the gain on the k-th difference. ``INTEGRAL_NEW`` and
+        ``INTEGRAL_OLD`` say how the integral grows with the error now and one sample ago, ``BACK_CALCULATION_GAIN``
+        which share it takes back of what a limit cut off, and ``TRACKING_GAIN`` which share it takes up of the
+        difference to a tracked signal. ``BIAS`` and ``Y_OFFSET`` are the working point; ``LOWEST``, ``HIGHEST`` and
+        ``LARGEST_CHANGE`` (in a sample) the limits; ``DEADBAND`` is what counts as no error. ``PREFILTER_MOVE_i_j``
+        says how state i of a prefilter moves with the distance of state j from the set point, and
+        ``PREFILTER_OUT_i`` what the distance of state i adds to the set point. Signals beyond ``LARGEST_SIGNAL`` are
+        none, nor are gains beyond ``LARGEST_GAIN`` while they may change.
+        What is 0, or acts on nothing, is left out.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> k = pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5, limits=(0.0, 10.0))
+        >>> for name, value in k.coefficients.items():
+        ...     print(name, value)
+        PART_1_GAIN_0 2.0
+        INTEGRAL_NEW 0.25
+        BACK_CALCULATION_GAIN 0.1111111111111111
+        TRACKING_GAIN 0.1111111111111111
+        LOWEST 0.0
+        HIGHEST 10.0
+        LARGEST_SIGNAL 1000000000.0
         """
         return constants(self)
 
@@ -147,7 +146,8 @@ class DigitalController:
         --------
         >>> import pidalab
         >>> pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5, bias=3.0).at_rest()
-        {'started': True, 'integral': 0.0, 'carry': 0.0, 'control': 3.0}
+        {'started': True, 'fault': False, 'at_limit': False, 'follow': False, 'integral_part': 0.0, 'carry': 0.0,
+        'control': 3.0}
         """
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
@@ -159,7 +159,7 @@ class DigitalController:
         r, y : float, optional
             Set point and measurement at which everything rests; both or neither.
         u : float, optional
-            Control signal to start with, `bias` by default.
+            Control signal to start with, within the limits; `bias` by default.
 
         Raises
         ------
@@ -181,13 +181,14 @@ class DigitalController:
         u = self.bias if u is None else _check.real("u", u)
         if r is not None and y is not None:
             r, y = _check.real("r", r), _check.real("y", y)
-        self.__dict__["_states"] = self._started(r, y, u)
+        self.__dict__["_states"] = self._started(r, y, min(max(u, self.limits[0]), self.limits[1]))
+        self.__dict__.pop("_retuned", None)
 
     def _started(self, r: float | None, y: float | None, u: float) -> SimpleNamespace:
         """Return states before the first sample, or after one at which everything rests."""
         states = SimpleNamespace(**{**self._program.states, "control": u})
         if r is not None:
-            languages.executed(self._code)(states, r, y)
+            self._run(states, r, y)
         return states
 
     def retune(self, other: DigitalController) -> None:
@@ -239,6 +240,9 @@ class DigitalController:
     ) -> float:
         """Advance by one sample: runs what `python` writes, which C and structured text repeat.
 
+        A sample with a signal that is no number (NaN, infinite) or beyond 1e9 on either side is left out: states and
+        control signal stay as they are, ``fault`` says so, and the next good sample goes on from there.
+
         Parameters
         ----------
         r, y : float
@@ -247,7 +251,7 @@ class DigitalController:
             Control signal in manual mode; None in automatic mode.
         track : float, optional
             Signal that acted since the last sample in place of the one that was returned: that of a selector, of an
-            operator at the actuator, or the position of the actuator.
+            operator at the actuator, or the position of the actuator. At the first sample it starts there.
         feedforward : float, optional
             Signal that is added, of a controller that was discretised with ``feedforward=True``.
 
@@ -259,25 +263,37 @@ class DigitalController:
         Raises
         ------
         TypeError, ValueError
-            For a signal that is not a finite number.
+            For a signal that is no float, and for feedforward that was not asked for.
 
         Examples
         --------
-        >>> import pidalab
+        >>> import math, pidalab
         >>> k = pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5, limits=(0.0, 5.0), bias=1.0)
         >>> k.step(r=2.0, y=2.0), k.step(r=9.0, y=2.0), k.step(r=9.0, y=2.0, track=4.0)
         (1.0, 5.0, 5.0)
+        >>> k.at_limit, k.step(r=2.0, y=math.nan), k.fault
+        (True, 5.0, True)
         """
-        r, y = _check.real("r", r), _check.real("y", y)
+        r, y = _signal("r", r), _signal("y", y)
         acts = [
-            (x is not None, 0.0 if x is None else _check.real(name, x))
+            (x is not None, 0.0 if x is None else _signal(name, x))
             for name, x in (("manual", manual), ("track", track))
         ]
-        further: list[float] = [_check.real("feedforward", feedforward)] * self.feedforward
+        further: list[float] = [_signal("feedforward", feedforward)] * self.feedforward
         if feedforward and not self.feedforward:
             raise ValueError("feedforward must be asked for: discretise(..., feedforward=True)")
         further += [self.__dict__.pop("_retuned", False)] * self.tunable
-        return languages.executed(self._code)(self._states, r, y, *acts[0], *acts[1], *further)
+        return self._run(self._states, r, y, *acts[0], *acts[1], *further)
+
+    @property
+    def fault(self) -> bool:
+        """Whether the last sample was left out, for a signal that is no number."""
+        return bool(self._states.fault)
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether a limit of range or rate cut something off the signal of the last sample."""
+        return bool(self._states.at_limit)
 
     def __call__(self, z: ArrayLike) -> Any:
         """Evaluate the transfer function from -y to u at complex z, in the units of the signals.
@@ -324,7 +340,9 @@ class DigitalController:
             den = np.convolve(den, integrator)
         return control.TransferFunction(_check.polynomial("num", num), den, self.sample_time)
 
-    def c(self, name: str = "pida", margins: Any = None, note: str = "") -> str:
+    def c(
+        self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
+    ) -> str:
         """Write the controller in C99, double or single precision.
 
         Parameters
@@ -334,7 +352,9 @@ class DigitalController:
         margins : Margins, optional
             Margins of its loop, for the head.
         note : str, optional
-            Further lines for the head.
+            Further lines for the head; letters, digits and a few marks of them are kept.
+        time_unit, record : str, optional
+            Unit of time of sample time and gains, and name of the record they come from, for the head.
 
         Returns
         -------
@@ -344,7 +364,7 @@ class DigitalController:
         Raises
         ------
         ValueError
-            For a name that is no identifier.
+            For a name that is no identifier, or a word of a language.
 
         Examples
         --------
@@ -353,9 +373,11 @@ class DigitalController:
         >>> "level_real level_step(level_state *s" in code
         True
         """
-        return self._written("c", name, margins, note)
+        return code.written(self, "c", name, margins, note, time_unit, record)
 
-    def structured_text(self, name: str = "pida", margins: Any = None, note: str = "") -> str:
+    def structured_text(
+        self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
+    ) -> str:
         """Write the controller as a FUNCTION_BLOCK of IEC 61131-3, with a second one that tests it.
 
         Parameters
@@ -365,7 +387,9 @@ class DigitalController:
         margins : Margins, optional
             Margins of its loop, for the head.
         note : str, optional
-            Further lines for the head.
+            Further lines for the head; letters, digits and a few marks of them are kept.
+        time_unit, record : str, optional
+            Unit of time of sample time and gains, and name of the record they come from, for the head.
 
         Returns
         -------
@@ -375,7 +399,7 @@ class DigitalController:
         Raises
         ------
         ValueError
-            For a name that is no identifier.
+            For a name that is no identifier, or a word of a language.
 
         Examples
         --------
@@ -384,9 +408,11 @@ class DigitalController:
         >>> "FUNCTION_BLOCK level" in code
         True
         """
-        return self._written("structured_text", name, margins, note)
+        return code.written(self, "structured_text", name, margins, note, time_unit, record)
 
-    def python(self, name: str = "pida", margins: Any = None, note: str = "") -> str:
+    def python(
+        self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
+    ) -> str:
         """Write the controller as a Python module without imports, for a small computer at the plant.
 
         Parameters
@@ -396,7 +422,9 @@ class DigitalController:
         margins : Margins, optional
             Margins of its loop, for the head.
         note : str, optional
-            Further lines for the head.
+            Further lines for the head; letters, digits and a few marks of them are kept.
+        time_unit, record : str, optional
+            Unit of time of sample time and gains, and name of the record they come from, for the head.
 
         Returns
         -------
@@ -406,7 +434,7 @@ class DigitalController:
         Raises
         ------
         ValueError
-            For a name that is no identifier.
+            For a name that is no identifier, or a word of a language.
 
         Examples
         --------
@@ -416,9 +444,9 @@ class DigitalController:
         >>> space["Level"]().step(1.0, 1.0), space["selftest"]()
         (0.0, 0.0)
         """
-        return self._written("python", name, margins, note)
+        return code.written(self, "python", name, margins, note, time_unit, record)
 
-    def json(self, margins: Any = None, note: str = "") -> str:
+    def json(self, margins: Any = None, note: str = "", time_unit: str = "", record: str = "") -> str:
         """Write parameters, coefficients and test vector as JSON.
 
         Parameters
@@ -426,7 +454,9 @@ class DigitalController:
         margins : Margins, optional
             Margins of its loop.
         note : str, optional
-            Further lines about it.
+            Further lines about it; letters, digits and a few marks of them are kept.
+        time_unit, record : str, optional
+            Unit of time, and name of the record, for the lines about it.
 
         Returns
         -------
@@ -439,14 +469,7 @@ class DigitalController:
         >>> json.loads(pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5).json())["coefficients"]["INTEGRAL_NEW"]
         0.25
         """
-        from pidalab.digital.code import as_json
-
-        return as_json(self, margins, note)
-
-    def _written(self, language: str, name: str, margins: Any, note: str) -> str:
-        from pidalab.digital.code import written
-
-        return written(self, language, name, margins, note)
+        return code.as_json(self, margins, note, time_unit, record)
 
     def __repr__(self) -> str:
         options = {
@@ -458,11 +481,20 @@ class DigitalController:
             "deadband": (self.deadband, 0.0),
             "bias": (self.bias, 0.0),
             "y_offset": (self.y_offset, 0.0),
-            "y_span": (self.y_span, 1.0),
-            "u_span": (self.u_span, 1.0),
             "prefilter": (self.prefilter, None),
             "feedforward": (self.feedforward, False),
             "tunable": (self.tunable, False),
         }
         extras = "".join(f", {name}={value!r}" for name, (value, usual) in options.items() if value != usual)
         return f"{self.source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
+
+
+@lru_cache(maxsize=64)
+def _function(k: DigitalController) -> Callable[..., float]:
+    """Return the step of a controller as a function, the same for equal ones."""
+    return languages.function(program(k))
+
+
+def _signal(name: str, value: Any) -> float:
+    """Return a signal as a float, which may be no number."""
+    return value if isinstance(value, float) else _check.real(name, value)

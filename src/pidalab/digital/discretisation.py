@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Any
 
 import numpy as np
 
 from pidalab import _check
 from pidalab.digital.controller import DigitalController
+from pidalab.digital.parameters import ANTI_WINDUP
 from pidalab.digital.paths import METHODS, SHARES, paths
 from pidalab.digital.prefilter import discrete
 from pidalab.forms import FilteredGains
 from pidalab.process import binomial, rational
-
-ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
 
 
 def discretise(
@@ -31,8 +31,6 @@ def discretise(
     deadband: float = 0.0,
     bias: float = 0.0,
     y_offset: float = 0.0,
-    y_span: float = 1.0,
-    u_span: float = 1.0,
     prefilter: Any = None,
     output_filter: Any = None,
     feedforward: bool = False,
@@ -60,9 +58,14 @@ def discretise(
                         time as tracking time, which for backward differences and b = 1 is that lag behind the limited
                         signal less its derivative parts
     back-calculation    it takes back :math:`h/(T_t + h)` of what was cut off, with the tracking time :math:`T_t`
-    clamping            it rests while it would drive the signal further beyond the limit
+    clamping            it grows up to the limit, and rests while it would drive the signal further beyond
     None                it integrates on
     ==================  ==============================================================================================
+
+    Take *reset*, the default, unless you know better. *clamping* serves where there is no integral time to go by
+    (integral and derivative action without proportional action), and where u sits at a limit for long and must leave it
+    late; *back-calculation* with a short `tracking_time` leaves a limit early. None of them locks. None is for
+    actuators without limits.
 
     Parameters
     ----------
@@ -85,14 +88,11 @@ def discretise(
         Of back-calculation, above 0; by default the root of integral and derivative time, or the integral time where
         there is no derivative. (Of integral action alone that is 0: the integral stays at the limit.)
     deadband : float, optional
-        Errors up to this size count as none, larger ones less it. In units of the measurement, not negative.
+        Errors up to this size count as zero, larger ones less it. In units of the measurement, not negative.
     bias : float, optional
         Control signal at the working point, which is 0 in the model: what the controller starts with.
     y_offset : float, optional
         Measurement at the working point.
-    y_span, u_span : float, optional
-        Units of the measurement in a unit of the model's y, and of the control signal in a unit of the model's u,
-        above 0. Gains are in units of the model, limits, deadband and bias in those of the signals.
     prefilter : control.TransferFunction, optional
         Filter of the set point, stable and of static gain 1, discretised with the same method. It works in manual mode,
         too, and starts at rest at the first set point.
@@ -119,6 +119,12 @@ def discretise(
         For a value outside its range; for a filter that is too fast for the sample time, unless the method is
         backward; for anti-windup by an integral time that is not above 0.
 
+    Warns
+    -----
+    UserWarning
+        For a sample time beyond the integral time of the controller, or beyond its derivative time if it has no
+        integral action.
+
     Examples
     --------
     >>> import pidalab
@@ -141,15 +147,7 @@ def discretise(
             f"tracking_time is of anti_windup='back-calculation', found anti_windup={anti_windup!r}"
         )
     b, c = _check.real("b", b), _check.real("c", c)
-    y_span, u_span = (_check.real(name, x, above=0.0) for name, x in (("y_span", y_span), ("u_span", u_span)))
-    scale = u_span / y_span
-    low, high = _check.limits(limits)
-    bias = _check.real("bias", bias)
-    if not low <= bias <= high:
-        raise ValueError(f"bias must be within the limits ({low:g}, {high:g}), found {bias:g}")
-    for name, flag in (("feedforward", feedforward), ("tunable", tunable)):
-        if not isinstance(flag, bool):
-            raise TypeError(f"{name} must be True or False, found {flag!r}")
+    _warn_of_long_samples(parts, h)
     behind = equal_lags(output_filter)
     ki = sum(part.gains[0] for part in parts)
     native = anti_windup == "reset" and reset is not None and b == c == 1.0
@@ -157,7 +155,7 @@ def discretise(
         stabiliser, ti = reset
         own = paths((stabiliser,), behind, h, method, b, c)
         growth, taken_back = _reset_growth(h, ti, method)
-        tracked = taken_back
+        tracking_gain = taken_back
     else:
         own = paths(parts, behind, h, method, b, c)
         if not ki and not any(path.weight for path in own):
@@ -166,34 +164,43 @@ def discretise(
             )
         if tunable and not ki:
             raise ValueError("tunable must be False without integral action, which is what takes up a bump")
-        growth = (ki * h * scale * SHARES[method][0], ki * h * scale * SHARES[method][1])
-        taken_back = _taken_back(parts, h, anti_windup, tracking_time) if ki else 0.0
-        tracked = taken_back or 1.0
+        growth = (ki * h * SHARES[method][0], ki * h * SHARES[method][1])
+        taken_back = _back_calculation_gain(parts, h, anti_windup, tracking_time) if ki else 0.0
+        tracking_gain = taken_back or 1.0
     return DigitalController(
         sample_time=h,
         method=method,
-        paths=tuple(path._replace(gains=tuple(scale * gain for gain in path.gains)) for path in own),
+        paths=own,
         integrates=native or ki != 0,
         from_signal=native,
         growth=growth,
-        taken_back=taken_back,
-        tracked=tracked,
+        back_calculation_gain=taken_back,
+        tracking_gain=tracking_gain,
         anti_windup=anti_windup if native or ki else None,
         weights=(b, c),
-        limits=(low, high),
-        rate_limit=math.inf
-        if isinstance(rate_limit, float) and rate_limit == math.inf
-        else _check.real("rate_limit", rate_limit, above=0.0),
-        deadband=_check.real("deadband", deadband, at_least=0.0),
+        limits=limits,
+        rate_limit=rate_limit,
+        deadband=deadband,
         bias=bias,
-        y_offset=_check.real("y_offset", y_offset),
-        y_span=y_span,
-        u_span=u_span,
+        y_offset=y_offset,
         source=source,
         prefilter=None if prefilter is None else discrete(*rational("prefilter", prefilter), h, method),
         feedforward=feedforward,
         tunable=tunable,
     )
+
+
+def _warn_of_long_samples(parts: tuple[FilteredGains, ...], h: float) -> None:
+    """Warn of a sample time in which the controller would have to act more than once."""
+    ki, kp, kd = (sum(part.gains[k] for part in parts if len(part.gains) > k) for k in range(3))
+    what, above, below = ("integral time kp/ki", kp, ki) if ki else ("derivative time kd/kp", kd, kp)
+    time = abs(above / below) if below else 0.0
+    if 0.0 < time < h:
+        warnings.warn(
+            f"sample_time should be at most {time:.6g}, the {what} of the controller, found {h:.6g}: from one sample "
+            "to the next it would have acted and gone on; sample faster, or check the unit of time",
+            stacklevel=4,
+        )
 
 
 def equal_lags(output_filter: Any) -> tuple[float, int]:
@@ -219,7 +226,9 @@ def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float]
     return (0.0, -math.expm1(-h / ti)), 0.0
 
 
-def _taken_back(parts: tuple[FilteredGains, ...], h: float, way: str | None, time: float | None) -> float:
+def _back_calculation_gain(
+    parts: tuple[FilteredGains, ...], h: float, way: str | None, time: float | None
+) -> float:
     """Return the back-calculation gain: the share of u less its wanted value that is added to the integral."""
     if way in (None, "clamping"):
         return 0.0

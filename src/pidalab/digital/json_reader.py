@@ -1,20 +1,40 @@
-"""A digital controller read back from the JSON that it wrote."""
+"""A digital controller read back from the JSON that it wrote: what the file says is data, and is checked."""
 
 from __future__ import annotations
 
 import json
 import math
-from typing import Any
+from typing import Any, NoReturn
 
-from pidalab.digital.code import signals
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.digital.code import checksum, content
 from pidalab.digital.controller import DigitalController
+from pidalab.digital.parameters import ANTI_WINDUP, MOST_LAGS, MOST_PATHS
 from pidalab.digital.paths import Path
-from pidalab.digital.prefilter import Prefilter
-from pidalab.digital.program import program
+from pidalab.digital.prefilter import Prefilter, discrete
+
+LONGEST_FILE = 2_000_000  # characters; the longest that is written has a tenth of it
+GROWS_BY = ("error", "signal of the paths")
+# how near the prefilter of a file is to that of this machine: libraries of linear algebra differ in the last digits
+PREFILTER_RTOL = 1e-8
+NAMES = {  # of each object
+    "": "about version checksum controller sample_time method anti_windup setpoint_weights limits rate_limit deadband "
+    "working_point largest_signal feedforward tunable paths prefilter integral coefficients test",
+    "setpoint_weights": "b c",
+    "working_point": "u y",
+    "integral": "acts grows_by new old back_calculation_gain tracking_gain",
+    "prefilter": "num den new old move out",
+    "path": "name weight new old gains",
+}
 
 
 def from_json(text: str) -> DigitalController:
     """Read a controller back from what its ``json()`` wrote.
+
+    Nothing in the file is run or becomes code. Every field is checked for its kind and its range, names and words
+    against those allowed. The coefficients and the test vector are computed anew, and what differs is refused.
 
     Parameters
     ----------
@@ -28,8 +48,11 @@ def from_json(text: str) -> DigitalController:
 
     Raises
     ------
+    TypeError
+        If text is no str.
     ValueError
-        For text that is no such file, or whose test vector does not come out: somebody changed it by hand.
+        For text that is no such file, and for one that somebody changed: the test vector does not come out, or the sum
+        over all fields is another.
 
     Examples
     --------
@@ -38,46 +61,136 @@ def from_json(text: str) -> DigitalController:
     >>> pidalab.digital.from_json(k.json()) == k
     True
     """
+    if not isinstance(text, str):
+        raise TypeError(f"text must be a str, found {type(text).__name__}")
     try:
-        stored = json.loads(text)
-        integral = stored["integral"]
-        low, high = stored["limits"]
-        k = DigitalController(
-            sample_time=stored["sample_time"],
-            method=stored["method"],
-            paths=tuple(
-                Path(p["name"], p["weight"], *(tuple(p[x]) for x in ("new", "old", "gains")))
-                for p in stored["paths"]
-            ),
-            integrates=integral["acts"],
-            from_signal=integral["grows_by"] != "error",
-            growth=(integral["new"], integral["old"]),
-            taken_back=integral["taken_back"],
-            tracked=integral["tracked"],
-            anti_windup=stored["anti_windup"],
-            weights=(stored["setpoint_weights"]["b"], stored["setpoint_weights"]["c"]),
-            limits=(-math.inf if low is None else low, math.inf if high is None else high),
-            rate_limit=math.inf if stored["rate_limit"] is None else stored["rate_limit"],
-            deadband=stored["deadband"],
-            bias=stored["working_point"]["u"],
-            y_offset=stored["working_point"]["y"],
-            y_span=stored["units"]["y"],
-            u_span=stored["units"]["u"],
-            source=stored["controller"],
-            prefilter=None if stored["prefilter"] is None else _prefilter(**stored["prefilter"]),
-            feedforward=stored.get("feedforward", False),
-            tunable=stored.get("tunable", False),
-        )
-        *inputs, expected = (stored["test"][name] for name in (*program(k).inputs, "control"))
-        found = signals(k, inputs)
-    except (KeyError, TypeError, ValueError) as wrong:
-        raise ValueError(f"text must be the JSON of a digital controller, found none: {wrong!r}") from None
-    if found != expected:
-        raise ValueError("text was changed by hand: the controller in it does not repeat its own test vector")
+        stored = _parsed(text)
+        k = _controller(stored)
+    except (LookupError, TypeError, ValueError, ArithmeticError, RecursionError) as wrong:
+        raise ValueError(
+            f"text must be the JSON of a digital controller, which its json() wrote: {wrong!s:.300}"
+        ) from None
+    for name, value in content(k).items():
+        if not _same(stored[name], value):
+            raise ValueError(
+                f"text was changed by hand: {name!r} is not what the controller in it makes of it"
+            )
+    if stored["checksum"] != checksum(stored):
+        raise ValueError("text was changed by hand: its checksum is not that of its fields")
     return k
 
 
-def _prefilter(move: list[list[float]], **others: Any) -> Prefilter:
+def _parsed(text: str) -> dict[str, Any]:
+    """Return the object of a JSON, whose names come once and whose numbers are finite."""
+    if len(text) > LONGEST_FILE:
+        raise ValueError(f"it must have at most {LONGEST_FILE} characters, found {len(text)}")
+    stored = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number, parse_float=_finite)
+    return _object(stored, "")
+
+
+def _controller(stored: dict[str, Any]) -> DigitalController:
+    """Return the controller of an object; `DigitalController` checks the numbers."""
+    integral, weights, rest = (
+        _object(stored[name], name) for name in ("integral", "setpoint_weights", "working_point")
+    )
+    if stored["anti_windup"] not in ANTI_WINDUP or integral["grows_by"] not in GROWS_BY:
+        raise ValueError("anti_windup and grows_by must be words that a controller writes")
+    if not isinstance(stored["controller"], str) or len(stored["controller"]) > LONGEST_FILE // 100:
+        raise ValueError("controller must be a text of usual length")
+    about = _list("about", stored["about"], 1000)
+    if not all(isinstance(x, str) for x in (*about, stored["version"], stored["checksum"])):
+        raise ValueError("about, version and checksum must be texts")
+    low, high = _list("limits", stored["limits"], 2)
+    k = DigitalController(
+        sample_time=stored["sample_time"],
+        method=stored["method"],
+        paths=tuple(
+            Path(p["name"], p["weight"], *(_list(x, p[x], MOST_LAGS + 1) for x in ("new", "old", "gains")))
+            for p in (_object(one, "path") for one in _list("paths", stored["paths"], MOST_PATHS))
+        ),
+        integrates=integral["acts"],
+        from_signal=integral["grows_by"] != GROWS_BY[0],
+        growth=(integral["new"], integral["old"]),
+        back_calculation_gain=integral["back_calculation_gain"],
+        tracking_gain=integral["tracking_gain"],
+        anti_windup=stored["anti_windup"],
+        weights=(weights["b"], weights["c"]),
+        limits=(-math.inf if low is None else low, math.inf if high is None else high),
+        rate_limit=math.inf if stored["rate_limit"] is None else stored["rate_limit"],
+        deadband=stored["deadband"],
+        bias=rest["u"],
+        y_offset=rest["y"],
+        source=stored["controller"],
+        prefilter=None if stored["prefilter"] is None else _prefilter(stored),
+        feedforward=stored["feedforward"],
+        tunable=stored["tunable"],
+    )
+    return _with_a_true_prefilter(k)
+
+
+def _prefilter(stored: dict[str, Any]) -> Prefilter:
     """Return a prefilter with tuples for the lists of JSON."""
-    rest: dict[str, Any] = {name: tuple(x) if isinstance(x, list) else x for name, x in others.items()}
-    return Prefilter(move=tuple(tuple(row) for row in move), **rest)
+    found = _object(stored["prefilter"], "prefilter")
+    num, den, out, move = (_list(name, found[name], MOST_LAGS + 1) for name in ("num", "den", "out", "move"))
+    rows = tuple(_list("move", row, MOST_LAGS + 1) for row in move)
+    return Prefilter(num, den, found["new"], found["old"], rows, out)
+
+
+def _with_a_true_prefilter(k: DigitalController) -> DigitalController:
+    """Return the controller, if its prefilter is what its fraction becomes for its sample time: stable, of gain 1."""
+    if k.prefilter is not None:
+        again = discrete(np.array(k.prefilter.num), np.array(k.prefilter.den), k.sample_time, k.method)
+        found, expected = (np.array([]) if x is None else _as_vector(x) for x in (k.prefilter, again))
+        if found.shape != expected.shape or not np.allclose(found, expected, rtol=PREFILTER_RTOL, atol=1e-12):
+            raise ValueError("prefilter must be what its num and den become for the sample time")
+    return k
+
+
+def _as_vector(prefilter: Prefilter) -> Array:
+    """Return the numbers of a prefilter one after the other."""
+    return np.concatenate([[prefilter.new, prefilter.old], np.ravel(prefilter.move), prefilter.out])
+
+
+def _object(value: Any, name: str) -> dict[str, Any]:
+    """Check that a value is an object with exactly the names that are written."""
+    if not isinstance(value, dict) or {*value} != {*NAMES[name].split()}:
+        found = sorted(value) if isinstance(value, dict) else type(value).__name__
+        raise ValueError(f"{name or 'the whole'} must have the names {NAMES[name]}, found {found!r:.120}")
+    return value
+
+
+def _list(name: str, value: Any, most: int) -> tuple[Any, ...]:
+    if not isinstance(value, list) or len(value) > most:
+        raise ValueError(f"{name} must be a list of at most {most} values, found {type(value).__name__}")
+    return tuple(value)
+
+
+def _same(stored: Any, value: Any) -> bool:
+    """Whether a value of a file is the one expected, true and 1 being different."""
+    if isinstance(value, dict):
+        return (
+            isinstance(stored, dict)
+            and {*stored} == {*value}
+            and all(_same(stored[x], value[x]) for x in value)
+        )
+    if isinstance(value, (list, tuple)):
+        return isinstance(stored, list) and len(stored) == len(value) and all(map(_same, stored, value))
+    return isinstance(stored, bool) == isinstance(value, bool) and bool(stored == value)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a name comes twice in an object")
+    return found
+
+
+def _no_number(word: str) -> NoReturn:
+    raise ValueError(f"{word} is not a number of JSON")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text:.40} is beyond double precision")
+    return number

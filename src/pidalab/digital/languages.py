@@ -11,10 +11,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from pidalab.digital.program import If, Note, Program, Set, Statement, Vector
+from pidalab.digital.statements import If, Note, Program, Set, Statement, Vector
 
 TOKEN = re.compile(r"not |[A-Za-z_]\w*|\d+\.\d+")
 WIDTH = 95  # of a line of values
+OUTPUTS = ("control", "fault", "at_limit")  # states that others may read
+USAGE = (
+    "With manual it gives manual_value, within the limits. With tracking it takes track_value for the signal",
+    "that acted since the last sample; at the first sample it starts there, without a bump.",
+    "A sample with a signal that is no number, or beyond 1e9 on either side, is left out: signal and states stay,",
+    "manual still drives the signal, and fault is true. at_limit is true where a limit cuts something off.",
+)
 FEEDFORWARD = "feedforward is added to the signal, before the limits."
 RETUNED = (
     "The gains are variables: write new ones, and call it once with retuned. The signal stays as it is for that",
@@ -80,7 +87,10 @@ def written(program: Program, language: str, head: Sequence[str], vector: Vector
     text = environment.get_template(f"{language}.j2").render(
         program=program,
         head=head,
+        usage=USAGE,
         further=further,
+        usual=[(x, value) for x, value in program.states.items() if x not in program.gains],
+        outputs=OUTPUTS,
         vector=vector,
         name=name,
         upper=name.upper(),
@@ -91,28 +101,31 @@ def written(program: Program, language: str, head: Sequence[str], vector: Vector
     return "\n".join(line.rstrip() for line in text.split("\n"))
 
 
-def step(program: Program) -> str:
-    """Return the constants and the step as a function of Python."""
-    constants = (f"{name} = {value!r}" for name, value in program.constants.items())
-    return "\n".join([*constants, _method(program, "")])
+def function(program: Program) -> Callable[..., float]:
+    """Return the step as a function of an object with the states, which it changes, and of the inputs.
+
+    What runs is text of our own words alone: names come from `chains` and `program`, and constants do not pass through
+    text at all. Nothing that a file or a user gave is in it.
+    """
+    space: dict[str, Any] = {"__builtins__": {}, **program.constants}
+    exec(_compiled(_method(program, "", notes=False)), space)
+    made: Callable[..., float] = space["step"]
+    return made
 
 
 @lru_cache(maxsize=256)
-def executed(code: str) -> Callable[..., float]:
-    """Return the function of `step`: of an object with the states, which it changes, and of the inputs."""
-    space: dict[str, Any] = {}
-    exec(code, space)
-    return space["step"]
+def _compiled(text: str) -> Any:
+    return compile(text, "<step of a digital controller>", "exec")
 
 
-def _method(program: Program, indent: str) -> str:
+def _method(program: Program, indent: str, notes: bool = True) -> str:
     """Return the step as a method of a class of Python."""
     inputs = ", ".join(f"{x}={USUAL[x]!r}" if x in USUAL else x for x in program.inputs)
-    body = _statements(program, "python", "", indent + "    ")
+    body = _statements(program, "python", "", indent + "    ", notes)
     return f"{indent}def step(self, {inputs}):\n{body}\n{indent}    return self.control"
 
 
-def _statements(program: Program, language: str, name: str, indent: str) -> str:
+def _statements(program: Program, language: str, name: str, indent: str, notes: bool = True) -> str:
     """Print the statements of a step."""
     has = LANGUAGES[language]
     note, assign, choice, otherwise, end = has.statements
@@ -134,7 +147,7 @@ def _statements(program: Program, language: str, name: str, indent: str) -> str:
     def printed(body: Sequence[Statement], indent: str) -> Iterable[str]:
         for one in body:
             if isinstance(one, Note):
-                yield indent + note.format(one.text)
+                yield from [indent + note.format(one.text)] * notes
             elif isinstance(one, Set):
                 yield indent + assign.format(renamed(one.target), renamed(one.value))
             elif isinstance(one, If):
@@ -146,7 +159,7 @@ def _statements(program: Program, language: str, name: str, indent: str) -> str:
                 if end:
                     yield indent + end
 
-    return "\n".join(printed(program.body, indent))
+    return "\n".join(printed(program.whole, indent))
 
 
 def _rows(values: Iterable[str], indent: str) -> str:

@@ -1,309 +1,230 @@
 """The step of a digital controller as statements, specialised to what it has.
 
 This is the one description of the step: languages print it, ``step`` runs what is printed as Python, and simulations
-compile it (`pidalab.simulation.operations`). In this order: the prefilter; the deadband; the chains of lags; what an
-external signal corrects; the growth of the integral; the limits of rate and range; what these take back from the
-integral.
+compile it (`pidalab.simulation.operations`). In this order: whether the signals are numbers; the prefilter; the
+deadband; the chains of lags; what an external signal corrects; the growth of the integral; the limits of rate and
+range; what these take back from the integral.
 
-A statement is a `Note`, a `Set` or an `If`. Expressions are strings of names, numbers, ``+ - * ( ) < >``, ``and``,
-``or`` and ``not``, which every language has.
+It is total: whatever the inputs are, the control signal is a number within the limits. A sample with a signal that is
+no number, or beyond `LARGEST_SIGNAL`, is left out: states and control signal stay, and `fault` says so. Within that
+size nothing overflows.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from functools import lru_cache
 
-from pidalab.digital.paths import Path
-from pidalab.digital.prefilter import Prefilter
-
-if TYPE_CHECKING:
-    from pidalab.digital.controller import DigitalController
+from pidalab.digital import chains
+from pidalab.digital.parameters import LARGEST_GAIN, LARGEST_SIGNAL, Parameters
+from pidalab.digital.statements import If, Note, Program, Set, Statement, targets
 
 INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_value": "real"} | {
     "tracking": "bool",
     "track_value": "real",
 }
 MORE = {"feedforward": "real", "retuned": "bool"}  # inputs that a controller is asked to have
+TRUTHS = ("forced", "by_hand")  # variables that are true or false
 FIXED = re.compile(r"LOWEST|HIGHEST|LARGEST_.*|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")  # are no gains
+SHARE = re.compile(r"PART_\d+_(NEW|OLD)(_\d+)?|TRACKING_GAIN|BACK_CALCULATION_GAIN")  # gains from 0 to 1
 
 
-class Note(NamedTuple):
-    """A comment."""
-
-    text: str
-
-
-class Set(NamedTuple):
-    """An assignment."""
-
-    target: str
-    value: str
-
-
-class If(NamedTuple):
-    """A choice."""
-
-    condition: str
-    then: Sequence[Statement]
-    otherwise: Sequence[Statement] = ()
-
-
-Statement = Note | Set | If
-Vector = dict[str, list[bool | float]]  # of a test: a value for each sample, by the name of the signal
-
-
-class Program(NamedTuple):
-    """What a language prints.
-
-    Attributes
-    ----------
-    constants : dict
-        Values by name.
-    gains : dict
-        Initial values by name of what may be changed while it runs; they are among the states.
-    inputs : dict
-        Kinds of the inputs, "real" or "bool", by name.
-    states : dict
-        Initial values by name; the truth value `started` says whether the first sample is past.
-    variables : list of str
-        What lives within a step; `forced` is a truth value.
-    body : list
-        Statements.
-    """
-
-    constants: dict[str, float]
-    gains: dict[str, float]
-    inputs: dict[str, str]
-    states: dict[str, float | bool]
-    variables: list[str]
-    body: list[Statement]
-
-
-def constants(k: DigitalController) -> dict[str, float]:
+def constants(k: Parameters) -> dict[str, float]:
     """Return the constants of a controller by name; those that nothing needs are left out."""
-    found: dict[str, float] = {}
-    if k.prefilter is not None:
-        for i, row in enumerate(k.prefilter.move, start=1):
-            found |= {f"PREFILTER_MOVE_{i}_{j}": x for j, x in enumerate(row, start=1) if x}
-        found |= {f"PREFILTER_OUT_{i}": x for i, x in enumerate(k.prefilter.out, start=1) if x}
-    for path in k.paths:
-        name = path.name.upper()
-        if path.weight not in (0.0, 1.0):
-            found[f"{name}_WEIGHT"] = path.weight
-        for kind, shares in (("NEW", path.new), ("OLD", path.old)):
-            found |= {_share(path, kind, j): share for j, share in enumerate(shares, start=1) if share}
-        found |= {f"{name}_GAIN_{i}": gain for i, gain in enumerate(path.gains) if gain}
+    found: dict[str, float] = {} if k.prefilter is None else chains.prefilter_constants(k.prefilter)
+    for i, path in enumerate(k.paths):
+        found |= chains.path_constants(path, i)
     if k.integrates:
-        found |= {f"INTEGRAL_{x}": share for x, share in zip(("NEW", "OLD"), k.growth, strict=True) if share}
-        found |= {"TAKEN_BACK": k.taken_back} if k.taken_back and k.limited else {}
-        found |= {"TRACKED": k.tracked}
+        found |= {f"INTEGRAL_{x}": value for x, value in zip(("NEW", "OLD"), k.growth, strict=True) if value}
+        taken_back = k.back_calculation_gain if k.limited else 0.0
+        found |= {"BACK_CALCULATION_GAIN": taken_back} if taken_back else {}
+        found |= {"TRACKING_GAIN": k.tracking_gain}
     others = {"BIAS": k.bias, "Y_OFFSET": k.y_offset, "DEADBAND": k.deadband}
     found |= {name: value for name, value in others.items() if value}
     ends = {"LOWEST": k.limits[0], "HIGHEST": k.limits[1], "LARGEST_CHANGE": k.rate_limit * k.sample_time}
-    return found | {name: value for name, value in ends.items() if math.isfinite(value)}
+    found |= {name: value for name, value in ends.items() if math.isfinite(value)}
+    return found | {"LARGEST_SIGNAL": LARGEST_SIGNAL} | ({"LARGEST_GAIN": LARGEST_GAIN} if k.tunable else {})
 
 
-def program(k: DigitalController, block: bool = False) -> Program:
-    """Write the step of a controller as statements; `action` is given where a block outside makes it of the error."""
+@lru_cache(maxsize=64)
+def program(k: Parameters, block: bool = False) -> Program:
+    """Write the step of a controller as statements; `summed` is given where a block outside makes it of the error.
+
+    What is returned is shared: do not change it.
+    """
     found = constants(k)
     gains = {name: x for name, x in found.items() if k.tunable and not FIXED.fullmatch(name)}
-    states: dict[str, float | bool] = {"started": False}
+    asked = (k.feedforward, k.tunable)
+    inputs = INPUTS | {name: MORE[name] for name, has in zip(MORE, asked, strict=True) if has}
+    states: dict[str, float | bool] = {"started": False, "fault": False, "at_limit": False}
     offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
     body: list[Statement] = [
         Note("signals" + (", from the working point" if offset else "")),
-        Set("reference", f"setpoint{offset}"),
+        Set("target", f"setpoint{offset}"),
         Set("measured", f"measurement{offset}"),
     ]
     if k.prefilter is not None:
-        states |= dict.fromkeys(_kept(k.prefilter), 0.0)
-        body += _before(k.prefilter, found)
+        states |= dict.fromkeys(chains.prefilter_states(k.prefilter), 0.0)
+        body += chains.prefilter_statements(k.prefilter, found)
     body += _error(found, compares=k.integrates and not k.from_signal)
-    for path in k.paths:
-        states |= dict.fromkeys(_chain(path), 0.0)
-        body += _path(path, found, first=path is k.paths[0])
-    body += [] if k.paths or block else [Set("action", "0.0")]
+    for i, path in enumerate(k.paths):
+        states |= dict.fromkeys(chains.path_states(path, i), 0.0)
+        body += chains.path_statements(path, i, found)
+    body += [] if k.paths or block else [Set("summed", "0.0")]
     found |= {"feedforward": 0.0} if k.feedforward else {}  # an input, which is added as the bias is
     body += _tracking(k, found)
     if k.integrates:
-        states |= {"integral": 0.0, "carry": 0.0} | ({"old": 0.0} if _remembers(k) else {})
+        states |= {"follow": False, "integral_part": 0.0, "carry": 0.0}
+        states |= {"old": 0.0} if _remembers(k) else {}
         body += _with_integral(k, found)
     else:
         body += [Note("manual or automatic"), If("manual", [Set("wanted", "manual_value")], [_wanted(found)])]
         body += _limited(found)
-    body += [Set("control", "limited"), Set("started", "true")]
-    variables = sorted(_targets(body) - {*states, "control"})
-    asked = (k.feedforward, k.tunable)
-    inputs = INPUTS | {name: MORE[name] for name, has in zip(MORE, asked, strict=True) if has}
+    body += [*_at_limit(k), Set("control", "limited"), Set("started", "true")]
+    checks, left_out = _numbers(inputs, gains), _left_out(k, found)
+    names = sorted({*targets([*checks, *left_out, *body])} - {*states, "control"})
     fixed = {name: x for name, x in found.items() if name not in gains and name not in inputs}
-    return Program(fixed, gains, inputs, {**states, **gains, "control": k.bias}, variables, body)
+    variables = {name: "bool" if name in TRUTHS else "real" for name in names}
+    return Program(
+        fixed, gains, inputs, {**states, **gains, "control": k.bias}, variables, checks, left_out, body
+    )
 
 
-def _kept(prefilter: Prefilter) -> list[str]:
-    """Names of the states of a prefilter: the last set point, where it is needed, and those that move."""
-    return [f"prefilter_{j}" for j in range(0 if prefilter.old else 1, len(prefilter.out) + 1)]
+def _number(name: str, low: str = "-LARGEST_SIGNAL", high: str = "LARGEST_SIGNAL") -> str:
+    """Write that a signal is within bounds; of no number this is not true."""
+    return f"{low} <= {name} and {name} <= {high}"
 
 
-def _before(prefilter: Prefilter, found: dict[str, float]) -> list[Statement]:
-    """Statements that filter the set point."""
-    n = len(prefilter.out)
-    shares = ((prefilter.new, "reference"), (prefilter.old, "prefilter_0"))
-    aim = " + ".join(x if share == 1.0 else f"{share!r} * {x}" for share, x in shares if share)
-    body: list[Statement] = [
-        Note("prefilter: its states move towards the set point"),
-        If("not started", [Set(x, "reference") for x in _kept(prefilter)]),
-        Set("aim", aim),
-        *([Set("prefilter_0", "reference")] if prefilter.old else []),
-        *(Set(f"distance_{j}", f"prefilter_{j} - aim") for j in range(1, n + 1)),
+def _numbers(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
+    """Statements that look whether a sample has all signals that it needs."""
+    needed = [name for name in ("setpoint", "measurement", "feedforward") if name in inputs]
+    bad = [f"not ({_number(name)})" for name in needed]
+    bad.append(f"tracking and not ({_number('track_value')})")
+    for name in gains:
+        ends = ("0.0", "1.0") if SHARE.fullmatch(name) else ("-LARGEST_GAIN", "LARGEST_GAIN")
+        bad.append(f"not ({_number(name, *ends)})")
+    return [
+        Note("a sample with a signal that is no number, or beyond all measure, is left out"),
+        Set("fault", "false"),
+        *(If(condition, [Set("fault", "true")]) for condition in bad),
+        Set("by_hand", f"manual and {_number('manual_value')}"),
+        If("manual and not by_hand", [Set("fault", "true")]),
     ]
-    for i in range(1, n + 1):
-        name, x = f"PREFILTER_MOVE_{i}_", f"prefilter_{i}"
-        terms = [f"{name}{j} * distance_{j}" for j in range(1, n + 1) if f"{name}{j}" in found]
-        body += [Set(x, f"{x} + ({' + '.join(terms)})")] if terms else []
-    terms = [
-        f"PREFILTER_OUT_{i} * (prefilter_{i} - reference)"
-        for i in range(1, n + 1)
-        if f"PREFILTER_OUT_{i}" in found
+
+
+def _left_out(k: Parameters, found: dict[str, float]) -> list[Statement]:
+    """Statements for a sample that is left out: it holds, but for the hand of an operator."""
+    # what follows then starts with the signal that there is, as after manual
+    later: list[Statement] = [Set("follow", "true")] if k.integrates else []
+    drive = [
+        Set("wanted", "manual_value"),
+        *_limited(found),
+        *_at_limit(k),
+        Set("control", "limited"),
+        *later,
     ]
-    return body + ([Set("reference", f"reference + ({' + '.join(terms)})")] if terms else [])
+    body: list[Statement] = [Note("manual still drives the signal"), If("by_hand", drive)]
+    return body + ([If("retuned", later)] if k.tunable else [])
 
 
 def _error(found: dict[str, float], compares: bool) -> list[Statement]:
     """Statements that make the error with its deadband, where something needs it."""
     body: list[Statement] = []
-    body += [Set("error", "reference - measured")] if compares or "DEADBAND" in found else []
+    body += [Set("error", "target - measured")] if compares or "DEADBAND" in found else []
     if "DEADBAND" in found:
         inside = If("error < -DEADBAND", [Set("error", "error + DEADBAND")], [Set("error", "0.0")])
         body += [
-            Note("deadband: smaller errors are none, larger ones count from its edge"),
+            Note("deadband: errors within it count as zero, larger ones count from its edge"),
             If("error > DEADBAND", [Set("error", "error - DEADBAND")], [inside]),
-            Set("measured", "reference - error"),
+            Set("measured", "target - error"),
         ]
     return body
 
 
-def _chain(path: Path) -> list[str]:
-    """Names of the states of a path: its input, where lags need that of one sample ago, and its lags."""
-    return (
-        [f"{path.name}_{j}" for j in range(0 if any(path.old) else 1, path.order + 1)] if path.order else []
-    )
-
-
-def _share(path: Path, kind: str, j: int) -> str:
-    """Name of a share of the j-th lag: one name for equal lags."""
-    return f"{path.name.upper()}_{kind}" + ("" if len({*path.new}) == len({*path.old}) == 1 else f"_{j}")
-
-
-def _path(path: Path, found: dict[str, float], first: bool) -> list[Statement]:
-    """Statements of a chain of lags and the gains on its differences."""
-    name, n, upper = path.name, path.order, path.name.upper()
-    weighted = {1.0: "reference - measured", 0.0: "0.0 - measured"}.get(
-        path.weight, f"{upper}_WEIGHT * reference - measured"
-    )
-    equal = " equal" if len({*path.new}) == len({*path.old}) == 1 else ""
-    lags = f": {n}{equal} lag{'s' if n > 1 else ''}" if n else ""
-    body: list[Statement] = [Note(name.replace("_", " ") + " part" + lags), Set("entering", weighted)]
-    level = ["entering", *(f"{name}_{j}" for j in range(1, n + 1))]
-    if n:
-        body.append(If("not started", [Set(x, "entering") for x in _chain(path)]))
-    if any(path.new) and any(path.old):
-        body += [Set("before", f"{name}_0")]
-        for j in range(1, n + 1):
-            x = f"{name}_{j}"
-            new, old = (_share(path, kind, j) for kind in ("NEW", "OLD"))
-            step = f"{x} + ({new} * ({level[j - 1]} - {x}) + {old} * (before - {x}))"
-            body += [Set("after", step), Set("before", x), Set(x, "after")]
-    elif any(path.new):
-        for j in range(1, n + 1):
-            x = f"{name}_{j}"
-            body.append(Set(x, f"{x} + {_share(path, 'NEW', j)} * ({level[j - 1]} - {x})"))
-    elif n:  # the last lag first: each takes what the one before it was
-        for j in range(n, 0, -1):
-            x = f"{name}_{j}"
-            body.append(Set(x, f"{x} + {_share(path, 'OLD', j)} * ({name}_{j - 1} - {x})"))
-    body += [Set(f"{name}_0", "entering")] if any(path.old) else []
-    # differences that end at the last state, of one order after the other
-    highest = max((i for i, gain in enumerate(path.gains) if gain), default=0)
-    for k in range(highest + 1):
-        for j in range(n, n - (highest - k) - 1 if k else n, -1):
-            body.append(Set(f"difference_{j}", f"{level[j - 1]} - {level[j]}"))
-        if k:
-            level = [f"difference_{j}" if j >= n - (highest - k) else x for j, x in enumerate(level)]
-        if f"{upper}_GAIN_{k}" in found:
-            term = f"{upper}_GAIN_{k} * {level[n]}"
-            body.append(Set("action", term if first else f"action + {term}"))
-            first = False
-    return body
-
-
-def _tracking(k: DigitalController, found: dict[str, float]) -> list[Statement]:
-    """Statements that take up a signal that acted in place of ours."""
+def _tracking(k: Parameters, found: dict[str, float]) -> list[Statement]:
+    """Statements that take up a signal that acted in place of ours; at the first sample it starts from there."""
     inside: list[Statement] = []
     if k.integrates:
-        inside.append(Set("integral", "integral + TRACKED * (track_value - control)"))
+        inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))
     if k.from_signal and _remembers(k):
-        inside.append(Set("old", f"track_value{_less_bias(found)} - integral"))
-    condition = "tracking and started"
+        inside.append(Set("old", f"track_value{_less_bias(found)} - integral_part"))
     return [
         Note("what acted since the last sample in place of our signal"),
-        If(condition, [*inside, Set("control", "track_value")]),
+        If("tracking", [*inside, Set("control", "track_value")]),
     ]
 
 
-def _with_integral(k: DigitalController, found: dict[str, float]) -> list[Statement]:
+def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
     """Statements of modes, integral, limits and anti-windup."""
-    source = "action" if k.from_signal else "error"
+    source = "summed" if k.from_signal else "error"
     shares = (("INTEGRAL_NEW", source), ("INTEGRAL_OLD", "old"))
     growth = " + ".join(f"{name} * {signal}" for name, signal in shares if name in found)
     forced = [
         If("manual", [Set("wanted", "manual_value")], [Set("wanted", "control")]),
         *_limited(found),
         Note("the integral follows: no bump on the way back"),
-        Set("integral", f"limited{_less_bias(found)} - action"),
+        Set("integral_part", f"limited{_less_bias(found)} - summed"),
         Set("carry", "0.0"),
+        Set("follow", "false"),
     ]
-    keep: list[Statement] = [Set("carry", "added - (grown - integral)"), Set("integral", "grown")]
-    if "TAKEN_BACK" in found:
-        correction = [
-            Set("added", "TAKEN_BACK * (limited - wanted) + carry"),
-            Set("integral", "grown + added"),
-            Set("carry", "added - (integral - grown)"),
-        ]
-        keep += [
-            Note("part of what a limit cut off is taken back from the integral"),
-            If("limited < wanted or limited > wanted", correction),
-        ]
-    if k.anti_windup == "clamping" and k.limited:
-        again = [_wanted(found, "integral"), *_limited(found)]
-        keep = [
-            Note("the integral rests while it would drive the signal further beyond the limit"),
-            If("(limited - wanted) * growth < 0.0", again, keep),
-        ]
     automatic = [
         Note("the integral; what rounding takes from it is carried over"),
         Set("growth", growth),
         Set("added", "growth + carry"),
-        Set("grown", "integral + added"),
+        Set("grown", "integral_part + added"),
         _wanted(found, "grown"),
         *_limited(found),
-        *keep,
+        *_kept(k, found),
     ]
+    begins = f"manual, {'new gains, ' * k.tunable}a sample left out or the first one: it starts with the signal it has"
     body: list[Statement] = [
-        Note(f"manual, {'new gains, ' * k.tunable}or the first sample: it starts with the signal it has"),
-        Set("forced", "manual or retuned" if k.tunable else "manual"),
+        Note(begins),
+        Set("forced", "manual or follow"),
+        *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
+        If("not started", [Set("forced", "true")]),
+        If("forced", forced, automatic),
     ]
-    body += [If("not started", [Set("forced", "true")]), If("forced", forced, automatic)]
     if _remembers(k):
-        body.append(Set("old", f"limited{_less_bias(found)} - integral" if k.from_signal else "error"))
+        body.append(Set("old", f"limited{_less_bias(found)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
         # the same for what this sample's error adds, which comes with the next sample
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
 
-def _remembers(k: DigitalController) -> bool:
+def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
+    """Statements that keep the integral, less what a limit takes from it."""
+    keep: list[Statement] = [
+        Set("carry", "added - (grown - integral_part)"),
+        Set("integral_part", "grown"),
+    ]
+    if "BACK_CALCULATION_GAIN" in found:
+        correction = [
+            Set("added", "BACK_CALCULATION_GAIN * (limited - wanted) + carry"),
+            Set("integral_part", "grown + added"),
+            Set("carry", "added - (integral_part - grown)"),
+        ]
+        keep += [
+            Note("part of what a limit cut off is taken back from the integral"),
+            If("limited < wanted or limited > wanted", correction),
+        ]
+    if k.anti_windup != "clamping" or not k.limited:
+        return keep
+    # a growth that is more than the room up to the limit takes that room; resting there for ever would be a lock
+    grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
+    again = [_wanted(found, "integral_part"), *_limited(found)]
+    clamped: list[Statement] = [
+        Set("room", f"limited - ({_wanted(found, 'integral_part').value})"),
+        If("room * growth > 0.0", grown_less, again),
+    ]
+    return [
+        Note("the integral grows up to the limit, and rests while it would drive the signal further beyond"),
+        If("(limited - wanted) * growth < 0.0", clamped, keep),
+    ]
+
+
+def _remembers(k: Parameters) -> bool:
     """Whether the integral needs a signal of one sample ago."""
     return k.growth[1] != 0.0
 
@@ -315,7 +236,7 @@ def _less_bias(found: dict[str, float]) -> str:
 def _wanted(found: dict[str, float], integral: str = "") -> Set:
     """Return the statement that sums up what the controller wants."""
     first = "".join(f"{name} + " for name in ("BIAS", "feedforward") if name in found)
-    return Set("wanted", first + "action" + (f" + {integral}" if integral else ""))
+    return Set("wanted", first + "summed" + (f" + {integral}" if integral else ""))
 
 
 def _limited(found: dict[str, float]) -> list[Statement]:
@@ -332,12 +253,6 @@ def _limited(found: dict[str, float]) -> list[Statement]:
     ]
 
 
-def _targets(body: Sequence[Statement]) -> set[str]:
-    """Names that statements assign to."""
-    found: set[str] = set()
-    for one in body:
-        if isinstance(one, Set):
-            found.add(one.target)
-        elif isinstance(one, If):
-            found |= _targets(one.then) | _targets(one.otherwise)
-    return found
+def _at_limit(k: Parameters) -> list[Statement]:
+    """Statement that says whether a limit cuts something off."""
+    return [Set("at_limit", "limited < wanted or limited > wanted")] if k.limited else []

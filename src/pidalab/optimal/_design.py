@@ -13,7 +13,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
-from pidalab.process import Process, require_no_zero_at_origin
+from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
 from pidalab.rules import Design
 
 if TYPE_CHECKING:
@@ -249,11 +249,6 @@ def _nearest(one: Search, x: Array) -> str:
         "noise_gain": one.true_noise(x),
     }
     return ", ".join(f"{name} = {values[name]:.4g}" for name in one.limits.named())
-
-
-def sign_of_gain(process: Process) -> float:
-    """Sign of the gains: integral action is stable only if the last coefficient of all has the sign of the first."""
-    return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
 def _design(process: Process, sign: float, one: Search, found: Found) -> Design:

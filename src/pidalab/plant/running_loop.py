@@ -10,19 +10,18 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab.comparison.judging import Row, one_line, text_table
+from pidalab.comparison.judging import DesignRow, one_line, text_table
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
 from pidalab.loop import Loop
-from pidalab.optimal._design import sign_of_gain
 from pidalab.plant.fitting import Fit, fit
-from pidalab.plant.fitting.uncertainty import together
+from pidalab.plant.fitting.uncertainty import samples_per_error
 from pidalab.plant.record import Record
 from pidalab.plant.record.inputs import FOLLOWER
 from pidalab.plant.reporting import measure_candidate
-from pidalab.plant.safety import Runs
+from pidalab.plant.safety import LoopEvaluator
 from pidalab.plant.tuning import tune
-from pidalab.process import Process
+from pidalab.process import Process, sign_of_gain
 from pidalab.rules import Design
 from pidalab.rules.registry import KINDS
 
@@ -69,7 +68,7 @@ class Check:
     doubts: tuple[str, ...]
 
     @cached_property
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[DesignRow, ...]:
         """The gains that run, the best of their kind with the same Ms and noise gain, and three sets to try."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
@@ -85,13 +84,13 @@ class Check:
 
     def _row(
         self, name: str, kind: str, plant: Process | Fit, ms: float, noise: float | None, worst: float
-    ) -> Row:
+    ) -> DesignRow:
         try:
             design = tune(plant, kind, ms, noise, self.sample_time, ms_worst=worst)
         except ValueError as refusal:
-            return Row(name, kind, reason=one_line(refusal))
+            return DesignRow(name, kind, reason=one_line(refusal))
         found = measure_candidate(design, name, kind, self.fit, self.sample_time)
-        return found._replace(ms_worst=Runs(self.sample_time, None).worst(design, self.plants))
+        return found._replace(ms_worst=LoopEvaluator(self.sample_time, None).worst(design, self.plants).ms)
 
     @property
     def loss(self) -> float:
@@ -112,11 +111,10 @@ class Check:
             lines.append(
                 f"their IAE for a load is {than} that of the best {self.rows[0].kind} of the same Ms and noise"
             )
-        lines.append(" " * 14 + "".join(f"{name:>12}" for name in COLUMNS))
         lines += text_table(self.rows, {"rule": 14}, COLUMNS, 12, self._gains)
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
 
-    def _gains(self, row: Row) -> str:
+    def _gains(self, row: DesignRow) -> str:
         """Return the IAE as a multiple of that now, and what to type in."""
         k = None if row.design is None else row.design.controller
         if row.design is self.design or not isinstance(k, HighOrderPID):
@@ -185,7 +183,9 @@ def check(
         raise TypeError(f"controller must be a continuous controller, found {type(controller).__name__}")
     gains = controller.gains()
     if gains.ki == 0:
-        raise ValueError("controller must have integral action: without it a load leaves an error for ever")
+        raise ValueError(
+            "controller must have integral action: without it a load leaves a steady-state error"
+        )
     fitted = record if isinstance(record, Fit) else _fitted(record)
     process, doubts = fitted.process, [*fitted.record.doubts, *fitted.doubts]
     if gains.ki * sign_of_gain(process) < 0:
@@ -200,9 +200,10 @@ def check(
         doubts.append(f"the controller is taken to have the sample time of the log, {sample_time:.4g}")
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     running = Design(process, controller, output_filter=output_filter, source="the gains that run")
-    runs, plants = Runs(sample_time, None), tuple(fitted.spread(DRAWN))
-    sizes = [runs.ms(running, plant) for plant in (process, *plants)]
-    doubts += runs.lacking
+    evaluator, plants = LoopEvaluator(sample_time, None), tuple(fitted.spread(DRAWN))
+    judged = [evaluator.ms(running, plant) for plant in (process, *plants)]
+    sizes = [one.ms for one in judged]
+    doubts += sorted({one.reason for one in judged if one.reason})
     if math.isinf(sizes[0]):
         doubts.append(
             "the loop of the model is unstable: if the log shows this loop, other gains ran, or other units"
@@ -220,7 +221,7 @@ def _fitted(record: Record) -> Fit:
     found: list[Fit] = []
     refusal = None
     for load in (False, True):
-        if found and together(found[0].residuals) < COLOURED:
+        if found and samples_per_error(found[0].residuals) < COLOURED:
             break  # nothing is left that a load would explain
         try:
             found.append(fit(record, load=load))
@@ -241,7 +242,7 @@ def _biased(fitted: Fit, loop: Loop) -> list[str]:
     from pidalab.simulation.exact import simulate
 
     record, rest = fitted.record, fitted.residuals
-    if together(rest) < COLOURED:
+    if samples_per_error(rest) < COLOURED:
         return []
     t = np.linspace(0.0, float(np.ptp(record.t)), rest.size)
     share = float(np.var(simulate(loop, t, noise=rest).u) / np.var(record.u))

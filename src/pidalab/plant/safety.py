@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,17 +16,32 @@ from pidalab.simulation.settling import load_iae
 
 TOO_DEAR = 3.0  # price of robustness in IAE that is refused
 EXACT, ROUNDING = 1e-3, 1e-6  # shares of a limit: below it what meets it, and above it what still keeps it
-ROUNDS = 20  # corrections of what is asked for at most
-FACTORS = (0.5, 2.0)  # of Ms less 1, in a correction
+MOST_CORRECTIONS = 20  # of what is asked for
+LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # of Ms less 1, in a correction
 
 Asked = tuple[float, float]  # Ms with the model, and the worst Ms over other plants
 # a design for what is asked, near another one, and which of the two limits hold it back
-Make = Callable[[Asked, Design | None], tuple[Design, Sequence[str]]]
+Designer = Callable[[Asked, Design | None], tuple[Design, Sequence[str]]]
+
+
+class LoopMs(NamedTuple):
+    """Maximum sensitivity of a loop.
+
+    Attributes
+    ----------
+    ms : float
+        Infinite for an unstable loop.
+    reason : str
+        Why it is that of the continuous loop, where the sampled one has none; else empty.
+    """
+
+    ms: float
+    reason: str = ""
 
 
 @dataclass(frozen=True)
-class Runs:
-    """How a design will run.
+class LoopEvaluator:
+    """Judges designs in the loop that will run.
 
     Parameters
     ----------
@@ -38,32 +53,36 @@ class Runs:
 
     sample_time: float | None
     output_filter: Any
-    lacking: list[str] = field(default_factory=list)  # why a sampled loop has no Ms
 
-    def loop(self, made: Design, plant: Process) -> Loop:
+    def loop(self, design: Design, plant: Process) -> Loop:
         """Close the continuous loop."""
-        return Loop(plant, made.controller, in_series(made.output_filter, self.output_filter), made.prefilter)
+        return Loop(
+            plant, design.controller, in_series(design.output_filter, self.output_filter), design.prefilter
+        )
 
-    def ms(self, made: Design, plant: Process) -> float:
-        """Ms, infinite for an unstable loop; that of the continuous loop where the sampled one has none."""
-        from pidalab.robustness.margins import max_sensitivity
-        from pidalab.robustness.poles import is_stable
-
-        def of(loop: Loop) -> float:
-            return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
-
-        loop = self.loop(made, plant)
-        if self.sample_time is not None and not self.lacking:
+    def ms(self, design: Design, plant: Process) -> LoopMs:
+        """Return Ms with a plant; that of the continuous loop where the sampled one has none, with the reason."""
+        loop, reason = self.loop(design, plant), ""
+        if self.sample_time is not None:
             try:
-                k = made.controller.discretise(self.sample_time, "backward", loop.output_filter)
-                return of(Loop(plant, k))
+                sampled = design.controller.discretise(self.sample_time, "backward", loop.output_filter)
+                return LoopMs(_ms_or_infinite(Loop(plant, sampled)))
             except (ValueError, ArithmeticError) as refusal:
-                self.lacking.append(f"Ms is that of the continuous loop: {refusal}")
-        return of(loop)
+                reason = f"Ms is that of the continuous loop: {refusal}"
+        return LoopMs(_ms_or_infinite(loop), reason)
 
-    def worst(self, made: Design, plants: Sequence[Process]) -> float:
-        """Return the largest Ms over plants, 0 without any."""
-        return max((self.ms(made, plant) for plant in plants), default=0.0)
+    def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
+        """Return the largest Ms over plants, in whatever order, 0 without any; and the first reason by the alphabet."""
+        found = [self.ms(design, plant) for plant in plants]
+        reasons = sorted({one.reason for one in found if one.reason})
+        return LoopMs(max((one.ms for one in found), default=0.0), reasons[0] if reasons else "")
+
+
+def _ms_or_infinite(loop: Loop) -> float:
+    from pidalab.robustness.margins import max_sensitivity
+    from pidalab.robustness.poles import is_stable
+
+    return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
 
 def in_series(first: Any, second: Any) -> Any:
@@ -76,8 +95,8 @@ def in_series(first: Any, second: Any) -> Any:
     return control.TransferFunction(np.convolve(a, c), np.convolve(b, d))
 
 
-def corrected(
-    make: Make, sizes: Callable[[Design], Asked], limits: Asked, start: Design | None = None
+def correct_request(
+    make: Designer, sizes: Callable[[Design], Asked], limits: Asked, start: Design | None = None
 ) -> Design:
     """Correct what is asked of a design until the loop that runs has what is wanted, to 0.1 % and from below.
 
@@ -103,7 +122,7 @@ def corrected(
         If none keeps the limits.
     """
     asked, kept, made = limits, None, start
-    for _ in range(ROUNDS):
+    for _ in range(MOST_CORRECTIONS):
         made, active = make(asked, made)
         found = sizes(made)
         if all(size <= limit * (1 + ROUNDING) for size, limit in zip(found, limits, strict=True)):
@@ -126,11 +145,11 @@ def _next(asked: float, found: float, limit: float, active: bool) -> float:
     if found <= limit * (1 + ROUNDING) and not (active and found < limit * (1 - EXACT)):
         return asked
     wanted = (limit * (1 - 0.5 * EXACT) - 1) / (found - 1)
-    return 1 + (asked - 1) * min(max(wanted, FACTORS[0]), FACTORS[1])
+    return 1 + (asked - 1) * min(max(wanted, LEAST_FACTOR), LARGEST_FACTOR)
 
 
-class Terms(NamedTuple):
-    """What a design has to keep.
+class Requirements(NamedTuple):
+    """Requirements on a design.
 
     Attributes
     ----------
@@ -159,16 +178,16 @@ class Terms(NamedTuple):
         )
 
 
-def safe(make: Make, runs: Runs, terms: Terms) -> tuple[Design, float]:
+def make_safe(make: Designer, evaluator: LoopEvaluator, requirements: Requirements) -> tuple[Design, float]:
     """Return a design that is safe with all plants, and its price.
 
     Parameters
     ----------
     make : callable
         Makes a design for what is asked; it takes no other plants into account where an infinite worst Ms is asked for.
-    runs : Runs
-        How it will run.
-    terms : Terms
+    evaluator : LoopEvaluator
+        Judges it in the loop that will run.
+    requirements : Requirements
         What it has to keep.
 
     Returns
@@ -182,20 +201,20 @@ def safe(make: Make, runs: Runs, terms: Terms) -> tuple[Design, float]:
     ValueError
         If there is none, or none that is worth having.
     """
-    process, plants, ms, ms_worst, _ = terms
-    plain = corrected(make, lambda made: (runs.ms(made, process), 0.0), (ms, math.inf))
-    worst = runs.worst(plain, plants)
-    if worst <= ms_worst * (1 + ROUNDING):
-        return plain, 1.0
+    process, plants, ms, ms_worst, _ = requirements
 
     def sizes(made: Design) -> Asked:
-        return runs.ms(made, process), runs.worst(made, plants)
+        return evaluator.ms(made, process).ms, evaluator.worst(made, plants).ms
 
+    plain = correct_request(make, lambda made: (evaluator.ms(made, process).ms, 0.0), (ms, math.inf))
+    worst = evaluator.worst(plain, plants).ms
+    if worst <= ms_worst * (1 + ROUNDING):
+        return plain, 1.0
     try:
-        made = corrected(make, sizes, (ms, ms_worst), plain)
+        made = correct_request(make, sizes, (ms, ms_worst), plain)
     except ValueError as refusal:
-        raise terms.refusal(worst, f" ({refusal})") from None
-    price = load_iae(runs.loop(made, process)) / load_iae(runs.loop(plain, process))
+        raise requirements.refusal(worst, f" ({refusal})") from None
+    price = load_iae(evaluator.loop(made, process)) / load_iae(evaluator.loop(plain, process))
     if price > TOO_DEAR:
-        raise terms.refusal(worst, f", and a design that is safe has {price:.1f} times the IAE")
+        raise requirements.refusal(worst, f", and a design that is safe has {price:.1f} times the IAE")
     return made, price

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.optimal._design import sign_of_gain
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
-from pidalab.plant.safety import Asked, Make, Runs, Terms, safe
-from pidalab.process import Process, rational, require_no_zero_at_origin
+from pidalab.plant.safety import Asked, Designer, LoopEvaluator, Requirements, make_safe
+from pidalab.plant.sampling import corner_frequencies, doubt_unit, require_sampling
+from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
@@ -23,7 +22,6 @@ from pidalab.rules.registry import ORDER, Rule, find
 # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 LOUDEST = 10.0
 QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
-AT_REST = 10.0  # longest times of the process that pass until it is at rest: slower sampling sees nothing but its gain
 UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 DEAR = 1.5  # price of robustness in IAE that is doubted
@@ -106,53 +104,54 @@ def tune(
     if isinstance(process, Record):
         raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
     require_no_zero_at_origin("model", process)
-    slowest = max((1 / speed for speed in _corner_frequencies(process)), default=math.inf)
-    if sample_time is not None and sample_time > AT_REST * slowest:
-        raise ValueError(
-            f"sample_time must be at most {AT_REST * slowest:.4g} for this process, {AT_REST:g} times its longest time "
-            f"(after which it is at rest), found {sample_time:g}"
-        )
+    if sample_time is not None:
+        require_sampling(process, sample_time)
     doubts: list[str] = []
+    if isinstance(model, Fit) and sample_time is not None:
+        doubts += doubt_unit(sample_time, model.record.sampling)
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
-    terms = Terms(process, plants, ms, ms_worst, _remedy(model))
+    requirements = Requirements(process, plants, ms, ms_worst, _remedy(model))
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
-            f"the sign of the gain is not settled, and no controller serves both: {terms.remedy}"
+            f"the sign of the gain is not settled, and no controller is stable with both signs: {requirements.remedy}"
         )
     designed, *others = (
         _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
     )
     _known_dynamics(model, designed, kind, doubts)
-    runs = Runs(sample_time, output_filter)
+    evaluator = LoopEvaluator(sample_time, output_filter)
     if named is None:
         make = _optimal(model, designed, others, kind, noise_gain, sample_time, doubts)
-        made, price = safe(make, runs, terms)
+        made, price = make_safe(make, evaluator, requirements)
         if "sample_time" in made.active:
             doubts.append(
                 f"the filter is as fast as the sample, {made.info['sample_time']:g}, allows: with faster sampling it "
                 "would be faster"
             )
     else:
-        made, price = _by_rule(named, designed, kind, runs, terms)
+        made, price = _by_rule(named, designed, kind, evaluator, requirements)
         if noise_gain is not None:
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     if price > DEAR:
         doubts.append(
-            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {terms.remedy}"
+            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {requirements.remedy}"
         )
-    loop = runs.loop(made, process)
+    loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
+    reasons: list[str] = []  # why a sampled loop has no Ms
     if sample_time is not None:
-        info["ms_sampled"] = runs.ms(made, process)
+        info["ms_sampled"], reason = evaluator.ms(made, process)
+        reasons.append(reason)
         _doubt_sampling(loop, sample_time, doubts)
     if plants:
-        info["ms_worst"] = runs.worst(made, plants)
-        info["iae_worst"] = max(_iae_ms_mks(runs.loop(made, plant))["iae"] for plant in plants)
+        info["ms_worst"], reason = evaluator.worst(made, plants)
+        reasons.append(reason)
+        info["iae_worst"] = max(_iae_ms_mks(evaluator.loop(made, plant))["iae"] for plant in plants)
         info["price"] = price
-    info["doubts"] = (*doubts, *runs.lacking)
+    info["doubts"] = (*doubts, *dict.fromkeys(filter(None, reasons)))
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
 
 
@@ -170,22 +169,26 @@ def _remedy(model: Process | Fit) -> str:
     return "a smaller spread would help"
 
 
-def _by_rule(rule: Rule, designed: Process, kind: str, runs: Runs, terms: Terms) -> tuple[Design, float]:
+def _by_rule(
+    rule: Rule, designed: Process, kind: str, evaluator: LoopEvaluator, requirements: Requirements
+) -> tuple[Design, float]:
     """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
     if rule.name == KNOWS_MS:
 
         def make(asked: Asked, near: Design | None) -> tuple[Design, list[str]]:
             return rule.tune(designed, kind, min(asked)), ["ms" if asked[0] <= asked[1] else "ms_worst"]
 
-        return safe(make, runs, terms)
-    made = rule.tune(designed, kind, terms.ms)
-    if math.isinf(runs.ms(made, terms.process)):
+        return make_safe(make, evaluator, requirements)
+    made = rule.tune(designed, kind, requirements.ms)
+    if math.isinf(evaluator.ms(made, requirements.process).ms):
         raise ValueError(
             f"the loop of the rule {rule.name!r} is unstable with the model itself: take another rule"
         )
-    worst = runs.worst(made, terms.plants)
-    if worst > terms.ms_worst:
-        raise terms._replace(remedy=f"{terms.remedy}, or the rule 'optimal', which knows Ms").refusal(worst)
+    worst = evaluator.worst(made, requirements.plants).ms
+    if worst > requirements.ms_worst:
+        raise requirements._replace(
+            remedy=f"{requirements.remedy}, or the rule 'optimal', which knows Ms"
+        ).refusal(worst)
     return made, 1.0
 
 
@@ -215,7 +218,7 @@ def _optimal(
     noise_gain: float | None,
     sample_time: float | None,
     doubts: list[str],
-) -> Make:
+) -> Designer:
     """Least IAE under Ms and a limit for noise; without one given, a default, which is reported."""
     from pidalab import optimal
 
@@ -266,7 +269,7 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
     if sample_time is not None:
         return 1 / sample_time
     plain = Process(process.num, process.den)
-    corners = _corner_frequencies(plain)
+    corners = corner_frequencies(plain)
     if rule != "optimal" or noise_gain is not None or not corners.size:
         return math.inf
     # |T| is at most |P| times the gain from noise to u
@@ -275,18 +278,12 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
     return math.inf if acts[-1] else float(w[np.flatnonzero(acts).max(initial=0)])
 
 
-def _corner_frequencies(process: Process) -> Array:
-    """Return the frequencies of poles and zeros, and that of the dead time."""
-    found = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
-    return np.append(found[found > 0], [1 / process.delay] if process.delay else [])
-
-
 def _asked_of_u(process: Process) -> float:
     """Return 1/|P| where the phase has fallen by 45 degrees from rest, or at rest for a process that settles."""
     gain = process.gain()
     if math.isfinite(gain):
         return 1 / abs(gain)
-    corners = _corner_frequencies(process)
+    corners = corner_frequencies(process)
     if not corners.size:
         raise ValueError(
             "noise_gain and sample_time must be given for integrators without lag and dead time: nothing else limits "

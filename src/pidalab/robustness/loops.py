@@ -100,7 +100,7 @@ def _in_z(loop: Loop, k: DigitalController) -> Explorer:
         z, moved = np.exp(s * h), 1.0
         for pole in unstable:
             moved = moved * ((z - pole) / (z - 0.5 * pole / abs(pole)))
-        return plant(z) * k(z) * (k.y_span / k.u_span) * moved, moved + 0.0 * z
+        return plant(z) * k(z) * moved, moved + 0.0 * z
 
     found = Explorer(
         frequencies(poles, process.delay, math.pi / h), fraction, process.delay + h, 0.0, 0.0, math.pi / h

@@ -30,6 +30,7 @@ from pidalab._check import Array
 from pidalab.loop import Loop, require_loop
 from pidalab.process import Process
 from pidalab.response import Response
+from pidalab.roots import roots
 
 
 def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
@@ -273,7 +274,7 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        With y the output and u = 1 the input.
+        With y the output and u = 1 the input; the final value of a stable process is its static gain.
 
     Examples
     --------
@@ -283,4 +284,6 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
     [0.0, 0.0, 0.7869, 1.2642]
     """
     record = simulate(Loop(process, 0.0), t, load=1.0)
-    return replace(record, u=record.d, d=np.zeros_like(record.d))
+    stable = np.all(roots(process.den).real < 0)
+    final = float(process.num[-1] / process.den[-1]) if stable else None
+    return replace(record, u=record.d, d=np.zeros_like(record.d), final=final)

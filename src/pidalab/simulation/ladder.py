@@ -1,6 +1,14 @@
 """Step responses of a loop with dead time, from dead time to dead time: see `pidalab.simulation.exact`.
 
-A stack is an array (ages, states), oldest first: the states now in its last row, those of one dead time ago above.
+A stack is a row of states, oldest first: the states now at its end, those of one dead time ago before them.
+
+How much is remembered, and why that is enough. An element of reach R makes the states of age a out of those of the
+ages a to a + R - 1, and of no others. So who wants the youngest m ages after it needs the youngest m + R - 1 before it,
+and may forget the rest without any error. Every stack here is cut by this rule, backwards from what the outputs read:
+each element that is still to be applied adds its reach less 1, up to the beginning of time, before which all states
+are 0. The one thing that is left out are the last coefficients of an element, those below `DROPPED` of its largest, and
+the same share of what an output reads. A filter that remembers farther inside a dead time than across a whole one
+(its rungs reach 54 where the whole reaches 16) makes long stacks, not wrong ones.
 """
 
 from __future__ import annotations
@@ -11,14 +19,22 @@ from scipy.linalg.lapack import dgebal
 from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.simulation.realisation import Cut
-from pidalab.simulation.ring import FADED, add_rows, ladder, shortened, taylor, transition
+from pidalab.simulation.ring import add_rows, ladder, transition
+from pidalab.simulation.stacks import advanced, derive, first_time, output_rows, summed
 
-LARGEST = 4000  # states in a stack: beyond, the simulation takes too long
-WORK = 5e8  # multiplications from dead time to dead time beyond which it takes too long
-STORED = 1e7  # states at the multiples of the dead time that are kept at most
-# size, relative to the largest, below which the influence of a distant past is nothing in double
-FORGOTTEN = 1e-20
-LONGEST_RUN = 6  # logarithm to base 2 of the requested times served from one stack, at most
+MAX_STACK = 4000  # states in a stack: beyond, the simulation takes too long
+MAX_WORK = 4e9  # multiplications from dead time to dead time beyond which it takes too long: seconds
+MAX_ANCHORS = 1e7  # states at the multiples of the dead time that are kept
+LONGEST_RUN = 8  # logarithm to base 2 of the requested times served from one stack, at most
+# logarithm to base 2 of the lowest rungs that a series spans when a stack is carried: a longer series is cheaper than
+# three rungs, and its terms, up to e^4 in units of the states, cost less than two digits
+SERIES = 3
+# Beyond this many time constants of the fastest state in a dead time, or in t, what it does may cancel: the response is
+# computed twice. Up to there rounding, 1e-16 for each, stays below 1e-11.
+STIFF = 1e5
+AGREEMENT = 3e-10  # of both, relative to the largest value of a signal: nine digits are promised
+FLANK = 60.0  # time constants of the fastest state that a kick lasts
+BLOCK = 64  # dead times whose derivatives are kept beside those that a stack reads
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
 
@@ -28,30 +44,88 @@ class ManyDeadTimes(ValueError):
 
 def responses(cut: Cut, n: int, step: float) -> Array:
     """Values of y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n)."""
-    intervals = (n - 1) * step / cut.delay if cut.delay else 0.0
-    if not intervals * cut.x0.size < STORED:
-        raise ManyDeadTimes(_too_many(intervals))
-    result, depth, status = _responses(*_balanced(cut), step, n)
+    spanned = (n - 1) * step / cut.delay if cut.delay else 0.0
+    if not spanned * cut.x0.shape[0] < MAX_ANCHORS:
+        raise ManyDeadTimes(_too_many(spanned))
+    # a time as close to a multiple of the dead time as rounding is that multiple
+    intervals = int(spanned * (1.0 + 8.0 * np.finfo(float).eps))
+    cut = _balanced(cut)
+    norm = _norm(cut, intervals)
+    result, depth, status = _responses(*cut, step, n, intervals, norm)
     if status == TOO_LARGE:
         raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
     if status == TOO_MANY:
-        raise ManyDeadTimes(_too_many(intervals))
+        raise ManyDeadTimes(_too_many(spanned))
     if status == TOO_DEEP:
         raise ValueError(
             f"the loop still remembers what happened {depth} dead times ago (|L| is near 1 or above at "
-            f"infinite frequency), which can be followed over {LARGEST // cut.b.size} dead times and not "
-            f"over {intervals:.0f}; shorten t"
+            f"infinite frequency), which can be followed over {MAX_STACK // cut.x0.shape[0]} dead times and not "
+            f"over {spanned:.0f}; shorten t"
         )
+    if norm * min(cut.delay or np.inf, (n - 1) * step) > STIFF:
+        _require_digits(cut, step, result, _responses(*cut, step, n, intervals, 2.0 * norm)[0])
     return result
 
 
+def _require_digits(cut: Cut, step: float, result: Array, again: Array) -> None:
+    """Raise where rounding has taken digits: there a ladder that begins one rung lower gives another response.
+
+    What cancels on the way depends on the loop, so no bound on its speeds tells; but each rung rounds anew, and two
+    ladders that agree to nine digits did not lose eight of sixteen. Times in the flank of a kick, just after a multiple
+    of the dead time, are not compared: a value there has the digits of its time, and the height is not on the grid.
+    """
+    fastest = max(float(np.max(np.abs(np.linalg.eigvals(cut.A)))), 1e-300)
+    t = step * np.arange(result.shape[2])
+    since = np.mod(t, cut.delay) if cut.delay else t
+    apart = np.max(np.abs(result - again) * (since > FLANK / fastest), axis=2)
+    size = np.max(np.abs(result), axis=2)
+    if not np.isfinite(apart).all():
+        return  # it left the range of numbers: whoever asked says so
+    lost = apart > AGREEMENT * size
+    if lost.any():
+        channel, signal = np.argwhere(lost)[0]
+        name = ("y", "the integral of y", "u")[signal]
+        raise ValueError(
+            f"rounding leaves {apart[channel, signal] / size[channel, signal]:.1g} of the largest value of "
+            f"{name} uncertain, and {AGREEMENT:.0e} is allowed: the fastest filter or lag of the loop has a time "
+            f"constant of {1 / fastest:.3g}, too short beside the others; take a longer one, or leave it out"
+        )
+
+
 def _balanced(cut: Cut) -> Cut:
-    """Change the units of the states by powers of 2, so that rows and columns of |A| + |b c| are alike."""
-    A, b, c, d, C, direct, x0, delay = cut
-    scale = dgebal(np.abs(A) + np.abs(np.outer(b, c)), scale=1)[3]
+    """Change the units of the states by powers of 2, so that rows and columns of |A| + |B| |Cv| are alike.
+
+    Powers of 2, so that nothing is rounded; and alike, so that a share of the largest coefficient means something.
+    """
+    A, B, Cv, D, C, direct, x0, delay, settled, settling = cut
+    scale = dgebal(np.abs(A) + np.abs(B) @ np.abs(Cv), scale=1)[3]
     return Cut(
-        A * scale / scale[:, None], b / scale, c * scale, d, C * scale, direct, x0 / scale[:, None], delay
+        A * scale / scale[:, None],
+        B / scale[:, None],
+        Cv * scale,
+        D,
+        C * scale,
+        direct,
+        x0 / scale[:, None],
+        delay,
+        settled * scale,
+        settling,
     )
+
+
+def _norm(cut: Cut, intervals: int) -> float:
+    """Bound the block Toeplitz matrix, over as many ages as there are."""
+    through = np.abs(cut.Cv)
+    if cut.D.any():
+        power = np.abs(cut.D)
+        ages = 1
+        with np.errstate(over="ignore", invalid="ignore"):
+            while ages < intervals and power.any():  # twice as many ages of the sum of all powers
+                through = through + power @ through
+                power = power @ power
+                ages *= 2
+    bound = float(np.max(np.sum(np.abs(cut.A) + np.abs(cut.B) @ through, axis=0), initial=0.0))
+    return bound if np.isfinite(bound) else np.inf
 
 
 def _too_many(intervals: float) -> str:
@@ -62,137 +136,145 @@ def _too_many(intervals: float) -> str:
 
 
 @compiled
-def _carried(stack, tau, rungs, step, low, A, b, c, d):
-    """Carry a stack over a duration: by the rungs that are its binary digits, and a Taylor series at the end."""
-    ages = stack.shape[0]
-    for p in range(len(rungs) - 1, -1, -1):
-        duration = step * 2.0 ** (low + p)
-        while tau >= duration:
-            stack = _advanced(stack, rungs[p])
-            tau -= duration
-    if tau > 0.0:
-        stack = _advanced(stack, taylor(tau, ages, A, b, c, d))
-    return stack
-
-
-@compiled
-def _advanced(stack, rung):
-    """Carry a stack over the duration of a rung: each state adds a row of it to its own age and to all younger ones."""
-    ages, order = stack.shape
-    after = stack.copy()
-    flat = after.reshape(ages * order)
-    for age in range(ages):
-        add_rows(flat[age * order : min(flat.size, age * order + rung.shape[1])], stack[age], rung)
-    return after
-
-
-@compiled
-def _rows(C, direct, c, d, levels, run, rungs, base):
-    """What the outputs at `run` times in succession read of a stack: (its states, times and outputs)."""
-    order, wide = C.shape[1], 3 * run
-    ages = 1 if not direct.any() else min(levels, 2 if d == 0.0 else levels)
-    rows = np.zeros((ages * order, wide))
-    for q in range(3):
-        rows[(ages - 1) * order :, q] = C[q]
-        for age in range(1, ages):  # the direct part of an output reads all older process inputs
-            rows[(ages - 1 - age) * order : (ages - age) * order, q] = direct[q] * d ** (age - 1) * c
-    have, p = 3, base
-    while have < wide:  # as many again, one rung later
-        rung = rungs[p]
-        reach = rung.shape[1] // order
-        more = min(have, wide - have)
-        new = min(levels, ages + reach - 1)
-        longer = np.zeros((new * order, wide))
-        longer[(new - ages) * order :, :have] = rows[:, :have]
-        longer[(new - ages) * order :, have : have + more] = rows[:, :more]
-        for age in range(new):
-            least, most = max(0, age - ages + 1), min(reach, age + 1)  # ages that the rung adds
-            read = rows[(ages - 1 - age + least) * order :]
-            for i in range(order):
-                out = longer[(new - 1 - age) * order + i, have : have + more]
-                add_rows(out, rung[i, least * order : most * order], read)
-        # drop ages that do not matter
-        size = np.zeros(new)
-        for age in range(new):
-            for i in range((new - 1 - age) * order, (new - age) * order):
-                for m in range(have + more):
-                    size[age] = max(size[age], abs(longer[i, m]))
-        ages = new
-        while ages > 1 and size[ages - 1] <= FADED * size.max():
-            ages -= 1
-        rows, have, p = longer[(new - ages) * order :], have + more, p + 1
-    return rows
-
-
-@compiled
-def _responses(A, b, c, d, C, direct, x0, delay, step, n):
+def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, intervals, norm):
     """Step responses at n times, the number of dead times that matter, and whether all went well."""
-    size, channels = x0.shape
-    result = np.zeros((channels, 3, n))
-    # a time as close to a multiple of the dead time as rounding is that multiple
-    eps = 8.0 * np.finfo(np.float64).eps
-    interval = np.zeros(n, dtype=np.intp)
+    size, inputs = x0.shape
+    result = np.zeros((inputs, 3, n))
+    inside = n - 1  # steps in a dead time
     if delay > 0.0:
-        interval[:] = np.floor(step * np.arange(n) * (1.0 + eps) / delay)
-    intervals = interval[n - 1]
-    # rungs up to a run of times, or to the dead time if that is shorter
-    top = LONGEST_RUN
+        inside = int(delay / step * (1.0 + 1e-12))
+    # a long run makes its rows dear, a short one asks for many stacks: in all least near the root of n / 3
+    power = 0
+    while power < LONGEST_RUN and 2.0 * 4.0**power <= n / 3.0 + 1.0:
+        power += 1
+    # rungs up to a run of times, or to the dead time, which is more or less
+    top = power
     if delay > 0.0:
-        top = int(np.floor(np.log2(delay / step) + 1e-12))
-    growth = max(1.0, abs(d)) ** intervals if intervals > 0 else 0.0
-    rungs, low = ladder(A, b, c, d, step, top, growth, min(intervals + 1, LARGEST // size + 1))
+        top = 0
+        while 2.0 ** (top + 1) <= inside:
+            top += 1
+        while inside == 0 and step * 2.0**top > delay * (1.0 + 1e-12):
+            top -= 1
+    most = min(intervals + 1, MAX_STACK // size + 1)
+    rungs, low = ladder(A, B, Cv, D, norm, step, top, most)
     if len(rungs) == 0:
         return result, 0, TOO_LARGE
+    # the series that carries a stack: the time that it spans, and the number of its terms
+    spanned = min(SERIES, -low)
+    bits = min(-low, len(rungs))  # no distance is longer than a step, or than a dead time
+    delta = step * 2.0 ** (low + spanned)
+    series, term = 1, norm * delta
+    while term > 1e-18:
+        series += 1
+        term *= norm * delta / series
+    for rung in rungs:
+        if rung.shape[1] == most * size and most < intervals + 1:
+            return result, most, TOO_DEEP
 
-    # the stack must reach as far back as the loop remembers
-    levels = 1
-    anchors = np.zeros((channels, (intervals + 1) * size))  # states at the multiples of the dead time
-    anchors[:, :size] = x0.T
+    # states at the multiples of the dead time, from each to all that remember it
+    anchors = np.zeros((inputs, (intervals + 1) * size))
+    for i in range(inputs):
+        for j in range(size):
+            anchors[i, j] = x0[j, i]
     if intervals > 0:
-        most = min(intervals + 1, LARGEST // size + 1)
-        whole = transition(rungs, step, low, delay, most, A, b, c, d)
-        short = shortened(whole, FORGOTTEN)
-        reach = short.shape[1] // size
-        levels = min(intervals + 1, max(reach, 2))
+        whole = transition(rungs, step, low, delay, most, A, B, Cv, D)
+        reach = whole.shape[1] // size
         if reach == most and most < intervals + 1:
-            return result, levels, TOO_DEEP
-        if 1.0 * intervals * reach * size * size * channels > WORK:
-            return result, levels, TOO_MANY
-        for i in range(channels):
+            return result, most, TOO_DEEP
+        if 1.0 * intervals * reach * size * size * inputs > MAX_WORK:
+            return result, most, TOO_MANY
+        for i in range(inputs):
             own = anchors[i]
-            for at in range(0, intervals * size, size):  # each adds to all that remember it
+            for at in range(0, intervals * size, size):
                 for j in range(at, at + size):
                     own[j + size] += own[j]
-                reached = own[at + size : min(own.size, at + size + short.shape[1])]
-                add_rows(reached, own[at : at + size], short)
+                reached = own[at + size : min(own.size, at + size + whole.shape[1])]
+                add_rows(reached, own[at : at + size], whole, 0, 0)
 
-    # a long run makes its rows dear, a short one asks for many stacks: in all least near the root of n / 3
-    power = min(LONGEST_RUN, int(np.rint(0.5 * np.log2(n / 3.0 + 1.0))))
-    run = min(np.bincount(interval).max(), 2**power)
-    rows = _rows(C, direct, c, d, levels, run, rungs, -low)
+    # what the outputs read of a stack, and the ages that are needed on the way to it
+    run = min(n, inside + 1, 2**power)
+    rows = output_rows(C, direct, Cv, D, settled, most, run, rungs, -low)
+    outputs = rows.shape[1] // run
+    read = rows.shape[0] // size
+    if read == most and most < intervals + 1:
+        return result, most, TOO_DEEP
+    again = 0  # ages that going on by a run uses up
+    if inside + 1 > run:
+        again = rungs[power - low].shape[1] // size - 1
+    deepest = read + (inside // run) * again
+    for p in range(spanned, bits):
+        deepest += rungs[p].shape[1] // size - 1
+    deepest = min(deepest, intervals + 1)
 
-    out = np.zeros(3 * run)
+    # derivatives of the states at the multiples, as far back as a stack reads
+    room = min(intervals + 1, deepest + BLOCK)
+    terms = np.zeros((inputs, series + 1, room * size))
+    delayed = np.zeros((inputs, series + 1, B.shape[1]))
+    start = 0  # the multiple at the beginning of `terms`
+    out = np.zeros(rows.shape[1])
+    work = 0.0
     first = 0
-    while first < n:
-        k = interval[first]
-        last = np.searchsorted(interval, k + 1)
-        # from the multiple of the dead time to the first time asked for
+    for k in range(intervals + 1):
+        if k - start == room:
+            older = (deepest - 1) * size
+            for i in range(inputs):
+                for m in range(series + 1):
+                    for j in range(older):
+                        terms[i, m, j] = terms[i, m, (room - deepest + 1) * size + j]
+            start = k - deepest + 1
+        here = (k - start) * size
+        for i in range(inputs):
+            for j in range(size):
+                terms[i, 0, here + j] = anchors[i, k * size + j]
+            derive(terms[i], here, delta, A, B, Cv, D, delayed[i])
+        last = n if k == intervals else min(n, first_time(k + 1, step, delay))
+        if first >= last:
+            continue
+        # from the multiple to the first time asked for: so many spans of the series, by rungs, and a share of one
         distance = step * first - k * delay
-        if distance <= eps * step * first:
+        if distance <= 8.0 * 2.0**-52 * step * first:
             distance = 0.0
-        for i in range(channels):
-            stack = np.zeros((levels, size))
-            for age in range(min(levels, k + 1)):
-                for j in range(size):
-                    stack[levels - 1 - age, j] = anchors[i, (k - age) * size + j]
-            stack = _carried(stack, distance, rungs, step, low, A, b, c, d)
-            for start in range(first, last, run):
-                if start > first:
-                    stack = _advanced(stack, rungs[power - low])
-                out[:] = 0.0
-                add_rows(out, stack.reshape(levels * size)[levels * size - len(rows) :], rows)
-                for m in range(min(run, last - start)):
+        count = int(distance / delta)
+        share = distance / delta - count
+        needed = read + (last - first - 1) // run * again
+        ages = needed
+        for p in range(spanned, bits):
+            if count >> (p - spanned) & 1:
+                ages += rungs[p].shape[1] // size - 1
+        ages = min(ages, k + 1)
+        for i in range(inputs):
+            left, stack = ages, summed(terms[i], here + size - ages * size, here + size, share)
+            for p in range(bits - 1, spanned - 1, -1):
+                if count >> (p - spanned) & 1:
+                    keep = min(k + 1, needed)
+                    for lower in range(spanned, p):
+                        if count >> (lower - spanned) & 1:
+                            keep = min(k + 1, keep + rungs[lower].shape[1] // size - 1)
+                    work += 1.0 * left * rungs[p].shape[1] * size
+                    stack, left = advanced(stack, size, rungs[p], keep), keep
+            for begin in range(first, last, run):
+                if begin > first:
+                    keep = min(left, max(read, left - again)) if left <= k else left
+                    work += 1.0 * left * rungs[power - low].shape[1] * size
+                    stack, left = advanced(stack, size, rungs[power - low], keep), keep
+                used = min(read, left)
+                for j in range(out.size):
+                    out[j] = 0.0
+                add_rows(out, stack[(left - used) * size :], rows, (read - used) * size, 0)
+                for m in range(min(run, last - begin)):
                     for q in range(3):
-                        result[i, q, start + m] = out[3 * m + q]
+                        result[i, q, begin + m] = out[outputs * m + q]
+                    if outputs > 3 and distance + step * (begin + m - first) > settling:
+                        result[i, 2, begin + m] = out[outputs * m + 3]
+                if outputs > 3 and distance == 0.0 and begin == first and k > 0:
+                    # what jumps at a multiple moves the fast part only after it: the oldest states count just then
+                    settled_u = 0.0
+                    for j in range(size if left == k + 1 else 0, left * size):
+                        at = j - left * size + read * size
+                        if at >= 0:
+                            settled_u += stack[j] * rows[at, 3]
+                    result[i, 2, begin] = settled_u
+        if work > MAX_WORK:
+            return result, most, TOO_MANY
         first = last
-    return result, levels, DONE
+    return result, read, DONE

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.digital.program import If, Program, Set, Statement
+from pidalab.digital.statements import If, Program, Set, Statement
 
 # places of the signals of the controller, and of what a block outside the program makes of the error
-SETPOINT, MEASUREMENT, CONTROL, ACTION = range(4)
-SIGNALS = ("setpoint", "measurement", "control", "action")
+SETPOINT, MEASUREMENT, CONTROL, SUMMED = range(4)
+SIGNALS = ("setpoint", "measurement", "control", "summed")
 # target = left + right, and so on; COPY: target = left; CHOOSE: target = left if right is not 0
 ADD, SUBTRACT, MULTIPLY, LESS, GREATER, COPY, CHOOSE = range(7)
 KINDS: dict[type, int] = {
@@ -32,6 +32,7 @@ KINDS: dict[type, int] = {
     ast.And: MULTIPLY,
     ast.Or: ADD,  # of conditions that exclude each other
 }
+FOR_OTHERS = ("at_limit",)  # what a step tells and does not use
 PARSING = threading.Lock()  # Python 3.11 counts the depth of a syntax tree for all threads together
 
 
@@ -44,7 +45,7 @@ class Operations(NamedTuple):
 
 
 def operations(program: Program, states: Mapping[str, float]) -> Operations:
-    """Turn the statements of a program that has started, in automatic mode, into operations."""
+    """Turn the statements of a program that has started, in automatic mode and with good samples, into operations."""
     values = {
         **dict.fromkeys(SIGNALS, 0.0),
         **program.constants,
@@ -75,7 +76,7 @@ class _Compiler:
     def __init__(self, names: Sequence[str]) -> None:
         self.places = {name: k for k, name in enumerate(names)}
         self.known = {"started": True, "manual": False, "tracking": False, "retuned": False}
-        self.known |= {"true": True, "false": False}
+        self.known |= {"true": True, "false": False, "follow": False}
         self.code: list[list[int]] = []
         self.free = self.size = len(names)
 
@@ -83,7 +84,7 @@ class _Compiler:
         """Add the operations of statements, which take effect where the number at `mask` is not 0."""
         for one in body:
             kept = self.free
-            if isinstance(one, Set):
+            if isinstance(one, Set) and one.target not in FOR_OTHERS:
                 self.assign(one.target, self.value(ast.parse(one.value, mode="eval").body), mask)
             elif isinstance(one, If):
                 condition = self.value(ast.parse(one.condition, mode="eval").body)

@@ -21,6 +21,15 @@ from pidalab.statespace import Part, StateSpace, numerator, parallel, realise
 # A part of the controller is decoupled if its slowest pole is so many times faster than all states that drive it,
 # and if the loop is not louder than this there: to a far faster loop the plant is a chain of integrators.
 STIFF, LOUD = 100.0, 100.0
+# Beyond this factor u is no longer read of the states of a settled fast part, whose rounding grows with the factor, but
+# of the states that drive it, past and present; what the fast part sends through the process, as little as the square
+# of the factor, is left out there.
+VERY_STIFF = 1e6
+SENDS_LITTLE = 1e-5
+SETTLED_AGES = 8  # of the states that such a part reads: each older one comes through the filter once more
+FADED_AWAY = (
+    60.0  # time constants after which nothing is left of a mode, not even of one that began as 1e7 times u
+)
 
 
 class Cut(NamedTuple):
@@ -30,60 +39,66 @@ class Cut(NamedTuple):
     """
 
     A: Array  # (n, n)
-    b: Array  # (n,)
-    c_v: Array  # (n,)
-    d_v: float
+    B: Array  # (n, channels)
+    Cv: Array  # (channels, n)
+    D: Array  # (channels, channels)
     C: Array  # (3, n), rows: y, running integral of y, u
-    d: Array  # (3,)
+    direct: Array  # (3, channels)
     x0: Array  # (n, inputs), the state just after a unit step on each input
     delay: float
+    settled_u: (
+        Array  # (ages, n), what u reads of x(t), x(t - delay), ... once its fast part has settled; or no ages
+    )
+    settling: float  # time for which that part moves after a multiple of the delay
 
 
+# Channels of the dead time. The first is the process input, but for what fast parts of the controller add to it; where
+# there are such parts, the error that drives them is the second, and what of them comes through the process the third.
+INPUT, ERROR, RUSH = range(3)
 INTEGRATOR = StateSpace(np.zeros((1, 1)), np.ones(1), np.ones(1), 0.0)
 
 
 class Signal(NamedTuple):
-    """A signal of the cut loop: row x + direct w."""
+    """A signal of the cut loop: row x + direct W, with the signals W that come out of the dead time."""
 
     row: Array
-    direct: float
+    direct: Array  # (channels,)
 
 
 class _States:
     """States of the cut loop, block by block."""
 
-    def __init__(self, size: int, inputs: int) -> None:
-        self.A, self.b, self.x0 = np.zeros((size, size)), np.zeros(size), np.zeros((size, inputs))
+    def __init__(self, size: int, inputs: int, channels: int) -> None:
+        self.A, self.B, self.x0 = np.zeros((size, size)), np.zeros((size, channels)), np.zeros((size, inputs))
         self.x0[:inputs] = np.eye(inputs)  # the constants behind the step inputs
         self.used = inputs
 
-    def through(self, block: StateSpace | Part, source: Signal, direct: float = 0.0) -> Signal:
+    def append_series(self, block: StateSpace | Part, source: Signal, direct: float = 0.0) -> Signal:
         """Append a block that is driven by a signal, and return its output."""
         own = slice(self.used, self.used + block.b.size)
         self.A[own] = block.b[:, None] * source.row
         self.A[own, own] = block.A
-        self.b[own] = block.b * source.direct
+        self.B[own] = block.b[:, None] * source.direct
         self.used = own.stop
         row = direct * source.row
         row[own] = block.c
         return Signal(row, direct * source.direct)
 
-    def aside(self, part: Part, source: Signal, driving: int) -> Signal:
-        """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row; return c times it.
+    def append_decoupled(self, part: Part, source: Signal, driving: int) -> tuple[slice, Array]:
+        """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row.
 
-        The states x are the first `driving` ones, which drive the part.
+        The states x are the first `driving` ones, which drive the part. Returns the places of the distances, and X:
+        what the part does is c (X x + distance). The distance is driven by jumps alone, and dies out at once.
         """
         x, own = slice(driving), slice(self.used, self.used + part.b.size)
         # by one large system, since a Schur form of parts as far apart as these would lose digits
         sylvester = np.kron(np.eye(driving), part.A) - np.kron(self.A[x, x].T, np.eye(part.b.size))
         X = np.linalg.solve(sylvester, -np.kron(source.row[x], part.b)).reshape(driving, -1).T
         self.A[own, own] = part.A
-        self.b[own] = part.b * source.direct - X @ self.b[x]
+        self.B[own] = part.b[:, None] * source.direct - X @ self.B[x]
         self.x0[own] = -X @ self.x0[x]
         self.used = own.stop
-        row = np.zeros(self.b.size)
-        row[own] = part.c
-        return Signal(row, 0.0)
+        return own, X
 
 
 @lru_cache(maxsize=64)
@@ -99,44 +114,136 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
     parts, direct = parallel(*control)
+    slow = _slow_parts(loop, parts)
+    fast = parts[slow:]
     size = len(inputs) + process.b.size + 1 + prefilter.b.size + sum(part.b.size for part in parts)
-    states = _States(size, len(inputs))
+    apart = bool(fast) and _sends_little(loop, float(np.min(np.abs(fast[0].poles))), direct)
+    channels = 3 if apart else 1
+    states = _States(size, len(inputs), channels)
     r, d, n = (np.eye(1, size, inputs.find(key))[0] for key in "rdn")  # zeros for what is not there
 
-    y = states.through(process, Signal(np.zeros(size), 1.0), process.d)
-    area = states.through(INTEGRATOR, y)
-    filtered = states.through(prefilter, Signal(r, 0.0), prefilter.d)
+    y = states.append_series(process, Signal(np.zeros(size), np.eye(1, channels)[0]), process.d)
+    rest: tuple[Any, Any] = _without(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
+    if apart:
+        # what the fast part does to the process in the long run: that part, evaluated at the matrix of the process
+        states.B[len(inputs) : states.used, ERROR] = _times_function(process.b, process.A.T, *rest)
+        y.direct[RUSH] = 1.0
+    area = states.append_series(INTEGRATOR, y)
+    filtered = states.append_series(prefilter, Signal(r, np.zeros(channels)), prefilter.d)
     error, driving = Signal(filtered.row - y.row - n, -y.direct), states.used
-    slow = _slow_parts(loop, parts)
-    u_row = direct * error.row
-    if slow < len(parts):
-        u_row = np.zeros(size)
-        rest = _without(parts[:slow], *control, parts[slow:])
-        u_row[:driving] = _times_function(error.row[:driving], states.A[:driving, :driving], *rest)
+    u_row = np.zeros(size) if fast else direct * error.row
     for part in parts[:slow]:
-        u_row = u_row + states.through(part, error).row
-    for part in parts[slow:]:
-        u_row = u_row + states.aside(part, error, driving).row
+        u_row = u_row + states.append_series(part, error).row
+    u_slow, rush, slow_states = u_row, np.zeros(size), states.used
+    if fast:
+        u_row = u_slow.copy()
+        u_row[:driving] += _times_function(error.row[:driving], states.A[:driving, :driving], *rest)
+        num, poles = loop.blocks["process"][0] / loop.blocks["process"][1][0], _poles(loop, "process")
+        for part in fast:
+            place, X = states.append_decoupled(part, error, driving)
+            u_row[place] = part.c
+            if apart:
+                rush[place] = _times_function(part.c, part.A, num, poles)
+                rush[:driving] += rush[place] @ X
 
-    A, b, C = states.A, states.b, np.stack([y.row, area.row, u_row])
-    shares = np.array([y.direct, area.direct, direct * error.direct])
-    v, v_direct = u_row + d, float(shares[2])
-    if not loop.process.delay:  # close the loop at once: w = v
-        w = v / (1.0 - v_direct)
-        A, C = A + np.outer(b, w), C + np.outer(shares, w)
-        b, v, v_direct, shares = np.zeros(size), np.zeros(size), 0.0, np.zeros(3)
-    if not all(np.isfinite(x).all() for x in (A, b, C)):
+    A, B, C = states.A, states.B, np.stack([y.row, area.row, u_row])
+    shares = np.stack([y.direct, area.direct, direct * error.direct])
+    Cv, D, settled, settling = (u_row + d)[None], shares[2:], np.zeros((0, size)), np.inf
+    if apart:
+        Cv, D = np.stack([u_slow + d, error.row, rush]), np.zeros((channels, channels))
+        D[ERROR] = error.direct
+        own = slice(slow_states)
+        settled = np.zeros((SETTLED_AGES if loop.process.delay else 1, size))
+        settled[:, own] = _times_ring_function(
+            error.row[own],
+            error.direct,
+            (A[own, own], B[own], Cv[:, own], D),
+            *rest,
+            bool(loop.process.delay),
+        )
+        settled[0] += u_slow
+        settling = FADED_AWAY / float(np.min(np.abs(fast[0].poles)))
+    if not loop.process.delay:  # close the loop at once: W = Cv x + D W
+        W = np.linalg.solve(np.eye(channels) - D, Cv)
+        A, C = A + B @ W, C + shares @ W
+        B, Cv, D, shares = np.zeros_like(B), np.zeros_like(Cv), np.zeros_like(D), np.zeros_like(shares)
+    if not all(np.isfinite(x).all() for x in (A, B, C)):
         raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
-    return Cut(A, b, v, v_direct, C, shares, states.x0, loop.process.delay)
+    return Cut(A, B, Cv, D, C, shares, states.x0, loop.process.delay, settled, settling)
+
+
+def _sends_little(loop: Loop, speed: float, direct: float) -> bool:
+    """Whether the fast part, a kick as high as its direct part and then nothing, sends little through the process.
+
+    Then its kicks are kept out of the process: as far as 1e8 times its answer they would cancel there.
+    """
+    fastest = _fastest_driving(loop)
+    if not speed > VERY_STIFF * fastest or len(loop.blocks["process"][0]) == len(loop.blocks["process"][1]):
+        return False
+    process = abs(
+        np.polyval(loop.blocks["process"][0], 1j * speed) / np.polyval(loop.blocks["process"][1], 1j * speed)
+    )
+    return bool(process * abs(direct) < SENDS_LITTLE)
+
+
+def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
+    """Return what direct W reads of x(t - delay), x(t - 2 delay), ..."""
+    read = []
+    for _ in range(SETTLED_AGES - 1):
+        read.append(direct @ Cv)
+        direct = direct @ D
+    return np.array(read)
+
+
+def _times_ring_function(
+    row: Array,
+    direct: Array,
+    delayed: tuple[Array, Array, Array, Array],
+    num: Array,
+    poles: Any,
+    dead_time: bool,
+) -> Array:
+    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: what a far faster block makes of a signal.
+
+    As `_times_function`, for the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop with its past.
+    """
+    A, B, Cv, D = delayed
+    if not dead_time:
+        W = np.linalg.solve(np.eye(len(D)) - D, Cv)
+        return _times_function(row + direct @ W, A + B @ W, num, poles)[None]
+    signal = np.vstack([row, _delayed_row(direct, Cv, D)])
+    value = np.zeros(signal.shape, dtype=complex)
+    for coefficient in num:
+        late = np.zeros(len(D), dtype=complex)
+        for age in range(SETTLED_AGES):
+            now = value[age].copy()
+            value[age] = now @ A + late @ Cv + coefficient * signal[age]
+            late = late @ D + now @ B
+    for pole in poles:
+        shifted = A.T - pole * np.eye(len(A))
+        late = np.zeros(len(D), dtype=complex)
+        for age in range(SETTLED_AGES):
+            value[age] = np.linalg.solve(shifted, value[age] - late @ Cv)
+            late = late @ D + value[age] @ B
+    return value.real
+
+
+def _poles(loop: Loop, block: str) -> Array:
+    return roots(loop.blocks[block][1])
 
 
 def _slow_parts(loop: Loop, parts: tuple[Part, ...]) -> int:
     """Count the parts of the controller that are not far faster than all that drives them."""
-    driving = [roots(loop.blocks[name][1]) for name in ("process", "prefilter")]
-    fastest = max(np.abs(np.concatenate(driving)), default=0.0)
+    fastest = _fastest_driving(loop)
     num, den = loop.open_loop
     loud = not abs(np.polyval(num, 1j * fastest)) < LOUD * abs(np.polyval(den, 1j * fastest))
     return len(parts) if loud else sum(abs(part.poles[0]) <= STIFF * fastest for part in parts)
+
+
+def _fastest_driving(loop: Loop) -> float:
+    """Return the speed of the fastest state that drives the controller."""
+    driving = np.concatenate([_poles(loop, name) for name in ("process", "prefilter")])
+    return float(np.max(np.abs(driving), initial=0.0))
 
 
 def _without(

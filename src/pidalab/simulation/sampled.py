@@ -148,8 +148,8 @@ def simulate_sampled(
     else:
         block, own = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
         code, _, numbers = operations(program(own), own.at_rest())
-    units = own.y_offset, own.y_span, own.bias, own.u_span
-    y, u, area = run(code, numbers[:, None], block, units, steps, actuator, fineness, reference, d, n)
+    rest = own.y_offset, own.bias
+    y, u, area = run(code, numbers[:, None], block, rest, steps, actuator, fineness, reference, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
         raise ValueError(
@@ -172,7 +172,7 @@ def _limited(
             f"anti_windup must be None for a digital controller, which has its own ({k.anti_windup}), found "
             f"{anti_windup!r}"
         )
-    low, high = (k.bias + k.u_span * limit for limit in limits)
+    low, high = (k.bias + limit for limit in limits)
     return replace(k, limits=(max(low, k.limits[0]), min(high, k.limits[1])))
 
 

@@ -70,18 +70,21 @@ def sampled_controller(
     num = rest[:-1] if rest.size > 1 else np.zeros(1)
     tracking = _tracking(ki, num[-1] / den[-1], h) if anti_windup == "conditioning" else 0.0
     way = "clamping ahead" if anti_windup == "clamping" else None
-    return discretise(num, den, h), _behind(h, limits, integral=ki * h, taken_back=tracking, anti_windup=way)
+    return discretise(num, den, h), _behind(h, limits, integral=ki * h, gain=tracking, anti_windup=way)
 
 
-def _behind(h: float, limits: tuple[float, float], integral: float = 0.0, **more: Any) -> DigitalController:
+def _behind(
+    h: float, limits: tuple[float, float], integral: float = 0.0, gain: float = 0.0, **more: Any
+) -> DigitalController:
     """Return the digital controller that adds an integral, where it grows, to a given signal, and limits the sum."""
-    rest: dict[str, Any] = {"from_signal": False, "taken_back": 0.0, "tracked": 0.0, "anti_windup": None}
+    rest: dict[str, Any] = {"from_signal": False, "tracking_gain": 0.0, "anti_windup": None}
     return DigitalController(
         sample_time=h,
         method="zoh",
         paths=(),
         integrates=integral != 0.0,
         growth=(0.0, integral),
+        back_calculation_gain=gain,
         weights=(1.0, 1.0),
         limits=limits,
         **rest | more,

@@ -114,7 +114,7 @@ def run(
     code: np.ndarray,
     numbers: Array,
     block: StateSpace,
-    units: tuple[float, float, float, float],
+    rest: tuple[float, float],
     plant: Steps,
     actuator: Actuator,
     fineness: float,
@@ -124,11 +124,11 @@ def run(
 ) -> tuple[Array, Array, Array]:
     """Run the loop; `reference` is the filtered set point. Returns y, u and the integral of y.
 
-    The controller is a block that acts on the error, and the operations of a step. The loop counts from rest in units
-    of the model; `units` are y_offset, y_span, bias and u_span of the controller's signals.
+    The controller is a block that acts on the error, and the operations of a step. The loop counts from
+    rest; `rest` is y_offset and bias of the controller's signals.
     """
     n, before = reference.size, plant.ago[0]
-    y_offset, y_span, bias, u_span = units
+    y_offset, bias = rest
     y, u, area = np.empty(n), np.empty(n), np.empty(n)
     v = np.zeros(n + before)  # input of the plant less its pulses, with its rest before t = 0 in front
     width = np.zeros(n + before, np.intp)
@@ -140,14 +140,14 @@ def run(
         measured = y[k] + noise[k]
         if fineness > 0:
             measured = fineness * np.rint(measured / fineness)
-        numbers[op.SETPOINT, 0] = y_offset + y_span * reference[k]
-        numbers[op.MEASUREMENT, 0] = y_offset + y_span * measured
+        numbers[op.SETPOINT, 0] = y_offset + reference[k]
+        numbers[op.MEASUREMENT, 0] = y_offset + measured
         error = numbers[op.SETPOINT, 0] - numbers[op.MEASUREMENT, 0]
-        numbers[op.ACTION, 0] = output(block.c, block.d, z, error)
+        numbers[op.SUMMED, 0] = output(block.c, block.d, z, error)
         advanced(block.A, block.b, z, error, z_new)
         z, z_new = z_new, z
         step_one(code, numbers)
-        wanted = (numbers[op.CONTROL, 0] - bias) / u_span
+        wanted = numbers[op.CONTROL, 0] - bias
         u[k] = acted(actuator, wanted, load[k], v, width, k + before)
         x, x_new = crossed(plant, x, x_new, v, width, k + before)
     return y, u, area

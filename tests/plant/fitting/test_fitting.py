@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 import pidalab
 from pidalab import Record
 from pidalab.plant.fitting import fit
-from pidalab.plant.fitting.searching import Found, prepared, refined, search
+from pidalab.plant.fitting.searching import FitResult, prepared, refined, search
 from pidalab.plant.fitting.shapes import FIRST, INTEGRATOR, SECOND
 from pidalab.plant.fitting.uncertainty import covariance
 
@@ -195,7 +195,7 @@ def test_a_fit_is_its_own_and_says_what_it_found():
         f"residuals {fitted.deviation:.3g} (root mean square): noise {fitted.noise:.3g}, "
         f"error of the model {fitted.model_error:.3g}",
         f"NRMSE {fitted.nrmse:.3f}, no part left to test it on, since nothing moves at the end",
-        "fopdt was asked for.",
+        "fopdt was requested.",
     ]
     assert fitted.deviation == pytest.approx(np.sqrt(np.mean(fitted.residuals**2)))
     assert fitted.nrmse == pytest.approx(1 - fitted.deviation / np.std(historian(0).y))
@@ -219,7 +219,7 @@ def test_uncertainty_of_white_residuals_in_closed_form():
 
 def test_uncertainty_of_an_exact_fit_is_none():
     data = prepared(historian(0))
-    exact = Found(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
+    exact = FitResult(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
     assert not np.any(covariance(exact))
 
 
@@ -252,7 +252,7 @@ def test_what_a_fit_looks_at_of_a_record():
     u = np.select([t < 20, t < 50], [1.0, 4.0], 2.5)
     data = prepared(Record(t, u, np.minimum(t, 80.0)))
     first, second = int(np.argmax(t >= 20)), int(np.argmax(t >= 50))
-    assert data.moments.tolist() == [t[first], t[second]]
+    assert data.change_times.tolist() == [t[first], t[second]]
     assert data.changes.tolist() == [3.0, -1.5]
     assert data.unseen == pytest.approx((t[first] - t[first - 1] + t[second] - t[second - 1]) / 2)
     assert (data.t.size, data.grid) == (200, 0.0)
@@ -278,7 +278,7 @@ def test_a_long_record_is_averaged_over_neighbours():
     assert data.t[0] == pytest.approx(np.mean(t[:3]))
     assert data.t[-1] == pytest.approx(np.mean(t[-2:]))
     assert np.all(np.abs(data.y - np.interp(data.t, t, y)) < 1e-2)
-    assert data.moments.tolist() == [20.0]
+    assert data.change_times.tolist() == [20.0]
 
 
 def test_eight_equal_lags_are_the_most():
@@ -423,3 +423,31 @@ def test_a_plot_of_a_fit_has_its_residuals_in_a_band_of_twice_the_noise():
     band = ax.patches[0].get_path().get_extents(ax.patches[0].get_patch_transform())
     assert np.ptp(below) == pytest.approx(0.0, abs=1e-9)
     assert (band.y0, band.y1) == pytest.approx((below[0] - 2 * found.noise, below[0] + 2 * found.noise))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_model_that_explains_less_than_half_of_the_variance_is_none(seed):
+    """A wheel whose speed is told by differences of a coarse encoder: alternating jumps, which no noise is."""
+    t = 0.1 * np.arange(200.0)
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-500, 800, 50), 4)
+    y = np.interp(t - 0.05, t, u) + 900.0 * (-1.0) ** np.arange(t.size) * rng.choice([1.0, 1.0, -1.0], t.size)
+    with pytest.raises(
+        ValueError, match=r"explains \d+ % of the variance.*NRMSE 0\.\d\d.*|does not settle|not clearly"
+    ):
+        fit(Record(t, u, y))
+
+
+def test_the_share_that_is_explained_is_that_of_the_variance():
+    """By noise of known size: half of the variance is the limit, whatever the kind of experiment."""
+    t = np.arange(2000.0)
+    u = np.where((t // 100) % 2 == 0, 0.0, 1.0)
+    clean = np.interp(t - 3.0, t, u)
+    noise = np.random.default_rng(0).normal(0.0, 1.0, t.size)
+    noise /= noise.std()
+    quiet, loud = (clean + share * clean.std() * noise for share in (0.8, 1.3))
+    assert fit(Record(t, u, quiet), "fopdt").nrmse == pytest.approx(1 - 0.8 / np.sqrt(1 + 0.8**2), abs=0.02)
+    with pytest.raises(
+        ValueError, match=r"explains (36|37|38) % of the variance.*has to explain 50 %|not clearly above"
+    ):
+        fit(Record(t, u, loud), "fopdt")

@@ -1,8 +1,10 @@
 """Files as historians write them; an error names the row."""
 
 import time
+import tracemalloc
 from datetime import datetime, timedelta
 
+import numpy as np
 import pytest
 
 from pidalab import Record
@@ -139,7 +141,7 @@ def test_what_was_done_to_a_file_is_said(tmp_path):
     text = lines("2026-03-05 11:00:{:02},250,{},{}")
     doubts = Record.read_csv(write(tmp_path, text + "\nTotal 40")).doubts
     assert doubts[0].startswith("milliseconds after a comma")
-    assert doubts[1] == "1 row(s) after the last row of numbers were left out: 'Total 40'"
+    assert doubts[1] == "1 row(s) after the last row of numbers were left out: Total 40"
 
 
 def test_two_roles_on_one_column_are_refused(tmp_path):
@@ -158,7 +160,7 @@ def test_an_output_as_time_is_refused_by_its_name(tmp_path):
         Record.read_csv(write(tmp_path, wave), time="y", u="u", y=0)
     wide = "\n".join(f"{row},{k}" for k, row in enumerate(wave.splitlines()[1:]))
     with pytest.raises(
-        ValueError, match=r"step.csv \(time = 0, u = 1, y = 2\): t is no time, or its clock was set"
+        ValueError, match=r"step.csv \(time = 0, u = 1, y = 2\): t is not a time axis, its clock was set"
     ):
         Record.read_csv(write(tmp_path, wide))
 
@@ -169,5 +171,107 @@ def test_a_wild_output_is_named_by_its_row_and_left_out_with_a_word(tmp_path):
     path = write(tmp_path, "\n".join(rows))
     assert "far from its neighbours: row 61 (y = -9999)" in Record.read_csv(path).doubts
     dropped = Record.read_csv(path, outliers="drop")
-    assert (dropped.t.size, dropped.apart) == (79, "")
-    assert "left out: row 61 (y = -9999)" in dropped.doubts
+    assert (dropped.t.size, dropped.outlier_note) == (79, "")
+    assert "left out: far from its neighbours: row 61 (y = -9999)" in dropped.doubts
+
+
+def step_lines(count=5000):
+    """Rows of a first-order step, as many as are asked for."""
+    y = 20 + 7 * -np.expm1(-np.maximum(np.arange(count) - count // 10, 0) * 20 / count)
+    return [f"{k},{40 if k < count // 10 else 47},{value:.4f}" for k, value in enumerate(y)]
+
+
+@pytest.mark.parametrize("where", [0, 1, 2500, 5001])
+@pytest.mark.parametrize(
+    "line", ["," * 5000, '"' + "," * 5000, ",x" * 5000], ids=["commas", "quote", "words"]
+)
+def test_one_long_line_widens_no_other(tmp_path, where, line):
+    """Memory grows with the file: 25 million entries, of 5,000 rows with 5,000 columns each, would fill gigabytes."""
+    lines = ["t,u,y", *step_lines()]
+    lines.insert(where, line)
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines))
+    tracemalloc.start()
+    try:
+        refusal = ""
+        try:
+            assert Record.read_csv(path, u="u" if where else 1, y="y" if where else 2, time=0).t.size == 5000
+        except ValueError as found:
+            refusal = str(found)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 60e6
+    assert not refusal or (line != "," * 5000 and f"row {where + 1}" in refusal)
+
+
+def test_a_line_beyond_all_measure_is_named(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["t,u,y", *step_lines(200), "x" * 140_000]))
+    with pytest.raises(ValueError, match=r"log\.csv, row 202, has 140000 characters.*at most 100000"):
+        Record.read_csv(path)
+
+
+def test_the_time_to_read_grows_with_the_rows(tmp_path):
+    path = tmp_path / "log.csv"
+    seconds = []
+    for count in (2_000, 20_000, 200_000):
+        path.write_text("\n".join(["t,u,y", *step_lines(count)]))
+        begun = time.process_time()
+        assert Record.read_csv(path).t.size == count
+        seconds.append(time.process_time() - begun)
+    assert seconds[2] < 30 * seconds[1] + 1.0
+
+
+def test_a_table_wider_than_most_is_read(tmp_path):
+    path = tmp_path / "log.csv"
+    head = ",".join(["t", *(f"x{k}" for k in range(200)), "u", "y"])
+    rows = [",".join([k, *["1.5"] * 200, u, y]) for k, u, y in (line.split(",") for line in step_lines(60))]
+    path.write_text("\n".join([head, *rows]))
+    assert Record.read_csv(path, u="u", y="y").t.size == 60
+
+
+def test_dates_in_milliseconds_are_seconds(tmp_path):
+    """Read as numbers they gave code for a sample of 1 ms where 1 s was wanted."""
+    for share, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+        rows = [f"{(1_700_000_000 + k) * int(share)},{u},{y}" for k, u, y in map(steps, range(60))]
+        record = Record.read_csv(write(tmp_path, "\n".join(["stamp,u,y", *rows])))
+        assert record.sampling == pytest.approx(1.0)
+        assert np.ptp(record.t) == pytest.approx(59.0)
+        assert any(f"{unit} since 1970" in doubt for doubt in record.doubts)
+    rows = [f"{1_700_000_000 + k},{u},{y}" for k, u, y in map(steps, range(60))]
+    plain = Record.read_csv(write(tmp_path, "\n".join(["stamp,u,y", *rows])))
+    assert (plain.t[0], plain.sampling, plain.doubts) == (
+        0.0,
+        1.0,
+        Record(*zip(*map(steps, range(60)), strict=True)).doubts,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("t [ms]", "ms"), ("time_ms", "ms"), ("Time (min)", "min"), ("t", ""), ("terms", ""), ("time (s)", "")],
+)
+def test_a_unit_in_the_name_of_the_times_is_said(tmp_path, name, unit):
+    rows = [f"{1000 * k},{u},{y}" for k, u, y in map(steps, range(60))]
+    record = Record.read_csv(write(tmp_path, "\n".join([f"{name},u,y", *rows])))
+    assert any(f"the times are in {unit}, by the name" in doubt for doubt in record.doubts) is bool(unit)
+
+
+@pytest.mark.parametrize("columns", [{}, {"time": 1, "u": 2, "y": 0}], ids=["in order", "others"])
+def test_traces_one_below_the_other_are_named(tmp_path, columns):
+    """A PLC writes a table for each signal, with its own head."""
+    head = ["Variable; {}", "Address; 0", "Class; 14", "GraphColor; 4282811060", "Data; "]
+    rows = [f"; {20 * k}; {value}" for k, value in enumerate([25.0] * 30 + [50.0] * 30)]
+    text = "\n".join(
+        line for name in ("Set point", "Speed") for line in [head[0].format(name), *head[1:], *rows]
+    )
+    with pytest.raises(ValueError, match=r"row 66: words.*numbers again from row 71 on: several traces"):
+        Record.read_csv(write(tmp_path, text), **columns)
+
+
+def test_one_bad_entry_is_no_second_table(tmp_path):
+    rows = lines().splitlines()
+    rows[20] = "20,x,1020"
+    with pytest.raises(ValueError, match=r"row 21, column 1: expected a number, found 'x'"):
+        Record.read_csv(write(tmp_path, "\n".join(rows)))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import sys
+
 import click
 
 from pidalab.plant.cli import desk, given, judged, recorded
@@ -27,6 +30,9 @@ def main() -> None:
       pidalab benchmark rule.py:tune --out folder              a rule of yours on 134 plants
       pidalab tclab                                            a board on the desk, simulated
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a console that lacks a character shows another one for it
+            stream.reconfigure(errors="replace")
 
 
 for module in (recorded, given, judged, desk):

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pidalab.plant.cli.parts import ms, one_line, out, show, write_csv
+from pidalab._table import set_out
+from pidalab.plant.cli.parts import KINDS, csv_of, ms, one_line, out, show, write
 
 if TYPE_CHECKING:
     from pidalab.response import Response
@@ -37,6 +38,7 @@ def tclab_command(
     sample_time: float,
     ms: float,
     out: Path | None,
+    force: bool,
 ) -> None:
     """Step test, model, PI, PID and PIDA, and their loops on a Temperature Control Lab.
 
@@ -52,7 +54,10 @@ def tclab_command(
 
     from pidalab.plant.heater import Lab
     from pidalab.plant.reporting import report
+    from pidalab.plant.writing import refuse_others
 
+    if out is not None and not force:  # before an experiment of hours
+        refuse_others({out / name: None for name in ("report.html", *(f"{kind}.csv" for kind in KINDS))})
     with Lab(connected) as lab:
         record = lab.step_test(power, duration, sample_time=sample_time)
     found = report(record, ms=ms, sample_time=sample_time)
@@ -71,8 +76,7 @@ def tclab_command(
     where = "at the board" if connected else "simulated"
     show([(f"Closed loops, {where}, after heater 2 went to {load:g} %", _table(runs, duration))])
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        click.echo(f"written: {found.html(out / 'report.html', 'Temperature Control Lab')}")
+        texts = {"report.html": found.page("Temperature Control Lab")}
         for kind, run in runs.items():
             signals = {
                 "t": run.t,
@@ -81,12 +85,14 @@ def tclab_command(
                 "temperature": run.y,
                 "heater 1": run.u,
             }
-            write_csv(out / f"{kind}.csv", signals)
+            texts[f"{kind}.csv"] = csv_of(signals)
+        write(out, texts, force)
 
 
 def _table(runs: dict[str, Response], start: float) -> str:
-    lines = [f"{'':5}{'IAE':>10}{'TV of u':>10}"]
+    widths = (5, 10, 10)
+    lines = [set_out(["", "IAE", "TV of u"], widths)]
     for kind, run in runs.items():
         after = run.between(start, float(run.t[-1]))
-        lines.append(f"{kind:5}{after.iae():10.4g}{after.tv('u'):10.4g}")
+        lines.append(set_out([kind, f"{after.iae():.4g}", f"{after.tv('u'):.4g}"], widths))
     return "\n".join(lines)

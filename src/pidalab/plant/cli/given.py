@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pidalab.plant.cli.parts import limits, ms, one_line, plant, show, times, write_csv
+from pidalab._table import set_out
+from pidalab.plant.cli.parts import csv_of, force, limits, ms, one_line, plant, show, times, write
 
 if TYPE_CHECKING:
     from pidalab.loop import Loop
@@ -52,7 +53,7 @@ def rules_command() -> None:
     from pidalab.rules.registry import RULES
 
     for rule in RULES.values():
-        click.echo(f"{rule.name:27}{', '.join(rule.kinds):15}{rule.source}")
+        click.echo(set_out([rule.name, ", ".join(rule.kinds), rule.source], (27, 15, 0), left=3))
 
 
 @click.command("simulate")
@@ -73,9 +74,16 @@ def rules_command() -> None:
 )
 @limits
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for t, r, y, u.")
+@force
 @one_line
 def simulate_command(
-    num: list[float], den: list[float], delay: float, until: float, out: Path | None, **options: Any
+    num: list[float],
+    den: list[float],
+    delay: float,
+    until: float,
+    out: Path | None,
+    force: bool,
+    **options: Any,
 ) -> None:
     """Simulate a loop from rest, its dead time exact, and print margins and measures.
 
@@ -94,7 +102,8 @@ def simulate_command(
     response = _response(loop, until, *(options[name] for name in ("setpoint", "load", "u_min", "u_max")))
     show([("Loop", repr(loop)), ("Margins", str(margins(loop))), ("Measures", _measures(response))])
     if out is not None:
-        write_csv(out, {name: getattr(response, name) for name in ("t", "r", "y", "u")})
+        text = csv_of({name: getattr(response, name) for name in ("t", "r", "y", "u")})
+        write(out.parent, {out.name: text}, force)
 
 
 _CONTROLLER = ("controller", "kp", "ti", "td", "ta", "n", "m", "sample_time")
@@ -141,15 +150,23 @@ def _response(loop: Loop, until: float, setpoint: float, load: float, low: float
 
 
 def _measures(response: Response) -> str:
+    end = float(response.t[-1])  # that of a loop which may diverge, as the lines say
     lines = [
-        f"IAE {response.iae():.6g}, ITAE {response.itae():.6g}, ISE {response.ise():.6g}, until {response.t[-1]:g}",
-        f"total variation of u {response.tv('u'):.6g}, largest |u| {abs(response.peak('u')):.6g}, "
-        f"largest |y| {abs(response.peak()):.6g}",
+        f"IAE {response.iae(end):.6g}, ITAE {response.itae(end):.6g}, ISE {response.ise(end):.6g}, until {end:g}",
+        f"total variation of u {response.tv('u', end):.6g}, largest |u| {abs(response.peak('u', end)):.6g}, "
+        f"largest |y| {abs(response.peak('y', end)):.6g}",
         f"output at the end {response.y[-1]:.6g}, control signal {response.u[-1]:.6g}",
     ]
     if response.r[-1] != 0:
-        lines.append(f"overshoot {response.overshoot():.4g} %, {_settling(response)}")
+        lines.append(f"{_overshoot(response)}, {_settling(response)}")
     return "\n".join(lines)
+
+
+def _overshoot(response: Response) -> str:
+    try:
+        return f"overshoot {response.overshoot():.4g} %"
+    except ValueError:
+        return "no overshoot to be read up to the end"
 
 
 def _settling(response: Response) -> str:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import functools
+import io
 import math
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
+
+from pidalab.plant.writing import write_files
 
 KINDS = ("PI", "PID", "PIDA")
 
@@ -27,7 +30,7 @@ def one_line(command: Callable[..., None]) -> Callable[..., None]:
     return guarded
 
 
-def together(*options: Callable[..., Any]) -> Callable[..., Any]:
+def add_options(*options: Callable[..., Any]) -> Callable[..., Any]:
     """Put several options on a command, in this order."""
 
     def put(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -53,24 +56,28 @@ def column(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
 
 ms = click.option("--ms", default=1.6, help="Largest maximum sensitivity.")
 ms_worst = click.option("--ms-worst", default=2.0, help="The same with any plant of the spread.")
-limits = together(
+limits = add_options(  # of the control signal
     click.option("--u-min", default=-math.inf, help="Lower limit of u."),
     click.option("--u-max", default=math.inf, help="Upper limit of u."),
 )
-plant = together(
+plant = add_options(
     click.option("--num", default="1", callback=numbers, help="Numerator, highest power first."),
     click.option(
         "--den", required=True, callback=numbers, help="Denominator, highest power first: '1,3,3,1'."
     ),
     click.option("--delay", default=0.0, help="Dead time."),
 )
-times = together(
+times = add_options(
     click.option("--td", default=0.0, help="Derivative time."),
     click.option("--ta", default=0.0, help="Acceleration time squared."),
     click.option("--n", default=10.0, help="The derivative's filter is td/n."),
     click.option("--m", default=10.0, help="The acceleration's filter is ta/m, twice."),
 )
-out = click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Folder to write to.")
+force = click.option("--force", is_flag=True, help="Replace files that are there and hold something else.")
+out = add_options(
+    click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Folder to write to."),
+    force,
+)
 
 
 def show(sections: Sequence[tuple[str, str]]) -> None:
@@ -79,10 +86,17 @@ def show(sections: Sequence[tuple[str, str]]) -> None:
         click.echo(f"{head}\n{textwrap.indent(text, '  ', lambda line: True)}\n")
 
 
-def write_csv(path: Path, columns: dict[str, Any]) -> None:
-    """Write columns of numbers by their names, and say so."""
+def write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
+    """Write files, all of them whole or none, and say so."""
+    for path in write_files(folder, texts, replace=force):
+        click.echo(f"written: {path}")
+
+
+def csv_of(columns: dict[str, Any]) -> str:
+    """Return columns of numbers by their names as the text of a file."""
     import numpy as np
 
+    text = io.StringIO()
     table = np.column_stack(list(columns.values()))
-    np.savetxt(path, table, fmt="%.10g", delimiter=",", header=",".join(columns), comments="")
-    click.echo(f"written: {path}")
+    np.savetxt(text, table, fmt="%.10g", delimiter=",", header=",".join(columns), comments="")
+    return text.getvalue()

@@ -8,13 +8,29 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pidalab.plant.cli.parts import KINDS, column, limits, ms, ms_worst, one_line, out, show, times, together
+from pidalab._text import plain_text
+from pidalab.plant.cli.parts import (
+    KINDS,
+    add_options,
+    column,
+    force,
+    limits,
+    ms,
+    ms_worst,
+    one_line,
+    out,
+    show,
+    times,
+    write,
+)
 
 if TYPE_CHECKING:
     from pidalab.plant.record import Record
     from pidalab.rules import Design
 
 MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
+ANTI_WINDUP = ("reset", "back-calculation", "clamping", "none")
+WEIGHT = click.FloatRange(0.0, 1.0)  # of a set point: beyond 1 it would be another one
 READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers")
 CODE = {
     "controller.c": "c",
@@ -24,7 +40,7 @@ CODE = {
 }
 
 
-record = together(
+record = add_options(
     click.argument("record", type=click.Path(exists=True, dir_okay=False, path_type=Path)),
     click.option("--time", default="0", callback=column, help="Its name, or its number from 0."),
     click.option("--u", default="1", callback=column, help="Column of the plant's input."),
@@ -41,7 +57,7 @@ record = together(
     ),
     click.option("--model", default="auto", type=click.Choice(MODELS), help="Model to fit."),
 )
-design = together(
+design = add_options(
     click.option("--rule", default="optimal", help="The optimum, or a rule of 'pidalab rules' by its name."),
     ms,
     ms_worst,
@@ -61,8 +77,9 @@ design = together(
 @record
 @design
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="HTML file to write.")
+@force
 @one_line
-def report_command(out: Path | None, model: str, **options: Any) -> None:
+def report_command(out: Path | None, force: bool, model: str, **options: Any) -> None:
     """Set PI, PID and PIDA for the plant of a RECORD side by side, with the same limits.
 
     \b
@@ -72,12 +89,12 @@ def report_command(out: Path | None, model: str, **options: Any) -> None:
     from pidalab.plant.fitting import fit
     from pidalab.plant.reporting import report
 
-    name = options["record"].name
+    name = plain_text(options["record"].name)
     read = _read(options)
     found = report(fit(read, model), **options)
     show([("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))])
     if out is not None:
-        click.echo(f"written: {found.html(out, f'PI, PID and PIDA for {name}')}")
+        write(out.parent, {out.name: found.page(f"PI, PID and PIDA for {name}")}, force)
 
 
 @click.command("tune")
@@ -85,8 +102,36 @@ def report_command(out: Path | None, model: str, **options: Any) -> None:
 @click.option("--kind", default="PIDA", type=click.Choice(KINDS))
 @design
 @limits
-@click.option("--b", default=1.0, help="Weight of the set point in the proportional part.")
-@click.option("--c", default=1.0, help="Weight of the set point in the derivatives.")
+@click.option(
+    "--b",
+    type=WEIGHT,
+    show_default="0.5, or 1 with a prefilter or automatic reset",
+    help="Weight of the set point in the proportional part.",
+)
+@click.option(
+    "--c",
+    type=WEIGHT,
+    show_default="0, or 1 with a prefilter or automatic reset",
+    help="Weight of the set point in the derivatives.",
+)
+@click.option(
+    "--rate-limit",
+    type=click.FloatRange(0.0, min_open=True),
+    default=math.inf,
+    help="Largest change of u in a unit of time.",
+)
+@click.option(
+    "--deadband",
+    type=click.FloatRange(0.0),
+    default=0.0,
+    help="Error, in units of y, that counts as none.",
+)
+@click.option(
+    "--anti-windup",
+    type=click.Choice(ANTI_WINDUP),
+    show_default="reset; without proportional action clamping",
+    help="What a limit does to the integral.",
+)
 @click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal.")
 @click.option(
     "--tunable", is_flag=True, help="Code with gains that may change while it runs, without a bump."
@@ -99,10 +144,14 @@ def tune_command(
     kind: str,
     u_min: float,
     u_max: float,
-    b: float,
-    c: float,
+    b: float | None,
+    c: float | None,
+    rate_limit: float,
+    deadband: float,
+    anti_windup: str | None,
     feedforward: bool,
     tunable: bool,
+    force: bool,
     **options: Any,
 ) -> None:
     """Tune a controller from a plant RECORD, a text file with an input that moves: a step, best from rest.
@@ -119,7 +168,8 @@ def tune_command(
     from pidalab.plant.reporting import COLUMNS, report
     from pidalab.robustness.margins import margins
 
-    title = f"{kind} controller for {options['record'].name}"
+    called = options["record"].name
+    title = f"{kind} controller for {plain_text(called)}"
     read = _read(options)
     fitted = fit(read, model)
     found = report(fitted, kinds=kind, **options)
@@ -127,7 +177,19 @@ def tune_command(
     assert design is not None
     # the working point of the record: model and controller count from there
     rest = float(read.steps[0].before) if read.steps else read.u_before
-    further = {"b": b, "c": c, "feedforward": feedforward, "tunable": tunable}
+    # a prefilter shapes the set point already, and automatic reset is written as such with both weights 1
+    shaped = design.prefilter is not None or design.controller.automatic_reset() is not None
+    usual = (1.0, 1.0) if shaped else (0.5, 0.0)
+    further: dict[str, Any] = {
+        "b": usual[0] if b is None else b,
+        "c": usual[1] if c is None else c,
+        "rate_limit": rate_limit,
+        "deadband": deadband,
+        "feedforward": feedforward,
+        "tunable": tunable,
+    }
+    if anti_windup is not None:
+        further["anti_windup"] = None if anti_windup == "none" else anti_windup
     digital = design.discretise(
         sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest, **further
     )
@@ -145,13 +207,16 @@ def tune_command(
     show(sections)
     if out is None:
         return
-    out.mkdir(parents=True, exist_ok=True)
     note = "\n".join(f"Doubt: {doubt}" for doubt in (*read.doubts, *doubts))
-    for name, language in CODE.items():
-        code = getattr(digital, language)(margins=sampled, note=note)
-        (out / name).write_text(code, encoding="utf-8")
-        click.echo(f"written: {out / name}")
-    click.echo(f"written: {found.html(out / 'report.html', title, sections)}")
+    head = {
+        "record": called,
+        "time_unit": "unit of the record",
+    }
+    texts = {
+        name: getattr(digital, language)(margins=sampled, note=note, **head)
+        for name, language in CODE.items()
+    }
+    write(out, texts | {"report.html": found.page(title, sections)}, force)
 
 
 @click.command("check")

@@ -17,8 +17,8 @@ from pidalab._check import Array
 from pidalab.plant.fitting.searching import (
     BETTER,
     LEVEL,
-    Data,
-    Found,
+    FitData,
+    FitResult,
     loaded,
     prepared,
     projected,
@@ -27,7 +27,15 @@ from pidalab.plant.fitting.searching import (
     tried_models,
 )
 from pidalab.plant.fitting.shapes import Shape
-from pidalab.plant.fitting.uncertainty import covariance, drifts, noise_of, together, unsettled
+from pidalab.plant.fitting.uncertainty import (
+    DRIFTS,
+    covariance,
+    drifts,
+    noise_of,
+    samples_per_error,
+    unexplained,
+    unsettled,
+)
 from pidalab.plant.record import Record
 from pidalab.plant.record.inputs import FOLLOWER
 from pidalab.process import Process
@@ -42,11 +50,6 @@ WORKING_POINT = 0.15  # share by which the gain may be higher or lower than in a
 HIGHER = 0.75  # share of the plants whose gain is higher
 UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
 MOVED = 0.05  # share of its span by which the input moves, if it does
-DRIFTS = (
-    "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, and "
-    "then a larger step"
-)
-HALF = 0.5  # share of the variance of the output that a load and a model may leave at most
 LEFT = 0.5  # share of the movement of the output that no model may leave beyond noise
 TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
 
@@ -88,8 +91,8 @@ class Fit:
     reason: str
     record: Record
     _covariance: Array
-    _data: Data
-    _found: Found
+    _data: FitData
+    _found: FitResult
 
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return plants that the record does not rule out: other parameters, and a lag that the model does not have.
@@ -132,7 +135,7 @@ class Fit:
         scale[-1] = np.sum(np.abs(values[1:])) or 1.0
         covariance = self._covariance / np.outer(scale, scale)
         # samples, if each had an error of its own
-        worth = self._data.t.size / together(self._found.residuals)
+        worth = self._data.t.size / samples_per_error(self._found.residuals)
         room = 1.0 + float(chi2.ppf(TRIMMED, values.size)) / worth
         limits = [room * self._squares(shape, centre) for shape, centre in models]
         rng = np.random.default_rng(seed)
@@ -213,7 +216,7 @@ class Fit:
         data = self._data
         level = np.cumsum(data.changes)
         moved = np.abs(level - level[-1]) > MOVED * np.ptp(np.append(level, 0.0))
-        last = float(data.moments[int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0])
+        last = float(data.change_times[int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0])
         cut = min(data.t[0] + 2 / 3 * np.ptp(data.t), last - 1e-9 * np.ptp(data.t))
         early = data.until(cut)
         seen = np.append(np.cumsum(early.changes), 0.0)
@@ -344,9 +347,9 @@ def fit(record: Record, model: str = "auto", load: bool = False) -> Fit:
             f"record must be a pidalab.Record, found {type(record).__name__}; write Record(t, u, y)"
         )
     _check.choice("model", model, MODELS)
-    if record.apart:
+    if record.outlier_note:
         raise ValueError(
-            f"{record.apart}; leave it out with outliers='drop' (--outliers drop), or keep it with 'keep'"
+            f"{record.outlier_note}; leave it out with outliers='drop' (--outliers drop), or keep it with 'keep'"
         )
     if record.experiment == FOLLOWER and not load:
         raise ValueError(
@@ -361,16 +364,16 @@ def fit(record: Record, model: str = "auto", load: bool = False) -> Fit:
         tried += [found for found in more if not unsettled(data, found)]
     if not tried:
         raise ValueError(f"{failed}; step the input further, from rest")
-    if load and min(found.cost for found in tried) > HALF * float(np.sum((data.y - data.y.mean()) ** 2)):
+    if load and unexplained(data, min(tried, key=lambda found: found.cost)):
         raise ValueError(DRIFTS)  # so many times and models would explain some noise, too
     if model != "auto":
         best = min(tried, key=lambda found: found.cost)
         _require_settled(data, best)
-        return _result(record, data, best, f"{model} was asked for.")
+        return _result(record, data, best, f"{model} was requested.")
     return _result(record, data, *_choice(data, tried))
 
 
-def _explained(record: Record, data: Data, tried: Sequence[Found]) -> bool:
+def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> bool:
     """Whether the best model is settled, and leaves noise."""
     if not tried:
         return False
@@ -378,7 +381,7 @@ def _explained(record: Record, data: Data, tried: Sequence[Found]) -> bool:
     return not unsettled(data, best) and best.deviation <= SURPLUS * noise_of(record, data, best)
 
 
-def _choice(data: Data, tried: Sequence[Found]) -> tuple[Found, str]:
+def _choice(data: FitData, tried: Sequence[FitResult]) -> tuple[FitResult, str]:
     """Return the simplest candidate close to the best of those that the record settles, and why."""
     first = min(tried, key=lambda found: found.cost)
     settled = [found for found in tried if not unsettled(data, found)]
@@ -401,13 +404,13 @@ def _choice(data: Data, tried: Sequence[Found]) -> tuple[Found, str]:
     )
 
 
-def _require_settled(data: Data, found: Found) -> None:
+def _require_settled(data: FitData, found: FitResult) -> None:
     refusal = unsettled(data, found)
     if refusal:
         raise ValueError(refusal)
 
 
-def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
+def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit:
     names = ("gain", "level", *found.shape.parameters, "delay")
     spread = covariance(found)
     sigma = np.sqrt(np.diag(spread))
@@ -417,6 +420,8 @@ def _result(record: Record, data: Data, found: Found, reason: str) -> Fit:
     process = found.shape.process(parameters["gain"], found.values[2:-1].tolist(), parameters["delay"])
     keep = np.delete(np.arange(len(names)), LEVEL)
     noise = noise_of(record, data, found)
+    if refusal := unexplained(data, found):
+        raise ValueError(refusal)
     if found.deviation**2 - noise**2 > (LEFT * float(np.std(data.y))) ** 2:
         raise ValueError(
             f"{found.shape.name} does not describe this plant: it leaves {found.deviation:.3g} of an output that moves "

@@ -40,13 +40,13 @@ LOADS = 46  # times at which a step of the load is tried
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
 
 
-class Data(NamedTuple):
+class FitData(NamedTuple):
     """A record as the fit sees it."""
 
     t: Array
     y: Array
     changes: Array  # of the input
-    moments: Array  # when they happen
+    change_times: Array
     unseen: float  # mean interval between samples in which the input changed
     grid: float  # sampling interval of a uniform grid on which the input changes at every sample; 0 otherwise
     free: bool = False  # whether the plant starts from a state that is not rest
@@ -62,7 +62,7 @@ class Data(NamedTuple):
         if self.grid:
             response = shape.step(self.t - self.t[0] - delay, p)
             return fftconvolve(self.changes, response)[: self.t.size]
-        since = self.t[:, None] - self.moments - delay
+        since = self.t[:, None] - self.change_times - delay
         return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
 
     def basis(self, shape: Shape, p: Sequence[float]) -> Array:
@@ -77,15 +77,15 @@ class Data(NamedTuple):
             columns.append(shape.step(self.t - self.load, p[:-1]))
         return np.column_stack(columns)
 
-    def until(self, time: float) -> Data:
+    def until(self, time: float) -> FitData:
         """Return the data up to a time."""
-        seen, moved = self.t <= time, self.moments <= time
+        seen, moved = self.t <= time, self.change_times <= time
         return self._replace(
-            t=self.t[seen], y=self.y[seen], changes=self.changes[moved], moments=self.moments[moved]
+            t=self.t[seen], y=self.y[seen], changes=self.changes[moved], change_times=self.change_times[moved]
         )
 
 
-def prepared(record: Record) -> Data:
+def prepared(record: Record) -> FitData:
     """Return what a fit looks at of a record."""
     t, u, y = record.t, record.u, record.y
     moved = np.diff(u, prepend=record.u_before)
@@ -97,7 +97,7 @@ def prepared(record: Record) -> Data:
         uniform = np.linspace(t[0], t[-1], count)
         held = u[np.searchsorted(t, uniform, side="right") - 1]
         moved = np.diff(held, prepend=record.u_before)
-        return Data(uniform, np.interp(uniform, t, y), moved, uniform, 0.0, uniform[1] - uniform[0], free)
+        return FitData(uniform, np.interp(uniform, t, y), moved, uniform, 0.0, uniform[1] - uniform[0], free)
     intervals = np.diff(t, prepend=t[0] - record.sampling)
     unseen = float(np.mean(intervals[changed]))
     moments, changes = t[changed], moved[changed]
@@ -105,16 +105,16 @@ def prepared(record: Record) -> Data:
         # neighbours are averaged: noise falls, and the response is smooth over so short a time
         parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
         t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
-    return Data(t, y, changes, moments, unseen, 0.0, free)
+    return FitData(t, y, changes, moments, unseen, 0.0, free)
 
 
-class Found(NamedTuple):
+class FitResult(NamedTuple):
     shape: Shape
     values: Array  # gain, level, shape parameters, delay
     residuals: Array
     jacobian: Array
     converged: bool  # whether the descent came to rest
-    data: Data  # with the load at its place
+    data: FitData  # with the load at its place
 
     @property
     def cost(self) -> float:
@@ -131,7 +131,7 @@ class Found(NamedTuple):
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
-def tried_models(data: Data, models: Sequence[str]) -> tuple[list[Found], str]:
+def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult], str]:
     """Return what the searches end with, and why the last one that failed did."""
     tried, failed = [], ""
     for shape in (shape for model in models for shape in _candidates(model)):
@@ -148,9 +148,9 @@ def _candidates(model: str) -> list[Shape]:
     return [shape for shape in (FIRST, SECOND, INTEGRATOR, LAGGED, ZERO) if shape.name == model]
 
 
-def search(data: Data, shape: Shape) -> Found:
+def search(data: FitData, shape: Shape) -> FitResult:
     """Least squares over shape and dead time from a grid of starts, gain and level solved for at each try."""
-    span = data.t[-1] - float(data.moments[0])
+    span = data.t[-1] - float(data.change_times[0])
     times = span * np.geomspace(0.01, 0.5, 5)
     delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
     grid = [[*start, delay] for start in _starts(shape, times) for delay in delays]
@@ -182,21 +182,21 @@ def _starts(shape: Shape, times: Array) -> list[list[float]]:
     return [[time] for time in times] if shape.parameters else [[]]
 
 
-def projected(data: Data, shape: Shape, p: Sequence[float]) -> tuple[Array, Array]:
+def projected(data: FitData, shape: Shape, p: Sequence[float]) -> tuple[Array, Array]:
     """Residuals with the best gain and level for these times, and these two (and the initial state)."""
     basis = data.basis(shape, p)
     linear, *_ = np.linalg.lstsq(basis, data.y, rcond=None)
     return np.asarray(data.y - basis @ linear, dtype=float), np.asarray(linear, dtype=float)
 
 
-def refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> Found:
+def refined(data: FitData, shape: Shape, start: Sequence[float], span: float) -> FitResult:
     """Follow one start down; times by their logarithms, a zero and the dead time as they are, this from 0 up."""
     count = len(shape.parameters) - shape.signed
 
     def times(x: Array) -> list[float]:
         return [*(span * np.exp(x[:count])).tolist(), *(span * x[count : len(start)]).tolist()]
 
-    def placed(x: Array) -> Data:
+    def placed(x: Array) -> FitData:
         return data._replace(load=data.t[0] + span * float(x[-1])) if data.loaded else data
 
     low, high = [-9.0] * count + [-1.0] * shape.signed, [3.0] * count + [1.0] * shape.signed
@@ -224,10 +224,10 @@ def refined(data: Data, shape: Shape, start: Sequence[float], span: float) -> Fo
     p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
     residuals, linear = projected(data, shape, p)
     jacobian = _sensitivity(data, shape, linear, p)
-    return Found(shape, np.array([*linear[:2], *p]), residuals, jacobian, bool(found.success), data)
+    return FitResult(shape, np.array([*linear[:2], *p]), residuals, jacobian, bool(found.success), data)
 
 
-def _sensitivity(data: Data, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
+def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
     """Derivatives of the simulated output by gain, level, shape and dead time (by differences), and initial state."""
     basis = data.basis(shape, p)
     columns = [basis[:, 0], basis[:, 1]]
@@ -244,7 +244,7 @@ def _sensitivity(data: Data, shape: Shape, linear: Array, p: Sequence[float]) ->
     return np.column_stack(columns)
 
 
-def loaded(data: Data) -> Data:
+def loaded(data: FitData) -> FitData:
     """Return the data with a step of the load where one explains most of what the input does not."""
     span = float(np.ptp(data.t))
     tried = [data._replace(load=data.t[0] + span * at) for at in np.linspace(0.0, 0.9, LOADS)]
@@ -252,12 +252,12 @@ def loaded(data: Data) -> Data:
     return min(tried, key=lambda one: min(float(np.sum(projected(one, FIRST, p)[0] ** 2)) for p in ways))
 
 
-def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:
+def rivals(data: FitData, found: FitResult) -> tuple[tuple[Shape, Array], ...]:
     """Return models with one lag more that the record does not rule out: the longest such lag, and a middle one.
 
     For equal lags there are unequal ones, too: they do nearly what a mean lag does to a record.
     """
-    span = data.t[-1] - float(data.moments[0])
+    span = data.t[-1] - float(data.change_times[0])
     left = _hidden(data, found, span, found.near)
     if found.shape.name == "lags":
         unequal = search(data, SECOND)
@@ -265,7 +265,7 @@ def rivals(data: Data, found: Found) -> tuple[tuple[Shape, Array], ...]:
     return tuple(left)
 
 
-def _hidden(data: Data, found: Found, span: float, near: float) -> list[tuple[Shape, Array]]:
+def _hidden(data: FitData, found: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
     """Return the longest further lag with which the model still serves, and a middle one."""
     *times, delay = found.values[2:].tolist()
     # of an integrator that shows no dead time, a lag within a sample is hidden too

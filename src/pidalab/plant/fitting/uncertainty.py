@@ -6,17 +6,26 @@ import numpy as np
 from scipy.stats import chi2
 
 from pidalab._check import Array
-from pidalab.plant.fitting.searching import MOST_DAMPED, Data, Found
+from pidalab.plant.fitting.searching import MOST_DAMPED, FitData, FitResult
 from pidalab.plant.fitting.shapes import FIRST
 from pidalab.plant.record import Record
 
 # condition number of the parameters' sensitivities, scaled, above which the input tells too little
 BLIND = 1e7
 SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its sign to be known
+# share of the variance of the output that a model has to explain: with less, most of the movement came from elsewhere,
+# and what is called noise may as well be the plant's answer, with another sign
+EXPLAINED = 0.5
 CHANCE = 0.003  # that a drift alone makes an answer look as large
 
+DRIFTS = (
+    "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "
+    "step the input, wait until the output rests again, and step it back, which no drift does; with nothing else (a "
+    "load, a lid, another heater) moving the output"
+)
 
-def drifts(data: Data) -> bool:
+
+def drifts(data: FitData) -> bool:
     """Whether a parabola in time leaves nothing that answers of first order to the input would explain.
 
     Of a record that does not begin at rest the plant may come to rest, too, in any time.
@@ -31,10 +40,10 @@ def drifts(data: Data) -> bool:
         for basis in (parabola, np.column_stack([parabola, *answers]))
     )
     gained, left = float(drift @ drift - both @ both), float(both @ both)
-    return left > 0 and gained * data.t.size < float(chi2.isf(CHANCE, 5)) * together(both) * left
+    return left > 0 and gained * data.t.size < float(chi2.isf(CHANCE, 5)) * samples_per_error(both) * left
 
 
-def unsettled(data: Data, found: Found) -> str:
+def unsettled(data: FitData, found: FitResult) -> str:
     """Return what the record leaves open of a model, and which experiment would settle it; empty if nothing."""
     shape, values, J = found.shape, found.values, found.jacobian
     if values[0] == 0 or not np.all(np.isfinite(values)):
@@ -68,7 +77,20 @@ def unsettled(data: Data, found: Found) -> str:
     return ""
 
 
-def covariance(found: Found) -> Array:
+def unexplained(data: FitData, found: FitResult) -> str:
+    """Return why a model explains too little of the output, with its number; empty if it explains enough."""
+    share = 1.0 - found.cost / float(np.sum((data.y - data.y.mean()) ** 2))
+    if share >= EXPLAINED:
+        return ""
+    return (
+        f"{found.shape.name} explains {100 * share:.0f} % of the variance of the output (NRMSE "
+        f"{1 - np.sqrt(1 - share):.2f}), and a model has to explain {100 * EXPLAINED:.0f} %: most of what moved the "
+        "output was not this input, or the samples are too far apart to show how; make a larger step, from rest, with "
+        "several samples while the output answers"
+    )
+
+
+def covariance(found: FitResult) -> Array:
     """Covariance of the parameters: that of white residuals, times how many samples share one error."""
     r, J = found.residuals, found.jacobian
     freedom = max(1, r.size - J.shape[1])
@@ -77,10 +99,10 @@ def covariance(found: Found) -> Array:
         return np.zeros((J.shape[1], J.shape[1]))
     scale = np.linalg.norm(J, axis=0)
     inverse = np.linalg.pinv((J / scale).T @ (J / scale), hermitian=True)
-    return np.asarray(variance * together(r) * inverse / np.outer(scale, scale))
+    return np.asarray(variance * samples_per_error(r) * inverse / np.outer(scale, scale))
 
 
-def together(r: Array) -> float:
+def samples_per_error(r: Array) -> float:
     """Return how many samples share one error: the correlations of the residuals up to where they first fall to 0."""
     spectrum = np.abs(np.fft.rfft(r, 2 * r.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: r.size]
@@ -89,7 +111,7 @@ def together(r: Array) -> float:
     return 1.0 + 2.0 * float(correlation[1:end].sum())
 
 
-def noise_of(record: Record, data: Data, found: Found) -> float:
+def noise_of(record: Record, data: FitData, found: FitResult) -> float:
     """Return the larger of the noise at rest and of what changes from sample to sample beyond the model."""
     simulated = np.interp(record.t, data.t, data.y - found.residuals)
     rough = np.diff(record.y - simulated, 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.plant.record.cleaning import cleaned, column, far_off, named
+from pidalab.plant.record.cleaning import cleaned, column, far_off, named, standing_still, still_note
 from pidalab.plant.record.inputs import MOVING, Step, described, find_steps, name_experiment
 from pidalab.plant.record.reading import LONG_AGO, read_columns
 
@@ -61,7 +62,8 @@ class Record:
         Input before the record, at which the plant was at rest: for a record that begins with its step. By default
         the first input, or that of an earlier row of the same time.
     outliers : {"drop", "keep"}, optional
-        What becomes of an output that is far from all its neighbours. By default it stays, is doubted by name, and
+        What becomes of an output that is far from all its neighbours, or stands still to the last digit after it
+        moved, as with a sensor at the end of its range. By default it stays, is doubted by name, and
         `identification.fit` refuses the record.
     rows : array_like, shape (n,), optional
         Numbers of the samples in their file, by which doubts name them.
@@ -78,8 +80,9 @@ class Record:
     noise : Noise
     at_rest : bool
         Whether the plant was at rest when the input first moved; taken for granted if the record begins with a step.
-    apart : str
-        Outputs far from all their neighbours, in words; empty if there are none, or if they were dropped or kept.
+    outlier_note : str
+        Outputs far from all their neighbours, and where the output stands still to the last digit after it moved, in
+        words; empty if there are none, or if they were dropped or kept.
     doubts : tuple of str
         What a reader of a result should know.
 
@@ -113,7 +116,7 @@ class Record:
     rest: float
     noise: Noise
     at_rest: bool
-    apart: str
+    outlier_note: str
     doubts: tuple[str, ...]
 
     def __init__(
@@ -136,14 +139,10 @@ class Record:
         doubts: list[str] = []
         word, numbers = ("sample", np.arange(given[0].size)) if rows is None else ("row", np.asarray(rows))
         where = [f"{word} {k}" for k in numbers]
-        if outliers == "drop" and (wild := far_off(given[2])).size:
-            doubts.append(f"left out: {named(where, given[2], wild)}")
-            given[2][wild] = np.nan
+        if outliers == "drop":
+            doubts += _left_out(given[2], where)
         times, inputs, outputs, earlier, kept = cleaned(*given, doubts)
-        wild = far_off(outputs) if outliers is None else np.zeros(0, dtype=int)
-        apart = (
-            f"far from its neighbours: {named([where[k] for k in kept], outputs, wild)}" if wild.size else ""
-        )
+        note = _outliers(outputs, [where[k] for k in kept]) if outliers is None else ""
         before = earlier if u_before is None else _check.real("u_before", u_before)
         if np.ptp(inputs) == 0 and before == inputs[0]:
             raise ValueError(
@@ -160,8 +159,8 @@ class Record:
         at_rest = resting or u_before is not None or (bool(steps) and noise.samples == 0)
         experiment = name_experiment(steps, times, inputs, outputs)
         vars(self).update(t=times, u=inputs, y=outputs, step_time=first, u_before=before, steps=steps)
-        vars(self).update(apart=apart, rest=rest, noise=noise, at_rest=at_rest, experiment=experiment)
-        vars(self)["doubts"] = (*doubts, *filter(None, [apart]), *self._more_doubts())
+        vars(self).update(outlier_note=note, rest=rest, noise=noise, at_rest=at_rest, experiment=experiment)
+        vars(self)["doubts"] = (*doubts, *filter(None, [note]), *self._more_doubts())
 
     @classmethod
     def read_csv(
@@ -325,12 +324,11 @@ class Record:
         if gaps.size:
             k = gaps[np.argmax(intervals[gaps])]
             found.append(f"{gaps.size} gap(s); the longest, {intervals[k]:.3g}, from {self.t[k]:.4g}")
+        apart = 0.5 * float(np.min(np.diff([s.time for s in self.steps]), initial=np.inf))
         for step in self.steps:
-            share = np.abs((self.u - step.before) / (step.after - step.before) - 0.5)
-            near = np.abs(self.t - step.time) <= 0.5 * np.min(
-                np.diff([s.time for s in self.steps]), initial=np.inf
-            )
-            slow = self.t[near & (share < 0.4)]
+            near = slice(*np.searchsorted(self.t, [step.time - apart, step.time + apart]))
+            share = np.abs((self.u[near] - step.before) / (step.after - step.before) - 0.5)
+            slow = self.t[near][share < 0.4]
             if slow.size > FEW:
                 found.append(
                     f"the input takes more than {np.ptp(slow):.3g} to go from {step.before:.6g} to {step.after:.6g}: "
@@ -378,6 +376,30 @@ class Record:
 
     def __repr__(self) -> str:
         return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
+
+
+def _outliers(y: Array, where: Sequence[str]) -> str:
+    """Name outputs that a sensor may have made up."""
+    wild, still = far_off(y), standing_still(y)
+    notes = [f"far from its neighbours: {named(where, y, wild)}"] if wild.size else []
+    if still:
+        notes.append(
+            f"the output stands still, to the last digit, in {still_note(where, y, still)}: the end of the sensor's "
+            "range, a lost sensor, or a plant that has stopped"
+        )
+    return "; ".join(notes)
+
+
+def _left_out(y: Array, where: Sequence[str]) -> list[str]:
+    """Leave out outputs that a sensor may have made up, and say so."""
+    note = _outliers(y, where)
+    if not note:
+        return []
+    still = standing_still(y)
+    y[far_off(y)] = np.nan
+    for first, last in still:
+        y[first : last + 1] = np.nan
+    return [f"left out: {note}"]
 
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:

@@ -15,6 +15,13 @@ FEWEST = 20  # samples from which something can be concluded
 BACKWARD = 0.05  # share of the samples that may lie before an earlier one
 # where clocks begin anew
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
+STILL, STILL_SHARE = (
+    15,
+    0.05,
+)  # samples, and their share, for which an output stands still, before that is told
+BEFORE, JUST_BEFORE = 10, 3  # samples before, in which it moved
+SLOWED = 0.1  # share of the way of the former that what comes to rest has at most in the latter
+MANY_STEPS, LITTLE = 2.5, 0.005  # by more than so many steps of its rounding, and than this share of its span
 LISTED = 4  # samples, or changes of the input, that are listed one by one
 
 Places = NDArray[np.intp]  # of samples
@@ -63,7 +70,7 @@ def cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Arr
 
 
 def _clock(t: Array, doubts: list[str]) -> Array:
-    """Return times that may be sorted: of a counter that begins anew, counted on; refuse those that are no times."""
+    """Return times that may be sorted: of a counter that begins anew, counted on; refuse what is not a time axis."""
     steps = np.diff(t)
     back = steps < 0
     if not back.any():
@@ -77,7 +84,8 @@ def _clock(t: Array, doubts: list[str]) -> Array:
         doubts.append("the newest sample came first: the order was turned round")
     elif behind > BACKWARD:
         raise ValueError(
-            f"t is no time, or its clock was set back: {100 * behind:.2g} % of the samples lie before an earlier one, "
+            f"t is not a time axis, its clock was set back, or several traces lie one below the other: "
+            f"{100 * behind:.2g} % of the samples lie before an earlier one, "
             f"the first of them at {t[1:][back][0]:.6g} after {t[:-1][back][0]:.6g}"
         )
     else:
@@ -92,9 +100,38 @@ def far_off(y: Array) -> Places:
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
         return known[:0]
-    away = np.abs(y[known] - median_filter(y[known], size=9, mode="nearest"))
+    # at the ends mirrored: the last sample stands once among its neighbours, like any other
+    away = np.abs(y[known] - median_filter(y[known], size=9, mode="mirror"))
     low, high = np.quantile(y[known], [0.02, 0.98])
     return known[away > max(8 * float(np.quantile(away, 0.95)), 0.2 * float(high - low))]
+
+
+def standing_still(y: Array) -> list[tuple[int, int]]:
+    """Return runs of samples at which an output that moved stands still to the last digit, as first and last place.
+
+    So does a sensor at the end of its range, or a logger that has lost its sensor. A plant does not: what comes to rest
+    slows down before, and what is rounded has been moving by steps of its rounding.
+    """
+    known = np.flatnonzero(np.isfinite(y))
+    if known.size < FEWEST:
+        return []
+    y = y[known]
+    moved = np.flatnonzero(np.diff(y)) + 1
+    levels = np.unique(y)
+    rounded = float(np.median(np.diff(levels))) if 3 * levels.size < 2 * y.size and levels.size > 1 else 0.0
+    found = []
+    for first, after in zip(moved, np.append(moved[1:], y.size), strict=True):
+        if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
+            continue
+        way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
+        if way > max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels))) and last > SLOWED * way:
+            found.append((int(known[first]), int(known[after - 1])))
+    return found
+
+
+def still_note(where: Sequence[str], y: Array, found: Sequence[tuple[int, int]]) -> str:
+    """Say where an output stands still."""
+    return first_few([f"{where[a]} to {where[b].split()[-1]} (y = {y[a]:.6g})" for a, b in found])
 
 
 def named(where: Sequence[str], y: Array, found: Places) -> str:

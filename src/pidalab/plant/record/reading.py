@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pidalab._check import Array
+from pidalab._text import plain_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +30,16 @@ STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
 GROUPED = r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"  # a number with a comma after the thousands
 LONG_AGO = 1e8  # a number above it counts seconds since then
 DAY = 86400.0  # seconds
+# how dates in finer units are told: as seconds since 1970 they would lie in the year 5138 and beyond
+FINE_DATES = ((1e17, 1e9, "nanoseconds"), (1e14, 1e6, "microseconds"), (1e11, 1e3, "milliseconds"))
+FINE_UNIT = re.compile(
+    r"(?:^|[\W_])(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h)\W*$", re.IGNORECASE
+)
+SHOWN = 60  # characters of the file in a message
 LOOKED_AT = 50  # lines from which the form of a file is told
+LONGEST_LINE = 100_000  # characters: a line of ten thousand columns is shorter
+ALWAYS_READ = 64  # columns that are read of any file
+WIDER = 8.0  # times the columns of the mean line, up to which a longer one widens the table
 
 
 class Columns(NamedTuple):
@@ -72,11 +82,17 @@ def read_columns(
         For a file without such columns, or with an entry that is neither a number nor a word for a missing one.
     """
     lines = _lines(path)[skip:]
+    for row, line in enumerate(lines):
+        if len(line) > LONGEST_LINE:
+            raise ValueError(
+                f"{path.name}, row {row + 1 + skip}, has {len(line)} characters, and a line of a record at most "
+                f"{LONGEST_LINE}: is it a table of text with a line for each sample?"
+            )
     if not any(line.strip() for line in lines):
         raise ValueError(f"{path.name} is empty")
     doubts = []
     mark = delimiter or max(DELIMITERS, key=lambda mark: _numbered(lines, mark))
-    joined = [re.sub(r"(:\d\d),(\d{3})(?=,)", r"\1.\2", line) for line in lines]
+    joined = [re.sub(r"(:\d\d),(\d{3})(?=,)", r"\1.\2", line) if ":" in line else line for line in lines]
     if mark == "," and joined != lines:
         doubts.append("milliseconds after a comma belong to the time before them: both are one column")
         lines = joined
@@ -89,18 +105,31 @@ def read_columns(
     columns = [_numbers(data[place], comma) for place in places]
     if timed and 2 * columns[0][1].sum() > len(data):
         columns[0] = _stamps(data[places[0]], columns[0], doubts)
+    if timed:
+        columns[0] = _in_seconds(columns[0], header[places[0]] if places[0] < len(header) else "", doubts)
     good = ~np.any([wrong for _, wrong in columns], axis=0)
     end = int(np.flatnonzero(good)[-1]) + 1 if good.any() else len(data)
     if end < len(data):
         doubts.append(
-            f"{len(data) - end} row(s) after the last row of numbers were left out: {lines[data.index[end]]!r}"
+            f"{len(data) - end} row(s) after the last row of numbers were left out: "
+            f"{plain_text(lines[data.index[end]], SHOWN)}"
         )
     for name, place, (_, wrong) in zip(wanted, places, columns, strict=True):
         if wrong[:end].any():
-            row = data.index[int(np.argmax(wrong))]
+            place_in_data = int(np.argmax(wrong))
+            row = data.index[place_in_data]
+            found = table.at[row, place]
+            again = place_in_data + int(np.argmax(good[place_in_data:]))
+            if again > place_in_data + 1:
+                raise ValueError(
+                    f"{path.name}, row {row + 1 + skip}: words, such as {found[:SHOWN]!r}, and numbers again from row "
+                    f"{data.index[again] + 1 + skip} on: several traces lie one below the other; put them beside each "
+                    "other, with one column of times, or cut out the part that has time, input and output"
+                )
             kind = "a number or a date" if timed and place == places[0] else "a number"
             raise ValueError(
-                f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, found {table.at[row, place]!r}"
+                f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, "
+                f"found {found[:SHOWN]!r}"
             )
     rows = data.index.to_numpy()[:end] + 1 + skip
     return Columns(tuple(values[:end] for values, _ in columns), rows, tuple(doubts))
@@ -124,11 +153,10 @@ def _numbered(lines: Sequence[str], mark: str) -> float:
 
 def _columns_of_numbers(rows: Sequence[Sequence[str]]) -> list[int]:
     """Return the columns that hold numbers and dates in more than half of the rows; one of words does not count."""
-    return [
-        k
-        for k in range(max(map(len, rows)))
-        if 2 * sum(k < len(row) and _is_value(row[k]) for row in rows) > len(rows)
-    ]
+    half = sorted(map(len, rows), reverse=True)[
+        len(rows) // 2
+    ]  # columns beyond are in half of the rows at most
+    return [k for k in range(half) if 2 * sum(k < len(row) and _is_value(row[k]) for row in rows) > len(rows)]
 
 
 def _is_value(entry: str) -> bool:
@@ -158,10 +186,17 @@ def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
     import pandas as pd
 
     plain = len(mark) == 1 or mark == r"\s+"
-    width = max(len(re.split(mark if len(mark) > 1 else re.escape(mark), line.strip())) for line in lines)
+    between = re.compile(mark if len(mark) > 1 else re.escape(mark))
+    counts = [len(between.split(line.strip())) for line in lines]
+    # one long line does not widen all others: the table has a few times the entries of the file
+    width = min(max(counts), max(ALWAYS_READ, round(WIDER * sum(counts) / len(counts))))
+    kept = [
+        line if count <= width else _cut(line, between, width)
+        for line, count in zip(lines, counts, strict=True)
+    ]
     try:
         table = pd.read_csv(
-            io.StringIO("\n".join(lines)),
+            io.StringIO("\n".join(kept)),
             sep=mark,
             header=None,
             names=range(width),
@@ -177,10 +212,22 @@ def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
     return table.fillna("").apply(lambda column: column.str.strip())
 
 
+def _cut(line: str, between: re.Pattern[str], width: int) -> str:
+    """Return the first entries of a line that has too many; no quote of it runs on into the next line."""
+    line = line.strip().replace('"', " ")
+    end = next(match for k, match in enumerate(between.finditer(line), 1) if k == width)
+    return line[: end.start()]
+
+
 def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: Path) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
     full = table[(table != "").any(axis=1)]
-    columns = _columns_of_numbers(full.tail(LOOKED_AT).to_numpy().tolist())
+    last = full.tail(LOOKED_AT).to_numpy().tolist()
+    # entries that no row has are no column, though a missing value may be blank
+    filled_in = [[row[k] for row in last if row[k]] for k in range(table.shape[1])]
+    columns = [
+        k for k, entries in enumerate(filled_in) if 2 * sum(map(_is_value, entries)) > max(len(entries), 1)
+    ]
     for index, row in enumerate(table.head(LOOKED_AT).to_numpy().tolist()):
         filled = [row[k] for k in columns if row[k]]
         if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(_is_value, filled)):
@@ -197,7 +244,7 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
             return names, index
     raise ValueError(
         f"{path.name} has no row of numbers in its first {LOOKED_AT} lines (columns divided by {mark!r}); "
-        f"its first line is {' '.join(table.iloc[0])[:60]!r}"
+        f"its first line is {' '.join(table.iloc[0])[:SHOWN]!r}"
     )
 
 
@@ -230,14 +277,35 @@ def _numbers(column: pd.Series, comma: bool) -> tuple[Array, Array]:
     """Return a column as numbers, nan where one is missing, and where there is neither a number nor a word for none."""
     import pandas as pd
 
+    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, copy=True)
+    # what reads as it stands needs no more; of decimal commas none does for sure
+    left = np.isnan(values) | comma
+    column = column[left]
     text = _bare(column)
     if comma:
         text = text.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
     else:
         text = text.mask(text.str.fullmatch(GROUPED), text.str.replace(",", "", regex=False))
-    values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=float, copy=True)
+    values[left] = pd.to_numeric(text, errors="coerce").to_numpy(dtype=float)
     values[~np.isfinite(values)] = np.nan
-    return values, np.isnan(values) & ~_bare(column).str.lower().isin(MISSING).to_numpy(dtype=bool)
+    wrong = np.isnan(values)
+    wrong[left] &= ~_bare(column).str.lower().isin(MISSING).to_numpy(dtype=bool)
+    return values, wrong
+
+
+def _in_seconds(column: tuple[Array, Array], name: str, doubts: list[str]) -> tuple[Array, Array]:
+    """Return times that count from 1970 in a finer unit in seconds; say in which unit others are, by their name."""
+    times, wrong = column
+    latest = float(np.nanmax(times, initial=0.0))
+    for beyond, share, unit in FINE_DATES:
+        if latest > beyond:
+            doubts.append(f"the times are {unit} since 1970: they were read as seconds")
+            return (times - np.nanmin(times)) / share, wrong
+    if named := FINE_UNIT.search(name):
+        doubts.append(
+            f"the times are in {named[1]}, by the name of their column, and so is every other time, the sample time too"
+        )
+    return column
 
 
 def _stamps(column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:

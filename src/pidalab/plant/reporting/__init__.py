@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.comparison.judging import Row, html_table, measure_row, one_line, text_table
+from pidalab.comparison.judging import DesignRow, html_table, measure_row, one_line, text_table
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.record import Record
 from pidalab.plant.tuning import plants_within, tune
+from pidalab.plant.writing import write_files
 from pidalab.process import Process
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER
@@ -52,8 +53,8 @@ class Report:
     fit : Fit or None
         Where the model comes from, if that was a record.
     ms : float
-        The Ms that was asked for.
-    rows : tuple of Row
+        The Ms that was requested.
+    rows : tuple of DesignRow
         Each with its design, measures and responses.
     plants : tuple of Process
         Plants within the spread.
@@ -62,7 +63,7 @@ class Report:
     process: Process
     fit: Fit | None
     ms: float
-    rows: tuple[Row, ...]
+    rows: tuple[DesignRow, ...]
     plants: tuple[Process, ...]
 
     @property
@@ -92,7 +93,7 @@ class Report:
             for old, new in pairwise(able)
         )
 
-    def _worst(self, old: Row, new: Row) -> str:
+    def _worst(self, old: DesignRow, new: DesignRow) -> str:
         return "" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} after {old.ms_worst:.2f}"
 
     def __repr__(self) -> str:
@@ -100,8 +101,7 @@ class Report:
 
     def __str__(self) -> str:
         columns = self._columns()
-        head = f"{'':5}" + "".join(f"{name:>13}" for name in columns)
-        lines = [f"{self.process!r}: Ms at most {self.ms:g}", head]
+        lines = [f"{self.process!r}: Ms at most {self.ms:g}"]
         lines += text_table(self.rows, {"kind": 5}, columns, 13)
         return "\n".join([*lines, *self.verdict.splitlines(), *(f"doubt: {doubt}" for doubt in self.doubts)])
 
@@ -136,7 +136,7 @@ class Report:
         """
         from pidalab.plant.reporting.page import figure
 
-        return figure(self)
+        return figure(self.process, self.ms, self.rows, self.plants)
 
     def html(
         self,
@@ -167,11 +167,33 @@ class Report:
         >>> "<svg" in report.html(pathlib.Path(tempfile.mkdtemp(), "report.html")).read_text(encoding="utf-8")
         True
         """
+        path = Path(path)
+        return write_files(path.parent, {path.name: self.page(title, sections)}, replace=True)[0]
+
+    def page(self, title: str = "PI, PID and PIDA", sections: Sequence[tuple[str, str]] | None = None) -> str:
+        """Return the page that `html` writes.
+
+        Parameters
+        ----------
+        title, sections : optional
+            As for `html`.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> report = pidalab.report(pidalab.lags(3, delay=1.0), kinds=("PI",), rule="simc")
+        >>> report.page("Level").count("<h1>Level</h1>")
+        1
+        """
         from pidalab.plant.reporting.page import page
 
-        text = page(self, title, self._sections() if sections is None else sections)
-        Path(path).write_text(text, encoding="utf-8")
-        return Path(path)
+        return page(
+            title, self._repr_html_(), self.plot(), self._sections() if sections is None else sections
+        )
 
     def _sections(self) -> list[tuple[str, str]]:
         found = [("Record", str(self.fit.record))] if self.fit else []
@@ -231,7 +253,7 @@ def report(
         try:
             design = tune(fitted, kind, ms, noise_gain, sample_time, rule, spread, output_filter, ms_worst)
         except ValueError as refusal:
-            rows.append(Row(rule, kind, reason=one_line(refusal)))
+            rows.append(DesignRow(rule, kind, reason=one_line(refusal)))
         else:
             rows.append(measure_candidate(design, rule, kind, fitted, sample_time))
     if all(row.design is None for row in rows):
@@ -247,7 +269,7 @@ TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # what `tune` has meas
 
 def measure_candidate(
     design: Design, rule: str, kind: str, model: Process | Fit, sample_time: float | None
-) -> Row:
+) -> DesignRow:
     """Measure a design of `tune` with the model; the worst, and Ms of the digital controller, are in its `info`."""
     process = model.process if isinstance(model, Fit) else model
     row = measure_row(rule, kind, lambda: design, process, sample_time, HORIZON * time_scale(process))

@@ -20,8 +20,8 @@ from pidalab.simulation.exact import load_response, step_response
 from pidalab.style import GREY, LOOKS, STYLE
 
 if TYPE_CHECKING:
-    from pidalab.comparison.judging import Row
-    from pidalab.plant.reporting import Report
+    from pidalab.comparison.judging import DesignRow
+    from pidalab.process import Process
 
 LEFT = 0.005  # share of the largest error, below which a figure need not go on
 DRAWN = 8  # plants of the spread in the figure
@@ -29,7 +29,7 @@ CURVE = 500  # points of a curve in the figure
 CAPTION = (
     "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: the "
     "gain from measurement noise to the control signal over frequency, and the Nyquist curves with the circle of the "
-    "Ms that was asked for; faint curves belong to plants within the spread."
+    "Ms requested; faint curves belong to plants within the spread."
 )
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
@@ -47,24 +47,25 @@ th:first-child,td:first-child{text-align:left}figure{margin:1rem 0}</style></hea
 """
 
 
-def page(report: Report, title: str, sections: Sequence[tuple[str, str]]) -> str:
-    """Return a page with table, figure and sections of text."""
+def page(title: str, table: str, drawn: Figure, sections: Sequence[tuple[str, str]]) -> str:
+    """Return a page with a table of HTML, a figure and sections of text."""
     template = jinja2.Environment(autoescape=True).from_string(PAGE)
-    drawn, table = Markup(svg(report)), Markup(report._repr_html_())
-    return template.render(title=title, sections=sections, table=table, figure=drawn, caption=CAPTION)
+    return template.render(
+        title=title, sections=sections, table=Markup(table), figure=Markup(svg(drawn)), caption=CAPTION
+    )
 
 
-def svg(report: Report) -> str:
-    """Return the figure as an element of a page, the same to the byte on every run."""
+def svg(drawn: Figure) -> str:
+    """Return a figure as an element of a page, the same to the byte on every run."""
     text = io.StringIO()
     with rc_context(STYLE):  # type: ignore[arg-type]
-        figure(report).savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+        drawn.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     return text.getvalue()[text.getvalue().index("<svg") :]
 
 
-def figure(report: Report) -> Figure:
-    """Draw the six panels."""
-    able = [row for row in report.rows if row.applies]
+def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Sequence[Process]) -> Figure:
+    """Draw the six panels for designs on a process, with the circle of an Ms and plants in the process's place."""
+    able = [row for row in rows if row.applies]
     if not able:
         raise ValueError("there is nothing to draw: no candidate is stable with the model")
     with rc_context(STYLE):  # type: ignore[arg-type]
@@ -73,7 +74,7 @@ def figure(report: Report) -> Figure:
         axes = drawn.subplots(3, 2)
         _draw_responses(axes, able)
         _draw_noise(axes[2, 0], able)
-        _draw_nyquist(axes[2, 1], report, able)
+        _draw_nyquist(axes[2, 1], process, ms, able, plants)
         if len(able) > 1:
             drawn.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return drawn
@@ -85,13 +86,13 @@ def _lasting(response: Response) -> float:
     return float(response.t[large[-1]]) or float(response.t[-1])
 
 
-def _frequencies(rows: Sequence[Row], low: float, high: float) -> Array:
+def _frequencies(rows: Sequence[DesignRow], low: float, high: float) -> Array:
     """Frequencies around those of the largest sensitivities, as multiples of the lowest and the highest."""
     centres = [max_sensitivity(row.design.loop())[1] for row in rows if row.design is not None]
     return np.geomspace(low * min(centres), high * max(centres), CURVE)
 
 
-def _draw_responses(axes: Any, rows: Sequence[Row]) -> None:
+def _draw_responses(axes: Any, rows: Sequence[DesignRow]) -> None:
     runs = {"load": load_response, "setpoint": step_response}
     for column, (name, simulate) in enumerate(runs.items()):
         until = max(_lasting(getattr(row, name)) for row in rows)
@@ -107,7 +108,7 @@ def _draw_responses(axes: Any, rows: Sequence[Row]) -> None:
     axes[1, 0].set(ylabel="control signal u")
 
 
-def _draw_noise(ax: Any, rows: Sequence[Row]) -> None:
+def _draw_noise(ax: Any, rows: Sequence[DesignRow]) -> None:
     w = _frequencies(rows, 0.05, 50.0)
     for row in rows:
         assert row.design is not None
@@ -115,18 +116,20 @@ def _draw_noise(ax: Any, rows: Sequence[Row]) -> None:
     ax.set(xlabel="frequency, rad per time unit", ylabel="gain from noise to u")
 
 
-def _draw_nyquist(ax: Any, report: Report, rows: Sequence[Row]) -> None:
+def _draw_nyquist(
+    ax: Any, process: Process, ms: float, rows: Sequence[DesignRow], plants: Sequence[Process]
+) -> None:
     w = _frequencies(rows, 0.1, 30.0)
     for row in rows:
         assert row.design is not None
         look = LOOKS[row.kind]
-        for plant in report.plants[:DRAWN]:
+        for plant in plants[:DRAWN]:
             value = row.design.loop(plant).L(1j * w)
             ax.plot(value.real, value.imag, "-", color=look["color"], alpha=0.25, linewidth=0.6)
-        value = row.design.loop(report.process).L(1j * w)
+        value = row.design.loop(process).L(1j * w)
         ax.plot(value.real, value.imag, **look)
     angle = np.linspace(0.0, 2 * np.pi, 200)
-    ax.plot(-1 + np.cos(angle) / report.ms, np.sin(angle) / report.ms, ":", color=GREY)
+    ax.plot(-1 + np.cos(angle) / ms, np.sin(angle) / ms, ":", color=GREY)
     ax.plot([-1], [0], "+", color=GREY)
     ax.set(
         xlim=(-1.9, 0.5),

@@ -1,0 +1,80 @@
+"""What machines read of a page: its canonical address, whom to cite, and its claims as JSON-LD.
+
+Only pages that open a ledger have claims. The address of the site is that of the repository's pages, unless
+``html_baseurl`` says another one.
+"""
+
+import re
+from functools import cache
+from html import escape
+from pathlib import Path
+
+from paperledger import load_all
+from paperledger.publishing import linked, scholarly
+from pybtex.database import parse_file
+
+BOARD = "book/scoreboard.html"
+
+
+def site(repository):
+    """Return where GitHub shows the pages of a repository.
+
+    >>> site("https://github.com/pidalab/pidalab")
+    'https://pidalab.github.io/pidalab/'
+    """
+    owner, name = repository.rstrip("/").split("/")[-2:]
+    return f"https://{owner}.github.io/{name}/"
+
+
+@cache
+def account(folder):
+    """Return the ledgers of a book, and its bibliography, by paper."""
+    return load_all(folder / "ledger"), parse_file(folder / "references.bib").entries
+
+
+def fields(entry):
+    """Return a bibliography entry as plain text."""
+    plain = {name: re.sub(r"[{}]|\\.", "", text) for name, text in entry.fields.items()}
+    people = [str(person) for person in entry.persons.get("author", [])]
+    return plain | {"author": " and ".join(re.sub(r"[{}]|\\.", "", name) for name in people)}
+
+
+def head(folder, base, docname, title):
+    """Return what the head of a page says to machines."""
+    name = docname.removeprefix("book/")
+    paper = name.rpartition("/")[2].partition("-")[0]
+    books, bibliography = account(folder)
+    if paper not in books:
+        return ""
+    rows = [row for row in books[paper].rows.values() if row.page == name]
+    entry = fields(bibliography[paper])
+    told = {
+        "citation_title": title,
+        "citation_author": "The pidalab developers",
+        "citation_public_url": f"{base}{docname}.html",
+        "citation_reference": f"citation_title={entry['title']}"
+        + (f";citation_doi={entry['doi']}" if "doi" in entry else ""),
+    }
+    metas = [f'<meta name="{key}" content="{escape(value)}" />' for key, value in told.items()]
+    data = linked(rows, base + BOARD, f"{base}{docname}.html", scholarly(entry))
+    return "\n".join([*metas, f'<script type="application/ld+json">{data}</script>', ""])
+
+
+def add(app, docname, templatename, context, doctree):
+    """Add it to a page."""
+    if doctree is not None:
+        said = head(Path(app.srcdir) / "book", app.config.html_baseurl, docname, context.get("title", ""))
+        context["metatags"] = context.get("metatags", "") + said
+
+
+def address(app, config):
+    """Set where the site lives, so that each page has its canonical address."""
+    if not config.html_baseurl:
+        config.html_baseurl = site(config.html_theme_options["repository_url"])
+
+
+def setup(app):
+    """Install the extension."""
+    app.connect("config-inited", address)
+    app.connect("html-page-context", add)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

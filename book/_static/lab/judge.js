@@ -1,0 +1,228 @@
+/* The judge of the book's tasks: what an answer is worth, by the loop that it makes.
+
+   judge(task, given) -> {right, say} or {refused, say}. A task is the data of its directive, `given` what was entered, as text
+   or numbers. There is no page in it: tests call it as the pages do.
+
+   kind    number (one number, which the page computes as well), design (numbers that make a loop, or a plant, within
+           limits), choice (of options, with a reason), order (of items)
+   plant   key of a plant of the lab, or {gain, lags, integrating, delay, end}, of numbers, names of fields, or [products];
+           plants, two of them by name: then A.ms is the Ms of A
+   loop    kp, ti, td, ta, Tf, n as far as they are given: kp (1 + 1/(ti s) + td s + ta s²)/(1 + Tf s)^n, n one above the
+           number of derivatives; rule, a rule of the lab, makes the gains. u0 limits u, with backward differences every h and
+           the tracking time Tt; sampled: the loop of a digital controller with a sample every h
+   fields  names of what is entered
+   of, within   fact that is asked for, and share of it by which an answer may differ; a closed form is its `value`
+   limits, least   what facts are at most, and at least; near: numbers that fields are near to
+   slips   of a wrong answer, what is behind it: {of or value or given or when, word} */
+(globalThis.pidalabScripts ??= []).push(function () {
+  "use strict";
+  const { simulate, simulateSampled, margins } = globalThis.pidalabEngine;
+  const { PLANTS, RULES, controller, iae, noiseGainAt, sampledMargins } = globalThis.pidalabModel;
+
+  const SLACK = 1.003; // answers are printed in three digits
+  const POINTS = 2001;
+  const LARGEST = 1e6, SMALLEST = 1e-6;
+
+  const digits = (x, count = 3) => (Number.isFinite(x) ? String(Number(x.toPrecision(count))) : "without bound");
+
+  /* A number with a point or a comma, or NaN. */
+  function read(entered) {
+    if (typeof entered === "number") return entered;
+    const text = String(entered ?? "").trim().replace("−", "-");
+    return /^[-+]?(\d+([.,]\d*)?|[.,]\d+)(e[-+]?\d+)?$/i.test(text) ? Number(text.replace(",", ".")) : NaN;
+  }
+
+  // --- facts of a loop ----------------------------------------------------------------------------------------------
+
+  /* The plant of a task; what is a word in it is a field, what is a list a product. */
+  function plantOf(plant, given) {
+    if (typeof plant === "string") return PLANTS[plant];
+    const value = (x) => (Array.isArray(x) ? x.map(value).reduce((a, b) => a * b) : typeof x === "string" ? given[x] : x);
+    let den = [1];
+    for (const lag of (plant.lags ?? []).map(value)) if (lag) den = [...den, 0].map((c, i) => lag * c + (den[i - 1] ?? 0));
+    if (plant.integrating) den.push(0);
+    const delay = value(plant.delay ?? 0), sum = (plant.lags ?? []).map(value).reduce((a, b) => a + b, 0);
+    return { num: [value(plant.gain ?? 1)], den, delay, end: plant.end ?? 8 * sum + 18 * delay + 1 };
+  }
+
+  function designOf({ kp = 1, ti = Infinity, td = 0, ta = 0, Tf = 0, n }) {
+    const order = ta ? 2 : td ? 1 : 0;
+    return { kind: ["PI", "PID", "PIDA"][order], kp, ti, td, ta, filterTime: Tf, filterOrder: Tf ? n ?? order + 1 : 0 };
+  }
+
+  const area = (t, y) => t.reduce((sum, time, k) => (k ? sum + 0.5 * (time - t[k - 1]) * (y[k] + y[k - 1]) : 0), 0);
+
+  /* What is known of a loop by name, each found when it is first asked for. */
+  function loopFacts(plant, task, given) {
+    const asked = { ...task.loop, ...given }, process = plantOf(plant, given), { end } = process, kept = new Map();
+    const once = (name, make) => { if (!kept.has(name)) kept.set(name, make()); return kept.get(name); };
+    const design = () => once("design", () => (asked.rule ? RULES[asked.rule].apply(process, { ...designOf(asked), kind: asked.kind }, asked.knob) : designOf(asked)));
+    const own = () => once("own", () => controller(design()));
+    const loop = () => once("loop", () => {
+      try { design(); } catch (error) { if (asked.rule) return { stable: false }; throw error; } // a rule that finds none
+      return asked.sampled ? sampledMargins({ process, controller: own(), sampleTime: asked.h, end }) : margins({ process, controller: own() });
+    });
+    const run = (step) => once(JSON.stringify(step), () => {
+      const ask = { process, controller: own(), end, points: POINTS, ...step };
+      return asked.u0 ? simulateSampled({ ...ask, controller: controller(design(), [-asked.u0, asked.u0]), sampleTime: asked.h, method: "backward", antiWindup: asked.way ?? "conditioning", trackingTime: asked.Tt }) : simulate(ask);
+    });
+    const load = () => run({ load: 1 }), step = () => run({ setpoint: 1 });
+    const found = {
+      noise: () => noiseGainAt(process, design(), task.sample, end),
+      // a record that ends cuts the area: what is left of the error itself counts
+      iae: () => iae(load().t, load().y, 0) + Math.abs(Math.abs(1 / own().gains[0]) - Math.abs(found.ie())),
+      ie: () => area(load().t, load().y),
+      iaeSetpoint: () => iae(step().t, step().y, 1),
+      ieSetpoint: () => area(step().t, step().y.map((y) => 1 - y)),
+      overshoot: () => 100 * (Math.max(...step().y) - 1),
+      kick: () => step().u[0],
+      fall: () => { const { t, y } = load(), [from, to] = task.between.map((time) => t.findIndex((x) => x >= time - 1e-9)); return y[to] / y[from]; },
+      saving: () => 1 - best(process, "PIDA", { ...task, ...given }) / best(process, "PID", { ...task, ...given }),
+      gmLeast: () => loop().ms / (loop().ms - 1),
+    };
+    return (name) => (name in found ? once(name, found[name]) : loop()[name]);
+  }
+
+  /* IAE of the best of a kind: a search, which takes a second. */
+  const best = (process, kind, { ms, mks }) => globalThis.pidalabOptimum.find(process, kind, { ms, noise: mks * Math.abs(process.num[0]) }).iae;
+
+  function factsOf(task, given) {
+    const loops = Object.entries(task.plants ?? { "": task.plant }).map(([name, plant]) => [name, loopFacts(plant, task, given)]), all = Object.fromEntries(loops);
+    const [, first] = loops[0];
+    return {
+      names: task.plants ? Object.keys(task.plants) : [],
+      of: (name) => { const [plant, fact] = name.split("."); return fact ? all[plant](fact) : first(plant); },
+      stable: () => loops.filter(([, fact]) => !fact("stable")).map(([name]) => name),
+    };
+  }
+
+  // --- words --------------------------------------------------------------------------------------------------------
+
+  /* What a fact is called, and what its being too large or too small tells. */
+  const WORDS = {
+    ms: ["Ms", "too bold", "more robust than asked"],
+    noise: ["noise gain", "too loud: a longer filter", "quieter than asked: a shorter filter"],
+    iae: ["IAE", "too slow", "less than can be"],
+    iaeSetpoint: ["IAE", "too slow", "less than can be"],
+    overshoot: ["overshoot", "the integral forgets too late", ""],
+    dm: ["delay margin", "it bears more dead time than asked", "it bears too little dead time"],
+    saving: ["saving by acceleration", "it still pays", "it pays less than that"],
+  };
+  const plantWords = (name) => (name.includes(".") ? `on ${name.split(".")[0]}, ` : "");
+  const factWords = (name) => (WORDS[name.split(".").pop()] ?? [name, "too large", "too small"]);
+  const shown = (name, x) => (name.endsWith("saving") ? `${digits(100 * x)} %` : name.endsWith("overshoot") ? `${digits(x, 2)} %` : digits(x));
+
+  const tells = (facts, name) => `${plantWords(name)}${factWords(name)[0]} ${shown(name, facts.of(name))}`;
+
+  const upper = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+  /* A sentence for each limit that is missed. */
+  function missed(task, facts) {
+    const judged = (limits, side, keeps) => Object.entries(limits ?? {}).filter(([name, limit]) => !keeps(facts.of(name), limit)).map(([name, limit]) => {
+      const own = side === 1 && task.words?.[name], margin = name.endsWith("ms") && side === 1 && facts.of(name.replace(/ms$/, "pm"));
+      const why = factWords(name)[side];
+      return upper(`${tells(facts, name)}, where ${shown(name, limit)} is the ${side === 1 ? "most" : "least"}${why ? `: ${why}` : ""}${margin > 0 ? `; the phase margin is ${digits(margin, 2)}°` : ""}.${own ? ` ${own}` : ""}`);
+    });
+    const slack = (limit) => Math.abs(limit) * (SLACK - 1);
+    return [...judged(task.limits, 1, (x, limit) => x <= limit + slack(limit)), ...judged(task.least, 2, (x, limit) => x >= limit - slack(limit))];
+  }
+
+  const close = (x, to, within) => Math.abs(x - to) <= within * Math.abs(to) + 1e-12;
+
+  /* What is behind a wrong answer, where the task knows it. */
+  function slipOf(task, given, facts) {
+    const fits = ({ of, value, given: entered, when }) => {
+      if (when) return Object.entries(when).every(([name, [low, high]]) => facts.of(name) >= (low ?? -Infinity) && facts.of(name) <= (high ?? Infinity));
+      if (entered) return Object.entries(entered).every(([name, x]) => (Array.isArray(x) ? JSON.stringify(given[name]) === JSON.stringify(x) : close(given[name], x, 0.03)));
+      return close(given.answer, value ?? facts.of(of), task.within ?? 0.01);
+    };
+    return (task.slips ?? []).find(fits)?.word;
+  }
+
+  // --- the four kinds -----------------------------------------------------------------------------------------------
+
+  function number(task, given) {
+    const facts = task.plant ? factsOf(task, given) : null, key = task.value ?? facts.of(task.of), { answer } = given;
+    const right = task.error === undefined ? close(answer, key, task.within) : Math.abs(answer - key) <= task.error;
+    if (right) return { right, say: `Right: ${digits(task.error === undefined ? key : Number(key.toFixed(3)))}.` };
+    return { right, say: slipOf(task, given, facts) ?? (answer < key ? "Too small." : "Too large.") };
+  }
+
+  function design(task, given) {
+    const facts = factsOf(task, given), shaky = facts.stable();
+    if (task.near) {
+      const off = Object.entries(task.near).filter(([name, x]) => !close(given[name], x, task.within)).map(([name]) => name);
+      if (off.length) return { right: false, say: [slipOf(task, given, facts) ?? `Not yet: ${off.join(", ")}.`, ...(shaky.length ? ["As entered the loop is unstable."] : [])].join(" ") };
+      return { right: true, say: "Right." };
+    }
+    if (task.edge) {
+      const at = (share) => factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0;
+      if (!at(1.03)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: more of it is needed." };
+      if (at(0.97)) return { right: false, say: slipOf(task, given, facts) ?? "Stable, and stable with less, too." };
+      return { right: true, say: "Right: a little less, and the loop is unstable." };
+    }
+    if (shaky.length && !task.search) {
+      const where = facts.names.length ? ` on ${shaky.join(" and ")}` : "";
+      return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with less gain, or a longer integral time.` };
+    }
+    const over = missed(task, facts), names = [...new Set([...Object.keys(task.limits ?? {}), ...Object.keys(task.least ?? {})])];
+    if (!over.length) return { right: true, say: `Right. ${upper(names.map((name) => tells(facts, name)).join(", "))}.` };
+    const slip = slipOf(task, given, facts);
+    return { right: false, say: [...over, ...(slip ? [slip] : [])].join(" ") };
+  }
+
+  /* A fact of each option or item, which has a loop, or a plant, of its own. */
+  const along = (task, items, fact) => items.map((item) => loopFacts(item.plant ?? task.plant, { ...task, loop: { ...task.loop, ...item.loop } }, {})(fact));
+
+  function choice(task, given) {
+    const { options, reasons, best: { fact, is } } = task, found = along(task, options, fact);
+    const right = is === "last" ? found.lastIndexOf(true) : found.indexOf((is === "most" ? Math.max : Math.min)(...found));
+    if (given.choice !== right) return { right: false, say: options[given.choice].word ?? "No." };
+    if (reasons && !reasons[given.reason].right) return { right: false, say: `${upper(options[right].name)} is right, but not for this reason. ${reasons[given.reason].word ?? ""}`.trim() };
+    const numbers = is === "last" ? "" : ` ${options.map(({ name }, k) => `${name} ${digits(found[k])}`).join(", ")}.`;
+    return { right: true, say: `Right.${numbers}` };
+  }
+
+  function order(task, given) {
+    const found = along(task, task.items, task.by), sorted = found.map((_, k) => k).sort((a, b) => (task.descending ? found[b] - found[a] : found[a] - found[b]));
+    const names = (list) => list.map((k) => task.items[k].name).join(", ");
+    const reason = task.reasons && !task.reasons[given.reason].right;
+    if (given.order.every((k, place) => k === sorted[place])) {
+      if (reason) return { right: false, say: `The order is right, but not for this reason. ${task.reasons[given.reason].word ?? ""}`.trim() };
+      return { right: true, say: `Right: ${names(sorted)}, with ${sorted.map((k) => digits(found[k])).join(", ")}.` };
+    }
+    const place = given.order.findIndex((k, at) => k !== sorted[at]);
+    return { right: false, say: slipOf(task, given, null) ?? `Not yet. ${place ? `${names(given.order.slice(0, place))} is right so far; c` : "C"}ompare ${task.items[given.order[place]].name} again with the others.` };
+  }
+
+  // --- what was entered ---------------------------------------------------------------------------------------------
+
+  const ZERO_TOO = new Set(["td", "ta", "t2", "t3", "L", "sensor"]);
+
+  /* What was entered as numbers, or a sentence why not. */
+  function entered(task, given) {
+    const numbers = {};
+    for (const name of task.kind === "number" ? ["answer"] : task.kind === "design" ? task.fields : []) {
+      const x = read(given[name]), label = name === "answer" ? "The answer" : name;
+      if (!Number.isFinite(x)) return `${label} is to be a number, such as 1.5 or 1,5; found “${String(given[name] ?? "").trim()}”.`;
+      if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} is to be above 0 and at most a million; found ${x}.`;
+      numbers[name] = x;
+    }
+    if (task.sample && numbers.Tf < task.sample) return `Tf is to be at least ${task.sample}, the time between two samples of the noise; found ${numbers.Tf}.`;
+    if (task.kind === "choice" && !task.options[given.choice]) return "Choose one of them.";
+    if (task.reasons && !task.reasons[given.reason]) return "Choose a reason.";
+    if (task.kind === "order" && new Set(given.order.filter((k) => task.items[k])).size < task.items.length) return "Give each of them one place.";
+    return numbers;
+  }
+
+  const KINDS = { number, design, choice, order };
+
+  function judge(task, given) {
+    const numbers = entered(task, given);
+    if (typeof numbers === "string") return { right: false, refused: true, say: numbers };
+    try { return KINDS[task.kind](task, { ...given, ...numbers }); } catch (error) { return { right: false, refused: true, say: `The page cannot judge this: ${error.message}.` }; }
+  }
+
+  globalThis.pidalabJudge = { judge, facts: (task, given) => factsOf(task, given).of, alongItems: along, read };
+});
+globalThis.pidalabScripts.at(-1)();

@@ -1,0 +1,65 @@
+"""Text from outside, on its way into files that are written here: one function lets it through, whatever the file.
+
+File names, names of columns, lines of a record, notes and the name of a controller in a JSON are text of others.
+Written code, reports, tables and JSON carry such text in heads and titles. There it must stay text: no end of a
+comment, no quote, no tag, no formula and no line feed may come through. Nobody needs those to know a file again, so
+only a few kinds of characters pass. What is left needs no escaping in C, structured text, Python, JSON, HTML or a cell
+of a table.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from typing import Final
+
+MARKS: Final = ".,_-+°%"  # beside letters, digits and blanks
+LONGEST_LINE: Final = 200  # characters
+
+
+def plain_text(text: str, longest: int = LONGEST_LINE) -> str:
+    """Return text from outside as one line that is safe in any file: letters, digits, blanks and ``.,_-+°%``.
+
+    What lies between them becomes one blank, also line feeds. Use it for each text that a file, a user or a name of a
+    file brought, and that goes into a file written here. Lines of our own, as far as they are made of our words and of
+    numbers, need it not.
+
+    Parameters
+    ----------
+    text : str
+        Of anybody.
+    longest : int, optional
+        Characters that are kept at most; what is cut ends in three points.
+
+    Returns
+    -------
+    str
+        Without blanks at its ends; empty if nothing is left.
+
+    Raises
+    ------
+    TypeError
+        If text is no str.
+
+    Examples
+    --------
+    >>> from pidalab._text import plain_text
+    >>> plain_text("Ofen_3, 20 °C.csv")
+    'Ofen_3, 20 °C.csv'
+    >>> plain_text('end */ int x = 1; /* "" + <b>')
+    'end int x 1 + b'
+    >>> plain_text("a long line", longest=8)
+    'a lon...'
+    """
+    if not isinstance(text, str):
+        raise TypeError(f"text must be a str, found {type(text).__name__}")
+    # what is cut here cannot come back below: reading a long text takes no time
+    kept = unicodedata.normalize("NFC", text[: 4 * longest])
+    words = "".join(x if _passes(x) else " " for x in kept).split()
+    line = " ".join(words)
+    cut = len(line) > longest or len(text) > 4 * longest
+    return line[: longest - 3].rstrip() + "..." if cut else line
+
+
+def _passes(character: str) -> bool:
+    """Whether it is a letter of any alphabet, a decimal digit, or one of the marks."""
+    return character in MARKS or character.isalpha() or unicodedata.category(character) == "Nd"

@@ -1,0 +1,182 @@
+"""The numbers that make a digital controller, and what they may be."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from pidalab import _check
+from pidalab.digital.paths import METHODS, SHARES, Path
+from pidalab.digital.prefilter import Prefilter
+
+ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
+LARGEST_SIGNAL = 1e9  # beyond it, on either side, a signal is no measurement
+LARGEST_GAIN = 1e9  # of those that may change while it runs
+LARGEST_CONSTANT = (
+    1e15  # of those that may not: with signals of 1e9 nothing overflows, in single precision either
+)
+MOST_PATHS, MOST_LAGS = 40, 40  # of a controller and of a path: code that can be read
+SHARE_ROUNDING = 1e-6  # by which rounding may take the shares of a lag beyond 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """What a `DigitalController` is made of; its fields are explained there.
+
+    Every field is checked: numbers are finite numbers within their ranges, words are among those allowed, names of
+    paths are plain identifiers. So nothing else can reach code that is written or run.
+    """
+
+    sample_time: float
+    method: str
+    paths: tuple[Path, ...]
+    integrates: bool
+    from_signal: bool
+    growth: tuple[float, float]
+    back_calculation_gain: float
+    tracking_gain: float
+    anti_windup: str | None
+    weights: tuple[float, float]
+    limits: tuple[float, float]
+    rate_limit: float = math.inf
+    deadband: float = 0.0
+    bias: float = 0.0
+    y_offset: float = 0.0
+    source: str = ""
+    prefilter: Prefilter | None = None
+    feedforward: bool = False
+    tunable: bool = False
+
+    def __post_init__(self) -> None:
+        # the fields are frozen; what a check returns is the same number as a float
+        checked = {one.name: getattr(self, one.name) for one in fields(self)}
+        checked |= _numbers(self)
+        for name in ("integrates", "from_signal", "feedforward", "tunable"):
+            checked[name] = _flag(name, checked[name])
+        _check.choice("method", self.method, METHODS)
+        _check.choice("anti_windup", self.anti_windup, (*ANTI_WINDUP, "clamping ahead"))
+        if not isinstance(self.source, str):
+            raise TypeError(f"source must be a text, found {type(self.source).__name__}")
+        if not isinstance(self.paths, tuple) or len(self.paths) > MOST_PATHS:
+            raise TypeError(f"paths must be a tuple of at most {MOST_PATHS} Path, found {self.paths!r:.60}")
+        checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
+        if self.prefilter is not None:
+            checked["prefilter"] = _prefilter(self.prefilter)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+        self._require_consistent()
+
+    def _require_consistent(self) -> None:
+        """Raise for fields that contradict each other."""
+        low, high = self.limits
+        if not low <= self.bias <= high:
+            raise ValueError(f"bias must be within the limits ({low:g}, {high:g}), found {self.bias:g}")
+        if not self.integrates and (any(self.growth) or self.from_signal):
+            raise ValueError("growth must be (0, 0), and from_signal False, without integral action")
+        new, old = SHARES[self.method]
+        shares = [("growth", self.growth)]
+        shares += [("lags", pair) for path in self.paths for pair in zip(path.new, path.old, strict=True)]
+        for what, (now, before) in shares:
+            if (now and not new) or (before and not old) or (new == old and now != before):
+                raise ValueError(f"{what} must be those of method {self.method!r}, found {(now, before)}")
+        if self.tunable:
+            largest = max([*map(abs, self.growth), *(abs(g) for p in self.paths for g in p.gains)])
+            if largest > LARGEST_GAIN:
+                raise ValueError(
+                    f"gains must be at most {LARGEST_GAIN:g} to be tunable, found {largest:g}; take other units"
+                )
+
+    @property
+    def limited(self) -> bool:
+        """Whether the control signal has a limit of range or rate."""
+        return bool(np.isfinite([*self.limits, self.rate_limit]).any())
+
+
+def _numbers(k: Parameters) -> dict[str, Any]:
+    """Check numbers and pairs of them."""
+    signal = {"at_least": -LARGEST_SIGNAL}
+    found: dict[str, Any] = {
+        "sample_time": _check.real("sample_time", k.sample_time, above=0.0),
+        "deadband": _check.real("deadband", k.deadband, at_least=0.0),
+        "bias": _check.real("bias", k.bias),
+        "y_offset": _at_most("y_offset", _check.real("y_offset", k.y_offset, **signal), LARGEST_SIGNAL),
+        "limits": _check.limits(k.limits),
+    }
+    endless = isinstance(k.rate_limit, float) and k.rate_limit == math.inf
+    found["rate_limit"] = math.inf if endless else _check.real("rate_limit", k.rate_limit, above=0.0)
+    for name in ("back_calculation_gain", "tracking_gain"):
+        found[name] = _at_most(name, _check.real(name, getattr(k, name), at_least=0.0), 1.0)
+    for name in ("growth", "weights"):
+        pair = getattr(k, name)
+        if not isinstance(pair, tuple) or len(pair) != 2:
+            raise TypeError(f"{name} must be a tuple of two numbers, found {pair!r:.60}")
+        found[name] = tuple(_constant(f"{name}[{i}]", x) for i, x in enumerate(pair))
+    return found
+
+
+def _path(name: str, path: Any) -> Path:
+    """Check a path."""
+    if not isinstance(path, Path):
+        raise TypeError(f"{name} must be a Path, found {type(path).__name__}")
+    plain = isinstance(path.name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", path.name)
+    if not plain or len(path.name) > 60:
+        raise ValueError(
+            f"the name of a path must be a plain identifier of small letters, found {path.name!r:.60}"
+        )
+    parts = {}
+    for part in ("new", "old", "gains"):
+        values = getattr(path, part)
+        if not isinstance(values, tuple) or len(values) > MOST_LAGS + 1:
+            raise TypeError(f"{name}.{part} must be a tuple of at most {MOST_LAGS + 1} numbers")
+        parts[part] = tuple(_constant(f"{name}.{part}[{i}]", x) for i, x in enumerate(values))
+    new, old, gains = parts.values()
+    if not len(new) == len(old) == len(gains) - 1:
+        raise ValueError(
+            f"{name} must have a gain more than lags, found {len(new)}, {len(old)} and {len(gains)}"
+        )
+    for pair in zip(new, old, strict=True):
+        if not (min(pair) >= 0.0 and 0.0 < sum(pair) <= 1.0 + SHARE_ROUNDING):
+            raise ValueError(f"{name} must have shares of lags from 0 to 1, found {pair}")
+    return Path(path.name, _constant(f"{name}.weight", path.weight), new, old, gains)
+
+
+def _prefilter(found: Any) -> Prefilter:
+    """Check a prefilter."""
+    if not isinstance(found, Prefilter):
+        raise TypeError(f"prefilter must be a Prefilter, found {type(found).__name__}")
+    n = len(found.out) if isinstance(found.out, tuple) else 0
+    rows = found.move if isinstance(found.move, tuple) else ()
+    whole = (found.num, found.den, found.out, *rows)
+    square = len(rows) == n > 0 and all(isinstance(row, tuple) and len(row) == n for row in rows)
+    if not square or not all(isinstance(x, tuple) and len(x) <= MOST_LAGS + 1 for x in whole):
+        raise TypeError("prefilter must have tuples of numbers, and one state a row")
+    proper = 0 < len(found.num) <= len(found.den) == n + 1
+    if not proper or not all(isinstance(x, (int, float)) and x for x in (found.den[0], found.den[-1])):
+        raise ValueError("prefilter must have a proper fraction, of as many poles as states")
+    if (found.new, found.old) not in SHARES.values():
+        raise ValueError(
+            f"prefilter.new and old must be those of a method, found {found.new!r:.40}, {found.old!r:.40}"
+        )
+    num, den, out, *move = (tuple(_constant("prefilter", x) for x in part) for part in whole)
+    return Prefilter(num, den, float(found.new), float(found.old), tuple(move), out)
+
+
+def _constant(name: str, value: Any) -> float:
+    number = _check.real(name, value)
+    return math.copysign(_at_most(name, abs(number), LARGEST_CONSTANT), number)
+
+
+def _at_most(name: str, number: float, most: float) -> float:
+    if number > most:
+        raise ValueError(f"{name} must be at most {most:g}, found {number:g}")
+    return number
+
+
+def _flag(name: str, value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be True or False, found {value!r:.60}")
+    return bool(value)

@@ -1,0 +1,314 @@
+"""Every task of the book: its printed answer is right, wrong ones get their word, and what the page computes of it is
+what the library computes."""
+
+import math
+import re
+import time
+
+import numpy as np
+import pytest
+from book_tasks import Judge, parts_of, tasks_of_the_book
+
+import pidalab
+from pidalab.rules import automatic_reset, haalman
+
+TASKS = tasks_of_the_book()
+BY_LABEL = {task.label: task for task in TASKS}
+QUICK = [task for task in TASKS if not task.data.get("search")]
+LEAST = 24
+
+
+def named(tasks):
+    return pytest.mark.parametrize("task", tasks, ids=lambda task: task.label)
+
+
+@pytest.fixture(scope="module")
+def page():
+    return Judge()
+
+
+# --- the loops of a task, made by the library ------------------------------------------------------------------------
+
+
+def plant_of(plant, given):
+    """The process that the data of a task describe."""
+    known = {
+        "lags3": pidalab.lags(3, delay=1.0),
+        "unequal": pidalab.Process([1.0], np.poly([-0.2, -1.0, -2.0]) / 0.4, delay=0.5),
+        "huba-ipdt": pidalab.ipdt(1.0, delay=1.0),
+    }
+    if isinstance(plant, str):
+        return known[plant]
+
+    def value(x):
+        if isinstance(x, list):
+            return math.prod(map(value, x))
+        return given[x] if isinstance(x, str) else x
+
+    lags = [lag for lag in map(value, plant.get("lags", [])) if lag]
+    den = np.atleast_1d(np.poly([-1 / lag for lag in lags])) * math.prod(lags)
+    den = [*den, 0.0] if plant.get("integrating") else den
+    return pidalab.Process([value(plant.get("gain", 1.0))], den, delay=value(plant.get("delay", 0.0)))
+
+
+def controller_of(loop):
+    ki, kp = loop["kp"] / loop["ti"], loop["kp"]
+    gains = [ki, kp, kp * loop.get("td", 0.0), kp * loop.get("ta", 0.0)]
+    order = 2 if loop.get("ta") else 1 if loop.get("td") else 0
+    filtered = loop.get("n", order + 1) if loop.get("Tf") else 0
+    return pidalab.HighOrderPID(gains[: order + 2], loop.get("Tf", 0.0), filtered)
+
+
+def judged_by(data):
+    """The names of the facts that decide."""
+    names = [
+        *data.get("limits", {}),
+        *data.get("least", {}),
+        data.get("by"),
+        data.get("best", {}).get("fact"),
+    ]
+    return {name.split(".")[-1] for name in names if name}
+
+
+def linear_loops(task):
+    """What the judge is asked for, and the loop of the library, for each loop without limits or samples."""
+    data = task.data
+    if "edge" in data:  # at the limit of stability the least rounding shows: it has a test of its own
+        return
+    given = data["key"] if data["kind"] == "design" else {}
+    plants = data.get("plants") or {"": data.get("plant")}
+    items = data.get("options") or data.get("items") or [{}]
+    for name, plant in plants.items():
+        for item in items:
+            loop = {**data.get("loop", {}), **item.get("loop", {}), **given}
+            own = item.get("plant", plant)
+            if "kp" in loop and "ti" in loop and own and not {"u0", "sampled", "rule"} & set(loop):
+                asked = {
+                    "kind": "design",
+                    "plant": own,
+                    "loop": {k: v for k, v in loop.items() if k not in given},
+                }
+                yield (
+                    f"{task.label} {name} {item.get('name', '')}",
+                    {**asked, "sample": data.get("sample"), "judged": judged_by(data)},
+                    given,
+                    pidalab.Loop(plant_of(own, given), controller_of(loop)),
+                )
+
+
+LINEAR = [each for task in QUICK for each in linear_loops(task)]
+
+
+@pytest.mark.parametrize(
+    ("asked", "given", "loop"), [one[1:] for one in LINEAR], ids=[one[0] for one in LINEAR]
+)
+def test_the_page_computes_what_the_library_does(page, asked, given, loop):
+    asked = dict(asked)
+    judged = asked.pop("judged")
+    ms, gm, pm, dm = page.facts(asked, given, "ms", "gm", "pm", "dm")
+    found = pidalab.margins(loop)
+    assert [ms, gm, pm, dm] == pytest.approx([found.ms, found.gm, found.pm, found.dm], rel=1e-9)
+    if asked["sample"]:
+        (noise,) = page.facts(asked, given, "noise")
+        assert noise == pytest.approx(pidalab.noise_gain(loop, asked["sample"]), rel=1e-6)
+    if "iae" in judged:
+        (iae,) = page.facts(asked, given, "iae")
+        t = np.linspace(0, 150, 60001)
+        assert iae == pytest.approx(pidalab.load_response(loop, t).iae(), rel=1e-5)
+
+
+# --- keys and wrong answers ------------------------------------------------------------------------------------------
+
+
+def test_there_are_enough_of_every_kind():
+    assert len(TASKS) >= LEAST
+    assert len(BY_LABEL) == len(TASKS)
+    assert {task.data["kind"] for task in TASKS} == {"number", "design", "choice", "order"}
+    lectures = {task.page for task in TASKS if re.match(r"task-\d", task.label)}
+    assert len(lectures) == 6
+    assert all(len([task for task in TASKS if task.page == page]) >= 2 for page in lectures)
+
+
+@named(TASKS)
+def test_the_printed_answer_is_right(page, task):
+    key = task.data["key"]
+    found = page.judge(task.data, key)
+    assert found["right"], found["say"]
+    numbers = {float(x) for x in re.findall(r"\d+(?:\.\d+)?", task.parts.answer)}
+    if task.data["kind"] in ("number", "design"):
+        assert {float(x) for x in key.values()} <= numbers, "the worked answer does not print the key"
+
+
+@named(TASKS)
+def test_wrong_answers_get_their_word(page, task):
+    data = task.data
+    assert len(data["wrong"]) >= (1 if data.get("search") else 2)
+    for wrong in data["wrong"]:
+        found = page.judge(data, wrong["given"])
+        assert not found["right"]
+        assert wrong["word"] in found["say"], found["say"]
+
+
+@named(TASKS)
+def test_what_is_entered_as_text_is_judged_as_its_number(page, task):
+    data = task.data
+    if data["kind"] in ("number", "design"):
+        key = {name: str(value).replace(".", ",") for name, value in data["key"].items()}
+        assert page.judge(data, key)["right"]
+        for text in ("", "one", "1.2.3", "1e400", "--1"):
+            found = page.judge(data, {**key, next(iter(key)): text})
+            assert found.get("refused"), text
+
+
+@named(QUICK)
+def test_a_judgement_takes_less_than_a_tenth_of_a_second(page, task):
+    times = []
+    for _ in range(3):
+        start = time.process_time()
+        page.judge(task.data, task.data["key"])
+        times.append(time.process_time() - start)
+    assert min(times) < 0.1
+
+
+# --- what is known by hand, or by another way of the library ---------------------------------------------------------
+
+
+def key_of(label):
+    return next(iter(BY_LABEL[label].data["key"].values()))
+
+
+def answer_of(page, label):
+    data = BY_LABEL[label].data
+    return data["value"] if "value" in data else page.facts(data, {}, data["of"])[0]
+
+
+def reset_overshoot(way):
+    model = pidalab.ipdt(1.0, delay=1.0)
+    series = automatic_reset.tune(model, automatic_reset.PIDA_1, n=4, filter_time=0.2).controller
+    C = series if way == "reset" else pidalab.HighOrderPID(list(series.gains()), 0.2, 4)
+    run = pidalab.simulate_sampled(
+        pidalab.Loop(model, C),
+        0.01 * np.arange(4001),
+        1.0,
+        limits=(-0.1, 0.1),
+        anti_windup={"none": None, "clamping": "clamping", "reset": None}[way],
+    )
+    return run.overshoot()
+
+
+BY_HAND = {
+    "task-1-1": lambda: 3 / 1.2,
+    "task-3-1": lambda: (lambda ms: ms / (ms - 1))(
+        pidalab.max_sensitivity(
+            pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.4, 1.2, 1.2, 0.4], 0.1, 3))
+        )[0]
+    ),
+    "task-5-1": lambda: 1 + 1 / (2 * 0.2),
+    "task-6-2": lambda: abs(13.2 - 2 * np.pi / 0.5),
+    "task-haalman2024-2": lambda: np.exp(-1),
+    "task-heo2023-1": lambda: 2 * 0.2 / 0.1**2,
+    "task-huba2018-1": lambda: np.exp(-1),
+    "task-huba2024-2": lambda: 0.0,
+    "task-vrancic2021-1": lambda: 2.5 / (0.4 * 2),
+}
+
+
+@pytest.mark.parametrize("label", BY_HAND)
+def test_numbers_are_those_of_the_derivation(page, label):
+    assert answer_of(page, label) == pytest.approx(BY_HAND[label](), rel=2e-3, abs=1e-3)
+
+
+def test_every_number_task_is_derived_here():
+    assert set(BY_HAND) == {task.label for task in TASKS if task.data["kind"] == "number"}
+
+
+def test_the_double_pole_is_double():
+    poles = pidalab.rightmost_poles(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), np.exp(-1)))
+    assert poles[:2] == pytest.approx([-1, -1], abs=1e-4)
+
+
+def test_the_cancelled_lags_are_those_of_the_rule(page):
+    C = haalman.tune(plant_of("unequal", {}), ms=1.6).controller
+    near = BY_LABEL["task-haalman2024-1"].data["near"]
+    assert [near[name] for name in ("ti", "td", "ta")] == pytest.approx([C.ti, C.td, C.ta], rel=1e-4)
+
+
+def test_the_shortest_filter_is_on_the_edge_for_the_library_too():
+    data = BY_LABEL["task-4-1"].data
+
+    def stable(share):
+        loop = {**data["loop"], "Tf": share * data["key"]["Tf"]}
+        return pidalab.is_stable(pidalab.Loop(plant_of(data["plant"], {}), controller_of(loop)))
+
+    assert [stable(0.97), stable(1.03)] == [False, True]
+
+
+def test_the_digital_loop_is_that_of_the_library(page):
+    data = BY_LABEL["task-6-1"].data
+    (ms,) = page.facts(data, data["key"], "ms")
+    digital = controller_of(data["loop"]).discretise(data["key"]["h"])
+    assert ms == pytest.approx(
+        pidalab.margins(pidalab.Loop(pidalab.lags(3, delay=1.0), digital)).ms, rel=1e-9
+    )
+
+
+def test_the_tracking_time_does_in_the_library_what_it_does_in_the_page(page):
+    data = BY_LABEL["task-5-2"].data
+    for time_ in (data["key"]["Tt"], 5.486):
+        overshoot, iae = page.facts(data, {"Tt": time_}, "overshoot", "iaeSetpoint")
+        K = controller_of(data["loop"]).discretise(
+            0.01, limits=(-0.1, 0.1), anti_windup="back-calculation", tracking_time=time_
+        )
+        loop = pidalab.Loop(plant_of(data["plant"], {}), K)
+        run = pidalab.simulate_sampled(loop, 0.01 * np.arange(3001), 1.0)
+        assert [overshoot, iae] == pytest.approx([run.overshoot(), run.iae()], rel=1e-6, abs=1e-6)
+
+
+def test_three_ways_at_the_limit_come_in_the_order_of_the_library(page):
+    data = BY_LABEL["task-huba2024-1"].data
+    found = page.along(data, data["items"], "overshoot")
+    library = [reset_overshoot(item["loop"]["way"]) for item in data["items"]]
+    assert np.argsort(found).tolist() == np.argsort(library).tolist() == data["key"]["order"]
+
+
+def test_the_magnitude_optimum_breaks_where_the_library_says(page):
+    from pidalab import areas
+    from pidalab.rules import magnitude_optimum
+
+    data = BY_LABEL["task-vrancic2021-2"].data
+    stable = []
+    for option in data["options"]:
+        plant = plant_of(option["plant"], {})
+        C = magnitude_optimum.tune(areas.from_process(plant, 8), 2, 3, 0.1).controller
+        stable.append(pidalab.is_stable(pidalab.Loop(plant, C)))
+    assert page.along(data, data["options"], "stable") == stable
+
+
+@named([task for task in TASKS if task.data.get("search")])
+def test_what_a_search_finds_the_library_finds(page, task):
+    data = task.data
+    asked = {**data, **data["key"]}
+    plant = plant_of(data["plant"], data["key"])
+    best = [pidalab.optimal.load(plant, order, ms=asked["ms"], mks=asked["mks"]).iae for order in (1, 2)]
+    (saving,) = page.facts(data, data["key"], "saving")
+    assert saving == pytest.approx(1 - best[1] / best[0], abs=0.005)
+
+
+@named([BY_LABEL["task-3-2"], BY_LABEL["task-lab-4"]])
+def test_the_limit_of_the_error_is_a_tenth_above_the_best(task):
+    data = task.data
+    fact = next(name for name in data["limits"] if name.endswith("iae"))
+    plant = plant_of(data["plants"]["B"] if "plants" in data else data["plant"], {})
+    ms, noise = (
+        next(x for name, x in data["limits"].items() if name.endswith(end)) for end in ("ms", "noise")
+    )
+    best = pidalab.optimal.load(plant, 2, ms=ms, noise_gain=noise, sample_time=data["sample"]).iae
+    assert data["limits"][fact] == pytest.approx(1.1 * best, rel=2e-3)
+
+
+# --- and a bad one is caught -----------------------------------------------------------------------------------------
+
+
+def test_four_parts_are_needed():
+    with pytest.raises(ValueError, match=r"four parts.*found 3"):
+        parts_of("words\n---\nkind: number\n---\nhint")

@@ -1,0 +1,229 @@
+"""A library that is slightly off: what a page computes with it moves, and each way of copying is seen."""
+
+import json
+import re
+import sys
+from contextlib import redirect_stdout
+from multiprocessing import get_context
+
+import pytest
+from demo_ledger import write_notebook
+
+from paperledger import Row, read_rows, update, write_rows
+from paperledger.moves import shake
+from paperledger.shaking import Shaker
+
+LIBRARY = '''
+"""A library of one rule, with the kinds of doors that there are."""
+from collections import namedtuple
+from dataclasses import dataclass
+from functools import cache, cached_property
+from types import MappingProxyType
+
+import numpy as np
+
+Pair = namedtuple("Pair", "low high")
+
+def tune(ms):
+    """A rule."""
+    assert ms > 1
+    return Design(inner(ms), MappingProxyType({"ti": 2.8761 * ms}))
+
+def inner(ms):
+    return _factor() * ms ** 2
+
+def number(x):
+    return float(x)
+
+def named(x):
+    """It says which design is meant."""
+    return number(x)
+
+@cache
+def _factor():
+    return 0.70123456
+
+@cache
+def kept(x):
+    return [0.3 * x, Pair(x, 2.0 * x)]
+
+def poles(ms):
+    return 3
+
+def signal(n):
+    return np.linspace(0.0, 2.0, n), 1j * np.ones(2)
+
+def law(gain):
+    def act(e):
+        return gain * e
+    return act
+
+@dataclass(frozen=True)
+class Design:
+    kp: float
+    info: MappingProxyType
+
+    def __post_init__(self):
+        object.__setattr__(self, "kp", number(self.kp))
+
+    @property
+    def doubled(self):
+        return 2.0 * self.kp
+
+    @cached_property
+    def slow(self):
+        return self.kp / 3.0
+
+    @classmethod
+    def made(cls, kp):
+        return cls(kp, MappingProxyType({}))
+
+    def __call__(self, s):
+        return self.kp / (1.0 + s)
+'''
+SETUP = """from contextlib import suppress
+import demolib
+from paperledger import Ledger
+book = Ledger.open("demo")
+C, p = demolib.tune(1.4), book.printed
+row = lambda id: book.row(id)
+KP = 1.37"""
+GUILTY = {  # what a page hands over as computed, and what is said of it
+    "typed": ("KP", "stays at 1.370000000"),
+    "text": ("float(str(row('text').printed))", "stays at"),
+    "own": ("p('own')", "hands back its own print"),
+    "read": ("float(row('read').printed)", "hands back its own print"),
+    "getattr": ("float(getattr(row('getattr'), 'pri' + 'nted'))", "hands back its own print"),
+    "stored": ("float(row('stored').computed or 1.37)", "stays at"),
+    "quotient": ("p('quotient') * C.kp / C.kp", "hands back its own print"),
+    "nothing": ("p('nothing') + 0.0 * C.kp", "hands back its own print"),
+    "other": ("p('own') * 1.001", "as print does: its basis is from-print"),
+    "mixed": ("p('mixed') + 1e-3 * (C.kp - p('mixed'))", "as print does"),
+    "round3": ("round(C.kp, 3)", "stays at 1.374000000"),
+    "round6": ("round(C.kp, 6)", "is rounded"),
+    "grid": ("C.kp // 0.01 * 0.01", "stays at"),
+    "named": ("demolib.named(1.37)", "stays at 1.370000000"),
+    "built": ("demolib.Design(1.37, {}).__dict__['kp']", "stays at 1.370000000"),
+    "counted": ("demolib.poles(1.4)", "stays at 3"),
+    "idle": ("C.kp", "so 'made' needs no 'page'"),
+}
+INNOCENT = {
+    "kp": "C.kp",
+    "ti": "C.info['ti']",
+    "doubled": "C.doubled",
+    "slow": "C.slow",
+    "made": "demolib.Design.made(1.37).kp",
+    "called": "C(0.5)",
+    "kept": "demolib.kept(4.0)[0]",
+    "pair": "demolib.kept(4.0)[1].high",
+    "signal": "demolib.signal(3)[0][-1]",
+    "complex": "abs(demolib.signal(3)[1][0])",
+    "law": "demolib.law(2.0)(0.7)",
+    "ratio": "demolib.inner(2.0) / demolib.inner(3.0)",
+    "page": "3.0 ** 0.5",
+    "print": "p('kp') * 2.0",
+}
+MADE = {"page": "page: a square root", "idle": "page: nothing of the kind"}
+
+
+@pytest.fixture
+def library(project, monkeypatch):
+    (project / "demolib.py").write_text(LIBRARY)
+    monkeypatch.syspath_prepend(str(project))
+    yield project
+    sys.modules.pop("demolib", None)
+
+
+def rows_of(values, **columns):
+    made = {id: MADE.get(id, "") for id in values}
+    basis = {"print": "from-print"}
+    return [
+        Row(
+            f"demo.{id}", "Table 1", "gain", "1.37", basis=basis.get(id, "computed"), made=made[id], **columns
+        )
+        for id in values
+    ]
+
+
+def shaken(project, rows, *cells, stored=True):
+    """Store what a page hands over, as its author would, then shake the library under it."""
+    write_rows(project / "book" / "ledger" / "demo.csv", rows)
+    (project / "book" / "audit" / "demo.ipynb").unlink(missing_ok=True)
+    write_notebook(project / "book" / "demo.ipynb", SETUP, *cells)
+    if stored:
+        update("demo")
+    said = project / "said.txt"
+    child = get_context("fork").Process(target=shake_demo, args=(said,))  # no wait for what is imported here
+    child.start()
+    child.join()
+    return child.exitcode, said.read_text()
+
+
+def shake_demo(said):
+    sys.modules.pop("demolib", None)
+    with said.open("w") as file, redirect_stdout(file):
+        status = shake(Shaker("demolib", exact=frozenset({"demolib.named"})), None, ["demo"])
+    sys.exit(status)
+
+
+def test_what_the_library_computes_moves(library):
+    cells = [f"book.compare({{{id!r}: {code}}})" for id, code in INNOCENT.items()]
+    status, said = shaken(library, rows_of(INNOCENT), *cells, "book.close()")
+    assert said == "demo: 13 of 14 rows move, 1 say why they stay\n"
+    assert status == 0
+
+
+def test_each_copy_is_seen(library):
+    cells = [f"b = book\nb.compare({{{id!r}: {code}}})" for id, (code, _) in GUILTY.items()]
+    status, said = shaken(library, rows_of(GUILTY), *cells, "book.close()")
+    assert status == 1
+    lines = dict(re.findall(r"(?m)^  demo\.(\w+): (.*)$", said))
+    assert {id: line for id, line in lines.items() if GUILTY[id][1] not in line} == {}
+    assert lines.keys() == GUILTY.keys()
+    assert "(demo, cell 2)" in lines["typed"]
+
+
+def test_statements_move_too(library):
+    made = {"s1": "", "s2": "", "s3": "", "s4": "count: poles"}
+    relations = {"s1": "A < B", "s2": "A < B", "s3": "residual <= 1e-9 | rounding", "s4": "poles == three"}
+    rows = [
+        Row(f"demo.{id}", "sec. 1", "statement", "so it is", made=made[id], relation=relation)
+        for id, relation in relations.items()
+    ]
+    cells = [
+        "book.decide('s1', {'a': (C.kp, 2.0), 'b': (1.0, 2.0)})",
+        "book.decide('s2', {'a': (1.0, 2.0)})",
+        "book.decide('s3', C.doubled / C.kp - 2.0)",
+        "book.decide('s4', (demolib.poles(1.4), 3))",
+        "book.close()",
+    ]
+    _, said = shaken(library, rows, *cells)
+    assert re.findall(r"(?m)^  (demo\.\w+: stays)", said) == ["demo.s2: stays"]
+    assert said.startswith("demo: 2 of 4 rows move, 1 say why they stay, 1 refused")
+
+
+@pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ("with suppress(ValueError):\n    book.compare({'nobody': 1.0})", "nobody: unknown id"),
+        ("type(book).close = lambda self: None", "changes the ledger itself"),
+        ("setattr(book, 'records', False)", "nothing stored yet|changes what its ledger does"),
+        ("1 / 0", "cell 3 stops: ZeroDivisionError"),
+        ("raise SystemExit", "cell 3 stops: SystemExit"),
+        ("import os; os._exit(0)", "its process died"),
+        ("%%capture\nbook.compare({'kp': 1.0})", "a cell magic decides"),
+        ("%%script true\nbook.compare({'kp': 1.0})", "a cell magic decides"),
+    ],
+)
+def test_a_page_that_handles_its_ledger_is_seen(library, cell, said):
+    rows = rows_of(["kp"], computed="1.374419738", verdict="reproduced", page="demo")
+    status, found = shaken(library, rows, "book.compare({'kp': C.kp})", cell, "book.close()", stored=False)
+    assert status == 1
+    assert re.search(said, found), found
+
+
+def test_nothing_is_written_beside_the_library(library):
+    shaken(library, rows_of(["kp"]), "book.compare({'kp': C.kp})", "book.close()")
+    assert read_rows(library / "book" / "ledger" / "demo.csv")[0].computed.startswith("1.3744")
+    notebook = json.loads((library / "book" / "demo.ipynb").read_text())
+    assert all(cell["outputs"] == [] for cell in notebook["cells"])

@@ -1,0 +1,169 @@
+"""The judge of a spread, and designs that are corrected until the loop that runs keeps its limits."""
+
+import dataclasses
+import math
+from itertools import pairwise, permutations
+
+import control
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.plant.safety import (
+    LoopEvaluator,
+    LoopMs,
+    Requirements,
+    correct_request,
+    in_series,
+    make_safe,
+)
+from pidalab.rules import Design
+from pidalab.rules.classical import simc
+
+GOOD = pidalab.fopdt(1.0, 2.0, 1.0)
+LAGS = pidalab.lags(3, delay=1.0)
+FEEDTHROUGH = pidalab.Process([2.0, 1.0], [1.0, 1.0])  # its sampled loop is algebraic
+PI = Design(GOOD, pidalab.PIDA(0.5, 2.0))
+
+
+def sampled_ms(plant, h=1.0):
+    return pidalab.margins(pidalab.Loop(plant, PI.controller.discretise(h))).ms
+
+
+def test_ms_is_that_of_the_loop_that_runs():
+    continuous, sampled = (LoopEvaluator(h, None).ms(PI, GOOD) for h in (None, 1.0))
+    assert continuous == LoopMs(pytest.approx(pidalab.margins(PI.loop(GOOD)).ms))
+    assert sampled == LoopMs(pytest.approx(sampled_ms(GOOD)))
+    assert sampled.ms > 1.1 * continuous.ms
+
+
+def test_a_filter_of_ones_own_is_in_the_loop():
+    lag = control.TransferFunction([1.0], [1.5, 1.0])
+    evaluator = LoopEvaluator(None, lag)
+    expected = pidalab.margins(pidalab.Loop(GOOD, PI.controller, lag)).ms
+    assert evaluator.ms(PI, GOOD).ms == pytest.approx(expected)
+    assert expected > 1.05 * LoopEvaluator(None, None).ms(PI, GOOD).ms
+    both = in_series(lag, lag)
+    assert np.allclose([both.num[0][0][0], *both.den[0][0]], [1.0, 2.25, 3.0, 1.0])
+    assert in_series(lag, None) is lag
+    assert in_series(None, lag) is lag
+    assert in_series(None, None) is None
+
+
+def test_an_unstable_loop_has_an_infinite_ms():
+    fast = Design(GOOD, pidalab.PIDA(9.0, 2.0))
+    for h in (None, 0.1):
+        assert LoopEvaluator(h, None).ms(fast, GOOD) == LoopMs(math.inf)
+        assert LoopEvaluator(h, None).worst(fast, [GOOD, pidalab.fopdt(0.1, 2.0, 1.0)]).ms == math.inf
+
+
+def test_the_worst_ms_does_not_depend_on_the_order_of_the_plants():
+    """Of one plant the sampled loop has no Ms: the others are judged by theirs, before it and after it."""
+    evaluator = LoopEvaluator(1.0, None)
+    alone = evaluator.ms(PI, FEEDTHROUGH)
+    assert "Ms is that of the continuous loop" in alone.reason
+    assert alone.ms == pytest.approx(pidalab.margins(PI.loop(FEEDTHROUGH)).ms)
+    plants = [GOOD, FEEDTHROUGH, pidalab.fopdt(1.2, 2.0, 1.0)]
+    found = {evaluator.worst(PI, order) for order in permutations(plants)}
+    assert found == {LoopMs(sampled_ms(plants[2]), alone.reason)}
+    # a plant that was refused leaves no trace
+    assert evaluator.ms(PI, GOOD) == LoopMs(pytest.approx(sampled_ms(GOOD)))
+    assert evaluator.worst(PI, []) == LoopMs(0.0)
+
+
+def test_the_judge_keeps_nothing():
+    values = vars(LoopEvaluator(1.0, None))
+    assert not [name for name, value in values.items() if isinstance(value, (list, dict, set))]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        LoopEvaluator(1.0, None).sample_time = 2.0
+
+
+class Machine:
+    """Designs whose sizes follow from what is asked: Ms 1.3 times as far above 1, the worst 1.5 times."""
+
+    def __init__(self, active=("ms", "ms_worst"), factors=(1.3, 1.5)):
+        self.asked, self.active, self.factors = [], active, factors
+
+    def __call__(self, asked, near):
+        self.asked.append(asked)
+        return asked, self.active
+
+    def sizes(self, made):
+        return tuple(1 + (ask - 1) * factor for ask, factor in zip(made, self.factors, strict=True))
+
+
+def test_what_is_asked_is_corrected_until_the_loop_has_it_from_below():
+    machine = Machine()
+    made = correct_request(machine, machine.sizes, (1.6, 2.0))
+    for size, limit in zip(machine.sizes(made), (1.6, 2.0), strict=True):
+        assert limit * (1 - 1e-3) <= size <= limit * (1 + 1e-6)
+    assert machine.asked[0] == (1.6, 2.0)
+    assert 2 <= len(machine.asked) <= 4
+
+
+def test_a_limit_that_does_not_hold_the_design_back_is_left_alone():
+    machine = Machine(active=("ms",), factors=(0.5, 0.1))
+    made = correct_request(machine, machine.sizes, (1.6, 2.0))
+    assert made[1] == 2.0
+    assert machine.sizes(made)[0] == pytest.approx(1.6, rel=1e-3)
+
+
+def test_one_correction_at_most_doubles_or_halves():
+    steep = Machine(factors=(100.0, 1.0))
+    correct_request(steep, steep.sizes, (1.6, 2.0))
+    asked = [ms - 1 for ms, _ in steep.asked]
+    assert asked[1] == pytest.approx(0.3)
+    assert all(0.5 * (1 - 1e-12) <= b / a <= 2 for a, b in pairwise(asked))
+    flat = Machine(factors=(0.01, 1.0))
+    correct_request(flat, flat.sizes, (1.6, 2.0))
+    assert flat.asked[1][0] - 1 == pytest.approx(1.2)
+
+
+def test_where_none_meets_the_limits_the_last_that_keeps_them_is_taken_and_else_none():
+    one = Machine()
+    one.sizes = lambda made: (1.5, 1.9)  # whatever is asked
+    assert correct_request(one, one.sizes, (1.6, 2.0)) == one.asked[-1]
+    assert len(one.asked) == 20
+    calls = iter([(1.5, 1.9), *[(1.7, 1.9)] * 30])
+    other = Machine()
+    assert correct_request(other, lambda made: next(calls), (1.6, 2.0)) == (1.6, 2.0)
+    with pytest.raises(ValueError, match=r"keeps ms <= 1\.6 and ms_worst <= 2: .* 1\.7 and 1\.9"):
+        correct_request(Machine(), lambda made: (1.7, 1.9), (1.6, 2.0))
+
+
+def closer(asked, near):
+    """A PIDA for the smaller of what is asked."""
+    return pidalab.rules.haalman.tune(LAGS, min(asked)), ["ms", "ms_worst"]
+
+
+@pytest.mark.parametrize("h", [None, 0.5])
+def test_a_safe_design_keeps_both_limits_with_all_plants_and_says_its_price(h):
+    plants = [pidalab.lags(3, delay=1.4), pidalab.lags(3, delay=0.8)]
+    evaluator = LoopEvaluator(h, None)
+    easy, free = make_safe(closer, evaluator, Requirements(LAGS, [], 1.8, 9.0, "help"))
+    assert free == 1.0
+    made, price = make_safe(closer, evaluator, Requirements(LAGS, plants, 1.8, 1.9, "help"))
+    assert evaluator.worst(made, plants).ms == pytest.approx(1.9, rel=1.5e-3)
+    assert evaluator.worst(made, plants).ms <= 1.9 * (1 + 1e-6)
+    assert evaluator.ms(made, LAGS).ms < evaluator.ms(easy, LAGS).ms <= 1.8 * (1 + 1e-6)
+    areas = [pidalab.load_response(one.loop(LAGS), np.linspace(0, 200, 4001)).iae() for one in (made, easy)]
+    assert price == pytest.approx(areas[0] / areas[1], rel=1e-3)
+    # a limit that the design keeps anyway costs nothing, and changes nothing
+    assert make_safe(closer, evaluator, Requirements(LAGS, plants, 1.8, 9.0, "help"))[1] == 1.0
+
+
+def test_refusals_say_why_and_what_would_help():
+    evaluator = LoopEvaluator(None, None)
+    late = [pidalab.lags(3, delay=9.0)]
+    with pytest.raises(ValueError, match=r"gives an unstable loop.*ms_worst = 1\.9 .*times the IAE; help"):
+        make_safe(closer, evaluator, Requirements(LAGS, late, 1.8, 1.9, "help"))
+
+    def stubborn(asked, near):
+        return simc(LAGS, "PI"), ["ms"]
+
+    worst = evaluator.worst(simc(LAGS, "PI"), [pidalab.lags(3, delay=1.5)]).ms
+    requirements = Requirements(LAGS, [pidalab.lags(3, delay=1.5)], 1.6, 1.3, "help")
+    with pytest.raises(
+        ValueError, match=rf"gives worst Ms {worst:.3g}, where ms_worst = 1\.3 .*\(no controller.*; help"
+    ):
+        make_safe(stubborn, evaluator, requirements)

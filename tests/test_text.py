@@ -1,0 +1,43 @@
+"""Text from outside keeps what names it and loses all that a file could take for its own."""
+
+import re
+import unicodedata
+
+import pytest
+from hypothesis import given, strategies as st
+
+from pidalab._text import LONGEST_LINE, MARKS, plain_text
+
+
+@given(st.text(max_size=3 * LONGEST_LINE))
+def test_only_letters_digits_blanks_and_a_few_marks_pass(text):
+    found = plain_text(text)
+    assert len(found) <= LONGEST_LINE
+    assert found == " ".join(found.split())
+    assert all(x in MARKS + " " or x.isalpha() or unicodedata.category(x) == "Nd" for x in found)
+    found.encode()  # no half of a character
+    assert plain_text(found) == found
+
+
+@given(st.text("*/(\"'\\<>&;:=?#@`$\n\r\t\0\x1b\u2028\u202e\ud800 {}[]|~^!", min_size=1))
+def test_marks_of_languages_do_not_pass(text):
+    assert plain_text(text) == ""
+
+
+@pytest.mark.parametrize("text", ['*"""/', '"*/""', "*\\/", "(*)", "*\n/", "*\u200b/", "?\u200d?/"])
+def test_what_is_taken_out_brings_nothing_together(text):
+    assert not re.search(r"[*/\"()?\\]", plain_text(f"a{text}b"))
+
+
+@pytest.mark.parametrize(
+    "text", ["Ofen_3, 20 °C.csv", "loop-1 +5 % 2024.txt", "Prüfstand Nº1", "温度 计.csv"]
+)
+def test_names_stay_what_they_were(text):
+    assert plain_text(text) == text
+
+
+def test_long_texts_are_cut_and_take_no_time():
+    assert plain_text("a" * 10**8) == "a" * (LONGEST_LINE - 3) + "..."
+    assert plain_text("b" * LONGEST_LINE) == "b" * LONGEST_LINE
+    with pytest.raises(TypeError, match="text must be a str, found bytes"):
+        plain_text(b"bytes")

@@ -1,0 +1,72 @@
+"""Run every page of the book with a library that is slightly off, and see that what it hands over is off, too.
+
+What stays was copied, or a formula of the page made it, or it is a whole number: its row says which, in ``made``. What
+moves no more than the prints do, which are shaken a thousand times less, comes from print alone.
+
+    python tools/shake.py                    # all papers
+    python tools/shake.py huba2018           # one of them
+    python tools/shake.py --book FOLDER ...  # of another book
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from kernels import warm_up
+
+from paperledger.moves import shake
+from paperledger.shaking import Off, Shaker
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def process(found: Any, off: Off) -> Any:
+    """Shake gain, dead time and unit of time of a process: a multiple pole stays one."""
+    gain, delay, unit = off(1.0, "gain"), off(found.delay, "delay"), off(1.0, "unit")
+    num, den = ([c * unit**k for k, c in enumerate(reversed(part))][::-1] for part in (found.num, found.den))
+    return type(found)([gain * c for c in num], den, delay)
+
+
+def response(found: Any, off: Off) -> Any:
+    """Shake the control error, not the output: what has settled stays settled."""
+    import numpy as np
+
+    wanted = np.concatenate([[0.0], found.step * np.cumsum(found.r[:-1])])
+    new = object.__new__(type(found))
+    new.__dict__.update(found.__dict__)
+    new.__dict__.update(
+        y=found.r - off(found.r - found.y, "e"),
+        area=wanted - off(wanted - found.area, "area"),
+        u=off(found.u, "u"),
+    )
+    return new
+
+
+NAMING = ("fopdt", "sopdt", "ipdt", "lags", "binomial")  # they only say which plant is meant
+LIBRARY = Shaker(
+    "pidalab",
+    exact=frozenset(f"pidalab.process.{name}" for name in NAMING),
+    fields=frozenset({"t", "times", "step", "h", "sample_time", "span"}),
+    whole={"Process": process, "Response": response},
+    compiled=frozenset({"compiled", "inlined", "plain"}),
+    left=frozenset({"Function", "Tier"}),
+)
+
+
+def main(arguments: list[str]) -> int:
+    """Shake the library under the pages of some papers; 0 if every row is made by it, or says why not."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("papers", nargs="*")
+    parser.add_argument("--book", type=Path, default=ROOT / "book")
+    asked = parser.parse_args(arguments)
+    if not sys.flags.optimize:  # pages and modules beside them may assert digits, which are off here
+        fixed = {"OPENBLAS_NUM_THREADS": "1", "PIDALAB_COMPILE": "1", "PYTHONWARNINGS": "ignore"}
+        return subprocess.call([sys.executable, "-O", __file__, *arguments], env=os.environ | fixed)
+    return shake(LIBRARY, asked.book / "ledger", asked.papers, warm_up)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
