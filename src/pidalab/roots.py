@@ -35,7 +35,10 @@ def roots(polynomial: ArrayLike) -> Any:
     ValueError
         Where no roots are found whose product is the polynomial to ten digits.
     """
-    return _roots(np.trim_zeros(np.asarray(polynomial, dtype=float), "f").tobytes())
+    coefficients = np.asarray(polynomial, dtype=float)
+    if not (coefficients.size and coefficients[0]):
+        coefficients = np.trim_zeros(coefficients, "f")
+    return _roots(coefficients.tobytes())
 
 
 @lru_cache(maxsize=4096)
