@@ -35,12 +35,12 @@ def roots(polynomial: ArrayLike) -> Any:
     ValueError
         Where no roots are found whose product is the polynomial to ten digits.
     """
-    return _roots(np.trim_zeros(np.asarray(polynomial, dtype=float), "f").tobytes())
+    return _roots(np.asarray(polynomial, dtype=float).tobytes())
 
 
 @lru_cache(maxsize=4096)
 def _roots(raw: bytes) -> Any:
-    coefficients = np.frombuffer(raw)
+    coefficients = np.trim_zeros(np.frombuffer(raw), "f")
     kept = np.trim_zeros(coefficients, "b")
     at_zero = np.zeros(coefficients.size - kept.size, dtype=complex)
     found = np.concatenate([at_zero, _of_nonzero(kept)])
