@@ -34,7 +34,7 @@ PACKAGES = ("pidalab", "numpy", "scipy", "numba", "control", "jitcdde", "ddeint"
 
 def oracle_cases(name: str) -> list[dict]:
     """Return the cases of one oracle file."""
-    return json.loads((ORACLES / name).read_text())["cases"]
+    return json.loads((ORACLES / name).read_text(encoding="utf-8"))["cases"]
 
 
 def case_loop(case: dict) -> pidalab.Loop:
@@ -127,9 +127,17 @@ def error(t: np.ndarray, y: np.ndarray, case: dict) -> float:
 def machine() -> str:
     """Return Python, the packages that take part, the processors, and how many processes wanted them."""
     told = Path("/proc/cpuinfo")  # other systems say it less readably
-    found = re.search(r"^model name\s*: (.*)$", told.read_text() if told.exists() else "", flags=re.MULTILINE)
+    found = re.search(
+        r"^model name\s*: (.*)$",
+        told.read_text(encoding="utf-8") if told.exists() else "",
+        flags=re.MULTILINE,
+    )
     processor = found[1] if found else platform.processor() or platform.machine()
-    speed = re.search(r"^cpu MHz\s*: (.*)$", told.read_text(), flags=re.MULTILINE) if found else None
+    speed = (
+        re.search(r"^cpu MHz\s*: (.*)$", told.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        if found
+        else None
+    )
     clock = f" at {float(speed[1]) / 1e3:.1f} GHz" if speed else ""
     used = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     busy = f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
@@ -138,7 +146,7 @@ def machine() -> str:
 
 def write(name: str, columns: Iterable[str], rows: Iterable[dict]) -> None:
     """Write a table that the book reads: the machine in a comment above it, three digits of each number."""
-    with (DATA / f"{name}.csv").open("w", newline="") as file:
+    with (DATA / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         file.write(f"# Made by `make bench` with {machine()}\n")
         writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()

@@ -32,7 +32,7 @@ from pidalab.comparison.benchmarking import MS, NOISE, Units, judge, ultimate_un
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
 from pidalab.rules import Design
-from pidalab.rules.registry import Limits
+from pidalab.rules.registry import RuleLimits
 from pidalab.rules.starting_models import StartingModels
 
 FASTER = 2.0  # another Ms, for the optima alone
@@ -87,7 +87,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
     """Every rule on one plant: its own design, then at equal terms, and what becomes of it on plants that are off."""
     own = ultimate_units(process)
     rows: list[dict[str, Any]] = []
-    for rule, kind, make in designs(process, Limits(MS, NOISE["loud"] * own.gain, own.sample_time)):
+    for rule, kind, make in designs(process, RuleLimits(MS, NOISE["loud"] * own.gain, own.sample_time)):
         if rule == "optimal":
             continue
         made = cache(make)

@@ -281,7 +281,7 @@ def main() -> None:
 
 def write(name: str, columns: Sequence[str], rows: Sequence[tuple]) -> None:
     """Write a table; six digits are enough to get the ITAE of an optimum to 1e-6."""
-    with (DATA / name).open("w", newline="") as file:
+    with (DATA / name).open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows([f"{v:.6g}" if isinstance(v, float) else v for v in row] for row in rows)

@@ -59,7 +59,7 @@ def on_optima() -> Iterator[tuple]:
 def main() -> None:
     """Compute and write all rows, with eight digits."""
     rows = [*tqdm(on_grid(), total=900), *tqdm(on_optima())]
-    with (DATA / "itae_rules.csv").open("w", newline="") as file:
+    with (DATA / "itae_rules.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         writer.writerows([f"{v:.8g}" if isinstance(v, float) else v for v in row] for row in rows)

@@ -140,7 +140,7 @@ def rows() -> list[dict]:
     """What is in the table so far."""
     if not RESULTS.exists():
         return []
-    with RESULTS.open() as file:
+    with RESULTS.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -148,7 +148,7 @@ def store(found: list[dict]) -> None:
     """Write the table, in the order of the plants; of two rows for one plant the later one counts."""
     last = {row["plant"]: row for row in found}
     found = [last[name] for name in PLANTS if name in last]
-    with RESULTS.open("w", newline="") as file:
+    with RESULTS.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(found)

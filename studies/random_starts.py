@@ -28,11 +28,7 @@ from pidalab import Process
 from pidalab.comparison.benchmarking import ultimate_units
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
-from pidalab.optimal._design import SAME, UNITS
-from pidalab.optimal._problem import Problem
-from pidalab.optimal._solver import NEARLY, Limits, Search
-from pidalab.optimal._starts import _relaxed
-from pidalab.optimal._units import unit_of_time
+from pidalab.optimal.parts import NEARLY, SAME_IAE, UNITS, DesignLimits, Search, relax, search_in
 
 COLUMNS = (
     "problem",
@@ -68,7 +64,7 @@ def beside(number: int) -> list[dict[str, Any]]:
     """The row of a problem."""
     rng, name, process, order, ms, noise = drawn(number)
     own = ultimate_units(process)
-    limits = Limits(ms, None, noise * own.gain, own.sample_time)
+    limits = DesignLimits(ms, None, noise * own.gain, own.sample_time)
     row: dict[str, Any] = {
         "problem": number,
         "plant": name,
@@ -88,16 +84,14 @@ def beside(number: int) -> list[dict[str, Any]]:
     return [row | {"starts": len(ends)}]
 
 
-def found_in(process: Process, order: int, limits: Limits, design: Any) -> tuple[Search, np.ndarray]:
+def found_in(process: Process, order: int, limits: DesignLimits, design: Any) -> tuple[Search, np.ndarray]:
     """The search in the unit of time that sees all of the response of a design, and its unknowns there."""
-    shortest = unit_of_time(process, limits)
     for factor in UNITS:
-        unit = shortest * factor
-        problem = Problem(process, order, (abs(complex(process(1j / unit))), unit))
-        search = Search(problem, limits)
+        search = search_in(process, order, limits, factor)
+        problem, unit = search.problem, search.problem.time
         gains = np.array(design.controller.coefficients) / problem.units
         at = np.append(gains, math.log(design.controller.filter_time / unit))
-        if abs(math.exp(search._worth(at)[0]) * unit / design.iae - 1) < SAME:
+        if abs(math.exp(search.log_iae(at)[0]) * unit / design.iae - 1) < SAME_IAE:
             return search, at
     raise ArithmeticError("no unit of time gives the IAE of the design")
 
@@ -124,7 +118,7 @@ def descents(rng: np.random.Generator, search: Search, at: np.ndarray, iae: floa
 def ended(search: Search, start: np.ndarray, iae: float) -> float:
     """IAE where a start's descent ends, at the bottom where it might be below the design."""
     if search.missed(start) > 0:
-        start = _relaxed(search, start)
+        start = relax(search, start)
     if search.missed(start) > NEARLY:
         return math.inf
     value, end, missed = search.descend(start)

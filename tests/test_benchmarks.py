@@ -78,7 +78,7 @@ def test_true_margins_are_those_of_an_integrator():
 
 def table(name):
     """Rows of a table in book/data, below a line that names the machine."""
-    with (measure.DATA / f"{name}.csv").open() as file:
+    with (measure.DATA / f"{name}.csv").open(encoding="utf-8") as file:
         first = file.readline()
         assert first.startswith("# Made by `make bench` with Python ")
         assert " processors " in first
@@ -111,7 +111,7 @@ def test_stored_errors_of_the_exact_engine():
 
 
 def test_the_page_on_speed_types_no_number():
-    cells = json.loads((SPEED / "how-fast.ipynb").read_text())["cells"]
+    cells = json.loads((SPEED / "how-fast.ipynb").read_text(encoding="utf-8"))["cells"]
     text = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
     prose = re.sub(r"\]\([^)]*\)|huba2018", "", text)
     assert len(prose) > 2000

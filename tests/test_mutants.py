@@ -6,7 +6,7 @@ import mutants
 import pytest
 
 ALGEBRA = Path("algebra.py")
-TEXT = (mutants.SRC / mutants.place_of(ALGEBRA)).read_text()
+TEXT = (mutants.SRC / mutants.place_of(ALGEBRA)).read_text(encoding="utf-8")
 SERIES = "tests/test_algebra.py::test_processes_in_series"  # divides nothing
 SCALED = "tests/test_algebra.py::test_a_number_multiplies_the_gain_and_nothing_else"
 
@@ -56,9 +56,9 @@ def test_a_changed_copy_passes_what_does_not_see_the_change_and_fails_what_does(
 
 def test_a_module_without_tests_of_its_own_is_not_killed_by_that(tmp_path):
     path = tmp_path / "empty.py"
-    path.write_text("")
+    path.write_text("", encoding="utf-8")
     assert mutants.run(mutants.SRC, [str(path)], 60.0)
-    path.write_text("1 / 0")
+    path.write_text("1 / 0", encoding="utf-8")
     assert not mutants.run(mutants.SRC, [str(path)], 60.0)
 
 
@@ -69,7 +69,8 @@ def test_the_table_keeps_reasons_of_survivors(tmp_path, monkeypatch):
     mutants.TABLE.write_text(
         f"{head}algebra.py,f,{was},a,survived,2026-11-22,the same number\n"
         f"algebra.py,f,{was},b,survived,2026-11-22,none\n"
-        "algebra.py,f,this text is nowhere,c,killed,2026-11-22,\n"
+        "algebra.py,f,this text is nowhere,c,killed,2026-11-22,\n",
+        encoding="utf-8",
     )
     for becomes, result in (("a", "survived"), ("b", "killed elsewhere"), ("d", "survived")):
         mutants.store(("algebra.py", "f", was, becomes), result)

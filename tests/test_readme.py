@@ -15,7 +15,7 @@ PAGES = [ROOT / "README.md", ROOT / "book" / "intro.md"]
 
 
 def blocks(page):
-    return re.findall(r"```python\n(.*?)```", page.read_text(), flags=re.DOTALL)
+    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -41,11 +41,11 @@ def test_short_answers_run(capsys):
 
 def test_score_is_that_of_the_ledgers():
     """`python -m paperledger readme README.md` writes it."""
-    assert score_markdown(ROOT / "book" / "ledger") in (ROOT / "README.md").read_text()
+    assert score_markdown(ROOT / "book" / "ledger") in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_bibliography_has_every_paper_of_the_ledgers():
-    known = re.findall(r"@\w+\{(\w+),", (ROOT / "book" / "references.bib").read_text())
+    known = re.findall(r"@\w+\{(\w+),", (ROOT / "book" / "references.bib").read_text(encoding="utf-8"))
     assert set(papers(ROOT / "book" / "ledger")) <= set(known)
 
 
@@ -56,7 +56,7 @@ def test_the_first_figure_is_what_its_designs_say():
     state, (gain, sample) = landing.stored(), landing.units()
     many = landing.medians()
     assert state.pop("median") == list(many.values())
-    assert landing.markdown(state, many) in (ROOT / "book" / "intro.md").read_text()
+    assert landing.markdown(state, many) in (ROOT / "book" / "intro.md").read_text(encoding="utf-8")
     t = np.linspace(0, 80, 8001)
     for k, limit in enumerate(landing.LIMITS):
         for kind, loop in landing.loops(state, k).items():

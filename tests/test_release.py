@@ -36,9 +36,9 @@ def test_the_readme_stands_on_a_package_index():
 
 def test_one_place_says_where_the_project_lives():
     """The other places agree with it."""
-    repository = yaml.safe_load((ROOT / "_config.yml").read_text())["sphinx"]["config"]["html_theme_options"][
-        "repository_url"
-    ]
+    repository = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))["sphinx"]["config"][
+        "html_theme_options"
+    ]["repository_url"]
     urls = PROJECT["urls"]
     assert urls["Repository"] == repository
     assert urls["Issues"] == f"{repository}/issues"
@@ -49,8 +49,10 @@ def test_one_version():
     """It is a semantic one, cited as it is, and the newest release of the changelog."""
     version = PROJECT["version"]
     assert re.fullmatch(r"\d+\.\d+\.\d+", version)
-    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == version
-    releases = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == version
+    releases = re.findall(
+        r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
     released = [name for name in releases if name != "Unreleased"]
     assert released[0] == version
     numbers = [tuple(map(int, name.split("."))) for name in released]
@@ -91,7 +93,7 @@ def test_the_lock_for_readers_is_a_part_of_the_other():
 
 
 def test_every_licence_of_what_the_site_carries_has_its_text(tmp_path):
-    rows = tomllib.loads((ROOT / "tools" / "vendored.toml").read_text())["component"]
+    rows = tomllib.loads((ROOT / "tools" / "vendored.toml").read_text(encoding="utf-8"))["component"]
     asked = {name for row in rows for name in row["licence"].split(" AND ")}
     assert {path.stem for path in vendored.TEXTS.iterdir()} | set(vendored.LINKED) == asked
     kept = {key: rows[0][key] for key in ("name", "url", "purl", "copyright")}
@@ -109,14 +111,17 @@ def test_every_licence_of_what_the_site_carries_has_its_text(tmp_path):
 
 
 def test_every_paper_of_the_book_is_cited():
-    bibliography = (ROOT / "book" / "references.bib").read_text()
+    bibliography = (ROOT / "book" / "references.bib").read_text(encoding="utf-8")
     entries = re.split(r"\n(?=@)", bibliography)
     titles = {
         found[1]: plain(found[2])
         for entry in entries
         if (found := re.search(r"@\w+\{(\w+),.*?\btitle\s*=\s*\{([^\n]*)\},", entry, flags=re.DOTALL))
     }
-    cited = {plain(one["title"]) for one in yaml.safe_load((ROOT / "CITATION.cff").read_text())["references"]}
+    cited = {
+        plain(one["title"])
+        for one in yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["references"]
+    }
     assert {titles[paper] for paper in papers(ROOT / "book" / "ledger")} == cited
 
 

@@ -42,9 +42,9 @@ def sources():
         for path in sorted((ROOT / folder).rglob("*")):
             name = str(path.relative_to(ROOT))
             if path.suffix == ".py":
-                yield name, path.read_text()
+                yield name, path.read_text(encoding="utf-8")
             elif path.suffix == ".ipynb" and ".ipynb_checkpoints" not in path.parts:
-                cells = json.loads(path.read_text())["cells"]
+                cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
                 code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
                 lines = "\n".join(code).splitlines()
                 yield name, "\n".join(line for line in lines if not line.lstrip().startswith(("%", "!")))

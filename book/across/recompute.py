@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pidalab
 from pidalab.comparison import designs
-from pidalab.rules.registry import Limits
+from pidalab.rules.registry import RuleLimits
 from pidalab.simulation.settling import settled
 
 import tables
@@ -28,7 +28,7 @@ def rule(row: Any, plant: Any) -> float:
     """IAE of a load step with the rule of a row, in units of the plant."""
     model = process(plant)
     noise, sample = tables.NOISE["loud"] * plant.ultimate_gain, plant.ultimate_period / 100
-    makers = designs(model, Limits(tables.MS, noise, sample), [row.rule])
+    makers = designs(model, RuleLimits(tables.MS, noise, sample), [row.rule])
     make = next(make for _, kind, make in makers if kind == row.kind)
     return load_iae(make().loop(model), plant)
 

@@ -7,10 +7,7 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pidalab
-from pidalab.optimal._problem import Problem
-from pidalab.optimal._solver import FINE, NEARLY, Limits, Search
-from pidalab.optimal._starts import at_once
-from pidalab.optimal._units import unit_of_time
+from pidalab.optimal.parts import FINE, NEARLY, DesignLimits, Search, at_once, search_in
 
 MS, MKS = 1.4, 20.0
 RUNGS = np.linspace(0.0, -4.7, 34)  # logarithms of filter times, in units of the problem
@@ -27,9 +24,7 @@ class Walk(NamedTuple):
 
 def over_filter_time() -> Walk:
     """Walk down the ladder, each time from the optimum before; a rung where the limits were missed is left out."""
-    limits = Limits(MS, MKS, None, None)
-    unit = unit_of_time(PROCESS, limits)
-    search = Search(Problem(PROCESS, 2, (abs(complex(PROCESS(1j / unit))), unit)), limits)
+    search = search_in(PROCESS, 2, DesignLimits(MS, MKS))
     return walk(search, at_once(search)[0], RUNGS)
 
 

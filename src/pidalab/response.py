@@ -13,9 +13,7 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 
 SETTLED = 1e-6  # share of the largest error that may be left in the last tenth of a record called settled
-ARRIVED = (
-    0.1  # share of the final value that may be left at the end of a record of which an overshoot is read
-)
+ARRIVED = 0.1  # share of the final value that may be left at the end of a record whose overshoot is read
 FEWEST = 20  # samples of a record that shows whether it diverges
 
 

@@ -35,12 +35,15 @@ def roots(polynomial: ArrayLike) -> Any:
     ValueError
         Where no roots are found whose product is the polynomial to ten digits.
     """
-    return _roots(np.asarray(polynomial, dtype=float).tobytes())
+    coefficients = np.asarray(polynomial, dtype=float)
+    if not (coefficients.size and coefficients[0]):
+        coefficients = np.trim_zeros(coefficients, "f")
+    return _roots(coefficients.tobytes())
 
 
 @lru_cache(maxsize=4096)
 def _roots(raw: bytes) -> Any:
-    coefficients = np.trim_zeros(np.frombuffer(raw), "f")
+    coefficients = np.frombuffer(raw)
     kept = np.trim_zeros(coefficients, "b")
     at_zero = np.zeros(coefficients.size - kept.size, dtype=complex)
     found = np.concatenate([at_zero, _of_nonzero(kept)])

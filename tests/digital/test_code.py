@@ -61,7 +61,9 @@ def run_c(folder, precision):
         inputs += f", {real}f" * CASES[name].feedforward + ", retuned" * CASES[name].tunable
         calls += f"if (which == {i}) u = (double){name}_step(&s{i}, {inputs});\n        "
     source = folder / f"{precision}.c"
-    source.write_text("\n".join(k.c(name) for name, k in CASES.items()) + MAIN % (starts, calls))
+    source.write_text(
+        "\n".join(k.c(name) for name, k in CASES.items()) + MAIN % (starts, calls), encoding="utf-8"
+    )
     kinds = [f"-D{name.upper()}_REAL={precision}" for name in names]
     subprocess.run([*GCC, *kinds, str(source), "-o", str(folder / precision)], check=True, text=True)
     rows = []
@@ -106,7 +108,7 @@ def test_c_tests_itself(tmp_path):
     spoilt = re.sub(r"(PART_1_GAIN_0 = \(level_real\))1\.3;", r"\g<1>1.3013;", code)
     assert spoilt != code
     for text, precision, status in ((code, "double", 0), (code, "float", 0), (spoilt, "double", 1)):
-        (tmp_path / "level.c").write_text(text)
+        (tmp_path / "level.c").write_text(text, encoding="utf-8")
         options = ["-DLEVEL_SELFTEST", f"-DLEVEL_REAL={precision}", str(tmp_path / "level.c")]
         subprocess.run([*GCC, *options, "-o", str(tmp_path / "level"), "-lm"], check=True)
         run = subprocess.run([str(tmp_path / "level")], capture_output=True, text=True, check=False)

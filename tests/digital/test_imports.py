@@ -14,7 +14,7 @@ FILES = {
 def needs(path):
     """Files of the package that one imports, for type checkers too."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pidalab.digital"):
             found |= {node.module.rpartition(".")[2], *(alias.name for alias in node.names)} & {*FILES}
     return found

@@ -147,7 +147,7 @@ def test_c_does_the_same(run, tmp_path):
     compiler()
     k, rows, found = run
     more = (", f" * k.feedforward, ", retuned != 0" * k.tunable)
-    (tmp_path / "loop.c").write_text(k.c("loop") + MAIN % more)
+    (tmp_path / "loop.c").write_text(k.c("loop") + MAIN % more, encoding="utf-8")
     subprocess.run([*GCC, str(tmp_path / "loop.c"), "-o", str(tmp_path / "loop")], check=True)
     names = (*INPUTS, *MORE)
     usual = {"feedforward": 0.0, "retuned": False}

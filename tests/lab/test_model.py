@@ -353,6 +353,7 @@ SAMPLED = [  # process, gains, filter time and order, sample time, whether stabl
 ]
 
 
+@pytest.mark.filterwarnings("ignore:sample_time should be at most")
 @pytest.mark.parametrize("end", [0.5, 40.0, 500.0])
 @pytest.mark.parametrize(("process", "gains", "time", "order", "h", "stable"), SAMPLED, ids=str)
 def test_ms_of_a_digital_loop_is_that_from_sample_to_sample(

@@ -4,6 +4,7 @@ import csv
 import importlib
 import math
 import random
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,11 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import pidalab
 from pidalab import HighOrderPID, Loop
 from pidalab.optimal._design import _edge
+from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import polish
 from pidalab.optimal._problem import Problem, _other_side
-from pidalab.optimal._solver import Limits, Search
+from pidalab.optimal._solver import Search
 from pidalab.optimal._starts import approached, at_once, stabilising
 from pidalab.optimal._units import unit_of_time
 from pidalab.optimal._walk import _valleys
@@ -183,7 +185,7 @@ def test_gradients_are_those_of_the_functions():
     for function in (
         problem.worth(120.0),
         SampledNoise(problem, 0.05),
-        problem.limits(np.geomspace(0.1, 10.0, 7), 1.4, 20.0),
+        problem.limits(np.geomspace(0.1, 10.0, 7), {"ms": 1.4, "mks": 20.0, "mt": 1.3, "half": 0.9}),
     ):
         steps = 1e-6 * np.eye(x.size)
         numeric = [(np.asarray(function(x + h)[0]) - np.asarray(function(x - h)[0])) / 2e-6 for h in steps]
@@ -249,7 +251,7 @@ def test_dead_time_alone_has_a_design():
 
 def stored(name="optimal_check"):
     """Rows of a study, as far as it has run."""
-    with (Path(__file__).parents[2] / "book" / "data" / f"{name}.csv").open() as file:
+    with (Path(__file__).parents[2] / "book" / "data" / f"{name}.csv").open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -300,7 +302,7 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
 # Parts of the search, each beside what it stands for.
 
 
-NO_NOISE = Limits(1.6, None, None, None)
+NO_NOISE = DesignLimits(1.6, None, None, None)
 
 
 @pytest.mark.parametrize(
@@ -322,8 +324,10 @@ def test_values_of_valleys_differ_by_a_hundredth_and_are_no_more_than_twice_the_
 
 def test_an_optimum_meets_its_conditions():
     """From a place nearby, Newton's method ends in the same point, to nine digits; no tangent step is better."""
-    unit = unit_of_time(THIRD, Limits(1.4, 20.0, None, None))
-    one = Search(Problem(THIRD, 1, (abs(complex(THIRD(1j / unit))), unit)), Limits(1.4, 20.0, None, None))
+    unit = unit_of_time(THIRD, DesignLimits(1.4, 20.0, None, None))
+    one = Search(
+        Problem(THIRD, 1, (abs(complex(THIRD(1j / unit))), unit)), DesignLimits(1.4, 20.0, None, None)
+    )
     near = one.descend(np.array([0.3, 0.4, 0.3, -4.0]))[1]
     ends = [polish(one, near * factor) for factor in (1.0, 0.999, 1.002)]
     for end in ends:
@@ -362,7 +366,7 @@ def test_what_is_left_to_the_limits():
     """Not negative where a limit is kept, by the share of it that is left; the least of all counts as missed."""
     problem = Problem(pidalab.lags(2, delay=0.5), 1, (1.0, 1.0))
     x = np.array([0.5, 1.0, 0.5, math.log(0.2)])
-    one = Search(problem, Limits(1.6, 5.0, None, None))
+    one = Search(problem, DesignLimits(1.6, 5.0, None, None))
     loop = one.loop(x)
     s = 1j * one.w
     controller, back = loop.block("controller", s), 1 / loop.S(s)
@@ -376,8 +380,8 @@ def test_what_is_left_to_the_limits():
     np.testing.assert_allclose(left, np.concatenate(expected), rtol=1e-9)
     assert one.missed(x) == pytest.approx(max(0.0, -np.min(left)))
     assert one.missed(0.01 * x) >= 0
-    assert Limits(1.6, 5.0, None, None).named() == {"ms": 1.6, "mks": 5.0}
-    assert Limits(1.6, None, 3.0, 0.1).named() == {"ms": 1.6, "noise_gain": 3.0}
+    assert DesignLimits(1.6, 5.0, None, None).named() == {"ms": 1.6, "mks": 5.0}
+    assert DesignLimits(1.6, None, 3.0, 0.1).named() == {"ms": 1.6, "noise_gain": 3.0}
 
 
 def test_what_lies_at_the_edge_of_the_search():
@@ -402,7 +406,7 @@ def test_integrators_and_signs_of_a_process():
 @pytest.mark.parametrize(("ms", "kept"), [(2.0, True), (1.4, False)])
 def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     process = pidalab.Process([1.0], [1.0, -1.0], 0.3)
-    limits = Limits(ms, None, None, None)
+    limits = DesignLimits(ms, None, None, None)
     unit = unit_of_time(process, limits)
     problem = Problem(process, 1, (abs(complex(process(1j / unit))), unit))
     one = Search(problem, limits)
@@ -417,3 +421,44 @@ def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     if kept:
         assert found[0] is one.nearest
         assert pidalab.max_sensitivity(one.loop(found[0]))[0] < 1.01 * ms
+
+
+MIGO = {  # PI controllers with the largest integral gain outside of the circle M = 1.4 (Åström and Hägglund 2004)
+    "lags-apart": (
+        pidalab.Process([1.0], reduce(np.convolve, ([10.0**-k, 1.0] for k in range(4)))),
+        3.56,
+        0.66,
+    ),
+    "four-lags": (pidalab.lags(4), 0.432, 2.43),
+    "dead-time": (pidalab.Process([1.0], [0.0025, 0.1, 1.0], 1.0), 0.170, 0.404),
+}
+
+
+@pytest.mark.parametrize("name", MIGO)
+def test_the_pi_controllers_of_migo(name):
+    """The circle that encloses those of Ms = M and Mt = M is a disk margin of 2/(2M - 1).
+
+    Such PI loops do not cross zero after a load, so that the least IAE is the largest integral gain. The printed
+    numbers are recalled: the paper was not at hand.
+    """
+    process, kp, ti = MIGO[name]
+    design = pidalab.optimal.load(process, 0, disk=2 / 1.8)
+    assert design.active == ("disk",)
+    assert design.disk == pytest.approx(2 / 1.8, rel=1e-6)
+    gains = design.controller.gains()
+    assert (gains.kp, gains.kp / gains.ki) == pytest.approx((kp, ti), rel=1e-2)
+
+
+def test_a_limit_of_mt_is_kept_and_costs_something():
+    """Of three lags spread apart, where a PID controller for Ms alone lets T rise above it."""
+    process = MIGO["lags-apart"][0]
+    free, kept = (pidalab.optimal.load(process, 1, ms=1.6, mks=500.0, mt=mt) for mt in (None, 1.1))
+    assert pidalab.margins(free.loop()).mt > 1.1
+    assert kept.mt == pytest.approx(pidalab.margins(kept.loop()).mt, rel=1e-9)
+    assert kept.mt <= 1.1
+    assert "mt" in kept.active
+    assert kept.iae > free.iae
+    with pytest.raises(ValueError, match=r"mt must be above 1, found 1"):
+        pidalab.optimal.load(process, 1, mt=1.0)
+    with pytest.raises(ValueError, match=r"disk must be below 2, .* found 2"):
+        pidalab.optimal.load(process, 1, disk=2.0)

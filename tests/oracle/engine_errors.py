@@ -15,7 +15,7 @@ SIGNALS = {"y": 0, "u": 2}  # rows of a unit step response
 
 def oracle(name):
     """Content of an oracle file."""
-    return json.loads(Path(__file__).with_name(name).read_text())
+    return json.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
 
 
 def oracle_loop(case):

@@ -105,7 +105,9 @@ def main():
             print(line, flush=True)
             done.append(case)
     about = f"Made by {Path(__file__).name}, which says how; see README.md for the format."
-    TO.write_text(json.dumps({"about": about, "digits": DIGITS, "cases": done}, indent=1) + "\n")
+    TO.write_text(
+        json.dumps({"about": about, "digits": DIGITS, "cases": done}, indent=1) + "\n", encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

@@ -105,7 +105,7 @@ def main():
         stored.append(case | {"y": y, "u": u})
     assert worst < AGREEMENT, worst
     head = {"made_by": "tests/oracle/make_reset_loops.py", "agreement": worst, "times": times.tolist()}
-    file_of(__file__).write_text(json.dumps(head | {"cases": stored}, indent=1) + "\n")
+    file_of(__file__).write_text(json.dumps(head | {"cases": stored}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

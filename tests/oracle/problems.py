@@ -22,7 +22,7 @@ def problems(script: str) -> Iterator[dict]:
 
     Of an optimum the digits that it needs to begin with are its `start`; a response that grows has `envelope_times`.
     """
-    for case in json.loads(file_of(script).read_text())["cases"]:
+    for case in json.loads(file_of(script).read_text(encoding="utf-8"))["cases"]:
         asked = {
             k: v for k, v in case.items() if k not in ANSWERS and not (isinstance(v, dict) and "values" in v)
         }
@@ -47,7 +47,7 @@ def store(script: str, digits: int, solve: Callable[[dict], tuple[dict, str]], *
             done.append(case)
     about = f"Made by {Path(script).name}, which says how; see README.md for the format."
     content = json.dumps({"about": about, "digits": digits} | more | {"cases": done}, indent=1)
-    file_of(script).write_text(content + "\n")
+    file_of(script).write_text(content + "\n", encoding="utf-8")
 
 
 def rational(num, den):

@@ -64,5 +64,5 @@ def write_notebook(path: Path, *sources: str, tags: tuple[str, ...] = ()) -> Pat
         for source in sources
     ]
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"cells": cells}))
+    path.write_text(json.dumps({"cells": cells}), encoding="utf-8")
     return path

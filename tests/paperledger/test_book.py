@@ -30,7 +30,7 @@ def test_open_searches_upward(project, monkeypatch):
 
 def test_open_names_what_there_is(project, tmp_path_factory, monkeypatch):
     for name in ("manifest.csv", "removed.csv"):
-        (project / "book" / "ledger" / name).write_text("")
+        (project / "book" / "ledger" / name).write_text("", encoding="utf-8")
     with pytest.raises(LedgerError, match=r"no ledger dmeo\.csv .* there are: demo$"):
         Ledger.open("dmeo")
     monkeypatch.chdir(tmp_path_factory.mktemp("elsewhere"))

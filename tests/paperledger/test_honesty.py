@@ -159,11 +159,11 @@ def test_the_manifest_shows_what_was_changed(tmp_path, changed):
     write_rows(tmp_path / "demo.csv", ROWS)
     assert freeze(tmp_path) == ["10 new claims"]
     assert freeze(tmp_path) == []
-    frozen = (tmp_path / "manifest.csv").read_text()
+    frozen = (tmp_path / "manifest.csv").read_text(encoding="utf-8")
     write_rows(tmp_path / "demo.csv", [changed, *ROWS[1:]])
     assert len({*claims(tmp_path).splitlines()} - {*frozen.splitlines()}) == 1
     if changed.id != KP.id:
-        (tmp_path / "removed.csv").write_text(f"id,reason\n{KP.id},counted twice\n")
+        (tmp_path / "removed.csv").write_text(f"id,reason\n{KP.id},counted twice\n", encoding="utf-8")
     assert all(line.startswith("demo.t1.kp") for line in freeze(tmp_path))
     assert freeze(tmp_path) == []
 
@@ -183,15 +183,15 @@ def test_each_frozen_entry_that_changes_has_a_line(tmp_path):
 def test_no_claim_goes_without_a_reason(tmp_path):
     write_rows(tmp_path / "demo.csv", ROWS)
     freeze(tmp_path)
-    frozen = (tmp_path / "manifest.csv").read_text()
+    frozen = (tmp_path / "manifest.csv").read_text(encoding="utf-8")
     write_rows(tmp_path / "demo.csv", ROWS[1:])
     with pytest.raises(LedgerError, match=r"demo\.t1\.kp: is gone, and removed\.csv does not say why"):
         freeze(tmp_path)
-    assert (tmp_path / "manifest.csv").read_text() == frozen
-    (tmp_path / "removed.csv").write_text("id,reason\ndemo.t1.kp, \n")
+    assert (tmp_path / "manifest.csv").read_text(encoding="utf-8") == frozen
+    (tmp_path / "removed.csv").write_text("id,reason\ndemo.t1.kp, \n", encoding="utf-8")
     with pytest.raises(LedgerError, match=r"removed\.csv: no reason for demo\.t1\.kp"):
         freeze(tmp_path)
-    (tmp_path / "removed.csv").write_text("id,reason\ndemo.t1.kp,one fact counted twice\n")
+    (tmp_path / "removed.csv").write_text("id,reason\ndemo.t1.kp,one fact counted twice\n", encoding="utf-8")
     assert freeze(tmp_path) == ["demo.t1.kp: removed: one fact counted twice"]
 
 

@@ -30,11 +30,11 @@ SAID = {
 def test_the_page_alone_is_enough(tmp_path):
     ledger = tmp_path / "book" / "ledger" / "doe2030.csv"
     ledger.parent.mkdir(parents=True)
-    ledger.write_text(FILES["book/ledger/doe2030.csv"])
-    (tmp_path / "growth.py").write_text(FILES["growth.py"])
+    ledger.write_text(FILES["book/ledger/doe2030.csv"], encoding="utf-8")
+    (tmp_path / "growth.py").write_text(FILES["growth.py"], encoding="utf-8")
     cells = [text for name, text in FILES.items() if name.startswith("book/doe2030.ipynb")]
     code = [{"cell_type": "code", "metadata": {}, "outputs": [], "source": text} for text in cells]
-    (tmp_path / "book" / "doe2030.ipynb").write_text(json.dumps({"cells": code}))
+    (tmp_path / "book" / "doe2030.ipynb").write_text(json.dumps({"cells": code}), encoding="utf-8")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     assert [command.split()[3] for command in COMMANDS] == [*SAID]
     for command in COMMANDS:
@@ -52,9 +52,10 @@ def test_the_page_alone_is_enough(tmp_path):
         if words[3] == "update":  # what is left to a person
             assert run.returncode == 1
             row = FILES["row doe2030.table1.y20"].strip()
-            lines = ledger.read_text().splitlines()
+            lines = ledger.read_text(encoding="utf-8").splitlines()
             ledger.write_text(
-                "\n".join(row if line.startswith(row.split(",")[0]) else line for line in lines) + "\n"
+                "\n".join(row if line.startswith(row.split(",")[0]) else line for line in lines) + "\n",
+                encoding="utf-8",
             )
         else:
             assert run.returncode == 0

@@ -37,7 +37,9 @@ def test_scoreboard(project):
 
 
 def test_errata_keeps_misprints_and_readings_apart(project):
-    (project / "book" / "references.bib").write_text("@article{demo,\n  title = {On {PIDA}},\n}\n")
+    (project / "book" / "references.bib").write_text(
+        "@article{demo,\n  title = {On {PIDA}},\n}\n", encoding="utf-8"
+    )
     page = errata()
     misprints, readings = page.html.split("<h2>")[1:]
     assert "eq. (3) gives" in misprints
@@ -50,7 +52,7 @@ def test_errata_keeps_misprints_and_readings_apart(project):
 
 
 def test_every_row_leads_to_the_chapter_and_its_evidence(project):
-    (project / "book" / "demo.ipynb").write_text('{"cells": []}')
+    (project / "book" / "demo.ipynb").write_text('{"cells": []}', encoding="utf-8")
     page = every_row()
     assert (
         '<p>demo, <a href="demo.html">the chapter</a>, <a href="audit/demo.html">its evidence</a></p>'
@@ -75,23 +77,23 @@ def test_markdown_score(project):
 
 def test_write_score_rewrites_only_its_block(project):
     page = project / "README.md"
-    page.write_text("# A \\1 title\n<!-- score -->\nold\n<!-- /score -->\nafter\n")
+    page.write_text("# A \\1 title\n<!-- score -->\nold\n<!-- /score -->\nafter\n", encoding="utf-8")
     assert write_score(page)
-    assert page.read_text() == f"# A \\1 title\n{score_markdown()}\nafter\n"
+    assert page.read_text(encoding="utf-8") == f"# A \\1 title\n{score_markdown()}\nafter\n"
     assert not write_score(page)
 
 
 @pytest.mark.parametrize("count", [0, 2])
 def test_write_score_needs_one_block(project, count):
     page = project / "README.md"
-    page.write_text("<!-- score --><!-- /score -->\n" * count)
+    page.write_text("<!-- score --><!-- /score -->\n" * count, encoding="utf-8")
     with pytest.raises(LedgerError, match=f"expected one block .* found {count}"):
         write_score(page)
 
 
 def test_commands(project, capsys):
     page = project / "README.md"
-    page.write_text("<!-- score --><!-- /score -->\n")
+    page.write_text("<!-- score --><!-- /score -->\n", encoding="utf-8")
     assert main(["check"]) == 0
     assert main(["show", "demo"]) == 0
     assert main(["update", "demo"]) == 0

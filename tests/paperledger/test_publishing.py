@@ -40,7 +40,7 @@ def test_an_outside_checker_agrees_with_every_number(tmp_path):
     assert verified(tmp_path)["passed"]
     books = load_all(LEDGERS)
     rows = [row for book in books.values() for row in book.rows.values() if row.is_number]
-    (tmp_path / "repro.yaml").write_text(json.dumps(repro(books, rows)))
+    (tmp_path / "repro.yaml").write_text(json.dumps(repro(books, rows)), encoding="utf-8")
     refused = {one["subject"].partition("/")[0] for one in verified(tmp_path)["violations"]}
     ours = {row.id.replace(".", "-") for row in rows} - {row.id.replace(".", "-") for row in checkable(rows)}
     within = {
@@ -57,18 +57,18 @@ def test_the_bundle_is_whole(tmp_path):
     out = tmp_path / "out"
     files = {path.relative_to(out).as_posix() for path in publish(ledgers, out, ABOUT)}
     assert files == {"codecheck.yml", "ledger/demo.csv", "repro.yaml", "ro-crate-metadata.json"}
-    crate = json.loads((out / "ro-crate-metadata.json").read_text())["@graph"]
+    crate = json.loads((out / "ro-crate-metadata.json").read_text(encoding="utf-8"))["@graph"]
     named = {one["@id"]: one for one in crate}
     assert {part["@id"] for part in named["./"]["hasPart"]} == files - {"ro-crate-metadata.json"}
     assert all(file in named for file in files)
-    text = (out / "codecheck.yml").read_text()
+    text = (out / "codecheck.yml").read_text(encoding="utf-8")
     check = yaml.safe_load(text)
     assert text.startswith("---\n")
     assert check["paper"]["title"] == "a book"
     assert all((out / one["file"]).is_file() for one in check["manifest"])
     assert [
         claim["evidence"][0]["reported"]
-        for claim in yaml.safe_load((out / "repro.yaml").read_text())["claims"]
+        for claim in yaml.safe_load((out / "repro.yaml").read_text(encoding="utf-8"))["claims"]
     ] == ["1.31"]
 
 

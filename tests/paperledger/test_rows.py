@@ -82,7 +82,7 @@ HEAD = "id,where,quantity,printed,computed,verdict,basis,page,made,relation,evid
 )
 def test_unreadable_files(tmp_path, text, message):
     path = tmp_path / "demo.csv"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     with pytest.raises(LedgerError, match=message):
         read_rows(path)
 

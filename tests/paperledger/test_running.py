@@ -108,6 +108,6 @@ def test_pages_are_found_by_what_they_open(project):
 
 def test_an_id_that_was_removed_is_never_used_again(project):
     path = project / "book" / "ledger" / "removed.csv"
-    path.write_text("id,reason\ndemo.t1.kp,one fact counted twice\n")
+    path.write_text("id,reason\ndemo.t1.kp,one fact counted twice\n", encoding="utf-8")
     with pytest.raises(LedgerError, match=r"demo\.t1\.kp: was removed"):
         load_all()

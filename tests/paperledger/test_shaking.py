@@ -128,7 +128,7 @@ MADE = {"page": "page: a square root", "idle": "page: nothing of the kind"}
 
 @pytest.fixture
 def library(project, monkeypatch):
-    (project / "demolib.py").write_text(LIBRARY)
+    (project / "demolib.py").write_text(LIBRARY, encoding="utf-8")
     monkeypatch.syspath_prepend(str(project))
     yield project
     sys.modules.pop("demolib", None)
@@ -156,12 +156,12 @@ def shaken(project, rows, *cells, stored=True):
     child = get_context("fork").Process(target=shake_demo, args=(said,))  # no wait for what is imported here
     child.start()
     child.join()
-    return child.exitcode, said.read_text()
+    return child.exitcode, said.read_text(encoding="utf-8")
 
 
 def shake_demo(said):
     sys.modules.pop("demolib", None)
-    with said.open("w") as file, redirect_stdout(file):
+    with said.open("w", encoding="utf-8") as file, redirect_stdout(file):
         status = shake(Shaker("demolib", exact=frozenset({"demolib.named"})), None, ["demo"])
     sys.exit(status)
 
@@ -225,5 +225,5 @@ def test_a_page_that_handles_its_ledger_is_seen(library, cell, said):
 def test_nothing_is_written_beside_the_library(library):
     shaken(library, rows_of(["kp"]), "book.compare({'kp': C.kp})", "book.close()")
     assert read_rows(library / "book" / "ledger" / "demo.csv")[0].computed.startswith("1.3744")
-    notebook = json.loads((library / "book" / "demo.ipynb").read_text())
+    notebook = json.loads((library / "book" / "demo.ipynb").read_text(encoding="utf-8"))
     assert all(cell["outputs"] == [] for cell in notebook["cells"])

@@ -25,12 +25,12 @@ TRUE = plant_record.TRUE
 def record(tmp_path_factory):
     """A historian's file of a plant with three lags, not the one of the book."""
     path = tmp_path_factory.mktemp("plant") / "step.csv"
-    path.write_text(plant_record.text(seed=8))
+    path.write_text(plant_record.text(seed=8), encoding="utf-8")
     return path
 
 
 def test_the_record_of_the_book_is_what_its_script_writes():
-    assert plant_record.FILE.read_text() == plant_record.text()
+    assert plant_record.FILE.read_text(encoding="utf-8") == plant_record.text()
 
 
 def run(*arguments):
@@ -49,21 +49,21 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
     for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
         assert said in result.stdout
     worst = float(re.search(r"worst Ms: (\S+)", result.stdout)[1])
-    controller = from_json((tmp_path / "controller.json").read_text())
+    controller = from_json((tmp_path / "controller.json").read_text(encoding="utf-8"))
     assert pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst <= 2.0
     assert "Ms sampled: 1.6\n" in result.stdout or "Ms sampled: 1.59" in result.stdout
     assert "price: 1" in result.stdout
-    doubts = re.findall(r"Doubt: (.*)", (tmp_path / "controller.c").read_text())
+    doubts = re.findall(r"Doubt: (.*)", (tmp_path / "controller.c").read_text(encoding="utf-8"))
     assert any(doubt.startswith("noise_gain = ") for doubt in doubts)
     for file in ("controller.st", "controller.py", "controller.json"):
-        assert (tmp_path / file).read_text().count("Doubt: ") == len(doubts)
+        assert (tmp_path / file).read_text(encoding="utf-8").count("Doubt: ") == len(doubts)
     program = tmp_path / "test"
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-DPIDA_SELFTEST"]
     subprocess.run(["gcc", *flags, "-o", program, tmp_path / "controller.c", "-lm"], check=True)
     subprocess.run([program], check=True)
-    compile((tmp_path / "controller.py").read_text(), "controller.py", "exec")
-    assert "FUNCTION_BLOCK" in (tmp_path / "controller.st").read_text()
-    report = (tmp_path / "report.html").read_text()
+    compile((tmp_path / "controller.py").read_text(encoding="utf-8"), "controller.py", "exec")
+    assert "FUNCTION_BLOCK" in (tmp_path / "controller.st").read_text(encoding="utf-8")
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert report.count("<svg") == 1
     assert "<script" not in report
     assert "src=" not in report
@@ -81,7 +81,7 @@ def test_report_sets_candidates_side_by_side(record, tmp_path):
     assert result.exit_code == 0, result.output
     assert "PID against PI" in result.stdout
     assert "for the rule 'simc'" in result.stdout
-    assert "PI, PID and PIDA for step.csv" in page.read_text()
+    assert "PI, PID and PIDA for step.csv" in page.read_text(encoding="utf-8")
 
 
 def test_simulate_is_the_engine(tmp_path):
@@ -112,7 +112,7 @@ def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
     assert result.exit_code == 0, result.output
     assert "Closed loops, simulated" in result.stdout
     assert np.loadtxt(tmp_path / "PI.csv", delimiter=",", skiprows=1).shape == (1201, 5)
-    assert "<svg" in (tmp_path / "report.html").read_text()
+    assert "<svg" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_check_judges_the_gains_of_a_log(tmp_path):
@@ -148,7 +148,7 @@ def test_doubts_of_limits_filter_and_sample_time_are_at_the_head_of_all_code(rec
     result = run("tune", record, *options, "--sample-time", 20, "--out", tmp_path)
     assert result.exit_code == 0, result.output
     for name in ("controller.c", "controller.st", "controller.py", "controller.json"):
-        head = (tmp_path / name).read_text()[:3000]
+        head = (tmp_path / name).read_text(encoding="utf-8")[:3000]
         for said in (
             "--u-min and --u-max not given",
             "is long for this loop",
@@ -172,13 +172,16 @@ def test_designs_with_an_output_filter_and_with_a_prefilter_become_code(record, 
     kept = run("tune", record, *options, "--model", "sopdt", "--rule", "haalman")
     assert kept.exit_code == 0, kept.output
     rising = tmp_path / "rising.csv"  # an integrator, as far as the record goes
-    rising.write_text("\n".join(record.read_text().splitlines()[:70]))
+    rising.write_text("\n".join(record.read_text(encoding="utf-8").splitlines()[:70]), encoding="utf-8")
     # a short part of a record says little, and the rule knows no Ms
     loose = ("--rule", "mrdp", "--ms-worst", 4)
     filtered = run("tune", rising, *options, "--model", "ipdt", *loose, "--out", tmp_path)
     assert filtered.exit_code == 0, filtered.output
-    assert "Prefilter of the set point: [" in (tmp_path / "controller.c").read_text()
-    assert pidalab.digital.from_json((tmp_path / "controller.json").read_text()).prefilter is not None
+    assert "Prefilter of the set point: [" in (tmp_path / "controller.c").read_text(encoding="utf-8")
+    assert (
+        pidalab.digital.from_json((tmp_path / "controller.json").read_text(encoding="utf-8")).prefilter
+        is not None
+    )
 
 
 def test_usage_is_status_2_and_help_has_an_example(record):
@@ -196,9 +199,9 @@ def test_usage_is_status_2_and_help_has_an_example(record):
 
 
 def test_a_bad_row_is_named(record, tmp_path):
-    lines = record.read_text().splitlines()
+    lines = record.read_text(encoding="utf-8").splitlines()
     bad = tmp_path / "bad.csv"
-    bad.write_text("\n".join([*lines[:60], lines[60].replace(";", ";x"), *lines[61:]]))
+    bad.write_text("\n".join([*lines[:60], lines[60].replace(";", ";x"), *lines[61:]]), encoding="utf-8")
     result = run("tune", bad, "--sample-time", 0.2)
     assert result.exit_code == 1
     assert "row 61" in result.stderr
@@ -210,7 +213,7 @@ def test_options_of_reading(tmp_path):
     y = np.round(20 + 2 * -np.expm1(-np.maximum(t - 5, 0) / 12) + 0.02 * np.sin(1.7 * t**2), 2)
     y[90] = -9999
     path = tmp_path / "log.txt"
-    path.write_text("measured in May, by hand\n" + "\n".join(f"{row}  1.0" for row in y))
+    path.write_text("measured in May, by hand\n" + "\n".join(f"{row}  1.0" for row in y), encoding="utf-8")
     options = ("--u", 1, "--y", 0, "--period", 1, "--skip", 1, "--delimiter", r"\s+", "--sample-time", 1)
     design = ("--kind", "PI", "--rule", "simc", "--model", "fopdt")
     assert "--u-before" in run("tune", path, *options, *design).stderr
@@ -223,7 +226,9 @@ def test_options_of_reading(tmp_path):
 
 def test_a_controller_changed_by_hand_is_refused(tmp_path):
     path = tmp_path / "controller.json"
-    path.write_text(pidalab.PIDA(2.0, 4.0).discretise(0.5).json().replace('"new": 0.25', '"new": 0.26'))
+    path.write_text(
+        pidalab.PIDA(2.0, 4.0).discretise(0.5).json().replace('"new": 0.25', '"new": 0.26'), encoding="utf-8"
+    )
     result = run("simulate", "--den", "1,1", "--controller", path, "--until", 9)
     assert result.exit_code == 1
     assert "changed by hand" in result.stderr
@@ -345,15 +350,15 @@ def test_a_response_and_a_report_stay_unless_they_may_be_replaced(plain, tmp_pat
         ),
     }
     for name, command in commands.items():
-        (tmp_path / name).write_text("mine")
+        (tmp_path / name).write_text("mine", encoding="utf-8")
         assert name in run(*command, "--out", tmp_path / name).stderr
-        assert (tmp_path / name).read_text() == "mine"
+        assert (tmp_path / name).read_text(encoding="utf-8") == "mine"
         assert run(*command, "--out", tmp_path / name, "--force").exit_code == 0
-        assert (tmp_path / name).read_text() != "mine"
+        assert (tmp_path / name).read_text(encoding="utf-8") != "mine"
 
 
 def test_the_board_is_not_heated_for_files_that_are_there(tmp_path, monkeypatch):
-    (tmp_path / "PID.csv").write_text("mine")
+    (tmp_path / "PID.csv").write_text("mine", encoding="utf-8")
     monkeypatch.setattr("pidalab.plant.heater.Lab.step_test", lambda *_, **__: pytest.fail("heated"))
     result = run("tclab", "--out", tmp_path)
     assert (result.exit_code, "PID.csv" in result.stderr) == (1, True)
@@ -362,7 +367,7 @@ def test_the_board_is_not_heated_for_files_that_are_there(tmp_path, monkeypatch)
 def test_text_of_a_file_and_its_name_reach_written_files_as_plain_text(plain, tmp_path):
     line = 'end of log *"""/ int x = 1; /* "*/""; print("x"); "*/"" <script>'
     path = tmp_path / "a'b<i>c.csv"
-    path.write_text(plain.read_text() + line + "\n")
+    path.write_text(plain.read_text(encoding="utf-8") + line + "\n", encoding="utf-8")
     result = run("tune", path, *QUICK, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
     for file in (tmp_path / "out").iterdir():

@@ -52,7 +52,7 @@ def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch, room, before):
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_and_leaves_nothing(tmp_path):
-    (tmp_path / "file").write_text("kept")
+    (tmp_path / "file").write_text("kept", encoding="utf-8")
     with pytest.raises(OSError, match="file"):
         write_files(tmp_path / "file" / "out", NEW)
     assert texts(tmp_path) == {"file": "kept"}
@@ -60,7 +60,7 @@ def test_a_folder_that_cannot_be_made_is_an_error_and_leaves_nothing(tmp_path):
 
 def test_an_edited_file_is_named_and_kept_unless_it_may_be_replaced(tmp_path):
     write_files(tmp_path, OLD)
-    (tmp_path / "controller.c").write_text("edited")
+    (tmp_path / "controller.c").write_text("edited", encoding="utf-8")
     with pytest.raises(FileExistsError, match=r"^controller\.c is there and holds .*--force"):
         write_files(tmp_path, OLD)
     with pytest.raises(FileExistsError, match=r"^controller\.c, controller\.py are there and hold .*--force"):
@@ -72,7 +72,7 @@ def test_an_edited_file_is_named_and_kept_unless_it_may_be_replaced(tmp_path):
 
 def test_files_that_are_not_made_yet_are_refused_before(tmp_path):
     refuse_others({tmp_path / "a": None, tmp_path / "b": "text"})
-    (tmp_path / "a").write_text("")
+    (tmp_path / "a").write_text("", encoding="utf-8")
     (tmp_path / "b").mkdir()
     with pytest.raises(FileExistsError, match=r"^a is "):
         refuse_others({tmp_path / "a": None})

@@ -5,6 +5,10 @@ import pytest
 from engine_errors import oracle, oracle_loop
 
 import pidalab
+from pidalab.robustness import _scan, _summits
+from pidalab.robustness._arrays import COMPLEMENTARY, DIFFERENCE, SENSITIVITY
+from pidalab.robustness.loops import explore
+from pidalab.robustness.peaks_and_crossovers import UNWEIGHTED
 
 CASES = oracle("margins.json")["cases"]
 HEIGHTS = ("gm", "gm_low", "pm", "dm", "ms", "mt")
@@ -40,5 +44,28 @@ def test_peak_of_the_sensitivity_alone(case):
 @pytest.mark.parametrize(
     "case", [case for case in CASES if case["unstable_poles"]], ids=lambda case: case["name"]
 )
-def test_an_unstable_loop_has_none(case):
-    assert not pidalab.margins(oracle_loop(case)).stable
+def test_an_unstable_loop_says_so(case):
+    found = pidalab.margins(oracle_loop(case))
+    assert (found.stable, found.unstable_poles) == (False, case["unstable_poles"])
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_both_forms_of_the_scans_agree(case):
+    """In array operations and walked through point by point: the same crossovers, the same heights of peaks."""
+    looked = explore(oracle_loop(case))
+    of, seen, ones = tuple(looked.of), tuple(looked.on_grid), tuple(UNWEIGHTED)
+    pairs = [
+        [
+            form(*seen, 0.0, 0.0, of)[0]
+            for form in (_scan.gain_crossings.twin, _scan.gain_crossings.dispatcher)
+        ],
+        [
+            form(*seen, 0.1, False, of)
+            for form in (_scan.phase_crossings.twin, _scan.phase_crossings.dispatcher)
+        ],
+    ]
+    for kind in (SENSITIVITY, COMPLEMENTARY, DIFFERENCE):
+        forms = (_summits.highest.twin, _summits.highest.dispatcher)
+        pairs.append([form(kind, *seen, np.zeros(0), 0.3, ones, of)[0] for form in forms])
+    for plain, compiled in pairs:
+        np.testing.assert_allclose(plain, compiled, rtol=1e-12)

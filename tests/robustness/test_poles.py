@@ -206,11 +206,11 @@ def test_rightmost_poles_keep_pairs_together():
     assert pidalab.rightmost_poles(fast, count=3) == pytest.approx(slow, rel=1e-6)
 
 
-def test_phase_that_turns_too_often_is_refused():
+def test_phase_that_turns_beyond_count_is_unstable():
     """PIDA with a filter of a millionth of the dead time: |L| > 1 up to 1e12 rad per dead time."""
     loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), 2, 2, te=1e-6).loop()
-    with pytest.raises(ArithmeticError, match="too often to follow"):
-        unstable_poles(loop)
+    assert not pidalab.is_stable(loop)
+    assert unstable_poles(loop) > 1e6
 
 
 @pytest.mark.parametrize("process", [pidalab.lags(4), pidalab.lags(4, delay=1.0)])

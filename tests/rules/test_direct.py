@@ -21,7 +21,7 @@ def unit(r: float, xi: float) -> pidalab.Process:
     return pidalab.sopdt(1.0, 1.0, xi, r)
 
 
-with (Path(__file__).parents[2] / "book" / "data" / "itae_optima.csv").open() as file:
+with (Path(__file__).parents[2] / "book" / "data" / "itae_optima.csv").open(encoding="utf-8") as file:
     OPTIMA = list(csv.DictReader(file))
 
 

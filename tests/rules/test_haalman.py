@@ -1,5 +1,6 @@
 """Generalized Haalman rule: cancellation, the gain that reaches Ms, and every refusal."""
 
+import dataclasses
 import math
 from functools import partial
 
@@ -120,3 +121,12 @@ def test_the_papers_ratio_is_an_argument():
     assert haalman.pida(THIRD, m=10).m == haalman.tune(THIRD, m=10).controller.m == 10
     default = haalman.pida(THIRD, n=20)
     assert default.ta / default.m == pytest.approx(0.905 / (20 * 3.159))
+
+
+def test_the_ms_of_a_design_is_that_of_its_loop(tuned):
+    """The output filter raises it; what was asked for has a name of its own."""
+    design = haalman.tune(pidalab.lags(3, delay=1.0), ms=1.4)
+    assert design.ms_asked == 1.4
+    assert design.ms == pidalab.margins(design.loop()).ms > 1.5
+    loud = dataclasses.replace(design, controller=20.0 * design.controller)
+    assert loud.ms == math.inf

@@ -12,7 +12,7 @@ from pidalab.comparison import benchmarking, designs
 from pidalab.controllers import PIDA
 from pidalab.plant.cli import main
 from pidalab.rules import Design, registry
-from pidalab.rules.registry import RULES, Limits, Rule, find
+from pidalab.rules.registry import RULES, Rule, RuleLimits, find
 
 PLANT = pidalab.fopdt(1.0, lag=4.0, delay=1.0)
 BOOK = Path(__file__).parents[2] / "book"
@@ -54,7 +54,7 @@ def test_a_new_entry_is_known_at_every_door(monkeypatch, tmp_path):
 def test_the_default_comparison_is_that_of_the_book():
     with (benchmarking.TABLES / "comparison.csv").open(encoding="utf-8") as file:
         stored = {(row["rule"], row["kind"]) for row in csv.DictReader(file)}
-    found = {(rule, kind) for rule, kind, _ in designs(PLANT, Limits(1.6, 10.0, 0.01))}
+    found = {(rule, kind) for rule, kind, _ in designs(PLANT, RuleLimits(1.6, 10.0, 0.01))}
     assert found - stored == {("optimal", kind) for kind in registry.KINDS}
     assert stored <= found
 
@@ -62,7 +62,7 @@ def test_the_default_comparison_is_that_of_the_book():
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.name)
 def test_an_entry_names_the_source_of_its_designs(rule):
     """The paper; tables and equations may depend on the kind."""
-    for name, kind, make in designs(pidalab.lags(3, delay=1.0), Limits(1.6), [rule.name]):
+    for name, kind, make in designs(pidalab.lags(3, delay=1.0), RuleLimits(1.6), [rule.name]):
         design = make()
         assert name == rule.name
         assert design.source.split(",")[0] in (
@@ -77,7 +77,9 @@ def test_a_rule_knows_no_unit(rule):
     """Minutes in place of hours, another gain and its sign: filters and prefilter go with the controller."""
     process, s = pidalab.lags(3, delay=1.0), 1j * np.geomspace(0.05, 20.0, 20)
     other = pidalab.lags(3, lag=60.0, gain=-0.02, delay=60.0)
-    for one, scaled in zip(*(designs(plant, Limits(1.6), [rule]) for plant in (process, other)), strict=True):
+    for one, scaled in zip(
+        *(designs(plant, RuleLimits(1.6), [rule]) for plant in (process, other)), strict=True
+    ):
         expected = one[2]().loop(process).transfer("u", "r", s)
         found = scaled[2]().loop(other).transfer("u", "r", s / 60)
         np.testing.assert_allclose(-0.02 * found, expected, rtol=1e-6)

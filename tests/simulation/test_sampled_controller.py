@@ -12,7 +12,7 @@ from scipy.linalg import expm
 import pidalab
 from pidalab import PIDA, HighOrderPID, Loop, Process, SeriesPIDA, simulate_sampled
 
-RECORD = json.loads((Path(__file__).parents[1] / "oracle" / "reset_loops.json").read_text())
+RECORD = json.loads((Path(__file__).parents[1] / "oracle" / "reset_loops.json").read_text(encoding="utf-8"))
 CASES = {f"{case['name']}-{'load' if case['load'] else 'setpoint'}": case for case in RECORD["cases"]}
 
 

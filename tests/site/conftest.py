@@ -37,7 +37,7 @@ def toc_pages(toc: Path) -> list[str]:
             for value in node.values():
                 yield from walk(value)
 
-    return list(walk(yaml.safe_load(toc.read_text())))
+    return list(walk(yaml.safe_load(toc.read_text(encoding="utf-8"))))
 
 
 def pytest_generate_tests(metafunc):

@@ -209,7 +209,7 @@ def bad_page(tmp_path, visit):
     with serve(tmp_path) as address:
 
         def opened(html):
-            (tmp_path / "index.html").write_text(BAD % html)
+            (tmp_path / "index.html").write_text(BAD % html, encoding="utf-8")
             return visit(address)
 
         yield opened

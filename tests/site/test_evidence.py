@@ -25,6 +25,6 @@ def test_an_unknown_table_is_refused():
 def test_a_chapter_that_a_fault_does_not_reach_has_a_dash(tmp_path, monkeypatch):
     monkeypatch.setattr(evidence, "DATA", tmp_path)
     (tmp_path / "faults.csv").write_text(
-        "fault,paper,first red\na,x,t1.kp\na,y,cell 3: 2 for 1\nb,y,nothing\n"
+        "fault,paper,first red\na,x,t1.kp\na,y,cell 3: 2 for 1\nb,y,nothing\n", encoding="utf-8"
     )
     assert evidence.faults().splitlines()[2:] == ["| a | t1.kp | cell 3: 2 for 1 |", "| b | – | nothing |"]

@@ -277,14 +277,14 @@ def test_designs_saved_as_files(lab, tmp_path):
         download.value.save_as(tmp_path / name)
     said = StringIO()
     with redirect_stdout(said):
-        exec((tmp_path / "pida_designs.py").read_text(), {})
+        exec((tmp_path / "pida_designs.py").read_text(encoding="utf-8"), {})
     iae = [float(value) for value in re.findall(r"IAE ([\d.]+)", said.getvalue())]
     assert iae == pytest.approx([float(row[1]) for row in before], rel=1e-3)
     again = lab()
     again.locator("input[type=file]").set_input_files(tmp_path / "pida_designs.json")
     announced(again, "3 designs read")
     assert again.evaluate(COLUMNS) == before
-    (tmp_path / "other.json").write_text("{}")
+    (tmp_path / "other.json").write_text("{}", encoding="utf-8")
     again.locator("input[type=file]").set_input_files(tmp_path / "other.json")
     announced(again, "was not saved by the lab")
 

@@ -134,7 +134,8 @@ def shown(open_figure, **more):
     assert page.locator(".lab-live").text_content().count(" IAE load ") == 3
     noise = (
         [
-            "Noise gain: standard deviation of u for white measurement noise of standard deviation 1, a sample every 0.04"
+            "Noise gain: standard deviation of u for white measurement noise of standard deviation 1, "
+            "a sample every 0.04"
         ]
         if "sigma" in more["numbers"]
         else []

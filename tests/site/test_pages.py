@@ -128,7 +128,9 @@ def is_external(address: str) -> bool:
 
 def read_pages(site: Path) -> dict[Path, Page]:
     return {
-        path: parsed(path.read_text()) for path in sorted(site.rglob("*.html")) if "_static" not in path.parts
+        path: parsed(path.read_text(encoding="utf-8"))
+        for path in sorted(site.rglob("*.html"))
+        if "_static" not in path.parts
     }
 
 
@@ -161,7 +163,7 @@ def external_loads(site: Path) -> list[str]:
     loads += [
         (path, address)
         for path in sorted(site.rglob("*.css"))
-        for address in CSS_URL.findall(path.read_text())
+        for address in CSS_URL.findall(path.read_text(encoding="utf-8"))
     ]
     return [f"{path.relative_to(site)}: loads {address}" for path, address in loads if is_external(address)]
 
@@ -287,9 +289,11 @@ def test_good_notebook_passes(tmp_path):
     ],
 )
 def test_an_empty_page_is_caught(html, problem, tmp_path):
-    (tmp_path / "page.html").write_text(html)
+    (tmp_path / "page.html").write_text(html, encoding="utf-8")
     assert pages_not_built(["page"], tmp_path) == [f"page: {problem}"]
-    (tmp_path / "page.html").write_text("<article><h1>Title<a>#</a></h1><table><td>7</td></table></article>")
+    (tmp_path / "page.html").write_text(
+        "<article><h1>Title<a>#</a></h1><table><td>7</td></table></article>", encoding="utf-8"
+    )
     assert pages_not_built(["page"], tmp_path) == []
 
 
@@ -318,12 +322,14 @@ BAD_HTML = {
 
 @pytest.mark.parametrize(("html", "check"), BAD_HTML.items(), ids=BAD_HTML)
 def test_bad_page_is_caught(html, check, tmp_path):
-    (tmp_path / "index.html").write_text(html)
+    (tmp_path / "index.html").write_text(html, encoding="utf-8")
     assert len(check(tmp_path)) == 1
 
 
 def test_bad_stylesheet_is_caught(tmp_path):
-    (tmp_path / "x.css").write_text("@font-face { src: url('https://cdn.example/x.woff2') }")
+    (tmp_path / "x.css").write_text(
+        "@font-face { src: url('https://cdn.example/x.woff2') }", encoding="utf-8"
+    )
     assert len(external_loads(tmp_path)) == 1
 
 
@@ -332,6 +338,7 @@ def test_good_page_passes(tmp_path):
     (tmp_path / "_images" / "x.svg").touch()
     (tmp_path / "index.html").write_text(
         '<h1 id="top">Page</h1><a href="#top">up</a><a href="index.html?q=1#top">again</a>'
-        '<a href="https://doi.org/10.1">paper</a><img src="_images/x.svg" alt="It rises.">'
+        '<a href="https://doi.org/10.1">paper</a><img src="_images/x.svg" alt="It rises.">',
+        encoding="utf-8",
     )
     assert broken_links(tmp_path) + external_loads(tmp_path) + images_without_words(tmp_path) == []

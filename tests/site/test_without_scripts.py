@@ -31,7 +31,9 @@ def gaps(page):
 
 def test_a_picture_stands_for_each_live_figure_and_words_for_the_lab(page, site):
     pages = [
-        path for path in (site / "book").rglob("*.html") if any(mark in path.read_text() for mark in MARKS)
+        path
+        for path in (site / "book").rglob("*.html")
+        if any(mark in path.read_text(encoding="utf-8") for mark in MARKS)
     ]
     assert len(pages) == 12  # six lectures, five chapters, the lab
     wrong = {}

@@ -61,7 +61,9 @@ def undrawn(page):
 def told(path):
     """What the live figures of a built page are told, from its source."""
     found = re.findall(
-        r'class="pidalab-live".*?<script type="application/json">(.*?)</script>', path.read_text(), re.DOTALL
+        r'class="pidalab-live".*?<script type="application/json">(.*?)</script>',
+        path.read_text(encoding="utf-8"),
+        re.DOTALL,
     )
     return [json.loads(text) for text in found]
 

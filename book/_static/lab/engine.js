@@ -809,7 +809,7 @@
   }
 
   /* The loop with a controller that reads and sets at multiples of the sample time and is held in between: exact for
-     the process. antiWindup is "none", "clamping" (the integral rests while it would drive u further beyond a limit),
+     the process. antiWindup is "none", "clamping" (the integral rests while it would drive u further beyond a limit, and differences let it grow up to there),
      "conditioning" (it integrates the error that would have made the limited signal, or takes back what the limit cut
      off in trackingTime) or "reset" (automatic reset: the integral is a lag behind the limited signal). method is "held",
      exact filters for an input that is held, or "backward", differences as in most PLCs, which bear any sample time. */
@@ -843,9 +843,11 @@
       for (let j = 0; j < z.length; j++) signal += block.row[j + 1] * z[j];
       const growth = rule.error * error + rule.signal * signal;
       const wanted = signal + integral + (backward ? growth : 0), excess = limit(wanted) - wanted;
-      const rests = way === "clamping" && excess * growth < 0;
-      u[k] = limit(rests ? signal + integral : wanted);
-      if (!rests) integral += growth + rule.tracking * excess;
+      const rests = way === "clamping" && excess * growth < 0, room = wanted + excess - signal - integral;
+      // differences: the integral grows up to the limit, since one growth may be more than the whole range
+      const up = rests && backward && room * growth > 0;
+      u[k] = limit(rests && !up ? signal + integral : wanted);
+      if (up) integral += room; else if (!rests) integral += growth + rule.tracking * excess;
       v[k + before] = u[k] + load;
       if (!backward) advance(inside, z, error, next);
       if (fine) {

@@ -40,7 +40,7 @@
       const drag = (x) => this.turn(this.limits.reduce((best, limit, i) => (Math.abs(Math.log(limit / x)) < Math.abs(Math.log(this.limits[best] / x)) ? i : best), 0));
       const [[quiet, few], [loud, many]] = this.median;
       draw(saved, {
-        title: "IAE saved by acceleration, %", x: { label: "noise gain allowed, in ultimate gains", log: true, range: [0.09, 5.6] }, y: { range: [0, 35] },
+        title: "IAE saved by acceleration, %", x: { label: "noise gain that is allowed", log: true, range: [0.09, 5.6] }, y: { range: [0, 35] },
         lines: [
           { x: this.limits, y: this.saved, kind: 0 },
           ...[[quiet, few], [loud, many]].map(([at, value]) => ({ x: [at / 1.12, at * 1.12], y: [value, value], kind: "median" })),

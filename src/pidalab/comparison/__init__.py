@@ -16,7 +16,7 @@ from pidalab.comparison.fairness import at_equal_terms
 from pidalab.comparison.judging import DesignRow, html_table, measure_row, text_table
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
-from pidalab.rules.registry import KINDS, RULES, Limits, Rule, find
+from pidalab.rules.registry import KINDS, RULES, Rule, RuleLimits, find
 from pidalab.rules.starting_models import StartingModels, time_scale
 
 PERIODS = 12.0  # ultimate periods of a first response
@@ -134,14 +134,14 @@ def compare(
     ms = _check.real("ms", ms, above=1.0)
     noise_gain = _check.real("noise_gain", noise_gain, above=0.0)
     sample_time = _check.real("sample_time", sample_time, above=0.0)
-    limits = Limits(ms, noise_gain, sample_time)
+    limits = RuleLimits(ms, noise_gain, sample_time)
     horizon = first_horizon(process)
     rows = [measure_row(*one, process, sample_time, horizon) for one in designs(process, limits, rules)]
     return Comparison(process, ms, noise_gain, sample_time, tuple(rows))
 
 
 def designs(
-    process: Process, limits: Limits, rules: Iterable[str] | None = None
+    process: Process, limits: RuleLimits, rules: Iterable[str] | None = None
 ) -> Iterator[tuple[str, str, Callable[[], Design]]]:
     """Yield name, kind and the call that designs, for every rule, then for the optima.
 
@@ -149,7 +149,7 @@ def designs(
     ----------
     process : Process
         The plant.
-    limits : Limits
+    limits : RuleLimits
         As for `compare`, with all three numbers.
     rules : iterable of str, optional
         As for `compare`.
@@ -163,8 +163,8 @@ def designs(
     --------
     >>> import pidalab
     >>> from pidalab.comparison import designs
-    >>> from pidalab.rules.registry import Limits
-    >>> [(rule, kind) for rule, kind, _ in designs(pidalab.lags(3), Limits(1.6), ["simc"])]
+    >>> from pidalab.rules.registry import RuleLimits
+    >>> [(rule, kind) for rule, kind, _ in designs(pidalab.lags(3), RuleLimits(1.6), ["simc"])]
     [('simc', 'PI'), ('simc', 'PID')]
     """
     from pidalab import optimal

@@ -17,12 +17,14 @@ from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
 from pidalab.rules import Design
 
 if TYPE_CHECKING:
-    from pidalab.optimal._solver import Limits, Search
-    from pidalab.optimal._walk import Found
+    from pidalab.optimal._limits import DesignLimits
+    from pidalab.optimal._solver import Search
+    from pidalab.optimal._walk import SearchResult
 
 HIGHEST = 4  # order of a controller
+LARGEST_DISK = 2.0  # disk margin of a loop without feedback
 ACTIVE = 1e-3  # share of a limit within which it is called active
-ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is none
+ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is negligible
 UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
 SLOW = 100.0  # largest sample time, in the shortest unit
 # relative difference between the IAE of the search and that of the simulation, above which the unit is too short
@@ -39,6 +41,8 @@ def load(
     family: Sequence[Process] = (),
     ms_worst: float = 2.0,
     start: Design | None = None,
+    mt: float | None = None,
+    disk: float | None = None,
 ) -> Design:
     r"""Return the controller with the least IAE for a step of the load at the process input.
 
@@ -67,13 +71,18 @@ def load(
     start : Design, optional
         A design of this function for the same process and order: the search goes on from there, in place of many
         starts.
+    mt : float, optional
+        Largest allowed maximum of \|T\|, above 1; by default none.
+    disk : float, optional
+        Smallest allowed disk margin, between 0 and 2, as `pidalab.margins` has it; by default none. The circle that
+        encloses those of Ms = M and Mt = M, which MIGO designs for, is that of the disk margin 2/(2M - 1).
 
     Returns
     -------
     Design
         With a `HighOrderPID`, its gains negative for a process with negative gain. Its `info` has ``iae``, ``ms`` and
-        ``mks`` as they are, ``noise_gain`` and ``ms_worst`` if they were asked for, ``active`` (the limits that are
-        reached, by name),
+        ``mks`` as they are, ``noise_gain``, ``mt``, ``disk`` and ``ms_worst`` if they were asked for, ``active`` (the
+        limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
         shorter would be better) and ``valleys`` (what the descents from different starts ended with: the least IAE
         first, then others up to twice of it, as the search has them, to two digits), and ``digits``: how many digits
@@ -109,16 +118,20 @@ def load(
     >>> pidalab.margins(safe.loop(late)).ms <= 1.6 < pidalab.margins(pida.loop(late)).ms, safe.iae > pida.iae
     (True, True)
     """
-    from pidalab.optimal._solver import Limits
+    from pidalab.optimal._limits import DesignLimits
 
     require_no_zero_at_origin("process", process)
     order = _check.integer("order", order, at_least=0, at_most=HIGHEST)
-    limits = Limits(
+    limits = DesignLimits(
         _check.real("ms", ms, above=1.0),
         None if mks is None else _check.real("mks", mks, above=0.0),
         None if noise_gain is None else _check.real("noise_gain", noise_gain, above=0.0),
         None if sample_time is None else _check.real("sample_time", sample_time, above=0.0),
+        None if mt is None else _check.real("mt", mt, above=1.0),
+        None if disk is None else _check.real("disk", disk, above=0.0),
     )
+    if disk is not None and disk >= LARGEST_DISK:
+        raise ValueError(f"disk must be below {LARGEST_DISK:g}, that of no feedback, found {disk:g}")
     if (noise_gain is None) != (sample_time is None):
         missing = "sample_time" if sample_time is None else "noise_gain"
         raise ValueError(f"noise_gain and sample_time go together: {missing} is missing")
@@ -149,7 +162,7 @@ def load(
 def _best(
     process: Process,
     order: int,
-    limits: Limits,
+    limits: DesignLimits,
     seen: list[Search],
     guarded: tuple[list[Process], float],
     near: Design | None,
@@ -159,11 +172,12 @@ def _best(
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
 
+    from pidalab.optimal._finish import finish
     from pidalab.optimal._problem import Problem
     from pidalab.optimal._solver import Search
     from pidalab.optimal._starts import approached, at_once
     from pidalab.optimal._units import unit_of_time
-    from pidalab.optimal._walk import Found, search
+    from pidalab.optimal._walk import SearchResult, search
 
     sign = sign_of_gain(process)
     upright, *others = (
@@ -190,19 +204,19 @@ def _best(
             one = Search(problem, limits)
             seen.append(one)
             if near is not None and start is None:
-                end = one.finish(problem.unknowns(near.controller, sign))
-                found = None if end is None else Found(end, near.valleys)
+                end = finish(one, problem.unknowns(near.controller, sign))
+                found = None if end is None else SearchResult(end, near.valleys)
             else:
                 starts = start(one)
                 found = search(one, starts, bar) if starts else None
             if found is None:
                 continue
             if others:
-                one.family, one.ms_worst = tuple(others), guarded[1]
-                end = one.finish(found.best.x)
+                one.guard(others, guarded[1])
+                end = finish(one, found.best.x)
                 if end is None:
                     continue
-                found = Found(end, found.valleys)
+                found = SearchResult(end, found.valleys)
             design = _design(process, sign, one, found)
             if best is None or design.iae < best.iae:
                 best = design
@@ -213,13 +227,14 @@ def _best(
 
 def _refusal(seen: list[Search]) -> str:
     """Say what prevents a design, from searches in several units of time none of which came to a design."""
+    from pidalab.optimal._limits import DesignLimits
     from pidalab.optimal._problem import Problem
-    from pidalab.optimal._solver import Limits, Search
+    from pidalab.optimal._solver import Search
     from pidalab.optimal._starts import stabilising
 
     first = seen[0]
     order, limits = first.problem.order, first.limits
-    wanted = ", ".join(f"{name} <= {value:g}" for name, value in limits.named().items())
+    wanted = str(limits)
     near = [(one.missed(one.nearest), _nearest(one, one.nearest)) for one in seen if one.nearest is not None]
     if near:
         return (
@@ -229,7 +244,7 @@ def _refusal(seen: list[Search]) -> str:
     hint = ""
     for other in range(HIGHEST, order, -1):
         problem = Problem(first.problem.process, other, (first.problem.gain, first.problem.time))
-        if any(True for _ in stabilising(Search(problem, Limits(2.0, None, None, None)))):
+        if any(True for _ in stabilising(Search(problem, DesignLimits(2.0)))):
             hint = f"; order {other} has some"
     return (
         f"no stable controller of order {order} with non-negative gains was found, whatever its ms ({wanted} was asked "
@@ -239,21 +254,20 @@ def _refusal(seen: list[Search]) -> str:
 
 def _nearest(one: Search, x: Array) -> str:
     """What the nearest controller makes of the quantities that are limited."""
-    from pidalab.robustness.control import max_control_sensitivity
-    from pidalab.robustness.margins import max_sensitivity
-
-    loop = one.loop(x)
-    values = {
-        "ms": max_sensitivity(loop)[0],
-        "mks": max_control_sensitivity(loop)[0],
-        "noise_gain": one.true_noise(x),
-    }
+    values = {**_heights(one.loop(x)), "noise_gain": one.true_noise(x)}
     return ", ".join(f"{name} = {values[name]:.4g}" for name in one.limits.named())
 
 
-def _design(process: Process, sign: float, one: Search, found: Found) -> Design:
+def _heights(loop: Loop) -> dict[str, float]:
+    """What a loop has of all that may be limited at all frequencies."""
+    from pidalab.optimal._finish import PEAKS
+
+    found = {name: peak(loop)[0] for name, peak in PEAKS.items()}
+    return {**found, "disk": 1 / found["half"]}
+
+
+def _design(process: Process, sign: float, one: Search, found: SearchResult) -> Design:
     """Judge what was found, on the process itself."""
-    from pidalab.robustness.control import max_control_sensitivity
     from pidalab.robustness.margins import max_sensitivity
 
     problem, limits, x = one.problem, one.limits, found.best.x
@@ -263,19 +277,18 @@ def _design(process: Process, sign: float, one: Search, found: Found) -> Design:
     gains[1:] = np.where(amounts < ZERO * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign * gains).tolist(), time, problem.order + 1)
     loop = Loop(process, controller)
-    info: dict[str, Any] = {
-        "iae": _iae(loop, problem.time),
-        "ms": max_sensitivity(loop)[0],
-        "mks": max_control_sensitivity(loop)[0],
-    }
+    heights, named = _heights(loop), limits.named()
+    info: dict[str, Any] = {"iae": _iae(loop, problem.time), "ms": heights["ms"], "mks": heights["mks"]}
+    info |= {name: heights[name] for name in ("mt", "disk") if name in named}
     if one.noise is not None:
         info["noise_gain"] = one.true_noise(x)
     if one.family:
         info["ms_worst"] = max(
             max_sensitivity(Loop(plant, one.loop(x).controller))[0] for plant in one.family
         )
-    named = limits.named() | ({"ms_worst": one.ms_worst} if one.family else {})
-    reached = [name for name, limit in named.items() if info[name] >= limit * (1 - ACTIVE)]
+    reached = limits.reached(info, ACTIVE)
+    if one.family and info["ms_worst"] >= one.ms_worst * (1 - ACTIVE):
+        reached.append("ms_worst")
     if one.noise is not None:
         info["sample_time"] = one.noise.h
     if one.noise is not None and time <= one.noise.h * (1 + ACTIVE):

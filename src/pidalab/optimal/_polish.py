@@ -11,18 +11,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._problem import Problem, Scaled
+from pidalab.optimal._problem import HEIGHTS, Problem, Scaled
+from pidalab.optimal._quadratic import convex, multipliers, solve_qp
+from pidalab.optimal._solver import Search
 from pidalab.process import Process
 
-if TYPE_CHECKING:
-    from pidalab.optimal._solver import Search
-
-SAMPLES = 8192  # of the response whose IAE is made least
 ROOM = 1e-9  # share of a limit that is left, for rounding
 NEAR = 0.05  # share of a limit within which a peak is looked at
 BESIDE, ROUNDS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
@@ -32,8 +30,9 @@ SMALL = 1e-3  # step after which second derivatives stay as they are
 WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the end; shortest trust in one
 SMALLEST = 1e-9  # unit of a gain
 
-FLATTEST = 1e-9  # curvature that a direction has at least
-NOMINAL = 2  # kinds of peaks of the process itself
+# kinds of peaks of the process itself, and of those of other plants the first
+LOUDNESS, COMPLEMENTARY, DIFFERENCE = 1, 2, 3
+NOMINAL = len(HEIGHTS)
 
 
 class Polished(NamedTuple):
@@ -46,9 +45,10 @@ class Polished(NamedTuple):
 
 
 class Peaks:
-    """Heights of the peaks of |S| and |C S|, and of |S| with other plants, as smooth functions of the unknowns.
+    """Heights of peaks of the process and of |S| with other plants, as smooth functions of the unknowns.
 
-    The kinds of peaks are numbers: 0 for |S|, 1 for |C S|, then one for each other plant.
+    The kinds of peaks are numbers: those of `HEIGHTS` first, of which not all may be limited, then one for |S| with
+    each other plant.
     """
 
     def __init__(
@@ -61,8 +61,9 @@ class Peaks:
         worst: float = math.inf,
     ) -> None:
         self.problem = problem
-        self.plants = [problem.process, problem.process, *others]
-        self.tops = np.log([limits["ms"], limits.get("mks", np.inf), *[worst] * len(others)])
+        self.plants = [problem.process] * NOMINAL + [*others]
+        self.tops = np.log([*(limits.get(name, np.inf) for name in HEIGHTS), *[worst] * len(others)])
+        self.limited = [kind for kind, name in enumerate(HEIGHTS) if name in limits]
         delay = problem.process.delay
         w = np.geomspace(1e-3, 30.0 / fastest, 700) / problem.time
         turns = np.arange(1.0, 400.0) * 0.3 / delay if delay else np.zeros(0)
@@ -74,21 +75,27 @@ class Peaks:
         s = 1j * w
         return s, self.problem.process(s), self.problem._actions(s)
 
-    def heights(self, x: Array, w: Array | None = None) -> Array:
-        """Logarithms of |S| and |C S| over their limits at frequencies, by default those of the grid."""
-        s, plant, actions = self.at_grid if w is None else self._known(w)
+    def heights(self, x: Array) -> Array:
+        """Logarithms of all heights over their limits at the frequencies of the grid."""
+        s, plant, actions = self.at_grid
         controller = self.problem._controller(x, s, actions)[0]
-        back = -np.log(np.abs(1 + plant * controller))
-        found = np.array([back - self.tops[0], back + np.log(np.abs(controller)) - self.tops[1]])
+        L = plant * controller
+        back = -np.log(np.abs(1 + L))
+        found = np.full((NOMINAL, s.size), -np.inf)
+        for kind in self.limited:
+            found[kind] = back - self.tops[kind]
+            if kind:
+                top = controller if kind == LOUDNESS else L if kind == COMPLEMENTARY else 0.5 * (1 - L)
+                found[kind] += np.log(np.abs(top))
         if len(self.plants) == NOMINAL:
             return found
-        others = self.others_at_grid if w is None else np.array([p(s) for p in self.plants[NOMINAL:]])
-        return np.vstack([found, -np.log(np.abs(1 + others * controller)) - self.tops[NOMINAL:, None]])
+        others = -np.log(np.abs(1 + self.others_at_grid * controller)) - self.tops[NOMINAL:, None]
+        return np.vstack([found, others])
 
     def _plant(self, s: Any, kinds: Array) -> tuple[Any, Any]:
         """The plant of each peak, and s P'/P."""
         value, turn = np.empty(s.size, dtype=complex), np.empty(s.size, dtype=complex)
-        owner = np.where(kinds == 1, 0, kinds)
+        owner = np.where(kinds < NOMINAL, 0, kinds)
         for kind in np.unique(owner):
             at, plant = owner == kind, self.plants[kind]
             here = s[at]
@@ -100,14 +107,14 @@ class Peaks:
         return value, turn
 
     def near(self, x: Array) -> tuple[Any, Array]:
-        """Which peaks come near their limits: kinds (0 for S, 1 for C S) and frequencies."""
+        """Which peaks come near their limits: kinds and frequencies."""
         heights = self.heights(x)
         inner = heights[:, 1:-1]
         kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR))
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Second derivatives of the logarithms of |S| or |C S| by that of the frequency, at peaks."""
+        """Second derivatives of the logarithms of heights by that of the frequency, at peaks."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (BESIDE, -BESIDE))
         return np.asarray(np.minimum((above - below) / (2 * BESIDE), -1e-9))
 
@@ -122,7 +129,7 @@ class Peaks:
         return np.asarray(np.exp(log))
 
     def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Slope of the logarithm of |S| or |C S| by that of the frequency."""
+        """Slope of the logarithm of a height by that of the frequency."""
         s = 1j * w
         gains, time = self.problem.controller(x)
         powers = gains[:, None] * s ** np.arange(-1.0, gains.size - 1.0)[:, None]
@@ -131,19 +138,34 @@ class Peaks:
         controller = powers.sum(axis=0) * whole
         turn = (np.arange(-1.0, gains.size - 1.0) @ powers) * whole + controller * order * (lag - 1)  # s C'
         plant, plant_turn = self._plant(s, kinds)
-        loop_turn = plant * (turn + controller * plant_turn)
-        back = -np.real(loop_turn / (1 + plant * controller))
-        return np.asarray(back + np.where(kinds == 1, np.real(turn / controller), 0.0))
+        L, loop_turn = plant * controller, plant * (turn + controller * plant_turn)
+        own = np.where(kinds == LOUDNESS, turn / controller, 0.0)
+        if COMPLEMENTARY in self.limited:
+            own = np.where(kinds == COMPLEMENTARY, loop_turn / L, own)
+        if DIFFERENCE in self.limited:
+            own = np.where(kinds == DIFFERENCE, -loop_turn / (1 - L), own)
+        return np.asarray(np.real(own - loop_turn / (1 + L)))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
         """Heights of peaks, and their slopes by the unknowns."""
         s = 1j * w
         plant, actions = self._plant(s, kinds)[0], self.problem._actions(s)
         controller, slopes = self.problem._controller(x, s, actions)
-        by_all, back = slopes(), 1 / (1 + plant * controller)
-        slope = -np.real(plant * back * by_all) + np.where(kinds == 1, np.real(by_all / controller), 0.0)
-        heights = np.log(np.abs(back)) + np.where(kinds == 1, np.log(np.abs(controller)), 0.0)
-        return heights - self.tops[kinds], slope.T
+        L, by_all = plant * controller, slopes()
+        back = 1 / (1 + L)
+        # the part of the height over |1 + L|, and what its logarithm changes by with the controller
+        top, own = (
+            np.where(kinds == LOUDNESS, controller, 1.0),
+            np.where(kinds == LOUDNESS, 1 / controller, 0.0),
+        )
+        if COMPLEMENTARY in self.limited:
+            here = kinds == COMPLEMENTARY
+            top, own = np.where(here, L, top), np.where(here, 1 / controller, own)
+        if DIFFERENCE in self.limited:
+            here = kinds == DIFFERENCE
+            top, own = np.where(here, 0.5 * (1 - L), top), np.where(here, -plant / (1 - L), own)
+        slope = np.real((own - plant * back) * by_all)
+        return np.log(np.abs(top * back)) - self.tops[kinds], slope.T
 
 
 class Lagrangian:
@@ -157,10 +179,10 @@ class Lagrangian:
         self.seen.unit[small] = np.maximum(x[small], SMALLEST)
         low, high = np.transpose(search.bounds)
         self.low, self.high = self.seen(low), self.seen(high)
-        limits = {name: limit * (1 - ROOM) for name, limit in search.limits.named().items()}
+        limits = search.limits.heights(ROOM)
         others, worst = [search.family[k] for k in search.active], search.ms_worst * (1 - ROOM)
         self.peaks = Peaks(problem, limits, search.w, math.exp(low[problem.gains]), others, worst)
-        self.most = math.log(limits.get("noise_gain", 1.0))
+        self.most = math.log((search.limits.noise_gain or 1.0) * (1 - ROOM))
 
     def end(self, z: Array) -> Array:
         """Unknowns themselves."""
@@ -233,7 +255,7 @@ def polish(search: Search, x: Array) -> Polished | None:
             prices = multipliers(slope, rows, left)
             bends = convex(one.bends(z, kinds, w, prices[:limits], worth, apart), rows[prices > 0])
         while True:
-            found = programme(bends, slope, rows, left, trust)
+            found = solve_qp(bends, slope, rows, left, trust)
             if found is None:
                 return None
             step, prices = found
@@ -258,64 +280,3 @@ def polish(search: Search, x: Array) -> Polished | None:
             worth, apart = search.fine, min(DIFFERENCE, max(0.1 * length, FINEST))  # a closer look
         before = length
     return Polished(math.exp(value), one.end(z), length, w) if length < OPEN else None
-
-
-def multipliers(slope: Array, rows: Array, left: Array) -> Array:
-    """Prices of the limits that are reached, not negative, which explain the slope best."""
-    from scipy.optimize import nnls
-
-    prices = np.zeros(left.size)
-    reached = left < 1e-3
-    if reached.any():
-        prices[reached] = nnls(rows[reached].T, slope)[0]
-    return prices
-
-
-def convex(bends: Array, reached: Array) -> Array:
-    """Second derivatives, made positive: along the limits that are reached where they have to be, off them freely."""
-    if reached.size:
-        _, sizes, turned = np.linalg.svd(reached)
-        free = turned[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
-    else:
-        free = np.eye(len(bends))
-    values, vectors = np.linalg.eigh(free.T @ bends @ free)
-    along = free @ vectors
-    wanted = np.maximum(np.abs(values), FLATTEST)
-    bends = bends + (along * (wanted - values)) @ along.T
-    heavy = max(1e-3, float(np.abs(bends).max(initial=0.0)))
-    off = np.eye(len(bends)) - free @ free.T
-    for factor in 10.0 ** np.arange(0, 8):
-        out = np.asarray(bends + factor * heavy * off)
-        if np.linalg.eigvalsh(out)[0] > 0:
-            return out
-    return out
-
-
-def programme(
-    bends: Array, slope: Array, rows: Array, left: Array, trust: float
-) -> tuple[Array, Array] | None:
-    """Step that makes a quadratic function least and keeps limits and trust, and the prices of the limits.
-
-    As a least-distance programme [LaH95]_.
-    """
-    from scipy.optimize import nnls
-
-    size = slope.size
-    rows = np.vstack([rows, np.eye(size), -np.eye(size)])
-    left = np.concatenate([left, np.full(2 * size, trust)])
-    root = np.linalg.cholesky(bends)  # lower: bends = root root^T
-    best = np.asarray(-np.linalg.solve(bends, slope), dtype=float)
-    turned = np.linalg.solve(root, rows.T)  # columns: limits in the metric of the function
-    wanted = -left - rows @ best
-    if np.all(wanted <= 0):
-        return best, np.zeros(left.size - 2 * size)
-    scale = np.linalg.norm(turned, axis=0)
-    system = np.vstack([turned / scale, wanted / scale])
-    target = np.append(np.zeros(size), 1.0)
-    weights, _ = nnls(system, target)
-    rest = system @ weights - target
-    if -rest[-1] < 1e-13:
-        return None
-    prices = weights / scale / -rest[-1]
-    step = np.asarray(best + np.linalg.solve(root.T, turned @ prices), dtype=float)
-    return step, prices[: left.size - 2 * size]

@@ -29,6 +29,9 @@ DAMPING = 3.0  # real part of the line of the transform, times the horizon
 REST = 1e-3  # share of the integral that the transform may miss
 
 UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
+WALL = 1e9  # in place of what is to be small, where a step has left the stable loops
+# what may be limited at all frequencies: |S|, |C S|, |T| and half of |S - T|
+HEIGHTS = ("ms", "mks", "mt", "half")
 
 Slope = Callable[[], Array]  # of a value, where a search needs it: along a line it looks at values alone
 
@@ -147,32 +150,41 @@ class Problem:
             abs(float(np.angle(f[1:] / f[:-1]).sum() + np.angle(self.process.den[0] / f[-1]))) > 0.5 * np.pi
         )
 
-    def limits(self, w: Array, ms: float, mks: float | None, process: Process | None = None) -> Any:
-        """Return the function of what is left to the limits of |S| and |C S| at frequencies w, and of its gradient.
+    def limits(self, w: Array, most: dict[str, float], process: Process | None = None) -> Any:
+        """Return the function of what is left to limits at frequencies w, and of its gradient.
 
-        With another process in place of the problem's own, if that is given.
+        The limits are those of `HEIGHTS`, by name. With another process in place of the problem's own, if one is given.
         """
         s = 1j * w
         plant, actions = (process or self.process)(s), self._actions(s)
+        ms = most.get("ms")
 
         def value(x: Array) -> tuple[Array, Slope]:
             controller, slopes = self._controller(x, s, actions)
-            back = 1 + plant * controller
+            L = plant * controller
+            back = 1 + L
             size = np.abs(back) ** 2
-            left = [ms**2 * size - 1]
-            if mks is not None:
-                # |C|^2 <= mks^2 |1 + L|^2, over the size of the two
-                own = np.abs(controller) ** 2
-                total = 1 / (own + mks**2 * size)
-                left.append((mks**2 * size - own) * total)
+            left = [] if ms is None else [ms**2 * size - 1]
+            # |N|^2 <= limit^2 |1 + L|^2, over the size of the two
+            parts = []
+            for name, top, by_controller in (
+                ("mks", controller, 1.0),
+                ("mt", L, plant),
+                ("half", 0.5 * (1 - L), -0.5 * plant),
+            ):
+                if name in most:
+                    own, room = np.abs(top) ** 2, most[name] ** 2 * size
+                    left.append((room - own) / (own + room))
+                    parts.append((top, by_controller, own, room, most[name] ** 2))
 
             def slope() -> Array:
                 by_all = slopes()
                 turn = 2 * np.real(np.conj(back) * plant * by_all)
-                found = [ms**2 * turn]
-                if mks is not None:
-                    a, b = 2 * np.real(np.conj(controller) * by_all), mks**2 * turn
-                    found.append((b - a) * total - (mks**2 * size - own) * total**2 * (a + b))
+                found = [] if ms is None else [ms**2 * turn]
+                for top, by_controller, own, room, square in parts:
+                    a, b = 2 * np.real(np.conj(top) * by_controller * by_all), square * turn
+                    total = 1 / (own + room)
+                    found.append((b - a) * total - (room - own) * total**2 * (a + b))
                 out = np.zeros((self.size, len(left) * w.size))
                 out[: self.gains + 1] = np.hstack(found)
                 return out.T

@@ -9,21 +9,18 @@ without the highest derivative, which keeps to the first. Descents from around t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
-from pidalab.optimal._polish import SAMPLES, Polished, polish
-from pidalab.optimal._problem import CachedValueAndSlope, Problem, Scaled, Slope
-from pidalab.optimal._starts import WALL
+from pidalab.optimal._problem import WALL, CachedValueAndSlope, Problem, Scaled, Slope
 from pidalab.process import Process
-from pidalab.robustness.control import max_control_sensitivity
-from pidalab.robustness.margins import max_sensitivity
 from pidalab.robustness.poles import is_stable
 
+SAMPLES = 8192  # of the response whose IAE is made least
 TOP, BOTTOM, RUNGS = 1.0, -5.0, 13  # of the ladder: logarithms of filter times, in units of the process
 FASTEST, SLOWEST = -7.0, 3.0  # logarithms of filter times that are allowed
 LARGEST = 1e6  # gain, in units of the process, that is allowed
@@ -35,26 +32,7 @@ BETWEEN = 0.01  # share of a frequency within which another stands for it
 NEARLY = 1e-4  # share by which a limit may be missed on the way
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
 AGAIN, LONG = 4, 0.2  # descents one after the other at most; gain after which one is long, a logarithm
-ROUNDS = 12  # of the last search, each with the worst frequency of the one before
-APART = 1e-2  # share by which the values of two valleys differ at least
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
-UNPOLISHED = 1e-2  # what is left open of an end whose conditions were not reached
-ALIKE = 0.01  # what two ends of the same valley differ by at most
-WORST = 2  # plants of the family that join at a time
-SHRINK, SHRINKS, ASTRAY = 0.85, 40, 0.5  # factor, steps at most, and by how much a limit may then be missed
-
-
-class Limits(NamedTuple):
-    """What a design has to keep."""
-
-    ms: float
-    mks: float | None
-    noise_gain: float | None
-    sample_time: float | None
-
-    def named(self) -> dict[str, float]:
-        """The limits that there are, by name."""
-        return {name: value for name, value in self._asdict().items() if value and name != "sample_time"}
 
 
 class Search:
@@ -64,7 +42,7 @@ class Search:
     family: tuple[Process, ...] = ()  # plants that keep ms_worst at the end
     ms_worst = np.inf
 
-    def __init__(self, problem: Problem, limits: Limits) -> None:
+    def __init__(self, problem: Problem, limits: DesignLimits) -> None:
         self.problem, self.limits = problem, limits
         self.active: list[int] = []  # plants of the family that the descents see
         time = problem.time
@@ -91,7 +69,7 @@ class Search:
 
     def sound(self, x: Array) -> bool:
         """Whether the loop is stable, with a sampled controller too where that matters."""
-        return _settles(self.loop(x)) and np.isfinite(self.true_noise(x))
+        return settles(self.loop(x)) and np.isfinite(self.true_noise(x))
 
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
         """The best start at another filter time: the last optimum, perhaps with less derivative, or the first one."""
@@ -100,12 +78,12 @@ class Search:
         for start in (first, *(x * _damping(x.size, at, share) for share in (1.0, 0.6, 0.3, 0.1))):
             start = start.copy()
             start[at] = filter_time
-            value = self._worth(start)[0] + np.log1p(MISSED * self.missed(start, constraints))
+            value = self.log_iae(start)[0] + np.log1p(MISSED * self.missed(start, constraints))
             if value < least:
                 best, least = start, value
         return best
 
-    def _worth(self, x: Array) -> tuple[float, Slope]:
+    def log_iae(self, x: Array) -> tuple[float, Slope]:
         """Logarithm of the IAE and the function of its gradient; a wall where a step has left the stable loops."""
         if self.problem.unstable(x):
             return WALL, lambda: np.zeros(x.size)
@@ -118,10 +96,9 @@ class Search:
 
     def constraints(self) -> list[CachedValueAndSlope]:
         """What is left to every limit, not negative where it is kept, for the frequencies looked at so far."""
-        mks = None if self.limits.mks is None else self.limits.mks * (1 - SPARE)
-        found = [self.problem.limits(self.w, self.limits.ms * (1 - SPARE), mks)]
+        found = [self.problem.limits(self.w, self.limits.heights(SPARE))]
         for k in self.active:
-            found.append(self.problem.limits(self.w, self.ms_worst * (1 - SPARE), None, self.family[k]))
+            found.append(self.problem.limits(self.w, {"ms": self.ms_worst * (1 - SPARE)}, self.family[k]))
         if self.noise is not None:
             noise, most = self.noise, self.aim
 
@@ -152,11 +129,11 @@ class Search:
             x[at], bounds[at] = filter_time, (filter_time, filter_time)
         x[at - 1], bounds[at - 1] = min(x[at - 1], highest), (0.0, highest)
         low, high = np.transpose(bounds)
-        constraints, value = self.constraints(), self._worth(x)[0]
+        constraints, value = self.constraints(), self.log_iae(x)[0]
         with np.errstate(all="ignore"):
             for _ in range(AGAIN):
                 scaled = Scaled(x, at)
-                value_of, slope_of = scaled.functions(CachedValueAndSlope(self._worth))
+                value_of, slope_of = scaled.functions(CachedValueAndSlope(self.log_iae))
                 limits = (
                     dict(zip(("fun", "jac"), scaled.functions(one), strict=True)) for one in constraints
                 )
@@ -187,59 +164,30 @@ class Search:
         gains, time = self.problem.controller(x)
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
-    def finish(self, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
-        """Descend and polish; take in the worst frequencies until the limits hold at all of them.
+    def look_at(self, peak: float, nearly: bool = False) -> None:
+        """Take frequencies around a peak in; unless, where a near one serves, there is one."""
+        if not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
+            self.w = self._with(peak)
 
-        None where that leads nowhere, to an end that is known, or to one that is worse.
-        """
-        for _ in range(ROUNDS):
-            value, found, missed = self.descend(x, effort=FINE)
-            if missed > NEARLY or not self.sound(found):
-                # the descent went astray: again, from a little below
-                x = x * _slack(x.size, self.problem.gains)
-                continue
-            if any(
-                value > other.value * (1 + APART) or np.allclose(found, other.x, ALIKE, ALIKE)
-                for other in known
-            ):
-                return None
-            x, end = found, polish(self, found)
-            if end is None:
-                end = Polished(self.fine(x)[0], x, UNPOLISHED, np.zeros(0))
-            for peak in end.w:  # for the descents that follow
-                if np.min(np.abs(self.w - peak)) > BETWEEN * peak:
-                    self.w = self._with(peak)
-            if self.sound(end.x) and self._keeps(end.x, self.true_noise(end.x)):
-                if self._safe(end.x):
-                    return end
-                x = self._shrunk(x)
-        return None
+    def aim_below(self, noise: float) -> None:
+        """Aim at less noise by as much as there is too much of it."""
+        assert self.limits.noise_gain is not None
+        self.aim *= self.limits.noise_gain / noise * (1 - SPARE)
 
-    def _safe(self, x: Array) -> bool:
-        """Whether all plants of the family keep their limit; where not, the worst two are seen from now on."""
-        loop, found = self.loop(x), []
-        for k, plant in enumerate(self.family):
-            other = Loop(plant, loop.controller)
-            ms, at = max_sensitivity(other)
-            found.append((ms if _settles(other) else np.inf, at, k))
-        over = [one for one in sorted(found, reverse=True)[:WORST] if one[0] > self.ms_worst]
-        for _, at, k in over:
-            if k in self.active:
-                self.w = self._with(at)
-            else:
-                self.active.append(k)
-        return not over
+    def guard(self, family: Sequence[Process], ms_worst: float) -> None:
+        """Keep a limit of Ms with other plants, too, from now on."""
+        self.family, self.ms_worst = tuple(family), ms_worst
 
-    def _shrunk(self, x: Array) -> Array:
-        """Take gains back until the loops with the plants that are seen are stable and near their limits."""
-        x, gains = x.copy(), self.problem.gains
-        for _ in range(SHRINKS):
-            loops = (Loop(self.family[k], self.loop(x).controller) for k in self.active)
-            if self.missed(x) <= ASTRAY and all(_settles(loop) for loop in loops):
-                break
-            x[:gains] *= SHRINK
-            x[0] *= SHRINK**0.5
-        return x
+    def see(self, k: int, peak: float) -> None:
+        """Let the descents see a plant of the family, or where its peak lies if they do already."""
+        if k in self.active:
+            self.look_at(peak)
+        else:
+            self.active.append(k)
+
+    def remember(self, x: Array) -> None:
+        """Keep what comes nearest to limits that nothing keeps, to say so."""
+        self.nearest = x
 
     def true_noise(self, x: Array) -> float:
         """Noise gain of the sampled loop, 0 where it does not matter, infinite where that loop is unstable."""
@@ -247,28 +195,6 @@ class Search:
             return 0.0
         fine = self.exact_noise
         return np.inf if fine.unstable(x) else float(np.sqrt(fine(x)[0]))
-
-    def _keeps(self, x: Array, noise: float) -> bool:
-        """Whether all limits hold; where not, look there from now on."""
-        loop, limits = self.loop(x), self.limits
-        ms, at = max_sensitivity(loop)
-        kept = ms <= limits.ms
-        if not kept:
-            self.w = self._with(at)
-        if limits.mks is not None:
-            mks, at = max_control_sensitivity(loop)
-            if mks > limits.mks:
-                kept, self.w = False, self._with(at)
-        if limits.noise_gain is not None and noise > limits.noise_gain:
-            kept, self.aim = False, self.aim * limits.noise_gain / noise * (1 - SPARE)
-        return kept
-
-
-def _slack(size: int, gains: int) -> Array:
-    """Factors that take all gains back a little."""
-    out = np.ones(size)
-    out[:gains] = 0.97
-    return out
 
 
 def _damping(size: int, gains: int, share: float) -> Array:
@@ -278,8 +204,8 @@ def _damping(size: int, gains: int, share: float) -> Array:
     return out
 
 
-def _settles(loop: Loop) -> bool:
-    """Whether a loop is stable; one that turns too often to be followed is of no use."""
+def settles(loop: Loop) -> bool:
+    """Whether a loop is stable; one whose poles cannot be counted is of no use."""
     try:
         return is_stable(loop)
     except ArithmeticError:

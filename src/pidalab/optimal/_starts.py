@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import islice, product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._problem import CachedValueAndSlope, Problem
+from pidalab.optimal._problem import WALL, CachedValueAndSlope, Problem
+from pidalab.optimal._solver import Search
 
-if TYPE_CHECKING:
-    from pidalab.optimal._solver import Search
-
-WALL = 1e9  # in place of what is to be small, where a step has left the stable loops
 GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)  # proportional, in units of the process
 SHARES = (0.5, 0.1, 0.02, 0.004)  # integral over proportional gain
 DERIVATIVES = (0.0, 1.0, 5.0)  # over proportional gain
@@ -29,7 +26,7 @@ BELOW = (3.0, 8.0, 25.0)
 ABOVE = (5.0, 30.0, 200.0)
 INSIDE = -1e-3  # share of the limits that an approach goes beyond keeping them
 TRIED = 60  # candidates whose stability is looked at closely
-STARTS, APART = 6, np.log(4.0)  # starts at most, and how far they are apart
+STARTS, START_GAP = 6, np.log(4.0)  # starts at most, and how far they are apart
 NEAREST = 4  # candidates from which the limits are approached
 
 
@@ -49,17 +46,18 @@ def at_once(search: Search) -> list[Array]:
 def _apart(one: Array, other: Array, gains: int) -> bool:
     """Whether integral gain, largest action or filter differ by more than a factor."""
     differences = np.log([one[0] / other[0], one[:gains].max() / other[:gains].max()])
-    return bool(max(np.abs(differences).max(), abs(one[gains] - other[gains])) > APART)
+    return bool(max(np.abs(differences).max(), abs(one[gains] - other[gains])) > START_GAP)
 
 
 def approached(search: Search) -> list[Array]:
     """A start that keeps all limits, from candidates that do not; the nearest of all is left in the search."""
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
-        x = _relaxed(search, start)
+        x = relax(search, start)
         missed = search.missed(x)
         if missed < least and search.sound(x):
-            search.nearest, least = x, missed
+            search.remember(x)
+            least = missed
         if least == 0:
             return [x]
     return []
@@ -79,7 +77,7 @@ def _ranked(search: Search) -> list[Array]:
     return [x for _, _, x in ranked]
 
 
-def _relaxed(search: Search, start: Array) -> Array:
+def relax(search: Search, start: Array) -> Array:
     """Go from a start to where the limits are kept, or missed by least."""
     from scipy.optimize import minimize
 

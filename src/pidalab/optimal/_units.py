@@ -7,18 +7,20 @@ import math
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._solver import Limits
+from pidalab.optimal._limits import DesignLimits
 from pidalab.process import Process
 from pidalab.reduction import turned_phase
 from pidalab.roots import roots
 
 CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
 TURN = 0.25 * math.pi  # the same, after what several integrators turn it by
-APART = 8.0  # factor by which a limit of noise has to be slower than that phase before it sets the unit
+NOISE_SLOWDOWN = (
+    8.0  # factor by which a limit of noise has to be slower than that phase before it sets the unit
+)
 SHARE = 0.1  # of the noise that is allowed, proportional action in that unit, where nothing else sets it
 
 
-def unit_of_time(process: Process, limits: Limits) -> float:
+def unit_of_time(process: Process, limits: DesignLimits) -> float:
     """Unit of time in which a loop around the process has numbers near 1, if nothing but robustness limits it."""
     poles = roots(process.den)
     integrators = int(np.sum(poles == 0))
@@ -35,10 +37,10 @@ def unit_of_time(process: Process, limits: Limits) -> float:
     turned = at_rest + turned_phase(process, w) < min(CORNER, at_rest - TURN)
     fastest = float(w[np.argmax(turned)]) if turned.any() else float(corners.max())
     loudest = _loudest(process, limits, w)
-    return 1 / (loudest if fastest > APART * loudest else fastest)
+    return 1 / (loudest if fastest > NOISE_SLOWDOWN * loudest else fastest)
 
 
-def _loudest(process: Process, limits: Limits, w: Array) -> float:
+def _loudest(process: Process, limits: DesignLimits, w: Array) -> float:
     """Frequency up to which a loop can act under a limit of noise: to act is to have |C S| near 1/|P|."""
     asked = 1 / np.abs(process(1j * w))
     able = np.ones(w.size, dtype=bool)
@@ -51,7 +53,7 @@ def _loudest(process: Process, limits: Limits, w: Array) -> float:
     return float(w[able].max()) if able.any() else math.inf
 
 
-def _by_noise(process: Process, integrators: int, limits: Limits) -> float:
+def _by_noise(process: Process, integrators: int, limits: DesignLimits) -> float:
     """The unit for integrators alone, around which nothing but noise limits a loop."""
     loudest = limits.mks or limits.noise_gain
     if not integrators or loudest is None:

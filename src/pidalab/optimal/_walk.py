@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pidalab._check import Array
+from pidalab.optimal._finish import VALLEY_GAP, finish
 from pidalab.optimal._polish import Polished
-from pidalab.optimal._solver import APART, LARGEST, NEARLY, Search
+from pidalab.optimal._solver import LARGEST, NEARLY, Search
 
 FAR = 2.0  # factor by which the values of two valleys differ at most
 BEST = 3  # searches that are brought to the end
@@ -18,14 +19,14 @@ SAME = 1e-4  # share by which values of descents differ that may have the same e
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
 
-class Found(NamedTuple):
+class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
     valleys: tuple[float, ...]  # the least value, and what other descents ended with up to FAR times it
 
 
-def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
+def search(one: Search, starts: list[Array], bar: Any) -> SearchResult | None:
     """Find the best unknowns from starts that keep all limits; None where no descent ends well."""
     first = starts[0]
     x, rungs = first, []
@@ -48,7 +49,7 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
     finished: list[Polished] = []
     for ends in (free, rungs):
         for _, start in _distinct(ends, BEST):
-            end = one.finish(start, finished)
+            end = finish(one, start, finished)
             finished += [] if end is None else [end]
         if finished:
             break
@@ -61,10 +62,10 @@ def search(one: Search, starts: list[Array], bar: Any) -> Found | None:
         (end for end in shaken if end[2] <= NEARLY), default=(np.inf, x, 0.0), key=lambda end: end[0]
     )
     if value < one.worth(best.x)[0] * (1 + SAME):
-        last = one.finish(start, [best])
+        last = finish(one, start, [best])
         if last is not None and last.value < best.value:
             best = last
-    return Found(best, _valleys([best.value, *(other for other, _ in free)]))
+    return SearchResult(best, _valleys([best.value, *(other for other, _ in free)]))
 
 
 def _shaken(one: Search, x: Array) -> Iterator[Array]:
@@ -82,7 +83,7 @@ def _valleys(values: list[float]) -> tuple[float, ...]:
     """Values that differ, each the least of those next to it."""
     chosen: list[float] = []
     for value in sorted(values):
-        if not chosen or chosen[-1] * (1 + APART) < value < FAR * chosen[0]:
+        if not chosen or chosen[-1] * (1 + VALLEY_GAP) < value < FAR * chosen[0]:
             chosen.append(value)
     return tuple(chosen)
 

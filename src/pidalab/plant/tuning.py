@@ -26,7 +26,6 @@ UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 DEAR = 1.5  # price of robustness in IAE that is doubted
 SLOW = 0.5  # turn of the crossover in a sample, in rad, from which on a loop is too fast for its sampling
-KNOWS_MS = "haalman"  # the one rule that does
 
 
 def tune(
@@ -173,7 +172,7 @@ def _by_rule(
     rule: Rule, designed: Process, kind: str, evaluator: LoopEvaluator, requirements: Requirements
 ) -> tuple[Design, float]:
     """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
-    if rule.name == KNOWS_MS:
+    if rule.knows_ms:
 
         def make(asked: Asked, near: Design | None) -> tuple[Design, list[str]]:
             return rule.tune(designed, kind, min(asked)), ["ms" if asked[0] <= asked[1] else "ms_worst"]

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab.process import Process
-from pidalab.robustness.loops import Factors, from_factors
-from pidalab.robustness.peaks_and_crossovers import Seen, lowest, most_between
+from pidalab.robustness._arrays import lowest, most_between
+from pidalab.robustness.loops import from_factors, together
+from pidalab.robustness.peaks_and_crossovers import Seen
 
 NO_LOWER = 1e-10  # by how much a value must be lower to be sought, relative to it if it is beyond 1
 STEPS = 60  # of the grid that are followed at a time
@@ -82,7 +83,7 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     F must be strictly proper, without poles on the axis but one at 0.
     """
     # of F, or of E where F = E/s
-    looked = from_factors(Factors(part.gain, part.zeros, part.poles), part.forward.delay)
+    looked = from_factors(together(part.gain, part.zeros, part.poles, part.forward.delay))
 
     def function(seen: Seen) -> Any:
         e = seen.num / seen.den

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from pidalab.loop import Loop
-from pidalab.robustness.loops import explore
-from pidalab.robustness.peaks_and_crossovers import Seen
+from pidalab.robustness.loops import explore_in_s, factors_of
 
 
 def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
@@ -38,16 +36,12 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     >>> print(f"{mks:.4f} {w:.2f}")
     4.0109 19.75
     """
-    looked = explore(loop)
-
-    def gain(seen: Seen) -> Any:
-        return abs(loop.transfer("u", "n", 1j * seen.w))
-
+    looked, controller = explore_in_s(loop), factors_of(loop, "controller", "output_filter")
     # at zero frequency C S is 1/P, or C where it does not integrate
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
         at_zero = abs(1 / static) if static else math.inf
     if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant
-        at_end = float(gain(looked.on_grid)[-1])
-    return looked.supremum(gain, at_zero, at_end)
+        at_end = abs(loop.transfer("u", "n", 1j * looked.grid[-1]))
+    return looked.max_weighted_sensitivity(controller, at_zero, float(at_end))

@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from pidalab._check import Array
 from pidalab.digital import DigitalController
 from pidalab.loop import Loop, open_loop, require_loop, require_well_posed
 from pidalab.process import static_gain
-from pidalab.robustness.peaks_and_crossovers import Explorer, frequencies
+from pidalab.robustness._arrays import fraction as fraction_of_factors, frequencies
+from pidalab.robustness.factored import FactoredExplorer
+from pidalab.robustness.peaks_and_crossovers import Explorer, LoopFactors, Seen
 from pidalab.robustness.sampled import sampled_plant
 from pidalab.roots import roots
 
-
-class Factors(NamedTuple):
-    """L(s) = gain * prod(s - zeros) / prod(s - poles), and its dead time beside it."""
-
-    gain: float
-    zeros: Any
-    poles: Any
+FAR_PER_DECADE = 12  # points of the grid far from all corners
+CLEAR = 10.0  # |L|, or one over it, up to which the grid goes on
 
 
-def factors(loop: Loop) -> Factors:
+def factors(loop: Loop) -> LoopFactors:
     """Factor a loop block by block; nothing is cancelled.
 
     Raises
@@ -33,59 +30,83 @@ def factors(loop: Loop) -> Factors:
     ValueError
         For a gain beyond the range of numbers, and for roots that cannot be found.
     """
+    return factors_of(loop, "process", "controller", "output_filter")._replace(
+        delay=float(loop.process.delay)
+    )
+
+
+def factors_of(loop: Loop, *names: str) -> LoopFactors:
+    """Factor some blocks of a loop, without the dead time."""
     open_loop(loop)  # complains about what is not a loop
     gain, zeros, poles = 1.0, [], []
-    for name in ("process", "controller", "output_filter"):
+    for name in names:
         num, den = loop.blocks[name]
         gain *= float(num[0]) / float(den[0])
         zeros.append(roots(num))
         poles.append(roots(den))
     if not math.isfinite(gain):
         raise ValueError("the gain of the loop leaves the range of numbers (about 1e308)")
-    return Factors(gain, np.concatenate(zeros), np.concatenate(poles))
+    return together(gain, np.concatenate(zeros), np.concatenate(poles))
+
+
+def together(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopFactors:
+    """Put the factors of a loop together, with a speed for each pole: its own, or the slowest where that is 0."""
+    speeds = np.abs(poles)
+    moving = speeds[speeds > 0]
+    own = float(moving.min()) if moving.size else 1 / delay if delay else 1.0
+    speeds = np.where(speeds > 0, speeds, own)
+    return LoopFactors(gain, zeros.astype(complex), poles.astype(complex), speeds, delay)
 
 
 def explore(loop: Loop) -> Explorer:
     """Look at a loop along the frequency axis; from sample to sample if its controller is digital."""
     require_loop(loop)
-    return _in_s(loop) if loop.digital is None else _in_z(loop, loop.digital)
+    return explore_in_s(loop) if loop.digital is None else _in_z(loop, loop.digital)
 
 
-def _in_s(loop: Loop) -> Explorer:
+def explore_in_s(loop: Loop) -> FactoredExplorer:
+    """Look at a continuous loop along the frequency axis, with its factors."""
     require_well_posed(loop)
-    return from_factors(factors(loop), float(loop.process.delay), static_gain(*open_loop(loop)))
+    return from_factors(factors(loop), static_gain(*open_loop(loop)))
 
 
-def from_factors(of: Factors, delay: float, at_zero: float = math.nan) -> Explorer:
+def from_factors(of: LoopFactors, at_zero: float = math.nan) -> FactoredExplorer:
     """Look at a continuous loop by its factors."""
+    from pidalab.robustness._scan import along  # compiled code: loaded when it is needed
+
     at_infinity = of.gain if of.zeros.size == of.poles.size else 0.0
-    return Explorer(
-        grid=frequencies(np.concatenate([of.zeros, of.poles]), delay),
-        fraction=_fraction(of, delay),
-        delay=delay,
+    w = frequencies(np.concatenate([of.zeros, of.poles]), of.delay)
+    num, den = along(w, 0.0, 0.0, tuple(of))
+    more = _towards_far_crossovers(of, w, num, den)
+    if more:
+        w = np.concatenate([more[0], w, more[1]])
+        num, den = along(w, 0.0, 0.0, tuple(of))
+    return FactoredExplorer(
+        grid=w,
+        fraction=lambda s: fraction_of_factors(s, of),
+        delay=of.delay,
         at_zero=at_zero,
-        at_end=-abs(at_infinity) if delay else at_infinity,
-        degree=of.poles.size,
+        at_end=-abs(at_infinity) if of.delay else at_infinity,
+        of=of,
+        on_grid=Seen(w, num, den),
     )
 
 
-def _fraction(of: Factors, delay: float) -> Callable[[Any], tuple[Any, Any]]:
-    """Numerator and denominator of L, factor by factor over |s| plus a speed: their products stay in range."""
-    zeros, poles, speeds = of.zeros.tolist(), of.poles.tolist(), np.abs(of.poles)
-    moving = speeds[speeds > 0]
-    own = moving.min() if moving.size else 1 / delay if delay else 1.0
-    scales = np.where(speeds > 0, speeds, own).tolist()
-
-    def fraction(s: Any) -> tuple[Any, Any]:
-        size = abs(s)
-        num, den = of.gain * np.exp(-s * delay), 1.0 + 0.0 * s
-        for i, pole in enumerate(poles):
-            scale = 1 / (size + scales[i])
-            den = den * ((s - pole) * scale)
-            num = num * ((s - zeros[i]) * scale if i < len(zeros) else scale)
-        return num, den
-
-    return fraction
+def _towards_far_crossovers(of: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
+    """Return more of the grid at both ends, up to where |L|, a power of the frequency there, has crossed 1."""
+    at_zero, at_infinity = int(np.sum(of.poles == 0) - np.sum(of.zeros == 0)), of.poles.size - of.zeros.size
+    parts = []
+    for side, k, power in ((-1, 0, at_zero), (1, -1, at_infinity)):
+        end, part, size = float(w[k]), np.zeros(0), abs(complex(num[k])) / (abs(complex(den[k])) or math.nan)
+        beyond = CLEAR if side * power < 0 else 1 / CLEAR  # |L| on its way to infinity, or to 0
+        if power and size > 0 and (size < beyond) == (beyond > 1):
+            far = math.exp(math.log(end) + math.log(size / beyond) / power)
+            if 0 < far < math.inf:
+                part = np.geomspace(end, far, 2 + int(FAR_PER_DECADE * abs(math.log10(far / end))))[1:][
+                    ::side
+                ]
+        parts.append(part)
+    return parts if any(part.size for part in parts) else []
 
 
 def _in_z(loop: Loop, k: DigitalController) -> Explorer:

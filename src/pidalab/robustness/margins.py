@@ -11,11 +11,13 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.robustness._arrays import COMPLEMENTARY, TooManyTurns, height, zeros
 from pidalab.robustness.loops import explore
-from pidalab.robustness.peaks_and_crossovers import complementary, zeros
+from pidalab.robustness.peaks_and_crossovers import Explorer
 from pidalab.robustness.poles import count_unstable
 
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
+DROP = 3.0  # decibels by which |T| has fallen at the bandwidth
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,15 +27,23 @@ class Margins:
     Attributes
     ----------
     stable : bool
-        Whether the closed loop is stable. If not, all margins are NaN: numbers read off an unstable loop mislead.
+        Whether the closed loop is stable. If not, the numbers below say how far it is from the next border of
+        stability, as other programs print them; what a loop may bear that is stable they do not say.
+    unstable_poles : int or float
+        Closed-loop poles that are not stable, as `unstable_poles` counts them.
     gm : float
-        Gain margin, a ratio: the smallest factor above 1 that makes the loop unstable (inf if none).
+        Gain margin, a ratio: the smallest factor above 1 that puts a pole on the border of stability (inf if none).
     gm_low : float
-        The largest factor below 1 that makes a conditionally stable loop unstable (0 if none).
+        Lower gain margin, the largest factor below 1 that does (0 if none). A stable loop with one above 0 is stable on
+        condition.
     pm : float
-        Phase margin in degrees: the smallest rotation of L, in either direction, that makes the loop unstable.
+        Phase margin in degrees: the smallest rotation of L, in either direction, that does.
     dm : float
-        Delay margin: the smallest extra dead time that makes the loop unstable, over all gain crossovers.
+        Delay margin: the smallest extra dead time that does, over all gain crossovers.
+    disk : float
+        Disk margin α, one over the largest \\|S - 1/2\\|: gain and phase may change together by any complex factor
+        (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α. A gain alone may be from (2 - α)/(2 + α) to (2 + α)/(2 - α), a rotation
+        alone up to 2 arctan(α/2).
     ms, mt : float
         Peaks of the sensitivity and of the complementary sensitivity.
     wgc, wpc : float
@@ -42,14 +52,17 @@ class Margins:
         Frequencies of the peaks (inf where the peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers; all phase crossovers, but with dead time only those where \\|L\\| is at least 0.1, and at
-        least the first with \\|L\\| below 1. None are listed for an unstable loop.
+        least the first with \\|L\\| below 1. Where the dead time turns the phase more than a million times in there,
+        none are listed, and the gain margins are NaN.
     """
 
     stable: bool
+    unstable_poles: float
     gm: float
     gm_low: float
     pm: float
     dm: float
+    disk: float
     ms: float
     mt: float
     wgc: float
@@ -60,14 +73,20 @@ class Margins:
     phase_crossovers: Array
 
     def __str__(self) -> str:
-        if not self.stable:
-            return "closed loop unstable: it has no margins"
-        gain = f"{self.gm:.4g} at {self.wpc:.4g}" if math.isfinite(self.gm) else "infinite"
+        gain = "infinite" if math.isinf(self.gm) else f"{self.gm:.4g} at {self.wpc:.4g}"
         phase = f"{self.pm:.4g} deg at {self.wgc:.4g}" if math.isfinite(self.pm) else "infinite"
-        return (
-            f"Ms = {self.ms:.4g} at {self.wms:.4g} rad/time, Mt = {self.mt:.4g} at {self.wmt:.4g}\n"
-            f"gain margin {gain}, phase margin {phase}, delay margin {self.dm:.4g}"
+        lines = (
+            f"Ms = {self.ms:.4g} at {self.wms:.4g} rad/time, Mt = {self.mt:.4g} at {self.wmt:.4g}",
+            f"gain margin {gain}, lower {self.gm_low:.4g}, phase margin {phase}, "
+            f"delay margin {self.dm:.4g}, disk margin {self.disk:.4g}",
         )
+        if self.stable:
+            return "\n".join(lines)
+        poles = "1 pole" if self.unstable_poles == 1 else f"{self.unstable_poles:g} poles"
+        first = (
+            f"closed loop unstable, {poles}: the numbers tell how far it is from the next border of stability"
+        )
+        return "\n".join((first, *lines))
 
 
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
@@ -100,6 +119,53 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     return explore(loop).max_sensitivity()
 
 
+def max_complementary(loop: Loop) -> tuple[float, float]:
+    """Maximum complementary sensitivity Mt and the frequency where it lies, whether the loop is stable or not.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+
+    Returns
+    -------
+    mt, wmt : float
+        The supremum of \\|L/(1 + L)\\| over all frequencies; ``wmt`` is 0 or inf where it is only approached.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.robustness.margins import max_complementary
+    >>> max_complementary(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))
+    (1.0, 0.0)
+    """
+    return explore(loop).max_complementary()
+
+
+def max_difference(loop: Loop) -> tuple[float, float]:
+    """Largest half of \\|S - T\\|, which is one over the disk margin, and the frequency where it lies.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop, stable or not.
+
+    Returns
+    -------
+    half, w : float
+        The supremum of \\|1 - L\\|/\\|2 (1 + L)\\| over all frequencies; ``w`` is 0 or inf where it is only approached.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.robustness.margins import max_difference
+    >>> half, w = max_difference(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))
+    >>> print(f"{1 / half:.4f} {w:.3f}")
+    0.8832 1.030
+    """
+    return explore(loop).max_difference()
+
+
 def gain_crossovers(loop: Loop) -> Array:
     """All frequencies where \\|L\\| = 1, ascending.
 
@@ -120,18 +186,16 @@ def gain_crossovers(loop: Loop) -> Array:
     >>> pidalab.gain_crossovers(pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 0.25)).round(9).tolist()
     [0.5]
     """
-    return explore(loop).gain_crossovers()
+    return explore(loop).gain_crossovers
 
 
-def bandwidth(loop: Loop, drop: float = 3.0) -> float:
-    r"""Bandwidth of the closed loop: the lowest frequency at which \|T\| is `drop` decibels below its value at rest.
+def bandwidth(loop: Loop) -> float:
+    r"""Bandwidth of the closed loop: the lowest frequency at which \|T\| is 3 dB below its value at rest.
 
     Parameters
     ----------
     loop : Loop
         A stable loop; its prefilter is not in T.
-    drop : float, optional
-        In decibels, above 0.
 
     Returns
     -------
@@ -154,13 +218,14 @@ def bandwidth(loop: Loop, drop: float = 3.0) -> float:
         raise ValueError("the closed loop is unstable: it has no bandwidth")
     static = 1.0 if math.isinf(looked.at_zero) else abs(looked.at_zero / (1 + looked.at_zero))
     if static == 0:
-        raise ValueError("T is 0 at rest: there is nothing to fall from")
-    level = static * 10 ** (-_check.real("drop", drop, above=0.0) / 20)
+        raise ValueError("T is 0 at rest, found static gain 0: its bandwidth is not defined")
+    level = static * 10 ** (-DROP / 20)
     # where |L| < level / (1 + level), |T| is below the level
     w = looked.follow(0.9 * level / (1 + level))
 
     def excess(w: Any) -> Any:
-        return complementary(looked.at(w)) - level
+        _, num, den = looked.at(w)
+        return height(COMPLEMENTARY, num, den) - level
 
     values = excess(w)
     first = int(np.argmax(values < 0))
@@ -209,8 +274,8 @@ def margins(loop: Loop) -> Margins:
     Returns
     -------
     Margins
-        Named values, accurate to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False and
-        the margins are NaN.
+        Named values, accurate to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False,
+        and they are read off the same curve.
 
     Raises
     ------
@@ -223,32 +288,28 @@ def margins(loop: Loop) -> Margins:
     >>> result = pidalab.margins(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))
     >>> print(result)
     Ms = 1.59 at 1.144 rad/time, Mt = 1 at 0
-    gain margin 3.142 at 1.571, phase margin 61.35 deg at 0.5, delay margin 2.142
+    gain margin 3.142 at 1.571, lower 0, phase margin 61.35 deg at 0.5, delay margin 2.142, disk margin 0.8832
     """
-    looked, quietest = explore(loop), QUIETEST
-    wgc = looked.gain_crossovers()
-    if count_unstable(looked):
-        none = math.nan
-        return Margins(False, none, none, none, none, none, none, none, none, none, none, wgc, np.zeros(0))
-    wpc = looked.phase_crossovers(quietest)
-    while looked.delay and quietest > 1e-12 and not np.any(np.abs(looked.L(wpc)) < 1):
-        quietest /= 10
-        wpc = looked.phase_crossovers(quietest)
-    lag = np.mod(np.angle(looked.L(wgc)) + np.pi, 2 * np.pi)  # what further dead time must add
+    looked = explore(loop)
+    count, wgc = count_unstable(looked), looked.gain_crossovers
+    at_crossovers = looked.L(wgc)
+    lag = np.mod(np.angle(at_crossovers) + np.pi, 2 * np.pi)  # what further dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
-    # at the ends of the axis L is real: these are phase crossovers too where it is negative
-    at = np.concatenate([[0.0], wpc, [looked.end]])
-    size = np.concatenate([[max(-looked.at_zero, 0.0)], np.abs(looked.L(wpc)), [max(-looked.at_end, 0.0)]])
+    wpc, at, size = _phase_crossovers(looked, bool(count))
     small, large = np.where(size < 1, size, 0.0), size[size > 1]
-    (ms, wms), (mt, wmt) = looked.max_sensitivity(), looked.max_complementary()
-    continuous = math.isinf(looked.end)
+    (ms, wms), (mt, wmt), (difference, _) = (
+        peak() for peak in (looked.max_sensitivity, looked.max_complementary, looked.max_difference)
+    )
+    continuous, unknown = math.isinf(looked.end), bool(np.isnan(size).any())
     return Margins(
-        stable=True,
-        gm=float(1 / small.max()) if small.any() else math.inf,
-        gm_low=float(1 / large.min()) if large.size else 0.0,
+        stable=count == 0,
+        unstable_poles=count,
+        gm=math.nan if unknown else float(1 / small.max()) if small.any() else math.inf,
+        gm_low=math.nan if unknown else float(1 / large.min()) if large.size else 0.0,
         pm=float(np.degrees(rotation.min(initial=math.inf))),
         # with |L| >= 1 out to infinity, any extra dead time is too much
         dm=0.0 if continuous and abs(looked.at_end) >= 1 else float(np.min(lag / wgc, initial=math.inf)),
+        disk=1 / difference if difference else math.inf,
         ms=ms,
         mt=mt,
         wgc=float(wgc[np.argmin(rotation)]) if wgc.size else math.nan,
@@ -258,3 +319,23 @@ def margins(loop: Loop) -> Margins:
         gain_crossovers=wgc,
         phase_crossovers=wpc if continuous or looked.at_end >= 0 else at[1:],
     )
+
+
+def _phase_crossovers(looked: Explorer, unstable: bool) -> tuple[Array, Array, Array]:
+    """Phase crossovers; the same with both ends of the axis, and |L| there, 0 where it is positive."""
+    quietest = QUIETEST
+    try:
+        wpc = looked.phase_crossovers(quietest)
+        L = np.abs(looked.L(wpc))
+        while looked.delay and quietest > 1e-12 and not np.any(L < 1):
+            quietest /= 10
+            wpc = looked.phase_crossovers(quietest)
+            L = np.abs(looked.L(wpc))
+    except TooManyTurns:
+        if not unstable:
+            raise
+        wpc, L = np.zeros(0), np.full(1, math.nan)
+        return wpc, np.zeros(1), L
+    # at the ends of the axis L is real: these are phase crossovers too where it is negative
+    at = np.concatenate([[0.0], wpc, [looked.end]])
+    return wpc, at, np.concatenate([[max(-looked.at_zero, 0.0)], L, [max(-looked.at_end, 0.0)]])

@@ -11,8 +11,8 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
-from pidalab.robustness.loops import Factors, explore, factors, from_factors
-from pidalab.robustness.peaks_and_crossovers import Explorer
+from pidalab.robustness.loops import explore, factors, from_factors, together
+from pidalab.robustness.peaks_and_crossovers import Explorer, LoopFactors
 
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
@@ -147,7 +147,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     delay, nodes = loop.process.delay, 32
     loop, of = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(from_factors(of, 1.0).at_end))  # where the poles of a neutral loop gather
+        chain = np.log(abs(from_factors(of).at_end))  # where the poles of a neutral loop gather
     while nodes <= MOST_NODES:
         found = _polished(loop, _collocation(loop, nodes))
         for last in range(count, min(count + CLUSTER, found.size) + 1):
@@ -194,7 +194,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     return s[order], off[order]
 
 
-def _newton(s: Any, of: Factors) -> tuple[Any, Any]:
+def _newton(s: Any, of: LoopFactors) -> tuple[Any, Any]:
     """L, and the step of Newton's method on D + N, from the factors."""
     from_zeros, from_poles = s[:, None] - of.zeros, s[:, None] - of.poles
     # factor by factor, since the products leave the range of numbers
@@ -205,15 +205,15 @@ def _newton(s: Any, of: Factors) -> tuple[Any, Any]:
     return value, (1 + value) / slope
 
 
-def _all_of_them(of: Factors, found: Any, last: int, chain: float) -> bool:
+def _all_of_them(of: LoopFactors, found: Any, last: int, chain: float) -> bool:
     """Whether the argument principle counts as many poles as the first `last`, right of a line behind these."""
     slowest = found[last - 1].real
     border = slowest - 1 if last == found.size else max(0.5 * (slowest + found[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
         return False
     try:
-        shifted = Factors(of.gain * math.exp(-border), of.zeros - border, of.poles - border)
-        return count_unstable(from_factors(shifted, 1.0)) == last
+        shifted = together(of.gain * math.exp(-border), of.zeros - border, of.poles - border, 1.0)
+        return count_unstable(from_factors(shifted)) == last
     except ArithmeticError:
         return False
 
@@ -224,11 +224,11 @@ def _in_dead_times(loop: Loop) -> Loop:
     return Loop(Process(num / den[0], den / den[0], 1.0), 1.0)
 
 
-def _factors_in_dead_times(loop: Loop) -> Factors:
+def _factors_in_dead_times(loop: Loop) -> LoopFactors:
     """Return the factors of the loop with its dead time as the unit of time."""
     of, delay = factors(loop), loop.process.delay
     gain = of.gain * delay ** (of.poles.size - of.zeros.size)
-    return Factors(gain, of.zeros * delay, of.poles * delay)
+    return together(gain, of.zeros * delay, of.poles * delay, 1.0)
 
 
 def _collocation(loop: Loop, nodes: int) -> Any:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +25,8 @@ class Design:
 
     Every rule returns one from its ``tune``. What else a rule knows of its design, such as a predicted IAE or the
     time constants behind the gains, is in `info`, and each entry can be read as an attribute: ``design.iae``.
+    Whatever the rule, ``design.ms`` is the maximum sensitivity that its loop has, infinite where that is unstable; what
+    was asked for has another name, ``ms_asked``.
 
     Parameters
     ----------
@@ -45,8 +49,8 @@ class Design:
     --------
     >>> import pidalab
     >>> design = pidalab.rules.haalman.tune(pidalab.lags(3, delay=1.0), ms=1.6)
-    >>> print(f"{design.controller.kp:.3f} {design.ms} {pidalab.is_stable(design.loop())}")
-    1.299 1.6 True
+    >>> print(f"{design.controller.kp:.3f} {design.ms_asked} {design.ms:.2f} {pidalab.is_stable(design.loop())}")
+    1.299 1.6 1.76 True
     """
 
     model: Any
@@ -65,12 +69,23 @@ class Design:
         """Read an entry of `info`."""
         if not name.startswith("_") and name != "info" and name in self.info:
             return self.info[name]
+        if name == "ms" and isinstance(self.model, Process):
+            return self._ms
         known = (
             ""
             if name.startswith("_") or name == "info"
             else f"; its info has {', '.join(self.info) or 'nothing'}"
         )
         raise AttributeError(f"this design has no {name!r}{known}")
+
+    @cached_property
+    def _ms(self) -> float:
+        """Maximum sensitivity of the loop with the model, computed when it is asked for."""
+        from pidalab.robustness.margins import max_sensitivity
+        from pidalab.robustness.poles import is_stable
+
+        loop = self.loop()
+        return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.info]

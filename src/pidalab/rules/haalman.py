@@ -159,7 +159,8 @@ def tune(
     Returns
     -------
     Design
-        Controller and output filter; `info` has ``ms`` and the gain crossover ``wgc``, both without the output filter.
+        Controller and output filter; `info` has ``ms_asked`` and the gain crossover ``wgc``, both without the output
+        filter. Its ``ms`` is that of the loop with it.
 
     Raises
     ------
@@ -181,7 +182,7 @@ def tune(
     else:
         controller, source = pi(model, ms), "haalman2024, eqs. (8) and (9), for one lag"
     smooth = output_filter(model, controller)
-    return Design(model, controller, None, smooth, source, {"ms": float(ms), "wgc": smooth.wgc})
+    return Design(model, controller, None, smooth, source, {"ms_asked": float(ms), "wgc": smooth.wgc})
 
 
 class OutputFilter(NamedTuple):

@@ -42,7 +42,7 @@ HAALMAN = {"PI": "first_order", "PID": "second_order", "PIDA": "third_order"}
 ZN = "Ziegler and Nichols (1942)"
 
 
-class Limits(NamedTuple):
+class RuleLimits(NamedTuple):
     """What a design is to keep; a rule uses what it knows.
 
     Attributes
@@ -71,19 +71,22 @@ class Rule:
     models : mapping
         The model that each kind of controller starts from: a name of the table above.
     design : callable
-        Makes a `Design` of a model, a kind and `Limits`.
+        Makes a `Design` of a model, a kind and `RuleLimits`.
     short : str
         A second, shorter name.
     compared : bool
         Whether `pidalab.compare` judges it by default.
+    knows_ms : bool
+        Whether it designs for the maximum sensitivity of its limits.
     """
 
     name: str
     source: str
     models: Mapping[str, str]
-    design: Callable[[Process, str, Limits], Design]
+    design: Callable[[Process, str, RuleLimits], Design]
     short: str = ""
     compared: bool = True
+    knows_ms: bool = False
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -107,7 +110,7 @@ class Rule:
         kind : str
             One of `kinds`.
         ms, noise_gain, sample_time : float, optional
-            See `Limits`.
+            See `RuleLimits`.
 
         Returns
         -------
@@ -129,7 +132,7 @@ class Rule:
             raise ValueError(
                 f"kind must be {' or '.join(map(repr, self.kinds))} for the rule {self.name!r}, found {kind!r}"
             )
-        return self.design(model, kind, Limits(ms, noise_gain, sample_time))
+        return self.design(model, kind, RuleLimits(ms, noise_gain, sample_time))
 
 
 def find(name: str, *others: str) -> Rule:
@@ -166,7 +169,7 @@ def find(name: str, *others: str) -> Rule:
 # --- how each is called -----------------------------------------------------------------------------------------------
 
 
-def _by_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Process, str, Limits], Design]:
+def _by_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Process, str, RuleLimits], Design]:
     """Return the call of a rule that takes a model, fixed arguments, and the kind."""
     return lambda model, kind, limits: tune(model, *args, kind)
 
@@ -175,12 +178,16 @@ def _textbook(name: str, tune: Callable[..., Design], model: str, source: str, s
     return Rule(name, source, _from(model, "PI", "PID"), _by_kind(tune), short)
 
 
-def _haalman(model: Process, kind: str, limits: Limits) -> Design:
+def _haalman(model: Process, kind: str, limits: RuleLimits) -> Design:
     return haalman.tune(model, limits.ms, kind)
 
 
-def _imc(model: Process, kind: str, limits: Limits) -> Design:
+def _imc(model: Process, kind: str, limits: RuleLimits) -> Design:
     return Design(model, itae.imc_pid(model), source="heo2023, rows IMC")
+
+
+def _improved_simc(model: Process, kind: str, limits: RuleLimits) -> Design:
+    return classical.improved_simc(model)
 
 
 def _itae(test: str) -> Rule:
@@ -189,7 +196,7 @@ def _itae(test: str) -> Rule:
 
 
 def _direct(test: str) -> Rule:
-    def design(model: Process, kind: str, limits: Limits) -> Design:
+    def design(model: Process, kind: str, limits: RuleLimits) -> Design:
         return direct.tune(model, test)
 
     source, models = "fitted to optima, not from a paper", _from("second_order", "PIDA")
@@ -201,7 +208,7 @@ def _short(name: str, test: str) -> str:
     return name if test == "load" else ""
 
 
-def _magnitude_optimum(model: Process, kind: str, limits: Limits) -> Design:
+def _magnitude_optimum(model: Process, kind: str, limits: RuleLimits) -> Design:
     """With a limit of noise the filter is as short as the sample, longer where that is too loud.
 
     Without one it is ten times faster than the process: a tenth of lags and dead time, the first area over the gain.
@@ -213,10 +220,10 @@ def _magnitude_optimum(model: Process, kind: str, limits: Limits) -> Design:
     shortest = magnitude_optimum.tune(model, m, m + 1, sample_time)
     if sampled_noise(shortest.loop(), sample_time)[0] <= noise_gain:
         return shortest
-    return magnitude_optimum.tune_for_exact_noise(model, m, m + 1, noise_gain, sample_time)
+    return magnitude_optimum.tune_for_filter_noise(model, m, m + 1, noise_gain, sample_time)
 
 
-def _mrdp(model: Process, kind: str, limits: Limits) -> Design:
+def _mrdp(model: Process, kind: str, limits: RuleLimits) -> Design:
     m = ORDER[kind]
     if model.delay == 0:
         raise ValueError(
@@ -227,7 +234,7 @@ def _mrdp(model: Process, kind: str, limits: Limits) -> Design:
 
 
 def _automatic_reset(setting: automatic_reset.Setting) -> Rule:
-    def design(model: Process, kind: str, limits: Limits) -> Design:
+    def design(model: Process, kind: str, limits: RuleLimits) -> Design:
         return automatic_reset.tune(model, setting, RESET_FILTER, FILTER_SHARE * model.delay / RESET_FILTER)
 
     kind = "PIDA" if setting.ka else "PID" if setting.kd else "PI"
@@ -255,8 +262,15 @@ def _from(model: str, *kinds: str) -> dict[str, str]:
 RULES: dict[str, Rule] = {
     rule.name: rule
     for rule in (
-        Rule("haalman", "haalman2024, eqs. (2) and (8) to (10)", HAALMAN, _haalman),
+        Rule("haalman", "haalman2024, eqs. (2) and (8) to (10)", HAALMAN, _haalman, knows_ms=True),
         _textbook("simc", classical.simc, "process", "Skogestad (2003), eqs. (10), (11), (23) to (25)"),
+        Rule(
+            "improved simc",
+            "Grimholt and Skogestad (2018), improved SIMC",
+            {"PID": "process"},
+            _improved_simc,
+            compared=False,
+        ),
         _textbook("amigo", classical.amigo, "reaction", "Åström and Hägglund (2004), AMIGO"),
         _textbook("lambda", classical.lambda_tuning, "reaction", "Åström and Hägglund (2006), section 6.5"),
         _textbook(

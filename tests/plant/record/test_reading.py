@@ -190,7 +190,7 @@ def test_one_long_line_widens_no_other(tmp_path, where, line):
     lines = ["t,u,y", *step_lines()]
     lines.insert(where, line)
     path = tmp_path / "log.csv"
-    path.write_text("\n".join(lines))
+    path.write_text("\n".join(lines), encoding="utf-8")
     tracemalloc.start()
     try:
         refusal = ""
@@ -207,7 +207,7 @@ def test_one_long_line_widens_no_other(tmp_path, where, line):
 
 def test_a_line_beyond_all_measure_is_named(tmp_path):
     path = tmp_path / "log.csv"
-    path.write_text("\n".join(["t,u,y", *step_lines(200), "x" * 140_000]))
+    path.write_text("\n".join(["t,u,y", *step_lines(200), "x" * 140_000]), encoding="utf-8")
     with pytest.raises(ValueError, match=r"log\.csv, row 202, has 140000 characters.*at most 100000"):
         Record.read_csv(path)
 
@@ -216,7 +216,7 @@ def test_the_time_to_read_grows_with_the_rows(tmp_path):
     path = tmp_path / "log.csv"
     seconds = []
     for count in (2_000, 20_000, 200_000):
-        path.write_text("\n".join(["t,u,y", *step_lines(count)]))
+        path.write_text("\n".join(["t,u,y", *step_lines(count)]), encoding="utf-8")
         begun = time.process_time()
         assert Record.read_csv(path).t.size == count
         seconds.append(time.process_time() - begun)
@@ -227,7 +227,7 @@ def test_a_table_wider_than_most_is_read(tmp_path):
     path = tmp_path / "log.csv"
     head = ",".join(["t", *(f"x{k}" for k in range(200)), "u", "y"])
     rows = [",".join([k, *["1.5"] * 200, u, y]) for k, u, y in (line.split(",") for line in step_lines(60))]
-    path.write_text("\n".join([head, *rows]))
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
     assert Record.read_csv(path, u="u", y="y").t.size == 60
 
 

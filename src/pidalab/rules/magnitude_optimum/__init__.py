@@ -18,19 +18,15 @@ areas do not tell.
 
 from pidalab.rules.magnitude_optimum.design import gains, tune
 from pidalab.rules.magnitude_optimum.noise import (
-    Candidate,
     filter_time,
-    rank_orders,
-    tune_for_exact_noise,
+    tune_for_filter_noise,
     tune_for_noise,
 )
 
 __all__ = [
-    "Candidate",
     "filter_time",
     "gains",
-    "rank_orders",
     "tune",
-    "tune_for_exact_noise",
+    "tune_for_filter_noise",
     "tune_for_noise",
 ]
