@@ -6,15 +6,15 @@ How much is remembered, and why that is enough. An element of reach R makes the 
 ages a to a + R - 1, and of no others. So who wants the youngest m ages after it needs the youngest m + R - 1 before it,
 and may forget the rest without any error. Every stack here is cut by this rule, backwards from what the outputs read:
 each element that is still to be applied adds its reach less 1, up to the beginning of time, before which all states
-are 0. The one thing that is left out are the last coefficients of an element, those below `DROPPED` of its largest, and
-the same share of what an output reads. A filter that remembers farther inside a dead time than across a whole one
-(its rungs reach 54 where the whole reaches 16) makes long stacks, not wrong ones.
+are 0; where one is applied many times, the rungs whose product that is count in its place. The one thing that is left
+out are the last coefficients of an element, those below `DROPPED` of its largest, and the same share of what an output
+reads. A filter that remembers farther inside a dead time than across a whole one (its rungs reach 54 where the whole
+reaches 16) makes long stacks, not wrong ones.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg.lapack import dgebal
 
 from pidalab._check import Array
 from pidalab._compiled import compiled
@@ -49,7 +49,6 @@ def responses(cut: Cut, n: int, step: float) -> Array:
         raise ManyDeadTimes(_too_many(spanned))
     # a time as close to a multiple of the dead time as rounding is that multiple
     intervals = int(spanned * (1.0 + 8.0 * np.finfo(float).eps))
-    cut = _balanced(cut)
     norm = _norm(cut, intervals)
     result, depth, status = _responses(*cut, step, n, intervals, norm)
     if status == TOO_LARGE:
@@ -90,27 +89,6 @@ def _require_digits(cut: Cut, step: float, result: Array, again: Array) -> None:
             f"{name} uncertain, and {AGREEMENT:.0e} is allowed: the fastest filter or lag of the loop has a time "
             f"constant of {1 / fastest:.3g}, too short beside the others; take a longer one, or leave it out"
         )
-
-
-def _balanced(cut: Cut) -> Cut:
-    """Change the units of the states by powers of 2, so that rows and columns of |A| + |B| |Cv| are alike.
-
-    Powers of 2, so that nothing is rounded; and alike, so that a share of the largest coefficient means something.
-    """
-    A, B, Cv, D, C, direct, x0, delay, settled, settling = cut
-    scale = dgebal(np.abs(A) + np.abs(B) @ np.abs(Cv), scale=1)[3]
-    return Cut(
-        A * scale / scale[:, None],
-        B / scale[:, None],
-        Cv * scale,
-        D,
-        C * scale,
-        direct,
-        x0 / scale[:, None],
-        delay,
-        settled * scale,
-        settling,
-    )
 
 
 def _norm(cut: Cut, intervals: int) -> float:

@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dgebal
 
 from pidalab._check import Array
 from pidalab.loop import Loop, require_well_posed
@@ -173,7 +174,28 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
         B, Cv, D, shares = np.zeros_like(B), np.zeros_like(Cv), np.zeros_like(D), np.zeros_like(shares)
     if not all(np.isfinite(x).all() for x in (A, B, C)):
         raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
-    return Cut(A, B, Cv, D, C, shares, states.x0, loop.process.delay, settled, settling)
+    return _balanced(Cut(A, B, Cv, D, C, shares, states.x0, loop.process.delay, settled, settling))
+
+
+def _balanced(cut: Cut) -> Cut:
+    """Change the units of the states by powers of 2, so that rows and columns of |A| + |B| |Cv| are alike.
+
+    Powers of 2, so that nothing is rounded; and alike, so that a share of the largest coefficient means something.
+    """
+    A, B, Cv, D, C, direct, x0, delay, settled, settling = cut
+    scale = dgebal(np.abs(A) + np.abs(B) @ np.abs(Cv), scale=1)[3]
+    return Cut(
+        A * scale / scale[:, None],
+        B / scale[:, None],
+        Cv * scale,
+        D,
+        C * scale,
+        direct,
+        x0 / scale[:, None],
+        delay,
+        settled * scale,
+        settling,
+    )
 
 
 def _sends_little(loop: Loop, speed: float, direct: float) -> bool:

@@ -44,6 +44,43 @@ def add_rows(out, factors, rows, first, column):
             out[j] = out[j] + p * a[j]
 
 
+def _add_product_row_by_row(out, place, factors, column, count, rows, first):
+    """As `add_product`."""
+    (at, size), order = place, factors.shape[0]
+    for i in range(count):
+        out[:order, at : at + size] += (
+            factors[:, column + i : column + i + 1] * rows[first + i : first + i + 1, :size]
+        )
+
+
+@plain(_add_product_row_by_row)
+def add_product(out, place, factors, column, count, rows, first):
+    """Add factors @ rows to some columns of an array: the sums of `add_rows`, for two rows of factors at a time.
+
+    `place` is the first column of the array and their number, `column` and `count` choose columns of the factors, and
+    `first` is the first row.
+    """
+    at, size = place
+    pairs = factors.shape[0] - factors.shape[0] % 2
+    for k in range(0, pairs, 2):
+        one, other = out[k, at:], out[k + 1, at:]
+        f, g = factors[k, column:], factors[k + 1, column:]
+        for i in range(0, count - count % 4, 4):
+            p, q, r, s = f[i], f[i + 1], f[i + 2], f[i + 3]
+            t, u, v, w = g[i], g[i + 1], g[i + 2], g[i + 3]
+            a, b, c, d = rows[first + i], rows[first + i + 1], rows[first + i + 2], rows[first + i + 3]
+            for j in range(size):
+                one[j] = one[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
+                other[j] = other[j] + t * a[j] + u * b[j] + v * c[j] + w * d[j]
+        for i in range(count - count % 4, count):
+            p, t, a = f[i], g[i], rows[first + i]
+            for j in range(size):
+                one[j] = one[j] + p * a[j]
+                other[j] = other[j] + t * a[j]
+    if pairs < factors.shape[0]:
+        add_rows(out[pairs, at : at + size], factors[pairs, column : column + count], rows, first, 0)
+
+
 def _tops_of_array(block):
     """As `tops`."""
     return np.fmax.reduce(np.abs(block), axis=0, initial=0.0)
@@ -165,8 +202,7 @@ def _width(first, second, most):
     start = np.zeros((order, order))
     add(start, first)
     add(start, second)
-    for i in range(order):
-        add_rows(start[i], first[i, :order], second, 0, 0)
+    add_product(start, (0, order), first, 0, order, second, 0)
     least = DROPPED * largest(sizes(start))
     others = second.shape[1] // order
     one, other = sizes(first), sizes(second)
@@ -190,8 +226,7 @@ def product(first, second, most):
     add(out, second)
     for at in range(0, min(width, first.shape[1]), order):
         wide = min(width - at, second.shape[1])
-        for i in range(order):
-            add_rows(out[i, at : at + wide], first[i, at : at + order], second, 0, 0)
+        add_product(out, (at, wide), first, at, order, second, 0)
     return shortened(out, DROPPED)
 
 

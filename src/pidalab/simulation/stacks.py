@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pidalab._compiled import compiled, plain
-from pidalab.simulation.ring import DROPPED, add_rows, sizes, tops
+from pidalab.simulation.ring import DROPPED, add_product, add_rows, sizes, tops
 
 
 @compiled
@@ -123,9 +123,8 @@ def output_rows(C, direct, Cv, D, settled, most, run, rungs, base):
         for age in range(new):
             least, end = max(0, age - ages + 1), min(reach, age + 1)  # ages that the rung adds
             first = (ages - 1 - age + least) * order
-            for i in range(order):
-                out = longer[(new - 1 - age) * order + i, have : have + more]
-                add_rows(out, rung[i, least * order : end * order], rows, first, 0)
+            here, count = (new - 1 - age) * order, max(0, end - least) * order
+            add_product(longer[here:], (have, more), rung, least * order, count, rows, first)
         have, p = have + more, p + 1
         size = _reads(longer, outputs, order, have)
         ages = _read_ages(size)
