@@ -69,9 +69,9 @@ def _real_array(name: str, value: ArrayLike) -> Array:
     """Return a copy as a float array of any shape; nothing imaginary is dropped."""
     try:
         array = np.array(value)
-        if np.iscomplexobj(array) or array.dtype.kind in "USO":
+        if array.dtype.kind in "cUSO":
             raise TypeError
-        return array.astype(float)
+        return array.astype(float, copy=False)
     except (TypeError, ValueError, OverflowError):
         found = repr(value)
         found = found if len(found) < 80 else f"{type(value).__name__} {found[:60]}..."
@@ -80,10 +80,14 @@ def _real_array(name: str, value: ArrayLike) -> Array:
 
 def array(name: str, value: ArrayLike) -> Array:
     """Return `value` as a finite float array of any shape but an empty one, or raise naming the argument."""
-    found = _real_array(name, value)
+    return _finite(name, _real_array(name, value))
+
+
+def _finite(name: str, found: Array) -> Array:
+    """Return an array, or raise if it is empty or holds what is no number."""
     if not found.size:
         raise ValueError(f"{name} must hold at least one number, found shape {found.shape}")
-    if not np.all(np.isfinite(found)):
+    if not np.isfinite(found).all():
         where = tuple(np.argwhere(~np.isfinite(found))[0].tolist())
         at = f" at index {where[0] if len(where) == 1 else where}" if where else ""
         raise ValueError(f"{name} must be finite, found {found[where]}{at}")
@@ -107,24 +111,31 @@ def complex_array(name: str, value: ArrayLike) -> Any:
 
 def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
     """Return `value` as a finite one-dimensional float array, or raise naming the argument."""
-    found = _real_array(name, value)
+    return _one_dimensional(name, _real_array(name, value), minimum_length)
+
+
+def _one_dimensional(name: str, found: Array, minimum_length: int = 1) -> Array:
+    """Return a finite array of one dimension, or raise."""
     if found.ndim != 1 or found.size < minimum_length:
         raise ValueError(
             f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {found.shape}"
         )
-    return array(name, found)
+    return _finite(name, found)
 
 
 def polynomial(name: str, value: ArrayLike) -> Array:
     """Return descending coefficients without leading zeros; the zero polynomial is ``[0.]``."""
-    array = vector(name, np.atleast_1d(_real_array(name, value)))
+    array = _real_array(name, value)
+    array = _one_dimensional(name, array if array.ndim else array.reshape(1))
+    if array[0]:
+        return array
     nonzero = np.flatnonzero(array)
     return array[nonzero[0] :] if nonzero.size else np.zeros(1)
 
 
 def proper(what: str, num: Array, den: Array) -> None:
     """Raise unless num/den is a proper rational function."""
-    if not np.any(den):
+    if not den.any():
         raise ValueError(f"{what}: den must not be the zero polynomial")
     if len(num) > len(den):
         raise ValueError(
@@ -165,7 +176,7 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
         raise ValueError(
             f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}"
         )
-    return vector(name, array)
+    return _finite(name, array)
 
 
 def squarable(name: str, array: Array) -> None:

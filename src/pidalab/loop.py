@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # only who asks for a frequency response waits for python-con
 POINTS = 1000  # of a frequency response, before the dead time asks for more
 # rad by which the dead time turns the phase between two of them, and altogether
 TURN, TURNED = 0.1, 4 * np.pi
+UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
 
@@ -111,11 +112,9 @@ class Loop:
             "prefilter": _filter("prefilter", prefilter),
         }
         poles = roots(blocks["prefilter"][1])
-        if np.any(poles.real >= 0):
+        if (poles.real >= 0).any():
             raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
-        num, den = np.ones(1), np.ones(1)
-        for name in () if digital else ("process", "controller", "output_filter"):
-            num, den = np.convolve(num, blocks[name][0]), np.convolve(den, blocks[name][1])
+        num, den = (np.ones(1), np.ones(1)) if digital else _in_series(*(blocks[name] for name in BLOCKS[:3]))
         for array in (num, den, *(part for fraction in blocks.values() for part in fraction)):
             array.setflags(write=False)
         vars(self).update(
@@ -427,10 +426,21 @@ def _rational(name: str, block: Any, kind: type) -> Fraction:
     return rational(name, block)
 
 
+def _in_series(first: Fraction, *others: Fraction) -> Fraction:
+    """Return the product of fractions, in which nothing is cancelled."""
+    num, den = first
+    for other in others:
+        if other is not UNITY:
+            num, den = np.convolve(num, other[0]), np.convolve(den, other[1])
+    return num, den
+
+
 def _filter(name: str, block: Any) -> Fraction:
     """Return (num, den) of a filter, 1 where there is none."""
+    if block is None:
+        return UNITY
     if not isinstance(block, Process):
-        return rational(name, 1.0 if block is None else block)
+        return rational(name, block)
     if block.delay:
         raise ValueError(f"{name} must have no dead time, found {block.delay:g}")
     return block.num, block.den

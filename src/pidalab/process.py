@@ -199,9 +199,10 @@ def static_gain(num: _check.Array, den: _check.Array) -> float:
 
 def binomial(lag: float, order: int) -> _check.Array:
     """Return the polynomial (lag s + 1)^order."""
-    polynomial = np.ones(1)
-    for _ in range(order):
-        polynomial = np.convolve(polynomial, np.array([lag, 1.0]))
+    factor = np.array([lag, 1.0])
+    polynomial = factor if order else np.ones(1)
+    for _ in range(order - 1):
+        polynomial = np.convolve(polynomial, factor)
     return polynomial
 
 

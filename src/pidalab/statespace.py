@@ -168,6 +168,8 @@ def _joined(vectors: Sequence[Array]) -> Array:
 def realise(num: Array, den: Array) -> StateSpace:
     """Realise a proper rational function."""
     parts, direct = parallel((num, den))
+    if len(parts) == 1:
+        return StateSpace(parts[0].A, parts[0].b, parts[0].c, direct)
     return StateSpace(
         _blocks([part.A for part in parts]),
         _joined([part.b for part in parts]),

@@ -6,21 +6,21 @@ How much is remembered, and why that is enough. An element of reach R makes the 
 ages a to a + R - 1, and of no others. So who wants the youngest m ages after it needs the youngest m + R - 1 before it,
 and may forget the rest without any error. Every stack here is cut by this rule, backwards from what the outputs read:
 each element that is still to be applied adds its reach less 1, up to the beginning of time, before which all states
-are 0. The one thing that is left out are the last coefficients of an element, those below `DROPPED` of its largest, and
-the same share of what an output reads. A filter that remembers farther inside a dead time than across a whole one
-(its rungs reach 54 where the whole reaches 16) makes long stacks, not wrong ones.
+are 0; where one is applied many times, the rungs whose product that is count in its place. The one thing that is left
+out are the last coefficients of an element, those below `DROPPED` of its largest, and the same share of what an output
+reads. A filter that remembers farther inside a dead time than across a whole one (its rungs reach 54 where the whole
+reaches 16) makes long stacks, not wrong ones.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg.lapack import dgebal
 
 from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.simulation.realisation import Cut
 from pidalab.simulation.ring import add_rows, ladder, transition
-from pidalab.simulation.stacks import advanced, derive, first_time, output_rows, summed
+from pidalab.simulation.stacks import advanced, ages_needed, derive, first_time, nonzero, output_rows, summed
 
 MAX_STACK = 4000  # states in a stack: beyond, the simulation takes too long
 MAX_WORK = 4e9  # multiplications from dead time to dead time beyond which it takes too long: seconds
@@ -49,7 +49,6 @@ def responses(cut: Cut, n: int, step: float) -> Array:
         raise ManyDeadTimes(_too_many(spanned))
     # a time as close to a multiple of the dead time as rounding is that multiple
     intervals = int(spanned * (1.0 + 8.0 * np.finfo(float).eps))
-    cut = _balanced(cut)
     norm = _norm(cut, intervals)
     result, depth, status = _responses(*cut, step, n, intervals, norm)
     if status == TOO_LARGE:
@@ -90,27 +89,6 @@ def _require_digits(cut: Cut, step: float, result: Array, again: Array) -> None:
             f"{name} uncertain, and {AGREEMENT:.0e} is allowed: the fastest filter or lag of the loop has a time "
             f"constant of {1 / fastest:.3g}, too short beside the others; take a longer one, or leave it out"
         )
-
-
-def _balanced(cut: Cut) -> Cut:
-    """Change the units of the states by powers of 2, so that rows and columns of |A| + |B| |Cv| are alike.
-
-    Powers of 2, so that nothing is rounded; and alike, so that a share of the largest coefficient means something.
-    """
-    A, B, Cv, D, C, direct, x0, delay, settled, settling = cut
-    scale = dgebal(np.abs(A) + np.abs(B) @ np.abs(Cv), scale=1)[3]
-    return Cut(
-        A * scale / scale[:, None],
-        B / scale[:, None],
-        Cv * scale,
-        D,
-        C * scale,
-        direct,
-        x0 / scale[:, None],
-        delay,
-        settled * scale,
-        settling,
-    )
 
 
 def _norm(cut: Cut, intervals: int) -> float:
@@ -192,16 +170,15 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
                 add_rows(reached, own[at : at + size], whole, 0, 0)
 
     # what the outputs read of a stack, and the ages that are needed on the way to it
-    run = min(n, inside + 1, 2**power)
+    # one run if that is but little longer, and spares a second stack
+    run = min(n, inside + 1) if 2 * min(n, inside + 1) <= 3 * 2**power else 2**power
     rows = output_rows(C, direct, Cv, D, settled, most, run, rungs, -low)
     outputs = rows.shape[1] // run
     read = rows.shape[0] // size
     if read == most and most < intervals + 1:
         return result, most, TOO_DEEP
-    again = 0  # ages that going on by a run uses up
-    if inside + 1 > run:
-        again = rungs[power - low].shape[1] // size - 1
-    deepest = read + (inside // run) * again
+    needed = ages_needed(read, rungs, size, power - low, inside // run)
+    deepest = needed[needed.size - 1]
     for p in range(spanned, bits):
         deepest += rungs[p].shape[1] // size - 1
     deepest = min(deepest, intervals + 1)
@@ -210,6 +187,7 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
     room = min(intervals + 1, deepest + BLOCK)
     terms = np.zeros((inputs, series + 1, room * size))
     delayed = np.zeros((inputs, series + 1, B.shape[1]))
+    places, numbers = nonzero(A)
     start = 0  # the multiple at the beginning of `terms`
     out = np.zeros(rows.shape[1])
     work = 0.0
@@ -226,7 +204,7 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
         for i in range(inputs):
             for j in range(size):
                 terms[i, 0, here + j] = anchors[i, k * size + j]
-            derive(terms[i], here, delta, A, B, Cv, D, delayed[i])
+            derive(terms[i], here, delta, A, places, numbers, B, Cv, D, delayed[i])
         last = n if k == intervals else min(n, first_time(k + 1, step, delay))
         if first >= last:
             continue
@@ -236,8 +214,8 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
             distance = 0.0
         count = int(distance / delta)
         share = distance / delta - count
-        needed = read + (last - first - 1) // run * again
-        ages = needed
+        runs = (last - first - 1) // run  # to go on by
+        ages = needed[runs]
         for p in range(spanned, bits):
             if count >> (p - spanned) & 1:
                 ages += rungs[p].shape[1] // size - 1
@@ -246,7 +224,7 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
             left, stack = ages, summed(terms[i], here + size - ages * size, here + size, share)
             for p in range(bits - 1, spanned - 1, -1):
                 if count >> (p - spanned) & 1:
-                    keep = min(k + 1, needed)
+                    keep = min(k + 1, needed[runs])
                     for lower in range(spanned, p):
                         if count >> (lower - spanned) & 1:
                             keep = min(k + 1, keep + rungs[lower].shape[1] // size - 1)
@@ -254,7 +232,7 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
                     stack, left = advanced(stack, size, rungs[p], keep), keep
             for begin in range(first, last, run):
                 if begin > first:
-                    keep = min(left, max(read, left - again)) if left <= k else left
+                    keep = min(left, needed[(last - begin - 1) // run])
                     work += 1.0 * left * rungs[power - low].shape[1] * size
                     stack, left = advanced(stack, size, rungs[power - low], keep), keep
                 used = min(read, left)

@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dgebal
 
 from pidalab._check import Array
 from pidalab.loop import Loop, require_well_posed
@@ -75,6 +76,8 @@ class _States:
 
     def append_series(self, block: StateSpace | Part, source: Signal, direct: float = 0.0) -> Signal:
         """Append a block that is driven by a signal, and return its output."""
+        if not block.b.size:
+            return source if direct == 1.0 else Signal(direct * source.row, direct * source.direct)
         own = slice(self.used, self.used + block.b.size)
         self.A[own] = block.b[:, None] * source.row
         self.A[own, own] = block.A
@@ -120,7 +123,9 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
     apart = bool(fast) and _sends_little(loop, float(np.min(np.abs(fast[0].poles))), direct)
     channels = 3 if apart else 1
     states = _States(size, len(inputs), channels)
-    r, d, n = (np.eye(1, size, inputs.find(key))[0] for key in "rdn")  # zeros for what is not there
+    r, d, n = np.zeros((3, size))
+    for i, key in enumerate(inputs):
+        {"r": r, "d": d, "n": n}[key][i] = 1.0
 
     y = states.append_series(process, Signal(np.zeros(size), np.eye(1, channels)[0]), process.d)
     rest: tuple[Any, Any] = _without(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
@@ -169,7 +174,28 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
         B, Cv, D, shares = np.zeros_like(B), np.zeros_like(Cv), np.zeros_like(D), np.zeros_like(shares)
     if not all(np.isfinite(x).all() for x in (A, B, C)):
         raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
-    return Cut(A, B, Cv, D, C, shares, states.x0, loop.process.delay, settled, settling)
+    return _balanced(Cut(A, B, Cv, D, C, shares, states.x0, loop.process.delay, settled, settling))
+
+
+def _balanced(cut: Cut) -> Cut:
+    """Change the units of the states by powers of 2, so that rows and columns of |A| + |B| |Cv| are alike.
+
+    Powers of 2, so that nothing is rounded; and alike, so that a share of the largest coefficient means something.
+    """
+    A, B, Cv, D, C, direct, x0, delay, settled, settling = cut
+    scale = dgebal(np.abs(A) + np.abs(B) @ np.abs(Cv), scale=1)[3]
+    return Cut(
+        A * scale / scale[:, None],
+        B / scale[:, None],
+        Cv * scale,
+        D,
+        C * scale,
+        direct,
+        x0 / scale[:, None],
+        delay,
+        settled * scale,
+        settling,
+    )
 
 
 def _sends_little(loop: Loop, speed: float, direct: float) -> bool:
@@ -235,15 +261,22 @@ def _poles(loop: Loop, block: str) -> Array:
 def _slow_parts(loop: Loop, parts: tuple[Part, ...]) -> int:
     """Count the parts of the controller that are not far faster than all that drives them."""
     fastest = _fastest_driving(loop)
-    num, den = loop.open_loop
-    loud = not abs(np.polyval(num, 1j * fastest)) < LOUD * abs(np.polyval(den, 1j * fastest))
+    num, den = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
+    loud = not num < LOUD * den
     return len(parts) if loud else sum(abs(part.poles[0]) <= STIFF * fastest for part in parts)
+
+
+def _value(polynomial: Array, s: complex) -> Any:
+    """Value of a polynomial; for one number Python is faster than array operations."""
+    value = 0j
+    for coefficient in polynomial.tolist():
+        value = value * s + coefficient
+    return np.complex128(value)
 
 
 def _fastest_driving(loop: Loop) -> float:
     """Return the speed of the fastest state that drives the controller."""
-    driving = np.concatenate([_poles(loop, name) for name in ("process", "prefilter")])
-    return float(np.max(np.abs(driving), initial=0.0))
+    return max(float(np.max(np.abs(_poles(loop, name)), initial=0.0)) for name in ("process", "prefilter"))
 
 
 def _without(

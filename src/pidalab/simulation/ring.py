@@ -30,34 +30,91 @@ def add_rows(out, factors, rows, first, column):
 
     Four rows are added in one pass, left to right: the same sums as row by row, with a quarter of the traffic.
     """
-    fours = factors.size - factors.size % 4
+    size, fours = out.size, factors.size - factors.size % 4
     for i in range(0, fours, 4):
         p, q, r, s = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
         at = first + i
-        for j in range(out.size):
-            k = column + j
-            out[j] = (
-                out[j] + p * rows[at, k] + q * rows[at + 1, k] + r * rows[at + 2, k] + s * rows[at + 3, k]
-            )
+        # views, whose index begins at 0: an offset in the index would be tested for its sign at each number
+        a, b, c, d = rows[at, column:], rows[at + 1, column:], rows[at + 2, column:], rows[at + 3, column:]
+        for j in range(size):
+            out[j] = out[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
     for i in range(fours, factors.size):
-        p = factors[i]
-        for j in range(out.size):
-            out[j] = out[j] + p * rows[first + i, column + j]
+        p, a = factors[i], rows[first + i, column:]
+        for j in range(size):
+            out[j] = out[j] + p * a[j]
 
 
-def _largest_of_array(element, first, last):
-    """As `largest`."""
-    return float(np.max(np.abs(element[:, first:last]), initial=0.0))
+def _add_product_row_by_row(out, place, factors, column, count, rows, first):
+    """As `add_product`."""
+    (at, size), order = place, factors.shape[0]
+    for i in range(count):
+        out[:order, at : at + size] += (
+            factors[:, column + i : column + i + 1] * rows[first + i : first + i + 1, :size]
+        )
 
 
-@plain(_largest_of_array)
-def largest(element, first, last):
-    """Return the largest modulus in some columns."""
-    size = 0.0
-    for i in range(element.shape[0]):
-        for j in range(first, last):
-            size = max(size, abs(element[i, j]))
-    return size
+@plain(_add_product_row_by_row)
+def add_product(out, place, factors, column, count, rows, first):
+    """Add factors @ rows to some columns of an array: the sums of `add_rows`, for two rows of factors at a time.
+
+    `place` is the first column of the array and their number, `column` and `count` choose columns of the factors, and
+    `first` is the first row.
+    """
+    at, size = place
+    pairs = factors.shape[0] - factors.shape[0] % 2
+    for k in range(0, pairs, 2):
+        one, other = out[k, at:], out[k + 1, at:]
+        f, g = factors[k, column:], factors[k + 1, column:]
+        for i in range(0, count - count % 4, 4):
+            p, q, r, s = f[i], f[i + 1], f[i + 2], f[i + 3]
+            t, u, v, w = g[i], g[i + 1], g[i + 2], g[i + 3]
+            a, b, c, d = rows[first + i], rows[first + i + 1], rows[first + i + 2], rows[first + i + 3]
+            for j in range(size):
+                one[j] = one[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
+                other[j] = other[j] + t * a[j] + u * b[j] + v * c[j] + w * d[j]
+        for i in range(count - count % 4, count):
+            p, t, a = f[i], g[i], rows[first + i]
+            for j in range(size):
+                one[j] = one[j] + p * a[j]
+                other[j] = other[j] + t * a[j]
+    if pairs < factors.shape[0]:
+        add_rows(out[pairs, at : at + size], factors[pairs, column : column + count], rows, first, 0)
+
+
+def _tops_of_array(block):
+    """As `tops`."""
+    return np.fmax.reduce(np.abs(block), axis=0, initial=0.0)
+
+
+@plain(_tops_of_array)
+def tops(block):
+    """Return the largest modulus in each column: one column beside the other, as processors like it."""
+    found = np.zeros(block.shape[1])
+    for i in range(block.shape[0]):
+        row = block[i]
+        for j in range(found.size):
+            size = abs(row[j])
+            found[j] = size if size > found[j] else found[j]
+    return found
+
+
+@compiled
+def sizes(element):
+    """Return the largest modulus in each coefficient of a ring element."""
+    order = element.shape[0]
+    columns, found = tops(element), np.zeros(element.shape[1] // order)
+    for j in range(columns.size):
+        found[j // order] = max(found[j // order], columns[j])
+    return found
+
+
+@compiled
+def largest(values):
+    """Return the largest of some sizes."""
+    found = 0.0
+    for j in range(values.size):
+        found = max(found, values[j])
+    return found
 
 
 def _add_arrays(out, element):
@@ -78,8 +135,9 @@ def add(out, element):
 def shortened(element, share):
     """Drop the last coefficients of a ring element once they no longer matter."""
     order, width = element.shape
-    least = share * largest(element, 0, width)
-    while width > order and largest(element, width - order, width) <= least:
+    size = sizes(element)
+    least = share * largest(size)
+    while width > order and size[width // order - 1] <= least:
         width -= order
     if width == element.shape[1]:
         return element
@@ -99,12 +157,16 @@ def taylor(tau, most, A, B, Cv, D):
         reach = most if D.any() else min(most, term.shape[1] // order + 1)
         after = np.zeros((order, order * reach))
         for i in range(order):
-            add_rows(after[i, : term.shape[1]], share * A[i], term, 0, 0)
+            for j in range(order):
+                if A[i, j] != 0.0:  # few are not
+                    add_rows(after[i, : term.shape[1]], share * A[i, j : j + 1], term, j, 0)
         # the delayed signals of the next older states
         v, older = np.zeros((channels, order)), np.zeros((channels, order))
         for at in range(0, after.shape[1], order):
             for i in range(order):
-                add_rows(after[i, at : at + order], share * B[i], v, 0, 0)
+                for q in range(channels):
+                    if B[i, q] != 0.0:
+                        add_rows(after[i, at : at + order], share * B[i, q : q + 1], v, q, 0)
             for q in range(channels):
                 for j in range(order):
                     older[q, j] = 0.0
@@ -127,17 +189,44 @@ def taylor(tau, most, A, B, Cv, D):
 
 
 @compiled
+def _width(first, second, most):
+    """Bound the columns of a product before it is formed: what lies beyond them would be dropped.
+
+    No number is larger than the order times the largest numbers of both factors, and the first coefficient, which is
+    formed here, is not above the largest one.
+    """
+    order = first.shape[0]
+    ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
+    if ages == 1 or width == order:
+        return width
+    start = np.zeros((order, order))
+    add(start, first)
+    add(start, second)
+    add_product(start, (0, order), first, 0, order, second, 0)
+    least = DROPPED * largest(sizes(start))
+    others = second.shape[1] // order
+    one, other = sizes(first), sizes(second)
+    while width > order:
+        age = width // order - 1
+        size = (one[age] if age < ages else 0.0) + (other[age] if age < others else 0.0)
+        for at in range(max(0, age - others + 1), min(ages, age + 1)):
+            size += order * one[at] * other[age - at]
+        if not size <= least:
+            return width
+        width -= order
+    return width
+
+
+@compiled
 def product(first, second, most):
     """(1 + first) (1 + second) - 1, for ring elements."""
-    order = first.shape[0]
-    width = min(most * order, first.shape[1] + second.shape[1] - order)
+    order, width = first.shape[0], _width(first, second, most)
     out = np.zeros((order, width))
     add(out, first)
     add(out, second)
     for at in range(0, min(width, first.shape[1]), order):
         wide = min(width - at, second.shape[1])
-        for i in range(order):
-            add_rows(out[i, at : at + wide], first[i, at : at + order], second, 0, 0)
+        add_product(out, (at, wide), first, at, order, second, 0)
     return shortened(out, DROPPED)
 
 
@@ -159,15 +248,18 @@ def ladder(A, B, Cv, D, norm, step, top, most):
 @compiled
 def transition(rungs, step, low, tau, most, A, B, Cv, D):
     """The exponential over tau, less 1."""
-    out = np.zeros(A.shape)
     dust = 8.0 * 2.0**-52 * tau  # what rounding leaves of a multiple of the step
+    times = np.zeros(len(rungs), dtype=np.int64)
     for p in range(len(rungs) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
         if duration <= dust:  # so short a rung would take back dust without end
             break
         while tau > duration - dust:
-            out = product(out, rungs[p], most)
+            times[p] += 1
             tau -= duration
-    if tau > dust:
-        out = product(out, taylor(tau, most, A, B, Cv, D), most)
+    # from the shortest, which is least work
+    out = taylor(tau, most, A, B, Cv, D) if tau > dust else np.zeros(A.shape)
+    for p in range(len(rungs)):
+        for _ in range(times[p]):
+            out = product(rungs[p], out, most)
     return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pidalab._compiled import compiled, plain
-from pidalab.simulation.ring import DROPPED, add_rows
+from pidalab.simulation.ring import DROPPED, add_product, add_rows, sizes, tops
 
 
 @compiled
@@ -31,40 +31,53 @@ def advanced(stack, order, rung, keep):
     return after
 
 
-def _reads_of_array(rows, outputs, order, age, last, wide):
-    """As `_reads`."""
-    block = rows[(last - age) * order : (last - age + 1) * order, :wide]
-    return np.max(np.abs(block).reshape(-1, outputs), axis=0)
-
-
-@plain(_reads_of_array)
-def _reads(rows, outputs, order, age, last, wide):
-    """Return the largest number by which each output reads the states of an age."""
-    size = np.zeros(outputs)
-    for i in range((last - age) * order, (last - age + 1) * order):
+@compiled
+def _reads(rows, outputs, order, wide):
+    """Return the largest number by which each output reads the states of each age, and of all ages in a last row."""
+    ages = rows.shape[0] // order
+    size = np.zeros((ages + 1, outputs))
+    for age in range(ages):
+        columns = tops(rows[(ages - 1 - age) * order : (ages - age) * order, :wide])
         for m in range(0, wide, outputs):
             for q in range(outputs):
-                size[q] = max(size[q], abs(rows[i, m + q]))
+                size[age, q] = max(size[age, q], columns[m + q])
+        for q in range(outputs):
+            size[ages, q] = max(size[ages, q], size[age, q])
     return size
 
 
 @compiled
-def _read_ages(rows, outputs, order, wide):
+def _read_ages(size):
     """Return the number of ages that an output reads: the oldest ones count for nothing in any."""
-    ages = rows.shape[0] // order
-    largest = np.zeros(outputs)
-    for age in range(ages):
-        size = _reads(rows, outputs, order, age, ages - 1, wide)
-        for q in range(outputs):
-            largest[q] = max(largest[q], size[q])
+    ages = size.shape[0] - 1
+    largest = size[ages]
     while ages > 1:
-        size = _reads(rows, outputs, order, ages - 1, rows.shape[0] // order - 1, wide)
         # of each output its own share: u may be read by numbers far larger than those of y
-        for q in range(outputs):
-            if size[q] > DROPPED * largest[q]:
+        for q in range(largest.size):
+            if size[ages - 1, q] > DROPPED * largest[q]:
                 return ages
         ages -= 1
     return ages
+
+
+@compiled
+def _longest(size, ages, rung, order, most):
+    """Bound the ages that outputs read one rung later, before it is known: older ones would count for nothing.
+
+    No number is larger than the order times the largest numbers of both factors, and the reads up to now stay.
+    """
+    reach, largest = rung.size, size[size.shape[0] - 1]
+    new = min(most, ages + reach - 1)
+    while new > ages:
+        age = new - 1
+        for q in range(size.shape[1]):
+            total = 0.0
+            for at in range(max(0, age - ages + 1), min(reach, age + 1)):
+                total += order * rung[at] * size[age - at, q]
+            if not total <= DROPPED * largest[q]:
+                return new
+        new -= 1
+    return new
 
 
 @compiled
@@ -91,14 +104,15 @@ def output_rows(C, direct, Cv, D, settled, most, run, rungs, base):
     for age in range(min(ages, settled.shape[0])):
         for j in range(order):
             rows[(ages - 1 - age) * order + j, 3] = settled[age, j]
-    kept = _read_ages(rows, outputs, order, outputs)
+    size = _reads(rows, outputs, order, outputs)
+    kept = _read_ages(size)
     rows, ages = rows[(ages - kept) * order :], kept
     have, p = outputs, base
     while have < wide:  # as many again, one rung later
         rung = rungs[p]
         reach = rung.shape[1] // order
         more = min(have, wide - have)
-        new = min(most, ages + reach - 1)
+        new = _longest(size, ages, sizes(rung), order, most)
         longer = np.zeros((new * order, wide))
         shift = (new - ages) * order
         for i in range(ages * order):
@@ -109,49 +123,55 @@ def output_rows(C, direct, Cv, D, settled, most, run, rungs, base):
         for age in range(new):
             least, end = max(0, age - ages + 1), min(reach, age + 1)  # ages that the rung adds
             first = (ages - 1 - age + least) * order
-            for i in range(order):
-                out = longer[(new - 1 - age) * order + i, have : have + more]
-                add_rows(out, rung[i, least * order : end * order], rows, first, 0)
+            here, count = (new - 1 - age) * order, max(0, end - least) * order
+            add_product(longer[here:], (have, more), rung, least * order, count, rows, first)
         have, p = have + more, p + 1
-        ages = _read_ages(longer, outputs, order, have)
+        size = _reads(longer, outputs, order, have)
+        ages = _read_ages(size)
         rows = longer[(new - ages) * order :]
     return rows
 
 
 @compiled
-def derive(terms, at, delta, A, B, Cv, D, delayed):
+def nonzero(matrix):
+    """Return the places in each row of a matrix that are not 0, and their number."""
+    places = np.zeros(matrix.shape, dtype=np.int64)
+    numbers = np.zeros(matrix.shape[0], dtype=np.int64)
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            if matrix[i, j] != 0.0:
+                places[i, numbers[i]] = j
+                numbers[i] += 1
+    return places, numbers
+
+
+@compiled
+def derive(terms, at, delta, A, places, numbers, B, Cv, D, delayed):
     """Fill in the derivatives of the states at one multiple of the dead time: (delta A(z))^m / m! of them.
 
     `delayed` holds, for each derivative, the delayed signals on their way to the next multiple.
     """
     order, channels = B.shape
+    after = np.zeros(channels)
     for m in range(1, terms.shape[0]):
         before, now = terms[m - 1, at : at + order], terms[m, at : at + order]
         share = delta / m
         for i in range(order):
             total = 0.0
-            for j in range(order):
-                total += A[i, j] * before[j]
+            for p in range(numbers[i]):  # few are not 0
+                total += A[i, places[i, p]] * before[places[i, p]]
             for q in range(channels):
                 total += B[i, q] * delayed[m, q]
             now[i] = share * total
-        _delay(delayed[m], before, Cv, D)
-
-
-@compiled
-def _delay(signals, states, Cv, D):
-    """Let states enter the dead time, whose signals leave it one dead time later."""
-    channels = signals.size
-    after = np.zeros(channels)
-    for q in range(channels):
-        total = 0.0
-        for i in range(channels):
-            total += D[q, i] * signals[i]
-        for j in range(states.size):
-            total += Cv[q, j] * states[j]
-        after[q] = total
-    for q in range(channels):
-        signals[q] = after[q]
+        for q in range(channels):  # the states enter the dead time, and leave it one dead time later
+            total = 0.0
+            for i in range(channels):
+                total += D[q, i] * delayed[m, i]
+            for j in range(order):
+                total += Cv[q, j] * before[j]
+            after[q] = total
+        for q in range(channels):
+            delayed[m, q] = after[q]
 
 
 def _summed_arrays(terms, start, end, share):
@@ -170,13 +190,38 @@ def summed(terms, start, end, share):
         for j in range(end - start):
             stack[j] = terms[0, start + j]
         return stack
-    top = terms.shape[0] - 1
-    for j in range(end - start):
-        stack[j] = terms[top, start + j]
-    for m in range(top - 1, -1, -1):
+    m, x = terms.shape[0], share
+    while m >= 4:  # four at a time
+        m -= 4
+        a, b, c, d = terms[m + 3, start:], terms[m + 2, start:], terms[m + 1, start:], terms[m, start:]
         for j in range(end - start):
-            stack[j] = stack[j] * share + terms[m, start + j]
+            stack[j] = (((stack[j] * x + a[j]) * x + b[j]) * x + c[j]) * x + d[j]
+    while m > 0:
+        m -= 1
+        a = terms[m, start:]
+        for j in range(end - start):
+            stack[j] = stack[j] * x + a[j]
     return stack
+
+
+@compiled
+def ages_needed(read, rungs, order, base, most):
+    """Return the ages that a stack needs from which outputs are read up to so many runs later, from 0 to `most` runs.
+
+    So many runs are a product of rungs, by binary digits, whose reach bounds what outputs read of the stack now. What
+    lies beyond counts for nothing in any of them: it may be cut off, though each run by itself would still move it.
+    """
+    needed = np.full(most + 1, read)
+    for runs in range(1, most + 1):
+        ages, p, rest = read, base, runs
+        while rest > 0:
+            # above the highest rung are runs without a dead time alone, and there is one age
+            if rest % 2 == 1 and p < len(rungs):
+                ages += rungs[p].shape[1] // order - 1
+            rest //= 2
+            p += 1
+        needed[runs] = max(needed[runs - 1], ages)
+    return needed
 
 
 @compiled
