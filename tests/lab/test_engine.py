@@ -281,7 +281,8 @@ def test_values_between_dead_times(engine):
                     **asked(loop.process, loop.controller), end=time, points=101, setpoint=1.0
                 )
             except ValueError as refused:
-                assert "filterTime" in str(refused)
+                if "filterTime" not in str(refused):
+                    raise
                 continue
             served.append(case["name"])
             for signal in "yu":
