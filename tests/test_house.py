@@ -18,12 +18,6 @@ DESIGN = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("**Imports
 LIBRARY, WING = DESIGN.split("Inside the wing as well:")
 LONGEST = 300  # lines of a file, docstrings aside
 # a door hands on names of the wing, and loads it when they are first used
-TYPES_STILL_OPEN = {"pidalab.digital", "pidalab.optimal"}
-STILL_OPEN = {
-    "src/pidalab/comparison/fairness.py",
-    "book/across/valleys.py",
-    "studies/random_starts.py",
-}
 ATOP = ["pidalab.__main__", "pidalab.warm_up"]  # what a user runs
 HANDS_ON = {"pidalab.identification": "pidalab.plant.fitting"}
 
@@ -128,11 +122,7 @@ def test_imports_run_one_way(module):
 
 
 def test_no_circles():
-    graph = {
-        module: {target for target in arrows(module) if room(target) not in TYPES_STILL_OPEN}
-        - {HANDS_ON.get(module)}
-        for module in MODULES
-    }
+    graph = {module: arrows(module) - {HANDS_ON.get(module)} for module in MODULES}
     order = list(TopologicalSorter(graph).static_order())
     assert set(order) >= set(MODULES)
 
@@ -166,8 +156,6 @@ def private_uses(path, package):
 def test_private_names_stay_at_home(path):
     """`_x` of a package is for files of that package: no page, study or other package imports it."""
     package = name_of(path) if path.is_relative_to(SRC) else ""
-    if path.relative_to(ROOT).as_posix() in STILL_OPEN:
-        return
     assert list(private_uses(path, package)) == []
 
 

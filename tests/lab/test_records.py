@@ -54,8 +54,10 @@ def test_there_are_twenty():
     assert len(PLANTS) == 20
 
 
-@pytest.mark.parametrize("name", random.sample(sorted(PLANTS), 4))
-def test_a_record_gets_a_design_that_is_safe_on_the_plant(name, lab):
+@pytest.mark.parametrize("turn", range(4))
+def test_a_record_gets_a_design_that_is_safe_on_the_plant(turn, lab):
+    """Some of them at each run: all take half a minute."""
+    name = random.choice(sorted(PLANTS)[turn::4])
     plant, scale, noise = PLANTS[name]
     t = np.linspace(0.0, 6.0 * scale, 400)
     y = np.array(pidalab.open_loop_step(plant, t).y)
@@ -67,7 +69,7 @@ def test_a_record_gets_a_design_that_is_safe_on_the_plant(name, lab):
     kp, ti, td, ta = (design[key] for key in ("kp", "ti", "td", "ta"))
     gains = [kp / ti, kp, kp * td, kp * ta]
     controller = pidalab.HighOrderPID(gains, design["filterTime"], design["filterOrder"])
-    assert pidalab.max_sensitivity(pidalab.Loop(plant, controller))[0] < 2.0
+    assert pidalab.max_sensitivity(pidalab.Loop(plant, controller))[0] < 2.0, name
 
 
 @pytest.mark.parametrize("lag", [1e-2, 1e-4, 1e-6])
