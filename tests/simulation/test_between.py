@@ -78,6 +78,16 @@ def test_in_the_flank_of_a_kick(constants):
     assert found == pytest.approx(exact, rel=3e-6)
 
 
+@pytest.mark.parametrize("m", [1407.0, 1e5])
+def test_lost_digits_are_refused(m):
+    """|L| stays large up to a filter 1e4 times faster than the plant: y would be off by 1e-4 and more."""
+    loop = Loop(Process([3.26], [1, 1], 0.0885), PIDA(0.0416, 0.731, 0.338, 0.0382, n=120.3, m=m))
+    with pytest.raises(
+        ValueError, match=r"rounding leaves .* of the largest value of .* a time constant of \d"
+    ):
+        unit_step_responses(loop, np.array([0.0, 0.567]), "rdn")
+
+
 def as_case(loop):
     """The loop as delay_loop_series wants it."""
     blocks = {
