@@ -78,6 +78,17 @@ def test_in_the_flank_of_a_kick(constants):
     assert found == pytest.approx(exact, rel=3e-6)
 
 
+def test_a_fast_part_that_sends_much_stays_in_the_process():
+    """Derivative action on one lag, behind a filter of 1e-9: a kick comes back with 7.5 % of its height."""
+    loop = Loop(Process([1.0], [1.0, 1.0], 0.47), PIDA(0.5, 1.2, 0.15, n=1e8))
+    with workdps(160):
+        exact = by_talbot(as_case(loop), [3.1], 100)
+    unit = unit_step_responses(loop, np.linspace(0.0, 3.1, 5), "rdn")
+    for k, name in enumerate(INPUTS):
+        for signal, row in SIGNALS.items():
+            assert unit[k, row, -1] == pytest.approx(float(exact[f"{name}.{signal}"][0]), rel=1e-9)
+
+
 @pytest.mark.parametrize("m", [1407.0, 1e5])
 def test_lost_digits_are_refused(m):
     """|L| stays large up to a filter 1e4 times faster than the plant: y would be off by 1e-4 and more."""
