@@ -136,11 +136,11 @@
 
   const REMEMBERED = 20;
 
-  /* One sample time for the noise of all designs of a table, so that they compare: fine enough for the fastest derivative,
-     and so that the whole time axis is a few thousand samples. */
+  /* One sample time for the noise of all designs of a table, so that they compare: fine enough for the fastest filter
+     behind a derivative. */
   function noiseTimeOf(designs, end) {
     const filters = designs.map(controller).filter(({ gains, filterOrder }) => filterOrder && gains.slice(2).some(Boolean)).map(({ filterTime }) => filterTime);
-    return Math.max(end / 4000, Math.min(end / 1000, ...filters));
+    return Math.min(end / 1000, ...filters);
   }
 
   /* The noise gain with a sample time of its own: the controller's own signal where its filter spans a sample, else that of
@@ -164,7 +164,7 @@
     return { ...found, beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve };
   });
 
-  const effort = remembering(REMEMBERED, ({ num, den, delay }, design, h, end) => noiseGain(impulses({ num, den, delay }, controller(design), h, end, "held").u, h, end));
+  const effort = remembering(REMEMBERED, ({ num, den, delay }, design, h, end) => noiseGainAt({ num, den, delay }, design, h, end));
 
   const LEAST_OVERSHOOT = 5e-5; // what is less is rounding and the end of a slow rise
   const STEPS = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
@@ -187,7 +187,7 @@
   /* Everything the lab shows of one design on one plant. What is looked at is never forgotten, whatever changes beside it. */
   function study(process, design, { noiseTime, ...conditions }) {
     const { sampleTime = 0, end } = conditions, found = character(process, design, sampleTime, end), h = sampleTime || noiseTime || noiseTimeOf([design], end);
-    const sigma = !found.stable || atOnce(process) ? NaN : found.sigma ?? effort(process, design, h, end);
+    const sigma = !found.stable || atOnce(process) ? NaN : found.sigma ?? effort(process, design, h, Math.min(end, 4000 * h));
     return { design, ...found, sigma, sampleTime: h, ...answers(process, design, conditions) };
   }
 
