@@ -28,7 +28,7 @@ from pidalab import Process
 from pidalab.comparison.benchmarking import ultimate_units
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
-from pidalab.optimal.parts import NEARLY, SAME_IAE, UNITS, DesignLimits, Search, relax, search_in
+from pidalab.optimal.parts import NEARLY, SAME_IAE, UNITS, DesignLimits, Search, finish, relax, search_in
 
 COLUMNS = (
     "problem",
@@ -126,7 +126,7 @@ def ended(search: Search, start: np.ndarray, iae: float) -> float:
         return math.inf
     if value >= BELOW * iae:
         return value
-    finished = search.finish(end)
+    finished = finish(search, end)
     return math.inf if finished is None else finished.value
 
 

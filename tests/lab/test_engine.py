@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 from engine import SCRIPT, Engine, asked
+from engine_errors import oracle
+from make_between import loops
 
 import pidalab
 from pidalab.rules import automatic_reset
@@ -237,6 +239,57 @@ def test_a_kick_between_two_points_is_seen_and_meets_the_limits(engine, delay):
     assert np.all(np.diff(fine["t"]) > 0)
     case["controller"]["limits"] = (-1.0, 3.0)
     assert max(engine.simulate(**case)["fine"]["u"]) == 3.0 < peak
+
+
+TOO_SHORT = "controller.filterTime .* is too short beside the plant.* the shortest that serves is about"
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.9, 4.7])
+@pytest.mark.parametrize("order", [2, 3, 4])
+@pytest.mark.parametrize("lags", [3, 4])
+def test_a_fast_filter_is_followed_or_refused(engine, lags, order, delay):
+    """The plant's time constants are 1; the lab's slider ends at 0.001."""
+    process, t = pidalab.lags(lags, delay=delay), np.linspace(0.0, 20.0, 401)
+
+    def run(time):
+        controller = pidalab.HighOrderPID([0.25, 0.6, 0.3, 0.1], time, order)
+        return controller, engine.simulate(**asked(process, controller), end=20.0, points=401, setpoint=1.0)
+
+    for time in (0.1, 0.01, 1e-3, 1e-4, 3e-5):
+        controller, found = run(time)
+        true = pidalab.step_response(pidalab.Loop(process, controller), t)
+        assert max(distance(found["y"], true.y), distance(found["u"], true.u)) < 1e-6, time
+    for time in (1e-6, 1e-7, 1e-9, 1e-12):
+        with pytest.raises(ValueError, match=TOO_SHORT) as refused:
+            run(time)
+        run(2 * float(str(refused.value).rsplit(" ", 1)[-1]))  # what it names serves
+
+
+FILTERED = {name: loop for name, loop in loops() if isinstance(loop.controller, pidalab.HighOrderPID)}
+FILTERED = {name: loop for name, loop in FILTERED.items() if loop.prefilter is None}
+
+
+def test_values_between_dead_times(engine):
+    """Each time of the oracle ends a run of its own: right to a millionth, or refused."""
+    served = []
+    for case in oracle("between.json")["cases"]:
+        if (loop := FILTERED.get(case["name"])) is None:
+            continue
+        for i, time in enumerate(case["times"]):
+            try:
+                found = engine.simulate(
+                    **asked(loop.process, loop.controller), end=time, points=101, setpoint=1.0
+                )
+            except ValueError as refused:
+                if "filterTime" not in str(refused):
+                    raise
+                continue
+            served.append(case["name"])
+            for signal in "yu":
+                error = abs(found[signal][-1] - float(case["values"]["setpoint"][signal][i]))
+                assert error <= 1e-6 * np.abs(found[signal]).max(), (case["name"], signal)
+    assert {f"lags2_filter_1e-{k:02d}" for k in (5, 7)} <= set(served)
+    assert not [name for name in served if name.startswith("lags4")]
 
 
 BAD = [

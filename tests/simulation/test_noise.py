@@ -3,11 +3,13 @@
 import dataclasses
 import math
 
+import mpmath
 import numpy as np
 import pytest
 
 import pidalab
 from pidalab import PIDA, Loop
+from pidalab.simulation.noise import FADED, FIRST
 
 TIME = np.arange(241) * 0.05
 
@@ -47,6 +49,27 @@ def test_noise_gain_of_a_lag_in_closed_form(kp, h):
     expected = abs(kp) * math.sqrt(1 + driven**2 / (1 - pole**2))
     for controller in (PIDA(kp, math.inf), PIDA(kp, math.inf).discretise(h)):
         assert pidalab.noise_gain(Loop(process, controller), h) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("kp", "lasting"), [(0.2, 1e9), (1.0, 1e8), (5.0, 1e7), (5.0, 1e5)])
+def test_a_faint_tail_that_is_left_out_costs_what_is_said(kp, lasting):
+    """A slow integral: of the pulse it keeps 1/lasting, and gives that back in `lasting` samples."""
+    h = 0.05
+    ki = (1 + kp) / lasting / h
+    found = pidalab.noise_gain(Loop(pidalab.fopdt(1.0, 1.0, 0.0), PIDA(kp, kp / ki)), h)
+    with mpmath.workdps(40):  # sum of squares of x = A x + b, u = c x + kp, by Lyapunov's equation
+        a, one = mpmath.exp(-mpmath.mpf(h)), mpmath.mpf(1)
+        A = mpmath.matrix([[a - (1 - a) * kp, 1 - a], [-mpmath.mpf(ki) * h, 1]])
+        b, c = mpmath.matrix([-(1 - a) * kp, -mpmath.mpf(ki) * h]), [-one * kp, one]
+        kron = mpmath.matrix(4, 4)
+        for i, j, k, m in np.ndindex(2, 2, 2, 2):
+            kron[2 * i + j, 2 * k + m] = (i == k and j == m) - A[i, k] * A[j, m]
+        P = mpmath.lu_solve(kron, mpmath.matrix([b[i] * b[j] for i in (0, 1) for j in (0, 1)]))
+        squares = one * kp * kp + sum(c[i] * c[j] * P[2 * i + j] for i in (0, 1) for j in (0, 1))
+        low = float(1 - found / mpmath.sqrt(squares))
+    assert -1e-14 <= low <= 0.5 * FADED * lasting / FIRST + 1e-14
+    if lasting > 1e6:
+        assert low > 1e-11  # so it is left out
 
 
 def test_noise_gain_without_a_process():

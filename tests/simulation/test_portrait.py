@@ -11,7 +11,7 @@ import pytest
 
 import pidalab
 from pidalab import Loop, Process, SeriesPIDA, portrait, simulate_sampled
-from pidalab.simulation.lanes import _beyond
+from pidalab.simulation.lanes import IAE, LANES, MEASURES, NEGLIGIBLE, _beyond, _integrate
 
 PDA = SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
 LOOP = Loop(pidalab.ipdt(1.0, delay=1.0), PDA)
@@ -84,6 +84,18 @@ def test_an_error_that_dips_below_zero_between_two_samples_counts():
     found = portrait(loop, {}, t, setpoint=1e4)
     assert found.iae == pytest.approx(record.iae(), rel=1e-12)
     assert found.itae == pytest.approx(record.itae(), rel=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_change_of_sign_far_below_the_largest_error_costs_what_is_said(share):
+    """An error that falls from a small value to its negative: of its area none is seen, or all."""
+    end, h = share * NEGLIGIBLE, 0.1
+    m, (curve, plain, area) = np.zeros((len(MEASURES), LANES)), np.zeros((3, LANES))
+    old, new, largest = np.full(LANES, -end), np.full(LANES, end), np.ones(LANES)
+    _integrate(m, curve, plain, np.zeros(LANES, np.intp), largest, old, new, area, area, 0.0, h, 0.0)
+    missed = 0.5 * end - m[IAE]
+    assert np.all(missed <= 2e-13)
+    np.testing.assert_allclose(missed, 0.5 * end if share < 1 else 0.0, atol=1e-28)
 
 
 @pytest.mark.parametrize("order", [0, 1])

@@ -471,11 +471,11 @@
     return result;
   }
 
-  /* Matrix exponential: Taylor series of the scaled matrix, then squaring. */
-  function exponential(matrix, time) {
+  /* Matrix exponential: Taylor series of the scaled matrix, then squaring, `more` times more than it needs. */
+  function exponential(matrix, time, more = 0) {
     const n = matrix.length;
     const norm = Math.max(...matrix.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0))) * time;
-    const halvings = Math.max(0, Math.ceil(Math.log2(norm + 1e-300)) + 2);
+    const halvings = Math.max(0, Math.ceil(Math.log2(norm + 1e-300)) + 2 + more);
     const step = time / Math.pow(2, halvings);
     let sum = zeros(n, n), term = zeros(n, n);
     for (let i = 0; i < n; i++) sum[i][i] = term[i][i] = 1;
@@ -523,7 +523,7 @@
     for (let j = 0; j < size; j++) cu[j] += row[0] * error[j];
     cu[integral] += loop.ki;
     const du = -row[0] * dy;
-    return { A, b, cy, dy, cu, du, size, step, np };
+    return { A, b, cy, dy, cu, du, size, step, np, unit };
   }
 
   const dot = (row, x) => { let sum = 0; for (let j = 0; j < row.length; j++) sum += row[j] * x[j]; return sum; };
@@ -547,15 +547,18 @@
   const NODES = 6; // of a piece, ends included, evenly spaced: w is a polynomial of degree 5 on each piece
   const INVERSE = inverted( // of the Vandermonde matrix of the nodes 0, 1/5, …, 1: coefficients from values
     Array.from({ length: NODES }, (_, i) => Array.from({ length: NODES }, (_, q) => Math.pow(i / (NODES - 1), q))));
+  const EACH = 8; // pieces of each size: what these polynomials miss of a kick comes through the plant with the gain of the kick
+  const MOST_PIECES = 300000; // in a response
 
   /* Sizes of the pieces of one dead time. Everything that is not smooth happens at multiples of the dead time, so the
      pieces are short at its beginning and double until they are as long as the slower motion of the loop allows. */
   function pieces(delay, shortest, longest) {
     const many = Math.max(4, Math.ceil(delay / longest));
-    const levels = Math.max(0, Math.min(30, Math.ceil(Math.log2(delay / (many * shortest)))));
+    const levels = Math.max(0, Math.min(50, Math.ceil(Math.log2(delay / (many * shortest)))));
     const exponents = [];
-    for (let level = 0; level < levels; level++) exponents.push(level, level);
-    while (exponents.length < 2 * levels + many) exponents.push(levels);
+    if (!(EACH * levels + many <= MOST_PIECES)) fail(`the loop moves within ${longest}, too fast to follow through a dead time of ${delay}; take a longer controller.filterTime`);
+    for (let level = 0; level < levels; level++) for (let k = 0; k < EACH; k++) exponents.push(level);
+    while (exponents.length < EACH * levels + many) exponents.push(levels);
     const units = exponents.reduce((sum, level) => sum + Math.pow(2, level), 0);
     return { exponents, levels, unit: delay / units };
   }
@@ -585,10 +588,11 @@
     return flat([...whole.slice(0, size).map(nodal), ...outputs]);
   }
 
-  /* How the loop moves through one dead time, whatever moves it: its pieces, and a matrix for each of their sizes. */
-  function motion(loop, parts, grid, loudness, space) {
+  /* How the loop moves through one dead time, whatever moves it: its pieces, and a matrix for each of their sizes. With a
+     `share` below 1 the pieces are shorter. */
+  function motion(loop, parts, grid, loudness, space, share = 1) {
     const { A, b, size } = space, { shortest, longest } = speeds(loop, parts, grid, loudness);
-    const { exponents, levels, unit } = pieces(loop.delay, shortest, longest);
+    const { exponents, levels, unit } = pieces(loop.delay, share * shortest, share * longest);
     // One exponential for the shortest piece (a fifth of it, from node to node), squared for each doubling.
     const wide = zeros(size + NODES, size + NODES), ready = [];
     for (let i = 0; i < size; i++) { wide[i].set(A[i]); wide[i][size] = b[i]; }
@@ -605,7 +609,7 @@
   /* Interval by interval of the dead time, piece by piece: w on a piece is v on the same piece one interval before. */
   function march({ delay }, { cy, dy, cu, du, size, step }, { exponents, unit, ready }, setpoint, load, times) {
     const end = times[times.length - 1], intervals = Math.floor(end / delay + 1e-9) + 1;
-    if (intervals * exponents.length > 300000) fail(`${intervals} dead times are too many to follow; shorten end`);
+    if (intervals * exponents.length > MOST_PIECES) fail(`${intervals} dead times are too many to follow; shorten end`);
 
     const y = new Float64Array(times.length), u = new Float64Array(times.length);
     const delayed = exponents.map(() => new Float64Array(NODES)); // w on each piece of the interval at hand
@@ -661,12 +665,12 @@
     // Frequencies at which the loop still answers; a loop that never falls silent is followed at its fastest pole.
     const loudest = grid.findLast((_, i) => loudness[i] > 0.03) ?? 0;
     lasting = Math.max(lasting, Math.min(loudest, 2 * fastest));
-    return { shortest: 0.5 / fastest, longest: 1.0 / lasting };
+    return { shortest: 0.25 / fastest, longest: 1.0 / lasting };
   }
 
   /* Without dead time the loop closes at once, w = v, and one exponential carries it from time to time; the load is a
      state of its own. */
-  function closed({ A, b, cy, dy, cu, du, size, step }, setpoint, load, times) {
+  function closed({ A, b, cy, dy, cu, du, size, step }, setpoint, load, times, more = 0) {
     if (Math.abs(1 - du) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
     const v = Float64Array.from({ length: size + 1 }, (_, j) => (j < size ? cu[j] : 1) / (1 - du));
     const matrix = zeros(size + 1, size + 1);
@@ -677,7 +681,7 @@
     x[size] = load;
     for (let k = 0; k < times.length; k++) {
       const time = k && times[k] - times[k - 1];
-      if (Math.abs(time - length) > 1e-10 * time) ahead = flat(exponential(matrix, length = time));
+      if (Math.abs(time - length) > 1e-10 * time) ahead = flat(exponential(matrix, length = time, more));
       if (k) { apply(ahead, x, other); [x, other] = [other, x]; }
       const now = dot(v, x);
       y[k] = dot(cy, x) + dy * now;
@@ -695,10 +699,50 @@
     return free.least < low || free.most > high ? limited(asked, loop, free.t) : { t: free.t, y: free.y, u: free.u, fine: free.fine };
   }
 
+  const ORDINARY = 1e-3; // of the plant's time constants: filters down to this are followed to a millionth
+  const TRUST = 2e-6; // share of the largest value that a faster one may leave uncertain
+  const FINER = 0.4; // pieces of the run that tells: always of other sizes, since those are powers of 2 apart
+
+  const ROUNDING = 10 * 2 ** -52; // of the largest gain of the filter's lags: they are stored as one number with kp
+
+  /* Share of the largest value by which y and u of two runs differ that see different pieces and round differently. What a
+     fast filter costs depends on the loop: a second derivative makes of the rounding of y as much as ka / filterTime^2. What
+     is rounded before both runs, the gains themselves, they cannot tell. */
+  function uncertain(found, asked, { y, u }) {
+    const { loop } = found, space = found.space();
+    const again = loop.delay
+      ? march(loop, space, motion(loop, found.parts(), found.grid(), found.open().size, space, FINER), ...asked)
+      : closed(space, ...asked, 1);
+    const { ki, kp, kd, ka, time } = loop, { unit } = space, kick = Math.abs(kd) / time + Math.abs(ka) / time ** 2;
+    const slow = Math.max(Math.abs(ki) / unit, Math.abs(kp), Math.abs(kd) * unit, Math.abs(ka) * unit ** 2);
+    return Math.max(slow && (ROUNDING * kick) / slow, ...[[y, again.y], [u, again.u]].map(([one, other]) => {
+      let apart = 0, size = 0;
+      for (let k = 0; k < one.length; k++) {
+        apart = Math.max(apart, Math.abs(one[k] - other[k]));
+        size = Math.max(size, Math.abs(one[k]));
+      }
+      return size ? apart / size : apart;
+    }));
+  }
+
+  /* Refuse a filter so much faster than the plant that rounding shows, and name the shortest that serves. */
+  function requireDigits(found, asked, run) {
+    const { loop } = found, fast = ({ order, time }, { unit }) => order && time * unit < ORDINARY;
+    if (!fast(loop, found.space()) || uncertain(found, asked, run) <= TRUST) return;
+    for (let time = 2 * loop.time; ; time *= 2) {
+      const slower = unlimited({ ...loop, time, limits: null }), space = slower.space();
+      const serves = () => uncertain(slower, asked, loop.delay ? march(slower.loop, space, slower.motion(), ...asked) : closed(space, ...asked)) <= TRUST;
+      if (!fast(slower.loop, space) || serves()) {
+        fail(`controller.filterTime ${loop.time} is too short beside the plant: rounding would show; the shortest that serves is about ${time.toPrecision(2)}`);
+      }
+    }
+  }
+
   /* The response of a loop without limits, with what u reaches. */
   function linear(found, end, points, setpoint, load) {
     const { loop } = found, t = new Float64Array(points).map((_, k) => (end * k) / (points - 1)), all = finer(loop, t);
     const { y, u } = loop.delay ? march(loop, found.space(), found.motion(), setpoint, load, all) : closed(found.space(), setpoint, load, all);
+    requireDigits(found, [setpoint, load, all], { y, u });
     let at = -1, least = Infinity, most = -Infinity;
     for (let k = 0; k < u.length; k++) {
       if (u[k] < least) least = u[k];

@@ -7,6 +7,7 @@ is what a design needs; these parts are for those who ask how it was found, and 
 from __future__ import annotations
 
 from pidalab.optimal._design import SAME as SAME_IAE, UNITS
+from pidalab.optimal._finish import finish
 from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import Problem
@@ -25,6 +26,7 @@ __all__ = [
     "SampledNoise",
     "Search",
     "at_once",
+    "finish",
     "relax",
     "search_in",
     "unit_of_time",

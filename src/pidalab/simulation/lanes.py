@@ -20,7 +20,9 @@ from pidalab.simulation.steps import Steps
 
 LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
-# share of the largest error below which a change of its sign inside a sample is not looked for
+# Share of the largest error below which a change of its sign inside a sample is not looked for. Then the part of the
+# parabola of the other sign is nowhere larger than its larger end, and is taken off instead of added: IAE is low by at
+# most 2e-13 times the largest error times the time that is spent so, ITAE by as much times that time.
 NEGLIGIBLE = 1e-13
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")

@@ -15,7 +15,10 @@ from pidalab.robustness.poles import is_stable
 from pidalab.simulation.sampled import simulate_sampled
 
 FIRST, MOST = 4096, 1 << 20  # samples of a response to noise, at first and at most
-FADED = 1e-12  # share of the squares that the second half of such a response may hold
+# Share of the squares that the second half of such a response may hold. What comes later is left out: of a tail that
+# falls by e in N samples at most FADED N / FIRST of the squares, so that the gain is low by at most half of that, 1e-10
+# of itself for a tail of a million samples, 1e-7 for one of a thousand millions.
+FADED = 1e-12
 # dead times that such a response covers at least: what comes back of the noise comes after the first
 ECHOES = 4
 

@@ -21,7 +21,11 @@ from pidalab.statespace import Part, StateSpace, numerator, parallel, realise
 
 # A part of the controller is decoupled if its slowest pole is so many times faster than all states that drive it,
 # and if the loop is not louder than this there: to a far faster loop the plant is a chain of integrators.
-STIFF, LOUD = 100.0, 100.0
+# At 100 the kick of a filter 50 times faster than its plant, 1e5 times y, was a difference of nearly equal states, and
+# u after a step of the load off by up to 5e-8 of its largest value.
+FASTER, LOUD = 10.0, 100.0
+# But where a part beyond STIFF times is kept out of the process, what is slower than that stays with the slow parts.
+STIFF = 100.0
 # Beyond this factor u is no longer read of the states of a settled fast part, whose rounding grows with the factor, but
 # of the states that drive it, past and present; what the fast part sends through the process, as little as the square
 # of the factor, is left out there.
@@ -117,10 +121,12 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
     parts, direct = parallel(*control)
-    slow = _slow_parts(loop, parts)
+    slow = _slow_parts(loop, parts, STIFF)
+    apart = slow < len(parts) and _sends_little(loop, float(np.min(np.abs(parts[slow].poles))), direct)
+    if not apart:
+        slow = _slow_parts(loop, parts, FASTER)
     fast = parts[slow:]
     size = len(inputs) + process.b.size + 1 + prefilter.b.size + sum(part.b.size for part in parts)
-    apart = bool(fast) and _sends_little(loop, float(np.min(np.abs(fast[0].poles))), direct)
     channels = 3 if apart else 1
     states = _States(size, len(inputs), channels)
     r, d, n = np.zeros((3, size))
@@ -258,12 +264,12 @@ def _poles(loop: Loop, block: str) -> Array:
     return roots(loop.blocks[block][1])
 
 
-def _slow_parts(loop: Loop, parts: tuple[Part, ...]) -> int:
-    """Count the parts of the controller that are not far faster than all that drives them."""
+def _slow_parts(loop: Loop, parts: tuple[Part, ...], factor: float) -> int:
+    """Count the parts of the controller that are not so many times faster than all that drives them."""
     fastest = _fastest_driving(loop)
     num, den = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
     loud = not num < LOUD * den
-    return len(parts) if loud else sum(abs(part.poles[0]) <= STIFF * fastest for part in parts)
+    return len(parts) if loud else sum(abs(part.poles[0]) <= factor * fastest for part in parts)
 
 
 def _value(polynomial: Array, s: complex) -> Any:
