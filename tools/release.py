@@ -48,7 +48,7 @@ def missing(wheel: Path, archive: Path) -> list[str]:
         path.relative_to(package.parent).as_posix()
         for package in PACKAGES
         for path in package.rglob("*")
-        if path.suffix in {".py", ".pyi", ".typed", ".j2"}
+        if path.suffix in {".py", ".pyi", ".typed", ".j2", ".csv"}
     }
     with zipfile.ZipFile(wheel) as packed:
         wheeled = {name for name in packed.namelist() if ".dist-info/" not in name}
