@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy.signal import lfilter
 
 import pidalab
 from pidalab import Record
@@ -442,7 +443,10 @@ def test_the_share_that_is_explained_is_that_of_the_variance():
     """By noise of known size: half of the variance is the limit, whatever the kind of experiment."""
     t = np.arange(2000.0)
     u = np.where((t // 100) % 2 == 0, 0.0, 1.0)
-    clean = np.interp(t - 3.0, t, u)
+    decay = np.exp(-1 / 10.0)
+    clean = np.interp(
+        t - 3.0, t, lfilter([1 - decay], [1, -decay], u)
+    )  # a lag of ten samples behind a dead time
     noise = np.random.default_rng(0).normal(0.0, 1.0, t.size)
     noise /= noise.std()
     quiet, loud = (clean + share * clean.std() * noise for share in (0.3, 1.3))
