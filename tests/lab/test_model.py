@@ -39,7 +39,7 @@ WORK = {
     "frequencies": "function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {",
     "pieces": "function apply(matrix, x, result) {",
     "samples": "function advance(matrix, x, w, next) {",
-    "matrices": "function exponential(matrix, time) {",
+    "matrices": "function exponential(matrix, time, more = 0) {",
 }
 STUDY = """pidalabEngine.work = ({plant, design, conditions, changed}) => {
     const process = pidalabModel.PLANTS[plant], study = (more) =>
