@@ -59,8 +59,9 @@ def main(which: str) -> None:
     install(LOCKS[which])
     if not pip("--no-deps", "--no-build-isolation", "--editable", ROOT):
         sys.exit("pidalab itself could not be installed: see what pip says above")
-    for name in LOCKS if which == "dev" else ["book"]:  # the tools stand on what the book needs
-        (FOLDER / f".{name}").touch()
+    (FOLDER / f".{which}").touch()
+    if not (FOLDER / ".book").exists():  # the tools stand on what the book needs
+        (FOLDER / ".book").touch()
     print(f"{PYTHON.relative_to(ROOT)} has what {'tests and tools' if which == 'dev' else 'the book'} need")
 
 
