@@ -27,7 +27,7 @@ def test_words_choose_variants():
 
     assert names("least") == ["least capable"]
     assert names("python 3.13") == ["Python 3.13"]
-    assert len(names("lowest", "newest")) == 6
+    assert len(names("lowest", "newest")) == 2 * len(processors.PYTHONS)
     assert "least capable" in names()
     assert not {*names()} & {*names("lowest", "newest")}
     assert {"tests/simulation", "tests/test_response.py"} < {*processors.TESTS}
