@@ -30,7 +30,7 @@ ANSWERS = {"success", "converged"}
 # results that are no answer but a place to go on from: what is used of them is judged by other means
 ON_THE_WAY = {
     "src/pidalab/optimal/_solver.py: descend": "value and limits of the end are computed, and it is polished",
-    "src/pidalab/optimal/_starts.py: _relaxed": "the end is taken if it misses the limits by less than the start",
+    "src/pidalab/optimal/_starts.py: relax": "the end is taken if it misses the limits by less than the start",
     "benchmarks/optimum.py: evolution": "a goal or the time ends it; its best is kept with its error",
     "studies/optimal_check.py: second": "a budget, not a tolerance, ends it; limits of the end are judged",
 }

@@ -52,11 +52,11 @@ class Ledger:
     >>> book.compare({"kp": 1.309812345})
     printed / computed             kp
     demo                1.31 / 1.3098
+    >>> book.close()
+    demo: 1 claim, 1 reproduced
     >>> book.compare({"kq": 1.0})
     Traceback (most recent call last):
     paperledger.digits.LedgerError: demo.kq: unknown id; the closest are demo.kp
-    >>> book.close()
-    demo: 1 claim, 1 reproduced
     """
 
     _recorded: ClassVar[list["Ledger"] | None] = None
