@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -109,33 +108,6 @@ def test_from_the_command_line(tmp_path):
     )
     assert refused.exit_code == 1
     assert "absent" in refused.output
-
-
-def test_a_worker_that_is_killed_loses_nothing(found):
-    """A cluster of two processes on this machine, one of them killed half way: the same bits."""
-    distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
-    t = 0.01 * np.arange(2001)
-    loop = pidalab.Loop(
-        pidalab.ipdt(1.0, delay=1.0),
-        pidalab.SeriesPIDA(0.3, 0.1, 0.02, ti=1.0, filter_time=0.1, filter_order=3),
-    )
-    grid = {"kp": np.linspace(0.1, 0.5, 2000)}
-    here = pidalab.portrait(loop, grid, t, load=1.0)
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
-    with (
-        distributed.LocalCluster(**options) as cluster,
-        distributed.Client(cluster) as client,
-        client.get_executor() as executor,
-    ):
-        whole = executor.submit(
-            pidalab.portrait, loop, grid, t, load=1.0
-        )  # a worker is at it when one is killed
-        next(iter(cluster.workers.values())).process.process._process.kill()
-        there = pidalab.portrait(loop, grid, t, load=1.0, executor=executor)
-        assert all(np.array_equal(a, b) for a, b in zip(here, whole.result(), strict=True))
-        rows = pidalab.benchmark(mine, plants=PLANTS, executor=executor).rows
-    assert all(np.array_equal(a, b) for a, b in zip(here, there, strict=True))
-    pd.testing.assert_frame_equal(rows, found.rows)
 
 
 def test_the_tables_are_in_the_package():

@@ -170,7 +170,9 @@ def first_order_fit(sampling=1.0, seed=0):
 @pytest.mark.filterwarnings("ignore:sample_time should be at most")
 def test_a_sample_time_in_which_the_process_does_all_it_does_is_none():
     fitted = first_order_fit()
-    with pytest.raises(ValueError, match=r"sample_time must be at most 2[45]\.?\d* for this process.*found 50"):
+    with pytest.raises(
+        ValueError, match=r"sample_time must be at most 2[45]\.?\d* for this process.*found 50"
+    ):
         tune(fitted, "PI", sample_time=50, rule="simc")
     assert tune(fitted, "PI", sample_time=20, rule="simc", ms_worst=9).info["ms_sampled"] > 1
     with pytest.raises(ValueError, match=r"at most 4 for this process.*63 %.*found 4\.1"):
