@@ -24,7 +24,7 @@ from pidalab.process import Process
 ROOM = 1e-9  # share of a limit that is left, for rounding
 NEAR = 0.05  # share of a limit within which a peak is looked at
 BESIDE, ROUNDS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
-DIFFERENCE, FINEST = 1e-4, 1e-6  # of what a descent sees, for second derivatives
+SPACING, LEAST_SPACING = 1e-4, 1e-6  # of the points that second derivatives come from, as a descent sees them
 STEPS, CLOSE, OPEN = 25, 1e-9, 1e-4  # of Newton at most; the last one, and the largest that is taken for one
 SMALL = 1e-3  # step after which second derivatives stay as they are
 WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the end; shortest trust in one
@@ -241,7 +241,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     """Go from near an optimum to where its conditions are met; None where Newton's method does not come to rest."""
     one = Lagrangian(search, x)
     z, trust, price, stale = np.clip(one.seen(x), one.low, one.high), WIDEST, 0.0, True
-    before, worth, apart = math.inf, search.worth, DIFFERENCE
+    before, worth, apart = math.inf, search.worth, SPACING
     value, missed = one.missed(z)
     eye, bends = np.eye(z.size), np.zeros(0)
     for _ in range(STEPS):
@@ -277,6 +277,6 @@ def polish(search: Search, x: Array) -> Polished | None:
             break
         stale = length > SMALL or length > 0.1 * before
         if length > 0.3 * before:
-            worth, apart = search.fine, min(DIFFERENCE, max(0.1 * length, FINEST))  # a closer look
+            worth, apart = search.fine, min(SPACING, max(0.1 * length, LEAST_SPACING))  # a closer look
         before = length
     return Polished(math.exp(value), one.end(z), length, w) if length < OPEN else None
