@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._problem import HEIGHTS, Problem, Scaled
+from pidalab.optimal._heights import HEIGHTS, MS, top, weights, with_turns
+from pidalab.optimal._problem import Problem, Scaled
 from pidalab.optimal._quadratic import convex, multipliers, solve_qp
 from pidalab.optimal._solver import Search
 from pidalab.process import Process
@@ -29,10 +30,7 @@ STEPS, CLOSE, OPEN = 25, 1e-9, 1e-4  # of Newton at most; the last one, and the 
 SMALL = 1e-3  # step after which second derivatives stay as they are
 WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the end; shortest trust in one
 SMALLEST = 1e-9  # unit of a gain
-
-# kinds of peaks of the process itself, and of those of other plants the first
-LOUDNESS, COMPLEMENTARY, DIFFERENCE = 1, 2, 3
-NOMINAL = len(HEIGHTS)
+NOMINAL = len(HEIGHTS)  # kinds of peaks of the process itself: the first of those of other plants
 
 
 class Polished(NamedTuple):
@@ -64,29 +62,22 @@ class Peaks:
         self.plants = [problem.process] * NOMINAL + [*others]
         self.tops = np.log([*(limits.get(name, np.inf) for name in HEIGHTS), *[worst] * len(others)])
         self.limited = [kind for kind, name in enumerate(HEIGHTS) if name in limits]
-        delay = problem.process.delay
         w = np.geomspace(1e-3, 30.0 / fastest, 700) / problem.time
-        turns = np.arange(1.0, 400.0) * 0.3 / delay if delay else np.zeros(0)
-        self.w = np.unique(np.concatenate([w, turns[turns < w[-1]], looked]))
-        self.at_grid = self._known(self.w)
-        self.others_at_grid = np.array([plant(self.at_grid[0]) for plant in others])
-
-    def _known(self, w: Array) -> tuple[Any, Any, Any]:
-        s = 1j * w
-        return s, self.problem.process(s), self.problem._actions(s)
+        w = with_turns(w, problem.process.delay, 0.3 * np.arange(1.0, 400.0))
+        self.w = np.unique(np.append(w, looked))
+        s = 1j * self.w
+        self.at_grid = s, problem.process(s), problem._actions(s)
+        self.others_at_grid = np.array([plant(s) for plant in others])
 
     def heights(self, x: Array) -> Array:
         """Logarithms of all heights over their limits at the frequencies of the grid."""
         s, plant, actions = self.at_grid
         controller = self.problem._controller(x, s, actions)[0]
         L = plant * controller
-        back = -np.log(np.abs(1 + L))
+        back = np.log(np.abs(1 + L))
         found = np.full((NOMINAL, s.size), -np.inf)
         for kind in self.limited:
-            found[kind] = back - self.tops[kind]
-            if kind:
-                top = controller if kind == LOUDNESS else L if kind == COMPLEMENTARY else 0.5 * (1 - L)
-                found[kind] += np.log(np.abs(top))
+            found[kind] = np.log(np.abs(top(kind, controller, L))) - back - self.tops[kind]
         if len(self.plants) == NOMINAL:
             return found
         others = -np.log(np.abs(1 + self.others_at_grid * controller)) - self.tops[NOMINAL:, None]
@@ -132,40 +123,33 @@ class Peaks:
         """Slope of the logarithm of a height by that of the frequency."""
         s = 1j * w
         gains, time = self.problem.controller(x)
-        powers = gains[:, None] * s ** np.arange(-1.0, gains.size - 1.0)[:, None]
-        lag, order = 1 / (1 + time * s), gains.size - 1
-        whole = lag**order
-        controller = powers.sum(axis=0) * whole
-        turn = (np.arange(-1.0, gains.size - 1.0) @ powers) * whole + controller * order * (lag - 1)  # s C'
-        plant, plant_turn = self._plant(s, kinds)
-        L, loop_turn = plant * controller, plant * (turn + controller * plant_turn)
-        own = np.where(kinds == LOUDNESS, turn / controller, 0.0)
-        if COMPLEMENTARY in self.limited:
-            own = np.where(kinds == COMPLEMENTARY, loop_turn / L, own)
-        if DIFFERENCE in self.limited:
-            own = np.where(kinds == DIFFERENCE, -loop_turn / (1 - L), own)
-        return np.asarray(np.real(own - loop_turn / (1 + L)))
+        powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
+        terms, lag = gains[:, None] * s ** powers[:, None], 1 / (1 + time * s)
+        action = terms.sum(axis=0)
+        by_controller = (powers @ terms) / action + order * (lag - 1)  # s C'/C
+        plant, by_plant = self._plant(s, kinds)
+        _, a, b = _parts(kinds, action, plant * action * lag**order)
+        return np.asarray(np.real(a * by_controller + b * by_plant))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
         """Heights of peaks, and their slopes by the unknowns."""
         s = 1j * w
-        plant, actions = self._plant(s, kinds)[0], self.problem._actions(s)
-        controller, slopes = self.problem._controller(x, s, actions)
-        L, by_all = plant * controller, slopes()
-        back = 1 / (1 + L)
-        # the part of the height over |1 + L|, and what its logarithm changes by with the controller
-        top, own = (
-            np.where(kinds == LOUDNESS, controller, 1.0),
-            np.where(kinds == LOUDNESS, 1 / controller, 0.0),
-        )
-        if COMPLEMENTARY in self.limited:
-            here = kinds == COMPLEMENTARY
-            top, own = np.where(here, L, top), np.where(here, 1 / controller, own)
-        if DIFFERENCE in self.limited:
-            here = kinds == DIFFERENCE
-            top, own = np.where(here, 0.5 * (1 - L), top), np.where(here, -plant / (1 - L), own)
-        slope = np.real((own - plant * back) * by_all)
-        return np.log(np.abs(top * back)) - self.tops[kinds], slope.T
+        controller, slopes = self.problem._controller(x, s, self.problem._actions(s))
+        L = self._plant(s, kinds)[0] * controller
+        above, a, _ = _parts(kinds, controller, L)
+        heights = np.log(np.abs(above / (1 + L))) - self.tops[kinds]
+        return heights, np.real(a / controller * slopes()).T
+
+
+def _parts(kinds: Array, controller: Array, L: Array) -> Any:
+    """Numerators over 1 + L, and both weights, of peaks, of which there are few; with other plants it is |S|."""
+    own = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
+    each = zip(own, controller.tolist(), L.tolist(), strict=True)
+    return (
+        np.array([(top(kind, c, l), *weights(kind, l)) for kind, c, l in each], dtype=complex)
+        .reshape(-1, 3)
+        .T
+    )
 
 
 class Lagrangian:

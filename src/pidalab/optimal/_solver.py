@@ -14,6 +14,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.optimal._heights import with_turns
 from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import WALL, CachedValueAndSlope, Problem, Scaled, Slope
@@ -47,13 +48,9 @@ class Search:
         self.active: list[int] = []  # plants of the family that the descents see
         time = problem.time
         # dense where the loop crosses over, and fine enough for the turns of the dead time
-        delay = problem.process.delay
-        turns = np.arange(3.0, 40.0, 0.7) / delay if delay else np.zeros(0)
         far = np.geomspace(10.0, 2.0 / np.exp(BOTTOM), 16)[1:]
-        self.w = np.sort(
-            np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
-        )
-        self.w = np.sort(np.append(self.w, turns[turns < self.w[-1]]))
+        w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
+        self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
         self.worth = problem.worth(HORIZON * time)
         self.fine = problem.worth(HORIZON * time, SAMPLES)
         # sampled noise has a size only behind a filter that is not faster than the sample
