@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pidalab import _check
+from pidalab._names import KINDS, STARTING_MODELS
 from pidalab._parts import done, require_executor
 from pidalab.comparison import first_horizon
 from pidalab.comparison.fairness import at_equal_terms, gains_of
@@ -25,7 +26,6 @@ from pidalab.controllers.base import Controller
 from pidalab.process import Process
 from pidalab.reduction import ultimate_frequency
 from pidalab.rules import Design
-from pidalab.rules.registry import KINDS
 from pidalab.rules.starting_models import StartingModels
 
 if TYPE_CHECKING:
@@ -36,7 +36,6 @@ TABLES = Path(__file__).with_name("tables")
 MS = 1.4  # of all that is compared at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
 SAMPLES = 100  # of the noise, in an ultimate period
-MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
 RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
 Rule = Callable[[Process], Design | Controller]
@@ -446,7 +445,7 @@ def benchmark(
     """
     if not callable(rule):
         raise TypeError(f"rule must be a function of a Process, found {type(rule).__name__}")
-    _check.choice("model", model, MODELS)
+    _check.choice("model", model, STARTING_MODELS)
     called = name or str(getattr(rule, "__name__", "rule"))
     cases = {case.name: case.process for case in batch()}
     wanted = list(cases) if plants is None else list(plants)

@@ -23,13 +23,15 @@ from pidalab.optimal._solver import Search
 from pidalab.process import Process
 
 ROOM = 1e-9  # share of a limit that is left, for rounding
-NEAR = 0.05  # share of a limit within which a peak is looked at
-BESIDE, ROUNDS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
+NEAR_LIMIT = 0.05  # share of a limit within which a peak is looked at
+FREQUENCY_STEP, PEAK_STEPS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
 SPACING, LEAST_SPACING = 1e-4, 1e-6  # of the points that second derivatives come from, as a descent sees them
-STEPS, CLOSE, OPEN = 25, 1e-9, 1e-4  # of Newton at most; the last one, and the largest that is taken for one
-SMALL = 1e-3  # step after which second derivatives stay as they are
-WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the end; shortest trust in one
-SMALLEST = 1e-9  # unit of a gain
+# of Newton at most; the last one, and the largest that is taken for one
+MOST_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
+SMALL_STEP = 1e-3  # step after which second derivatives stay as they are
+# longest step; one that is near the end; shortest trust in one
+LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
+LEAST_UNIT = 1e-9  # unit of a gain
 NOMINAL = len(HEIGHTS)  # kinds of peaks of the process itself: the first of those of other plants
 
 
@@ -101,18 +103,18 @@ class Peaks:
         """Which peaks come near their limits: kinds and frequencies."""
         heights = self.heights(x)
         inner = heights[:, 1:-1]
-        kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR))
+        kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR_LIMIT))
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
         """Second derivatives of the logarithms of heights by that of the frequency, at peaks."""
-        above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (BESIDE, -BESIDE))
-        return np.asarray(np.minimum((above - below) / (2 * BESIDE), -1e-9))
+        above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
+        return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
-    def refined(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
+    def refine(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
         """Frequencies of peaks, from points of the grid beside them, where the slope is zero."""
         log = np.log(w)
-        for _ in range(ROUNDS):
+        for _ in range(PEAK_STEPS):
             move = np.clip(-self._slope(x, kinds, np.exp(log)) / bend, -0.02, 0.02)
             log = log + move
             if np.max(np.abs(move), initial=0.0) < 1e-12:
@@ -160,7 +162,7 @@ class Lagrangian:
         self.seen = Scaled(x, problem.gains)
         small = (x > 0) & (x < self.seen.unit)
         small[[0, -1]] = False
-        self.seen.unit[small] = np.maximum(x[small], SMALLEST)
+        self.seen.unit[small] = np.maximum(x[small], LEAST_UNIT)
         low, high = np.transpose(search.bounds)
         self.low, self.high = self.seen(low), self.seen(high)
         limits = search.limits.heights(ROOM)
@@ -190,10 +192,10 @@ class Lagrangian:
         return left, self.seen.slopes(x, by_x)
 
     def tops(self, z: Array) -> tuple[Array, Array]:
-        """Peaks near their limits, refined."""
+        """Peaks near their limits, refine."""
         x = self.seen.back(z)
         kinds, w = self.peaks.near(x)
-        return kinds, self.peaks.refined(x, kinds, w, self.peaks.bend(x, kinds, w))
+        return kinds, self.peaks.refine(x, kinds, w, self.peaks.bend(x, kinds, w))
 
     def missed(self, z: Array) -> tuple[float, float]:
         """Value, and by how much limits are missed in all; infinite where the loop is unstable."""
@@ -203,14 +205,14 @@ class Lagrangian:
         left, _ = self.margins(z, *self.tops(z), self.search.exact_noise)
         return self.value(z)[0], float(np.maximum(-left, 0.0).sum())
 
-    def bends(self, z: Array, kinds: Array, w: Array, prices: Array, worth: Any, h: float) -> Array:
+    def hessian(self, z: Array, kinds: Array, w: Array, prices: Array, worth: Any, h: float) -> Array:
         """Second derivatives of the Lagrangian, peaks followed to where they lie; of noise as in a descent."""
         bend, found = self.peaks.bend(self.seen.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
             x = self.seen.back(z)
             value, by_x = worth(x)
-            moved = self.peaks.refined(x, kinds, w, bend)
+            moved = self.peaks.refine(x, kinds, w, bend)
             return np.asarray(
                 self.seen.slopes(x, by_x() / value)
                 - prices @ self.margins(z, kinds, moved, self.search.noise)[1]
@@ -224,11 +226,11 @@ class Lagrangian:
 def polish(search: Search, x: Array) -> Polished | None:
     """Go from near an optimum to where its conditions are met; None where Newton's method does not come to rest."""
     one = Lagrangian(search, x)
-    z, trust, price, stale = np.clip(one.seen(x), one.low, one.high), WIDEST, 0.0, True
+    z, trust, price, stale = np.clip(one.seen(x), one.low, one.high), LARGEST_TRUST, 0.0, True
     before, worth, apart = math.inf, search.worth, SPACING
     value, missed = one.missed(z)
-    eye, bends = np.eye(z.size), np.zeros(0)
-    for _ in range(STEPS):
+    eye, hessian = np.eye(z.size), np.zeros(0)
+    for _ in range(MOST_STEPS):
         kinds, w = one.tops(z)
         left, slopes = one.margins(z, kinds, w, search.exact_noise)
         slope = one.value(z)[1]()
@@ -237,9 +239,9 @@ def polish(search: Search, x: Array) -> Polished | None:
         limits = left.size - 2 * z.size
         if stale:  # else the second derivatives of the last step serve
             prices = multipliers(slope, rows, left)
-            bends = convex(one.bends(z, kinds, w, prices[:limits], worth, apart), rows[prices > 0])
+            hessian = convex(one.hessian(z, kinds, w, prices[:limits], worth, apart), rows[prices > 0])
         while True:
-            found = solve_qp(bends, slope, rows, left, trust)
+            found = solve_qp(hessian, slope, rows, left, trust)
             if found is None:
                 return None
             step, prices = found
@@ -248,19 +250,19 @@ def polish(search: Search, x: Array) -> Polished | None:
             there, by = one.missed(z + step)
             # near the end steps that shrink count for more than values: a full one may miss curved limits by a little
             if there + price * by <= value + price * missed or (
-                length < min(LOCAL, 0.5 * before) and there < math.inf
+                length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
             ):
                 break
             # it shrinks, also where rounding let the step pass it
             trust = 0.3 * min(trust, length)
-            if trust < SHORTEST:
+            if trust < LEAST_TRUST:
                 return None
         z, value, missed = np.clip(z + step, one.low, one.high), there, by
-        trust = max(trust, min(WIDEST, 3 * length))
-        if length < CLOSE:
+        trust = max(trust, min(LARGEST_TRUST, 3 * length))
+        if length < LAST_STEP:
             break
-        stale = length > SMALL or length > 0.1 * before
+        stale = length > SMALL_STEP or length > 0.1 * before
         if length > 0.3 * before:
             worth, apart = search.fine, min(SPACING, max(0.1 * length, LEAST_SPACING))  # a closer look
         before = length
-    return Polished(math.exp(value), one.end(z), length, w) if length < OPEN else None
+    return Polished(math.exp(value), one.end(z), length, w) if length < LARGEST_LAST_STEP else None

@@ -29,7 +29,7 @@ SAMPLES = 2048  # of a response
 DAMPING = 3.0  # real part of the line of the transform, times the horizon
 REST = 1e-3  # share of the integral that the transform may miss
 
-UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
+GAIN_UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
 WALL = 1e9  # in place of what is to be small, where a step has left the stable loops
 
 Slope = Callable[[], Array]  # of a value, where a search needs it: along a line it looks at values alone
@@ -217,7 +217,7 @@ class Scaled:
 
     def __init__(self, start: Array, gains: int) -> None:
         self.unit = np.ones(start.size)
-        self.unit[1:gains] = np.clip(start[1:gains], *UNITS)
+        self.unit[1:gains] = np.clip(start[1:gains], *GAIN_UNITS)
 
     def __call__(self, x: Array) -> Array:
         """From unknowns to what the descent sees."""

@@ -12,9 +12,9 @@ from pidalab.robustness._arrays import SENSITIVITY
 from pidalab.robustness.loops import explore
 from pidalab.robustness.poles import count_unstable
 
-QUIET = 0.1  # |L| of the given loop above which the turns of its dead time are followed
-FARTHEST = 1e-2  # of the last frequency, up to which gains are looked for at first
-AROUND = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
+QUIETEST = 0.1  # |L| of the given loop above which the turns of its dead time are followed
+FAR_SHARE = 1e-2  # of the last frequency, up to which gains are looked for at first
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
 MS_RTOL = 1e-6  # share by which Ms may exceed the one wanted before the last step
 MOST_LOOKS = 8  # at where the peak is
 
@@ -64,8 +64,8 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
         except ArithmeticError:  # its phase turns too often to follow: it is far from stable
             return False
 
-    w = looked.follow(QUIET)
-    w = w[w <= FARTHEST * w[-1]]
+    w = looked.follow(QUIETEST)
+    w = w[w <= FAR_SHARE * w[-1]]
     for _ in range(MOST_LOOKS):
         candidates = (k * (1 - MS_RTOL) for k in _reached_from_below(looked.L(w), ms))
         found = next(filter(stable, candidates), None)
@@ -77,7 +77,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
             if not excess(low) < 0 <= excess(high):
                 return found
             return float(brentq(excess, low, high, xtol=1e-15 * found, rtol=1e-14))
-        w = np.sort(np.append(w, at * AROUND))
+        w = np.sort(np.append(w, at * AROUND_PEAK))
     raise ValueError(f"no gain of this controller gives a stable loop that reaches ms = {ms:g} from below")
 
 

@@ -31,6 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pidalab import _check
+from pidalab._names import KINDS
 from pidalab.controllers import PIDA, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
@@ -38,7 +39,7 @@ from pidalab.roots import roots
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator, lag_with_delay, lags, require_delay
 
-KINDS = ("PI", "PID")
+WITHOUT_ACCELERATION = KINDS[:2]
 Settings = tuple[float, float, float]  # kp, ti, td
 INSIDE_BORDER = 0.999  # of the gain at the border, which is to be stable
 # share of imaginary part up to which poles count as real: a multiple lag splits by rounding
@@ -103,7 +104,7 @@ def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = Non
     >>> C.kp, C.ti
     (2.0, 4.0)
     """
-    _check.choice("kind", kind, KINDS)
+    _check.choice("kind", kind, WITHOUT_ACCELERATION)
     reduced = _half_rule(model, 2 if kind == "PID" else 1)
     wanted = _closed_loop_time(closed_loop_time, reduced.delay)
     info = {"gain": reduced.gain, "lags": reduced.lags, "delay": reduced.delay, "closed_loop_time": wanted}
@@ -432,7 +433,7 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
 
 def _design(model: Process, kind: str, pi: Settings, pid: Settings, source: str, **info: Any) -> Design:
     """Return the design with kp, ti and td for a kind."""
-    _check.choice("kind", kind, KINDS)
+    _check.choice("kind", kind, WITHOUT_ACCELERATION)
     kp, ti, td = pi if kind == "PI" else pid
     return Design(model, PIDA(kp, ti, td), source=source, info=info)
 

@@ -26,14 +26,14 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from pidalab import _check
+from pidalab._names import KINDS
 from pidalab.areas import from_process
 from pidalab.process import Process
 from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, mrdp
 from pidalab.rules._design import Design
 from pidalab.rules.sampled import sampled_noise
 
-ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
-KINDS = tuple(ORDER)
+ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps that a rule is made for
 # dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
 FILTER_SHARE = 0.25
