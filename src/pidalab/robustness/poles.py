@@ -239,6 +239,8 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     order = len(den) - 1
     direct = num[0] / den[0] if len(num) == len(den) else 0.0
     c = np.append(np.zeros(len(den) - len(num)), num)[1:] / den[0] - direct * den[1:] / den[0]
+    # what has left the loop and not come back is a wave that travels through the dead time: a linear system without
+    # delay, whose eigenvalues at few Chebyshev points are those of the loop, the slow ones first
     A = np.eye(order, k=-1)
     A[:1] = -den[1:] / den[0]
     k = np.arange(nodes + 1)
