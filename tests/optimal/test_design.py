@@ -462,3 +462,9 @@ def test_a_limit_of_mt_is_kept_and_costs_something():
         pidalab.optimal.load(process, 1, mt=1.0)
     with pytest.raises(ValueError, match=r"disk must be below 2, .* found 2"):
         pidalab.optimal.load(process, 1, disk=2.0)
+
+
+def test_the_last_steps_come_to_rest_with_every_kind_of_limit():
+    """Second derivatives that come from points too far apart left the end open, at five digits."""
+    process = pidalab.Process([1.0], [1.0, -1.0], 0.1)
+    assert pidalab.optimal.load(process, 1, ms=2.0, mks=30.0, disk=0.9).digits == 9

@@ -66,15 +66,14 @@ def _forms(gains: IdealGains, unit: float) -> tuple[Form, Form, Form]:
         return reason, reason, parallel
     ti, td = kp / ki if ki else math.inf, kd / kp
     ideal = _with_units(kp, ti * unit, td * unit)
-    # series: Ti' and Td' are the two roots of x^2 - Ti x + Ti Td, Kc' = Kc Ti'/Ti
     if not ki:
         return ideal, ideal, parallel
-    root = 1 - 4 * td / ti
-    if root < 0:
+    try:
+        series = gains.series()
+    except ValueError:
         reason = f"no such form: it needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}"
         return ideal, reason, parallel
-    longer = ti * (1 + math.sqrt(root)) / 2
-    return ideal, _with_units(kp * longer / ti, longer * unit, ti * td / longer * unit), parallel
+    return ideal, _with_units(series.kp, series.ti * unit, series.kd / series.kp * unit), parallel
 
 
 def _with_units(gain: float, ti: float, td: float) -> dict[str, float]:

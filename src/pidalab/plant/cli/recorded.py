@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pidalab._names import KINDS
 from pidalab._text import plain_text
 from pidalab.plant.cli.parts import (
-    KINDS,
     add_options,
     column,
     force,
