@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,9 @@ from pidalab.plant.cli.parts import (
 )
 
 if TYPE_CHECKING:
+    from pidalab.comparison.trade_off import TradeOff
     from pidalab.plant.record import Record
+    from pidalab.process import Process
     from pidalab.rules import Design
 
 MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
@@ -75,10 +78,11 @@ design = add_options(
 @click.command("report")
 @record
 @design
+@click.option("--trade-off", is_flag=True, help="Also the least error over the noise, at two limits of Ms.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="HTML file to write.")
 @force
 @one_line
-def report_command(out: Path | None, force: bool, model: str, **options: Any) -> None:
+def report_command(out: Path | None, force: bool, model: str, trade_off: bool, **options: Any) -> None:
     """Set PI, PID and PIDA for the plant of a RECORD side by side, with the same limits.
 
     \b
@@ -91,9 +95,25 @@ def report_command(out: Path | None, force: bool, model: str, **options: Any) ->
     name = plain_text(options["record"].name)
     read = read_record(options)
     found = report(fit(read, model), **options)
-    show([("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))])
+    sections, traded = [("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))], None
+    if trade_off:
+        traded = _traded(found.process, options["sample_time"])
+        sections.append(("Trade-off", str(traded)))
+    show(sections)
     if out is not None:
-        write(out.parent, {out.name: found.page(f"PI, PID and PIDA for {name}")}, force)
+        write(out.parent, {out.name: found.page(f"PI, PID and PIDA for {name}", traded=traded)}, force)
+
+
+def _traded(process: Process, sample_time: float) -> TradeOff:
+    """Find the trade-off, a kind in each of a few processes."""
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
+    from pidalab.comparison.trade_off import trade_off
+
+    workers = min(len(KINDS), os.cpu_count() or 1)
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
+        return trade_off(process, sample_time=sample_time, executor=executor)
 
 
 @click.command("tune")
