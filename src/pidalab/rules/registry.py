@@ -29,7 +29,7 @@ from pidalab import _check
 from pidalab._names import KINDS
 from pidalab.areas import from_process
 from pidalab.process import Process
-from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, mrdp
+from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, migo, mrdp
 from pidalab.rules._design import Design
 from pidalab.rules.sampled import sampled_noise
 
@@ -179,6 +179,10 @@ def _textbook(name: str, tune: Callable[..., Design], model: str, source: str, s
     return Rule(name, source, _same_model(model, "PI", "PID"), _call_with_kind(tune), short)
 
 
+def _migo(model: Process, kind: str, limits: RuleLimits) -> Design:
+    return migo.tune(model, kind, limits.ms)
+
+
 def _itae(test: str) -> Rule:
     source, models = "heo2023, Table 1 and eqs. (9) and (12)", _same_model("second_order", "PID", "PIDA")
     return Rule(f"itae {test}", source, models, _call_with_kind(itae.tune, test), _short("itae", test))
@@ -268,6 +272,14 @@ RULES: dict[str, Rule] = {
             compared=False,
         ),
         _textbook("amigo", classical.amigo, "reaction", "Åström and Hägglund (2004), AMIGO"),
+        Rule(
+            "migo",
+            "Åström and Hägglund (2004), MIGO",
+            _from("process", "PI", "PID"),
+            _migo,
+            compared=False,
+            knows_ms=True,
+        ),
         _textbook("lambda", classical.lambda_tuning, "reaction", "Åström and Hägglund (2006), section 6.5"),
         _textbook(
             f"{ZN} step", classical.ziegler_nichols_step, "integrator", f"{ZN_1942}, process reaction curve"
