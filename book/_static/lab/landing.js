@@ -57,9 +57,11 @@
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;
       this.bar.setAttribute("aria-valuetext", `noise gain ${this.limits[k]}`);
+      // a controller that is the same with less noise makes no use of more
+      const idle = ["PI", "PID"].filter((kind) => k && this[kind][k][0] === this[kind][k - 1][0]);
       const key = (kind) => element("span", { class: `lab-key lab-key-${KINDS[kind]}` });
       this.words.replaceChildren(`Noise gain ${this.limits[k]}. IAE:`,
-        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind), ` ${kind} ${this[kind][k][0].toFixed(2)}`]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.`);
+        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind), ` ${kind} ${this[kind][k][0].toFixed(2)}`]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.${idle.length ? ` ${idle.join(" and ")} cannot use this much noise.` : ""}`);
     }
   }
 

@@ -73,7 +73,9 @@
       const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
       const each = Math.max(1, Math.ceil((last - first + 1) / 6)), found = [];
       for (let power = first; power <= last; power += each) found.push(Math.pow(10, power));
-      return found;
+      // of a short axis one power of ten says little
+      if (found.length < 3) for (let power = first - 1; power <= last; power++) for (const m of [2, 5]) found.push(m * Math.pow(10, power));
+      return found.filter((x) => x >= low * (1 - 1e-9) && x <= high * (1 + 1e-9)).sort((a, b) => a - b);
     }
     const rough = (high - low) / 5, size = Math.pow(10, Math.floor(Math.log10(rough)));
     const step = size * [1, 2, 5, 10].find((m) => m * size >= rough);
@@ -84,8 +86,8 @@
 
   const named = (value, log) => {
     if (log) {
-      const power = Math.round(Math.log10(value));
-      return power >= -2 && power <= 3 ? String(Number(value.toPrecision(1))) : `1e${power}`;
+      const power = Math.floor(Math.log10(value) + 1e-9);
+      return power >= -2 && power <= 3 ? String(Number(value.toPrecision(1))) : `${Math.round(value / Math.pow(10, power))}e${power}`;
     }
     const text = Number(value.toPrecision(6));
     return (Math.abs(text) >= 1e5 ? text.toExponential(0) : String(text)).replace("-", "−");
