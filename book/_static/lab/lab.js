@@ -119,10 +119,10 @@
     const end = process.end;
     const run = (key, which, share = 1) => ({
       x: { label: "time", range: [0, end * share] }, y: { around: rangeOf(shown, key, which) },
-      lines: shown.map((s) => ({ ...until(signals(s, key, which), key, end * share), kind: s.look, stairs: s.stairs && key === "u" })),
+      lines: shown.map((s) => ({ ...until(signals(s, key, which), key, end * share), kind: s.look, name: s.name, stairs: s.stairs && key === "u" })),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
-    const over = (f) => shown.map((s) => ({ ...along(s.curve, bode.range, f), kind: s.look }));
+    const over = (f) => shown.map((s) => ({ ...along(s.curve, bode.range, f), kind: s.look, name: s.name }));
     const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90);
     const circle = (radius, middle = 0) => ({ x: turn.map((a) => middle + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" });
     const around = (Array.isArray(ms) ? ms : [ms]).filter(Number.isFinite);

@@ -30,7 +30,7 @@
         const asked = { process: PROCESS, controller, end: this.end, load: 1 };
         const calm = simulate({ ...asked, points: 401 });
         const loud = simulateSampled({ ...asked, sampleTime: this.sample / FINE, noise: this.dice });
-        return { look, y: { x: calm.t, y: calm.y }, u: { x: loud.t, y: loud.u } };
+        return { look, kind, y: { x: calm.t, y: calm.y }, u: { x: loud.t, y: loud.u } };
       });
     }
 
@@ -52,7 +52,7 @@
         ],
         handles: [{ x: this.limits[k], y: this.saved[k], label: "Drag: the noise that is allowed", drag }],
       });
-      const lines = (key) => runs.map((run) => ({ ...run[key], kind: run.look }));
+      const lines = (key) => runs.map((run) => ({ ...run[key], kind: run.look, name: run.kind }));
       draw(y, { title: "Output y", x: time, y: { range: [-0.1, 0.85] }, lines: lines("y") });
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;

@@ -171,8 +171,18 @@
     Object.assign(found, { px, py });
     if (found.key !== key) show(found.axes, ...grid({ title, x, y, xRange, yRange, px, py }));
     found.key = key;
+    found.desc.textContent = lines.filter(({ name, by }) => name && !by).map(said).join(" ");
     show(found.inside, ...lines.map((line) => ["path", { class: `lab-line lab-${line.kind}`, d: path(line, px, py) }]));
     showFront(found);
+  }
+
+  /* A line in words, for those who do not see it. */
+  function said({ name, x, y }) {
+    const finite = y.filter(Number.isFinite);
+    if (!finite.length) return "";
+    const top = finite.reduce((a, b) => Math.max(a, b)), low = finite.reduce((a, b) => Math.min(a, b));
+    const three = (v) => named(Math.abs(v) < 1e-3 * (top - low) ? 0 : Number(v.toPrecision(3)), false);
+    return `${name}: from ${three(low)} to ${three(top)}, the most at ${three(x[y.indexOf(top)])}; ${three(finite[finite.length - 1])} at the end.`;
   }
 
   const value = ({ log, start, each }, at) => (log ? Math.pow(10, (at - start) / each) : (at - start) / each);
@@ -257,9 +267,9 @@
     const clip = `pidalab-clip-${++count}`, box = { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
     const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
     alter(svg, ["svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title, class: "lab-plot" },
-      ["defs", {}, ["clipPath", { id: clip }, ["rect", box]]], ["g", {}], ["g", { "clip-path": `url(#${clip})` }], ["g", {}]]);
+      ["defs", {}, ["clipPath", { id: clip }, ["rect", box]]], ["g", {}], ["g", { "clip-path": `url(#${clip})` }], ["g", {}], ["desc", {}]]);
     host.replaceChildren(svg);
-    const [, axes, inside, front] = svg.children, found = { axes, inside, front };
+    const [, axes, inside, front, desc] = svg.children, found = { axes, inside, front, desc };
     hear(host, svg, found);
     return found;
   }
