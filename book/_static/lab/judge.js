@@ -25,10 +25,11 @@
 
   const digits = (x, count = 3) => (Number.isFinite(x) ? String(Number(x.toPrecision(count))) : "without bound");
 
-  /* A number with a point or a comma, or NaN. */
+  /* A number with a point or a comma, or a fraction of two, or NaN. */
   function read(entered) {
     if (typeof entered === "number") return entered;
-    const text = String(entered ?? "").trim().replace("−", "-");
+    const text = String(entered ?? "").trim().replace("−", "-"), [above, below, ...more] = text.split("/");
+    if (below !== undefined && !more.length) return read(above) / read(below);
     return /^[-+]?(\d+([.,]\d*)?|[.,]\d+)(e[-+]?\d+)?$/i.test(text) ? Number(text.replace(",", ".")) : NaN;
   }
 
@@ -151,7 +152,7 @@
   function design(task, given) {
     const facts = factsOf(task, given), shaky = facts.stable();
     if (task.near) {
-      const off = Object.entries(task.near).filter(([name, x]) => !close(given[name], x, task.within)).map(([name]) => name);
+      const off = Object.entries(task.near).filter(([name, x]) => !close(given[name], x, task.within)).map(([name, x]) => `${name} is too ${given[name] < x ? "small" : "large"}`);
       if (off.length) return { right: false, say: [slipOf(task, given, facts) ?? `Not yet: ${off.join(", ")}.`, ...(shaky.length ? ["As entered the loop is unstable."] : [])].join(" ") };
       return { right: true, say: "Right." };
     }
