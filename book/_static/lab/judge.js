@@ -11,7 +11,8 @@
            number of derivatives; rule, a rule of the lab, makes the gains. u0 limits u, with backward differences every h and
            the tracking time Tt; sampled: the loop of a digital controller with a sample every h
    fields  names of what is entered
-   of, within   fact that is asked for, and share of it by which an answer may differ; a closed form is its `value`
+   of, within   fact that is asked for, and share of it by which an answer may differ; a closed form is its `value`; `first` is
+           what to begin with, said to an answer that no slip explains
    limits, least   what facts are at most, and at least; near: numbers that fields are near to
    slips   of a wrong answer, what is behind it: {of or value or given or when, word} */
 (globalThis.pidalabScripts ??= []).push(function () {
@@ -21,7 +22,7 @@
 
   const SLACK = 1.003; // answers are printed in three digits
   const POINTS = 2001;
-  const LARGEST = 1e6, SMALLEST = 1e-6;
+  const LARGEST = 1e6, SMALLEST = 1e-6, FAR = 20;
 
   const digits = (x, count = 3) => (Number.isFinite(x) ? String(Number(x.toPrecision(count))) : "without bound");
 
@@ -107,11 +108,11 @@
     iaeSetpoint: ["IAE", "too slow", "less than can be"],
     overshoot: ["overshoot", "the integral forgets too late", ""],
     dm: ["delay margin", "it bears more dead time than asked", "it bears too little dead time"],
-    saving: ["saving by acceleration", "it still pays", "it pays less than that"],
+    saving: ["saving by acceleration", "acceleration still saves too much", "it saves less than that"],
   };
   const plantWords = (name) => (name.includes(".") ? `on ${name.split(".")[0]}, ` : "");
   const factWords = (name) => (WORDS[name.split(".").pop()] ?? [name, "too large", "too small"]);
-  const shown = (name, x) => (name.endsWith("saving") ? `${digits(100 * x)} %` : name.endsWith("overshoot") ? `${digits(x, 2)} %` : digits(x));
+  const shown = (name, x) => (name.endsWith("saving") ? `${Number((100 * x).toFixed(1)) || 0} %` : name.endsWith("overshoot") ? `${digits(x, 2)} %` : digits(x));
 
   const tells = (facts, name) => `${plantWords(name)}${factWords(name)[0]} ${shown(name, facts.of(name))}`;
 
@@ -146,7 +147,9 @@
     const facts = task.plant ? factsOf(task, given) : null, key = task.value ?? facts.of(task.of), { answer } = given;
     const right = task.error === undefined ? close(answer, key, task.within) : Math.abs(answer - key) <= task.error;
     if (right) return { right, say: `Right: ${digits(task.error === undefined ? key : Number(key.toFixed(3)))}.` };
-    return { right, say: slipOf(task, given, facts) ?? (answer < key ? "Too small." : "Too large.") };
+    const far = key && (Math.abs(answer) > FAR * Math.abs(key) || Math.abs(answer) < Math.abs(key) / FAR) ? "Far too" : "Too";
+    const off = answer * key < 0 || (key && !answer) ? `It is ${key > 0 ? "above" : "below"} 0.` : `${far} ${answer < key ? "small" : "large"}.`;
+    return { right, say: slipOf(task, given, facts) ?? `${off}${task.first ? ` ${task.first}` : ""}` };
   }
 
   function design(task, given) {
@@ -158,6 +161,7 @@
     }
     if (task.edge) {
       const at = (share) => factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0;
+      if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable by too much of it: with less it is stable." };
       if (!at(1.03)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: more of it is needed." };
       if (at(0.97)) return { right: false, say: slipOf(task, given, facts) ?? "Stable, and stable with less, too." };
       return { right: true, say: "Right: a little less, and the loop is unstable." };
@@ -205,14 +209,14 @@
     const numbers = {};
     for (const name of task.kind === "number" ? ["answer"] : task.kind === "design" ? task.fields : []) {
       const x = read(given[name]), label = name === "answer" ? "The answer" : name;
-      if (!Number.isFinite(x)) return `${label} is to be a number, such as 1.5 or 1,5; found “${String(given[name] ?? "").trim()}”.`;
+      if (!Number.isFinite(x)) return `${label} is to be a number, such as 1.5, 1,5 or 3/2; found “${String(given[name] ?? "").trim()}”.`;
       if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} is to be above 0 and at most a million; found ${x}.`;
       numbers[name] = x;
     }
     if (task.sample && numbers.Tf < task.sample) return `Tf is to be at least ${task.sample}, the time between two samples of the noise; found ${numbers.Tf}.`;
     if (task.kind === "choice" && !task.options[given.choice]) return "Choose one of them.";
-    if (task.reasons && !task.reasons[given.reason]) return "Choose a reason.";
     if (task.kind === "order" && new Set(given.order.filter((k) => task.items[k])).size < task.items.length) return "Give each of them one place.";
+    if (task.reasons && !task.reasons[given.reason]) return "Choose a reason.";
     return numbers;
   }
 
