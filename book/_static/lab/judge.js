@@ -116,6 +116,8 @@
 
   const tells = (facts, name) => `${plantWords(name)}${factWords(name)[0]} ${shown(name, facts.of(name))}`;
 
+  const CALMER = { kp: "less gain", ti: "a longer integral time", Tf: "another filter time", sensor: "a faster sensor", h: "a shorter sample time" };
+
   const upper = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
   /* A sentence for each limit that is missed. */
@@ -147,20 +149,23 @@
     const facts = task.plant ? factsOf(task, given) : null, key = task.value ?? facts.of(task.of), { answer } = given;
     const right = task.error === undefined ? close(answer, key, task.within) : Math.abs(answer - key) <= task.error;
     if (right) return { right, say: `Right: ${digits(task.error === undefined ? key : Number(key.toFixed(3)))}.` };
-    const far = key && (Math.abs(answer) > FAR * Math.abs(key) || Math.abs(answer) < Math.abs(key) / FAR) ? "Far too" : "Too";
-    const off = answer * key < 0 || (key && !answer) ? `It is ${key > 0 ? "above" : "below"} 0.` : `${far} ${answer < key ? "small" : "large"}.`;
+    const none = Math.abs(key) <= (task.error ?? 0); // the answer is 0
+    const far = !none && (Math.abs(answer) > FAR * Math.abs(key) || Math.abs(answer) < Math.abs(key) / FAR) ? "Far too" : "Too";
+    const off = !none && answer * key <= 0 ? `It is ${key > 0 ? "above" : "below"} 0.` : `${far} ${answer < key ? "small" : "large"}.`;
     return { right, say: slipOf(task, given, facts) ?? `${off}${task.first ? ` ${task.first}` : ""}` };
   }
 
   function design(task, given) {
-    const facts = factsOf(task, given), shaky = facts.stable();
+    const facts = factsOf(task, given), shaky = task.edge ? [] : facts.stable();
     if (task.near) {
       const off = Object.entries(task.near).filter(([name, x]) => !close(given[name], x, task.within)).map(([name, x]) => `${name} is too ${given[name] < x ? "small" : "large"}`);
       if (off.length) return { right: false, say: [slipOf(task, given, facts) ?? `Not yet: ${off.join(", ")}.`, ...(shaky.length ? ["As entered the loop is unstable."] : [])].join(" ") };
       return { right: true, say: "Right." };
     }
     if (task.edge) {
-      const at = (share) => factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0;
+      const at = (share) => { // what is too wild to follow is not stable
+        try { return factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0; } catch { return false; }
+      };
       if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable by too much of it: with less it is stable." };
       if (!at(1.03)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: more of it is needed." };
       if (at(0.97)) return { right: false, say: slipOf(task, given, facts) ?? "Stable, and stable with less, too." };
@@ -168,7 +173,7 @@
     }
     if (shaky.length && !task.search) {
       const where = facts.names.length ? ` on ${shaky.join(" and ")}` : "";
-      return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with less gain, or a longer integral time.` };
+      return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with ${task.fields.map((name) => CALMER[name]).filter(Boolean).join(", or ") || "another value"}.` };
     }
     const over = missed(task, facts), names = [...new Set([...Object.keys(task.limits ?? {}), ...Object.keys(task.least ?? {})])];
     if (!over.length) return { right: true, say: `Right. ${upper(names.map((name) => tells(facts, name)).join(", "))}.` };
