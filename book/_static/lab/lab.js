@@ -682,7 +682,7 @@
       const { fair, sampled, noiseLimit, designs, own, plant, record } = this.state, said = [], noise = mks * Math.abs(gainOf(this.process));
       if (!bears) said.push("no end of the error: a unit load takes u to −1, beyond these limits");
       if (fair && stable && !sampled && design.rule === "hand" && designs.length > 1 && (ms > 1.02 * this.state.ms || noise > 1.02 * noiseLimit))
-        said.push(`by hand: Ms ${digits(ms)} and noise ${digits(noise)}, not ${digits(this.state.ms)} and ${digits(noiseLimit)} as the others`);
+        said.push(`by hand: Ms ${digits(ms)} and noise ${digits(noise)}, where at most ${digits(this.state.ms)} and ${digits(noiseLimit)} are fair`);
       if (fair && stable && !sampled && design.rule !== "hand" && noise < 0.98 * noiseLimit) said.push(`makes no use of more noise: ${digits(noise)} of ${digits(noiseLimit)}`);
       const known = [own.t1, own.t2, own.t3].filter(Boolean).length + own.integrating;
       if (plant === "own" && record && known <= ORDER[design.kind]) said.push(`the model has ${known} pole${known === 1 ? "" : "s"}, and a ${design.kind} acts on dynamics beyond ${known === 1 ? "it" : "them"}, which are not known`);
