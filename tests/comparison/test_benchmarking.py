@@ -103,7 +103,9 @@ def test_from_the_command_line(tmp_path):
     ]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.output
-    assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == [".csv", ".svg", ".tex"]
+    files = {path.suffix: path for path in (tmp_path / "out").iterdir()}
+    assert sorted(files) == [".csv", ".svg", ".tex"]
+    assert set(pd.read_csv(files[".csv"])["plant"]) == {PLANTS[0]}
     refused = CliRunner().invoke(
         main, ["benchmark", f"{rule}:absent", "--plant", PLANTS[0], "--workers", "1"]
     )
