@@ -104,6 +104,39 @@ def test_simulate_is_the_engine(tmp_path):
     assert "largest |u| 1.1" in limited.stdout
 
 
+def test_compare_judges_the_rules_that_are_named_and_else_all(monkeypatch):
+    asked = []
+
+    def judged(process, **options):
+        asked.append((process, options))
+        return "a table"
+
+    monkeypatch.setattr("pidalab.comparison.compare", judged)
+    plant = ("compare", "--num", "2", "--den", "1,3,3,1", "--delay", 1)
+    assert run(*plant, "--rule", "simc", "--rule", "optimal", "--ms", 1.4).stdout == "a table\n"
+    assert run(*plant, "--noise-gain", 3, "--sample-time", 0.1).exit_code == 0
+    (process, first), (_, second) = asked
+    assert (process.num.tolist(), process.den.tolist(), process.delay) == ([2.0], [1.0, 3.0, 3.0, 1.0], 1.0)
+    assert first == {"rules": ("simc", "optimal"), "ms": 1.4, "noise_gain": 10.0, "sample_time": 0.01}
+    assert second == {"rules": None, "ms": 1.6, "noise_gain": 3.0, "sample_time": 0.1}
+
+
+def test_benchmark_asks_for_the_plants_that_are_named_and_else_for_all(monkeypatch, tmp_path):
+    (tmp_path / "rule.py").write_text("def tune(process): return None\n", encoding="utf-8")
+    asked = []
+
+    def judged(rule, name, model, plants, executor):
+        asked.append((rule.__name__, name, model, plants))
+        raise ValueError("that is all")
+
+    monkeypatch.setattr("pidalab.comparison.benchmarking.benchmark", judged)
+    command = ("benchmark", f"{tmp_path / 'rule.py'}:tune", "--model", "first_order")
+    assert run(*command, "--plant", "P2 T=1", "--plant", "P4 n=4").exit_code == 1
+    assert run(*command, "--name", "mine").exit_code == 1
+    first = ("tune", None, "first_order", ("P2 T=1", "P4 n=4"))
+    assert asked == [first, ("tune", "mine", "first_order", None)]
+
+
 def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
     report = pidalab.report  # taken before its home is patched, wherever it was first used
 

@@ -122,7 +122,10 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        if way > max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels))) and last > SLOWED * way:
+        # step by step, and one step in a few samples: so rounding hides the turn of a slow oscillation
+        crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
+        enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
+        if way > enough and last > SLOWED * way and not crept:
             found.append((int(known[first]), int(known[after - 1])))
     return found
 
