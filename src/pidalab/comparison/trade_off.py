@@ -10,13 +10,14 @@ from functools import partial
 from typing import NamedTuple
 
 from pidalab import _check
+from pidalab._names import KINDS
 from pidalab._parts import done, require_executor
 from pidalab._table import set_out
 from pidalab.comparison import designs, first_horizon
 from pidalab.comparison.judging import DesignRow, measure_row
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
-from pidalab.rules.registry import KINDS, ORDER, RuleLimits
+from pidalab.rules.registry import ORDER, RuleLimits
 
 SHARES = (0.1, 0.25, 0.6, 1.5, 3.0)  # of the ultimate gain: limits of noise
 SAMPLES = 100  # of the noise in an ultimate period

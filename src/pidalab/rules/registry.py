@@ -275,7 +275,7 @@ RULES: dict[str, Rule] = {
         Rule(
             "migo",
             "Åström and Hägglund (2004), MIGO",
-            _from("process", "PI", "PID"),
+            _same_model("process", "PI", "PID"),
             _migo,
             compared=False,
             knows_ms=True,
