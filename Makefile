@@ -60,8 +60,9 @@ lint: $(DEV)  ## style and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(DEV) $(SITE)  ## time and error beside other libraries and what the lab costs, for the page on speed (9 minutes)
+bench: $(DEV) $(SITE)  ## time and error beside other libraries and what the lab costs, for the page on speed (13 minutes)
 	$(BIN)/python -m benchmarks.run
+	$(BIN)/python -m benchmarks.editions
 
 studies: $(DEV)  ## compare all rules on 134 plants, and find the frontier (stops and resumes)
 	$(BIN)/python studies/comparison.py

@@ -202,7 +202,7 @@ def least(model, test, start, ms=math.inf, sharp=1e-3):
     x = np.log([start.kc, start.tau_i, start.tau_d, start.tau_a])
     for size in (0.15, 0.03):
         options = {"initial_simplex": np.vstack([x, x + size * np.eye(4)])}
-        options |= {"xatol": sharp, "fatol": 1e-2 * sharp, "maxfev": 4000}
+        options |= {"xatol": sharp, "fatol": 1e-2 * sharp}
         found = minimize(cost, x, method="Nelder-Mead", options=options)
         x = succeeded(found, "the least ITAE").x
     return controller(x)

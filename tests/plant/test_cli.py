@@ -11,8 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
+from pidalab.controllers.vendor import FIRMWARE
 from pidalab.digital import from_json
 from pidalab.plant.cli import main
+from pidalab.plant.cli.checking import FIRMWARE_NAMES
 
 ROOT = Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("plant_record", ROOT / "studies" / "plant_record.py")
@@ -41,13 +43,14 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
     record, tmp_path
 ):
     columns = ("--time", "time", "--u", "valve", "--y", "temperature")
-    limits = ("--u-min", 0, "--u-max", 100)
+    limits = ("--u-min", 0, "--u-max", 100, "--full-output", 100)
     result = run(
         "tune", record, *columns, "--kind", "PIDA", "--ms", 1.6, "--sample-time", 0.2, *limits, "--out", tmp_path
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
         assert said in result.stdout
+    assert "klipper:  no such form: these blocks have no acceleration term" in result.stdout
     worst = float(re.search(r"worst Ms: (\S+)", result.stdout)[1])
     controller = from_json((tmp_path / "controller.json").read_text(encoding="utf-8"))
     assert pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst <= 2.0
@@ -148,7 +151,12 @@ def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
     assert "<svg" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_check_judges_the_gains_of_a_log(tmp_path):
+@pytest.mark.parametrize(
+    "gains",
+    [("--kp", 0.6, "--ti", 12), ("--firmware", "klipper", "--kp", 0.6 * 255, "--ki", 0.05 * 255)],
+    ids=["times", "klipper"],
+)
+def test_check_judges_the_gains_of_a_log(tmp_path, gains):
     running = pidalab.PIDA(kp=0.6, ti=12.0)
     loop = pidalab.Loop(pidalab.fopdt(2.0, 12.0, 4.0), running.discretise(1.0))
     t = np.arange(150.0)
@@ -156,9 +164,7 @@ def test_check_judges_the_gains_of_a_log(tmp_path):
     log = pidalab.simulate_sampled(loop, t, setpoint=np.where(t < 20, 0.0, 1.0), noise=noise)
     path = tmp_path / "log.csv"
     np.savetxt(path, np.column_stack([t, log.u, log.y + noise]), delimiter=",", header="t,u,y", comments="")
-    result = run(
-        "check", path, "--kp", 0.6, "--ti", 12, "--sample-time", 1, "--filter", 0.5, "--model", "fopdt"
-    )
+    result = run("check", path, *gains, "--sample-time", 1, "--filter", 0.5, "--model", "fopdt")
     assert result.exit_code == 0, result.output
     low, high = map(float, re.search(r"these gains: Ms \S+; (\S+) to (\S+) with", result.stdout).groups())
     filtered = pidalab.Loop(loop.process, running, pidalab.fopdt(1.0, 0.5, 0.0))
@@ -166,6 +172,15 @@ def test_check_judges_the_gains_of_a_log(tmp_path):
     for name in ("now", "best like it", "calmer", "same noise", "faster"):
         assert re.search(rf"^  {name} ", result.stdout, flags=re.MULTILINE)
     assert run("check", path, "--kp", -0.6, "--ti", 12, "--model", "fopdt").exit_code == 1
+    # as the firmware writes them, beside the sets as times
+    firmware = re.findall(
+        r"^  (now|faster) .*pid_Kp = \S+, pid_Ki = \S+, pid_Kd", result.stdout, re.MULTILINE
+    )
+    assert firmware == (["now", "faster"] if "klipper" in gains else [])
+    assert tuple(FIRMWARE) == FIRMWARE_NAMES
+    both = run("check", path, "--firmware", "klipper", "--kp", 0.6, "--ti", 12)
+    assert both.exit_code == 2
+    assert "or --firmware with --kp, --ki" in both.output
 
 
 def test_an_unsafe_design_is_refused_and_nothing_is_written(record, tmp_path):

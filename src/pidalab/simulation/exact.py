@@ -64,10 +64,9 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     >>> unit_step_responses(square, np.arange(6) * 0.5, "r")[0, 0].tolist()
     [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     """
-    from pidalab.simulation.ladder import responses  # compiled code: loaded when it is needed
-    from pidalab.simulation.realisation import cut_at_delay
+    from pidalab.simulation.digits import checked_responses  # compiled code: loaded when it is needed
 
-    unit = responses(cut_at_delay(loop, inputs), t.size, t[-1] / (t.size - 1))
+    unit = checked_responses(loop, inputs, t.size, t[-1] / (t.size - 1))
     if not np.isfinite(unit).all():
         lost = ~np.isfinite(unit).all(axis=(0, 1))
         raise ValueError(

@@ -2,14 +2,22 @@
 
 A stack is a row of states, oldest first: the states now at its end, those of one dead time ago before them.
 
-How much is remembered, and why that is enough. An element of reach R makes the states of age a out of those of the
+How much is remembered, and what bounds the rest. An element of reach R makes the states of age a out of those of the
 ages a to a + R - 1, and of no others. So who wants the youngest m ages after it needs the youngest m + R - 1 before it,
 and may forget the rest without any error. Every stack here is cut by this rule, backwards from what the outputs read:
 each element that is still to be applied adds its reach less 1, up to the beginning of time, before which all states
-are 0; where one is applied many times, the rungs whose product that is count in its place. The one thing that is left
-out are the last coefficients of an element, those below `DROPPED` of its largest, and the same share of what an output
-reads. A filter that remembers farther inside a dead time than across a whole one (its rungs reach 54 where the whole
+are 0. A filter that remembers farther inside a dead time than across a whole one (its rungs reach 54 where the whole
 reaches 16) makes long stacks, not wrong ones.
+
+Where one rung is to be applied r times, its reach does not count r times. The binary digits of r say which higher rungs
+have the same product, and the reaches of those count. They are shorter than r times the lower one, since each lost its
+last coefficients when it was formed: those below `DROPPED` of its largest. So a stack that is cut by them lacks, at the
+end, only what those coefficients would have made of its oldest states. Outputs leave out the same share of what they
+read. In all, what is missing is at most `DROPPED`, times the number of rungs, times the largest coefficient of a rung,
+times what the others make of it, times the largest old state, in the balanced units of the states. Where nothing is
+much louder than what is asked for, that is far below rounding; where coefficients or states are 1e10 times as large,
+rounding, 1e10 times as large as this share, takes the digits first, and `pidalab.simulation.digits` looks at what is
+left. It does not see what is left out here, as other units leave out the same.
 """
 
 from __future__ import annotations
@@ -29,11 +37,6 @@ LONGEST_RUN = 8  # logarithm to base 2 of the requested times served from one st
 # logarithm to base 2 of the lowest rungs that a series spans when a stack is carried: a longer series is cheaper than
 # three rungs, and its terms, up to e^4 in units of the states, cost less than two digits
 SERIES = 3
-# Beyond this many time constants of the fastest state in a dead time, or in t, what it does may cancel: the response is
-# computed twice. Up to there rounding, 1e-16 for each, stays below 1e-11.
-STIFF = 1e5
-AGREEMENT = 3e-10  # of both, relative to the largest value of a signal: nine digits are promised
-FLANK = 60.0  # time constants of the fastest state that a kick lasts
 BLOCK = 64  # dead times whose derivatives are kept beside those that a stack reads
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
@@ -42,57 +45,38 @@ class ManyDeadTimes(ValueError):
     """More dead times than can be followed one after the other."""
 
 
-def responses(cut: Cut, n: int, step: float) -> Array:
-    """Values of y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n)."""
-    spanned = (n - 1) * step / cut.delay if cut.delay else 0.0
-    if not spanned * cut.x0.shape[0] < MAX_ANCHORS:
-        raise ManyDeadTimes(_too_many(spanned))
-    # a time as close to a multiple of the dead time as rounding is that multiple
-    intervals = int(spanned * (1.0 + 8.0 * np.finfo(float).eps))
-    norm = _norm(cut, intervals)
+def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
+    """Values of y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n).
+
+    The norm, that of `norm_over` or a larger one, says how short the lowest rung of the ladder is.
+    """
+    intervals = _intervals(cut, n, step)
     result, depth, status = _responses(*cut, step, n, intervals, norm)
     if status == TOO_LARGE:
         raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
     if status == TOO_MANY:
-        raise ManyDeadTimes(_too_many(spanned))
+        raise ManyDeadTimes(_too_many((n - 1) * step / cut.delay))
     if status == TOO_DEEP:
         raise ValueError(
             f"the loop still remembers what happened {depth} dead times ago (|L| is near 1 or above at "
             f"infinite frequency), which can be followed over {MAX_STACK // cut.x0.shape[0]} dead times and not "
-            f"over {spanned:.0f}; shorten t"
+            f"over {(n - 1) * step / cut.delay:.0f}; shorten t"
         )
-    if norm * min(cut.delay or np.inf, (n - 1) * step) > STIFF:
-        _require_digits(cut, step, result, _responses(*cut, step, n, intervals, 2.0 * norm)[0])
     return result
 
 
-def _require_digits(cut: Cut, step: float, result: Array, again: Array) -> None:
-    """Raise where rounding has taken digits: there a ladder that begins one rung lower gives another response.
-
-    What cancels on the way depends on the loop, so no bound on its speeds tells; but each rung rounds anew, and two
-    ladders that agree to nine digits did not lose eight of sixteen. Times in the flank of a kick, just after a multiple
-    of the dead time, are not compared: a value there has the digits of its time, and the height is not on the grid.
-    """
-    fastest = max(float(np.max(np.abs(np.linalg.eigvals(cut.A)))), 1e-300)
-    t = step * np.arange(result.shape[2])
-    since = np.mod(t, cut.delay) if cut.delay else t
-    apart = np.max(np.abs(result - again) * (since > FLANK / fastest), axis=2)
-    size = np.max(np.abs(result), axis=2)
-    if not np.isfinite(apart).all():
-        return  # it left the range of numbers: whoever asked says so
-    lost = apart > AGREEMENT * size
-    if lost.any():
-        channel, signal = np.argwhere(lost)[0]
-        name = ("y", "the integral of y", "u")[signal]
-        raise ValueError(
-            f"rounding leaves {apart[channel, signal] / size[channel, signal]:.1g} of the largest value of "
-            f"{name} uncertain, and {AGREEMENT:.0e} is allowed: the fastest filter or lag of the loop has a time "
-            f"constant of {1 / fastest:.3g}, too short beside the others; take a longer one, or leave it out"
-        )
+def _intervals(cut: Cut, n: int, step: float) -> int:
+    """Return how many dead times end within n times."""
+    spanned = (n - 1) * step / cut.delay if cut.delay else 0.0
+    if not spanned * cut.x0.shape[0] < MAX_ANCHORS:
+        raise ManyDeadTimes(_too_many(spanned))
+    # a time as close to a multiple of the dead time as rounding is that multiple
+    return int(spanned * (1.0 + 8.0 * np.finfo(float).eps))
 
 
-def _norm(cut: Cut, intervals: int) -> float:
-    """Bound the block Toeplitz matrix, over as many ages as there are."""
+def norm_over(cut: Cut, n: int, step: float) -> float:
+    """Bound the block Toeplitz matrix, over as many ages as there are within n times."""
+    intervals = _intervals(cut, n, step)
     through = np.abs(cut.Cv)
     if cut.D.any():
         power = np.abs(cut.D)

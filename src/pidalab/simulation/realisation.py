@@ -8,6 +8,7 @@ slow states directly: as the transfer function of the fast part, evaluated at th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -15,7 +16,8 @@ import numpy as np
 from scipy.linalg.lapack import dgebal
 
 from pidalab._check import Array
-from pidalab.loop import Loop, require_well_posed
+from pidalab.controllers import Fraction
+from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
 from pidalab.statespace import Part, StateSpace, numerator, parallel, realise
 
@@ -57,10 +59,17 @@ class Cut(NamedTuple):
     settling: float  # time for which that part moves after a multiple of the delay
 
 
+class _Blocks(NamedTuple):
+    """What of a loop is realised, in units of its own."""
+
+    blocks: Mapping[str, Fraction]
+    open_loop: Fraction
+    delay: float
+
+
 # Channels of the dead time. The first is the process input, but for what fast parts of the controller add to it; where
 # there are such parts, the error that drives them is the second, and what of them comes through the process the third.
 INPUT, ERROR, RUSH = range(3)
-INTEGRATOR = StateSpace(np.zeros((1, 1)), np.ones(1), np.ones(1), 0.0)
 
 
 class Signal(NamedTuple):
@@ -109,8 +118,10 @@ class _States:
 
 
 @lru_cache(maxsize=64)
-def cut_at_delay(loop: Loop, inputs: str) -> Cut:
+def cut_at_delay(loop: Loop, inputs: str, unit: float = 1.0) -> Cut:
     """Open the loop at its dead time; `inputs` names the step inputs to keep, out of "r", "d", "n".
+
+    The cut has its own units: its time is counted in `unit` times that of the loop, and its u is `unit` times as large.
 
     Raises
     ------
@@ -118,11 +129,35 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
         For a loop that is ill-posed, and one whose coefficients leave the range of numbers.
     """
     require_well_posed(loop)
+    return _cut(_in_unit(loop, unit), inputs, unit)
+
+
+def fastest_pole(loop: Loop) -> float:
+    """Return the speed of the fastest pole of all blocks."""
+    return max(float(np.max(np.abs(roots(den)), initial=0.0)) for _, den in loop.blocks.values())
+
+
+def _in_unit(loop: Loop, unit: float) -> _Blocks:
+    def scaled(polynomial: Array) -> Array:
+        return polynomial * unit ** np.arange(1.0 - polynomial.size, 1.0)
+
+    def both(fraction: Fraction) -> Fraction:
+        return scaled(fraction[0]), scaled(fraction[1])
+
+    if unit == 1.0:
+        return _Blocks(loop.blocks, loop.open_loop, loop.process.delay)
+    blocks = {name: both(block) for name, block in loop.blocks.items()}
+    for name, factor in (("controller", unit), ("process", 1.0 / unit)):
+        blocks[name] = factor * blocks[name][0], blocks[name][1]
+    return _Blocks(blocks, both(loop.open_loop), loop.process.delay / unit)
+
+
+def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
     parts, direct = parallel(*control)
     slow = _slow_parts(loop, parts, STIFF)
-    apart = slow < len(parts) and _sends_little(loop, float(np.min(np.abs(parts[slow].poles))), direct)
+    apart = slow < len(parts) and _sends_little(loop, parts[slow:], direct)
     if not apart:
         slow = _slow_parts(loop, parts, FASTER)
     fast = parts[slow:]
@@ -139,7 +174,7 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
         # what the fast part does to the process in the long run: that part, evaluated at the matrix of the process
         states.B[len(inputs) : states.used, ERROR] = _times_function(process.b, process.A.T, *rest)
         y.direct[RUSH] = 1.0
-    area = states.append_series(INTEGRATOR, y)
+    area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
     filtered = states.append_series(prefilter, Signal(r, np.zeros(channels)), prefilter.d)
     error, driving = Signal(filtered.row - y.row - n, -y.direct), states.used
     u_row = np.zeros(size) if fast else direct * error.row
@@ -164,23 +199,23 @@ def cut_at_delay(loop: Loop, inputs: str) -> Cut:
         Cv, D = np.stack([u_slow + d, error.row, rush]), np.zeros((channels, channels))
         D[ERROR] = error.direct
         own = slice(slow_states)
-        settled = np.zeros((SETTLED_AGES if loop.process.delay else 1, size))
+        settled = np.zeros((SETTLED_AGES if loop.delay else 1, size))
         settled[:, own] = _times_ring_function(
             error.row[own],
             error.direct,
             (A[own, own], B[own], Cv[:, own], D),
             *rest,
-            bool(loop.process.delay),
+            bool(loop.delay),
         )
         settled[0] += u_slow
         settling = FADED_AWAY / float(np.min(np.abs(fast[0].poles)))
-    if not loop.process.delay:  # close the loop at once: W = Cv x + D W
+    if not loop.delay:  # close the loop at once: W = Cv x + D W
         W = np.linalg.solve(np.eye(channels) - D, Cv)
         A, C = A + B @ W, C + shares @ W
         B, Cv, D, shares = np.zeros_like(B), np.zeros_like(Cv), np.zeros_like(D), np.zeros_like(shares)
     if not all(np.isfinite(x).all() for x in (A, B, C)):
         raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
-    return _balanced(Cut(A, B, Cv, D, C, shares, states.x0, loop.process.delay, settled, settling))
+    return _balanced(Cut(A, B, Cv, D, C, shares, states.x0, loop.delay, settled, settling))
 
 
 def _balanced(cut: Cut) -> Cut:
@@ -204,18 +239,25 @@ def _balanced(cut: Cut) -> Cut:
     )
 
 
-def _sends_little(loop: Loop, speed: float, direct: float) -> bool:
-    """Whether the fast part, a kick as high as its direct part and then nothing, sends little through the process.
+def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float) -> bool:
+    """Whether what fast parts make of a jump sends little through the process: a kick, and then nothing.
 
-    Then its kicks are kept out of the process: as far as 1e8 times its answer they would cancel there.
+    Then their kicks are kept out of the process: as far as 1e8 times its answer they would cancel there. The height of
+    a kick is the direct part, or behind a filter what the controller makes of a signal as fast as the parts.
     """
-    fastest = _fastest_driving(loop)
-    if not speed > VERY_STIFF * fastest or len(loop.blocks["process"][0]) == len(loop.blocks["process"][1]):
+    speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
+    speed = min(speeds)
+    if not speed > VERY_STIFF * _fastest_driving(loop):
         return False
-    process = abs(
-        np.polyval(loop.blocks["process"][0], 1j * speed) / np.polyval(loop.blocks["process"][1], 1j * speed)
-    )
-    return bool(process * abs(direct) < SENDS_LITTLE)
+    process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])
+    if len(process[0]) == len(process[1]):
+        return False
+    kick = max(abs(direct), *(abs(_ratio(control, 1j * x) * _ratio(output_filter, 1j * x)) for x in speeds))
+    return bool(abs(_ratio(process, 1j * speed)) * kick < SENDS_LITTLE)
+
+
+def _ratio(block: tuple[Array, Array], s: complex) -> Any:
+    return _value(block[0], s) / _value(block[1], s)
 
 
 def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
@@ -260,11 +302,11 @@ def _times_ring_function(
     return value.real
 
 
-def _poles(loop: Loop, block: str) -> Array:
+def _poles(loop: _Blocks, block: str) -> Array:
     return roots(loop.blocks[block][1])
 
 
-def _slow_parts(loop: Loop, parts: tuple[Part, ...], factor: float) -> int:
+def _slow_parts(loop: _Blocks, parts: tuple[Part, ...], factor: float) -> int:
     """Count the parts of the controller that are not so many times faster than all that drives them."""
     fastest = _fastest_driving(loop)
     num, den = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
@@ -280,7 +322,7 @@ def _value(polynomial: Array, s: complex) -> Any:
     return np.complex128(value)
 
 
-def _fastest_driving(loop: Loop) -> float:
+def _fastest_driving(loop: _Blocks) -> float:
     """Return the speed of the fastest state that drives the controller."""
     return max(float(np.max(np.abs(_poles(loop, name)), initial=0.0)) for name in ("process", "prefilter"))
 
