@@ -178,6 +178,20 @@ def test_files_can_be_read_in_one_sitting(path):
     assert without_docstrings(path) <= LONGEST
 
 
+def test_a_constant_is_bound_once():
+    """One meaning a name: a second binding in the same module silently changes what was written for the first."""
+    for module, path in MODULES.items():
+        names = [
+            name.id
+            for node in ast.parse(path.read_text(encoding="utf-8")).body
+            if isinstance(node, ast.Assign | ast.AnnAssign)
+            for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+            for name in ast.walk(target)
+            if isinstance(name, ast.Name) and name.id.isupper()
+        ]
+        assert len(set(names)) == len(names), module
+
+
 def test_a_quick_import():
     """Who only wants the ledger, or a process, does not wait for what takes long to import, nor for the wing."""
     heavy = ["control", "matplotlib", "numba", "pandas", "scipy"]

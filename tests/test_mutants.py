@@ -44,6 +44,19 @@ def test_places_are_drawn_outside_types_and_give_programs():
     assert not any("TYPE_CHECKING" in one.was for one in drawn if one)
 
 
+def test_a_sample_can_be_of_some_modules_or_folders_alone():
+    """Whole names count: plant/record is no beginning of plant/recorded."""
+    assert mutants.chosen_modules([]) == mutants.modules()
+    assert mutants.chosen_modules(["plant/safety"]) == [Path("plant/safety.py")]
+    both = mutants.chosen_modules(["simulation/ring", "plant/cli"])
+    assert Path("simulation/ring.py") in both
+    assert {mutants.room_of(path) for path in both} == {"simulation", "plant/cli"}
+    assert len(both) == 1 + len(mutants.chosen_modules(["plant/cli"]))
+    for name in ("plant/saf", "plant/safety.py", "none"):
+        with pytest.raises(SystemExit, match=f"no module or folder '{name}'"):
+            mutants.chosen_modules([name])
+
+
 def test_a_changed_copy_passes_what_does_not_see_the_change_and_fails_what_does(tmp_path, monkeypatch):
     (tmp_path / "pidalab").symlink_to(mutants.SRC / "pidalab")
     monkeypatch.setattr(mutants, "tests_of", lambda _: [SERIES])
@@ -52,6 +65,8 @@ def test_a_changed_copy_passes_what_does_not_see_the_change_and_fails_what_does(
     text = TEXT.replace("1 / divisor", "2 / divisor")
     mutant = mutants.Mutant(ALGEBRA, "", "1 / divisor", "2 / divisor", text)
     assert mutants.outcome(tmp_path, mutant, 100.0) == "killed elsewhere"
+    for others, result in (([], "survived"), ([SERIES], "survived"), ([SCALED], "killed elsewhere")):
+        assert mutants.outcome(tmp_path, mutant, 100.0, others) == result
 
 
 def test_a_module_without_tests_of_its_own_is_not_killed_by_that(tmp_path):

@@ -6,7 +6,11 @@ the module's room run first, and its doctests; what they do not notice meets all
 
     python tools/mutants.py 70 --seed 1
 
-The same seed draws the same sample, as long as the library does not change.
+The same seed draws the same sample, as long as the library does not change. Some modules or folders can be drawn from
+alone, and what the room does not notice can meet a few files instead of all others, which takes minutes each:
+
+    python tools/mutants.py 24 --only simulation/ladder simulation/ring --others tests/test_compiled.py
+    python tools/mutants.py 14 --only plant/safety --others --jobs 1
 
 Each mutant is a copy of the library with the machine code of its other folders; numba compiles that of the changed
 folder anew, as the file has another time. The table book/data/mutants.csv keeps what came out: killed by the tests of
@@ -188,10 +192,22 @@ def changed(module: Path, function: str, change: Change) -> Mutant | None:
     return Mutant(module, function, was, re.sub(r"(?<=[(\[]) ", "", becomes), new)
 
 
-def sample(number: int, seed: int) -> list[Mutant]:
-    """Draw places, and a change of each."""
+def chosen_modules(names: list[str]) -> list[Path]:
+    """Choose among the files that are changed: all without names, else those that are, or lie in, what is named."""
+    every = modules()
+    inside = {
+        name: [one for one in every if f"{one.with_suffix('')}/".startswith(f"{name}/")] for name in names
+    }
+    for name, found in inside.items():
+        if not found:
+            raise SystemExit(f"--only: no module or folder {name!r}, such as plant/safety or simulation/ring")
+    return [one for one in every if not names or any(one in found for found in inside.values())]
+
+
+def sample(number: int, seed: int, among: list[Path]) -> list[Mutant]:
+    """Draw places of modules, and a change of each."""
     chance = random.Random(seed)
-    every = [(module, *place) for module in modules() for place in places(module)]
+    every = [(module, *place) for module in among for place in places(module)]
     print(f"{len(every)} places", flush=True)
     drawn = (
         changed(module, name, chance.choice(some)) for module, name, some in chance.sample(every, len(every))
@@ -218,8 +234,8 @@ def run(source: Path, paths: list[str], seconds: float) -> bool:
     return passed
 
 
-def outcome(base: Path, mutant: Mutant, seconds: float) -> str:
-    """Try a mutant in a copy of its own."""
+def outcome(base: Path, mutant: Mutant, seconds: float, later: list[str] | None = None) -> str:
+    """Try a mutant in a copy of its own; what its room does not notice meets all other tests, or those given."""
     own = tests_of(mutant.module)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "copy"
@@ -228,8 +244,8 @@ def outcome(base: Path, mutant: Mutant, seconds: float) -> str:
         changed_file.write_text(mutant.text, encoding="utf-8")
         if not run(copy, [*own, str(changed_file)], seconds):
             return KILLED
-        others = [path for path in judges() if path not in own]
-        return SURVIVED if run(copy, [*others, str(copy)], seconds) else ELSEWHERE
+        others = [path for path in judges() if path not in own] + [str(copy)] if later is None else later
+        return SURVIVED if not others or run(copy, others, seconds) else ELSEWHERE
 
 
 def rows() -> dict[Key, Row]:
@@ -265,17 +281,31 @@ def main() -> int:
     )
     parser.add_argument("number", type=int, help="how many")
     parser.add_argument("--seed", type=int, default=1, help="of the sample")
+    parser.add_argument(
+        "--only", nargs="+", default=[], help="modules or folders to draw from", metavar="MODULE"
+    )
+    parser.add_argument(
+        "--others", nargs="*", metavar="FILE", help="what the room does not notice meets these tests, or none"
+    )
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="mutants at a time")
     given = parser.parse_args()
-    chosen = sample(given.number, given.seed)
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
+    among = chosen_modules(given.only)
+    chosen = sample(given.number, given.seed, among)
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(given.jobs) as pool:
         base = Path(folder)
         for package in PACKAGES:
             shutil.copytree(SRC / package, base / package)
         begun = time.monotonic()
-        if not run(base, [*judges(), str(base)], 3600.0):
+        tests = [*judges(), str(base)]
+        if given.others is not None:
+            own = [path for module in among for path in tests_of(module)]
+            tests = [*dict.fromkeys(own), *given.others, *(str(base / place_of(module)) for module in among)]
+        if not run(base, tests, 3600.0):
             raise SystemExit("tests fail without any change, or took an hour")
         seconds = PATIENCE * (time.monotonic() - begun) + COMPILING
-        for mutant, result in zip(chosen, pool.map(lambda x: outcome(base, x, seconds), chosen), strict=True):
+        print(f"{time.monotonic() - begun:.0f} s without any change", flush=True)
+        results = pool.map(lambda x: outcome(base, x, seconds, given.others), chosen)
+        for mutant, result in zip(chosen, results, strict=True):
             print(
                 f"{result}  {mutant.module} {mutant.function}\n  - {mutant.was}\n  + {mutant.becomes}",
                 flush=True,

@@ -49,7 +49,9 @@ NAMING = ("fopdt", "sopdt", "ipdt", "lags", "binomial")  # they only say which p
 LIBRARY = Shaker(
     "pidalab",
     exact=frozenset(f"pidalab.process.{name}" for name in NAMING),
-    fields=frozenset({"t", "times", "step", "h", "sample_time", "span"}),
+    fields=frozenset(
+        {"t", "times", "step", "h", "sample_time", "span", "tracking_gain"}
+    ),  # the last is a share
     whole={"Process": process, "Response": response},
     compiled=frozenset({"compiled", "inlined", "plain"}),
     left=frozenset({"Function", "Tier"}),

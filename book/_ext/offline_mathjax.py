@@ -4,8 +4,8 @@ The package ``sphinx-mathjax-offline`` carries a whole MathJax distribution.
 The book needs one of its combined scripts and the fonts that this script
 loads, about 1.6 MB.
 
-A formula in a line is a box, after which a browser may break the line: the
-mark that follows is tied to it.
+A formula in a line is a box, beside which a browser may break the line: the
+mark that follows, and a bracket before it, are tied to it.
 """
 
 import re
@@ -15,7 +15,8 @@ from pathlib import Path
 
 SCRIPT = "tex-chtml.js"
 FONTS = "output/chtml/fonts/woff-v2"
-MARKED = re.compile(r'(<span class="math notranslate nohighlight">[^<]*</span>[,.;:!?)]+)')
+FORMULA = r'<span class="math notranslate nohighlight">[^<]*</span>'
+MARKED = re.compile(rf"(\({FORMULA}[,.;:!?)]*|{FORMULA}[,.;:!?)]+)")
 
 
 def copy_mathjax(app, exception):
@@ -30,7 +31,7 @@ def copy_mathjax(app, exception):
 
 
 def tie_marks(app, pagename, templatename, context, doctree):
-    """Keep a formula and its comma on one line."""
+    """Keep a formula and its comma, or its bracket, on one line."""
     if "body" in context:
         context["body"] = MARKED.sub(r'<span class="tied">\1</span>', context["body"])
 

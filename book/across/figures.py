@@ -9,7 +9,10 @@ from matplotlib.axes import Axes
 from pidalab import plots
 from pidalab.style import LOOKS
 
+import tables
+
 MARKS = {"PI": "o", "PID": "s", "PIDA": "D", "m = 3": "^"}
+HATCHES = {"PI": "", "PID": "//", "PIDA": "xx"}
 
 
 def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = True) -> None:
@@ -66,8 +69,10 @@ def savings(table: pd.DataFrame, names: list[str], worth: float) -> None:
             ax.plot(iae.index, 100 - 100 * iae[order] / iae[order - 1], label=kind)
         ax.axhline(100 * worth, color="#808080", linestyle=":")
         ax.set(xscale="log", ylim=(-3, 38))
+        ax.set_xticks([0.1, 0.3, 1, 3], ["0.1", "0.3", "1", "3"], minor=False)
+        ax.set_xticks([], minor=True)
         ax.set_title(name)
-    figure.supxlabel("allowed noise gain (ultimate gains)")
+    figure.supxlabel("allowed noise gain over the ultimate gain")
     figure.supylabel("IAE saved by one derivative more (%)")
     plots.legend(figure, ncols=2)
 
@@ -96,20 +101,28 @@ def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
         ax.grid(visible=False)
     for ax in axes.flat[len(tables) :]:
         ax.set_visible(False)
-    figure.supxlabel("allowed noise gain (ultimate gains)")
+    figure.supxlabel("allowed noise gain over the ultimate gain")
     figure.supylabel(rows)
     figure.colorbar(image, ax=axes, label="IAE saved (%)", shrink=0.7)
 
 
 def chart(table: pd.DataFrame) -> None:
-    """The simplest kind of controller that is good enough, over the plant's roll-off and the allowed noise."""
-    figure, ax = plt.subplots(figsize=(6.4, 4.2))
-    for kind in ("PI", "PID", "PIDA"):
-        rows = table[table["enough"] == kind]
-        ax.plot(rows["rolloff"], rows["noise_limit"], MARKS[kind], markersize=5, label=kind)
-    ax.set(
-        yscale="log",
-        xlabel="roll-off of the plant at its ultimate frequency (order)",
-        ylabel="allowed noise gain (ultimate gains)",
-    )
-    plots.legend(figure, title="simplest that is enough")
+    """How many plants take each kind of controller, over their roll-off: a panel for quiet and one for loud noise."""
+    edges = np.arange(0.0, 2.51, 0.25)
+    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.6), sharex=True, sharey=True)
+    for ax, (terms, limit) in zip(axes, tables.NOISE.items(), strict=True):
+        rows = table[table["noise_limit"] == limit]
+        below = np.zeros(edges.size - 1)
+        for kind, hatch in HATCHES.items():
+            if kind not in set(table["enough"]):
+                continue
+            values = rows.loc[rows["enough"] == kind, "rolloff"].clip(edges[0], edges[-1] - 1e-9)
+            count, _ = np.histogram(values, edges)
+            look = {"color": LOOKS[kind]["color"], "hatch": hatch, "edgecolor": "#ffffff", "linewidth": 0.5}
+            ax.bar(edges[:-1], count, np.diff(edges), below, align="edge", label=kind, **look)
+            below += count
+        ax.set_title(f"noise {terms}: a noise gain of {limit:g} ultimate gains")
+        ax.set_ylabel("plants")
+        ax.grid(axis="x", visible=False)
+    axes[1].set_xlabel("roll-off of the plant at its ultimate frequency (order)")
+    plots.legend(figure, title="take")

@@ -68,14 +68,32 @@ def compared(terms: str) -> pd.DataFrame:
     return out.assign(of_kind=out["iae_load"] / out["least_of_kind"], of_best=out["iae_load"] / out["least"])
 
 
+SPELLED = {  # names of the library that are letters, or one of two tests
+    "amigo": "AMIGO",
+    "direct load": "direct search (load)",
+    "direct setpoint": "direct search (set point)",
+    "haalman": "Haalman",
+    "imc": "IMC",
+    "itae load": "ITAE (load)",
+    "itae setpoint": "ITAE (set point)",
+    "mrdp": "multiple pole",
+    "simc": "SIMC",
+}
+
+
 def name(row: Any) -> str:
     """Name of a rule with its kind."""
     return with_kind(row.rule.replace("Ziegler-Nichols", "ZN").replace("automatic reset", "reset"), row.kind)
 
 
 def written(rule: str) -> str:
-    """Name of a rule with its index below the line."""
-    return rule.replace("_1", "₁").replace("_2", "₂")
+    """Name of a rule as a reader knows it, its index below the line."""
+    return SPELLED.get(rule, rule).replace("_1", "₁").replace("_2", "₂")
+
+
+def spelled(table: pd.DataFrame) -> pd.DataFrame:
+    """A table of rules and kinds with the rules as a reader knows them."""
+    return table.rename(index=written, level="rule")
 
 
 def with_kind(rule: str, kind: str) -> str:
@@ -99,7 +117,7 @@ def served() -> pd.DataFrame:
     counted = own.assign(fate=fate).groupby(["rule", "kind"])["fate"].value_counts().unstack(fill_value=0)
     loud = compared("loud")
     reached = loud[loud["iae_load"].notna()].groupby(["rule", "kind"]).size().rename("reaches Ms")
-    return counted.join(reached).fillna(0).astype(int)
+    return spelled(counted.join(reached).fillna(0).astype(int))
 
 
 def ranking(terms: str = "loud") -> pd.DataFrame:
@@ -115,22 +133,21 @@ def ranking(terms: str = "loud") -> pd.DataFrame:
             f"within {NEAR - 1:.0%}": groups["of_kind"].apply(lambda x: (x <= NEAR).mean()),
         }
     )
-    return out.sort_values("of the best of all")
+    return spelled(out.sort_values("of the best of all"))
 
 
 def own_settings() -> pd.DataFrame:
     """Rules as they come: what robustness and noise their authors' settings have, and the worst of a wrong model."""
     own = read("comparison").query("terms == 'own'").dropna(subset=["ms"])
     groups = own.groupby(["rule", "kind"])
-    return pd.DataFrame(
-        {
-            "plants": groups.size(),
-            "Ms": groups["ms"].median(),
-            "Ms, 9 of 10 below": groups["ms"].quantile(0.9),
-            "noise gain": groups["noise_gain"].median(),
-            "unstable if wrong": groups["ms_worst"].apply(lambda x: np.isinf(x).sum()),
-        }
-    )
+    out = {
+        "plants": groups.size(),
+        "Ms": groups["ms"].median(),
+        "Ms, 9 of 10 below": groups["ms"].quantile(0.9),
+        "noise gain": groups["noise_gain"].median(),
+        "unstable if wrong": groups["ms_worst"].apply(lambda x: np.isinf(x).sum()),
+    }
+    return spelled(pd.DataFrame(out))
 
 
 def nearest(terms: str, among: list[str], distance: str) -> pd.DataFrame:

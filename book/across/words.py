@@ -66,17 +66,14 @@ def kind(pid: float, pida: float) -> str:
 
 
 def simplest() -> pd.DataFrame:
-    """For every plant and limit of noise the kind to take: the last whose step pays."""
-    wide = [
-        table.pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
-        for table in (tables.optima(), tables.read("frontier").query("ms_limit == @tables.MS"))
-    ]
-    table = pd.concat(wide)[[0, 1, 2]].dropna()
+    """For each of the plants and both limits of noise the kind to take: the last whose step pays."""
+    found = tables.optima().pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
+    table = found[[0, 1, 2]].dropna()
     enough = [
         kind(pid, pida) for pid, pida in zip(1 - table[1] / table[0], 1 - table[2] / table[1], strict=True)
     ]
     out = table.assign(enough=enough)["enough"].reset_index()
-    return out.merge(tables.read("processes")[["plant", "rolloff", "dead_time"]], on="plant")
+    return out.merge(tables.plants()[["plant", "rolloff", "dead_time"]], on="plant")
 
 
 def nearest() -> pd.DataFrame:

@@ -102,9 +102,9 @@ class Shaker:
             kind: Any = type(value)
             return kind(value * (1 + self._part(key, log(size))))
         if id(value) in seen:
-            return seen[id(value)]
+            return seen[id(value)][0]
         found = self._compound(value, key, seen)
-        seen[id(value)] = found
+        seen[id(value)] = found, value  # kept, so that nothing else gets its number while this goes on
         return found
 
     def _compound(self, value: Any, key: str, seen: dict[int, Any]) -> Any:
@@ -150,7 +150,7 @@ class Shaker:
                     value, lambda one, name: self._walk(one, f"{key}.{name}", seen)
                 )
         found = object.__new__(type(value))
-        seen[id(value)] = found
+        seen[id(value)] = found, value
         for name, one in value.__dict__.items():
             if isinstance(getattr(type(value), name, None), _CachedDoor):
                 continue  # to be found anew

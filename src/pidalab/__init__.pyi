@@ -13,6 +13,7 @@ from . import (
 from ._version import __version__ as __version__
 from .comparison import Comparison as Comparison, compare as compare
 from .comparison.benchmarking import Benchmark as Benchmark, benchmark as benchmark
+from .comparison.trade_off import TradeOff as TradeOff, trade_off as trade_off
 from .controllers import (
     PIDA as PIDA,
     HighOrderPID as HighOrderPID,

@@ -180,7 +180,7 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def squarable(name: str, array: Array) -> None:
-    """Raise for values whose squares leave double precision; nan is passed over."""
+    """Raise for values whose squares overflow; nan is passed over."""
     largest = float(np.nanmax(np.abs(array), initial=0.0))
     if LARGEST < largest < math.inf:
         raise ValueError(f"{name} must be below {LARGEST:g}, found {largest:g}")

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab._names import KINDS
 from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process
@@ -618,8 +619,7 @@ def _design(name: str, controller: Any) -> dict[str, Any]:
     ki, kp, kd, ka = [*gains, 0.0, 0.0][:4]
     values = {"kp": kp, "ti": kp / ki, "td": kd / kp, "ta": ka / kp, "filterTime": controller.filter_time}
     rounded = {key: _six_digits(value) for key, value in values.items()}
-    kind = ("PI", "PID", "PIDA")[len(gains) - 2]
-    return {"kind": kind, **rounded, "filterOrder": controller.filter_order}
+    return {"kind": KINDS[len(gains) - 2], **rounded, "filterOrder": controller.filter_order}
 
 
 def _six_digits(value: Any) -> Any:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # python-control takes longer to import than most sessions ta
     import control
 
 
-SMALLEST = 1e-150  # time whose square is still a number
+SHORTEST_TIME = 1e-150  # time whose square is still a number
 
 
 class Process(Block):
@@ -59,9 +59,9 @@ class Process(Block):
         self.num = _check.polynomial("num", num)
         self.den = _check.polynomial("den", den)
         self.delay = _check.real("delay", delay, at_least=0.0)
-        if 0 < self.delay < SMALLEST:
+        if 0 < self.delay < SHORTEST_TIME:
             raise ValueError(
-                f"delay must be 0, or at least {SMALLEST:g}: its inverse is needed, found {delay:g}"
+                f"delay must be 0, or at least {SHORTEST_TIME:g}: its inverse is needed, found {delay:g}"
             )
         _check.proper("the process", self.num, self.den)
         self.num.setflags(write=False)
@@ -178,7 +178,7 @@ def fraction_at(num: _check.Array, den: _check.Array, s: ArrayLike, delay: float
         with np.errstate(over="raise", invalid="raise"):
             return np.polyval(num, at) * np.exp(-at * delay), np.polyval(den, at)
     except FloatingPointError:
-        largest = at.flat[np.argmax(np.abs(at / 2))]  # half, as the size of the largest numbers is none
+        largest = at.flat[np.argmax(np.abs(at / 2))]  # halved: the size of the largest numbers would overflow
         raise ValueError(f"s is too large to evaluate this at, found {largest:.3g}") from None
 
 
@@ -318,9 +318,9 @@ def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
     Process(num=[1], den=[4, 2, 1], delay=1)
     """
     tau = _check.real("tau", tau, above=0.0)
-    if not SMALLEST < tau < 1 / SMALLEST:
+    if not SHORTEST_TIME < tau < 1 / SHORTEST_TIME:
         raise ValueError(
-            f"tau must lie between {SMALLEST:g} and {1 / SMALLEST:g}, its square being needed, found {tau:g}"
+            f"tau must lie between {SHORTEST_TIME:g} and {1 / SHORTEST_TIME:g}, its square being needed, found {tau:g}"
         )
     damping = _check.real("damping", damping, at_least=0.0)
     return Process([_check.real("gain", gain)], [tau**2, 2 * damping * tau, 1.0], delay)

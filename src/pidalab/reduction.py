@@ -21,7 +21,7 @@ from pidalab.process import Process, fopdt, require_process, sopdt
 from pidalab.robustness.loops import explore
 from pidalab.roots import roots
 
-SMALLEST = 1e-9  # of tau wu in the first, of (tau wu)^4 in the second order: below, the lag is rounding
+LEAST_LAG = 1e-9  # of tau wu in the first, of (tau wu)^4 in the second order: below, the lag is rounding
 
 
 class FirstOrderModel(NamedTuple):
@@ -186,7 +186,7 @@ def to_fopdt(process: Process) -> FirstOrderModel:
     wu = ultimate_frequency(process)
     magnitude = float(abs(_unit(process)(1j * wu)))
     x = math.sqrt(max(1 / magnitude**2 - 1, 0.0))
-    if x <= SMALLEST:
+    if x <= LEAST_LAG:
         raise ValueError(
             "process must fall off towards its ultimate frequency to have a first-order model: "
             f"|G(j wu)/G(0)| must be below 1, found {magnitude:.6g} at wu = {wu:.6g}"
@@ -250,7 +250,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     x = np.linspace(0.0, 1.0, points)
     g = np.abs(_unit(process)(1j * wu * x)) ** 2
     a, b = (float(c) for c in np.linalg.lstsq(np.column_stack([g * x**2, g * x**4]), 1 - g, rcond=None)[0])
-    if b <= SMALLEST * max(1.0, a):
+    if b <= LEAST_LAG * max(1.0, a):
         raise ValueError(
             f"process has no second-order model: the fit gives (tau wu)^4 = {b:.4g}, and it must be above 0; "
             "a process of first order has a model by to_fopdt"

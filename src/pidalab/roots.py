@@ -19,9 +19,9 @@ from pidalab._check import Array
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)  # distances, relative to the modulus, of roots tried as one
 EXACT = 1e-14  # difference of the coefficients, relative to their size and by degree, that is as good as none
 ALLOWED = 1e-10  # difference beyond which roots do not represent their polynomial
-SMALL = 8  # degree up to which eigenvalues of a companion matrix are trusted
-MANY = 40  # degree beyond which most roots have to be multiple ones
-MOST = 400  # degree beyond which none are looked for
+TRUSTED_DEGREE = 8  # degree up to which eigenvalues of a companion matrix are trusted
+MULTIPLE_BEYOND = 40  # degree beyond which most roots have to be multiple ones
+HIGHEST_DEGREE = 400  # degree beyond which none are looked for
 ON_AXIS = 1e-13  # real part, relative to the modulus, that is rounding
 
 
@@ -56,8 +56,8 @@ def _of_nonzero(coefficients: Array) -> Any:
     degree = coefficients.size - 1
     if degree < 1:
         return np.zeros(0, dtype=complex)
-    if degree > MOST:
-        raise ValueError(f"a polynomial of degree {degree} is too long: at most {MOST} are allowed")
+    if degree > HIGHEST_DEGREE:
+        raise ValueError(f"a polynomial of degree {degree} is too long: at most {HIGHEST_DEGREE} are allowed")
     with np.errstate(all="ignore"):
         monic = coefficients / coefficients[0]
         # unit of s, a power of 2, in which first and last coefficient are about equal
@@ -70,6 +70,7 @@ def _of_nonzero(coefficients: Array) -> Any:
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
+    # the second coefficient is the sum of the roots: of equal ones it tells each without loss
     single = np.full(1, -scaled[1] / degree, dtype=complex)
     if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= EXACT * degree:
         return np.repeat(single, degree) * scale
@@ -79,7 +80,7 @@ def _of_nonzero(coefficients: Array) -> Any:
     # the eigenvalues of an n-fold root lie about eps^(1/n) from it: no need to look farther for its other copies
     scatter = 8 * np.finfo(float).eps ** (1 / degree)
     apart = np.abs(scattered[:, None] - scattered[None, :]) + 9.0 * np.eye(degree) * np.abs(scattered)
-    if degree <= SMALL and np.min(apart / np.abs(scattered)) > scatter:
+    if degree <= TRUSTED_DEGREE and np.min(apart / np.abs(scattered)) > scatter:
         return _in_pairs(scattered * scale)
     best, least = scattered, _difference(scaled, scattered, np.ones(degree), size)
     for radius in RADII:
@@ -90,7 +91,7 @@ def _of_nonzero(coefficients: Array) -> Any:
             merged, off = _polished(scaled, merged, times, size)
             if off <= max(least, EXACT * degree):
                 best, least = np.repeat(merged, times.astype(int)), off
-    if degree > MANY and np.unique(best).size > degree // 2:
+    if degree > MULTIPLE_BEYOND and np.unique(best).size > degree // 2:
         least = 1.0  # the product may be near, and yet a response made of them is lost in rounding
     if not least <= ALLOWED:
         raise ValueError(
@@ -120,6 +121,8 @@ def _difference(scaled: Array, found: Any, times: Array, size: Array) -> float:
 
 def _sizes(scaled: Array) -> Array:
     """Sizes of the coefficients where none vanishes by chance: the lowest concave curve above their logarithms."""
+    # the Newton polygon: its slopes are the sizes of the roots, so that it bounds each coefficient even where terms of
+    # opposite sign leave nothing of it; a difference relative to that rest would mean nothing
     k = np.flatnonzero(scaled)
     corners: list[tuple[int, float]] = []
     for point in zip(k.tolist(), np.log(np.abs(scaled[k])).tolist(), strict=True):
@@ -151,6 +154,7 @@ def _polished(scaled: Array, found: Any, times: Array, size: Array) -> tuple[Any
     """Gauss-Newton steps that bring multiple roots to the coefficients, and how far off these are then."""
     real, best, least = found.imag == 0, found, _difference(scaled, found, times, size)
     weight = 1 / size[1:]
+    # a multiple root is well determined once its multiplicity is: it is only its single copies that scatter
     for _ in range(8):
         if least <= EXACT * scaled.size:
             break

@@ -215,6 +215,7 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     n = b.size
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n], augmented[:n, n] = A, b
+    # rows of a fast and a slow pole differ by powers of ten: unbalanced, the exponential would keep the large ones only
     balanced, (scale, _) = matrix_balance(augmented, permute=False, separate=True)
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]

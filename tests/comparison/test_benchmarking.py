@@ -8,6 +8,7 @@ from click.testing import CliRunner
 
 import pidalab
 from pidalab.comparison.benchmarking import TABLES, stored
+from pidalab.comparison.plants import batch
 from pidalab.plant.cli import main
 
 DRIFT = 2e-3  # as on the page: the study follows noise to 1e-7 of its square, and stores five digits
@@ -102,12 +103,29 @@ def test_from_the_command_line(tmp_path):
     ]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.output
-    assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == [".csv", ".svg", ".tex"]
+    files = {path.suffix: path for path in (tmp_path / "out").iterdir()}
+    assert sorted(files) == [".csv", ".svg", ".tex"]
+    assert set(pd.read_csv(files[".csv"])["plant"]) == {PLANTS[0]}
     refused = CliRunner().invoke(
         main, ["benchmark", f"{rule}:absent", "--plant", PLANTS[0], "--workers", "1"]
     )
     assert refused.exit_code == 1
     assert "absent" in refused.output
+
+
+def test_the_plants_are_those_of_the_stored_tables():
+    """Each by the polynomials that were stored when its optima were found; names say the parameter."""
+    table = stored("processes").set_index("plant")
+    cases = list(batch())
+    assert len(cases) == len({case.name for case in cases}) == 134
+    assert [case.name for case in cases] == [name for name in table.index if name in {x.name for x in cases}]
+    for case in cases:
+        row = table.loc[case.name]
+        assert row["family"] == case.family
+        for side in ("num", "den"):
+            expected = [float(x) for x in str(row[side]).split()]
+            assert getattr(case.process, side) == pytest.approx(expected, rel=2e-5), case.name
+        assert case.process.delay == pytest.approx(row["delay"], rel=2e-5)
 
 
 def test_the_tables_are_in_the_package():

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+from itertools import product
 
 import numpy as np
 import pytest
@@ -400,3 +401,44 @@ def test_nothing_lies_beyond_a_loop_that_only_falls(model):
     assert model.beyond(**asked(loop.process, loop.controller))["hump"] == 0
     never = pidalab.HighOrderPID([0.0, 0.5], 0.1, 1)  # without an integral the gain begins at a half
     assert np.isnan(model.beyond(**asked(loop.process, never))["hump"])
+
+
+ALIKE = """pidalabEngine.alike = ({process, design, terms}) => pidalabModel.alike(process, design, terms);"""
+SHAPED = {"gain": {"ti": 3.0, "td": 1.0, "ta": 0.3}, "cancellation": {}, "magnitude": {}, "simc": {}}
+
+
+@pytest.mark.parametrize("noise", [5.0, 20.0])
+@pytest.mark.parametrize(
+    ("rule", "kind"), [pair for pair in product(SHAPED, KINDS) if pair != ("simc", "PIDA")]
+)
+def test_rules_on_equal_terms_have_one_ms_and_one_noise(rule, kind, noise, model):
+    """And the shape of the rule; a PI makes as much noise as it can, and that is less."""
+    model.context.eval(ALIKE)
+    process, order = pidalab.Process([2.0], [1.5, 6.0, 5.5, 1.0], delay=0.4), KINDS.index(kind)
+    plant = {"num": [2.0], "den": [1.5, 6.0, 5.5, 1.0], "delay": 0.4, "end": 50.0}
+    start = {"kind": kind, "rule": rule, "kp": 1.0, "ti": 1.0, "td": 0.5, "ta": 0.1, **SHAPED[rule]}
+    design = {**start, "filterTime": 0.1, "filterOrder": order + 1}
+    found = model.alike(process=plant, design=design, terms={"knob": 1.4, "ms": 1.4, "noise": noise})
+    loop = loop_of(process, found)
+    assert pidalab.margins(loop).ms == pytest.approx(1.4, rel=1e-5)
+    used = 2.0 * max_control_sensitivity(loop)[0]
+    if kind == "PI":
+        assert used < noise / 2
+        assert found["filterTime"] == pytest.approx(50 / 40_000)
+    else:
+        assert used == pytest.approx(noise, rel=2e-4)
+    alone = ruled(model, process=process, knob=1.4, **{**design, "filterTime": found["filterTime"]})
+    times = ("ti", "td", "ta")[: order + 1]
+    assert [found[key] for key in times] == pytest.approx([alone[key] for key in times], rel=1e-9)
+
+
+def test_a_noise_limit_that_no_filter_keeps_is_refused(model):
+    model.context.eval(ALIKE)
+    plant = {"num": [1.0], "den": [1.0, 3.0, 3.0, 1.0], "delay": 1.0, "end": 40.0}
+    design = {"kind": "PIDA", "rule": "gain", "kp": 1.0, "ti": 3.0, "td": 1.0, "ta": 0.3}
+    with pytest.raises(ValueError, match="no filter makes it as quiet"):
+        model.alike(
+            process=plant,
+            design={**design, "filterTime": 0.1, "filterOrder": 3},
+            terms={"knob": 1.4, "ms": 1.4, "noise": 0.5},
+        )

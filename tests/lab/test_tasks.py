@@ -155,7 +155,7 @@ def test_what_is_entered_as_text_is_judged_as_its_number(page, task):
     if data["kind"] in ("number", "design"):
         key = {name: str(value).replace(".", ",") for name, value in data["key"].items()}
         assert page.judge(data, key)["right"]
-        for text in ("", "one", "1.2.3", "1e400", "--1"):
+        for text in ("", "one", "1.2.3", "1e400", "--1", "1/0", "1/2/3", "1 000"):
             found = page.judge(data, {**key, next(iter(key)): text})
             assert found.get("refused"), text
 
@@ -312,3 +312,24 @@ def test_the_limit_of_the_error_is_a_tenth_above_the_best(task):
 def test_four_parts_are_needed():
     with pytest.raises(ValueError, match=r"four parts.*found 3"):
         parts_of("words\n---\nkind: number\n---\nhint")
+
+
+@named([task for task in TASKS if task.data["kind"] == "number"])
+def test_a_number_that_no_slip_explains_is_told_where_to_begin(page, task):
+    key = key_of(task.label)
+    for answer, word in (
+        (-7, "above 0" if key else "Too small"),
+        (1e9, "Far too large" if key else "Too large"),
+    ):
+        said = page.judge(task.data, {"answer": answer})["say"]
+        assert word in said
+        assert task.data["first"] in said
+
+
+def test_a_fraction_is_a_number(page):
+    assert page.judge(BY_LABEL["task-1-1"].data, {"answer": "5/2"})["right"]
+
+
+def test_a_filter_may_be_too_long_as_well(page):
+    assert "with less it is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
+    assert "more of it" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]

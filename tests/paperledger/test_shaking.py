@@ -6,6 +6,7 @@ import sys
 from contextlib import redirect_stdout
 from multiprocessing import get_context
 
+import numpy as np
 import pytest
 from demo_ledger import write_notebook
 
@@ -227,3 +228,11 @@ def test_nothing_is_written_beside_the_library(library):
     assert read_rows(library / "book" / "ledger" / "demo.csv")[0].computed.startswith("1.3744")
     notebook = json.loads((library / "book" / "demo.ipynb").read_text(encoding="utf-8"))
     assert all(cell["outputs"] == [] for cell in notebook["cells"])
+
+
+def test_values_that_pass_by_are_not_taken_for_each_other():
+    """A number of memory is given again as soon as what had it is gone."""
+    pair = type("Pair", (), {"__module__": "demo"})
+    passing = {"Pair": lambda found, off: [off(np.full(3, float(k)), "a field") for k in range(1, 9)]}
+    found = Shaker("demo", whole=passing).off(pair(), "door")
+    assert np.array(found).mean(axis=1) == pytest.approx(np.arange(1, 9), rel=1e-4)

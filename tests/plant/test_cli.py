@@ -11,8 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
+from pidalab.controllers.vendor import FIRMWARE
 from pidalab.digital import from_json
 from pidalab.plant.cli import main
+from pidalab.plant.cli.checking import FIRMWARE_NAMES
 
 ROOT = Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("plant_record", ROOT / "studies" / "plant_record.py")
@@ -41,13 +43,14 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
     record, tmp_path
 ):
     columns = ("--time", "time", "--u", "valve", "--y", "temperature")
-    limits = ("--u-min", 0, "--u-max", 100)
+    limits = ("--u-min", 0, "--u-max", 100, "--full-output", 100)
     result = run(
         "tune", record, *columns, "--kind", "PIDA", "--ms", 1.6, "--sample-time", 0.2, *limits, "--out", tmp_path
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
         assert said in result.stdout
+    assert "klipper:  no such form: these blocks have no acceleration term" in result.stdout
     worst = float(re.search(r"worst Ms: (\S+)", result.stdout)[1])
     controller = from_json((tmp_path / "controller.json").read_text(encoding="utf-8"))
     assert pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst <= 2.0
@@ -101,6 +104,39 @@ def test_simulate_is_the_engine(tmp_path):
     assert "largest |u| 1.1" in limited.stdout
 
 
+def test_compare_judges_the_rules_that_are_named_and_else_all(monkeypatch):
+    asked = []
+
+    def judged(process, **options):
+        asked.append((process, options))
+        return "a table"
+
+    monkeypatch.setattr("pidalab.comparison.compare", judged)
+    plant = ("compare", "--num", "2", "--den", "1,3,3,1", "--delay", 1)
+    assert run(*plant, "--rule", "simc", "--rule", "optimal", "--ms", 1.4).stdout == "a table\n"
+    assert run(*plant, "--noise-gain", 3, "--sample-time", 0.1).exit_code == 0
+    (process, first), (_, second) = asked
+    assert (process.num.tolist(), process.den.tolist(), process.delay) == ([2.0], [1.0, 3.0, 3.0, 1.0], 1.0)
+    assert first == {"rules": ("simc", "optimal"), "ms": 1.4, "noise_gain": 10.0, "sample_time": 0.01}
+    assert second == {"rules": None, "ms": 1.6, "noise_gain": 3.0, "sample_time": 0.1}
+
+
+def test_benchmark_asks_for_the_plants_that_are_named_and_else_for_all(monkeypatch, tmp_path):
+    (tmp_path / "rule.py").write_text("def tune(process): return None\n", encoding="utf-8")
+    asked = []
+
+    def judged(rule, name, model, plants, executor):
+        asked.append((rule.__name__, name, model, plants))
+        raise ValueError("that is all")
+
+    monkeypatch.setattr("pidalab.comparison.benchmarking.benchmark", judged)
+    command = ("benchmark", f"{tmp_path / 'rule.py'}:tune", "--model", "first_order")
+    assert run(*command, "--plant", "P2 T=1", "--plant", "P4 n=4").exit_code == 1
+    assert run(*command, "--name", "mine").exit_code == 1
+    first = ("tune", None, "first_order", ("P2 T=1", "P4 n=4"))
+    assert asked == [first, ("tune", "mine", "first_order", None)]
+
+
 def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
     report = pidalab.report  # taken before its home is patched, wherever it was first used
 
@@ -115,7 +151,12 @@ def test_tclab_goes_from_step_test_to_loops(tmp_path, monkeypatch):
     assert "<svg" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_check_judges_the_gains_of_a_log(tmp_path):
+@pytest.mark.parametrize(
+    "gains",
+    [("--kp", 0.6, "--ti", 12), ("--firmware", "klipper", "--kp", 0.6 * 255, "--ki", 0.05 * 255)],
+    ids=["times", "klipper"],
+)
+def test_check_judges_the_gains_of_a_log(tmp_path, gains):
     running = pidalab.PIDA(kp=0.6, ti=12.0)
     loop = pidalab.Loop(pidalab.fopdt(2.0, 12.0, 4.0), running.discretise(1.0))
     t = np.arange(150.0)
@@ -123,9 +164,7 @@ def test_check_judges_the_gains_of_a_log(tmp_path):
     log = pidalab.simulate_sampled(loop, t, setpoint=np.where(t < 20, 0.0, 1.0), noise=noise)
     path = tmp_path / "log.csv"
     np.savetxt(path, np.column_stack([t, log.u, log.y + noise]), delimiter=",", header="t,u,y", comments="")
-    result = run(
-        "check", path, "--kp", 0.6, "--ti", 12, "--sample-time", 1, "--filter", 0.5, "--model", "fopdt"
-    )
+    result = run("check", path, *gains, "--sample-time", 1, "--filter", 0.5, "--model", "fopdt")
     assert result.exit_code == 0, result.output
     low, high = map(float, re.search(r"these gains: Ms \S+; (\S+) to (\S+) with", result.stdout).groups())
     filtered = pidalab.Loop(loop.process, running, pidalab.fopdt(1.0, 0.5, 0.0))
@@ -133,6 +172,15 @@ def test_check_judges_the_gains_of_a_log(tmp_path):
     for name in ("now", "best like it", "calmer", "same noise", "faster"):
         assert re.search(rf"^  {name} ", result.stdout, flags=re.MULTILINE)
     assert run("check", path, "--kp", -0.6, "--ti", 12, "--model", "fopdt").exit_code == 1
+    # as the firmware writes them, beside the sets as times
+    firmware = re.findall(
+        r"^  (now|faster) .*pid_Kp = \S+, pid_Ki = \S+, pid_Kd", result.stdout, re.MULTILINE
+    )
+    assert firmware == (["now", "faster"] if "klipper" in gains else [])
+    assert tuple(FIRMWARE) == FIRMWARE_NAMES
+    both = run("check", path, "--firmware", "klipper", "--kp", 0.6, "--ti", 12)
+    assert both.exit_code == 2
+    assert "or --firmware with --kp, --ki" in both.output
 
 
 def test_an_unsafe_design_is_refused_and_nothing_is_written(record, tmp_path):

@@ -60,6 +60,15 @@ def test_a_record_is_fitted_first_and_its_doubts_are_told():
     assert len(found.plants) == 20
 
 
+def test_doubts_of_designs_are_told_once_where_they_are_alike_and_else_with_the_kind():
+    found = pidalab.report(THIRD, kinds=("PI", "PID"), rule="simc", noise_gain=4.0, sample_time=0.5)
+    assert found.doubts[0] == "the rule 'simc' does not know noise: noise_gain was not used"
+    own = [doubt for row in found.rows for doubt in row.design.doubts if "faster than the sample" in doubt]
+    assert len(own) == 1
+    assert f"PID: {own[0]}" in found.doubts
+    assert all(f"doubt: {doubt}" in str(found) for doubt in found.doubts)
+
+
 def test_a_kind_that_the_rule_does_not_make_is_a_row_with_its_message():
     found = pidalab.report(THIRD, rule="simc")
     assert [row.applies for row in found.rows] == [True, True, False]

@@ -131,6 +131,17 @@ def test_where_none_meets_the_limits_the_last_that_keeps_them_is_taken_and_else_
         correct_request(Machine(), lambda made: (1.7, 1.9), (1.6, 2.0))
 
 
+@pytest.mark.parametrize(("above", "kept"), [(5e-7, True), (2e-6, False)])
+def test_what_rounding_puts_above_a_limit_keeps_it(above, kept):
+    """A millionth: here the worst Ms stays so far above its limit, and Ms below its own, whatever is asked."""
+    machine, found = Machine(active=("ms",)), (1.5, 2.0 * (1 + above))
+    if kept:
+        assert correct_request(machine, lambda made: found, (1.6, 2.0)) == machine.asked[-1]
+        return
+    with pytest.raises(ValueError, match="no controller was found whose loop keeps"):
+        correct_request(machine, lambda made: found, (1.6, 2.0))
+
+
 def closer(asked, near):
     """A PIDA for the smaller of what is asked."""
     return pidalab.rules.haalman.tune(LAGS, min(asked)), ["ms", "ms_worst"]
@@ -148,8 +159,30 @@ def test_a_safe_design_keeps_both_limits_with_all_plants_and_says_its_price(h):
     assert evaluator.ms(made, LAGS).ms < evaluator.ms(easy, LAGS).ms <= 1.8 * (1 + 1e-6)
     areas = [pidalab.load_response(one.loop(LAGS), np.linspace(0, 200, 4001)).iae() for one in (made, easy)]
     assert price == pytest.approx(areas[0] / areas[1], rel=1e-3)
-    # a limit that the design keeps anyway costs nothing, and changes nothing
-    assert make_safe(closer, evaluator, Requirements(LAGS, plants, 1.8, 9.0, "help"))[1] == 1.0
+    # a limit that the design keeps anyway costs nothing, and changes nothing: no second search is made
+    wide, most = [], evaluator.worst(easy, plants).ms * (1 - 5e-7)
+
+    def counted(asked, near):
+        wide.append(asked)
+        return closer(asked, near)
+
+    same, free = make_safe(counted, evaluator, Requirements(LAGS, plants, 1.8, most, "help"))
+    assert (same.controller, free) == (easy.controller, 1.0)
+    assert [asked[1] for asked in wide] == [math.inf] * len(wide)
+
+
+@pytest.mark.parametrize(("dear", "taken"), [(3.0, True), (3.001, False)])
+def test_three_times_the_iae_is_the_most(dear, taken, monkeypatch):
+    """The price is that of the safe design over that of the other one, by whatever area they have."""
+    areas = iter([dear, 1.0])
+    monkeypatch.setattr("pidalab.plant.safety.load_iae", lambda loop: next(areas))
+    evaluator = LoopEvaluator(None, None)
+    requirements = Requirements(LAGS, [pidalab.lags(3, delay=1.4)], 1.8, 1.9, "help")
+    if taken:
+        assert make_safe(closer, evaluator, requirements)[1] == 3.0
+        return
+    with pytest.raises(ValueError, match=r"a design that is safe has 3\.0 times the IAE; help"):
+        make_safe(closer, evaluator, requirements)
 
 
 def test_refusals_say_why_and_what_would_help():

@@ -130,3 +130,14 @@ def test_the_ms_of_a_design_is_that_of_its_loop(tuned):
     assert design.ms == pidalab.margins(design.loop()).ms > 1.5
     loud = dataclasses.replace(design, controller=20.0 * design.controller)
     assert loud.ms == math.inf
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e-9, 1e-10])
+def test_a_short_unit_of_time_makes_a_filter_fast_and_no_digit_wrong(unit):
+    """Its filter is ta/m, and ta the square of a time: at lags of 1e-9 it is 3e-11 of them, without being asked for."""
+    areas = []
+    for lag, m in ((unit, 10), (1.0, 1e7)):  # the second filter is 3e-8 of its lags
+        process = pidalab.lags(3, lag=lag, delay=lag)
+        loop = Loop(process, haalman.tune(process, ms=1.6, m=m).controller)
+        areas.append(pidalab.step_response(loop, np.linspace(0.0, 40.0 * lag, 4001)).iae() / lag)
+    assert areas[0] == pytest.approx(areas[1], rel=1e-6)

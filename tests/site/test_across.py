@@ -135,6 +135,10 @@ def test_the_first_page_follows_the_noise_that_is_allowed(site, visit):
         bar.fill(str(k))
         saved.append(int(re.search(r"saves (\d+) %", words.inner_text())[1]))
     assert 0 < saved[0] < saved[1] < saved[2] < 50
+    assert "PI and PID cannot use this much noise." in words.inner_text()
+    bar.fill("1")
+    assert "IAE" in words.inner_text()
+    assert words.inner_text().endswith("PI cannot use this much noise.")
     dot = page.locator(".pidalab-landing .lab-handle")
     dot.hover()
     page.mouse.down()

@@ -209,6 +209,62 @@ def test_three_kinds_by_a_rule(lab):
     assert [row[3] for row in rows] == ["1.4"] * 3
     iae = [float(row[1]) for row in rows]
     assert sorted(iae, reverse=True) == iae
+    # fair: one noise, too, and a word on the kind that makes no use of it
+    assert page.get_by_label("fair: equal Ms and noise").is_checked()
+    assert [row[4] for row in rows] == ["1", "20", "20"]
+    assert page.locator(".lab-note").all_inner_texts() == ["makes no use of more noise: 1 of 20"]
+    limit = page.get_by_label("noise limit, number", exact=True)
+    limit.fill("5")
+    page.keyboard.press("Enter")
+    page.wait_for_function(f"() => ({COLUMNS})().map(row => row[4]).join() === '1,5,5'")
+    assert [row[3] for row in page.evaluate(COLUMNS)] == ["1.4"] * 3
+
+
+def test_designs_by_hand_are_told_from_those_on_fair_terms(lab):
+    page = lab()
+    page.get_by_role("button", name="Add a copy").click()
+    page.get_by_label("kp, number", exact=True).fill("1.5")
+    page.keyboard.press("Enter")
+    page.wait_for_function("() => document.querySelector('.lab-note')")
+    assert re.match(
+        r"by hand: Ms 1\.79 and noise .*, where at most 1\.4 and 20 are fair",
+        page.locator(".lab-note").inner_text(),
+    )
+    # three kinds of a shape by hand are made fair
+    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
+    page.wait_for_function(f"() => ({COLUMNS})().map(row => row[3]).join() === '1.4,1.4,1.4'")
+    assert page.get_by_label("rule", exact=True).input_value() == "gain"
+
+
+def test_a_filter_of_ones_own_is_not_fair_and_old_links_keep_theirs(lab):
+    page = lab()
+    page.get_by_label("filter time, number").fill("0.1")
+    page.keyboard.press("Enter")
+    announced(page, "no longer fair")
+    assert not page.get_by_label("fair: equal Ms and noise").is_checked()
+    assert page.get_by_label("filter time, number").input_value() == "0.1"
+    assert page.get_by_label("kp, number", exact=True).input_value() == "0.8689"
+    given = "pidalabModel.write({ designs: [{ kind: 'PIDA', rule: 'cancellation', filterTime: 0.1 }] })"
+    old = lab(page.url.split("#")[0] + "#" + page.evaluate(f"() => {given}"))
+    assert old.get_by_label("filter time, number").input_value() == "0.1"
+    assert not old.get_by_label("fair: equal Ms and noise").is_checked()
+
+
+def test_limits_that_cannot_bear_the_load_are_named(lab):
+    page = lab()
+    page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({LIMITED % 'clamping'})")
+    announced(page, "IAE ∞ for load")
+    assert "takes u to −1, beyond these limits" in page.locator(".lab-note").inner_text()
+    assert page.evaluate(COLUMNS)[0][1] == "∞"
+
+
+def test_margins_are_shown_if_asked_for(lab):
+    page = lab()
+    assert len(page.evaluate(COLUMNS)[0]) == 8
+    said = page.locator("svg[aria-label^='Output y, step of the load'] desc").text_content()
+    assert re.fullmatch(r"PIDA: from 0 to 0\.\d+, the most at [\d.]+; 0 at the end\.", said)
+    page.get_by_label("gain, phase and delay margin").check()
+    page.wait_for_function(f"() => ({COLUMNS})()[0].length === 11")
 
 
 HIDDEN = """() => {
@@ -225,9 +281,9 @@ def test_all_numbers_of_three_designs_are_in_view(lab):
     assert page.evaluate(HIDDEN) == 0
     gains = page.locator(".lab-gains").all_inner_texts()
     assert gains == [
-        "kp 0.23, ti 1.5; filter 0.1, order 1",
-        "kp 0.531, ti 2.5, td 0.6; filter 0.1, order 2",
-        "kp 0.869, ti 3, td 1, ta 0.333; filter 0.1, order 3",
+        "kp 0.24, ti 1.5; filter 0.001, order 1",
+        "kp 0.592, ti 2.5, td 0.6; filter 0.00889, order 2",
+        "kp 0.915, ti 3, td 1, ta 0.333; filter 0.0769, order 3",
     ]
     page.set_viewport_size(NARROW)
     assert page.evaluate(HIDDEN) > 0
@@ -385,7 +441,7 @@ def test_the_least_iae_is_found_in_the_page(lab):
     assert all(float(row[3]) <= 1.4 and float(row[4]) <= 20 for row in rows)
 
 
-def test_one_ms_is_that_of_all_designs_unless_unlinked(lab):
+def test_one_ms_is_that_of_all_designs_of_a_fair_comparison(lab):
     page = lab()
     page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
     box = page.get_by_label("Ms, number", exact=True)
@@ -393,7 +449,7 @@ def test_one_ms_is_that_of_all_designs_unless_unlinked(lab):
     page.keyboard.press("Enter")
     page.wait_for_function(f"() => ({COLUMNS})().map(row => row[3]).join() === '1.8,1.8,1.8'")
     page.wait_for_function(SAVED)
-    page.get_by_label("one Ms and noise limit for all designs").uncheck()
+    page.get_by_label("fair: equal Ms and noise").uncheck()
     box.fill("1.5")
     page.keyboard.press("Enter")
     page.wait_for_function(f"() => ({COLUMNS})().map(row => row[3]).join() === '1.8,1.8,1.5'")
@@ -427,6 +483,10 @@ def test_a_change_of_plant_retunes_or_says_why_not(lab):
         "() => document.querySelector('.lab-problem')?.textContent.includes('does not integrate')"
     )
     page.get_by_label("rule", exact=True).select_option("multiple")
+    page.wait_for_function(
+        "() => document.querySelector('.lab-problem')?.textContent.includes('without “fair”')"
+    )
+    page.get_by_label("fair: equal Ms and noise").uncheck()
     page.wait_for_function("() => !document.querySelector('.lab-problem')")
     assert float(page.evaluate(COLUMNS)[0][3]) < 2.5
 
@@ -458,8 +518,13 @@ def test_limits_are_dragged_in_the_plots(lab):
     ms = float(page.get_by_label("Ms, number", exact=True).input_value())
     assert 1.45 < ms < 2.5
     assert float(page.evaluate(COLUMNS)[0][3]) == pytest.approx(ms, rel=1e-3)
+    dragged(page, "From measurement noise", 0, 30)  # less noise, so a slower filter
+    assert float(page.get_by_label("noise limit, number", exact=True).input_value()) < 15
+    page.get_by_label("fair: equal Ms and noise").uncheck()
+    page.evaluate(NEXT_FRAME)
+    before = float(page.get_by_label("filter time, number").input_value())
     dragged(page, "From measurement noise", -30, 0)  # to lower frequencies: a slower filter
-    assert float(page.get_by_label("filter time, number").input_value()) > 0.12
+    assert float(page.get_by_label("filter time, number").input_value()) > 1.2 * before
 
 
 def test_a_pointer_reads_the_values_in_all_plots_and_a_box_zooms(lab):

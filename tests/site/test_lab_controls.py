@@ -113,7 +113,7 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
         return np.sum(heights > low - 0.2), np.sum(heights < high + 0.2)
 
     page.wait_for_function(
-        "() => document.querySelector('.lab-table tbody td:nth-of-type(8)').textContent === '1.5'"
+        "() => document.querySelector('.lab-table tbody td:nth-of-type(5)').textContent === '1.5'"
     )
     calm = reached()
     # two changes, two drawings: the second may still be due when the first is seen

@@ -157,7 +157,7 @@ def test_numbers_and_curves_of_linear_loops_are_those_of_the_library(open_figure
 
 @pytest.mark.parametrize("way", ["none", "clamping", "conditioning"])
 def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
-    h, limits, names = 0.25, (-0.4, 0.5), {"none": None, "conditioning": "reset"}
+    h, limits, names = 0.25, (-1.05, 1.5), {"none": None, "conditioning": "reset"}
     found, drawn = shown(
         open_figure,
         plots=PLOTS[:4],

@@ -15,8 +15,10 @@ def test_a_phone_fetches_the_figures_of_its_theme(visit, site):
 
 
 def loose_marks(page: str) -> int:
-    """Formulas of a line whose comma a browser may put on the next one."""
-    return len(re.findall(r'(?<!<span class="tied">)<span class="math [^>]*>[^<]*</span>[,.;:!?)]', page))
+    """Formulas of a line whose comma a browser may put on the next one, or whose bracket it may leave behind."""
+    tied = '<span class="tied">'
+    after = rf'(?<!{tied})(?<!{tied}\()<span class="math [^>]*>[^<]*</span>[,.;:!?)]'
+    return len(re.findall(after, page)) + len(re.findall(rf'(?<!{tied})\(<span class="math ', page))
 
 
 def test_a_formula_keeps_its_comma(site):
@@ -27,3 +29,4 @@ def test_a_formula_keeps_its_comma(site):
 
 def test_a_loose_comma_is_caught():
     assert loose_marks(r'<span class="math notranslate">\(x\)</span>, and') == 1
+    assert loose_marks(r'(<span class="math notranslate">\(x\)</span> and') == 1

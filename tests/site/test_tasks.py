@@ -89,7 +89,7 @@ def test_the_questions_of_the_guided_lab_come_one_at_a_time(site, visit):
     page.locator("#task-lab-2 button[type=submit]").click()
     assert "Searching" in verdict(page, "task-lab-2").text_content()
     page.wait_for_function(
-        "() => document.querySelector('#task-lab-2 .task-verdict').textContent.includes('it still pays')"
+        "() => document.querySelector('#task-lab-2 .task-verdict').textContent.includes('still saves too much')"
     )
     assert page.evaluate(OVERFLOW) <= 1
     assert wrong == []

@@ -88,6 +88,15 @@ def test_every_lecture_and_chapter_leads_to_the_lab(root):
     assert [(path.name, wrong) for path in pages for wrong in without_lab(cells_of(path))] == []
 
 
+def test_every_fold_of_code_says_what_it_shows(root):
+    """By a name of its own on its page."""
+    for path in sorted((root / "book").rglob("*.ipynb")):
+        hidden = [c for c in cells_of(path) if {"hide-input", "hide-cell"} & set(c.metadata.get("tags", []))]
+        names = [c.metadata.get("mystnb", {}).get("code_prompt_show") for c in hidden]
+        assert all(name and name.startswith("Code: ") for name in names), path.name
+        assert len(set(names)) == len(names), path.name
+
+
 # --- and a bad one is caught -------------------------------------------------
 
 

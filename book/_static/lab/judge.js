@@ -11,7 +11,8 @@
            number of derivatives; rule, a rule of the lab, makes the gains. u0 limits u, with backward differences every h and
            the tracking time Tt; sampled: the loop of a digital controller with a sample every h
    fields  names of what is entered
-   of, within   fact that is asked for, and share of it by which an answer may differ; a closed form is its `value`
+   of, within   fact that is asked for, and share of it by which an answer may differ; a closed form is its `value`; `first` is
+           what to begin with, said to an answer that no slip explains
    limits, least   what facts are at most, and at least; near: numbers that fields are near to
    slips   of a wrong answer, what is behind it: {of or value or given or when, word} */
 (globalThis.pidalabScripts ??= []).push(function () {
@@ -21,14 +22,15 @@
 
   const SLACK = 1.003; // answers are printed in three digits
   const POINTS = 2001;
-  const LARGEST = 1e6, SMALLEST = 1e-6;
+  const LARGEST = 1e6, SMALLEST = 1e-6, FAR = 20;
 
   const digits = (x, count = 3) => (Number.isFinite(x) ? String(Number(x.toPrecision(count))) : "without bound");
 
-  /* A number with a point or a comma, or NaN. */
+  /* A number with a point or a comma, or a fraction of two, or NaN. */
   function read(entered) {
     if (typeof entered === "number") return entered;
-    const text = String(entered ?? "").trim().replace("−", "-");
+    const text = String(entered ?? "").trim().replace("−", "-"), [above, below, ...more] = text.split("/");
+    if (below !== undefined && !more.length) return read(above) / read(below);
     return /^[-+]?(\d+([.,]\d*)?|[.,]\d+)(e[-+]?\d+)?$/i.test(text) ? Number(text.replace(",", ".")) : NaN;
   }
 
@@ -106,13 +108,15 @@
     iaeSetpoint: ["IAE", "too slow", "less than can be"],
     overshoot: ["overshoot", "the integral forgets too late", ""],
     dm: ["delay margin", "it bears more dead time than asked", "it bears too little dead time"],
-    saving: ["saving by acceleration", "it still pays", "it pays less than that"],
+    saving: ["saving by acceleration", "acceleration still saves too much", "it saves less than that"],
   };
   const plantWords = (name) => (name.includes(".") ? `on ${name.split(".")[0]}, ` : "");
   const factWords = (name) => (WORDS[name.split(".").pop()] ?? [name, "too large", "too small"]);
-  const shown = (name, x) => (name.endsWith("saving") ? `${digits(100 * x)} %` : name.endsWith("overshoot") ? `${digits(x, 2)} %` : digits(x));
+  const shown = (name, x) => (name.endsWith("saving") ? `${Number((100 * x).toFixed(1)) || 0} %` : name.endsWith("overshoot") ? `${digits(x, 2)} %` : digits(x));
 
   const tells = (facts, name) => `${plantWords(name)}${factWords(name)[0]} ${shown(name, facts.of(name))}`;
+
+  const CALMER = { kp: "less gain", ti: "a longer integral time", Tf: "another filter time", sensor: "a faster sensor", h: "a shorter sample time" };
 
   const upper = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
@@ -145,25 +149,31 @@
     const facts = task.plant ? factsOf(task, given) : null, key = task.value ?? facts.of(task.of), { answer } = given;
     const right = task.error === undefined ? close(answer, key, task.within) : Math.abs(answer - key) <= task.error;
     if (right) return { right, say: `Right: ${digits(task.error === undefined ? key : Number(key.toFixed(3)))}.` };
-    return { right, say: slipOf(task, given, facts) ?? (answer < key ? "Too small." : "Too large.") };
+    const none = Math.abs(key) <= (task.error ?? 0); // the answer is 0
+    const far = !none && (Math.abs(answer) > FAR * Math.abs(key) || Math.abs(answer) < Math.abs(key) / FAR) ? "Far too" : "Too";
+    const off = !none && answer * key <= 0 ? `It is ${key > 0 ? "above" : "below"} 0.` : `${far} ${answer < key ? "small" : "large"}.`;
+    return { right, say: slipOf(task, given, facts) ?? `${off}${task.first ? ` ${task.first}` : ""}` };
   }
 
   function design(task, given) {
-    const facts = factsOf(task, given), shaky = facts.stable();
+    const facts = factsOf(task, given), shaky = task.edge ? [] : facts.stable();
     if (task.near) {
-      const off = Object.entries(task.near).filter(([name, x]) => !close(given[name], x, task.within)).map(([name]) => name);
+      const off = Object.entries(task.near).filter(([name, x]) => !close(given[name], x, task.within)).map(([name, x]) => `${name} is too ${given[name] < x ? "small" : "large"}`);
       if (off.length) return { right: false, say: [slipOf(task, given, facts) ?? `Not yet: ${off.join(", ")}.`, ...(shaky.length ? ["As entered the loop is unstable."] : [])].join(" ") };
       return { right: true, say: "Right." };
     }
     if (task.edge) {
-      const at = (share) => factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0;
+      const at = (share) => { // what is too wild to follow is not stable
+        try { return factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0; } catch { return false; }
+      };
+      if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable by too much of it: with less it is stable." };
       if (!at(1.03)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: more of it is needed." };
       if (at(0.97)) return { right: false, say: slipOf(task, given, facts) ?? "Stable, and stable with less, too." };
       return { right: true, say: "Right: a little less, and the loop is unstable." };
     }
     if (shaky.length && !task.search) {
       const where = facts.names.length ? ` on ${shaky.join(" and ")}` : "";
-      return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with less gain, or a longer integral time.` };
+      return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with ${task.fields.map((name) => CALMER[name]).filter(Boolean).join(", or ") || "another value"}.` };
     }
     const over = missed(task, facts), names = [...new Set([...Object.keys(task.limits ?? {}), ...Object.keys(task.least ?? {})])];
     if (!over.length) return { right: true, say: `Right. ${upper(names.map((name) => tells(facts, name)).join(", "))}.` };
@@ -204,14 +214,14 @@
     const numbers = {};
     for (const name of task.kind === "number" ? ["answer"] : task.kind === "design" ? task.fields : []) {
       const x = read(given[name]), label = name === "answer" ? "The answer" : name;
-      if (!Number.isFinite(x)) return `${label} is to be a number, such as 1.5 or 1,5; found “${String(given[name] ?? "").trim()}”.`;
+      if (!Number.isFinite(x)) return `${label} is to be a number, such as 1.5, 1,5 or 3/2; found “${String(given[name] ?? "").trim()}”.`;
       if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} is to be above 0 and at most a million; found ${x}.`;
       numbers[name] = x;
     }
     if (task.sample && numbers.Tf < task.sample) return `Tf is to be at least ${task.sample}, the time between two samples of the noise; found ${numbers.Tf}.`;
     if (task.kind === "choice" && !task.options[given.choice]) return "Choose one of them.";
-    if (task.reasons && !task.reasons[given.reason]) return "Choose a reason.";
     if (task.kind === "order" && new Set(given.order.filter((k) => task.items[k])).size < task.items.length) return "Give each of them one place.";
+    if (task.reasons && !task.reasons[given.reason]) return "Choose a reason.";
     return numbers;
   }
 

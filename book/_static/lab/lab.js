@@ -2,19 +2,20 @@
    also what the page's address and the exported file hold; whatever changes it draws everything anew. */
 (function () {
   "use strict";
-  const { PLANTS, RULES, ORDER, ownPlant, controller, gainOf, study, noiseTimeOf, noiseGainAt, write, read } = globalThis.pidalabModel;
+  const { PLANTS, RULES, ORDER, alike, ownPlant, controller, gainOf, study, noiseTimeOf, noiseGainAt, write, read } = globalThis.pidalabModel;
   const { readRecord, fit } = globalThis.pidalabRecord;
   const plot = globalThis.pidalabPlot, { element } = plot;
 
-  /* A design is a card: its own rule, limits and anti-windup. Ms and noise limit are those of all, unless unlinked. */
+  /* A design is a card: its own rule, limits and anti-windup. A comparison is fair: Ms and noise limit are those of all, and
+     a rule's gain and filter follow from them. */
   const DESIGN = {
     name: "", kind: "PIDA", rule: "hand", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3,
     limited: false, low: -1, high: 3, antiWindup: "clamping",
   };
   const START = {
     plant: "lags3", own: { gain: 1, t1: 1, t2: 1, t3: 1, damping: 1, zero: 0, delay: 1, integrating: false },
-    given: null, record: null, linked: true, ms: 1.4, noiseLimit: 20, tc: 1,
-    sampled: false, sampleTime: 0.1, noisy: false, noise: 0.02, chosen: 0, designs: [{ ...DESIGN, rule: "cancellation" }],
+    given: null, record: null, fair: true, ms: 1.4, noiseLimit: 20, tc: 1,
+    sampled: false, sampleTime: 0.1, noisy: false, noise: 0.02, margins: false, chosen: 0, designs: [{ ...DESIGN, rule: "cancellation" }],
   };
   const MOST = 5, PAST = 100;
   const LOOKS = { PIDA: 0, PID: 1, PI: 4 };
@@ -118,10 +119,10 @@
     const end = process.end;
     const run = (key, which, share = 1) => ({
       x: { label: "time", range: [0, end * share] }, y: { around: rangeOf(shown, key, which) },
-      lines: shown.map((s) => ({ ...until(signals(s, key, which), key, end * share), kind: s.look, stairs: s.stairs && key === "u" })),
+      lines: shown.map((s) => ({ ...until(signals(s, key, which), key, end * share), kind: s.look, name: s.name, stairs: s.stairs && key === "u" })),
     });
     const bode = { label: "frequency, rad per time", log: true, range: [0.8 / end, 16000 / end] };
-    const over = (f) => shown.map((s) => ({ ...along(s.curve, bode.range, f), kind: s.look }));
+    const over = (f) => shown.map((s) => ({ ...along(s.curve, bode.range, f), kind: s.look, name: s.name }));
     const turn = Array.from({ length: 91 }, (_, k) => (2 * Math.PI * k) / 90);
     const circle = (radius, middle = 0) => ({ x: turn.map((a) => middle + radius * Math.cos(a)), y: turn.map((a) => radius * Math.sin(a)), kind: "mark" });
     const around = (Array.isArray(ms) ? ms : [ms]).filter(Number.isFinite);
@@ -183,6 +184,8 @@
     return `Noise gain: standard deviation of u for white measurement noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}${none}`;
   }
 
+  const MKS = "mks: largest gain from noise to u over all frequencies; times the gain of the plant it is what the noise limit limits. ";
+
   /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */
   const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
 
@@ -199,16 +202,17 @@
     plot.show(place, ["table", {},
       ["thead", {}, ["tr", {}, heading(first), ...keys.map((key) => heading(NUMBERS[key][0]))]],
       ...(below ? shown.map(rows) : [shown.flatMap(rows)]).map((group) => ["tbody", {}, ...group])],
-    ...(keys.includes("sigma") ? [["p", {}, noiseMeant(shown)]] : []));
+    ...(keys.includes("sigma") ? [["p", {}, `${below ? MKS : ""}${noiseMeant(shown)}`]] : []));
   }
 
   const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
+  const MARGINS = ["gm", "pm", "dm"]; // of them, shown if asked for
 
   /* A state from outside, if the lab can show it at all; of single numbers the engine judges. One of the first labs has one
      design, others that were kept, and limits for all. */
   function checked(state) {
     if (typeof state !== "object" || Array.isArray(state)) throw new RangeError("it holds no state of the lab");
-    const { design, kept, rule, limited, low, high, antiWindup, ...rest } = state, given = state.given;
+    const { design, kept, rule, limited, low, high, antiWindup, linked, ...rest } = state, given = state.given;
     let designs = state.designs;
     if (design || kept) {
       if (kept && !Array.isArray(kept)) throw new RangeError("its kept designs are no list");
@@ -218,7 +222,9 @@
     if (designs && !(Array.isArray(designs) && designs.length && designs.length <= MOST && designs.every((each) => each && typeof each === "object"))) throw new RangeError(`its designs must be 1 to ${MOST}`);
     for (const { kind } of designs ?? []) if (kind !== undefined && !Object.hasOwn(ORDER, kind)) throw new RangeError(`there is no controller ${kind}`);
     if (given && !(given.end > 0 && Array.isArray(given.num) && Array.isArray(given.den))) throw new RangeError("its plant lacks num, den or end");
-    return { ...rest, ...(designs ? { designs } : {}) };
+    // what was made before comparisons were fair keeps its filters
+    const searched = (designs ?? []).every((each) => [undefined, "hand", "optimum"].includes(each.rule));
+    return { fair: linked !== false && searched, ...rest, ...(designs ? { designs } : {}) };
   }
 
   /* What of an object differs from another, with six digits. */
@@ -315,17 +321,27 @@
       return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, trackingTime, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
     }
 
-    /* A knob that all designs share, unless they are unlinked. */
-    knob(key, design = this.design) { return this.state.linked ? this.state[key] : design[key] ?? this.state[key]; }
+    /* A knob that all designs share if the comparison is fair. */
+    knob(key, design = this.design) { return this.state.fair ? this.state[key] : design[key] ?? this.state[key]; }
 
-    setKnob(key, value) { if (this.state.linked) this.change({ [key]: value }); else this.edit({ [key]: value }); }
+    /* Whether gain and filter of a design follow from the Ms and the noise limit of all. */
+    onTerms({ rule }) { return this.state.fair && RULES[rule] && !RULES[rule].slow && rule !== "hand"; }
+
+    /* What a rule makes at once. */
+    byRule(design) {
+      const rule = RULES[design.rule] ?? RULES.hand, knob = rule.knob && this.knob(rule.knob, design), { num, den, delay, end } = this.process;
+      if (!this.onTerms(design)) return rule.apply(this.process, design, knob);
+      return alike({ num, den, delay, end }, design, { knob, ms: this.state.ms, noise: this.state.noiseLimit });
+    }
+
+    setKnob(key, value) { if (this.state.fair) this.change({ [key]: value }); else this.edit({ [key]: value }); }
 
     /* A design by its rule, or as it was, with a word why. */
     ruled(design, k) {
       const rule = RULES[design.rule] ?? RULES.hand, knob = rule.knob && this.knob(rule.knob, design);
       this.problems[k] = "";
       try {
-        if (!rule.slow) return rule.apply(this.process, design, knob);
+        if (!rule.slow) return this.byRule(design);
         const found = this.seeker.ask(this.process, design.kind, { ms: knob, noise: this.knob("noiseLimit", design) });
         if (!found) { this.problems[k] = "the search is running"; return design; }
         if (found.problem) throw new RangeError(found.problem);
@@ -333,7 +349,7 @@
         return { ...design, ...found.design, pending: undefined };
       } catch (error) {
         // a design that was never found is not shown; another one stays as it was
-        this.problems[k] = `${error.message}; ${design.pending ? "there is no design" : "its gains are as before"}`;
+        this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule has its own gain; " : ""}${design.pending ? "there is no design" : "its gains are as before"}`;
         return design;
       }
     }
@@ -353,7 +369,7 @@
       const words = [], names = this.names(), designs = this.state.designs.map((design, k) => {
         const { slow, name } = RULES[design.rule] ?? RULES.hand;
         if (!this.problems[k] || slow) return design;
-        words.push(`${names[k]}: ${this.problems[k].replace("; its gains are as before", "")}; least IAE in place of ${name}.`);
+        words.push(`${names[k]}: ${this.problems[k].split("; ")[0]}; least IAE in place of ${name}.`);
         return { ...design, rule: "optimum", pending: true };
       });
       if (!words.length) return;
@@ -369,7 +385,7 @@
     /* The state as a link holds it: what differs from a page that was just opened, and no record. */
     link() {
       const { designs, record, ...rest } = this.state;
-      return write({ ...differing(rest, START), ...(this.state.plant === "own" ? { own: differing(rest.own, {}) } : { own: undefined }), designs: designs.map((design) => differing(design, DESIGN)) });
+      return write({ ...differing(rest, { ...START, fair: null }), ...(this.state.plant === "own" ? { own: differing(rest.own, {}) } : { own: undefined }), designs: designs.map((design) => differing(design, DESIGN)) });
     }
 
     /* Put the state into the address, once the hand rests: a browser bears few changes of it in a second. Not over one that
@@ -409,9 +425,11 @@
         ownValue("dead time", "delay", 0, 10, false),
         tick({ label: "integrating", get: () => this.state.own.integrating, set: (x) => own({ integrating: x }) }));
 
+      // the words of a browser's own button are in its language, not in that of the page
       const file = element("input", { type: "file", class: "lab-file", accept: ".csv,.txt,.json,text/csv,text/plain,application/json", id: "lab-file", onchange: () => this.take(file.files[0]) });
       const drop = element("div", { class: "lab-drop" },
-        element("label", { for: "lab-file" }, "A record of your own (drop a CSV file: time, input, output, or time, output), or designs that were saved here (JSON): "), file);
+        file, element("label", { for: "lab-file", class: "lab-button" }, "Open a record or designs"),
+        element("span", { class: "lab-facts" }, " or drop it here: a CSV file of time, input and output, or of time and output; designs saved by the lab are JSON."));
       drop.addEventListener("dragover", (event) => event.preventDefault());
       drop.addEventListener("drop", (event) => { event.preventDefault(); this.take(event.dataTransfer.files[0]); });
 
@@ -432,7 +450,6 @@
         this.msRow = slider({ label: "Ms", help: "largest sensitivity allowed", low: 1.1, high: 2.5, step: 0.01, get: () => this.knob("ms"), set: (ms) => this.setKnob("ms", ms) }),
         this.limitRow = slider({ label: "noise limit", help: "largest gain from measurement noise to u, times the gain of the plant", low: 1.5, high: 200, log: true, get: () => this.knob("noiseLimit"), set: (x) => this.setKnob("noiseLimit", x) }),
         this.tcRow = slider({ label: "closed-loop time", low: 0.05, high: 20, log: true, get: () => this.knob("tc"), set: (tc) => this.setKnob("tc", tc) }),
-        tick({ label: "one Ms and noise limit for all designs", get: () => this.state.linked, set: (linked) => this.change({ linked }) }),
         value("kp", "kp", 0.01, 100), value("ti", "ti", 0.05, 100),
         this.tdRow = value("td", "td", 0.005, 20), this.taRow = value("ta", "ta", 0.0005, 50, "of the acceleration, a time squared"),
         slider({ label: "filter time", low: 0.001, high: 10, log: true, get: () => this.design.filterTime, set: (x) => this.filter({ filterTime: x }) }),
@@ -448,12 +465,14 @@
         tick({ label: "measurement noise", get: () => this.state.noisy, set: (noisy) => this.change({ noisy }) }),
         this.noiseRow = slider({ label: "noise, ±", low: 0.001, high: 0.5, log: true, get: () => this.state.noise, set: (noise) => this.change({ noise }) }),
       ];
-      this.rows = [plantRow, ...this.ownRows.children, ...design, ...world];
+      const fairRow = tick({ label: "fair: equal Ms and noise", get: () => this.state.fair, set: (fair) => this.change({ fair }) });
+      const marginsRow = tick({ label: "gain, phase and delay margin", get: () => this.state.margins, set: (margins) => this.change({ margins }) });
+      this.rows = [plantRow, ...this.ownRows.children, fairRow, ...design, ...world, marginsRow];
       this.cards = element("div", { class: "lab-cards", onclick: (event) => this.pressed(event.target) });
       const part = (title, ...rows) => element("fieldset", {}, element("legend", {}, title), ...rows);
       const controls = element("div", { class: "lab-controls" },
         part("Plant", plantRow, this.ownRows, drop, this.columns),
-        part("Designs", this.cards, element("div", { class: "lab-actions" },
+        part("Designs", fairRow, this.cards, element("div", { class: "lab-actions" },
           button("PI, PID and PIDA by this rule", () => this.threeKinds()), button("Add a copy", () => this.copyOf()), button("Undo", () => this.undo()))),
         part("The chosen design", ...design), part("Sampling, noise", ...world));
       addEventListener("keydown", (event) => {
@@ -475,13 +494,20 @@
         button("As a library call", () => this.show(this.call(), "pida_designs.py")),
         button("As JSON", () => this.show(JSON.stringify(this.exported(), null, 1), "pida_designs.json")),
         button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
-      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, first, this.about, this.table, plots, actions, this.saving, this.out)));
+      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, first, this.about, this.table, marginsRow, plots, actions, this.saving, this.out)));
       this.host.classList.add("lab-ready");
       document.body.classList.add("lab-page");
     }
 
-    /* A change of the filter: rules that leave it to the user hold on, those that find it become designs by hand. */
-    filter(update) { this.edit({ ...(RULES[this.design.rule]?.slow ? { rule: "hand" } : {}), ...update }); }
+    /* A change of the filter: rules that leave it to the user hold on, those that find it become designs by hand. A
+       comparison with a filter of one's own is not fair. */
+    filter(update) {
+      if ("filterTime" in update && this.onTerms(this.design)) {
+        this.say("The filter time is yours now, so the comparison is no longer fair.");
+        this.state.fair = false;
+      }
+      this.edit({ ...(RULES[this.design.rule]?.slow ? { rule: "hand" } : {}), ...update });
+    }
 
     pick({ num, den, delay }) { return { num, den, delay }; }
 
@@ -500,11 +526,11 @@
     }
 
     threeKinds() {
-      const made = [], missing = [], { rule } = this.design;
+      const made = [], missing = [], rule = this.state.fair && this.design.rule === "hand" ? "gain" : this.design.rule; // a shape by hand
       for (const kind of Object.keys(ORDER)) {
-        const design = { ...this.design, name: "", kind, filterOrder: ORDER[kind] + 1, pending: RULES[rule].slow && kind !== this.design.kind || undefined };
+        const design = { ...this.design, rule, name: "", kind, filterOrder: ORDER[kind] + 1, pending: RULES[rule].slow && kind !== this.design.kind || undefined };
         try {
-          if (!RULES[rule].slow) RULES[rule].apply(this.process, design, this.knob(RULES[rule].knob));
+          if (!RULES[rule].slow) this.byRule(design);
           made.push(design);
         } catch (error) { missing.push(`${kind}: ${error.message}.`); }
       }
@@ -538,7 +564,7 @@
         this.columns.replaceChildren(...["time", "input", "output"].map((label) => element("label", {}, `${label} `, element("select", {}, ...names.map((word, k) => element("option", { value: k }, word))))));
       }
       const file = used.length > 2 ? { called: quoted(name) + chosen, h, columns: used, dropped: this.dropped.id } : null;
-      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, linked: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum", pending: true }], chosen: 0 });
+      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, fair: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum", pending: true }], chosen: 0 });
     }
 
     /* The same record, of other columns. */
@@ -622,7 +648,8 @@
       const file = state.record?.file, here = file && file.dropped === this.dropped?.id;
       visible(this.columns, here);
       if (here) this.columns.querySelectorAll("select").forEach((box, j) => { box.value = file.columns[j]; });
-      visible(this.msRow, rule.knob === "ms"); visible(this.tcRow, rule.knob === "tc"); visible(this.limitRow, rule.noise);
+      const terms = this.onTerms(design);
+      visible(this.msRow, terms || rule.knob === "ms"); visible(this.tcRow, rule.knob === "tc"); visible(this.limitRow, terms || rule.noise);
       visible(this.tdRow, order > 0); visible(this.taRow, order > 1);
       for (const row of [this.lowRow, this.highRow, this.windupRow]) visible(row, design.limited);
       visible(this.sampleRow, state.sampled); visible(this.noiseRow, state.noisy);
@@ -640,13 +667,26 @@
         const asked = this.knob("ms", state.designs[k]);
         if ((RULES[rule]?.knob === "ms") && ms > 1.02 * asked && !this.problems[k]) this.problems[k] = `the digital loop has Ms ${digits(ms)}, not ${digits(asked)}: sample faster, or ask for less`;
       }
+      this.notes = Object.fromEntries(shown.map((s) => [s.k, this.notesOf(s)]));
       this.drawCards(looks, names);
       this.drawRecord();
       this.drawPlots(shown);
       const gains = ({ kind, filterTime, filterOrder, ...design }) => ["kp", "ti", "td", "ta"].slice(0, ORDER[kind] + 2)
         .map((key) => `${key} ${digits(design[key])}`).join(", ") + `; filter ${digits(filterTime)}, order ${filterOrder}`;
-      drawTable(this.table, "design", shown, COLUMNS, 4, (s) => gains(s.design));
+      drawTable(this.table, "design", shown, COLUMNS.filter((key) => state.margins || !MARGINS.includes(key)), 4, (s) => gains(s.design));
       this.announce();
+    }
+
+    /* What is to be known of a design beside its numbers. */
+    notesOf({ design, bears, stable, ms, mks }) {
+      const { fair, sampled, noiseLimit, designs, own, plant, record } = this.state, said = [], noise = mks * Math.abs(gainOf(this.process));
+      if (!bears) said.push("no end of the error: a unit load takes u to −1, beyond these limits");
+      if (fair && stable && !sampled && design.rule === "hand" && designs.length > 1 && (ms > 1.02 * this.state.ms || noise > 1.02 * noiseLimit))
+        said.push(`by hand: Ms ${digits(ms)} and noise ${digits(noise)}, where at most ${digits(this.state.ms)} and ${digits(noiseLimit)} are fair`);
+      if (fair && stable && !sampled && design.rule !== "hand" && noise < 0.98 * noiseLimit) said.push(`makes no use of more noise: ${digits(noise)} of ${digits(noiseLimit)}`);
+      const known = [own.t1, own.t2, own.t3].filter(Boolean).length + own.integrating;
+      if (plant === "own" && record && known <= ORDER[design.kind]) said.push(`the model has ${known} pole${known === 1 ? "" : "s"}, and a ${design.kind} acts on dynamics beyond ${known === 1 ? "it" : "them"}, which are not known`);
+      return said;
     }
 
     drawCards(looks, names) {
@@ -656,7 +696,7 @@
         const facts = [rule.name, ...(limited ? [`u from ${digits(low)} to ${digits(high)}, ${antiWindup === "none" ? "no anti-windup" : antiWindup}`] : [])].join("; ");
         return ["div", { class: `lab-card${k === chosen ? " lab-chosen" : ""}`, "data-k": k },
           ["button", { type: "button", class: "lab-choose", "aria-pressed": String(k === chosen) }, ["span", { class: `lab-key lab-key-${looks[k]}` }], ` ${names[k]}`],
-          ["span", { class: "lab-facts" }, facts], ...(this.problems[k] ? [["span", { class: "lab-problem" }, this.problems[k]]] : []),
+          ["span", { class: "lab-facts" }, facts], ...(this.problems[k] ? [["span", { class: "lab-problem" }, this.problems[k]]] : []), ...(this.notes[k] ?? []).map((note) => ["span", { class: "lab-note" }, note]),
           ...(designs.length > 1 ? [["button", { type: "button", class: "lab-gone", "aria-label": `Remove ${names[k]}` }, "×"]] : [])];
       }));
     }
@@ -671,8 +711,8 @@
     }
 
     drawPlots(shown) {
-      const { design, current } = this, rule = RULES[design.rule] ?? RULES.hand, byMs = rule.knob === "ms", ms = byMs ? this.knob("ms") : current?.ms;
-      const gain = Math.abs(gainOf(this.process)), noise = rule.noise ? this.knob("noiseLimit") / gain : null;
+      const { design, current } = this, rule = RULES[design.rule] ?? RULES.hand, terms = this.onTerms(design), byMs = terms || rule.knob === "ms", ms = byMs ? this.knob("ms") : current?.ms;
+      const gain = Math.abs(gainOf(this.process)), noise = terms || rule.noise ? this.knob("noiseLimit") / gain : null;
       const between = (low, x, high) => Number(Math.min(Math.max(x, low), high).toPrecision(3)), handles = {};
       if (byMs) handles.nyquist = [{ label: "drag: Ms", x: -1 + Math.SQRT1_2 / ms, y: Math.SQRT1_2 / ms, drag: (x, y) => this.setKnob("ms", between(1.1, 1 / Math.hypot(x + 1, y), 2.5)) }];
       const w = 1 / design.filterTime, at = current?.stable ? current.curve.w.findIndex((x) => x >= w) : -1;

@@ -30,7 +30,7 @@
         const asked = { process: PROCESS, controller, end: this.end, load: 1 };
         const calm = simulate({ ...asked, points: 401 });
         const loud = simulateSampled({ ...asked, sampleTime: this.sample / FINE, noise: this.dice });
-        return { look, y: { x: calm.t, y: calm.y }, u: { x: loud.t, y: loud.u } };
+        return { look, kind, y: { x: calm.t, y: calm.y }, u: { x: loud.t, y: loud.u } };
       });
     }
 
@@ -52,14 +52,16 @@
         ],
         handles: [{ x: this.limits[k], y: this.saved[k], label: "Drag: the noise that is allowed", drag }],
       });
-      const lines = (key) => runs.map((run) => ({ ...run[key], kind: run.look }));
+      const lines = (key) => runs.map((run) => ({ ...run[key], kind: run.look, name: run.kind }));
       draw(y, { title: "Output y", x: time, y: { range: [-0.1, 0.85] }, lines: lines("y") });
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;
       this.bar.setAttribute("aria-valuetext", `noise gain ${this.limits[k]}`);
+      // a controller that is the same with less noise makes no use of more
+      const idle = ["PI", "PID"].filter((kind) => k && this[kind][k][0] === this[kind][k - 1][0]);
       const key = (kind) => element("span", { class: `lab-key lab-key-${KINDS[kind]}` });
       this.words.replaceChildren(`Noise gain ${this.limits[k]}. IAE:`,
-        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind), ` ${kind} ${this[kind][k][0].toFixed(2)}`]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.`);
+        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind), ` ${kind} ${this[kind][k][0].toFixed(2)}`]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.${idle.length ? ` ${idle.join(" and ")} cannot use this much noise.` : ""}`);
     }
   }
 

@@ -178,9 +178,11 @@
     const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? simulateSampled({ ...digital, ...step }) : simulate({ ...asked, points, ...step })));
     let top = 1;
     for (let k = 0; k < setpoint.y.length; k++) top = Math.max(top, setpoint.y[k]);
+    // at rest u is the load with the other sign: limits that it lies beyond leave an error for ever
+    const bears = !limits || (limits[0] <= -1 && limits[1] >= -1);
     return {
-      setpoint, load, stairs: sampleTime > 0, limited: limits !== null,
-      iae: iae(load.t, load.y, 0), iaeSetpoint: iae(setpoint.t, setpoint.y, 1), peak: largest((setpoint.fine ?? setpoint).u), overshoot: top - 1 < LEAST_OVERSHOOT ? 0 : 100 * (top - 1),
+      setpoint, load, stairs: sampleTime > 0, limited: limits !== null, bears,
+      iae: bears ? iae(load.t, load.y, 0) : Infinity, iaeSetpoint: iae(setpoint.t, setpoint.y, 1), peak: largest((setpoint.fine ?? setpoint).u), overshoot: top - 1 < LEAST_OVERSHOOT ? 0 : 100 * (top - 1),
     };
   });
 
@@ -242,7 +244,7 @@
         to = fine[Math.min(at + 1, 40)];
       }
       const found = margins({ process, controller: controller({ ...design, kp: sign * best * (1 - 1e-9) }) });
-      if (found.stable && found.ms < ms * 1.001) largest = sign * best;
+      if (found.stable && found.ms < ms * 1.001) largest = sign * best * (1 - 1e-9); // whose margins are known now
       else if (largest !== null) break;
     }
     return largest;
@@ -300,14 +302,15 @@
 
   /* Cancellation (haalman2024): the controller's zeros are the model's poles, the gain follows from Ms. The model has as
      many lags as the controller has zeros, by the half rule. */
-  function cancellation(process, design, ms) {
+  function cancelling(process, design) {
     if (integratingOf(process)) throw new RangeError("cancellation needs a plant that does not integrate");
     const keep = ORDER[design.kind] + 1, model = halfRule(process, keep).lags;
     if (model.length < keep) throw new RangeError(`a ${design.kind} controller needs a plant with ${keep} lags to cancel`);
     const [, a1 = 0, a2 = 0, a3 = 0] = model.reduce((den, lag) => multiply(den, [1, lag]), [1]); // ascending powers
-    const shape = { ...design, ti: a1, td: a2 / a1, ta: a3 / a1 };
-    return { ...shape, kp: gainForMs(process, shape, ms) };
+    return { ...design, ti: a1, td: a2 / a1, ta: a3 / a1 };
   }
+
+  const byMs = (process, shape, ms) => ({ ...shape, kp: gainForMs(process, shape, ms) });
 
   /* The first terms of P(s)/(1 + filterTime s)^filterOrder as a power series in s. */
   function series({ num, den, delay }, { filterTime, filterOrder }, count) {
@@ -336,7 +339,15 @@
     const rows = Array.from({ length: size }, (_, r) => Array.from({ length: size }, (_, j) => scaled[2 * r - j + 1] ?? 0));
     const gains = solve(rows, rows.map((_, r) => (r ? 0 : -0.5))).map((gain, j) => gain * Math.pow(time, j - 1));
     const [ki, kp, kd = 0, ka = 0] = gains, made = { ...design, kp, ti: kp / ki, td: kd / kp, ta: ka / kp };
-    if (!(made.ti > 0) || !margins({ process, controller: controller(made) }).stable) throw new RangeError(`this plant has no magnitude optimum with a ${design.kind} controller that is stable`);
+    if (!(made.ti > 0)) throw new RangeError(UNSTABLE(design));
+    return made;
+  }
+
+  const UNSTABLE = ({ kind }) => `this plant has no magnitude optimum with a ${kind} controller that is stable`;
+
+  /* A design with the gain of its rule, if it is stable. */
+  function ifStable(process, made, words) {
+    if (!margins({ process, controller: controller(made) }).stable) throw new RangeError(words);
     return made;
   }
 
@@ -359,29 +370,27 @@
     });
   }
 
-  /* A design of numbers c0, c1, ... for a dead time of 1 and a gain of 1; stable, or else the filter is too short. */
-  function dimensioned(process, design, velocity, delay, [c0, c1, c2 = 0, c3 = 0]) {
-    const made = { ...design, kp: c1 / (velocity * delay), ti: (c1 / c0) * delay, td: (c2 / c1) * delay, ta: (c3 / c1) * delay * delay };
-    if (!margins({ process, controller: controller(made) }).stable) throw new RangeError("this rule makes no stable loop with so short a filter: take a longer one");
-    return made;
-  }
+  const SHORT = "this rule makes no stable loop with so short a filter: take a longer one";
+
+  /* A design of numbers c0, c1, ... for a dead time of 1 and a gain of 1. */
+  const dimensioned = (design, velocity, delay, [c0, c1, c2 = 0, c3 = 0]) => ({ ...design, kp: c1 / (velocity * delay), ti: (c1 / c0) * delay, td: (c2 / c1) * delay, ta: (c3 / c1) * delay * delay });
 
   /* Multiple real dominant pole (huba2018): the filter stands for a dead time T_e, of eq. (11) and Table II. */
   function dominantPole(process, design) {
     const { velocity, delay } = integratorOf(process), m = ORDER[design.kind], { filterTime, filterOrder: n } = controller(design), mu = Math.sqrt(m + 2);
     const pole = (m + 2) * (n + 1) - Math.sqrt((m + 2) * (n + 1) * (n - m)), ratio = pole / ((n + 1) * (n + 2) * (mu * mu - mu));
-    return dimensioned(process, design, velocity, delay + filterTime / ratio, multiplePole(m));
+    return dimensioned(design, velocity, delay + filterTime / ratio, multiplePole(m));
   }
 
   /* Automatic reset (huba2024): PI and PID by the multiple pole; PIDA_1 with a double real zero, of which one is the reset,
      eqs. (26) to (29). The dead time is that of the plant and n T_f, eqs. (10) and (11). */
   function automaticReset(process, design) {
     const { velocity, delay } = integratorOf(process), m = ORDER[design.kind], { filterTime, filterOrder } = controller(design), c = multiplePole(m);
-    if (m < 2) return dimensioned(process, design, velocity, delay + filterOrder * filterTime, c);
+    if (m < 2) return dimensioned(design, velocity, delay + filterOrder * filterTime, c);
     const slow = -1 / roots(c.slice().reverse()).find(([, im]) => Math.abs(im) < 1e-9)[0];
     const first = c[0] * slow, second = (c[1] - first) * slow, short = (2 * c[3]) / second; // the double zero
     const kp = (first * short) / slow, kd = kp * (slow + short), ka = kp * slow * short;
-    return dimensioned(process, design, velocity, delay + filterOrder * filterTime, [kp / short, kp + kd / short, kd + ka / short, ka]);
+    return dimensioned(design, velocity, delay + filterOrder * filterTime, [kp / short, kp + kd / short, kd + ka / short, ka]);
   }
 
   /* Least ITAE (heo2023) for a second-order model with dead time, as pidalab.rules.itae reads the tables; the plant itself, or
@@ -420,22 +429,90 @@
     r < 0.4 ? 2.2122 * r ** 0.52 - 0.3 : -0.975 + 0.91 * (r - 1.845) ** 2 - Math.expm1(-xi / (0.15 + 0.33 * r)) * (5.25 - 0.88 * (r - 2.8) ** 2),
     -1.9 + 1.576 * r ** -0.53 - Math.expm1(-xi / (-0.15 + 0.939 * r ** -1.121)) * (1.45 + 0.969 * r ** -1.171)];
 
-  /* By name: what it is called, the knob it has, and the design it makes of a plant, a design and the knob. */
+  /* By name: what it is called, the knob it has, and the design it makes of a plant, a design and the knob. A rule whose gain
+     is looked for or tested has its `shape` without that. */
   const RULES = {
     hand: { name: "by hand", knob: null, apply: (process, design) => design },
     optimum: {
       name: "least IAE", knob: "ms", noise: true, slow: true,
       apply: (process, design, ms, noise = 20) => ({ ...design, ...globalThis.pidalabOptimum.find(process, design.kind, { ms, noise }).design }),
     },
-    gain: { name: "this shape, gain by Ms", knob: "ms", apply: (process, design, ms) => ({ ...design, kp: gainForMs(process, design, ms) }) },
-    cancellation: { name: "cancel the lags, gain by Ms (haalman2024)", knob: "ms", apply: cancellation },
-    magnitude: { name: "magnitude optimum (vrancic2021)", knob: null, apply: magnitudeOptimum },
-    multiple: { name: "multiple dominant pole (huba2018)", knob: null, apply: dominantPole },
-    reset: { name: "automatic reset (huba2024)", knob: null, apply: automaticReset },
+    gain: { name: "this shape, gain by Ms", knob: "ms", shape: (process, design) => design, apply: byMs },
+    cancellation: { name: "cancel the lags (haalman2024)", knob: "ms", shape: cancelling, apply: (process, design, ms) => byMs(process, cancelling(process, design), ms) },
+    magnitude: { name: "magnitude optimum (vrancic2021)", knob: null, shape: magnitudeOptimum, apply: (process, design) => ifStable(process, magnitudeOptimum(process, design), UNSTABLE(design)) },
+    multiple: { name: "multiple pole (huba2018)", knob: null, shape: dominantPole, apply: (process, design) => ifStable(process, dominantPole(process, design), SHORT) },
+    reset: { name: "automatic reset (huba2024)", knob: null, shape: automaticReset, apply: (process, design) => ifStable(process, automaticReset(process, design), SHORT) },
     itaeSetpoint: { name: "ITAE, set point (heo2023)", knob: null, apply: (process, design) => itae(process, design, false) },
     itaeLoad: { name: "ITAE, load (heo2023)", knob: null, apply: (process, design) => itae(process, design, true) },
     simc: { name: "SIMC (PI, PID)", knob: "tc", apply: simc },
   };
+
+  // --- equal terms --------------------------------------------------------------------------------------------------
+
+  const SHORTEST = 1 / 40000, LONGEST = 1 / 4, RUNGS = 24; // filter times, by the end of the time axis
+  const MET = 2e-4, CLOSE = 0.05; // of the noise limit, in logarithms
+
+  /* Largest gain of a shape with Ms, the upper end of the first gap, and the largest gain from noise to u with it: quick, and
+     within a few hundredths. Where the dead time turns too far from one frequency to the next every phase is taken to occur. */
+  function roughly(process, shape, ms, w) {
+    const own = controller({ ...shape, kp: Math.sign(gainOf(process)) }), { re, im, control } = frequencyResponse({ process, controller: own, w });
+    const size = w.map((_, k) => Math.hypot(re[k], im[k])), wide = process.delay * (w[1] / w[0] - 1);
+    const forbidden = w.map((x, k) => {
+      const along = wide * x > 1 ? -size[k] : re[k], root = along * along - size[k] * size[k] * (1 - 1 / (ms * ms));
+      return along < 0 && root >= 0 ? [-1, 1].map((sign) => (-along + sign * Math.sqrt(root)) / (size[k] * size[k])) : null;
+    });
+    // two integrators in a row forbid small gains by the slowest frequencies, until there is lead
+    const slow = forbidden.indexOf(null), least = Math.max(0, ...forbidden.slice(0, slow).map(([, high]) => high));
+    const gain = Math.min(...forbidden.slice(slow).filter(Boolean).map(([low]) => low));
+    if (slow < 0 || (slow > 0 && im[slow] > 0) || !(gain > least)) throw new RangeError(`no gain gives this shape a stable loop with a maximum sensitivity of ${ms}`);
+    let mks = 0;
+    w.forEach((x, k) => { mks = Math.max(mks, (gain * control[k]) / (wide * x > 1 ? 1 - gain * size[k] : Math.hypot(1 + gain * re[k], gain * im[k]))); });
+    return { gain, mks };
+  }
+
+  /* The highest place of a function with one, by golden section. */
+  function highest(f, low, high, turns = 16) {
+    const share = (Math.sqrt(5) - 1) / 2;
+    let a = high - share * (high - low), b = low + share * (high - low), fa = f(a), fb = f(b);
+    for (let turn = 0; turn < turns; turn++) {
+      if (fa > fb) { [high, b, fb] = [b, a, fa]; a = high - share * (high - low); fa = f(a); } else { [low, a, fa] = [a, b, fb]; b = low + share * (high - low); fb = f(b); }
+    }
+    return fa > fb ? a : b;
+  }
+
+  /* The design of a rule on equal terms, much as pidalab.compare makes it: the ratios of its gains are the rule's, the gain
+     follows from Ms, and the filter is the one with the largest integral gain among those with which the largest gain from
+     noise to u, times that of the plant, is at most `noise`. */
+  const alike = remembering(REMEMBERED, ({ num, den, delay, end }, design, { knob, ms, noise }) => {
+    const process = { num, den, delay }, gain = Math.abs(gainOf(process)), rule = RULES[design.rule], shapeOf = rule.shape ?? rule.apply;
+    const w = Array.from({ length: 351 }, (_, k) => (0.1 / end) * Math.pow(10, k / 50)), shapeAt = (x) => shapeOf(process, { ...design, filterTime: Math.exp(x) }, knob);
+    let refused = null;
+    /* The integral gain with a filter, or by how much it is too loud. */
+    const worth = (x) => {
+      try {
+        const shape = shapeAt(x), found = roughly(process, shape, ms, w), loud = Math.log((found.mks * gain) / noise);
+        return loud > 0 ? -loud : found.gain / shape.ti;
+      } catch (error) { // some rules need another filter
+        refused = error;
+        return -Infinity;
+      }
+    };
+    const low = Math.log(SHORTEST * end), high = Math.log(LONGEST * end), rung = (high - low) / RUNGS;
+    const worths = Array.from({ length: RUNGS + 1 }, (_, k) => worth(low + k * rung)), best = worths.indexOf(Math.max(...worths));
+    if (!(worths[best] > 0)) throw worths[best] > -Infinity ? new RangeError("no filter makes it as quiet as this noise limit: allow more") : refused;
+    let x = best && highest(worth, low + (best - 1) * rung, Math.min(low + (best + 1) * rung, high)), made, slope = -Math.max(ORDER[design.kind], 1), before;
+    if (!best) x = low;
+    for (let turn = 0; turn < 8; turn++) { // exactly
+      const shape = shapeAt(x);
+      made = { ...shape, kp: gainForMs(process, shape, ms) };
+      const loud = Math.log((margins({ process, controller: controller(made) }).mks * gain) / noise);
+      if ((loud <= 0 && loud > -MET) || loud < -CLOSE) break;
+      if (before && Math.abs(x - before.x) > 1e-12) slope = Math.min((loud - before.loud) / (x - before.x), -0.2);
+      before = { x, loud };
+      x -= (loud + 0.5 * MET) / slope;
+    }
+    return made;
+  });
 
   // --- a state as the end of an address: letters that are also a valid name of an anchor -----------------------------
 
@@ -452,6 +529,6 @@
     } catch { throw new RangeError("it is cut short or mistyped"); }
   }
 
-  globalThis.pidalabModel = { noiseTimeOf, noiseGainAt, write, read, gainOf, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
+  globalThis.pidalabModel = { alike, noiseTimeOf, noiseGainAt, write, read, gainOf, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
 });
 globalThis.pidalabScripts.at(-1)();

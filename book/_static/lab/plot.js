@@ -73,7 +73,9 @@
       const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
       const each = Math.max(1, Math.ceil((last - first + 1) / 6)), found = [];
       for (let power = first; power <= last; power += each) found.push(Math.pow(10, power));
-      return found;
+      // of a short axis one power of ten says little
+      if (found.length < 3) for (let power = first - 1; power <= last; power++) for (const m of [2, 5]) found.push(m * Math.pow(10, power));
+      return found.filter((x) => x >= low * (1 - 1e-9) && x <= high * (1 + 1e-9)).sort((a, b) => a - b);
     }
     const rough = (high - low) / 5, size = Math.pow(10, Math.floor(Math.log10(rough)));
     const step = size * [1, 2, 5, 10].find((m) => m * size >= rough);
@@ -84,8 +86,8 @@
 
   const named = (value, log) => {
     if (log) {
-      const power = Math.round(Math.log10(value));
-      return power >= -2 && power <= 3 ? String(Number(value.toPrecision(1))) : `1e${power}`;
+      const power = Math.floor(Math.log10(value) + 1e-9);
+      return power >= -2 && power <= 3 ? String(Number(value.toPrecision(1))) : `${Math.round(value / Math.pow(10, power))}e${power}`;
     }
     const text = Number(value.toPrecision(6));
     return (Math.abs(text) >= 1e5 ? text.toExponential(0) : String(text)).replace("-", "−");
@@ -169,8 +171,18 @@
     Object.assign(found, { px, py });
     if (found.key !== key) show(found.axes, ...grid({ title, x, y, xRange, yRange, px, py }));
     found.key = key;
+    found.desc.textContent = lines.filter(({ name, by }) => name && !by).map(said).join(" ");
     show(found.inside, ...lines.map((line) => ["path", { class: `lab-line lab-${line.kind}`, d: path(line, px, py) }]));
     showFront(found);
+  }
+
+  /* A line in words, for those who do not see it. */
+  function said({ name, x, y }) {
+    const finite = y.filter(Number.isFinite);
+    if (!finite.length) return "";
+    const top = finite.reduce((a, b) => Math.max(a, b)), low = finite.reduce((a, b) => Math.min(a, b));
+    const three = (v) => named(Math.abs(v) < 1e-3 * (top - low) ? 0 : Number(v.toPrecision(3)), false);
+    return `${name}: from ${three(low)} to ${three(top)}, the most at ${three(x[y.indexOf(top)])}; ${three(finite[finite.length - 1])} at the end.`;
   }
 
   const value = ({ log, start, each }, at) => (log ? Math.pow(10, (at - start) / each) : (at - start) / each);
@@ -255,9 +267,9 @@
     const clip = `pidalab-clip-${++count}`, box = { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
     const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
     alter(svg, ["svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title, class: "lab-plot" },
-      ["defs", {}, ["clipPath", { id: clip }, ["rect", box]]], ["g", {}], ["g", { "clip-path": `url(#${clip})` }], ["g", {}]]);
+      ["defs", {}, ["clipPath", { id: clip }, ["rect", box]]], ["g", {}], ["g", { "clip-path": `url(#${clip})` }], ["g", {}], ["desc", {}]]);
     host.replaceChildren(svg);
-    const [, axes, inside, front] = svg.children, found = { axes, inside, front };
+    const [, axes, inside, front, desc] = svg.children, found = { axes, inside, front, desc };
     hear(host, svg, found);
     return found;
   }

@@ -333,7 +333,7 @@ def _moment_covariance(
 def _quantisation(y: Array, end: Array) -> float:
     """Return how far a level can be off that a converter rounds: half its step, and less where noise crosses the steps.
 
-    The step is the smallest between two values of the record; with two in all, as after a dead time, it is none.
+    The step is the smallest between two values of the record; of two in all, as after a dead time, nothing follows.
     Gaussian noise of standard deviation sigma lowers the error of a mean by exp(-2 pi^2 sigma^2/step^2), the first
     harmonic of the rounding error.
     """

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from functools import partial
 
 from pidalab import _check
+from pidalab._names import KINDS
 from pidalab.comparison.fairness import at_equal_terms
 from pidalab.comparison.judging import DesignRow, html_table, measure_row, text_table
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
-from pidalab.rules.registry import KINDS, RULES, Rule, RuleLimits, find
+from pidalab.rules.registry import RULES, Rule, RuleLimits, find
 from pidalab.rules.starting_models import StartingModels, time_scale
 
 PERIODS = 12.0  # ultimate periods of a first response

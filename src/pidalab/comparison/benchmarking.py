@@ -15,19 +15,17 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from pidalab import _check
+from pidalab._names import KINDS, STARTING_MODELS
 from pidalab._parts import done, require_executor
 from pidalab.comparison import first_horizon
-from pidalab.comparison.fairness import at_equal_terms
+from pidalab.comparison.fairness import at_equal_terms, gains_of
 from pidalab.comparison.judging import DesignRow, measure_row, one_line
 from pidalab.comparison.plants import batch
 from pidalab.controllers.base import Controller
 from pidalab.process import Process
 from pidalab.reduction import ultimate_frequency
 from pidalab.rules import Design
-from pidalab.rules.registry import KINDS
 from pidalab.rules.starting_models import StartingModels
 
 if TYPE_CHECKING:
@@ -38,14 +36,7 @@ TABLES = Path(__file__).with_name("tables")
 MS = 1.4  # of all that is compared at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
 SAMPLES = 100  # of the noise, in an ultimate period
-MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
-NEAR = 1.2  # times the least IAE: as good as the best for most purposes
-SHOWN = {
-    "plants": "served",
-    "of its kind": "median IAE over the least of its kind",
-    "of all": "over the least of all kinds",
-    "worst tenth": "a tenth of the plants is beyond",
-}
+RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
 Rule = Callable[[Process], Design | Controller]
 
@@ -166,10 +157,7 @@ def at_terms(design: Design, noise: float, process: Process, own: Units) -> dict
 
 def kind_of(design: Design | None) -> str:
     """Return what a design is by its highest derivative: "PI", "PID" or "PIDA"; empty for anything else."""
-    if design is None:
-        return ""
-    coefficients = getattr(design.controller, "coefficients", None) or design.controller.gains()
-    return dict(enumerate(KINDS)).get(max(0, len(np.trim_zeros(np.array(coefficients), "b")) - 2), "")
+    return "" if design is None else dict(enumerate(KINDS)).get(gains_of(design.controller).size - 2, "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,20 +205,19 @@ class Benchmark:
         """
         import pandas as pd
 
+        groups = self._beside(terms).groupby(["rule", "kind"])
+        best = groups["of_best"]
+        columns = groups.size(), groups["of_kind"].median(), best.median(), best.quantile(0.9)
+        return pd.DataFrame(dict(zip(RANKED, columns, strict=True))).sort_values("of all")
+
+    def _beside(self, terms: str) -> pd.DataFrame:
+        """Return what could be judged at equal terms: rows of all rules, and of this one under its name."""
+        import pandas as pd
+
         _check.choice("terms", terms, tuple(NOISE))
         others = beside_least(stored("comparison").query("terms == @terms"))
         mine = self.rows.query("terms == @terms").assign(rule=self.name)
-        table = pd.concat([others, mine]).dropna(subset=["of_best"])
-        groups = table.groupby(["rule", "kind"])
-        found = pd.DataFrame(
-            {
-                "plants": groups.size(),
-                "of its kind": groups["of_kind"].median(),
-                "of all": groups["of_best"].median(),
-                "worst tenth": groups["of_best"].quantile(0.9),
-            }
-        )
-        return found.sort_values("of all")
+        return pd.concat([others, mine]).dropna(subset=["of_best"])
 
     def refusals(self) -> pd.Series:
         """Return on how many plants the rule refused, or made an unstable loop, by reason.
@@ -342,13 +329,13 @@ class Benchmark:
         lines = [
             r"\begin{tabular}{llrrrr}",
             r"\hline",
-            r"rule & kind & " + " & ".join(SHOWN) + r" \\",
+            r"rule & kind & " + " & ".join(RANKED) + r" \\",
             r"\hline",
         ]
         for (rule, kind), row in self.ranking(terms).iterrows():
             name = _escape(rule)
             cells = [rf"\textbf{{{name}}}" if rule == self.name else name, kind, f"{row['plants']:.0f}"]
-            lines.append(" & ".join([*cells, *(f"{row[one]:.2f}" for one in list(SHOWN)[1:])]) + r" \\")
+            lines.append(" & ".join([*cells, *(f"{row[one]:.2f}" for one in RANKED[1:])]) + r" \\")
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
@@ -372,12 +359,10 @@ class Benchmark:
         >>> len(found.plot().axes)
         1
         """
-        import pandas as pd
         from matplotlib.figure import Figure
 
-        others = beside_least(stored("comparison").query("terms == @terms"))
-        mine = self.rows.query("terms == @terms").assign(rule=self.name)
-        table = pd.concat([others[others["kind"].isin(mine["kind"])], mine]).dropna(subset=["of_best"])
+        table = self._beside(terms)
+        table = table[table["kind"].isin(self.rows.query("terms == @terms")["kind"])]
         tenths = table.groupby(["rule", "kind"])["of_best"].quantile([0.1, 0.5, 0.9]).unstack()
         tenths = tenths.sort_values(0.5, ascending=False)
         figure = Figure(figsize=(6.4, 0.8 + 0.24 * len(tenths)), layout="constrained")
@@ -460,7 +445,7 @@ def benchmark(
     """
     if not callable(rule):
         raise TypeError(f"rule must be a function of a Process, found {type(rule).__name__}")
-    _check.choice("model", model, MODELS)
+    _check.choice("model", model, STARTING_MODELS)
     called = name or str(getattr(rule, "__name__", "rule"))
     cases = {case.name: case.process for case in batch()}
     wanted = list(cases) if plants is None else list(plants)
@@ -488,19 +473,10 @@ def _rows_of(rule: Rule, model: str, case: tuple[str, Process]) -> list[dict[str
 def _with_least(rows: list[dict[str, Any]]) -> pd.DataFrame:
     import pandas as pd
 
-    columns = [
-        "plant",
-        "kind",
-        "terms",
-        "iae_load",
-        "iae_setpoint",
-        "ms",
-        "mks",
-        "noise_gain",
-        "tv",
-        "delay_margin",
-    ]
-    table = pd.DataFrame(rows).reindex(columns=[*columns, "factor", "filter_time", "reason"])
+    columns = (
+        "plant kind terms iae_load iae_setpoint ms mks noise_gain tv delay_margin factor filter_time reason"
+    )
+    table = pd.DataFrame(rows).reindex(columns=columns.split())
     return beside_least(table).drop(columns=["least_of_kind", "least"])
 
 

@@ -17,10 +17,11 @@ from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
 from pidalab.rules.starting_models import time_scale
+from pidalab.search import border
 
-SLOWEST = 1e4  # filter time that is tried, in sample times
-SMALLEST = 0.01  # factor of the gains: with less of it nearly any loop is robust, and does nothing
-CLOSE = 1e-7  # share to which the filter time is found
+LONGEST_FILTER = 1e4  # that is tried, in sample times
+LEAST_FACTOR = 0.01  # of the gains: with less of them nearly any loop is robust, and does nothing
+TIME_RTOL = 1e-7  # share to which the filter time is found
 DENSITY = 4  # of the frequencies over which noise is summed: good for six digits
 
 
@@ -75,15 +76,15 @@ def at_equal_terms(
     limit = _check.real("ms", ms, above=1.0)
     most = _check.real("noise_gain", noise_gain, above=0.0)
     shortest = _check.real("sample_time", sample_time, above=0.0)
-    gains = _gains(design.controller)
+    gains = gains_of(design.controller)
     noise_of = _noise(process, gains.size, shortest)
 
     def scaled(log_time: float) -> tuple[float, float, HighOrderPID]:
         time = shortest * math.exp(log_time)
         factor = gain_for_ms(Loop(process, _filtered(gains, time)), limit)
-        if factor < SMALLEST:
+        if factor < LEAST_FACTOR:
             raise ValueError(
-                f"Ms = {limit:g} leaves this design a factor of {factor:.2g} of its gains, below {SMALLEST:g}"
+                f"Ms = {limit:g} leaves this design a factor of {factor:.2g} of its gains, below {LEAST_FACTOR:g}"
             )
         return noise_of(factor * gains, time), factor, _filtered(factor * gains, time)
 
@@ -93,8 +94,8 @@ def at_equal_terms(
     return Design(process, controller, source=f"{design.source}, at equal terms", info=info)
 
 
-def _gains(controller: Controller) -> Array:
-    """Gains from the integral upwards, without absent derivatives."""
+def gains_of(controller: Controller) -> Array:
+    """Return the gains from the integral upwards, without absent derivatives."""
     own = controller.coefficients if isinstance(controller, HighOrderPID) else controller.gains()
     gains = np.trim_zeros(np.array(own), "b")
     return np.append(gains, np.zeros(max(0, 2 - gains.size)))
@@ -120,22 +121,20 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
     """The shortest filter with which the noise stays within its limit, found in the logarithm of its time."""
+    tried: dict[float, tuple[float, float, HighOrderPID]] = {}
+
+    def quiet(log_time: float) -> bool:
+        tried[log_time] = scaled(log_time)
+        return tried[log_time][0] <= most
+
+    if quiet(0.0):
+        return tried[0.0]
     low, high = 0.0, 1.0
-    found = scaled(low)
-    if found[0] <= most:
-        return found
-    while (found := scaled(high))[0] > most:
+    while not quiet(high):
         low, high = high, high + 1.0
-        if high > math.log(SLOWEST):
+        if high > math.log(LONGEST_FILTER):
             raise ValueError(
                 f"no filter time keeps noise_gain = {most:g} with the proportions of this design"
             )
     # by halves, and from above: the noise jumps where the gain does, from one range of allowed gains to another
-    while high - low > CLOSE:
-        middle = 0.5 * (low + high)
-        tried = scaled(middle)
-        if tried[0] > most:
-            low = middle
-        else:
-            high, found = middle, tried
-    return found
+    return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

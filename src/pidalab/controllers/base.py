@@ -145,13 +145,16 @@ class Controller(Block):
         """
         raise TypeError(f"{type(self).__name__} must define parts")
 
-    def vendor_forms(self, time_unit: str = "s") -> VendorForms:
+    def vendor_forms(self, time_unit: str = "s", full_output: float | None = None) -> VendorForms:
         """Return the gains without filters as controllers on the market take them, or say where no form exists.
 
         Parameters
         ----------
         time_unit : {"s", "min", "h"}, optional
             Unit of the model's time.
+        full_output : float, optional
+            u at full power, such as 1 or 100: then also as the firmware Klipper and Betaflight write their numbers, for
+            a y in °C and in degrees per second.
 
         Returns
         -------
@@ -171,10 +174,12 @@ class Controller(Block):
         series:   Kc = 1, Ti [s] = 60, Ti [min] = 1, repeats/min = 1, Td [s] = 60, Td [min] = 1
         parallel: Kp = 2, Ki [1/s] = 0.016667, Ki [1/min] = 1, Kd [s] = 60, Kd [min] = 1
         filters:  derivative 3 s
+        >>> print(pidalab.PIDA(kp=0.08, ti=20.0, td=5.0).vendor_forms("s", full_output=1.0).klipper)
+        {'pid_Kp': 20.4, 'pid_Ki': 1.02, 'pid_Kd': 102.0}
         """
         from pidalab.controllers.vendor import vendor_forms
 
-        return vendor_forms(self.gains(), self.parts(), time_unit)
+        return vendor_forms(self.gains(), self.parts(), time_unit, full_output)
 
     def discretise(
         self, sample_time: float, method: str = "backward", output_filter: Any = None, **options: Any

@@ -1,4 +1,10 @@
-"""Parameters in the forms of makers of controllers: ideal, series and parallel, in seconds, minutes and repeats."""
+"""Parameters in the forms of makers: ideal, series and parallel, and as the firmware of printers and drones has them.
+
+Klipper, the firmware of 3D printers, divides its three numbers by 255 (klippy/extras/heaters.py); u is then the share
+of full power, y in °C, and the derivative is behind a lag of `smooth_time`. Betaflight, the firmware of drones, has a
+factor for each number (src/main/flight/pid.h), one more for the I of the yaw axis, and divides the sum by 1000
+(mixer.c); u is then the share of full thrust, y in degrees per second. Both count time in seconds.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +17,25 @@ from pidalab.forms import FilteredGains, IdealGains
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 Form = dict[str, float] | str
+
+
+class Firmware(NamedTuple):
+    """Its numbers for gains of 1, with u from 0 to 1 and time in seconds, and the lag of its derivative in seconds."""
+
+    p: float
+    i: float
+    d: float
+    lag: float
+    names: tuple[str, str, str]
+
+
+FLIGHT = 1000 / 0.032029, 1000 / 0.244381, 1000 / 0.000529  # PTERM_SCALE, ITERM_SCALE and DTERM_SCALE
+FLIGHT_LAG = 1 / (2 * math.pi * 75)  # the slowest of its first filter of the derivative, as it comes: 75 Hz
+FIRMWARE = {
+    "klipper": Firmware(255.0, 255.0, 255.0, 1.0, ("pid_Kp", "pid_Ki", "pid_Kd")),
+    "betaflight": Firmware(*FLIGHT, FLIGHT_LAG, ("P", "I", "D")),
+    "betaflight-yaw": Firmware(FLIGHT[0], FLIGHT[1] / 2.5, FLIGHT[2], FLIGHT_LAG, ("P", "I", "D")),
+}
 
 
 class VendorForms(NamedTuple):
@@ -26,31 +51,134 @@ class VendorForms(NamedTuple):
         Kp + Ki/s + Kd s: independent gains.
     filters : str
         What the forms leave out: which part is behind which lags, with their time constants in seconds.
+    klipper, betaflight : dict or str
+        The numbers of that firmware; empty where the output at full power was not given.
     """
 
     ideal: dict[str, float] | str
     series: dict[str, float] | str
     parallel: dict[str, float] | str
     filters: str = "none"
+    klipper: dict[str, float] | str = ""
+    betaflight: dict[str, float] | str = ""
 
     def __str__(self) -> str:
         lines = []
         for name, form in self._asdict().items():
+            if not form:
+                continue
             text = (
                 form
                 if isinstance(form, str)
                 else ", ".join(f"{key} = {value:.5g}" for key, value in form.items())
             )
-            lines.append(f"{name + ':':10}{text}")
+            lines.append(f"{name + ': ':10}{text}")
         return "\n".join(lines)
 
 
-def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit: str) -> VendorForms:
+def vendor_forms(
+    gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit: str, full_output: float | None
+) -> VendorForms:
     """Return the gains in the forms of vendors, and the filters beside them; `time_unit` is that of the model."""
     _check.choice("time_unit", time_unit, SECONDS)
     unit = SECONDS[time_unit]
     ideal, series, parallel = _forms(gains, unit)
-    return VendorForms(ideal, series, parallel, _filters(parts, unit))
+    found = VendorForms(ideal, series, parallel, _filters(parts, unit))
+    if full_output is None:
+        return found
+    if gains.ka:  # with the reason that the other forms give
+        return found._replace(klipper=parallel, betaflight=parallel)
+    flight = firmware_form(gains, "betaflight", full_output, time_unit)
+    flight["I of yaw"] = firmware_form(gains, "betaflight-yaw", full_output, time_unit)["I"]
+    return found._replace(klipper=firmware_form(gains, "klipper", full_output, time_unit), betaflight=flight)
+
+
+def firmware_form(
+    gains: IdealGains, firmware: str, full_output: float = 1.0, time_unit: str = "s"
+) -> dict[str, float]:
+    """Return the three numbers of a firmware.
+
+    Parameters
+    ----------
+    gains : IdealGains
+        In units of u per unit of y: °C for Klipper, degrees per second for Betaflight. They have no acceleration.
+    firmware : {"klipper", "betaflight", "betaflight-yaw"}
+        Which.
+    full_output : float, optional
+        u at full power, not 0: 1, or 100 where u is in per cent.
+    time_unit : {"s", "min", "h"}, optional
+        Unit of the model's time.
+
+    Returns
+    -------
+    dict
+        The numbers by the firmware's own names.
+
+    Raises
+    ------
+    ValueError
+        For an unknown firmware or unit, and for an acceleration, which would be lost.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.controllers.vendor import firmware_form
+    >>> gains = pidalab.PIDA(kp=8.0, ti=20.0, td=5.0).gains()  # u in per cent
+    >>> {name: round(number, 4) for name, number in firmware_form(gains, "klipper", 100.0).items()}
+    {'pid_Kp': 20.4, 'pid_Ki': 1.02, 'pid_Kd': 102.0}
+    """
+    one, unit, full = _firmware(firmware, full_output, time_unit)
+    if gains.ka:
+        raise ValueError(f"{firmware} has no acceleration term, and ka = {gains.ka:.5g} would be lost")
+    numbers = one.p * gains.kp / full, one.i * gains.ki / unit / full, one.d * gains.kd * unit / full
+    return dict(zip(one.names, numbers, strict=True))
+
+
+def firmware_gains(
+    firmware: str, p: float, i: float, d: float = 0.0, full_output: float = 1.0, time_unit: str = "s"
+) -> tuple[IdealGains, float]:
+    """Return the gains that three numbers of a firmware stand for, and the lag of its derivative as it comes.
+
+    Parameters
+    ----------
+    firmware, full_output, time_unit : str, float, str
+        As for `firmware_form`.
+    p, i, d : float
+        The numbers.
+
+    Returns
+    -------
+    gains : IdealGains
+        In units of u per unit of y, and in the unit of time.
+    lag : float
+        In that unit of time.
+
+    Raises
+    ------
+    ValueError
+        For an unknown firmware or unit.
+
+    Examples
+    --------
+    >>> from pidalab.controllers.vendor import firmware_gains
+    >>> gains, lag = firmware_gains("klipper", 20.4, 1.02, 102.0, full_output=100.0)
+    >>> round(gains.kp, 4), round(gains.ki, 4), round(gains.kd, 4), lag
+    (8.0, 0.4, 40.0, 1.0)
+    """
+    one, unit, full = _firmware(firmware, full_output, time_unit)
+    numbers = (_check.real(name, number) for name, number in zip("pid", (p, i, d), strict=True))
+    kp, ki, kd = (number * full / scale for number, scale in zip(numbers, one[:3], strict=True))
+    return IdealGains(ki * unit, kp, kd / unit, 0.0), one.lag / unit
+
+
+def _firmware(firmware: str, full_output: float, time_unit: str) -> tuple[Firmware, float, float]:
+    """Return the firmware, the unit of time in seconds and the output at full power."""
+    _check.choice("firmware", firmware, FIRMWARE)
+    _check.choice("time_unit", time_unit, SECONDS)
+    full = _check.real("full_output", full_output)
+    if full == 0:
+        raise ValueError("full_output must not be 0: it is u at full power")
+    return FIRMWARE[firmware], SECONDS[time_unit], full
 
 
 def _forms(gains: IdealGains, unit: float) -> tuple[Form, Form, Form]:
@@ -66,15 +194,14 @@ def _forms(gains: IdealGains, unit: float) -> tuple[Form, Form, Form]:
         return reason, reason, parallel
     ti, td = kp / ki if ki else math.inf, kd / kp
     ideal = _with_units(kp, ti * unit, td * unit)
-    # series: Ti' and Td' are the two roots of x^2 - Ti x + Ti Td, Kc' = Kc Ti'/Ti
     if not ki:
         return ideal, ideal, parallel
-    root = 1 - 4 * td / ti
-    if root < 0:
+    try:
+        series = gains.series()
+    except ValueError:
         reason = f"no such form: it needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}"
         return ideal, reason, parallel
-    longer = ti * (1 + math.sqrt(root)) / 2
-    return ideal, _with_units(kp * longer / ti, longer * unit, ti * td / longer * unit), parallel
+    return ideal, _with_units(series.kp, series.ti * unit, series.kd / series.kp * unit), parallel
 
 
 def _with_units(gain: float, ti: float, td: float) -> dict[str, float]:

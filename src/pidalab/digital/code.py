@@ -74,8 +74,8 @@ def _margins(margins: Any) -> str:
 def vector(k: Parameters) -> Vector:
     """Return inputs and expected control signals: a set-point jump, a manual spell, a tracked signal, a disturbance.
 
-    Two measurements are none. Then the measurement goes to either side, as far as takes the control signal over its
-    whole range.
+    Two measurements lie beyond what counts as one. Then the measurement goes to either side, as far as takes the
+    control signal over its whole range.
     """
     low, high = k.limits
     # a manual signal within the limits, and another one that acts in between

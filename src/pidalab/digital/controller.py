@@ -114,8 +114,8 @@ class DigitalController(Parameters):
         difference to a tracked signal. ``BIAS`` and ``Y_OFFSET`` are the working point; ``LOWEST``, ``HIGHEST`` and
         ``LARGEST_CHANGE`` (in a sample) the limits; ``DEADBAND`` is what counts as no error. ``PREFILTER_MOVE_i_j``
         says how state i of a prefilter moves with the distance of state j from the set point, and
-        ``PREFILTER_OUT_i`` what the distance of state i adds to the set point. Signals beyond ``LARGEST_SIGNAL`` are
-        none, nor are gains beyond ``LARGEST_GAIN`` while they may change.
+        ``PREFILTER_OUT_i`` what the distance of state i adds to the set point. Samples with signals
+        beyond ``LARGEST_SIGNAL`` are left out, as are those with gains beyond ``LARGEST_GAIN`` where these may change.
         What is 0, or acts on nothing, is left out.
 
         Examples

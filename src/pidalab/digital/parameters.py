@@ -11,15 +11,16 @@ import numpy as np
 
 from pidalab import _check
 from pidalab.digital.paths import METHODS, SHARES, Path
-from pidalab.digital.prefilter import Prefilter
+from pidalab.digital.prefilter import Prefilter, discrete
 
 ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
 LARGEST_SIGNAL = 1e9  # beyond it, on either side, a signal is no measurement
 LARGEST_GAIN = 1e9  # of those that may change while it runs
-LARGEST_CONSTANT = (
-    1e15  # of those that may not: with signals of 1e9 nothing overflows, in single precision either
-)
+# of those that may not: with signals of 1e9 nothing overflows, in single precision either
+LARGEST_CONSTANT = 1e15
 MOST_PATHS, MOST_LAGS = 40, 40  # of a controller and of a path: code that can be read
+# how near the numbers of a prefilter are to those of this machine: linear algebra differs in the last digits
+PREFILTER_RTOL = 1e-8
 SHARE_ROUNDING = 1e-6  # by which rounding may take the shares of a lag beyond 1
 
 
@@ -65,7 +66,7 @@ class Parameters:
             raise TypeError(f"paths must be a tuple of at most {MOST_PATHS} Path, found {self.paths!r:.60}")
         checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
         if self.prefilter is not None:
-            checked["prefilter"] = _prefilter(self.prefilter)
+            checked["prefilter"] = _prefilter(self)
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         self._require_consistent()
@@ -144,25 +145,28 @@ def _path(name: str, path: Any) -> Path:
     return Path(path.name, _constant(f"{name}.weight", path.weight), new, old, gains)
 
 
-def _prefilter(found: Any) -> Prefilter:
-    """Check a prefilter."""
-    if not isinstance(found, Prefilter):
-        raise TypeError(f"prefilter must be a Prefilter, found {type(found).__name__}")
-    n = len(found.out) if isinstance(found.out, tuple) else 0
-    rows = found.move if isinstance(found.move, tuple) else ()
-    whole = (found.num, found.den, found.out, *rows)
-    square = len(rows) == n > 0 and all(isinstance(row, tuple) and len(row) == n for row in rows)
-    if not square or not all(isinstance(x, tuple) and len(x) <= MOST_LAGS + 1 for x in whole):
-        raise TypeError("prefilter must have tuples of numbers, and one state a row")
-    proper = 0 < len(found.num) <= len(found.den) == n + 1
-    if not proper or not all(isinstance(x, (int, float)) and x for x in (found.den[0], found.den[-1])):
-        raise ValueError("prefilter must have a proper fraction, of as many poles as states")
-    if (found.new, found.old) not in SHARES.values():
-        raise ValueError(
-            f"prefilter.new and old must be those of a method, found {found.new!r:.40}, {found.old!r:.40}"
-        )
-    num, den, out, *move = (tuple(_constant("prefilter", x) for x in part) for part in whole)
-    return Prefilter(num, den, float(found.new), float(found.old), tuple(move), out)
+def _prefilter(k: Parameters) -> Prefilter:
+    """Return the prefilter, if it is what its fraction becomes for the sample time: stable, of gain 1."""
+    given = k.prefilter
+    if not isinstance(given, Prefilter):
+        raise TypeError(f"prefilter must be a Prefilter, found {type(given).__name__}")
+    num, den = (_check.polynomial(f"prefilter.{name}", getattr(given, name)) for name in ("num", "den"))
+    _check.proper("prefilter", num, den)
+    if den.size > MOST_LAGS + 1:
+        raise ValueError(f"prefilter must have at most {MOST_LAGS} poles, found {den.size - 1}")
+    true = discrete(num, den, k.sample_time, k.method)
+    if true is None:
+        raise ValueError("prefilter must be None where it is 1")
+    new, old, move, out = (
+        _check.array(f"prefilter.{name}", getattr(given, name)) for name in given._fields[2:]
+    )
+    for found, wanted in zip((new, old, move, out), map(np.array, true[2:]), strict=True):
+        if found.shape != wanted.shape or not np.allclose(found, wanted, PREFILTER_RTOL, atol=1e-12):
+            raise ValueError("prefilter must be what its num and den become for the sample time")
+    rows = tuple(map(tuple, move.tolist()))
+    return Prefilter(
+        tuple(num.tolist()), tuple(den.tolist()), float(new), float(old), rows, tuple(out.tolist())
+    )
 
 
 def _constant(name: str, value: Any) -> float:

@@ -211,7 +211,7 @@ def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # a growth that is more than the room up to the limit takes that room; resting there for ever would be a lock
+    # a growth that is more than the room up to the limit takes that room; resting there without end would be a lock
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(found, "integral_part"), *_limited(found)]
     clamped: list[Statement] = [

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from pidalab.optimal._solver import Search
     from pidalab.optimal._walk import SearchResult
 
-HIGHEST = 4  # order of a controller
+HIGHEST_ORDER = 4  # order of a controller
 LARGEST_DISK = 2.0  # disk margin of a loop without feedback
 ACTIVE = 1e-3  # share of a limit within which it is called active
 ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is negligible
 UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
-SLOW = 100.0  # largest sample time, in the shortest unit
+SLOWEST_SAMPLING = 100.0  # largest sample time, in the shortest unit
 # relative difference between the IAE of the search and that of the simulation, above which the unit is too short
-SAME = 0.02
+SAME_IAE = 0.02
 
 
 def load(
@@ -121,7 +121,7 @@ def load(
     from pidalab.optimal._limits import DesignLimits
 
     require_no_zero_at_origin("process", process)
-    order = _check.integer("order", order, at_least=0, at_most=HIGHEST)
+    order = _check.integer("order", order, at_least=0, at_most=HIGHEST_ORDER)
     limits = DesignLimits(
         _check.real("ms", ms, above=1.0),
         None if mks is None else _check.real("mks", mks, above=0.0),
@@ -145,7 +145,7 @@ def load(
     for k, plant in enumerate(plants):
         require_no_zero_at_origin(f"family[{k}]", plant)
     if any(sign_of_gain(plant) != sign_of_gain(process) for plant in plants):
-        raise ValueError("family must have gains of the sign of the process: no controller serves both signs")
+        raise ValueError("family must have gains of the sign of the process: none stabilises both signs")
     seen: list[Search] = []
     guarded = plants, _check.real("ms_worst", ms_worst, above=1.0)
     best = _best(process, order, limits, seen, guarded, start)
@@ -184,10 +184,10 @@ def _best(
         plant if sign > 0 else Process(-plant.num, plant.den, plant.delay) for plant in (process, *guarded[0])
     )
     shortest, best = unit_of_time(upright, limits), None
-    if limits.sample_time is not None and limits.sample_time > SLOW * shortest:
+    if limits.sample_time is not None and limits.sample_time > SLOWEST_SAMPLING * shortest:
         raise ValueError(
-            f"sample_time must be at most {SLOW * shortest:.4g} for this process, found {limits.sample_time:g}: no "
-            "loop needs to be that slow"
+            f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, found "
+            f"{limits.sample_time:g}: no loop needs to be that slow"
         )
     # the matrices are small: handing them to other threads takes longer than the work, up to ten times in all
     with (
@@ -220,7 +220,7 @@ def _best(
             design = _design(process, sign, one, found)
             if best is None or design.iae < best.iae:
                 best = design
-            if design.iae - found.best.value * unit < SAME * design.iae:
+            if design.iae - found.best.value * unit < SAME_IAE * design.iae:
                 break  # the search has seen all of the response
     return best
 
@@ -242,13 +242,13 @@ def _refusal(seen: list[Search]) -> str:
             f"has {min(near)[1]}: allow more, or take another order"
         )
     hint = ""
-    for other in range(HIGHEST, order, -1):
+    for other in range(HIGHEST_ORDER, order, -1):
         problem = Problem(first.problem.process, other, (first.problem.gain, first.problem.time))
         if any(True for _ in stabilising(Search(problem, DesignLimits(2.0)))):
             hint = f"; order {other} has some"
     return (
-        f"no stable controller of order {order} with non-negative gains was found, whatever its ms ({wanted} was asked "
-        f"for){hint}"
+        f"no stable controller of order {order} with non-negative gains was found, whatever its ms (requested: "
+        f"{wanted}){hint}"
     )
 
 
@@ -303,12 +303,12 @@ def _design(process: Process, sign: float, one: Search, found: SearchResult) -> 
 
 def _edge(one: Search, x: Array) -> tuple[str, ...]:
     """What lies at the edge of the search, where no limit of the user's is the edge."""
-    from pidalab.optimal._solver import FASTEST, LARGEST
+    from pidalab.optimal._solver import FASTEST, LARGEST_GAIN
 
     at = one.problem.gains
     slowest = one.bounds[at][1]
     found = ["filter_time"] if x[at] < FASTEST + 1e-3 or x[at] > slowest - 1e-3 else []
-    return (*found, *(["gains"] if x[:at].max() > LARGEST * (1 - 1e-3) else []))
+    return (*found, *(["gains"] if x[:at].max() > LARGEST_GAIN * (1 - 1e-3) else []))
 
 
 def _iae(loop: Loop, time: float) -> float:

@@ -1,4 +1,4 @@
-"""What a design has to keep."""
+"""Requirements of a design."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class DesignLimits(NamedTuple):
-    """What a design has to keep; None for no limit.
+    """Requirements of a design; None for no limit.
 
     Attributes
     ----------

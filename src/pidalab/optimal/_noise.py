@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from pidalab._check import Array
+from pidalab.optimal._heights import turned, with_turns
 from pidalab.optimal._problem import Problem, Slope
 from pidalab.robustness.sampled import sampled_plant
 from pidalab.roots import roots
@@ -66,9 +67,7 @@ class SampledNoise:
         """Whether 1 + L, with its unstable poles moved inside, turns around the circle as that of an unstable loop."""
         f = (1 + self.plant * self._controller(x)[0]) * self.moved
         # the function is real at both ends
-        start = float(np.angle(f[0]))
-        turned = float(np.angle(f[1:] / f[:-1]).sum()) + start - np.pi * round(start / np.pi)
-        return abs(turned) > 0.5 * np.pi
+        return abs(turned(np.append(f[0].real, f))) > 0.5 * np.pi
 
     def _expand(self) -> None:
         """Write the actions behind the filter, T^k s^k/(1 + T s)^n, and their slopes by the logarithm of T, in lags.
@@ -116,8 +115,5 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
     """Frequencies up to half that of sampling: by decades, evenly, and where the dead time turns the phase."""
     top = np.pi / h
     lowest = min(1e-4 / time, 1e-3 / h)
-    w = [np.geomspace(lowest, top, 400 * density), np.linspace(0.01 * top, top, 250 * density)]
-    if delay:
-        turns = np.arange(1.0, 200.0 * density) * 0.3 / (density * delay)
-        w.append(turns[turns < top])
-    return np.unique(np.concatenate(w))
+    w = np.append(np.geomspace(lowest, top, 400 * density), np.linspace(0.01 * top, top, 250 * density))
+    return np.unique(with_turns(w, delay, 0.3 / density * np.arange(1.0, 200.0 * density)))

@@ -16,23 +16,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._problem import HEIGHTS, Problem, Scaled
+from pidalab.optimal._heights import HEIGHTS, MS, top, weights, with_turns
+from pidalab.optimal._problem import Problem, Scaled
 from pidalab.optimal._quadratic import convex, multipliers, solve_qp
 from pidalab.optimal._solver import Search
 from pidalab.process import Process
 
 ROOM = 1e-9  # share of a limit that is left, for rounding
-NEAR = 0.05  # share of a limit within which a peak is looked at
-BESIDE, ROUNDS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
-DIFFERENCE, FINEST = 1e-4, 1e-6  # of what a descent sees, for second derivatives
-STEPS, CLOSE, OPEN = 25, 1e-9, 1e-4  # of Newton at most; the last one, and the largest that is taken for one
-SMALL = 1e-3  # step after which second derivatives stay as they are
-WIDEST, LOCAL, SHORTEST = 0.5, 0.1, 1e-6  # longest step; one that is near the end; shortest trust in one
-SMALLEST = 1e-9  # unit of a gain
-
-# kinds of peaks of the process itself, and of those of other plants the first
-LOUDNESS, COMPLEMENTARY, DIFFERENCE = 1, 2, 3
-NOMINAL = len(HEIGHTS)
+NEAR_LIMIT = 0.05  # share of a limit within which a peak is looked at
+FREQUENCY_STEP, PEAK_STEPS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
+SPACING, LEAST_SPACING = 1e-4, 1e-6  # of the points that second derivatives come from, as a descent sees them
+# of Newton at most; the last one, and the largest that is taken for one
+MOST_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
+SMALL_STEP = 1e-3  # step after which second derivatives stay as they are
+# longest step; one that is near the end; shortest trust in one
+LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
+LEAST_UNIT = 1e-9  # unit of a gain
+NOMINAL = len(HEIGHTS)  # kinds of peaks of the process itself: the first of those of other plants
 
 
 class Polished(NamedTuple):
@@ -64,29 +64,22 @@ class Peaks:
         self.plants = [problem.process] * NOMINAL + [*others]
         self.tops = np.log([*(limits.get(name, np.inf) for name in HEIGHTS), *[worst] * len(others)])
         self.limited = [kind for kind, name in enumerate(HEIGHTS) if name in limits]
-        delay = problem.process.delay
         w = np.geomspace(1e-3, 30.0 / fastest, 700) / problem.time
-        turns = np.arange(1.0, 400.0) * 0.3 / delay if delay else np.zeros(0)
-        self.w = np.unique(np.concatenate([w, turns[turns < w[-1]], looked]))
-        self.at_grid = self._known(self.w)
-        self.others_at_grid = np.array([plant(self.at_grid[0]) for plant in others])
-
-    def _known(self, w: Array) -> tuple[Any, Any, Any]:
-        s = 1j * w
-        return s, self.problem.process(s), self.problem._actions(s)
+        w = with_turns(w, problem.process.delay, 0.3 * np.arange(1.0, 400.0))
+        self.w = np.unique(np.append(w, looked))
+        s = 1j * self.w
+        self.at_grid = s, problem.process(s), problem._actions(s)
+        self.others_at_grid = np.array([plant(s) for plant in others])
 
     def heights(self, x: Array) -> Array:
         """Logarithms of all heights over their limits at the frequencies of the grid."""
         s, plant, actions = self.at_grid
         controller = self.problem._controller(x, s, actions)[0]
         L = plant * controller
-        back = -np.log(np.abs(1 + L))
+        back = np.log(np.abs(1 + L))
         found = np.full((NOMINAL, s.size), -np.inf)
         for kind in self.limited:
-            found[kind] = back - self.tops[kind]
-            if kind:
-                top = controller if kind == LOUDNESS else L if kind == COMPLEMENTARY else 0.5 * (1 - L)
-                found[kind] += np.log(np.abs(top))
+            found[kind] = np.log(np.abs(top(kind, controller, L))) - back - self.tops[kind]
         if len(self.plants) == NOMINAL:
             return found
         others = -np.log(np.abs(1 + self.others_at_grid * controller)) - self.tops[NOMINAL:, None]
@@ -110,18 +103,18 @@ class Peaks:
         """Which peaks come near their limits: kinds and frequencies."""
         heights = self.heights(x)
         inner = heights[:, 1:-1]
-        kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR))
+        kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR_LIMIT))
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
         """Second derivatives of the logarithms of heights by that of the frequency, at peaks."""
-        above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (BESIDE, -BESIDE))
-        return np.asarray(np.minimum((above - below) / (2 * BESIDE), -1e-9))
+        above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
+        return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
-    def refined(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
+    def refine(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
         """Frequencies of peaks, from points of the grid beside them, where the slope is zero."""
         log = np.log(w)
-        for _ in range(ROUNDS):
+        for _ in range(PEAK_STEPS):
             move = np.clip(-self._slope(x, kinds, np.exp(log)) / bend, -0.02, 0.02)
             log = log + move
             if np.max(np.abs(move), initial=0.0) < 1e-12:
@@ -132,40 +125,33 @@ class Peaks:
         """Slope of the logarithm of a height by that of the frequency."""
         s = 1j * w
         gains, time = self.problem.controller(x)
-        powers = gains[:, None] * s ** np.arange(-1.0, gains.size - 1.0)[:, None]
-        lag, order = 1 / (1 + time * s), gains.size - 1
-        whole = lag**order
-        controller = powers.sum(axis=0) * whole
-        turn = (np.arange(-1.0, gains.size - 1.0) @ powers) * whole + controller * order * (lag - 1)  # s C'
-        plant, plant_turn = self._plant(s, kinds)
-        L, loop_turn = plant * controller, plant * (turn + controller * plant_turn)
-        own = np.where(kinds == LOUDNESS, turn / controller, 0.0)
-        if COMPLEMENTARY in self.limited:
-            own = np.where(kinds == COMPLEMENTARY, loop_turn / L, own)
-        if DIFFERENCE in self.limited:
-            own = np.where(kinds == DIFFERENCE, -loop_turn / (1 - L), own)
-        return np.asarray(np.real(own - loop_turn / (1 + L)))
+        powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
+        terms, lag = gains[:, None] * s ** powers[:, None], 1 / (1 + time * s)
+        action = terms.sum(axis=0)
+        by_controller = (powers @ terms) / action + order * (lag - 1)  # s C'/C
+        plant, by_plant = self._plant(s, kinds)
+        _, a, b = _parts(kinds, action, plant * action * lag**order)
+        return np.asarray(np.real(a * by_controller + b * by_plant))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
         """Heights of peaks, and their slopes by the unknowns."""
         s = 1j * w
-        plant, actions = self._plant(s, kinds)[0], self.problem._actions(s)
-        controller, slopes = self.problem._controller(x, s, actions)
-        L, by_all = plant * controller, slopes()
-        back = 1 / (1 + L)
-        # the part of the height over |1 + L|, and what its logarithm changes by with the controller
-        top, own = (
-            np.where(kinds == LOUDNESS, controller, 1.0),
-            np.where(kinds == LOUDNESS, 1 / controller, 0.0),
-        )
-        if COMPLEMENTARY in self.limited:
-            here = kinds == COMPLEMENTARY
-            top, own = np.where(here, L, top), np.where(here, 1 / controller, own)
-        if DIFFERENCE in self.limited:
-            here = kinds == DIFFERENCE
-            top, own = np.where(here, 0.5 * (1 - L), top), np.where(here, -plant / (1 - L), own)
-        slope = np.real((own - plant * back) * by_all)
-        return np.log(np.abs(top * back)) - self.tops[kinds], slope.T
+        controller, slopes = self.problem._controller(x, s, self.problem._actions(s))
+        L = self._plant(s, kinds)[0] * controller
+        above, a, _ = _parts(kinds, controller, L)
+        heights = np.log(np.abs(above / (1 + L))) - self.tops[kinds]
+        return heights, np.real(a / controller * slopes()).T
+
+
+def _parts(kinds: Array, controller: Array, L: Array) -> Any:
+    """Numerators over 1 + L, and both weights, of peaks, of which there are few; with other plants it is |S|."""
+    own = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
+    each = zip(own, controller.tolist(), L.tolist(), strict=True)
+    return (
+        np.array([(top(kind, c, l), *weights(kind, l)) for kind, c, l in each], dtype=complex)
+        .reshape(-1, 3)
+        .T
+    )
 
 
 class Lagrangian:
@@ -176,7 +162,7 @@ class Lagrangian:
         self.seen = Scaled(x, problem.gains)
         small = (x > 0) & (x < self.seen.unit)
         small[[0, -1]] = False
-        self.seen.unit[small] = np.maximum(x[small], SMALLEST)
+        self.seen.unit[small] = np.maximum(x[small], LEAST_UNIT)
         low, high = np.transpose(search.bounds)
         self.low, self.high = self.seen(low), self.seen(high)
         limits = search.limits.heights(ROOM)
@@ -206,10 +192,10 @@ class Lagrangian:
         return left, self.seen.slopes(x, by_x)
 
     def tops(self, z: Array) -> tuple[Array, Array]:
-        """Peaks near their limits, refined."""
+        """Peaks near their limits, refine."""
         x = self.seen.back(z)
         kinds, w = self.peaks.near(x)
-        return kinds, self.peaks.refined(x, kinds, w, self.peaks.bend(x, kinds, w))
+        return kinds, self.peaks.refine(x, kinds, w, self.peaks.bend(x, kinds, w))
 
     def missed(self, z: Array) -> tuple[float, float]:
         """Value, and by how much limits are missed in all; infinite where the loop is unstable."""
@@ -219,14 +205,14 @@ class Lagrangian:
         left, _ = self.margins(z, *self.tops(z), self.search.exact_noise)
         return self.value(z)[0], float(np.maximum(-left, 0.0).sum())
 
-    def bends(self, z: Array, kinds: Array, w: Array, prices: Array, worth: Any, h: float) -> Array:
+    def hessian(self, z: Array, kinds: Array, w: Array, prices: Array, worth: Any, h: float) -> Array:
         """Second derivatives of the Lagrangian, peaks followed to where they lie; of noise as in a descent."""
         bend, found = self.peaks.bend(self.seen.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
             x = self.seen.back(z)
             value, by_x = worth(x)
-            moved = self.peaks.refined(x, kinds, w, bend)
+            moved = self.peaks.refine(x, kinds, w, bend)
             return np.asarray(
                 self.seen.slopes(x, by_x() / value)
                 - prices @ self.margins(z, kinds, moved, self.search.noise)[1]
@@ -240,11 +226,11 @@ class Lagrangian:
 def polish(search: Search, x: Array) -> Polished | None:
     """Go from near an optimum to where its conditions are met; None where Newton's method does not come to rest."""
     one = Lagrangian(search, x)
-    z, trust, price, stale = np.clip(one.seen(x), one.low, one.high), WIDEST, 0.0, True
-    before, worth, apart = math.inf, search.worth, DIFFERENCE
+    z, trust, price, stale = np.clip(one.seen(x), one.low, one.high), LARGEST_TRUST, 0.0, True
+    before, worth, apart = math.inf, search.worth, SPACING
     value, missed = one.missed(z)
-    eye, bends = np.eye(z.size), np.zeros(0)
-    for _ in range(STEPS):
+    eye, hessian = np.eye(z.size), np.zeros(0)
+    for _ in range(MOST_STEPS):
         kinds, w = one.tops(z)
         left, slopes = one.margins(z, kinds, w, search.exact_noise)
         slope = one.value(z)[1]()
@@ -253,9 +239,9 @@ def polish(search: Search, x: Array) -> Polished | None:
         limits = left.size - 2 * z.size
         if stale:  # else the second derivatives of the last step serve
             prices = multipliers(slope, rows, left)
-            bends = convex(one.bends(z, kinds, w, prices[:limits], worth, apart), rows[prices > 0])
+            hessian = convex(one.hessian(z, kinds, w, prices[:limits], worth, apart), rows[prices > 0])
         while True:
-            found = solve_qp(bends, slope, rows, left, trust)
+            found = solve_qp(hessian, slope, rows, left, trust)
             if found is None:
                 return None
             step, prices = found
@@ -264,19 +250,19 @@ def polish(search: Search, x: Array) -> Polished | None:
             there, by = one.missed(z + step)
             # near the end steps that shrink count for more than values: a full one may miss curved limits by a little
             if there + price * by <= value + price * missed or (
-                length < min(LOCAL, 0.5 * before) and there < math.inf
+                length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
             ):
                 break
             # it shrinks, also where rounding let the step pass it
             trust = 0.3 * min(trust, length)
-            if trust < SHORTEST:
+            if trust < LEAST_TRUST:
                 return None
         z, value, missed = np.clip(z + step, one.low, one.high), there, by
-        trust = max(trust, min(WIDEST, 3 * length))
-        if length < CLOSE:
+        trust = max(trust, min(LARGEST_TRUST, 3 * length))
+        if length < LAST_STEP:
             break
-        stale = length > SMALL or length > 0.1 * before
+        stale = length > SMALL_STEP or length > 0.1 * before
         if length > 0.3 * before:
-            worth, apart = search.fine, min(DIFFERENCE, max(0.1 * length, FINEST))  # a closer look
+            worth, apart = search.fine, min(SPACING, max(0.1 * length, LEAST_SPACING))  # a closer look
         before = length
-    return Polished(math.exp(value), one.end(z), length, w) if length < OPEN else None
+    return Polished(math.exp(value), one.end(z), length, w) if length < LARGEST_LAST_STEP else None

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from pidalab._check import Array
+from pidalab.optimal._heights import HEIGHTS, top, turned, weights, with_turns
 from pidalab.process import Process
 from pidalab.roots import roots
 
@@ -28,10 +29,8 @@ SAMPLES = 2048  # of a response
 DAMPING = 3.0  # real part of the line of the transform, times the horizon
 REST = 1e-3  # share of the integral that the transform may miss
 
-UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
+GAIN_UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
 WALL = 1e9  # in place of what is to be small, where a step has left the stable loops
-# what may be limited at all frequencies: |S|, |C S|, |T| and half of |S - T|
-HEIGHTS = ("ms", "mks", "mt", "half")
 
 Slope = Callable[[], Array]  # of a value, where a search needs it: along a line it looks at values alone
 
@@ -134,8 +133,7 @@ class Problem:
         speeds = np.abs(roots(process.den)) * self.time
         slowest = float(np.min(speeds[speeds > 0], initial=1.0))
         around = np.append(0.0, np.geomspace(min(1e-3, max(0.01 * slowest, 1e-8)), 1e3, 600))
-        if process.delay:  # and where the dead time turns the phase
-            around = np.sort(np.append(around, np.arange(1.0, 400.0) * 0.3 * self.time / process.delay))
+        around = with_turns(around, process.delay / self.time, 0.3 * np.arange(1.0, 400.0), end=np.inf)
         self.axis = s = 1j * around / self.time
         scale = (s + sigma) ** -len(process.den)
         self.own = s * np.polyval(process.den, s) * scale
@@ -146,46 +144,31 @@ class Problem:
     def unstable(self, x: Array) -> bool:
         """Whether the characteristic function turns along the axis as that of an unstable loop."""
         f = self.own + (x[: self.gains] @ self.fed_back) * self._filter(x, self.axis)[0]
-        return (
-            abs(float(np.angle(f[1:] / f[:-1]).sum() + np.angle(self.process.den[0] / f[-1]))) > 0.5 * np.pi
-        )
+        return abs(turned(np.append(f, self.process.den[0]))) > 0.5 * np.pi
 
     def limits(self, w: Array, most: dict[str, float], process: Process | None = None) -> Any:
         """Return the function of what is left to limits at frequencies w, and of its gradient.
 
         The limits are those of `HEIGHTS`, by name. With another process in place of the problem's own, if one is given.
+        With r the square of a height over its limit it is 1/r - 1 of |S|, and (1 - r)/(1 + r) of the others.
         """
         s = 1j * w
         plant, actions = (process or self.process)(s), self._actions(s)
-        ms = most.get("ms")
+        kinds = [(kind, most[name] ** 2) for kind, name in enumerate(HEIGHTS) if name in most]
 
         def value(x: Array) -> tuple[Array, Slope]:
             controller, slopes = self._controller(x, s, actions)
             L = plant * controller
-            back = 1 + L
-            size = np.abs(back) ** 2
-            left = [] if ms is None else [ms**2 * size - 1]
-            # |N|^2 <= limit^2 |1 + L|^2, over the size of the two
-            parts = []
-            for name, top, by_controller in (
-                ("mks", controller, 1.0),
-                ("mt", L, plant),
-                ("half", 0.5 * (1 - L), -0.5 * plant),
-            ):
-                if name in most:
-                    own, room = np.abs(top) ** 2, most[name] ** 2 * size
-                    left.append((room - own) / (own + room))
-                    parts.append((top, by_controller, own, room, most[name] ** 2))
+            size = np.abs(1 + L) ** 2
+            shares = [np.abs(top(kind, controller, L)) ** 2 / (limit * size) for kind, limit in kinds]
+            left = [(1 - r) / (1 + r if kind else r) for (kind, _), r in zip(kinds, shares, strict=True)]
 
             def slope() -> Array:
-                by_all = slopes()
-                turn = 2 * np.real(np.conj(back) * plant * by_all)
-                found = [] if ms is None else [ms**2 * turn]
-                for top, by_controller, own, room, square in parts:
-                    a, b = 2 * np.real(np.conj(top) * by_controller * by_all), square * turn
-                    total = 1 / (own + room)
-                    found.append((b - a) * total - (room - own) * total**2 * (a + b))
-                out = np.zeros((self.size, len(left) * w.size))
+                by_all, found = slopes(), []
+                for (kind, _), r in zip(kinds, shares, strict=True):
+                    factor = -4 * r / (1 + r) ** 2 if kind else -2 / r
+                    found.append(np.real(factor * weights(kind, L)[0] / controller * by_all))
+                out = np.zeros((self.size, len(kinds) * w.size))
                 out[: self.gains + 1] = np.hstack(found)
                 return out.T
 
@@ -234,7 +217,7 @@ class Scaled:
 
     def __init__(self, start: Array, gains: int) -> None:
         self.unit = np.ones(start.size)
-        self.unit[1:gains] = np.clip(start[1:gains], *UNITS)
+        self.unit[1:gains] = np.clip(start[1:gains], *GAIN_UNITS)
 
     def __call__(self, x: Array) -> Array:
         """From unknowns to what the descent sees."""

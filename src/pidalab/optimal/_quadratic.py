@@ -20,28 +20,28 @@ def multipliers(slope: Array, rows: Array, left: Array) -> Array:
     return prices
 
 
-def convex(bends: Array, reached: Array) -> Array:
+def convex(hessian: Array, reached: Array) -> Array:
     """Second derivatives, made positive: along the limits that are reached where they have to be, off them freely."""
     if reached.size:
         _, sizes, turned = np.linalg.svd(reached)
         free = turned[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
     else:
-        free = np.eye(len(bends))
-    values, vectors = np.linalg.eigh(free.T @ bends @ free)
+        free = np.eye(len(hessian))
+    values, vectors = np.linalg.eigh(free.T @ hessian @ free)
     along = free @ vectors
     wanted = np.maximum(np.abs(values), FLATTEST)
-    bends = bends + (along * (wanted - values)) @ along.T
-    heavy = max(1e-3, float(np.abs(bends).max(initial=0.0)))
-    off = np.eye(len(bends)) - free @ free.T
+    hessian = hessian + (along * (wanted - values)) @ along.T
+    heavy = max(1e-3, float(np.abs(hessian).max(initial=0.0)))
+    off = np.eye(len(hessian)) - free @ free.T
     for factor in 10.0 ** np.arange(0, 8):
-        out = np.asarray(bends + factor * heavy * off)
+        out = np.asarray(hessian + factor * heavy * off)
         if np.linalg.eigvalsh(out)[0] > 0:
             return out
     return out
 
 
 def solve_qp(
-    bends: Array, slope: Array, rows: Array, left: Array, trust: float
+    hessian: Array, slope: Array, rows: Array, left: Array, trust: float
 ) -> tuple[Array, Array] | None:
     """Step that makes a quadratic function least and keeps limits and trust, and the prices of the limits.
 
@@ -52,8 +52,8 @@ def solve_qp(
     size = slope.size
     rows = np.vstack([rows, np.eye(size), -np.eye(size)])
     left = np.concatenate([left, np.full(2 * size, trust)])
-    root = np.linalg.cholesky(bends)  # lower: bends = root root^T
-    best = np.asarray(-np.linalg.solve(bends, slope), dtype=float)
+    root = np.linalg.cholesky(hessian)  # lower: hessian = root root^T
+    best = np.asarray(-np.linalg.solve(hessian, slope), dtype=float)
     turned = np.linalg.solve(root, rows.T)  # columns: limits in the metric of the function
     wanted = -left - rows @ best
     if np.all(wanted <= 0):

@@ -14,16 +14,17 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.optimal._heights import with_turns
 from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import WALL, CachedValueAndSlope, Problem, Scaled, Slope
 from pidalab.process import Process
 from pidalab.robustness.poles import is_stable
 
-SAMPLES = 8192  # of the response whose IAE is made least
+FINE_SAMPLES = 8192  # of the response whose IAE is made least
 TOP, BOTTOM, RUNGS = 1.0, -5.0, 13  # of the ladder: logarithms of filter times, in units of the process
 FASTEST, SLOWEST = -7.0, 3.0  # logarithms of filter times that are allowed
-LARGEST = 1e6  # gain, in units of the process, that is allowed
+LARGEST_GAIN = 1e6  # gain, in units of the process, that is allowed
 HORIZON = 80.0  # of a response, in units of the process
 MISSED = 30.0  # price of a missed limit where starts are compared
 SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
@@ -31,7 +32,8 @@ AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
 BETWEEN = 0.01  # share of a frequency within which another stands for it
 NEARLY = 1e-4  # share by which a limit may be missed on the way
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
-AGAIN, LONG = 4, 0.2  # descents one after the other at most; gain after which one is long, a logarithm
+# descents one after the other at most; gain after which one is long, a logarithm
+AGAIN, LONG_DESCENT = 4, 0.2
 FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
 
 
@@ -47,15 +49,11 @@ class Search:
         self.active: list[int] = []  # plants of the family that the descents see
         time = problem.time
         # dense where the loop crosses over, and fine enough for the turns of the dead time
-        delay = problem.process.delay
-        turns = np.arange(3.0, 40.0, 0.7) / delay if delay else np.zeros(0)
         far = np.geomspace(10.0, 2.0 / np.exp(BOTTOM), 16)[1:]
-        self.w = np.sort(
-            np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
-        )
-        self.w = np.sort(np.append(self.w, turns[turns < self.w[-1]]))
+        w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
+        self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
         self.worth = problem.worth(HORIZON * time)
-        self.fine = problem.worth(HORIZON * time, SAMPLES)
+        self.fine = problem.worth(HORIZON * time, FINE_SAMPLES)
         # sampled noise has a size only behind a filter that is not faster than the sample
         h = limits.sample_time
         self.noise = self.exact_noise = None
@@ -65,7 +63,7 @@ class Search:
         self.aim = limits.noise_gain or 0.0  # for the quadrature of the noise
         filters = (fastest, max(SLOWEST, fastest + 2.0))
         self.rungs = np.linspace(max(TOP, fastest + 1.0), max(BOTTOM, fastest), RUNGS)
-        self.bounds = [(1e-6, LARGEST)] + [(0.0, LARGEST)] * (problem.order + 1) + [filters]
+        self.bounds = [(1e-6, LARGEST_GAIN)] + [(0.0, LARGEST_GAIN)] * (problem.order + 1) + [filters]
 
     def sound(self, x: Array) -> bool:
         """Whether the loop is stable, with a sampled controller too where that matters."""
@@ -114,7 +112,7 @@ class Search:
         self,
         start: Array,
         filter_time: float | None = None,
-        highest: float = LARGEST,
+        highest: float = LARGEST_GAIN,
         effort: tuple[int, float] = ROUGH,
     ) -> tuple[float, Array, float]:
         """Sequential quadratic programming from a start: value, unknowns, and by how much a limit is missed.
@@ -147,7 +145,7 @@ class Search:
                 before, value = value, float(found.fun)
                 missed = self.missed(end, constraints)
                 # a long way may have ended early: what was learnt of the curvature at its start is of no use at its end
-                if not (np.isfinite(missed) and missed <= NEARLY and value < before - LONG):
+                if not (np.isfinite(missed) and missed <= NEARLY and value < before - LONG_DESCENT):
                     break
                 x = end
         ok = value < WALL and np.isfinite(missed)

@@ -17,13 +17,13 @@ from pidalab.optimal._problem import WALL, CachedValueAndSlope, Problem
 from pidalab.optimal._solver import Search
 
 GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)  # proportional, in units of the process
-SHARES = (0.5, 0.1, 0.02, 0.004)  # integral over proportional gain
+INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)  # integral over proportional gain
 DERIVATIVES = (0.0, 1.0, 5.0)  # over proportional gain
 FILTERS = (-4.0, -2.0, 0.0)  # logarithms of filter times
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)  # of the second family, in units of the process
 # crossover over the zeros, and corner of the filter over the crossover, of the second family
-BELOW = (3.0, 8.0, 25.0)
-ABOVE = (5.0, 30.0, 200.0)
+ZEROS_BELOW = (3.0, 8.0, 25.0)
+FILTER_ABOVE = (5.0, 30.0, 200.0)
 INSIDE = -1e-3  # share of the limits that an approach goes beyond keeping them
 TRIED = 60  # candidates whose stability is looked at closely
 STARTS, START_GAP = 6, np.log(4.0)  # starts at most, and how far they are apart
@@ -108,15 +108,15 @@ def relax(search: Search, start: Array) -> Array:
 def _candidates(problem: Problem, fastest: float, slowest: float) -> list[Array]:
     """Both families, each with every filter that is allowed."""
     found = []
-    for gain, share, derivative in product(GAINS, SHARES, DERIVATIVES if problem.order else (0.0,)):
+    for gain, share, derivative in product(GAINS, INTEGRAL_SHARES, DERIVATIVES if problem.order else (0.0,)):
         action = np.array([gain * share, gain, derivative * gain])[: problem.gains]
         times = {float(np.clip(time, fastest, slowest)) for time in FILTERS}
         found += [_unknowns(problem, action, time) for time in sorted(times)]
-    for w, below, zeros in product(CROSSOVERS, BELOW, range(1, problem.gains)):
+    for w, below, zeros in product(CROSSOVERS, ZEROS_BELOW, range(1, problem.gains)):
         action = np.poly(np.full(zeros, -w / below))[::-1]
         action = action / abs(np.polyval(action[::-1], 1j * w) * problem.process(1j * w / problem.time))
         action *= w * problem.gain
-        times = {float(np.clip(-np.log(w * above), fastest, slowest)) for above in ABOVE}
+        times = {float(np.clip(-np.log(w * above), fastest, slowest)) for above in FILTER_ABOVE}
         found += [_unknowns(problem, action, time) for time in sorted(times)]
     return found
 

@@ -14,9 +14,8 @@ from pidalab.roots import roots
 
 CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
 TURN = 0.25 * math.pi  # the same, after what several integrators turn it by
-NOISE_SLOWDOWN = (
-    8.0  # factor by which a limit of noise has to be slower than that phase before it sets the unit
-)
+# factor by which a limit of noise has to be slower than that phase before it sets the unit
+NOISE_SLOWDOWN = 8.0
 SHARE = 0.1  # of the noise that is allowed, proportional action in that unit, where nothing else sets it
 
 

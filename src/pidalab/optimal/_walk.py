@@ -10,11 +10,11 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.optimal._finish import VALLEY_GAP, finish
 from pidalab.optimal._polish import Polished
-from pidalab.optimal._solver import LARGEST, NEARLY, Search
+from pidalab.optimal._solver import LARGEST_GAIN, NEARLY, Search
 
-FAR = 2.0  # factor by which the values of two valleys differ at most
+VALLEY_REACH = 2.0  # factor by which the values of two valleys differ at most
 BEST = 3  # searches that are brought to the end
-SAME = 1e-4  # share by which values of descents differ that may have the same end
+SAME_END = 1e-4  # share by which values of descents differ that may have the same end
 # standard deviations of the logarithms of the gains and of the filter time, for the random starts of the last descents
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
@@ -23,7 +23,9 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    valleys: tuple[float, ...]  # the least value, and what other descents ended with up to FAR times it
+    valleys: tuple[
+        float, ...
+    ]  # the least value, and what other descents ended with up to VALLEY_REACH times it
 
 
 def search(one: Search, starts: list[Array], bar: Any) -> SearchResult | None:
@@ -32,7 +34,7 @@ def search(one: Search, starts: list[Array], bar: Any) -> SearchResult | None:
     x, rungs = first, []
     down, up = one.rungs, one.rungs[::-1]
     # down, up, and down once more without the highest derivative: the valley of the order below
-    for ladder, highest in ((down, LARGEST), (up, LARGEST), (down, 0.0)):
+    for ladder, highest in ((down, LARGEST_GAIN), (up, LARGEST_GAIN), (down, 0.0)):
         for time in ladder:
             value, found, missed = one.descend(one.near(x, first, float(time)), float(time), highest)
             if missed <= NEARLY:
@@ -61,7 +63,7 @@ def search(one: Search, starts: list[Array], bar: Any) -> SearchResult | None:
     value, start, _ = min(
         (end for end in shaken if end[2] <= NEARLY), default=(np.inf, x, 0.0), key=lambda end: end[0]
     )
-    if value < one.worth(best.x)[0] * (1 + SAME):
+    if value < one.worth(best.x)[0] * (1 + SAME_END):
         last = finish(one, start, [best])
         if last is not None and last.value < best.value:
             best = last
@@ -83,7 +85,7 @@ def _valleys(values: list[float]) -> tuple[float, ...]:
     """Values that differ, each the least of those next to it."""
     chosen: list[float] = []
     for value in sorted(values):
-        if not chosen or chosen[-1] * (1 + VALLEY_GAP) < value < FAR * chosen[0]:
+        if not chosen or chosen[-1] * (1 + VALLEY_GAP) < value < VALLEY_REACH * chosen[0]:
             chosen.append(value)
     return tuple(chosen)
 

@@ -6,7 +6,7 @@ is what a design needs; these parts are for those who ask how it was found, and 
 
 from __future__ import annotations
 
-from pidalab.optimal._design import SAME as SAME_IAE, UNITS
+from pidalab.optimal._design import SAME_IAE, UNITS
 from pidalab.optimal._finish import finish
 from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
@@ -43,7 +43,7 @@ def search_in(process: Process, order: int, limits: DesignLimits, factor: float 
     order : int
         Highest derivative.
     limits : DesignLimits
-        What a design has to keep.
+        Requirements of the design.
     factor : float, optional
         Of the unit of time.
 

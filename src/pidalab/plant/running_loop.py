@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
+from pidalab._names import KINDS
 from pidalab.comparison.judging import DesignRow, one_line, text_table
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
@@ -23,7 +24,6 @@ from pidalab.plant.safety import LoopEvaluator
 from pidalab.plant.tuning import tune
 from pidalab.process import Process, sign_of_gain
 from pidalab.rules import Design
-from pidalab.rules.registry import KINDS
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
 DRAWN = 60  # plants by which Ms gets its interval; of fewer the worst is too often below the true one

@@ -22,9 +22,8 @@ PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 2_000_000  # along the axis: more would fill the memory
 # rad by which the dead time turns the phase between two points; the latter for crossovers
 FINE, COARSE = 0.25, 1.0
-NEAR_POSITIVE_AXIS = (
-    0.5  # cosine of the angle to the positive axis below which the negative one may be crossed
-)
+# cosine of the angle to the positive axis below which the negative one may be crossed
+NEAR_POSITIVE_AXIS = 0.5
 REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding; and logarithm of |L|
 TOUCHING = 0.1  # logarithm of |L| at an extremum, below which it may cross 0 unseen
 DETOUR = 1.5  # times that the way of L between two points may be longer than the straight line

@@ -191,6 +191,8 @@ def _opposite(low, high, above, of):
             high = w
         else:
             low = w
+        # Newton's method on the angle of -L, which changes by Re(lambda) along the axis: nearly a straight line, where
+        # the imaginary part of L swings with its size
         first, _ = slopes(s, of)
         after = w - np.arctan2(-product.imag, -product.real) / first.real
         if not low <= after <= high:

@@ -75,6 +75,7 @@ def _summit(kind, low, at, high, weight, of):
         back = inverse(den + num)
         S, T = den * back, num * back
         both = T * S
+        # from S' = -lambda T S = -T': of ln S, of ln T, and of ln (S - T), whose own slope is -2 lambda T S/(S - T)
         if kind == SENSITIVITY:
             slope, bend = -first * T, -second * T - first * first * both
         elif kind == COMPLEMENTARY:

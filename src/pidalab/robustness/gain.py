@@ -8,14 +8,15 @@ from scipy.optimize import brentq
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop
+from pidalab.robustness._arrays import SENSITIVITY
 from pidalab.robustness.loops import explore
 from pidalab.robustness.poles import count_unstable
 
-QUIET = 0.1  # |L| of the given loop above which the turns of its dead time are followed
-FARTHEST = 1e-2  # of the last frequency, up to which gains are looked for at first
-AROUND = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
-CLOSE = 1e-6  # share by which Ms may exceed what was asked for before the last step
-ROUNDS = 8  # of looking where the peak is
+QUIETEST = 0.1  # |L| of the given loop above which the turns of its dead time are followed
+FAR_SHARE = 1e-2  # of the last frequency, up to which gains are looked for at first
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
+MS_RTOL = 1e-6  # share by which Ms may exceed the one wanted before the last step
+MOST_LOOKS = 8  # at where the peak is
 
 
 def gain_for_ms(loop: Loop, ms: float) -> float:
@@ -55,7 +56,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     looked = explore(loop)
 
     def excess(k: float) -> float:
-        return 1 / ms - 1 / looked.scaled(k).max_sensitivity()[0]
+        return 1 / ms - 1 / looked.scaled(k).peak(SENSITIVITY)[0]
 
     def stable(k: float) -> bool:
         try:
@@ -63,20 +64,20 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
         except ArithmeticError:  # its phase turns too often to follow: it is far from stable
             return False
 
-    w = looked.follow(QUIET)
-    w = w[w <= FARTHEST * w[-1]]
-    for _ in range(ROUNDS):
-        candidates = (k * (1 - CLOSE) for k in _reached_from_below(looked.L(w), ms))
+    w = looked.follow(QUIETEST)
+    w = w[w <= FAR_SHARE * w[-1]]
+    for _ in range(MOST_LOOKS):
+        candidates = (k * (1 - MS_RTOL) for k in _reached_from_below(looked.L(w), ms))
         found = next(filter(stable, candidates), None)
         if found is None:
             break
-        peak, at = looked.scaled(found).max_sensitivity()
-        if peak <= ms * (1 + CLOSE):
-            low, high = found * (1 - 10 * CLOSE), found * (1 + 10 * CLOSE)
+        peak, at = looked.scaled(found).peak(SENSITIVITY)
+        if peak <= ms * (1 + MS_RTOL):
+            low, high = found * (1 - 10 * MS_RTOL), found * (1 + 10 * MS_RTOL)
             if not excess(low) < 0 <= excess(high):
                 return found
             return float(brentq(excess, low, high, xtol=1e-15 * found, rtol=1e-14))
-        w = np.sort(np.append(w, at * AROUND))
+        w = np.sort(np.append(w, at * AROUND_PEAK))
     raise ValueError(f"no gain of this controller gives a stable loop that reaches ms = {ms:g} from below")
 
 

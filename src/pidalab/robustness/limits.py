@@ -50,10 +50,10 @@ from pidalab.roots import roots
 from pidalab.search import border
 
 TOLERANCE = 1e-6  # margin above which a criterion surely holds
-SLOWEST = 1e3  # without a reset the multiplier is searched up to so many times the slowest time of the loop
-BELOW = 1 - 1e-6  # the largest multiplier, as a share of the time of a reset
-CLOSE = 1e-9  # share of the margin that a better multiplier may add
-ROUNDS, FURTHER = 60, 4.0  # multipliers that are tried at most, and how many times as far as before
+SLOWEST = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop
+BELOW_RESET = 1 - 1e-6  # largest multiplier, as a share of the time of a reset
+MARGIN_RTOL = 1e-9  # share of the margin that a better multiplier may add
+MOST_MULTIPLIERS, FURTHER = 60, 4.0  # that are tried at most, and how many times as far as before
 
 
 class Criterion(NamedTuple):
@@ -211,16 +211,16 @@ def popov(loop: Loop) -> Criterion:
     """
     part = linear_part(loop)
     slowest = max(part.forward.delay, *(1 / np.abs(part.poles)), 0.0) or 1 / abs(part.gain)
-    most = part.reset_time * BELOW if math.isfinite(part.reset_time) else SLOWEST * slowest
+    most = part.reset_time * BELOW_RESET if math.isfinite(part.reset_time) else SLOWEST * slowest
     tried: list[Criterion] = []
     lines: list[tuple[float, float]] = []
     theta = 0.0
-    for _ in range(ROUNDS):
+    for _ in range(MOST_MULTIPLIERS):
         tried.append(Criterion(*infimum(part, theta), theta))
         lines.append(line(part, tried[-1].frequency))
         best = max(tried, key=lambda one: one.margin)
         bound = _best_multiplier(lines, most)[1]
-        if bound - best.margin <= CLOSE * max(1.0, abs(bound)):
+        if bound - best.margin <= MARGIN_RTOL * max(1.0, abs(bound)):
             break
         # far multipliers turn the phase often: go there step by step
         reach = max(slowest, FURTHER * max(one.multiplier for one in tried))

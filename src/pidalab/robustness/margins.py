@@ -11,7 +11,7 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.robustness._arrays import COMPLEMENTARY, TooManyTurns, height, zeros
+from pidalab.robustness._arrays import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, TooManyTurns, height, zeros
 from pidalab.robustness.loops import explore
 from pidalab.robustness.peaks_and_crossovers import Explorer
 from pidalab.robustness.poles import count_unstable
@@ -116,7 +116,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     >>> print(f"{ms:.6f} {w:.4f}")
     1.590490 1.1442
     """
-    return explore(loop).max_sensitivity()
+    return explore(loop).peak(SENSITIVITY)
 
 
 def max_complementary(loop: Loop) -> tuple[float, float]:
@@ -139,7 +139,7 @@ def max_complementary(loop: Loop) -> tuple[float, float]:
     >>> max_complementary(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))
     (1.0, 0.0)
     """
-    return explore(loop).max_complementary()
+    return explore(loop).peak(COMPLEMENTARY)
 
 
 def max_difference(loop: Loop) -> tuple[float, float]:
@@ -163,7 +163,7 @@ def max_difference(loop: Loop) -> tuple[float, float]:
     >>> print(f"{1 / half:.4f} {w:.3f}")
     0.8832 1.030
     """
-    return explore(loop).max_difference()
+    return explore(loop).peak(DIFFERENCE)
 
 
 def gain_crossovers(loop: Loop) -> Array:
@@ -297,9 +297,7 @@ def margins(loop: Loop) -> Margins:
     rotation = np.minimum(lag, 2 * np.pi - lag)
     wpc, at, size = _phase_crossovers(looked, bool(count))
     small, large = np.where(size < 1, size, 0.0), size[size > 1]
-    (ms, wms), (mt, wmt), (difference, _) = (
-        peak() for peak in (looked.max_sensitivity, looked.max_complementary, looked.max_difference)
-    )
+    (ms, wms), (mt, wmt), (difference, _) = map(looked.peak, (SENSITIVITY, COMPLEMENTARY, DIFFERENCE))
     continuous, unknown = math.isinf(looked.end), bool(np.isnan(size).any())
     return Margins(
         stable=count == 0,

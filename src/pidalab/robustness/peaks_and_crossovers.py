@@ -14,11 +14,9 @@ from pidalab._check import Array
 from pidalab.robustness import _arrays
 from pidalab.robustness._arrays import (
     COARSE,
-    COMPLEMENTARY,
-    DIFFERENCE,
     FINE,
-    SENSITIVITY,
     divided,
+    height,
     most_between,
 )
 
@@ -134,17 +132,9 @@ class Explorer:
             lambda w: self.fraction(1j * w), w, num, den, quietest, every, self.delay
         )
 
-    def max_sensitivity(self) -> tuple[float, float]:
-        """Supremum of |S| and where it lies."""
-        return self._supremum(SENSITIVITY, _sensitivity_of(self.at_zero), _sensitivity_of(self.at_end))
-
-    def max_complementary(self) -> tuple[float, float]:
-        """Supremum of |T| and where it lies."""
-        return self._supremum(COMPLEMENTARY, _complementary_of(self.at_zero), _complementary_of(self.at_end))
-
-    def max_difference(self) -> tuple[float, float]:
-        """Supremum of half of |S - T| and where it lies."""
-        return self._supremum(DIFFERENCE, _difference_of(self.at_zero), _difference_of(self.at_end))
+    def peak(self, kind: int) -> tuple[float, float]:
+        """Supremum of |S|, |T| or half of |S - T| (`SENSITIVITY`, `COMPLEMENTARY`, `DIFFERENCE`), and where it lies."""
+        return self._supremum(kind, _height_of(kind, self.at_zero), _height_of(kind, self.at_end))
 
     def _supremum(
         self, kind: int, at_zero: float, at_end: float, weight: LoopFactors = UNWEIGHTED
@@ -227,13 +217,7 @@ def whole(count: float) -> int | None:
     return round(count) if math.isfinite(count) and abs(count - round(count)) < 0.2 else None
 
 
-def _sensitivity_of(L: float) -> float:
-    return abs(1 / (1 + L)) if 1 + L else math.inf
-
-
-def _complementary_of(L: float) -> float:
-    return _sensitivity_of(1 / L) if L else 0.0
-
-
-def _difference_of(L: float) -> float:
-    return 0.5 if math.isinf(L) else 0.5 * abs(1 - L) * _sensitivity_of(L)
+def _height_of(kind: int, L: float) -> float:
+    """Return a height where L is real, or infinite: at an end of the axis."""
+    num, den = (1.0, 0.0) if math.isinf(L) else (L, 1.0)
+    return float(height(kind, num, den)) if den + num else math.inf

@@ -17,7 +17,8 @@ from pidalab.robustness.peaks_and_crossovers import Explorer, LoopFactors
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
 CLUSTER = 8  # more poles than asked for that are returned at most, not to split a cluster of them
-SLOW = 1e-6  # modulus, in 1/dead time, below which a pole is found without dead time first: rounding drowns it with
+# modulus, in 1/dead time, below which a pole is found without dead time first: with it rounding leaves nothing of it
+SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # steps at most
 SOLVED = 1e-6  # residual, or step relative to the pole, of one that is found
@@ -156,7 +157,8 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         nodes *= 2
     if found.size < count:
         raise ArithmeticError(
-            f"count = {count}: only {found.size} poles lie right of {-FARTHEST / delay:.4g}; e^(-s delay) drowns others"
+            f"count = {count}: only {found.size} poles lie right of {-FARTHEST / delay:.4g}, beyond which rounding "
+            "hides them"
         )
     near = (
         "their neighbours"
@@ -237,6 +239,8 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     order = len(den) - 1
     direct = num[0] / den[0] if len(num) == len(den) else 0.0
     c = np.append(np.zeros(len(den) - len(num)), num)[1:] / den[0] - direct * den[1:] / den[0]
+    # what has left the loop and not come back is a wave that travels through the dead time: a linear system without
+    # delay, whose eigenvalues at few Chebyshev points are those of the loop, the slow ones first
     A = np.eye(order, k=-1)
     A[:1] = -den[1:] / den[0]
     k = np.arange(nodes + 1)
@@ -251,7 +255,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     generator[order:, :order] = np.outer(D[1:, 0], c)
     generator[order:, -1] -= direct * D[1:, 0]
     approximate, slow = np.linalg.eigvals(generator), np.roots(np.polyadd(num, den))
-    return np.append(approximate[np.abs(approximate) >= SLOW], slow[np.abs(slow) < SLOW])
+    return np.append(approximate[np.abs(approximate) >= SLOWEST_SURE], slow[np.abs(slow) < SLOWEST_SURE])
 
 
 def _polished(loop: Loop, approximate: Any) -> Any:
@@ -264,14 +268,14 @@ def _polished(loop: Loop, approximate: Any) -> Any:
         for _ in range(20):
             forward = np.exp(-s)
             value = np.polyval(den, s) + np.polyval(num, s) * forward
-            better = (np.abs(value) < least) & (np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW))
+            better = (np.abs(value) < least) & (np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE))
             best, least = np.where(better, s, best), np.where(better, np.abs(value), least)
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
         # far right of the axis the dead time leaves only rounding of `value`
         still = np.abs(step) <= 1e-9 * np.abs(s)
-        near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOW)
+        near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
         # in a cluster it goes astray, once rounding is all that is left of value and slope
         s = np.where(near & (np.abs(value) <= 10 * least), s, best)

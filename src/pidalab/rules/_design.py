@@ -165,13 +165,16 @@ class Design:
         options = {"prefilter": self.prefilter} | options
         return self.controller.discretise(sample_time, method, self.output_filter, **options)
 
-    def vendor_forms(self, time_unit: str = "s") -> VendorForms:
+    def vendor_forms(self, time_unit: str = "s", full_output: float | None = None) -> VendorForms:
         """Return the controller in the forms of vendors, and all filters of the design beside them.
 
         Parameters
         ----------
         time_unit : {"s", "min", "h"}, optional
             Unit of the model's time.
+        full_output : float, optional
+            u at full power, such as 1 or 100: then also as the firmware Klipper and Betaflight write their numbers, for
+            a y in °C and in degrees per second.
 
         Returns
         -------
@@ -193,7 +196,7 @@ class Design:
         parallel: Kp = 1.5171, Ki [1/s] = 0.025284, Ki [1/min] = 1.5171, Kd [s] = 0, Kd [min] = 0
         filters:  none; output filter OutputFilter(time=1.97752, order=1, wgc=0.0252842) in units of the model
         """
-        forms = self.controller.vendor_forms(time_unit)
+        forms = self.controller.vendor_forms(time_unit, full_output)
         beside = [
             f"; {name.replace('_', ' ')} {_block(getattr(self, name))} in units of the model"
             for name in ("output_filter", "prefilter")

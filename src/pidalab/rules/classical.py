@@ -2,7 +2,7 @@ r"""The rules that everybody knows: SIMC, AMIGO, lambda tuning, both rules of Zi
 
 Each starts from the model that its authors start from: a lag with dead time, an integrator with dead time, for SIMC's
 PID a second lag, or the ultimate gain and period. All of them give PI or PID controllers in standard form with a filter
-on the derivative, whose ratio is `n`; none knows the second derivative.
+on the derivative, of a tenth of the derivative time; none knows the second derivative.
 
 ==========================  =================================================================  ===========
 function                    source                                                             models
@@ -31,6 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pidalab import _check
+from pidalab._names import KINDS
 from pidalab.controllers import PIDA, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
@@ -38,14 +39,13 @@ from pidalab.roots import roots
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator, lag_with_delay, lags, require_delay
 
-KINDS = ("PI", "PID")
+WITHOUT_ACCELERATION = KINDS[:2]
 Settings = tuple[float, float, float]  # kp, ti, td
-LESS = 0.999  # of the gain at the border, which is to be stable
+INSIDE_BORDER = 0.999  # of the gain at the border, which is to be stable
 # share of imaginary part up to which poles count as real: a multiple lag splits by rounding
 OSCILLATING = 0.05
-CLOSE_LAG = 1.6 * (
-    1 - 1e-9
-)  # times that a zero's time may be longer than a lag which it is taken together with
+# times that a zero's time may be longer than a lag which it is taken together with
+CLOSE_LAG = 1.6 * (1 - 1e-9)
 MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # of a model until its effective dead time stays, to such a share
 # of PI and PID: gain times a = K L/T, ti in units of L after a load and of T after a set point, td in units of L
 CHIEN_HRONES_RESWICK = {
@@ -104,7 +104,7 @@ def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = Non
     >>> C.kp, C.ti
     (2.0, 4.0)
     """
-    _check.choice("kind", kind, KINDS)
+    _check.choice("kind", kind, WITHOUT_ACCELERATION)
     reduced = _half_rule(model, 2 if kind == "PID" else 1)
     wanted = _closed_loop_time(closed_loop_time, reduced.delay)
     info = {"gain": reduced.gain, "lags": reduced.lags, "delay": reduced.delay, "closed_loop_time": wanted}
@@ -204,7 +204,7 @@ def _from_series(kc: float, ti: float, td: float, n: float) -> PIDA:
     return PIDA(kc * factor, ti * factor, td / factor, 0.0, n)
 
 
-def amigo(model: Process, kind: str = "PID", n: float = 10) -> Design:
+def amigo(model: Process, kind: str = "PID") -> Design:
     r"""AMIGO: PI or PID controller with a maximum sensitivity near 1.4, fitted by its authors to 134 processes.
 
     Parameters
@@ -213,8 +213,6 @@ def amigo(model: Process, kind: str = "PID", n: float = 10) -> Design:
         `fopdt` or `ipdt`, with dead time above 0.
     kind : {"PI", "PID"}, optional
         Which controller.
-    n : float, optional
-        Ratio of derivative time and its filter.
 
     Returns
     -------
@@ -248,12 +246,10 @@ def amigo(model: Process, kind: str = "PID", n: float = 10) -> Design:
         kp = (0.2 + 0.45 * lag / delay) / gain
         ti = (0.4 * delay + 0.8 * lag) / (delay + 0.1 * lag) * delay
         pid = kp, ti, 0.5 * delay * lag / (0.3 * delay + lag)
-    return _design(model, kind, pi, pid, n, "Åström and Hägglund (2004), AMIGO")
+    return _design(model, kind, pi, pid, "Åström and Hägglund (2004), AMIGO")
 
 
-def lambda_tuning(
-    model: Process, kind: str = "PI", closed_loop_time: float | None = None, n: float = 10
-) -> Design:
+def lambda_tuning(model: Process, kind: str = "PI", closed_loop_time: float | None = None) -> Design:
     r"""Lambda tuning: the lag is cancelled, and the closed loop gets a time constant of one's choice.
 
     .. math:: \text{PI: } k_p = \frac{T}{K(\lambda + L)},\; t_i = T; \qquad
@@ -267,8 +263,6 @@ def lambda_tuning(
         Which controller.
     closed_loop_time : float, optional
         λ, above 0; by default the lag, the "aggressive" choice of the book.
-    n : float, optional
-        Ratio of derivative time and its filter.
 
     Returns
     -------
@@ -292,10 +286,10 @@ def lambda_tuning(
     pi = lag / (gain * (wanted + model.delay)), lag, 0.0
     pid = (lag + half) / (gain * (wanted + half)), lag + half, lag * half / (lag + half)
     source = "Åström and Hägglund (2006), section 6.5, lambda tuning"
-    return _design(model, kind, pi, pid, n, source, closed_loop_time=wanted)
+    return _design(model, kind, pi, pid, source, closed_loop_time=wanted)
 
 
-def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> Design:
+def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
     r"""Ziegler and Nichols' first rule, from the steepest tangent of a step response: fast, and little damped.
 
     Parameters
@@ -304,8 +298,6 @@ def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> De
         `fopdt` or `ipdt` with dead time above 0; its tangent has the slope R = K/T, or the velocity gain.
     kind : {"PI", "PID"}, optional
         Which controller.
-    n : float, optional
-        Ratio of derivative time and its filter.
 
     Returns
     -------
@@ -327,10 +319,10 @@ def ziegler_nichols_step(model: Process, kind: str = "PID", n: float = 10) -> De
     slope = gain if integrating else gain / lag
     share = 1 / (slope * delay)
     pi, pid = (0.9 * share, delay / 0.3, 0.0), (1.2 * share, 2 * delay, delay / 2)
-    return _design(model, kind, pi, pid, n, "Ziegler and Nichols (1942), process reaction curve")
+    return _design(model, kind, pi, pid, "Ziegler and Nichols (1942), process reaction curve")
 
 
-def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10) -> Design:
+def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
     r"""Ziegler and Nichols' second rule, from the gain and the period at the border of stability.
 
     Parameters
@@ -339,8 +331,6 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
         Stable or integrating, with a phase that reaches -180 degrees.
     kind : {"PI", "PID"}, optional
         Which controller.
-    n : float, optional
-        Ratio of derivative time and its filter.
 
     Returns
     -------
@@ -372,12 +362,10 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID", n: float = 10)
     ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, process.gain()), 2 * math.pi / w
     pi, pid = (0.45 * ultimate, period / 1.2, 0.0), (0.6 * ultimate, period / 2, period / 8)
     source = "Ziegler and Nichols (1942), ultimate sensitivity"
-    return _design(process, kind, pi, pid, n, source, ultimate_gain=ultimate, ultimate_period=period)
+    return _design(process, kind, pi, pid, source, ultimate_gain=ultimate, ultimate_period=period)
 
 
-def chien_hrones_reswick(
-    model: Process, test: str = "load", overshoot: int = 0, kind: str = "PID", n: float = 10
-) -> Design:
+def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0, kind: str = "PID") -> Design:
     r"""Chien, Hrones and Reswick's rule: the fastest response without overshoot, or with 20 % of it.
 
     With :math:`a = K L/T`, as it is quoted after Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2:
@@ -401,8 +389,6 @@ def chien_hrones_reswick(
         In per cent.
     kind : {"PI", "PID"}, optional
         Which controller.
-    n : float, optional
-        Ratio of derivative time and its filter.
 
     Returns
     -------
@@ -419,10 +405,10 @@ def chien_hrones_reswick(
     for the set point as several do. Copies with more digits have ti = 1.16 T (set point 0 %, PI), ti = 1.357 T and
     td = 0.473 L (set point 20 %, PID), ti = 2.357 L (load 0 %, PID); German textbooks round 1.357 T to 1.35 T.
 
-    The authors had an analogue computer and the model of a lag and a dead time. With that model, ``n = 10``, and T/L
-    from 4 to 50, exact simulation gives for 0 %: at most 2 % after the set point, and after the load 0 % (PI) and up to
-    9 % (PID) of the largest deviation. For 20 %: 11.6 % (PI) and 27 to 39 % (PID) after the set point, and after the
-    load 9 to 40 % (PI) and 5 to 11 % (PID). So the percentages are names rather than promises.
+    The authors had an analogue computer and the model of a lag and a dead time. With that model, a filter of td/10, and
+    T/L from 4 to 50, exact simulation gives for 0 %: at most 2 % after the set point, and after the load 0 % (PI) and
+    up to 9 % (PID) of the largest deviation. For 20 %: 11.6 % (PI) and 27 to 39 % (PID) after the set point, and after
+    the load 9 to 40 % (PI) and 5 to 11 % (PID). So the percentages are names rather than promises.
 
     Examples
     --------
@@ -442,16 +428,14 @@ def chien_hrones_reswick(
         for share, ti, td in CHIEN_HRONES_RESWICK[test, overshoot]
     )
     source = f"Chien, Hrones and Reswick (1952), {test}, {overshoot} % overshoot"
-    return _design(model, kind, pi, pid, n, source)
+    return _design(model, kind, pi, pid, source)
 
 
-def _design(
-    model: Process, kind: str, pi: Settings, pid: Settings, n: float, source: str, **info: Any
-) -> Design:
-    """Return the design with kp, ti and td for the kind that is asked for."""
-    _check.choice("kind", kind, KINDS)
+def _design(model: Process, kind: str, pi: Settings, pid: Settings, source: str, **info: Any) -> Design:
+    """Return the design with kp, ti and td for a kind."""
+    _check.choice("kind", kind, WITHOUT_ACCELERATION)
     kp, ti, td = pi if kind == "PI" else pid
-    return Design(model, PIDA(kp, ti, td, 0.0, n), source=source, info=info)
+    return Design(model, PIDA(kp, ti, td), source=source, info=info)
 
 
 def _oscillation(process: Process) -> float:
@@ -462,7 +446,9 @@ def _oscillation(process: Process) -> float:
     sign = math.copysign(1.0, process.gain())
     found = phase_crossovers(Loop(process, sign))
     # at the border: a little less gain is stable
-    borders = [w for w in found.tolist() if is_stable(Loop(process, sign * LESS / abs(process(1j * w))))]
+    borders = [
+        w for w in found.tolist() if is_stable(Loop(process, sign * INSIDE_BORDER / abs(process(1j * w))))
+    ]
     if not borders:
         raise ValueError(
             "process must have a border of stability under feedback by a gain alone: "

@@ -26,24 +26,25 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from pidalab import _check
+from pidalab._names import KINDS
 from pidalab.areas import from_process
 from pidalab.process import Process
-from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, mrdp
+from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, migo, mrdp
 from pidalab.rules._design import Design
 from pidalab.rules.sampled import sampled_noise
 
-ORDER = {"PI": 0, "PID": 1, "PIDA": 2}
-KINDS = tuple(ORDER)
+ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps that a rule is made for
 # dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of an automatic reset
+IMC = "heo2023, rows IMC"
 HAALMAN = {"PI": "first_order", "PID": "second_order", "PIDA": "third_order"}
-ZN = "Ziegler and Nichols (1942)"
+ZN, ZN_1942 = "Ziegler-Nichols", "Ziegler and Nichols (1942)"
 
 
 class RuleLimits(NamedTuple):
-    """What a design is to keep; a rule uses what it knows.
+    """Requirements of a design; a rule uses those that it knows.
 
     Attributes
     ----------
@@ -169,38 +170,29 @@ def find(name: str, *others: str) -> Rule:
 # --- how each is called -----------------------------------------------------------------------------------------------
 
 
-def _by_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Process, str, RuleLimits], Design]:
+def _call_with_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Process, str, RuleLimits], Design]:
     """Return the call of a rule that takes a model, fixed arguments, and the kind."""
     return lambda model, kind, limits: tune(model, *args, kind)
 
 
 def _textbook(name: str, tune: Callable[..., Design], model: str, source: str, short: str = "") -> Rule:
-    return Rule(name, source, _from(model, "PI", "PID"), _by_kind(tune), short)
+    return Rule(name, source, _same_model(model, "PI", "PID"), _call_with_kind(tune), short)
 
 
-def _haalman(model: Process, kind: str, limits: RuleLimits) -> Design:
-    return haalman.tune(model, limits.ms, kind)
-
-
-def _imc(model: Process, kind: str, limits: RuleLimits) -> Design:
-    return Design(model, itae.imc_pid(model), source="heo2023, rows IMC")
-
-
-def _improved_simc(model: Process, kind: str, limits: RuleLimits) -> Design:
-    return classical.improved_simc(model)
+def _migo(model: Process, kind: str, limits: RuleLimits) -> Design:
+    return migo.tune(model, kind, limits.ms)
 
 
 def _itae(test: str) -> Rule:
-    source, models = "heo2023, Table 1 and eqs. (9) and (12)", _from("second_order", "PID", "PIDA")
-    return Rule(f"itae {test}", source, models, _by_kind(itae.tune, test), _short("itae", test))
+    source, models = "heo2023, Table 1 and eqs. (9) and (12)", _same_model("second_order", "PID", "PIDA")
+    return Rule(f"itae {test}", source, models, _call_with_kind(itae.tune, test), _short("itae", test))
 
 
 def _direct(test: str) -> Rule:
-    def design(model: Process, kind: str, limits: RuleLimits) -> Design:
-        return direct.tune(model, test)
-
-    source, models = "fitted to optima, not from a paper", _from("second_order", "PIDA")
-    return Rule(f"direct {test}", source, models, design, _short("direct", test))
+    source, models = "fitted to optima, not from a paper", {"PIDA": "second_order"}
+    return Rule(
+        f"direct {test}", source, models, lambda model, *_: direct.tune(model, test), _short("direct", test)
+    )
 
 
 def _short(name: str, test: str) -> str:
@@ -227,19 +219,21 @@ def _mrdp(model: Process, kind: str, limits: RuleLimits) -> Design:
     m = ORDER[kind]
     if model.delay == 0:
         raise ValueError(
-            "model must have a dead time for the rule 'mrdp', whose times are shares of it, found none"
+            "model must have a dead time for the rule 'mrdp', whose times are shares of it, found delay = 0"
         )
     share = max(FILTER_SHARE, 1.2 * mrdp.smallest_te(m, m + 1))
     return mrdp.tune(model, m, m + 1, share * model.delay)
 
 
 def _automatic_reset(setting: automatic_reset.Setting) -> Rule:
-    def design(model: Process, kind: str, limits: RuleLimits) -> Design:
-        return automatic_reset.tune(model, setting, RESET_FILTER, FILTER_SHARE * model.delay / RESET_FILTER)
-
     kind = "PIDA" if setting.ka else "PID" if setting.kd else "PI"
     return Rule(
-        f"automatic reset {setting.name}", f"huba2024, {setting.source}", {kind: "integrator"}, design
+        f"automatic reset {setting.name}",
+        f"huba2024, {setting.source}",
+        {kind: "integrator"},
+        lambda model, *_: automatic_reset.tune(
+            model, setting, RESET_FILTER, FILTER_SHARE * model.delay / RESET_FILTER
+        ),
     )
 
 
@@ -247,13 +241,13 @@ def _chr(test: str, overshoot: int) -> Rule:
     return Rule(
         f"CHR {test} {overshoot} %",
         f"Chien, Hrones and Reswick (1952), {test}, {overshoot} % overshoot",
-        _from("reaction", "PI", "PID"),
-        _by_kind(classical.chien_hrones_reswick, test, overshoot),
+        _same_model("reaction", "PI", "PID"),
+        _call_with_kind(classical.chien_hrones_reswick, test, overshoot),
         compared=False,
     )
 
 
-def _from(model: str, *kinds: str) -> dict[str, str]:
+def _same_model(model: str, *kinds: str) -> dict[str, str]:
     return dict.fromkeys(kinds, model)
 
 
@@ -262,41 +256,57 @@ def _from(model: str, *kinds: str) -> dict[str, str]:
 RULES: dict[str, Rule] = {
     rule.name: rule
     for rule in (
-        Rule("haalman", "haalman2024, eqs. (2) and (8) to (10)", HAALMAN, _haalman, knows_ms=True),
+        Rule(
+            "haalman",
+            "haalman2024, eqs. (2) and (8) to (10)",
+            HAALMAN,
+            lambda model, kind, limits: haalman.tune(model, limits.ms, kind),
+            knows_ms=True,
+        ),
         _textbook("simc", classical.simc, "process", "Skogestad (2003), eqs. (10), (11), (23) to (25)"),
         Rule(
             "improved simc",
             "Grimholt and Skogestad (2018), improved SIMC",
             {"PID": "process"},
-            _improved_simc,
+            lambda model, *_: classical.improved_simc(model),
             compared=False,
         ),
         _textbook("amigo", classical.amigo, "reaction", "Åström and Hägglund (2004), AMIGO"),
+        Rule(
+            "migo",
+            "Åström and Hägglund (2004), MIGO",
+            _same_model("process", "PI", "PID"),
+            _migo,
+            compared=False,
+            knows_ms=True,
+        ),
         _textbook("lambda", classical.lambda_tuning, "reaction", "Åström and Hägglund (2006), section 6.5"),
         _textbook(
-            "Ziegler-Nichols step",
-            classical.ziegler_nichols_step,
-            "integrator",
-            f"{ZN}, process reaction curve",
+            f"{ZN} step", classical.ziegler_nichols_step, "integrator", f"{ZN_1942}, process reaction curve"
         ),
         _textbook(
-            "Ziegler-Nichols ultimate",
+            f"{ZN} ultimate",
             classical.ziegler_nichols_ultimate,
             "process",
-            f"{ZN}, ultimate sensitivity",
+            f"{ZN_1942}, ultimate sensitivity",
             short="ziegler-nichols",
         ),
         *(_chr(test, overshoot) for test, overshoot in product(TESTS, (0, 20))),
-        Rule("imc", "heo2023, rows IMC", {"PID": "first_order"}, _imc),
+        Rule(
+            "imc",
+            IMC,
+            {"PID": "first_order"},
+            lambda model, *_: Design(model, itae.imc_pid(model), source=IMC),
+        ),
         *map(_itae, TESTS),
         *map(_direct, TESTS),
         Rule(
             "magnitude optimum",
             "vrancic2021, eqs. (8) and (14) to (17)",
-            _from("process", *KINDS),
+            _same_model("process", *KINDS),
             _magnitude_optimum,
         ),
-        Rule("mrdp", "huba2018, sec. II.B", _from("integrator", *KINDS), _mrdp),
+        Rule("mrdp", "huba2018, sec. II.B", _same_model("integrator", *KINDS), _mrdp),
         *map(_automatic_reset, automatic_reset.SETTINGS.values()),
     )
 }

@@ -439,6 +439,19 @@ def test_a_model_that_explains_less_than_half_of_the_variance_is_none(seed):
         fit(Record(t, u, y))
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_answer_that_is_clear_and_short_explains_too_little(seed):
+    """A pulse of a thirtieth of the record, answered by 4.5 times the noise: NRMSE 0.2, as of a log that misled."""
+    t = np.arange(400.0)
+    u = np.where((t >= 100) & (t < 112), 1.0, 0.0)
+    clean = 4.5 * np.interp(t - 2.0, t, lfilter([0.4], [1, -0.6], u))
+    y = clean + np.random.default_rng(seed).normal(0.0, 1.0, t.size)
+    with pytest.raises(
+        ValueError, match=r"explains [2-4]\d % of the variance of the output \(NRMSE 0\.[12]\d\)"
+    ):
+        fit(Record(t, u, y), "fopdt")
+
+
 def test_the_share_that_is_explained_is_that_of_the_variance():
     """By noise of known size: half of the variance is the limit, whatever the kind of experiment."""
     t = np.arange(2000.0)

@@ -438,3 +438,12 @@ def test_an_output_that_rests_is_no_lost_sensor(levels):
     assert Record(t, np.where(t < 20, 0.0, 1.0), y).outlier_note == ""
     pulse = y - np.interp(t - 60, t, y, left=20) + 20
     assert Record(t, np.where((t > 20) & (t < 80), 1.0, 0.0), pulse).outlier_note == ""
+
+
+@pytest.mark.parametrize("steps", [25, 50, 100, 200])
+def test_a_rounded_summit_is_no_lost_sensor(steps):
+    """A slow oscillation stands still at its turns for as long as rounding hides them: it has slowed down before."""
+    t = np.arange(300.0)
+    late = np.maximum(t - 25, 0)
+    y = 1 - np.exp(-late / 100) * (np.cos(late / 25) + 0.25 * np.sin(late / 25))
+    assert Record(t, np.where(t < 20, 0.0, 1.0), np.round(steps * y / np.ptp(y))).outlier_note == ""

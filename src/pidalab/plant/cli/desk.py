@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pidalab._names import KINDS
 from pidalab._table import set_out
-from pidalab.plant.cli.parts import KINDS, csv_of, ms, one_line, out, show, write
+from pidalab.plant.cli.parts import csv_of, ms, one_line, out, show, write
 
 if TYPE_CHECKING:
     from pidalab.response import Response

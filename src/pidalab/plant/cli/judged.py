@@ -7,9 +7,8 @@ from typing import Any
 
 import click
 
+from pidalab._names import STARTING_MODELS
 from pidalab.plant.cli.parts import one_line
-
-MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
 
 
 class RuleOfFile:
@@ -40,7 +39,10 @@ class RuleOfFile:
 @click.argument("rule", metavar="FILE.py:FUNCTION")
 @click.option("--name", help="What the rule is called in tables; by default its function's name.")
 @click.option(
-    "--model", type=click.Choice(MODELS), default="process", help="What the rule is given of a plant."
+    "--model",
+    type=click.Choice(STARTING_MODELS),
+    default="process",
+    help="What the rule is given of a plant.",
 )
 @click.option(
     "--plant", "plants", multiple=True, help="One of the plants, such as 'P2 T=1'; may be repeated."

@@ -14,8 +14,6 @@ import click
 
 from pidalab.plant.writing import write_files
 
-KINDS = ("PI", "PID", "PIDA")
-
 
 def one_line(command: Callable[..., None]) -> Callable[..., None]:
     """Turn what the library refuses into one line on stderr, and exit status 1."""

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from pidalab._names import KINDS
 from pidalab._text import plain_text
 from pidalab.plant.cli.parts import (
-    KINDS,
     add_options,
     column,
     force,
@@ -20,12 +21,13 @@ from pidalab.plant.cli.parts import (
     one_line,
     out,
     show,
-    times,
     write,
 )
 
 if TYPE_CHECKING:
+    from pidalab.comparison.trade_off import TradeOff
     from pidalab.plant.record import Record
+    from pidalab.process import Process
     from pidalab.rules import Design
 
 MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
@@ -76,10 +78,11 @@ design = add_options(
 @click.command("report")
 @record
 @design
+@click.option("--trade-off", is_flag=True, help="Also the least error over the noise, at two limits of Ms.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="HTML file to write.")
 @force
 @one_line
-def report_command(out: Path | None, force: bool, model: str, **options: Any) -> None:
+def report_command(out: Path | None, force: bool, model: str, trade_off: bool, **options: Any) -> None:
     """Set PI, PID and PIDA for the plant of a RECORD side by side, with the same limits.
 
     \b
@@ -90,11 +93,27 @@ def report_command(out: Path | None, force: bool, model: str, **options: Any) ->
     from pidalab.plant.reporting import report
 
     name = plain_text(options["record"].name)
-    read = _read(options)
+    read = read_record(options)
     found = report(fit(read, model), **options)
-    show([("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))])
+    sections, traded = [("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))], None
+    if trade_off:
+        traded = _traded(found.process, options["sample_time"])
+        sections.append(("Trade-off", str(traded)))
+    show(sections)
     if out is not None:
-        write(out.parent, {out.name: found.page(f"PI, PID and PIDA for {name}")}, force)
+        write(out.parent, {out.name: found.page(f"PI, PID and PIDA for {name}", traded=traded)}, force)
+
+
+def _traded(process: Process, sample_time: float) -> TradeOff:
+    """Find the trade-off, a kind in each of a few processes."""
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
+    from pidalab.comparison.trade_off import trade_off
+
+    workers = min(len(KINDS), os.cpu_count() or 1)
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
+        return trade_off(process, sample_time=sample_time, executor=executor)
 
 
 @click.command("tune")
@@ -136,6 +155,11 @@ def report_command(out: Path | None, force: bool, model: str, **options: Any) ->
 @click.option(
     "--tunable", is_flag=True, help="Code with gains that may change while it runs, without a bump."
 )
+@click.option(
+    "--full-output",
+    type=float,
+    help="u at full power: prints the gains as Klipper and Betaflight write them, too.",
+)
 @out
 @one_line
 def tune_command(
@@ -151,6 +175,7 @@ def tune_command(
     anti_windup: str | None,
     feedforward: bool,
     tunable: bool,
+    full_output: float | None,
     force: bool,
     **options: Any,
 ) -> None:
@@ -170,7 +195,7 @@ def tune_command(
 
     called = options["record"].name
     title = f"{kind} controller for {plain_text(called)}"
-    read = _read(options)
+    read = read_record(options)
     fitted = fit(read, model)
     found = report(fitted, kinds=kind, **options)
     design, sample_time = found.rows[0].design, options["sample_time"]
@@ -198,7 +223,7 @@ def tune_command(
     sections = [
         ("Record", str(read)),
         ("Model", f"{fitted.process!r}\n{fitted}"),
-        ("Controller", f"{design.controller}\n{_vendors(design)}"),
+        ("Controller", f"{design.controller}\n{_vendors(design, full_output)}"),
         ("Margins, continuous", str(margins(design.loop(fitted.process)))),
         (f"Margins, sampled every {sample_time:g}", str(sampled)),
         ("Expected", "\n".join(f"{name}: {getattr(found.rows[0], x):.4g}" for name, x in COLUMNS.items())),
@@ -219,38 +244,7 @@ def tune_command(
     write(out, texts | {"report.html": found.page(title, sections)}, force)
 
 
-@click.command("check")
-@record
-@click.option("--kp", type=float, required=True, help="Gain, in units of u per unit of y.")
-@click.option("--ti", type=float, required=True, help="Integral time, in the log's unit of time.")
-@times
-@click.option("--filter", "lag", default=0.0, help="Time constant of the measurement's filter.")
-@click.option("--sample-time", type=float, help="Of the controller; by default that of the log.")
-@ms_worst
-@one_line
-def check_command(model: str, lag: float, sample_time: float | None, ms_worst: float, **options: Any) -> None:
-    """Judge the gains of a running loop by a log of it, the RECORD.
-
-    Changes of the set point, a step of the load or a bump of u show the plant. Prints the Ms of the loop with its
-    interval, what the gains miss, and three sets to try.
-
-    \b
-    Example:
-      pidalab check log.csv --time time --u valve --y level --kp 0.6 --ti 12 --sample-time 0.5
-    """
-    import control
-
-    from pidalab.controllers import PIDA
-    from pidalab.plant.fitting import fit
-    from pidalab.plant.running_loop import check
-
-    read = _read(options)
-    lags = control.TransferFunction([1.0], [lag, 1.0]) if lag else None
-    found = check(read if model == "auto" else fit(read, model), PIDA(**options), lags, sample_time, ms_worst)
-    show([("Log", str(read)), ("Model", f"{found.fit.process!r}\n{found.fit}"), ("Gains", str(found))])
-
-
-def _read(options: dict[str, Any]) -> Record:
+def read_record(options: dict[str, Any]) -> Record:
     """Read the record, and take what says how out of the options."""
     from pidalab.plant.record import Record
 
@@ -268,9 +262,9 @@ def _no_limits(low: float, high: float) -> list[str]:
     ]
 
 
-def _vendors(design: Design) -> str:
+def _vendors(design: Design, full_output: float | None) -> str:
     """Forms of vendors, or why there are none."""
     try:
-        return f"in seconds, if that is the record's unit of time:\n{design.vendor_forms('s')}"
+        return f"in seconds, if that is the record's unit of time:\n{design.vendor_forms('s', full_output)}"
     except ValueError as refusal:
         return f"no vendor's form: {refusal}"

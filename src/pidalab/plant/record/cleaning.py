@@ -15,10 +15,8 @@ FEWEST = 20  # samples from which something can be concluded
 BACKWARD = 0.05  # share of the samples that may lie before an earlier one
 # where clocks begin anew
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
-STILL, STILL_SHARE = (
-    15,
-    0.05,
-)  # samples, and their share, for which an output stands still, before that is told
+# samples, and their share, for which an output stands still, before that is told
+STILL, STILL_SHARE = 15, 0.05
 BEFORE, JUST_BEFORE = 10, 3  # samples before, in which it moved
 SLOWED = 0.1  # share of the way of the former that what comes to rest has at most in the latter
 MANY_STEPS, LITTLE = 2.5, 0.005  # by more than so many steps of its rounding, and than this share of its span
@@ -124,7 +122,10 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        if way > max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels))) and last > SLOWED * way:
+        # step by step, and one step in a few samples: so rounding hides the turn of a slow oscillation
+        crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
+        enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
+        if way > enough and last > SLOWED * way and not crept:
             found.append((int(known[first]), int(known[after - 1])))
     return found
 

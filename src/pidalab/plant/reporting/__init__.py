@@ -25,6 +25,8 @@ from pidalab.rules.starting_models import time_scale
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from pidalab.comparison.trade_off import TradeOff
+
 
 HORIZON = 20.0  # of the first responses, in time scales of the process
 COLUMNS = {
@@ -170,13 +172,20 @@ class Report:
         path = Path(path)
         return write_files(path.parent, {path.name: self.page(title, sections)}, replace=True)[0]
 
-    def page(self, title: str = "PI, PID and PIDA", sections: Sequence[tuple[str, str]] | None = None) -> str:
+    def page(
+        self,
+        title: str = "PI, PID and PIDA",
+        sections: Sequence[tuple[str, str]] | None = None,
+        traded: TradeOff | None = None,
+    ) -> str:
         """Return the page that `html` writes.
 
         Parameters
         ----------
         title, sections : optional
             As for `html`.
+        traded : TradeOff, optional
+            The trade-off of the plant, of `pidalab.trade_off`, as a second figure.
 
         Returns
         -------
@@ -191,9 +200,39 @@ class Report:
         """
         from pidalab.plant.reporting.page import page
 
-        return page(
-            title, self._repr_html_(), self.plot(), self._sections() if sections is None else sections
-        )
+        shown = self._sections() if sections is None else sections
+        return page(title, self._repr_html_(), self.plot(), shown, traded)
+
+    def plot_trade_off(self, traded: TradeOff | None = None) -> Figure:
+        """Draw the least IAE over the noise gain at two limits of Ms, for PI, PID and PIDA, with rules as dots.
+
+        Parameters
+        ----------
+        traded : TradeOff, optional
+            By default `pidalab.trade_off` of the process of this report.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A panel for each limit of Ms.
+
+        Raises
+        ------
+        ValueError
+            As from `pidalab.trade_off`, and if no controller keeps the limits.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> process = pidalab.lags(3, delay=1.0)
+        >>> traded = pidalab.trade_off(process, [1.6], [1.0, 3.0], kinds=["PI"])
+        >>> len(pidalab.report(process, kinds=("PI",), rule="simc").plot_trade_off(traded).axes)
+        1
+        """
+        from pidalab.comparison.trade_off import trade_off
+        from pidalab.plant.reporting.page import trade_off_figure
+
+        return trade_off_figure(trade_off(self.process) if traded is None else traded)
 
     def _sections(self) -> list[tuple[str, str]]:
         found = [("Record", str(self.fit.record))] if self.fit else []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import itertools
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +14,7 @@ from markupsafe import Markup
 from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from pidalab._check import Array
 from pidalab.response import Response
@@ -21,15 +24,23 @@ from pidalab.style import GREY, LOOKS, STYLE
 
 if TYPE_CHECKING:
     from pidalab.comparison.judging import DesignRow
+    from pidalab.comparison.trade_off import TradeOff
     from pidalab.process import Process
 
 LEFT = 0.005  # share of the largest error, below which a figure need not go on
 DRAWN = 8  # plants of the spread in the figure
 CURVE = 500  # points of a curve in the figure
+MARKS = "os^Dv*P"  # of rules
+FITS = 1.001  # times the limit of Ms that a rule may have
 CAPTION = (
     "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: the "
     "gain from measurement noise to the control signal over frequency, and the Nyquist curves with the circle of the "
     "Ms requested; faint curves belong to plants within the spread."
+)
+TRADED = (
+    "The trade-off: the least IAE of a unit step of the load over the noise gain that is allowed, for PI, PID and PIDA "
+    "at each limit of Ms. Markers are rules as they come, in the colour of their kind, each in the panel of the least "
+    "limit that it keeps."
 )
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
@@ -41,18 +52,27 @@ th:first-child,td:first-child{text-align:left}figure{margin:1rem 0}</style></hea
 <body><h1>{{ title }}</h1>
 <h2>Measures and responses, simulated with the model</h2>
 <div tabindex="0">{{ table }}</div>
-<figure><div role="img" aria-label="{{ caption }}">{{ figure }}</div><figcaption>{{ caption }}</figcaption></figure>
+{% for drawn, caption in figures %}
+<figure><div role="img" aria-label="{{ caption }}">{{ drawn }}</div><figcaption>{{ caption }}</figcaption></figure>
+{% endfor %}
 {% for head, text in sections %}<h2>{{ head }}</h2><pre>{{ text }}</pre>
 {% endfor %}</body></html>
 """
 
 
-def page(title: str, table: str, drawn: Figure, sections: Sequence[tuple[str, str]]) -> str:
-    """Return a page with a table of HTML, a figure and sections of text."""
-    template = jinja2.Environment(autoescape=True).from_string(PAGE)
-    return template.render(
-        title=title, sections=sections, table=Markup(table), figure=Markup(svg(drawn)), caption=CAPTION
-    )
+def page(
+    title: str,
+    table: str,
+    drawn: Figure,
+    sections: Sequence[tuple[str, str]],
+    traded: TradeOff | None = None,
+) -> str:
+    """Return a page with a table of HTML, a figure or two and sections of text."""
+    template = jinja2.Environment(autoescape=True, trim_blocks=True).from_string(PAGE)
+    figures = [(Markup(svg(drawn)), CAPTION)]
+    if traded is not None:
+        figures.append((Markup(svg(trade_off_figure(traded))), TRADED))
+    return template.render(title=title, sections=sections, table=Markup(table), figures=figures)
 
 
 def svg(drawn: Figure) -> str:
@@ -77,6 +97,33 @@ def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Seque
         _draw_nyquist(axes[2, 1], process, ms, able, plants)
         if len(able) > 1:
             drawn.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    return drawn
+
+
+def trade_off_figure(found: TradeOff) -> Figure:
+    """Draw the least IAE over the noise gain, a panel for each limit of Ms, and each rule in the panel that it fits."""
+    levels = list(dict.fromkeys(point.ms for point in found.points))
+    kinds = list(dict.fromkeys(point.kind for point in found.points))
+    if not levels:
+        raise ValueError("there is nothing to draw: no controller keeps the limits")
+    marks = dict(zip(dict.fromkeys(row.rule for row in found.rules), itertools.cycle(MARKS), strict=False))
+    with rc_context(STYLE):  # type: ignore[arg-type]
+        drawn = Figure(figsize=(6.4, 4.2))
+        FigureCanvasSVG(drawn)
+        axes = np.atleast_1d(drawn.subplots(1, len(levels), sharex=True, sharey=True))
+        for ax, ms, calmer in zip(axes, levels, [0.0, *levels], strict=False):
+            for kind in kinds:
+                curve = found.curve(kind, ms)
+                ax.loglog([p.noise_gain for p in curve], [p.iae for p in curve], **LOOKS[kind], label=kind)
+            for row in found.rules:
+                if row.applies and calmer < row.ms <= ms * FITS and not math.isnan(row.noise_gain):
+                    look = {"color": LOOKS[row.kind]["color"], "marker": marks[row.rule], "linestyle": ""}
+                    ax.plot([row.noise_gain], [row.iae], markersize=6, **look)
+            ax.set(title=f"Ms at most {ms:g}", xlabel="noise gain")
+        axes[0].set(ylabel="IAE of a load step")
+        handles, labels = axes[0].get_legend_handles_labels()
+        handles += [Line2D([], [], color=GREY, marker=mark, linestyle="") for mark in marks.values()]
+        drawn.legend(handles, [*labels, *marks], loc="outside upper left", ncols=3)
     return drawn
 
 

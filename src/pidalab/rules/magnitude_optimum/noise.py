@@ -19,7 +19,7 @@ from pidalab.rules.magnitude_optimum.design import tune
 from pidalab.rules.magnitude_optimum.system import areas_of, solved, time_scale
 from pidalab.statespace import discretise
 
-ROUNDS = 300  # updates of the filter time after which it is said not to settle
+MOST_UPDATES = 300  # updates of the filter time after which it is said not to settle
 NO_LIMIT = "; with n = m no filter makes the noise gain as small as one likes"
 
 
@@ -138,7 +138,7 @@ def tune_for_noise(
     n = _check.order("n", n, at_least=max(m, 1))
     scale = time_scale(plain)
     time = start = scale / 20 if first is None else _check.real("first", first, above=0.0)
-    for _ in range(ROUNDS if updates is None else _check.integer("updates", updates, at_least=1)):
+    for _ in range(MOST_UPDATES if updates is None else _check.integer("updates", updates, at_least=1)):
         before, top = time, float(solved(series.lagged(plain, time, n), m)[-1])
         time = filter_time(top, m, n, noise_gain, sample_time)
         if updates is None and not 1e-10 * scale < time < 1e5 * max(scale, start):

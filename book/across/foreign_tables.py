@@ -1,0 +1,344 @@
+"""What others printed, computed again: the questions of ``book/data/tables_of_others.toml``, answers and verdicts."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from functools import reduce
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+import pandas as pd
+import pidalab
+from paperledger import derive
+from pidalab.robustness.margins import max_difference
+from pidalab.rules import classical
+
+FILE = Path(__file__).parents[1] / "data" / "tables_of_others.toml"
+AGREEING = ("reproduced", "last-digit", "rounded input", "within tolerance", "holds")
+VERDICTS = (*AGREEING, "differs", "fails")
+SAMPLES = 36_000  # of a step response; times in ninths lie on it
+MOST_DIGITS = 8  # that a reader sees
+UNFILTERED = 1e4  # ratio of a derivative time to its filter where the source has none
+RULES = {
+    one.__name__: one
+    for one in (classical.ziegler_nichols_step, classical.chien_hrones_reswick, classical.amigo)
+}
+
+Answers = dict[str, float]
+Table = dict[str, Any]
+
+
+class Row(NamedTuple):
+    """A printed number and its answer."""
+
+    source: str
+    where: str
+    answer: str
+    printed: str
+    computed: float
+    verdict: str  # that follows
+    stored: str  # that the file says
+    counts: bool
+    note: str
+
+
+def read(path: Path = FILE) -> dict[str, Any]:
+    """The sources, plants and tables of the file."""
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+def rows(data: dict[str, Any] | None = None) -> list[Row]:
+    """Answer every question."""
+    data = read() if data is None else data
+    return [row for table in data["table"] for row in _answered(table, data)]
+
+
+def frame(found: Sequence[Row]) -> pd.DataFrame:
+    """The rows for a reader."""
+    shown = [row._replace(computed=_shown(row.printed, row.computed)) for row in found]  # type: ignore[arg-type]
+    table = pd.DataFrame(shown).rename(columns={"answer": "quantity"})
+    return table[["source", "where", "quantity", "printed", "computed", "verdict", "note"]]
+
+
+def summary(found: Sequence[Row], data: dict[str, Any]) -> pd.DataFrame:
+    """Numbers of each source, how many of them agree, and where the print is."""
+    table = pd.DataFrame(found)
+    table["agree"] = table["verdict"].isin(AGREEING)
+    counted = table.groupby("source", sort=False)["agree"].agg(["size", "sum"])
+    counted.columns = ["numbers", "agree"]
+    return counted.join(pd.DataFrame(data["sources"]).T).set_index("title")
+
+
+def _answered(table: Table, data: dict[str, Any]) -> Iterator[Row]:
+    source = data["sources"][table["source"]]
+    named = table.get("plant")
+    plant = _plant(data["plants"][named] if isinstance(named, str) else named, table.get("gain", 1.0))
+    ask, controller = QUESTIONS[table["question"]], table.get("controller")
+    found = ask(plant, _controller(controller) if controller else None, table)
+    nearby: list[Answers] = []
+    for answer, printed in table["printed"].items():
+        value = float(found[answer])
+        verdict = _verdict(printed, value)
+        if verdict == "differs" and controller:
+            nearby = nearby or [ask(plant, one, table) for one in _rounded(controller)]
+            verdict = _by_rounding(printed, [value, *(float(one[answer]) for one in nearby)])
+        if verdict == "differs" and "tolerance" in table:
+            verdict = _by_tolerance(printed, value, table["tolerance"])
+        stored = table.get("verdicts", {}).get(answer, "holds" if ">" in printed else "reproduced")
+        note = table.get("note", "") if stored in ("differs", "fails") else ""
+        counts = source["text"] == "read"
+        yield Row(table["source"], table["where"], answer, printed, value, verdict, stored, counts, note)
+
+
+# --- verdicts ---------------------------------------------------------------------------------------------------------
+
+
+def _verdict(printed: str, value: float) -> str:
+    """What follows from the printed digits alone, as in the account of a paper."""
+    if printed.startswith(">="):
+        return "holds" if value >= float(printed[2:]) else "fails"
+    if not math.isfinite(value):
+        return "differs"
+    return derive(printed.rstrip("."), f"{value:.17g}") or "differs"
+
+
+def _by_rounding(printed: str, values: list[float]) -> str:
+    """Whether the print lies between the answers for gains that would be printed as these are."""
+    half = _half_unit(printed)
+    return "rounded input" if min(values) - half <= float(printed) <= max(values) + half else "differs"
+
+
+def _by_tolerance(printed: str, value: float, tolerance: str) -> str:
+    """Whether the answer passes the test that publishes the print."""
+    size, *of_it = tolerance.split()
+    width = float(size) * (abs(float(printed)) if of_it else 1.0)
+    return "within tolerance" if abs(value - float(printed)) <= width else "differs"
+
+
+def _half_unit(text: str) -> float:
+    """Half a unit of the last written place."""
+    digits, _, power = text.lower().partition("e")
+    return 0.5 * 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
+
+
+def _shown(printed: str, value: float) -> str:
+    """A value with two digits more than printed."""
+    digits = len(printed.lower().partition("e")[0].strip("<>=-0 .").replace(".", "")) + 2
+    return f"{value:.{min(max(digits, 4), MOST_DIGITS)}g}"
+
+
+# --- plants and controllers -------------------------------------------------------------------------------------------
+
+
+def _polynomial(factors: Any) -> Any:
+    """Coefficients, of a list of them or of a list of factors."""
+    nested = isinstance(factors[0], list)
+    return reduce(np.convolve, factors, np.ones(1)) if nested else np.array(factors, dtype=float)
+
+
+def _plant(given: dict[str, Any] | None, gain: float) -> pidalab.Process | None:
+    if given is None:
+        return None
+    if "a" in given:
+        states = control.ss(*(given[name] for name in "abcd"))
+        return pidalab.Process.from_control(gain * states)
+    num, den = _polynomial(given["num"]), _polynomial(given["den"])
+    return pidalab.Process(gain * given.get("gain", 1.0) * num, den, given.get("delay", 0.0))
+
+
+def _controller(given: dict[str, list[Any]]) -> control.TransferFunction:
+    """A controller of printed numbers, which are strings, or of exact ones."""
+    if "num" in given:
+        return control.tf([float(c) for c in given["num"]], [float(c) for c in given["den"]])
+    ((form, texts),) = given.items()
+    first, second, *more = (float(text) for text in texts)
+    if form == "parallel":  # ki, kp, kd and the time of the derivative's filter
+        kd, tf = more or (0.0, 0.0)
+        num, den = [second * tf + kd, second + first * tf, first], [tf, 1.0, 0.0]
+    elif form == "standard":  # kp and ti
+        num, den = [first * second, first], [second, 0.0]
+    else:  # series: kc, tau_i, tau_d
+        td = more[0] if more else 0.0
+        num, den = (
+            first * np.convolve([second, 1.0], [td, 1.0]),
+            np.convolve([second, 0.0], [td / UNFILTERED, 1.0]),
+        )
+    return control.tf(np.trim_zeros(num, "f"), np.trim_zeros(den, "f"))
+
+
+def _rounded(given: dict[str, list[Any]]) -> Iterator[control.TransferFunction]:
+    """Controllers whose numbers would be printed as these are, at the corners."""
+    choices = [
+        [float(one) + sign * _half_unit(one) for sign in (-1, 1)] if isinstance(one, str) else [one]
+        for numbers in given.values()
+        for one in numbers
+    ]
+    for chosen in product(*choices):
+        left = iter(chosen)
+        yield _controller({name: [next(left) for _ in numbers] for name, numbers in given.items()})
+
+
+def _loop(plant: Any, controller: Any, table: Table) -> pidalab.Loop:
+    if "sample" in table:
+        controller = pidalab.HighOrderPID([0.0, 1.0], 1e-9, 1).discretise(table["sample"])
+    return pidalab.Loop(plant, 1.0 if controller is None else controller)
+
+
+# --- questions --------------------------------------------------------------------------------------------------------
+
+
+def margins(plant: Any, controller: Any, table: Table) -> Answers:
+    """Margins under the names of `pidalab.Margins`, and what other programs make of them."""
+    loop = _loop(plant, controller, table)
+    found = pidalab.margins(loop)
+    a = found.disk
+    high = (2 + a) / (2 - a) if a < 2 else math.inf  # the gain that the disk allows
+    answers = {name: value for name, value in vars(found).items() if isinstance(value, float)}
+    answers |= {"distance": 1 / found.ms, "disk_gain": high, "disk_gain_low": 1 / high}
+    answers |= {
+        "disk_gain_db": 20 * math.log10(high),
+        "disk_phase": math.degrees(2 * math.atan(a / 2)),
+    }
+    return answers | ({"wdisk": max_difference(loop)[1]} if "wdisk" in table["printed"] else {})
+
+
+def crossovers(plant: Any, controller: Any, table: Table) -> Answers:
+    """All crossovers in ascending order: pm_k at wgc_k, L_k and gm_k at wpc_k."""
+    loop = _loop(plant, controller, table)
+    answers: Answers = {}
+    for k, w in enumerate(pidalab.gain_crossovers(loop), 1):
+        answers |= {f"wgc_{k}": w, f"pm_{k}": float(np.degrees(np.angle(-loop.L(1j * w))))}
+    for k, w in enumerate(pidalab.phase_crossovers(loop), 1):
+        size = abs(loop.L(1j * w))
+        answers |= {f"wpc_{k}": w, f"L_{k}": -size, f"gm_{k}": 1 / size}
+    return answers
+
+
+def step(plant: Any, controller: Any, table: Table) -> Answers:
+    """A unit step of the input of the plant: measures, and y(t) at shares of the horizon."""
+    horizon = float(table["horizon"])
+    response = pidalab.open_loop_step(plant, np.linspace(0.0, horizon, SAMPLES + 1))
+    answers: Answers = {}
+    for name in table["printed"]:
+        if name.startswith("y("):
+            answers[name] = response.y[round(Fraction(name[2:-1]) / Fraction(horizon) * SAMPLES)]
+        elif name == "settling_time_half_percent":
+            answers[name] = response.settling_time(0.005)
+        else:
+            answers[name] = abs(getattr(response, name)())
+    return answers
+
+
+def bandwidth(plant: Any, controller: Any, table: Table) -> Answers:
+    """Of the closed loop around the plant."""
+    return {"bandwidth": pidalab.bandwidth(_loop(plant, controller, table))}
+
+
+def reaction_rule(plant: Any, controller: Any, table: Table) -> Answers:
+    """Settings of a rule for a lag with dead time, and its coefficients."""
+    found = RULES[table["rule"]](plant, kind=table["kind"], **table.get("options", {})).controller
+    gain, lag, delay = plant.gain(), plant.den[0] / plant.den[1], plant.delay
+    answers = {"kp": found.kp, "ti": found.ti, "td": found.td, "kp K L/T": found.kp * gain * delay / lag}
+    answers |= {"ti/L": found.ti / delay, "ti/T": found.ti / lag, "td/L": found.td / delay}
+    return answers | ({"L/td": delay / found.td} if found.td else {})
+
+
+def ultimate_rule(plant: Any, controller: Any, table: Table) -> Answers:
+    """Coefficients of Ziegler and Nichols' second rule."""
+    design = classical.ziegler_nichols_ultimate(plant, table["kind"])
+    found, gain, period = design.controller, design.ultimate_gain, design.ultimate_period
+    parts = {"Ku/kp": gain / found.kp, "Pu/ti": period / found.ti}
+    parts |= {"Pu/td": period / found.td} if found.td else {}
+    turned = {"/".join(reversed(name.split("/"))): 1 / value for name, value in parts.items()}
+    return parts | turned | {f"20 {name}": 20 * value for name, value in parts.items()}
+
+
+def amigo_coefficients(plant: Any, controller: Any, table: Table) -> Answers:
+    """The coefficients of AMIGO's formulas, found from the settings that the library gives for many plants."""
+    from scipy.optimize import least_squares
+
+    L = 1.0
+    T = np.geomspace(0.1, 30.0, 25)
+    found = [classical.amigo(pidalab.fopdt(1.0, lag, L), table["kind"]).controller for lag in T]
+    kp, ti, td = np.transpose([(one.kp, one.ti, one.td) for one in found])
+    if table["kind"] == "PI":
+        first = _solve([np.ones_like(T), T / L], kp + L * T / (L + T) ** 2 * T / L)
+
+        def residual(c: Any) -> Any:
+            return (c[0] * L + c[1] * L * T**2 / (T**2 + c[2] * L * T + c[3] * L**2)) / ti - 1
+
+        rest = least_squares(residual, [0.5, 10.0, 10.0, 10.0], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        return _numbered([*first, *rest])
+    # ti (L + c5 T) = (c3 L + c4 T) L, and 1/td = c7/(c6 T) + 1/(c6 L)
+    times = _solve([L**2 * np.ones_like(T), T * L, -T * ti], ti * L)
+    by_lag, by_delay = _solve([1 / T, np.ones_like(T) / L], 1 / td)
+    return _numbered([*_solve([np.ones_like(T), T / L], kp), *times, 1 / by_delay, by_lag / by_delay])
+
+
+def _solve(columns: list[Any], wanted: Any) -> Any:
+    return np.linalg.lstsq(np.transpose(columns), wanted, rcond=None)[0]
+
+
+def _numbered(values: Sequence[float]) -> Answers:
+    return {f"c{k}": float(value) for k, value in enumerate(values, 1)}
+
+
+def padula_visioli(plant: Any, controller: Any, table: Table) -> Answers:
+    """Ms with the rules of Padula and Visioli (2011) for L/T below a ninth, where all orders are 1; by L/T."""
+    answers = {}
+    for text in table["printed"]:
+        L = float(text)
+        tau = L / (L + 1)
+        (a, b, c), *times = PADULA_VISIOLI[table["task"]]
+        kp = a * tau**b + c
+        ti, td = (d * L**e + f for d, e, f in times)
+        num = kp * np.convolve([ti, 1.0], [td, 1.0])
+        loop = pidalab.Loop(
+            pidalab.fopdt(1.0, 1.0, L), control.tf(num, np.convolve([ti, 0.0], [td / 10, 1.0]))
+        )
+        answers[text] = pidalab.max_sensitivity(loop)[0]
+    return answers
+
+
+PADULA_VISIOLI = {  # a, b, c of gain, integral and derivative time
+    "set point 2.0": ((0.9294, -0.9330, -0.9205), (-0.001427, -1.0030, 1.0310), (0.4203, 1.2290, 0.01822)),
+    "load 1.4": ((0.2776, -1.0950, -0.1426), (0.6241, 0.5573, 0.0442), (0.4793, 0.7469, -0.02393)),
+    "load 2.0": ((0.1804, -1.4490, 0.2319), (0.6426, 0.8069, 0.05627), (0.5970, 0.5568, -0.09536)),
+}
+
+
+def simc(plant: Any, controller: Any, table: Table) -> Answers:
+    """SIMC in series form, without a filter."""
+    found = classical.simc(plant, table["kind"]).controller
+    root = math.sqrt(max(1 - 4 * found.td / found.ti, 0.0))
+    longer, shorter = found.ti * (1 + root) / 2, found.ti * (1 - root) / 2
+    return {"kc": found.kp * longer / found.ti, "tau_i": longer, "tau_d": shorter}
+
+
+def migo(plant: Any, controller: Any, table: Table) -> Answers:
+    """MIGO with M = 1.4."""
+    found = pidalab.rules.migo.tune(plant, table["kind"]).controller
+    return {"kp": found.kp, "ti": found.ti, "td": found.td}
+
+
+QUESTIONS: dict[str, Callable[[Any, Any, Table], Answers]] = {
+    one.__name__: one
+    for one in (
+        margins,
+        crossovers,
+        step,
+        bandwidth,
+        reaction_rule,
+        ultimate_rule,
+        amigo_coefficients,
+        padula_visioli,
+        simc,
+        migo,
+    )
+}

@@ -1,0 +1,233 @@
+"""The trade-off of one plant: the least IAE over the noise that is allowed, for each kind, and where rules lie."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+from pidalab import _check
+from pidalab._names import KINDS
+from pidalab._parts import done, require_executor
+from pidalab._table import set_out
+from pidalab.comparison import designs, first_horizon
+from pidalab.comparison.judging import DesignRow, measure_row
+from pidalab.process import Process, require_no_zero_at_origin
+from pidalab.rules import Design
+from pidalab.rules.registry import ORDER, RuleLimits
+
+SHARES = (0.1, 0.25, 0.6, 1.5, 3.0)  # of the ultimate gain: limits of noise
+SAMPLES = 100  # of the noise in an ultimate period
+SHOWN = ("simc", "amigo", "haalman", "lambda", "magnitude optimum")  # rules that are drawn
+WORSE = 1.01  # times the IAE of the kind below, from which on a search is done again from many starts
+
+
+class TradeOffPoint(NamedTuple):
+    """The best controller of a kind under two limits.
+
+    Attributes
+    ----------
+    kind : str
+        "PI", "PID" or "PIDA".
+    ms, noise_gain : float
+        The limits.
+    iae : float
+        Of a unit step of the load.
+    design : Design
+        As of `pidalab.optimal.load`.
+    """
+
+    kind: str
+    ms: float
+    noise_gain: float
+    iae: float
+    design: Design
+
+
+@dataclass(frozen=True)
+class TradeOff:
+    """Result of `trade_off`; `pidalab.plots.trade_off` draws it.
+
+    Attributes
+    ----------
+    process : Process
+        The plant.
+    sample_time : float
+        Of the noise.
+    points : tuple of TradeOffPoint
+        The curves: by Ms, by kind, from the least noise to the most. Where no controller keeps both limits, there is
+        none.
+    rules : tuple of DesignRow
+        Rules as they come; one that does not apply says why.
+    """
+
+    process: Process
+    sample_time: float
+    points: tuple[TradeOffPoint, ...]
+    rules: tuple[DesignRow, ...]
+
+    def curve(self, kind: str, ms: float) -> list[TradeOffPoint]:
+        """Return the points of one curve.
+
+        Parameters
+        ----------
+        kind : str
+            Of a controller.
+        ms : float
+            Limit of Ms.
+
+        Returns
+        -------
+        list of TradeOffPoint
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> found = pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], [1.0, 3.0], kinds=["PI"], rules=[])
+        >>> [f"{point.iae:.2f}" for point in found.curve("PI", 1.6)]
+        ['4.59', '4.59']
+        """
+        return [point for point in self.points if (point.kind, point.ms) == (kind, ms)]
+
+    def __str__(self) -> str:
+        kinds = list(dict.fromkeys(point.kind for point in self.points))
+        found = {(point.ms, point.noise_gain, point.kind): point.iae for point in self.points}
+        lines = [
+            f"{self.process!r}: least IAE of a load step",
+            set_out(["Ms", "noise gain", *kinds], [8, 12, *[10] * len(kinds)]),
+        ]
+        for ms, noise in dict.fromkeys((point.ms, point.noise_gain) for point in self.points):
+            cells = [f"{found[ms, noise, kind]:.4g}" if (ms, noise, kind) in found else "-" for kind in kinds]
+            lines.append(set_out([f"{ms:g}", f"{noise:.4g}", *cells], [8, 12, *[10] * len(kinds)]))
+        return "\n".join(lines)
+
+
+def trade_off(
+    process: Process,
+    ms: Sequence[float] = (1.4, 2.0),
+    noise_gains: Sequence[float] | None = None,
+    sample_time: float | None = None,
+    kinds: Sequence[str] = KINDS,
+    rules: Iterable[str] = SHOWN,
+    executor: Executor | None = None,
+) -> TradeOff:
+    """Find what error a plant can have for what noise, at two limits of Ms, for PI, PID and PIDA.
+
+    Parameters
+    ----------
+    process : Process
+        The plant.
+    ms : sequence of float, optional
+        Limits of Ms, each above 1.
+    noise_gains : sequence of float, optional
+        Limits of the standard deviation of u per unit of that of white measurement noise; by default from a tenth to
+        three times the ultimate gain.
+    sample_time : float, optional
+        Of that noise; by default a hundredth of the ultimate period.
+    kinds : sequence of str, optional
+        Which controllers.
+    rules : iterable of str, optional
+        Rules by their names, drawn as they come; haalman designs for the least of `ms`.
+    executor : concurrent.futures.Executor, optional
+        Who computes, a kind each: processes, or the executor of a cluster. By default this process.
+
+    Returns
+    -------
+    TradeOff
+
+    Raises
+    ------
+    TypeError, ValueError
+        For limits out of range, and where a process that no gain makes oscillate leaves the noise or its sample time
+        open.
+
+    Notes
+    -----
+    The loudest point of a curve is searched from many starts, that of a larger Ms from the one before; every other is
+    the end of a search from its louder neighbour. Where the kind below is better after that, it is searched in full.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> print(pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], [1.0, 3.0], kinds=["PI"], rules=[]))
+    Process(num=[1], den=[1, 3, 3, 1], delay=1): least IAE of a load step
+    Ms        noise gain        PI
+    1.6                1     4.594
+    1.6                3     4.594
+    """
+    require_no_zero_at_origin("process", process)
+    require_executor(executor)
+    for kind in kinds:
+        _check.choice("kinds", kind, KINDS)
+    levels = sorted(_check.real("ms", one, above=1.0) for one in ms)
+    limits, sample_time = _noise(process, noise_gains, sample_time)
+    wanted = sorted(dict.fromkeys(kinds), key=ORDER.__getitem__)
+    work = partial(_of_kind, process, levels, limits, sample_time)
+    found = [point for one in done(work, wanted, executor, "kind") for point in one]
+    place = {point[:3]: point for point in _mended(process, found, sample_time)}
+    points = [place[key] for m in levels for k in wanted for n in limits if (key := (k, m, n)) in place]
+    asked = RuleLimits(levels[0], limits[len(limits) // 2], sample_time)
+    horizon = first_horizon(process)
+    rows = [measure_row(*one, process, sample_time, horizon) for one in designs(process, asked, rules)]
+    return TradeOff(process, sample_time, tuple(points), tuple(row for row in rows if row.kind in wanted))
+
+
+def _noise(
+    process: Process, noise_gains: Sequence[float] | None, sample_time: float | None
+) -> tuple[list[float], float]:
+    """Limits of noise in ascending order, and its sample time, in ultimate gains and periods where none are given."""
+    from pidalab.reduction import ultimate_frequency
+
+    if noise_gains is None or sample_time is None:
+        try:
+            w = ultimate_frequency(process)
+        except ValueError as refusal:
+            raise ValueError(
+                f"noise_gains and sample_time must be given for a process without ultimate gain: {refusal}"
+            ) from None
+        ultimate = 1 / abs(process(1j * w))
+        noise_gains = [share * ultimate for share in SHARES] if noise_gains is None else noise_gains
+        sample_time = 2 * math.pi / w / SAMPLES if sample_time is None else sample_time
+    limits = sorted(_check.real("noise_gains", one, above=0.0) for one in noise_gains)
+    return limits, _check.real("sample_time", sample_time, above=0.0)
+
+
+def _of_kind(
+    process: Process, levels: Sequence[float], limits: Sequence[float], sample_time: float, kind: str
+) -> list[TradeOffPoint]:
+    """The curves of a kind, each point from its neighbour."""
+    from pidalab.optimal import load
+
+    points, loudest = [], None
+    for ms in levels:
+        near = None
+        for noise in reversed(limits):
+            if near is None or near.noise_gain > noise:
+                try:
+                    near = load(process, ORDER[kind], ms, None, noise, sample_time, start=near or loudest)
+                except ValueError:  # no controller is that quiet, nor any that is quieter
+                    break
+            if noise == limits[-1]:
+                loudest = near
+            points.append(TradeOffPoint(kind, ms, noise, near.iae, near))
+    return points
+
+
+def _mended(process: Process, points: Sequence[TradeOffPoint], sample_time: float) -> list[TradeOffPoint]:
+    """The points; those that a kind below beats are searched in full, since it is among what they may be."""
+    from pidalab.optimal import load
+
+    below: dict[tuple[float, float], float] = {}
+    out = []
+    for point in sorted(points, key=lambda point: ORDER[point.kind]):
+        least = below.get(point[1:3], math.inf)
+        if point.iae > WORSE * least:
+            design = load(process, ORDER[point.kind], point.ms, None, point.noise_gain, sample_time)
+            if design.iae < point.iae:
+                point = point._replace(iae=design.iae, design=design)
+        below[point[1:3]] = min(least, point.iae)
+        out.append(point)
+    return out

@@ -1,0 +1,99 @@
+"""MIGO: its six examples, its circle, the edge where it ends, and what it refuses."""
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab.robustness.margins import max_difference
+from pidalab.rules import migo
+
+APART = pidalab.Process([1.0], np.poly([-1.0, -10.0, -100.0, -1000.0]) / 1e6)
+PLANTS = {
+    "apart": APART,
+    "four lags": pidalab.lags(4),
+    "dead time": pidalab.Process([1.0], [0.0025, 0.1, 1.0], 1.0),
+    "integrator": pidalab.Process([1.0], [1.0, 1.0, 0.0], 0.5),
+    "wrong way": pidalab.Process([-0.5, 1.0], [1.0, 3.0, 3.0, 1.0]),
+    "lag": pidalab.fopdt(1.0, 10.0, 1.0),
+}
+# Åström and Hägglund (2004), M = 1.4: kp, ti and td, as we remember them; the paper was not at hand
+PRINTED = {
+    ("apart", "PI"): (3.56, 0.66, 0),
+    ("apart", "PID"): (56.9, 0.115, 0.0605),
+    ("four lags", "PI"): (0.432, 2.43, 0),
+    ("four lags", "PID"): (1.19, 2.22, 1.20),
+    ("dead time", "PI"): (0.170, 0.404, 0),
+    ("dead time", "PID"): (0.216, 0.444, 0.129),
+}
+
+
+@pytest.mark.parametrize("case", PRINTED, ids=" ".join)
+def test_the_examples_of_its_authors(case):
+    found = migo.tune(PLANTS[case[0]], case[1]).controller
+    assert (found.kp, found.ti, found.td) == pytest.approx(PRINTED[case], rel=5e-3)
+    assert found.ta == 0
+
+
+def distance(name, kp, ki, kd, m=1.4):
+    """How far the ideal loop keeps outside of the circle, over its radius, at frequencies of our own."""
+    w = np.concatenate([np.geomspace(1e-3, 1e5, 20_000), np.arange(0.005, 100.0, 0.005)])
+    L = PLANTS[name](1j * w) * (kp + 1j * (kd * w - ki / w))
+    low, high = (m - 1) / m, m / (m - 1)
+    return float(np.abs(L + (low + high) / 2).min() / ((high - low) / 2) - 1)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+@pytest.mark.parametrize("m", [1.4, 1.8])
+def test_no_nearby_controller_integrates_more(name, m):
+    """Outside of the circle, with less derivative gain: beside the PID of the rule, and beside its PI with none."""
+    rng = np.random.default_rng(0)
+    for kind in ("PI", "PID"):
+        ki, kp, kd, _ = migo.tune(PLANTS[name], kind, m).controller.gains()
+        assert abs(distance(name, kp, ki, kd, m)) < 1e-4
+        for _ in range(15):
+            nearby = (
+                kp * (1 + rng.normal(0.0, 0.03)),
+                ki * (1 + rng.uniform(2e-3, 0.03)),
+                kd * rng.uniform(0.97, 1.0),
+            )
+            assert distance(name, *nearby, m) < 0
+
+
+@pytest.mark.parametrize("name", ["apart", "four lags", "integrator"])
+def test_the_pid_touches_at_two_frequencies(name):
+    """A little further along the curve the second one is inside."""
+    design = migo.tune(PLANTS[name], "PID")
+    loop = pidalab.Loop(PLANTS[name], pidalab.PIDA(*design.controller.gains().standard(), n=1e6))
+    margins = pidalab.margins(loop)
+    assert margins.stable
+    assert margins.disk == pytest.approx(2 / 1.8, rel=1e-4)
+    w = design.touch * np.geomspace(0.05, 20.0, 100_001)
+    half = np.abs((1 - loop.L(1j * w)) / (1 + loop.L(1j * w))) / 2
+    tops = half[1:-1][(half[1:-1] > half[:-2]) & (half[1:-1] > half[2:])]
+    assert np.sort(tops)[-2:] == pytest.approx([0.9, 0.9], rel=1e-4)
+    half_of_pi, touch = max_difference(pidalab.Loop(PLANTS[name], migo.tune(PLANTS[name], "PI").controller))
+    assert half_of_pi == pytest.approx(0.9, rel=1e-5)
+    assert touch == pytest.approx(migo.tune(PLANTS[name], "PI").touch, rel=1e-3)
+
+
+def test_units_and_sign():
+    """A gain of -4 and a unit of time of its own leave the same loop."""
+    own = migo.tune(pidalab.lags(3, delay=1.0)).controller
+    other = migo.tune(pidalab.Process([-4.0], [0.125, 0.75, 1.5, 1.0], 0.5), n=5.0).controller
+    assert (other.kp, other.ti, other.td) == pytest.approx((-own.kp / 4, own.ti / 2, own.td / 2), rel=1e-6)
+    assert (own.n, other.n) == (10.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: migo.tune(pidalab.lags(2)), "phase never|-180|half a turn|ultimate"),
+        (lambda: migo.tune(pidalab.Process([1.0], [1.0, 0.0, 0.0], 1.0)), "at most one integrator"),
+        (lambda: migo.tune(pidalab.Process([1.0], [1.0, -1.0], 0.1)), "stable"),
+        (lambda: migo.tune(pidalab.lags(3), "PIDA"), "kind must be 'PI' or 'PID', found 'PIDA'"),
+        (lambda: migo.tune(pidalab.lags(3), m=1.0), "m must be above 1"),
+    ],
+)
+def test_it_refuses(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
