@@ -138,18 +138,16 @@ def fastest_pole(loop: Loop) -> float:
 
 
 def _in_unit(loop: Loop, unit: float) -> _Blocks:
-    def scaled(polynomial: Array) -> Array:
-        return polynomial * unit ** np.arange(1.0 - polynomial.size, 1.0)
-
-    def both(fraction: Fraction) -> Fraction:
-        return scaled(fraction[0]), scaled(fraction[1])
-
     if unit == 1.0:
         return _Blocks(loop.blocks, loop.open_loop, loop.process.delay)
-    blocks = {name: both(block) for name, block in loop.blocks.items()}
-    for name, factor in (("controller", unit), ("process", 1.0 / unit)):
-        blocks[name] = factor * blocks[name][0], blocks[name][1]
-    return _Blocks(blocks, both(loop.open_loop), loop.process.delay / unit)
+
+    def scaled(block: Fraction, factor: float = 1.0) -> Fraction:
+        num, den = (part * unit ** np.arange(1.0 - part.size, 1.0) for part in block)
+        return factor * num, den
+
+    factors = {"controller": unit, "process": 1.0 / unit}
+    blocks = {name: scaled(block, factors.get(name, 1.0)) for name, block in loop.blocks.items()}
+    return _Blocks(blocks, scaled(loop.open_loop), loop.process.delay / unit)
 
 
 def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
@@ -246,14 +244,11 @@ def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float) -> bool:
     a kick is the direct part, or behind a filter what the controller makes of a signal as fast as the parts.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
-    speed = min(speeds)
-    if not speed > VERY_STIFF * _fastest_driving(loop):
-        return False
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])
-    if len(process[0]) == len(process[1]):
+    if not min(speeds) > VERY_STIFF * _fastest_driving(loop) or len(process[0]) == len(process[1]):
         return False
     kick = max(abs(direct), *(abs(_ratio(control, 1j * x) * _ratio(output_filter, 1j * x)) for x in speeds))
-    return bool(abs(_ratio(process, 1j * speed)) * kick < SENDS_LITTLE)
+    return bool(abs(_ratio(process, 1j * min(speeds))) * kick < SENDS_LITTLE)
 
 
 def _ratio(block: tuple[Array, Array], s: complex) -> Any:
