@@ -1,14 +1,15 @@
 """A performance portrait of 10,000 loops with 60,000 samples each, beside a plain loop over python-control.
 
 The loops are those around huba2024, eq. (25): load steps on an integrator with dead time, T_s = 0.001, Fig. 3. The
-portrait is timed by the clock, since it runs on all processors; its CPU time is beside it. python-control integrates
-a few of the same sets one after the other, in continuous time with a Padé approximation of the dead time; its time for
-all of them is extrapolated. The results go to book/data/portrait_comparison.csv.
+portrait is timed by the clock, since it runs on all processors, and with one and two workers; its CPU time is beside
+it. python-control integrates a few of the same sets one after the other, in continuous time with a Padé approximation
+of the dead time; its time for all of them is extrapolated. The results go to book/data/portrait_comparison.csv.
 """
 
 from __future__ import annotations
 
 import os
+from concurrent.futures import ThreadPoolExecutor
 
 import control
 import numpy as np
@@ -80,6 +81,13 @@ def main() -> None:
     clock, cpu, portrait = clocked(lambda: pidalab.portrait(LOOP, grid(), T, load=1.0))
     iae = portrait.iae.ravel()
     rows = [("portrait", sets, clock, cpu, clock, 1.0, 0.0)]
+    for workers, name in ((1, "portrait, one worker"), (2, "portrait, two workers")):
+        with ThreadPoolExecutor(workers) as pool:
+            clock_k, cpu_k, same = clocked(
+                lambda pool=pool: pidalab.portrait(LOOP, grid(), T, load=1.0, executor=pool)
+            )
+        apart = float(np.max(np.abs(same.iae.ravel() / iae - 1)))
+        rows.append((name, sets, clock_k, cpu_k, clock_k, clock_k / clock, apart))
     for method, simulate in (
         ("simulate_sampled", lambda own: pidalab.simulate_sampled(Loop(LOOP.process, own), T, 0.0, load=1.0)),
         ("python-control, input_output_response", lambda own: plain(own, T)),

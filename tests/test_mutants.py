@@ -65,8 +65,17 @@ def test_a_changed_copy_passes_what_does_not_see_the_change_and_fails_what_does(
     text = TEXT.replace("1 / divisor", "2 / divisor")
     mutant = mutants.Mutant(ALGEBRA, "", "1 / divisor", "2 / divisor", text)
     assert mutants.outcome(tmp_path, mutant, 100.0) == "killed elsewhere"
-    for others, result in (([], "survived"), ([SERIES], "survived"), ([SCALED], "killed elsewhere")):
-        assert mutants.outcome(tmp_path, mutant, 100.0, others) == result
+
+
+def test_what_a_survivor_meets_can_be_chosen(tmp_path, monkeypatch):
+    """Here one test notices everything, and is not of the room."""
+    monkeypatch.setattr(mutants, "tests_of", lambda _: [SERIES])
+    monkeypatch.setattr(mutants, "judges", lambda: [SERIES, SCALED])
+    monkeypatch.setattr(mutants, "run", lambda copy, tests, seconds: SCALED not in tests)
+    (tmp_path / "pidalab").mkdir()
+    mutant = mutants.Mutant(ALGEBRA, "", "a", "b", TEXT)
+    found = [mutants.outcome(tmp_path, mutant, 1.0, others) for others in (None, [], [SERIES], [SCALED])]
+    assert found == ["killed elsewhere", "survived", "survived", "killed elsewhere"]
 
 
 def test_a_module_without_tests_of_its_own_is_not_killed_by_that(tmp_path):

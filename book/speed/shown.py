@@ -172,6 +172,17 @@ def portraits() -> pd.DataFrame:
     ).set_index(table["method"].rename(None))
 
 
+def ten_million() -> Markdown:
+    """What a portrait of ten million loops would need, by the time of those that were run."""
+    table = read(FILES[2]).set_index("method")
+    each = table["cpu_seconds"]["portrait"] / table["sets"]["portrait"]
+    one, two = (table["seconds"][f"portrait, {n}"] for n in ("one worker", "two workers"))
+    return Markdown(
+        f"Two workers take {two / one:.2f} of the time of one. A portrait of ten million such loops would need about "
+        f"{1e7 * each / 3600:.1f} hours of one processor, shared among all that are there."
+    )
+
+
 def lab() -> pd.DataFrame:
     """What each kind of change costs, with one design and with several, by how far the page was slowed down."""
     table = read(FILES[3])
