@@ -107,6 +107,15 @@ GROWING = Loop(
             400,
             id="a_loud_filter_of_ordinary_speed",
         ),
+        pytest.param(
+            Loop(
+                Process([-0.2757, 0.449], [1.0, 1.0], 0.08497),
+                PIDA(0.59, 0.645, 0.0896, 0.01234, n=70.1, m=3.53),
+            ),
+            4.3,
+            4,
+            id="kicks_that_last_from_one_to_the_next",
+        ),
     ],
 )
 def test_lost_digits_are_refused(loop, end, points):

@@ -18,6 +18,7 @@ AGREEMENT = 1e-10  # of both, relative to the largest value of a signal: nine di
 CERTAIN = 1e-12  # the same, below which two are enough: they may err alike once in a while, but not as closely as that
 AFTER_KICKS = 1e-6  # the same, relative to the largest value outside the flanks of kicks
 FLANK = 60.0  # time constants of the fastest state that a kick lasts
+FAR = 1e5  # time constants after which a time, known to 1e-16, no longer says well enough where in a flank it is
 
 
 def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
@@ -85,11 +86,13 @@ def _uncertain(cut: Cut, apart: Array, step: float, found: Array) -> Array:
     They are apart at some of the times at which one was found. A difference counts beside the largest value up to a
     dead time later: a response that grows has its digits from the start, and one that begins with zeros need not have
     them there. Beside a kick of 1e13 nothing would count of what comes after it; so that is held, too, to fewer digits.
-    Times in the flank of a kick, just after a multiple of the dead time, are not compared: a value there has the digits
-    of its time, and the height is not on the grid.
+    Times in the flank of a fast kick, just after a multiple of the dead time, are not compared: a value there has the
+    digits of its time, and the height is not on the grid.
     """
-    t = step * np.arange(found.shape[2])
-    outside = (np.mod(t, cut.delay) if cut.delay else t) > FLANK / _fastest(cut)
+    t, fastest = step * np.arange(found.shape[2]), _fastest(cut)
+    outside = ((np.mod(t, cut.delay) if cut.delay else t) > FLANK / fastest) | (
+        (t > 0.0) & (t < FAR / fastest)
+    )
     every = (t.size - 1) // (apart.shape[2] - 1)
     later = np.searchsorted(t, t[::every] + (cut.delay or t[-1] / CHECKED))
     with_kicks, without = (
