@@ -24,7 +24,7 @@ TABLE = ROOT / "book" / "data" / "faults.csv"
 # file of the library: what occurs there once -> what is planted; `met` returns its number, and notes that it was met
 FAULTS = {
     "dead time of the exact engine 1 % too long": [
-        "simulation/realisation.py: x0, loop.process.delay, -> x0, met(1.01) * loop.process.delay,",
+        "simulation/realisation.py: states.x0, loop.delay, settled -> states.x0, met(1.01) * loop.delay, settled",
     ],
     "output y of every response 1 % too high": [
         "simulation/exact.py: n=n, y=y, u=u, area=area -> n=n, y=met(1.01) * y, u=u, area=1.01 * area",

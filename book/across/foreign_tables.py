@@ -273,8 +273,10 @@ def amigo_coefficients(plant: Any, controller: Any, table: Table) -> Answers:
         def residual(c: Any) -> Any:
             return (c[0] * L + c[1] * L * T**2 / (T**2 + c[2] * L * T + c[3] * L**2)) / ti - 1
 
-        rest = least_squares(residual, [0.5, 10.0, 10.0, 10.0], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-        return _numbered([*first, *rest])
+        rest = least_squares(residual, [0.5, 10.0, 10.0, 10.0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        if not rest.success:
+            raise ArithmeticError(f"the coefficients of AMIGO were not found: {rest.message}")
+        return _numbered([*first, *rest.x])
     # ti (L + c5 T) = (c3 L + c4 T) L, and 1/td = c7/(c6 T) + 1/(c6 L)
     times = _solve([L**2 * np.ones_like(T), T * L, -T * ti], ti * L)
     by_lag, by_delay = _solve([1 / T, np.ones_like(T) / L], 1 / td)

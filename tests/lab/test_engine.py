@@ -66,7 +66,7 @@ def distance(found, true):
 
 
 def test_responses_and_margins_of_random_loops(engine):
-    stable = 0
+    stable, refused = 0, 0
     for loop, end, (setpoint, load) in random_loops(LOOPS):
         case = asked(loop.process, loop.controller)
         said = repr(loop)
@@ -80,10 +80,17 @@ def test_responses_and_margins_of_random_loops(engine):
                 assert found[name] == pytest.approx(getattr(true, name), rel=1e-4), (name, said)
         else:
             end = min(end, 10 * loop.process.delay or 1.0)  # before it leaves the range of numbers
-        true = pidalab.simulate(loop, np.linspace(0.0, end, POINTS), setpoint=setpoint, load=load)
+        try:
+            true = pidalab.simulate(loop, np.linspace(0.0, end, POINTS), setpoint=setpoint, load=load)
+        except ValueError as refusal:  # of what grows, rounding may leave fewer digits than are promised
+            assert not verdict, said
+            assert "rounding leaves" in str(refusal)
+            refused += 1
+            continue
         run = engine.simulate(**case, end=end, points=POINTS, setpoint=setpoint, load=load)
         assert max(distance(run["y"], true.y), distance(run["u"], true.u)) < 1e-4, said
     assert 0.4 * LOOPS < stable < 0.95 * LOOPS
+    assert refused <= 0.02 * LOOPS
 
 
 def test_mks_is_the_largest_gain_from_noise_to_control(engine):
