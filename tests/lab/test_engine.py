@@ -83,8 +83,8 @@ def test_responses_and_margins_of_random_loops(engine):
         try:
             true = pidalab.simulate(loop, np.linspace(0.0, end, POINTS), setpoint=setpoint, load=load)
         except ValueError as refusal:  # of what grows, rounding may leave fewer digits than are promised
-            assert not verdict, said
-            assert "rounding leaves" in str(refusal)
+            if verdict or "rounding leaves" not in str(refusal):
+                raise
             refused += 1
             continue
         run = engine.simulate(**case, end=end, points=POINTS, setpoint=setpoint, load=load)
