@@ -49,7 +49,7 @@ class TradeOffPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class TradeOff:
-    """Result of `trade_off`; `pidalab.plots.trade_off` draws it.
+    """Result of `trade_off`; `plot_trade_off` of a report draws it.
 
     Attributes
     ----------

@@ -33,6 +33,7 @@ from pidalab.loop import Loop
 from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
 from pidalab.reduction import ultimate_frequency
 from pidalab.rules._design import Design
+from pidalab.search import border
 
 KINDS = ("PI", "PID")
 BELOW, ABOVE = 1e-3, 1e3  # of the frequencies looked at, over that at which the process turns by half a turn
@@ -115,9 +116,9 @@ def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> De
     require_no_zero_at_origin("model", model)
     sign = sign_of_gain(model)
     upright = model if sign > 0 else Process(-model.num, model.den, model.delay)
-    border = ultimate_frequency(upright)
-    ridge = _ridge(upright, m, border)
-    touch = _first(ridge, border)
+    turned = ultimate_frequency(upright)
+    ridge = _ridge(upright, m, turned)
+    touch = _first(ridge, turned)
     if touch is not None and kind == "PID":
         touch = _last(ridge, touch)
     if touch is not None:
@@ -133,24 +134,24 @@ def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> De
     )
 
 
-def _ridge(process: Process, m: float, border: float) -> _Ridge:
+def _ridge(process: Process, m: float, turned: float) -> _Ridge:
     """The circle of M, and frequencies fine enough for the turns of the dead time."""
     both = 2 * m * (m - 1)
-    w = border * np.geomspace(BELOW, ABOVE, POINTS)
+    w = turned * np.geomspace(BELOW, ABOVE, POINTS)
     if process.delay:
         turns = np.arange(0.1, MOST_TURNS, TURN) / process.delay
         w = np.unique(np.append(w, turns))
     return _Ridge(process, (both + 1) / both, (2 * m - 1) / both, w, process(1j * w))
 
 
-def _first(ridge: _Ridge, border: float) -> float | None:
+def _first(ridge: _Ridge, turned: float) -> float | None:
     """The frequency of the PI controller: where the derivative gain passes 0 on its way up."""
     from scipy.optimize import brentq
 
-    w = border * np.geomspace(*SEARCHED)
+    w = turned * np.geomspace(*SEARCHED)
     kd = ridge.at(w)[2]
     for i in np.flatnonzero((kd[:-1] < 0) & (kd[1:] >= 0)):
-        found = float(brentq(lambda w: ridge.at(w)[2], w[i], w[i + 1], xtol=1e-14 * border, rtol=1e-14))
+        found = float(brentq(lambda w: ridge.at(w)[2], w[i], w[i + 1], xtol=1e-14 * turned, rtol=1e-14))
         if ridge.fits(found):
             return found
     return None
@@ -163,7 +164,4 @@ def _last(ridge: _Ridge, first: float) -> float | None:
         if ridge.at(bad)[2] <= ridge.at(good)[2] or bad > ridge.w[-1]:
             return None  # it never touches again
         good, bad = bad, bad * PACE
-    while bad - good > CLOSE * good:
-        middle = 0.5 * (good + bad)
-        good, bad = (middle, bad) if ridge.fits(middle) else (good, middle)
-    return good
+    return border(ridge.fits, inside=good, outside=bad, share=CLOSE)

@@ -44,7 +44,7 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     steps, step = (n - 1) * finer, step / finer
     found = responses(cut, steps + 1, step, norm)
     numbers = np.isfinite(found).all(axis=(0, 1))
-    if not numbers.all():  # it left the range of numbers, perhaps for a while: whoever asked says so
+    if not numbers.all():  # it overflowed, perhaps for a while: whoever asked says so
         found[:, :, np.argmin(numbers) :] = np.nan
         return found[:, :, ::finer]
     every = max(c for c in range(1, steps // CHECKED + 1) if steps % c == 0)
