@@ -200,7 +200,7 @@ def projected(data: FitData, shape: Shape, p: Sequence[float]) -> tuple[Array, A
 def refined(
     data: FitData, shape: Shape, start: Sequence[float], span: float, near: float = FINISHED
 ) -> FitResult:
-    """Follow one start down until changes are `near`; times by their logarithms, a zero and the dead time as they are, this from 0 up."""
+    """Follow one start down until relative changes are `near`; times by their logarithms, the dead time from 0 up."""
     count = len(shape.parameters) - shape.signed
 
     def times(x: Array) -> list[float]:
