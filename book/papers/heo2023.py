@@ -185,7 +185,7 @@ def least(model, test, start, ms=math.inf, sharp=1e-3):
 
     `ms`: a bound on Ms, beyond which the cost is steep. `sharp`: how far the parameters are followed.
     """
-    t = np.linspace(0, 30, 1501)
+    t = np.linspace(0, 60, 3001)
 
     def controller(x):
         return pidalab.NonInteractivePIDA(*np.exp(x).tolist())
@@ -200,12 +200,9 @@ def least(model, test, start, ms=math.inf, sharp=1e-3):
         return math.log(TESTS[test](loop, t).itae()) + 20 * excess
 
     x = np.log([start.kc, start.tau_i, start.tau_d, start.tau_a])
-    for size, far in (
-        (0.15, max(sharp, 1e-2)),
-        (0.03, sharp),
-    ):  # a small simplex ends the search
+    for size in (0.15, 0.03):
         options = {"initial_simplex": np.vstack([x, x + size * np.eye(4)])}
-        options |= {"xatol": far, "fatol": 1e-2 * far}
+        options |= {"xatol": sharp, "fatol": 1e-2 * sharp}
         found = minimize(cost, x, method="Nelder-Mead", options=options)
         x = succeeded(found, "the least ITAE").x
     return controller(x)
