@@ -84,7 +84,7 @@ class TradeOff:
         >>> import pidalab
         >>> found = pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], [1.0, 3.0], kinds=["PI"], rules=[])
         >>> [f"{point.iae:.2f}" for point in found.curve("PI", 1.6)]
-        ['4.59', '4.59']
+        ['4.60', '4.60']
         """
         return [point for point in self.points if (point.kind, point.ms) == (kind, ms)]
 
@@ -148,8 +148,8 @@ def trade_off(
     >>> print(pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], [1.0, 3.0], kinds=["PI"], rules=[]))
     Process(num=[1], den=[1, 3, 3, 1], delay=1): least IAE of a load step
     Ms        noise gain        PI
-    1.6                1     4.594
-    1.6                3     4.594
+    1.6                1     4.596
+    1.6                3     4.596
     """
     from pidalab.optimal.curves import find_curves
 
