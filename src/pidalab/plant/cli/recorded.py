@@ -94,7 +94,7 @@ def report_command(out: Path | None, force: bool, model: str, trade_off: bool, *
     found = report(fit(read, model), **options)
     sections, traded = [("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))], None
     if trade_off:
-        from pidalab.comparison.trade_off import trade_off as find_trade_off
+        from pidalab.plant.reporting.trade_off import trade_off as find_trade_off
 
         traded = find_trade_off(found.process, sample_time=options["sample_time"])
         sections.append(("Trade-off", str(traded)))

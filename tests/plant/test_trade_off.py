@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
-from pidalab.comparison import trade_off as module
 from pidalab.plant.cli import main
+from pidalab.plant.reporting import trade_off as module
 from pidalab.plant.reporting.page import trade_off_figure
 
 PROCESS = pidalab.lags(3, delay=1.0)
