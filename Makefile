@@ -10,7 +10,7 @@ DEV := .venv/.dev
 SITE := _build/.built
 COMPILE = $(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes \
 	--no-annotate --custom-compile-command "make lock"
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/notebooks.py tools/kernels.py tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
 .PHONY: help env book test notebooks shake faults foreign fuzz mutants lint bench studies study release archive pdf \
 	processors least versions twice shuffle lock clean
@@ -27,7 +27,7 @@ $(ENV): requirements.txt pyproject.toml tools/environment.py
 $(DEV): requirements-dev.txt $(ENV)
 	$(PYTHON) tools/environment.py --dev
 
-book: $(SITE)  ## execute every notebook and build the site in _build/html (about 2 minutes)
+book: $(SITE)  ## build the site in _build/html from the notebooks and the outputs they store (a minute)
 	@echo "The site: _build/html/index.html"
 
 $(SITE): $(ENV) $(SOURCES)

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
@@ -20,6 +21,24 @@ sys.path += [str(ROOT / "tools")]
 
 # pages in a browser, notebooks, searches
 LONG = ("tests/site/", "book/", "tests/plant/test_running_loop.py", "tests/optimal/")
+
+
+def pytest_configure(config):
+    """Have machine code that is not there made once, by two processes: each worker would make most of it again."""
+    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
+        return
+    from pidalab._compiled import TIER, stamp
+
+    TIER.begin()
+    if not TIER.ready or stamp().is_file():
+        return
+    halves = [
+        subprocess.Popen([sys.executable, "-c", f"from pidalab.warm_up import {part}; {part}()"])
+        for part in ("respond", "sample")
+    ]
+    for half in halves:
+        half.wait()
+    subprocess.run([sys.executable, "-m", "pidalab.warm_up"], check=False)  # writes the stamp
 
 
 @pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them

@@ -1,7 +1,7 @@
-"""Build the site: execute every notebook of a copy in parallel, let Jupyter Book make the pages, add the slides.
+"""Build the site: let Jupyter Book make the pages of a copy from the outputs that the notebooks store, add the slides.
 
-The copy keeps the work tree as it is: what a notebook computes here is shown on its page, and compared with the
-stored outputs by the tests, but never stored.
+No notebook runs here: `make test` runs each of them and compares what comes out with what is stored, so a page shows
+what a run gave. `make notebooks` runs them and stores what they give now. The copy keeps the work tree as it is.
 """
 
 import shutil
@@ -12,8 +12,6 @@ from pathlib import Path
 import evidence
 import slides
 import vendored
-from kernels import fork_kernels
-from notebooks import execute_all, notebooks
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = ROOT / "_build"
@@ -25,18 +23,14 @@ def copy() -> None:
     shutil.rmtree(BUILD, ignore_errors=True)
     ignored = shutil.ignore_patterns(".*", "__pycache__")
     shutil.copytree(ROOT / "book", SOURCE / "book", ignore=ignored)
-    # an audit shows how far the engine is from the oracle of the tests
-    shutil.copytree(ROOT / "tests" / "oracle", SOURCE / "tests" / "oracle", ignore=ignored)
     for name in ("_config.yml", "_toc.yml"):
         shutil.copy(ROOT / name, SOURCE)
 
 
 def main() -> int:
     """Return the exit status of Jupyter Book; every warning is an error."""
-    fork_kernels()  # it takes a while to compile the engine
     copy()
     evidence.fill(SOURCE / "book" / "how-we-know.md")
-    execute_all(notebooks(SOURCE))
     command = [
         Path(sys.executable).with_name("jupyter-book"),
         "build",

@@ -74,14 +74,14 @@ def test_a_better_valley_is_not_passed_by(process, most, h, gains, filter_time):
 
 
 def test_less_noise_or_more_robustness_costs_error():
-    base = pidalab.optimal.load(THIRD, 2, ms=1.4, mks=10.0).iae
-    assert pidalab.optimal.load(THIRD, 2, ms=1.4, mks=4.0).iae > base > 2.654
-    assert pidalab.optimal.load(THIRD, 2, ms=1.25, mks=10.0).iae > base
-    assert pidalab.optimal.load(THIRD, 2, ms=2.0, mks=10.0).iae < base
+    base = pidalab.optimal.load(THIRD, 1, ms=1.4, mks=10.0).iae
+    assert pidalab.optimal.load(THIRD, 1, ms=1.4, mks=4.0).iae > base
+    assert pidalab.optimal.load(THIRD, 1, ms=1.25, mks=10.0).iae > base
+    assert pidalab.optimal.load(THIRD, 1, ms=2.0, mks=10.0).iae < base
     quiet, loud = (
-        pidalab.optimal.load(THIRD, 2, 1.4, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0)
+        pidalab.optimal.load(THIRD, 1, 1.4, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0)
     )
-    assert 2.654 < loud < quiet
+    assert loud < quiet
 
 
 def test_pi_beside_brute_force():

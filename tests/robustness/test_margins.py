@@ -70,7 +70,7 @@ def test_the_lower_gain_margin_is_printed():
     ids=["lags", "unstable-process", "resonance"],
 )
 def test_disk_margin_beside_python_control(loop):
-    w = np.geomspace(1e-4, 1e4, 200_001)
+    w = np.geomspace(0.03, 30.0, 30_001)
     alpha, gain, phase = control.disk_margins(control.tf(*loop.open_loop), w)
     found = margins(loop).disk
     assert found == pytest.approx(alpha, rel=1e-6)

@@ -195,7 +195,7 @@ def test_numbers_of_numpy_are_numbers():
     assert k.integrates is True
 
 
-@drawn.cases(30)
+@drawn.cases(10)
 @given(st.text(max_size=300))
 def test_the_name_of_a_controller_stays_text(text):
     """A file of our own with any text as its controller: read, and harmless in what is written."""

@@ -83,10 +83,16 @@ def test_names_that_serve(name):
 
 @pytest.mark.parametrize("name", ["fed_clamping", "prefilter_tustin"])
 def test_a_parser_of_twincat_reads_it(name):
-    """blark, which others wrote; it refuses `reference`. It is slow: two values of each array of the test serve."""
+    """blark, which others wrote. It is slow: two values of each array of the test serve."""
     array = r"\[0\.\.\d+\] OF (\w+) := \[\s*(\S+, \S+?),[^\]]*\]"
     text = re.sub(array, r"[0..1] OF \1 := [\2]", CASES[name].structured_text("level"))
     assert text.count("[0..1] OF") > 6
     assert parse_source_code(text).exception is None
-    spoilt = text.replace("target", "reference")
-    assert parse_source_code(spoilt).exception is not None
+
+
+def test_the_parser_of_twincat_refuses_a_word_of_its_own():
+    text = (
+        CASES["plain_pi"].structured_text("level").partition("END_FUNCTION_BLOCK")[0] + "END_FUNCTION_BLOCK"
+    )
+    assert parse_source_code(text).exception is None
+    assert parse_source_code(text.replace("target", "reference")).exception is not None

@@ -31,10 +31,15 @@ from pidalab.plant.record import Record
 
 MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
 MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over neighbours
+FEW = 1000  # samples up to which a sum of products is faster than Fourier transforms
 BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
 NONE = 1e-3  # dead time in samples that counts as none
 LEVEL = 1  # place of the output's level among the parameters
 DESCENTS = 6  # from different starts, of which the lowest end counts
+SKETCHED, FINISHED = (
+    1e-6,
+    1e-12,
+)  # relative changes at which a descent ends: of all of them, then of the lowest
 MOST_DAMPED = 20.0  # damping beyond which a second order is a first one
 LOADS = 46  # times at which a step of the load is tried
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
@@ -61,7 +66,8 @@ class FitData(NamedTuple):
         """Response of the shape with gain 1 and dead time to the recorded input."""
         if self.grid:
             response = shape.step(self.t - self.t[0] - delay, p)
-            return fftconvolve(self.changes, response)[: self.t.size]
+            convolve = np.convolve if self.t.size <= FEW else fftconvolve
+            return convolve(self.changes, response)[: self.t.size]
         since = self.t[:, None] - self.change_times - delay
         return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
 
@@ -158,13 +164,15 @@ def search(data: FitData, shape: Shape) -> FitResult:
     # the best start of each part of the list, so that an oscillation gets its chance beside an overdamped shape
     parts = [part for part in np.array_split(np.arange(len(grid)), DESCENTS) if part.size]
     starts = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in parts]
-    runs = [refined(data, shape, start, span) for start in starts]
+    runs = [refined(data, shape, start, span, SKETCHED) for start in starts]
     ended = [found for found in runs if found.converged]
     if not ended:
         raise ArithmeticError(
             f"no descent of a fit of shape {shape.name} came to rest, from {len(starts)} starts"
         )
-    return min(ended, key=lambda found: found.cost)
+    lowest = min(ended, key=lambda found: found.cost)
+    finished = refined(lowest.data, shape, lowest.values[2:].tolist(), span)
+    return finished if finished.converged and finished.cost <= lowest.cost else lowest
 
 
 def _starts(shape: Shape, times: Array) -> list[list[float]]:
@@ -189,8 +197,10 @@ def projected(data: FitData, shape: Shape, p: Sequence[float]) -> tuple[Array, A
     return np.asarray(data.y - basis @ linear, dtype=float), np.asarray(linear, dtype=float)
 
 
-def refined(data: FitData, shape: Shape, start: Sequence[float], span: float) -> FitResult:
-    """Follow one start down; times by their logarithms, a zero and the dead time as they are, this from 0 up."""
+def refined(
+    data: FitData, shape: Shape, start: Sequence[float], span: float, near: float = FINISHED
+) -> FitResult:
+    """Follow one start down until relative changes are `near`; times by their logarithms, the dead time from 0 up."""
     count = len(shape.parameters) - shape.signed
 
     def times(x: Array) -> list[float]:
@@ -214,9 +224,9 @@ def refined(data: FitData, shape: Shape, start: Sequence[float], span: float) ->
         x,
         bounds=(low, high),
         x_scale=[*([0.1] * count), *([0.02] * (x.size - count))],
-        xtol=1e-12,
-        ftol=1e-12,
-        gtol=1e-12,
+        xtol=near,
+        ftol=near,
+        gtol=near,
         max_nfev=200,
     )
     p, data = times(found.x), placed(found.x)
