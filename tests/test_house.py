@@ -17,9 +17,17 @@ SRC, TESTS = ROOT / "src", ROOT / "tests"
 DESIGN = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("**Imports run one way.**")[1]
 LIBRARY, WING = DESIGN.split("Inside the wing as well:")
 LONGEST = 300  # lines of a file, docstrings aside
-# a door hands on names of the wing, and loads it when they are first used
+# a door, or a method, hands on to the wing, and loads it when it is first used
 ATOP = ["pidalab.__main__", "pidalab.warm_up"]  # what a user runs
-HANDS_ON = {"pidalab.identification": "pidalab.plant.fitting"}
+HANDS_ON = {
+    "pidalab.identification": "pidalab.plant.fitting",
+    "pidalab.digital": "pidalab.plant.code.json_reader",
+    "pidalab.digital.controller": "pidalab.plant.code.files",
+    **dict.fromkeys(
+        ["pidalab.controllers.base", "pidalab.controllers.parallel", "pidalab.rules._design"],
+        "pidalab.plant.vendor",
+    ),
+}
 
 
 def lines(text, package):
@@ -200,6 +208,7 @@ def test_a_quick_import():
         ("import paperledger", [*heavy, "pidalab"]),
         ("import pidalab; pidalab.Loop(pidalab.lags(3), pidalab.PIDA(1, 2))", [*heavy, "pidalab.plant"]),
         ("from pidalab.identification import three_point; import pidalab.comparison", ["pidalab.plant"]),
+        ("import pidalab; pidalab.PIDA(1, 2).discretise(0.1).step(1, 0)", ["jinja2", "pidalab.plant"]),
     ):
         show = f"import json, sys; {code}; print(json.dumps([n for n in {closed} if n in sys.modules]))"
         run = subprocess.run([sys.executable, "-c", show], capture_output=True, text=True, check=True)
@@ -235,7 +244,7 @@ def test_no_function_hides_a_module(package):
 def test_unknown_names_are_refused():
     import pidalab
 
-    for door in (pidalab, pidalab.plant, pidalab.identification):
+    for door in (pidalab, pidalab.plant, pidalab.identification, pidalab.digital):
         with pytest.raises(AttributeError, match="nonsense"):
             _ = door.nonsense
     assert set(dir(pidalab)) >= set(pidalab.__all__)

@@ -13,7 +13,6 @@ from . import (
 from ._version import __version__ as __version__
 from .comparison import Comparison as Comparison, compare as compare
 from .comparison.benchmarking import Benchmark as Benchmark, benchmark as benchmark
-from .comparison.trade_off import TradeOff as TradeOff, trade_off as trade_off
 from .controllers import (
     PIDA as PIDA,
     HighOrderPID as HighOrderPID,
@@ -25,9 +24,11 @@ from .plant import (
     Check as Check,
     Record as Record,
     Report as Report,
+    TradeOff as TradeOff,
     check as check,
     heater as heater,
     report as report,
+    trade_off as trade_off,
     tune as tune,
 )
 from .plants import AsymmetricPlant as AsymmetricPlant

@@ -12,10 +12,10 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
-from pidalab.controllers.vendor import FIRMWARE
 from pidalab.digital import from_json
 from pidalab.plant.cli import main
 from pidalab.plant.cli.checking import FIRMWARE_NAMES
+from pidalab.plant.vendor import FIRMWARE
 
 ROOT = Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("plant_record", ROOT / "studies" / "plant_record.py")

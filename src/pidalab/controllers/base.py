@@ -20,8 +20,8 @@ from pidalab.process import fraction_at, quotient
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
 
-    from pidalab.controllers.vendor import VendorForms
     from pidalab.digital import DigitalController
+    from pidalab.plant.vendor import VendorForms
 
 Fraction = tuple[Array, Array]  # numerator and denominator, descending powers of s
 
@@ -177,7 +177,7 @@ class Controller(Block):
         >>> print(pidalab.PIDA(kp=0.08, ti=20.0, td=5.0).vendor_forms("s", full_output=1.0).klipper)
         {'pid_Kp': 20.4, 'pid_Ki': 1.02, 'pid_Kd': 102.0}
         """
-        from pidalab.controllers.vendor import vendor_forms
+        from pidalab.plant.vendor import vendor_forms
 
         return vendor_forms(self.gains(), self.parts(), time_unit, full_output)
 

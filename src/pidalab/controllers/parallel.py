@@ -154,7 +154,7 @@ class PIDA(Controller):
         >>> print(f"{running.kp:.4g} {running.ti:.4g} {running.td:.4g} {running.n:.4g}")
         0.08 20 5 5
         """
-        from pidalab.controllers.vendor import firmware_gains
+        from pidalab.plant.vendor import firmware_gains
 
         gains, usual = firmware_gains(firmware, p, i, d, full_output, time_unit)
         kp, ti, td, _ = gains.standard()

@@ -1,4 +1,4 @@
-"""The digital controller: its numbers, its states, its transfer function, and the code it writes."""
+"""The digital controller: its numbers, its states, its transfer function; the wing writes its code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
-from pidalab.digital import code, languages
+from pidalab.digital import languages
 from pidalab.digital.parameters import Parameters
 from pidalab.digital.program import constants, program
 from pidalab.digital.statements import Program
@@ -373,7 +373,7 @@ class DigitalController(Parameters):
         >>> "level_real level_step(level_state *s" in code
         True
         """
-        return code.written(self, "c", name, margins, note, time_unit, record)
+        return self._written("c", name, margins, note, time_unit, record)
 
     def structured_text(
         self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
@@ -408,7 +408,7 @@ class DigitalController(Parameters):
         >>> "FUNCTION_BLOCK level" in code
         True
         """
-        return code.written(self, "structured_text", name, margins, note, time_unit, record)
+        return self._written("structured_text", name, margins, note, time_unit, record)
 
     def python(
         self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
@@ -444,7 +444,12 @@ class DigitalController(Parameters):
         >>> space["Level"]().step(1.0, 1.0), space["selftest"]()
         (0.0, 0.0)
         """
-        return code.written(self, "python", name, margins, note, time_unit, record)
+        return self._written("python", name, margins, note, time_unit, record)
+
+    def _written(self, *what: Any) -> str:
+        from pidalab.plant.code.files import written
+
+        return written(self, *what)
 
     def json(self, margins: Any = None, note: str = "", time_unit: str = "", record: str = "") -> str:
         """Write parameters, coefficients and test vector as JSON.
@@ -469,7 +474,9 @@ class DigitalController(Parameters):
         >>> json.loads(pidalab.PIDA(kp=2.0, ti=4.0).discretise(0.5).json())["coefficients"]["INTEGRAL_NEW"]
         0.25
         """
-        return code.as_json(self, margins, note, time_unit, record)
+        from pidalab.plant.code.files import as_json
+
+        return as_json(self, margins, note, time_unit, record)
 
     def __repr__(self) -> str:
         options = {

@@ -179,11 +179,8 @@ def _best(
     from pidalab.optimal._units import unit_of_time
     from pidalab.optimal._walk import SearchResult, search
 
-    sign = sign_of_gain(process)
-    upright, *others = (
-        plant if sign > 0 else Process(-plant.num, plant.den, plant.delay) for plant in (process, *guarded[0])
-    )
-    shortest, best = unit_of_time(upright, limits), None
+    positive, *others = (upright(plant) for plant in (process, *guarded[0]))
+    shortest, best = unit_of_time(positive, limits), None
     if limits.sample_time is not None and limits.sample_time > SLOWEST_SAMPLING * shortest:
         raise ValueError(
             f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, found "
@@ -200,11 +197,13 @@ def _best(
             if factor == UNITS[0] and (best is not None or any(one.family for one in seen)):
                 break
             unit = factor * shortest
-            problem = Problem(upright, order, (abs(complex(upright(1j / unit))), unit))
+            problem = Problem(positive, order, (abs(complex(positive(1j / unit))), unit))
             one = Search(problem, limits)
             seen.append(one)
             if near is not None and start is None:
-                end = finish(one, problem.unknowns(near.controller, sign))
+                known: Any = near.controller
+                gains = sign_of_gain(process) * np.array(known.coefficients)
+                end = finish(one, problem.unknowns(gains, known.filter_time))
                 found = None if end is None else SearchResult(end, near.valleys)
             else:
                 starts = start(one)
@@ -217,7 +216,7 @@ def _best(
                 if end is None:
                     continue
                 found = SearchResult(end, found.valleys)
-            design = _design(process, sign, one, found)
+            design = judge(process, one, found)
             if best is None or design.iae < best.iae:
                 best = design
             if design.iae - found.best.value * unit < SAME_IAE * design.iae:
@@ -266,8 +265,13 @@ def _heights(loop: Loop) -> dict[str, float]:
     return {**found, "disk": 1 / found["half"]}
 
 
-def _design(process: Process, sign: float, one: Search, found: SearchResult) -> Design:
-    """Judge what was found, on the process itself."""
+def upright(process: Process) -> Process:
+    """The process with positive gain."""
+    return process if sign_of_gain(process) > 0 else Process(-process.num, process.den, process.delay)
+
+
+def judge(process: Process, one: Search, found: SearchResult) -> Design:
+    """Make a design of what was found, judged on the process itself."""
     from pidalab.robustness.margins import max_sensitivity
 
     problem, limits, x = one.problem, one.limits, found.best.x
@@ -275,7 +279,7 @@ def _design(process: Process, sign: float, one: Search, found: SearchResult) -> 
     # what an action amounts to at the corner of the filter tells whether there is any
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
     gains[1:] = np.where(amounts < ZERO * amounts.max(), 0.0, gains)[1:]
-    controller = HighOrderPID((sign * gains).tolist(), time, problem.order + 1)
+    controller = HighOrderPID((sign_of_gain(process) * gains).tolist(), time, problem.order + 1)
     loop = Loop(process, controller)
     heights, named = _heights(loop), limits.named()
     info: dict[str, Any] = {"iae": _iae(loop, problem.time), "ms": heights["ms"], "mks": heights["mks"]}

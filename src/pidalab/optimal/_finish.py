@@ -28,8 +28,10 @@ PEAKS: dict[str, Callable[[Loop], tuple[float, float]]] = {
 }
 
 
-def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
-    """Descend and polish; take in the worst frequencies until the limits hold at all of them.
+def finish(
+    search: Search, x: Array, known: Sequence[Polished] = (), last_steps: bool = True
+) -> Polished | None:
+    """Descend and polish, if asked to; take in the worst frequencies until the limits hold at all of them.
 
     None where that leads nowhere, to an end that is known, or to one that is worse.
     """
@@ -44,7 +46,7 @@ def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished
             for other in known
         ):
             return None
-        x, end = found, polish(search, found)
+        x, end = found, polish(search, found) if last_steps else None
         if end is None:
             end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
         for peak in end.w:  # for the descents that follow

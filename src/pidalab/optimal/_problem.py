@@ -60,11 +60,12 @@ class Problem:
         """Gains K_-1 ... K_m and filter time of a vector of unknowns."""
         return x[: self.gains] * self.units, self.time * float(np.exp(x[self.gains]))
 
-    def unknowns(self, controller: Any, sign: float) -> Array:
-        """Vector of unknowns of a `HighOrderPID`."""
-        return np.append(
-            sign * np.array(controller.coefficients) / self.units, np.log(controller.filter_time / self.time)
-        )
+    def unknowns(self, gains: Array, time: float) -> Array:
+        """Vector of unknowns of gains K_-1, K_0, ..., of which the last may be missing, and a filter time."""
+        found = np.zeros(self.size)
+        found[: len(gains)] = gains / self.units[: len(gains)]
+        found[-1] = np.log(time / self.time)
+        return found
 
     def _actions(self, s: Any) -> Any:
         """s^-1 ... s^m at complex s, for unknowns without dimension and without the filter."""

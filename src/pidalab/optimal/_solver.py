@@ -44,8 +44,8 @@ class Search:
     family: tuple[Process, ...] = ()  # plants that keep ms_worst at the end
     ms_worst = np.inf
 
-    def __init__(self, problem: Problem, limits: DesignLimits) -> None:
-        self.problem, self.limits = problem, limits
+    def __init__(self, problem: Problem, limits: DesignLimits, spare: float = SPARE) -> None:
+        self.problem, self.limits, self.spare = problem, limits, spare
         self.active: list[int] = []  # plants of the family that the descents see
         time = problem.time
         # dense where the loop crosses over, and fine enough for the turns of the dead time
@@ -94,9 +94,11 @@ class Search:
 
     def constraints(self) -> list[CachedValueAndSlope]:
         """What is left to every limit, not negative where it is kept, for the frequencies looked at so far."""
-        found = [self.problem.limits(self.w, self.limits.heights(SPARE))]
+        found = [self.problem.limits(self.w, self.limits.heights(self.spare))]
         for k in self.active:
-            found.append(self.problem.limits(self.w, {"ms": self.ms_worst * (1 - SPARE)}, self.family[k]))
+            found.append(
+                self.problem.limits(self.w, {"ms": self.ms_worst * (1 - self.spare)}, self.family[k])
+            )
         if self.noise is not None:
             noise, most = self.noise, self.aim
 
@@ -170,7 +172,7 @@ class Search:
     def aim_below(self, noise: float) -> None:
         """Aim at less noise by as much as there is too much of it."""
         assert self.limits.noise_gain is not None
-        self.aim *= self.limits.noise_gain / noise * (1 - SPARE)
+        self.aim *= self.limits.noise_gain / noise * (1 - self.spare)
 
     def guard(self, family: Sequence[Process], ms_worst: float) -> None:
         """Keep a limit of Ms with other plants, too, from now on."""

@@ -11,7 +11,7 @@ from pidalab.optimal._finish import finish
 from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import Problem
-from pidalab.optimal._solver import FINE, NEARLY, Search
+from pidalab.optimal._solver import FINE, NEARLY, SPARE, Search
 from pidalab.optimal._starts import at_once, relax
 from pidalab.optimal._units import unit_of_time
 from pidalab.process import Process
@@ -33,7 +33,9 @@ __all__ = [
 ]
 
 
-def search_in(process: Process, order: int, limits: DesignLimits, factor: float = 1.0) -> Search:
+def search_in(
+    process: Process, order: int, limits: DesignLimits, factor: float = 1.0, spare: float = SPARE
+) -> Search:
     """Return a search in the unit of time that fits a process, times a factor.
 
     Parameters
@@ -46,6 +48,8 @@ def search_in(process: Process, order: int, limits: DesignLimits, factor: float 
         Requirements of the design.
     factor : float, optional
         Of the unit of time.
+    spare : float, optional
+        Share of a limit that is kept free, for peaks between the frequencies looked at.
 
     Returns
     -------
@@ -59,4 +63,4 @@ def search_in(process: Process, order: int, limits: DesignLimits, factor: float 
     3
     """
     unit = factor * unit_of_time(process, limits)
-    return Search(Problem(process, order, (abs(complex(process(1j / unit))), unit)), limits)
+    return Search(Problem(process, order, (abs(complex(process(1j / unit))), unit)), limits, spare)

@@ -3,5 +3,6 @@ from . import heater as heater
 from .fitting import Fit as Fit, fit as fit
 from .record import Record as Record
 from .reporting import Report as Report, report as report
+from .reporting.trade_off import TradeOff as TradeOff, trade_off as trade_off
 from .running_loop import Check as Check, check as check
 from .tuning import tune as tune

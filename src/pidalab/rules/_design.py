@@ -15,8 +15,8 @@ from pidalab.loop import Loop
 from pidalab.process import Process, rational
 
 if TYPE_CHECKING:
-    from pidalab.controllers.vendor import VendorForms
     from pidalab.digital import DigitalController
+    from pidalab.plant.vendor import VendorForms
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,7 @@ def _running(
 
 def _as_firmware(found: Check, firmware: str, full_output: float) -> str:
     """Return the sets to try as the three numbers of a firmware, which has no acceleration."""
-    from pidalab.controllers.vendor import firmware_form
+    from pidalab.plant.vendor import firmware_form
 
     lines = []
     for row in found.rows:

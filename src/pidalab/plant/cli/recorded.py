@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +24,7 @@ from pidalab.plant.cli.parts import (
 )
 
 if TYPE_CHECKING:
-    from pidalab.comparison.trade_off import TradeOff
     from pidalab.plant.record import Record
-    from pidalab.process import Process
     from pidalab.rules import Design
 
 MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
@@ -97,23 +94,13 @@ def report_command(out: Path | None, force: bool, model: str, trade_off: bool, *
     found = report(fit(read, model), **options)
     sections, traded = [("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))], None
     if trade_off:
-        traded = _traded(found.process, options["sample_time"])
+        from pidalab.plant.reporting.trade_off import trade_off as find_trade_off
+
+        traded = find_trade_off(found.process, sample_time=options["sample_time"])
         sections.append(("Trade-off", str(traded)))
     show(sections)
     if out is not None:
         write(out.parent, {out.name: found.page(f"PI, PID and PIDA for {name}", traded=traded)}, force)
-
-
-def _traded(process: Process, sample_time: float) -> TradeOff:
-    """Find the trade-off, a kind in each of a few processes."""
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
-
-    from pidalab.comparison.trade_off import trade_off
-
-    workers = min(len(KINDS), os.cpu_count() or 1)
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
-        return trade_off(process, sample_time=sample_time, executor=executor)
 
 
 @click.command("tune")

@@ -25,7 +25,7 @@ from pidalab.rules.starting_models import time_scale
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pidalab.comparison.trade_off import TradeOff
+    from pidalab.plant.reporting.trade_off import TradeOff
 
 
 HORIZON = 20.0  # of the first responses, in time scales of the process
@@ -229,8 +229,8 @@ class Report:
         >>> len(pidalab.report(process, kinds=("PI",), rule="simc").plot_trade_off(traded).axes)
         1
         """
-        from pidalab.comparison.trade_off import trade_off
         from pidalab.plant.reporting.page import trade_off_figure
+        from pidalab.plant.reporting.trade_off import trade_off
 
         return trade_off_figure(trade_off(self.process) if traded is None else traded)
 

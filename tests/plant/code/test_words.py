@@ -6,7 +6,7 @@ import pytest
 from blark.parse import parse_source_code
 from cases import CASES
 
-from pidalab.digital.words import FAMILIES, RESERVED, identifier
+from pidalab.plant.code.words import FAMILIES, RESERVED, identifier
 
 # words of the language that structured text here is made of, and its types and one function
 LANGUAGE = {

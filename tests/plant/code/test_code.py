@@ -13,10 +13,10 @@ from st import Instance, read
 
 import pidalab
 from pidalab import HighOrderPID
-from pidalab.digital.code import vector
-from pidalab.digital.languages import LANGUAGES
 from pidalab.digital.program import INPUTS, program
 from pidalab.digital.statements import If, Set
+from pidalab.plant.code.files import vector
+from pidalab.plant.code.languages import LANGUAGES
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}

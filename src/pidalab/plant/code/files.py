@@ -13,11 +13,12 @@ from typing import Any
 from pidalab import _check
 from pidalab._text import plain_text
 from pidalab._version import __version__
-from pidalab.digital import languages
+from pidalab.digital.languages import function
 from pidalab.digital.parameters import LARGEST_SIGNAL, Parameters
 from pidalab.digital.program import INPUTS, MORE, constants, program
 from pidalab.digital.statements import Vector
-from pidalab.digital.words import identifier
+from pidalab.plant.code import languages
+from pidalab.plant.code.words import identifier
 
 STEPS = 30  # samples of the test vector within the working range
 FAR = 5  # samples after them on either side of the set point
@@ -123,7 +124,7 @@ def _far(k: Parameters, rows: Vector, size: float) -> Vector:
 def signals(k: Parameters, inputs: Sequence[Sequence[Any]]) -> list[float]:
     """Return the control signals of a controller from its start, for a row of each input."""
     own = program(k)
-    states, step = SimpleNamespace(**own.states), languages.function(own)
+    states, step = SimpleNamespace(**own.states), function(own)
     return [step(states, *row) for row in zip(*inputs, strict=True)]
 
 

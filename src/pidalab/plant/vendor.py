@@ -122,7 +122,7 @@ def firmware_form(
     Examples
     --------
     >>> import pidalab
-    >>> from pidalab.controllers.vendor import firmware_form
+    >>> from pidalab.plant.vendor import firmware_form
     >>> gains = pidalab.PIDA(kp=8.0, ti=20.0, td=5.0).gains()  # u in per cent
     >>> {name: round(number, 4) for name, number in firmware_form(gains, "klipper", 100.0).items()}
     {'pid_Kp': 20.4, 'pid_Ki': 1.02, 'pid_Kd': 102.0}
@@ -160,7 +160,7 @@ def firmware_gains(
 
     Examples
     --------
-    >>> from pidalab.controllers.vendor import firmware_gains
+    >>> from pidalab.plant.vendor import firmware_gains
     >>> gains, lag = firmware_gains("klipper", 20.4, 1.02, 102.0, full_output=100.0)
     >>> round(gains.kp, 4), round(gains.ki, 4), round(gains.kd, 4), lag
     (8.0, 0.4, 40.0, 1.0)

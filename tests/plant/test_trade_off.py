@@ -1,7 +1,7 @@
 """The trade-off of one plant: curves that are optima, rules beside them, and the picture."""
 
+import math
 import re
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -9,20 +9,18 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
-from pidalab.comparison import trade_off as module
 from pidalab.plant.cli import main
+from pidalab.plant.reporting import trade_off as module
 from pidalab.plant.reporting.page import trade_off_figure
 
 PROCESS = pidalab.lags(3, delay=1.0)
 LEVELS, NOISE, SAMPLE = (1.4, 2.0), (0.6, 2.0, 6.0), 0.07
+LINE = 2e-3  # what a point may be off: a line of the picture is eight times as wide
 
 
 @pytest.fixture(scope="module")
 def found():
-    with ThreadPoolExecutor(2) as executor:
-        return pidalab.trade_off(
-            PROCESS, LEVELS, NOISE, SAMPLE, kinds=("PID", "PI"), rules=("simc", "amigo"), executor=executor
-        )
+    return pidalab.trade_off(PROCESS, LEVELS, NOISE, SAMPLE, kinds=("PID", "PI"), rules=("simc", "amigo"))
 
 
 def test_more_noise_more_ms_and_more_derivatives_cost_nothing(found):
@@ -46,7 +44,7 @@ def test_a_point_is_what_a_search_from_many_starts_finds(found, kind, ms, noise)
     order = ("PI", "PID").index(kind)
     full = pidalab.optimal.load(PROCESS, order, ms, None, noise, SAMPLE)
     (point,) = [point for point in found.points if point[:3] == (kind, ms, noise)]
-    assert point.iae == pytest.approx(full.iae, rel=1e-3)
+    assert point.iae == pytest.approx(full.iae, rel=LINE)
 
 
 def test_rules_lie_above_the_curve_of_their_kind(found):
@@ -59,19 +57,13 @@ def test_rules_lie_above_the_curve_of_their_kind(found):
                 assert row.iae >= point.iae * (1 - 1e-3)
 
 
-def test_a_point_that_the_kind_below_beats_is_searched_again(monkeypatch, found):
-    """As if a search for PID had ended in a poor valley."""
-    poor = [point._replace(iae=9.0) if point.kind == "PID" else point for point in found.points]
-    asked = []
-
-    def load(process, order, ms, mks, noise, sample_time):
-        asked.append((order, ms, noise))
-        return next(p.design for p in found.points if p[:3] == ("PID", ms, noise))
-
-    monkeypatch.setattr("pidalab.optimal.load", load)
-    mended = {point[:3]: point.iae for point in module._mended(PROCESS, poor, SAMPLE)}
-    assert mended == {point[:3]: point.iae for point in found.points}
-    assert len(asked) == 6
+def test_no_point_stays_in_a_poor_valley():
+    """Where much noise is allowed, a search that starts at Ms 1.4 ends 5 % above the best of Ms 2."""
+    plant, noise, sample = pidalab.ipdt(1.0, 1.0), [2.4, 4.7], 0.04
+    (quiet, loud) = pidalab.trade_off(plant, LEVELS, noise, sample, ["PIDA"], []).curve("PIDA", 2.0)
+    full = pidalab.optimal.load(plant, 2, 2.0, None, noise[1], sample)
+    assert loud.iae == pytest.approx(full.iae, rel=LINE)
+    assert loud.iae < quiet.iae
 
 
 def test_the_picture(found):
@@ -92,22 +84,28 @@ def test_the_picture(found):
         trade_off_figure(pidalab.TradeOff(PROCESS, SAMPLE, (), ()))
 
 
-def test_where_no_controller_is_that_quiet_there_is_no_point(monkeypatch, found):
-    """The search goes from loud to quiet and ends where one refuses; a limit that is not reached costs nothing."""
-    (design,) = {id(p.design): p.design for p in found.points if p[:2] == ("PI", 1.4)}.values()
-    asked = []
+def test_where_no_controller_is_that_quiet_there_is_no_point(monkeypatch):
+    """The full search is asked once, and refuses; what keeps the next limit as well is one design."""
+    asked, full = [], pidalab.optimal.load
 
     def load(process, order, ms, mks, noise, sample_time, start):
-        asked.append((noise, start))
-        if noise < design.noise_gain:
-            raise ValueError("no controller is that quiet")
-        return design
+        asked.append((order, noise))
+        return full(process, order, ms, mks, noise, sample_time, start=start)
 
-    monkeypatch.setattr("pidalab.optimal.load", load)
-    made = pidalab.trade_off(PROCESS, [1.4], [1e-4, 0.01, 0.6, 6.0], SAMPLE, kinds=["PI"], rules=["mrdp"])
-    assert [point.noise_gain for point in made.points] == [0.6, 6.0]
-    assert asked == [(6.0, None), (0.01, design)]
+    monkeypatch.setattr("pidalab.optimal.curves.load", load)
+    plant = pidalab.Process([1.0], [1.0, -0.2], 0.5)  # unstable: it needs a gain of 0.2 at least
+    made = pidalab.trade_off(plant, [2.0], [0.01, 0.02, 3.0, 30.0], SAMPLE, kinds=["PI"], rules=["mrdp"])
+    assert [point.noise_gain for point in made.points] == [3.0, 30.0]
+    assert len({id(point.design) for point in made.points}) == 1
+    assert asked == [(0, 0.02)]
     assert [row.kind for row in made.rules] == ["PI"]
+
+
+def test_a_response_longer_than_the_search_is_searched_in_full(monkeypatch):
+    """As if the search had seen another IAE than the simulation."""
+    monkeypatch.setattr("pidalab.optimal.curves.SAME_IAE", -math.inf)
+    (point,) = pidalab.trade_off(PROCESS, [1.6], [2.0], SAMPLE, ["PI"], []).points
+    assert point.design.digits == 9
 
 
 def test_the_command_writes_the_picture(monkeypatch, tmp_path):
@@ -118,9 +116,7 @@ def test_the_command_writes_the_picture(monkeypatch, tmp_path):
     record = np.column_stack([t, np.where(t < 5, 0.0, 1.0), np.interp(t - 5, t, y, left=0.0)])
     np.savetxt(tmp_path / "step.csv", record, delimiter=",", header="t,u,y", comments="")
     small = partial(pidalab.trade_off, ms=[1.6], noise_gains=[0.5, 2.0], kinds=["PI"], rules=["simc"])
-    monkeypatch.setattr(
-        module, "trade_off", lambda process, sample_time, executor: small(process, sample_time=0.5)
-    )
+    monkeypatch.setattr(module, "trade_off", lambda process, sample_time: small(process, sample_time=0.5))
     out = tmp_path / "report.html"
     options = [
         "--sample-time",

@@ -87,7 +87,7 @@ def identifier(name: str, taken: Iterable[str] = ()) -> str:
 
     Examples
     --------
-    >>> from pidalab.digital.words import identifier
+    >>> from pidalab.plant.code.words import identifier
     >>> identifier("level_2")
     'level_2'
     """

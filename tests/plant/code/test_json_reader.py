@@ -12,9 +12,9 @@ from hypothesis import given, strategies as st
 
 import pidalab
 from pidalab.digital import from_json
-from pidalab.digital.code import checksum
 from pidalab.digital.controller import DigitalController
 from pidalab.digital.paths import Path
+from pidalab.plant.code.files import checksum
 
 PI = pidalab.PIDA(2.0, 4.0).discretise(0.5, limits=(0.0, 10.0))
 FULL = CASES["prefilter_tustin"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pidalab import PIDA, HighOrderPID, SeriesPIDA
-from pidalab.controllers.vendor import firmware_form, firmware_gains
+from pidalab.plant.vendor import firmware_form, firmware_gains
 
 
 @pytest.mark.parametrize(("unit", "seconds"), [("s", 1.0), ("min", 60.0), ("h", 3600.0)])

@@ -6,11 +6,11 @@ import json
 import math
 from typing import Any, NoReturn
 
-from pidalab.digital.code import checksum, content
 from pidalab.digital.controller import DigitalController
 from pidalab.digital.parameters import ANTI_WINDUP, MOST_LAGS, MOST_PATHS
 from pidalab.digital.paths import Path
 from pidalab.digital.prefilter import Prefilter
+from pidalab.plant.code.files import checksum, content
 
 LONGEST_FILE = 2_000_000  # characters; the longest that is written has a tenth of it
 NAMES = {  # of each object

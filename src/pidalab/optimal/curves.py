@@ -1,0 +1,151 @@
+"""Curves of optima: the least IAE over the noise that is allowed, at limits of Ms, one order after the other.
+
+An optimum alone starts anywhere. One among others has neighbours: the louder and the quieter one, that at the smaller
+Ms, that of the order below. A good valley that one of them is in is offered to all, so that a few short descents do
+what the ladder does for `pidalab.optimal.load`. The last steps, which fix digits that no picture shows, are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.optimal._design import HIGHEST_ORDER, SAME_IAE, judge, load, upright
+from pidalab.optimal._finish import finish
+from pidalab.optimal._limits import DesignLimits
+from pidalab.optimal._solver import NEARLY
+from pidalab.optimal._starts import at_once
+from pidalab.optimal._walk import SearchResult
+from pidalab.optimal.parts import search_in
+from pidalab.process import Process, require_no_zero_at_origin
+from pidalab.rules import Design
+
+SPARE = (
+    3e-4  # share of a limit that is kept free, which costs a thousandth of the IAE: a tenth of a line's width
+)
+
+
+class _Point:
+    """A point of a curve: the best that is known there, and its design at the end."""
+
+    def __init__(self, process: Process, order: int, limits: DesignLimits) -> None:
+        self.process, self.order, self.limits = process, order, limits
+        self.search = search_in(upright(process), order, limits, spare=SPARE)
+        self.value, self.x = math.inf, np.zeros(0)
+        self.design: Design | None = None
+
+    def descend(self, start: Array) -> None:
+        """Keep the end of a descent, if it is better."""
+        value, x, missed = self.search.descend(start)
+        if missed <= NEARLY and value < self.value:
+            self.value, self.x = value, x
+
+    def learn_from(self, others: Sequence[_Point | None]) -> None:
+        """Descend from where others are, of this order or of one below."""
+        for other in others:
+            if other is not None and other.x.size:
+                start = self.search.problem.unknowns(*other.search.problem.controller(other.x))
+                self.descend(np.clip(start, *np.transpose(self.search.bounds)))
+
+    def end(self, louder: _Point | None) -> None:
+        """Make the design: that of the louder point, if it is quiet enough; by `load` where descents lead nowhere."""
+        noise = self.limits.noise_gain
+        # where no controller kept a louder limit none keeps this one; one that is this quiet is the best here, too
+        if louder is not None and (louder.design is None or louder.design.noise_gain <= noise):
+            self.design = louder.design
+            return
+        best = finish(self.search, self.x, last_steps=False) if self.x.size else None
+        if best is not None:
+            self.x = best.x
+            self.design = judge(self.process, self.search, SearchResult(best, (best.value,)))
+            if self.design.iae - best.value * self.search.problem.time < SAME_IAE * self.design.iae:
+                return
+        near, h = self.design, self.limits.sample_time
+        try:
+            self.design = load(self.process, self.order, self.limits.ms, None, noise, h, start=near)
+        except ValueError:
+            self.design = None
+
+
+def find_curves(
+    process: Process, order: int, ms: Sequence[float], noise_gains: Sequence[float], sample_time: float
+) -> dict[tuple[int, float, float], Design]:
+    """Return the controllers with the least IAE for a step of the load, of all orders up to one, under pairs of limits.
+
+    Parameters
+    ----------
+    process : Process
+        As for `pidalab.optimal.load`.
+    order : int
+        The highest of the orders.
+    ms : sequence of float
+        Limits of Ms.
+    noise_gains : sequence of float
+        Limits of the noise gain.
+    sample_time : float
+        Of the noise.
+
+    Returns
+    -------
+    dict of tuple to Design
+        By order, limit of Ms and limit of noise; what no controller keeps is left out. The IAE is that of `load` to a
+        fifth of a per cent, with limits kept. ``digits`` is 2.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.optimal.curves import find_curves
+    >>> found = find_curves(pidalab.lags(3, delay=1.0), 1, [1.6], [1.0, 3.0], 0.05)
+    >>> [(key, f"{design.iae:.2f}") for key, design in found.items()]
+    [((0, 1.6, 1.0), '4.56'), ((0, 1.6, 3.0), '4.56'), ((1, 1.6, 1.0), '3.38'), ((1, 1.6, 3.0), '3.04')]
+    """
+    import scipy.optimize  # noqa: F401  # whose own BLAS is to be known when its threads are limited
+    from threadpoolctl import threadpool_limits
+
+    require_no_zero_at_origin("process", process)
+    order = _check.integer("order", order, at_least=0, at_most=HIGHEST_ORDER)
+    levels = sorted({_check.real("ms", one, above=1.0) for one in ms})
+    noises = sorted({_check.real("noise_gains", one, above=0.0) for one in noise_gains})
+    sample_time = _check.real("sample_time", sample_time, above=0.0)
+    below: list[list[_Point]] = []
+    found: dict[tuple[int, float, float], Design] = {}
+    with threadpool_limits(limits=1, user_api="blas"):
+        for k in range(order + 1):
+            rows: list[list[_Point]] = []
+            for level in levels:
+                row = [_Point(process, k, DesignLimits(level, None, noise, sample_time)) for noise in noises]
+                _search(row, rows[-1] if rows else None, below[len(rows)] if below else None)
+                rows.append(row)
+            found |= {
+                (k, level, noise): point.design
+                for level, row in zip(levels, rows, strict=True)
+                for noise, point in zip(noises, row, strict=True)
+                if point.design is not None
+            }
+            below = rows
+    return found
+
+
+def _search(row: list[_Point], safer: list[_Point] | None, below: list[_Point] | None) -> None:
+    """Go from loud to quiet and back, each point from those that are known, and from loud to quiet to the ends."""
+    last = len(row) - 1
+    for k in range(last, -1, -1):
+        near = [known[k] for known in (safer, below) if known]
+        row[k].learn_from([*near, *row[k + 1 : k + 2]])
+        if k == last and not row[k].x.size:
+            for start in at_once(row[k].search):
+                row[k].descend(start)
+    for quieter, point in pairwise(row):
+        point.learn_from([quieter])
+    for k in range(last, -1, -1):
+        row[k].end(row[k + 1] if k < last else None)
