@@ -116,6 +116,15 @@ GROWING = Loop(
             4,
             id="kicks_that_last_from_one_to_the_next",
         ),
+        pytest.param(
+            Loop(
+                Process([0.452, 2.31], [1.0, 1.0], 2.106),
+                PIDA(0.0398, 19.84, 0.06835, 0.02257, n=9.436e5, m=228.8),
+            ),
+            4.365,
+            401,
+            id="after_kicks_of_two_speeds",
+        ),
     ],
 )
 def test_lost_digits_are_refused(loop, end, points):

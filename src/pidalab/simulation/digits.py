@@ -85,22 +85,24 @@ def _uncertain(cut: Cut, apart: Array, step: float, found: Array) -> Array:
 
     They are apart at some of the times at which one was found. A difference counts beside the largest value up to a
     dead time later: a response that grows has its digits from the start, and one that begins with zeros need not have
-    them there. Beside a kick of 1e13 nothing would count of what comes after it; so that is held, too, to fewer digits.
-    Times in the flank of a fast kick, just after a multiple of the dead time, are not compared: a value there has the
-    digits of its time, and the height is not on the grid.
+    them there. Beside a kick of 1e13 nothing would count of what comes after it; so that is held, too, to fewer digits,
+    once all that is stiff is over. Times in the flank of the fastest kick, just after a multiple of the dead time, are
+    not compared: a value there has the digits of its time, and the height is not on the grid.
     """
-    t, fastest = step * np.arange(found.shape[2]), _fastest(cut)
-    outside = ((np.mod(t, cut.delay) if cut.delay else t) > FLANK / fastest) | (
-        (t > 0.0) & (t < FAR / fastest)
-    )
+    t, speeds = step * np.arange(found.shape[2]), np.abs(np.linalg.eigvals(cut.A))
+    fastest = max(float(np.max(speeds)), 1e-300)
+    stiff = np.min(speeds[speeds * (cut.delay or t[-1]) > STIFF], initial=fastest)
+    since, early = np.mod(t, cut.delay) if cut.delay else t, (t > 0.0) & (t < FAR / fastest)
+    compared, outside = (early | (since > FLANK / speed) for speed in (fastest, stiff))
     every = (t.size - 1) // (apart.shape[2] - 1)
     later = np.searchsorted(t, t[::every] + (cut.delay or t[-1] / CHECKED))
     with_kicks, without = (
         np.maximum.accumulate(np.abs(found) * times, axis=2)[:, :, np.minimum(later, t.size - 1)]
         for times in (1.0, outside)
     )
-    size = np.minimum(with_kicks, without * (AFTER_KICKS / AGREEMENT))
-    apart = np.where(outside[::every], np.nan_to_num(apart, nan=np.inf), 0.0)
+    after = np.where(outside[::every], without * (AFTER_KICKS / AGREEMENT), np.inf)
+    size = np.minimum(with_kicks, after)
+    apart = np.where(compared[::every], np.nan_to_num(apart, nan=np.inf), 0.0)
     share = np.minimum(apart, 1e300) / np.where(apart > 0.0, np.maximum(size, 1e-300), 1.0)
     return np.max(share, axis=2)
 
