@@ -125,6 +125,15 @@ GROWING = Loop(
             401,
             id="after_kicks_of_two_speeds",
         ),
+        pytest.param(
+            Loop(
+                Process([-0.345, 0.589], [1.0, 1.0], 0.112164),
+                HighOrderPID([0.587, 0.448, 0.0304, 0.0015], filter_time=1.03e-12, filter_order=2),
+            ),
+            0.60017,
+            3,
+            id="kicks_beyond_all_digits",
+        ),
     ],
 )
 def test_lost_digits_are_refused(loop, end, points):

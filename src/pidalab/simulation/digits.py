@@ -20,6 +20,8 @@ DENSE = 10_000  # times at which it is asked how large a response is, before it 
 AGREEMENT = 1e-10  # of both, relative to the largest value of a signal: nine digits are promised
 CERTAIN = 1e-12  # the same, below which two are enough: they may err alike once in a while, but not as closely as that
 AFTER_KICKS = 1e-6  # the same, relative to the largest value outside the flanks of kicks
+# share of the largest value that is asked for, which may not be uncertain, whatever there is between the times
+NOTHING_LEFT = 0.1
 FLANK = 60.0  # time constants of the fastest state that a kick lasts
 FAR = 1e5  # time constants after which a time, known to 1e-16, no longer says well enough where in a flank it is
 
@@ -115,7 +117,7 @@ def _sizes(cut: Cut, found: Array, step: float, every: int) -> Array:
     """
     t, speeds = step * np.arange(found.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
-    stiff = np.min(speeds[speeds * (cut.delay or t[-1]) > STIFF], initial=fastest)
+    stiff = np.min(speeds[speeds * (cut.delay or t[-1]) > 10.0 * FLANK], initial=fastest)
     since = np.mod(t, cut.delay) if cut.delay else t
     outside = since > FLANK / stiff
     later = np.minimum(np.searchsorted(t, t[::every] + (cut.delay or t[-1] / CHECKED)), t.size - 1)
@@ -137,7 +139,9 @@ def _sizes_in_between(cut: Cut, found: Array, step: float, every: int, norm: flo
         dense = found * np.nan
     if not np.isfinite(dense).all():
         return _sizes(cut, found, step, every)
-    return _sizes(cut, dense, step / more, every * more)
+    most = NOTHING_LEFT / AGREEMENT * np.max(np.abs(found), axis=2, keepdims=True)
+    size = _sizes(cut, dense, step / more, every * more)
+    return np.where(size < np.inf, np.maximum(np.minimum(size, most), 1e-300), np.inf)
 
 
 def _speeds(cut: Cut) -> Array:
