@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from test_total import compiler
 
 import pidalab
 from pidalab.digital import from_json
@@ -61,6 +62,7 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
     assert any(doubt.startswith("noise_gain ") for doubt in doubts)
     for file in ("controller.st", "controller.py", "controller.json"):
         assert (tmp_path / file).read_text(encoding="utf-8").count("Doubt ") == len(doubts)
+    compiler()
     program = tmp_path / "test"
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-DPIDA_SELFTEST"]
     subprocess.run(["gcc", *flags, "-o", program, tmp_path / "controller.c", "-lm"], check=True)

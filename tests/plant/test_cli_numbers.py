@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
+from pidalab.plant import vendor
 from pidalab.plant.cli import checking, main
 from pidalab.plant.cli.parts import csv_of
 from pidalab.plant.cli.recorded import _no_limits
@@ -302,7 +303,7 @@ def test_sets_to_try_are_numbers_of_the_firmware_where_it_has_them():
     ]
     (line,) = checking._as_firmware(SimpleNamespace(rows=rows), "klipper", 100.0).splitlines()
     assert line.startswith("now ")
-    form = pidalab.controllers.vendor.firmware_form(designs[0].gains(), "klipper", 100.0)
+    form = vendor.firmware_form(designs[0].gains(), "klipper", 100.0)
     assert numbers(line) == pytest.approx(list(form.values()), rel=1e-3)
 
 

@@ -11,7 +11,7 @@ import pidalab
 from pidalab import Record, lags
 from pidalab._names import KINDS
 from pidalab.comparison.judging import DesignRow
-from pidalab.comparison.trade_off import TradeOff, TradeOffPoint
+from pidalab.plant.reporting.trade_off import TradeOff, TradeOffPoint
 from pidalab.plant.fitting import fit
 from pidalab.plant.reporting import COLUMNS, Report
 from pidalab.plant.reporting.page import MARKS, _lasting, trade_off_figure

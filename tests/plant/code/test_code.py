@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from cases import CASES, STANDARD, record, reference
 from st import Instance, read
+from test_total import compiler
 
 import pidalab
 from pidalab import HighOrderPID
@@ -65,6 +66,7 @@ def run_c(folder, precision):
         "\n".join(k.c(name) for name, k in CASES.items()) + MAIN % (starts, calls), encoding="utf-8"
     )
     kinds = [f"-D{name.upper()}_REAL={precision}" for name in names]
+    compiler()
     subprocess.run([*GCC, *kinds, str(source), "-o", str(folder / precision)], check=True, text=True)
     rows = []
     for i, name in enumerate(names):
@@ -109,6 +111,7 @@ def test_c_tests_itself(tmp_path):
     assert spoilt != code
     for text, precision, status in ((code, "double", 0), (code, "float", 0), (spoilt, "double", 1)):
         (tmp_path / "level.c").write_text(text, encoding="utf-8")
+        compiler()
         options = ["-DLEVEL_SELFTEST", f"-DLEVEL_REAL={precision}", str(tmp_path / "level.c")]
         subprocess.run([*GCC, *options, "-o", str(tmp_path / "level"), "-lm"], check=True)
         run = subprocess.run([str(tmp_path / "level")], capture_output=True, text=True, check=False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.comparison.trade_off import TradeOff, TradeOffPoint
+from pidalab.plant.reporting.trade_off import TradeOff, TradeOffPoint
 from pidalab.rules import Design
 
 PLAIN = pidalab.lags(3, delay=1.0)
