@@ -5,6 +5,7 @@ import re
 from types import SimpleNamespace
 from typing import ClassVar
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -372,3 +373,23 @@ def test_tclab_goes_as_it_is_told_and_its_table_is_what_its_files_say(tmp_path, 
     error = np.abs(np.interp(np.arange(400.0, 800.0, 0.01), t, r - y))
     by_hand = [np.sum(error) * 0.01, np.sum(np.abs(np.diff(u[after])))]
     assert numbers(line) == pytest.approx(by_hand, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "allowed", "refused"),
+    [
+        ("tune", "b", (0, 0.3, 1), (-0.01, 1.01)),
+        ("tune", "c", (0, 0.3, 1), (-0.01, 1.01)),
+        ("tune", "rate_limit", (1e-6, 0.5, 1e6), (0, -0.5)),
+        ("tune", "deadband", (0, 1e-6, 0.5), (-1e-6,)),
+        ("tclab", "power", (0, 0.5, 99.5, 100), (-0.01, 100.01)),
+        ("tclab", "load", (0, 0.5, 99.5, 100), (-0.01, 100.01)),
+    ],
+)
+def test_ranges_of_options_end_where_they_say(command, option, allowed, refused):
+    (param,) = (one for one in main.commands[command].params if one.name == option)
+    for value in allowed:
+        assert param.type.convert(value, param, None) == value
+    for value in refused:
+        with pytest.raises(click.BadParameter):
+            param.type.convert(value, param, None)
