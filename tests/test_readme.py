@@ -29,8 +29,10 @@ def test_code_runs(page, capsys):
 def test_short_answers_run(capsys):
     """One after the other, as a reader would type them."""
     space = {}
-    for block in blocks(ROOT / "book" / "how-do-i.md"):
-        exec(compile(block, "how-do-i.md", "exec"), space)
+    with plt.rc_context():
+        plt.rcdefaults()  # another test may have taken the looks of the book
+        for block in blocks(ROOT / "book" / "how-do-i.md"):
+            exec(compile(block, "how-do-i.md", "exec"), space)
     # what the words beside them claim
     assert space["overshoot"](space["ms"]) == pytest.approx(5.0, abs=0.2)
     assert space["quiet"].deadband == 0.02

@@ -328,7 +328,14 @@ def shake(
     -------
     int
         0, or 1 where a row or a page is refused.
+
+    Raises
+    ------
+    LedgerError
+        Where processes cannot be forked, as on Windows.
     """
+    if not hasattr(os, "fork"):
+        raise LedgerError("to shake a library takes a system that can fork, such as Linux: each page inherits it")
     place = (Path(folder) if folder is not None else find_folder()).resolve()
     chosen = [*keys] or papers(place)
     found = {paper: pages(paper, place) for paper in chosen}

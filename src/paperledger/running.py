@@ -39,6 +39,7 @@ def execute(path: Path) -> Iterator[str]:
     In this process, not in a kernel as nbclient would: it takes what a page hands over as objects, keeps the type of an
     error, and runs with a library that was changed while it was imported. So a ledger needs no Jupyter.
     """
+    backend = os.environ.get("MPLBACKEND")
     os.environ["MPLBACKEND"] = "Agg"
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].switch_backend("Agg")
@@ -61,6 +62,9 @@ def execute(path: Path) -> Iterator[str]:
                     value = last and eval(compile(last, f"{path.name}, cell {number}", "eval"), names)
                 yield said.getvalue() + ("" if value is None else repr(value))
         finally:
+            os.environ.pop("MPLBACKEND", None)
+            if backend is not None:  # kernels that this process starts later draw as they would have
+                os.environ["MPLBACKEND"] = backend
             sys.path.remove(here)
             if "matplotlib.pyplot" in sys.modules:
                 sys.modules["matplotlib.pyplot"].close("all")

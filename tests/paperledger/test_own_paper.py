@@ -48,6 +48,9 @@ def test_the_page_alone_is_enough(tmp_path):
             encoding="utf-8",
             check=False,
         )
+        if words[3] == "shake" and not hasattr(os, "fork"):
+            assert "takes a system that can fork" in run.stderr
+            continue
         assert re.search(SAID[words[3]], run.stdout + run.stderr), run.stdout + run.stderr
         if words[3] == "update":  # what is left to a person
             assert run.returncode == 1

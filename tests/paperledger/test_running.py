@@ -1,5 +1,6 @@
 """Running the pages of a paper, and storing what they hand over."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,13 @@ PAGE = Path("book", "audit", "demo.ipynb")
 def test_what_cells_print_and_return(project):
     write_notebook(PAGE, "x = 2\nprint(x)\nx + 1", "%matplotlib inline\nx = 4", "x")
     assert list(execute(PAGE)) == ["2\n3", "", "4"]
+
+
+def test_where_a_page_draws_is_no_matter_for_later(project, monkeypatch):
+    write_notebook(PAGE, "import os\nos.environ['MPLBACKEND']")
+    monkeypatch.setenv("MPLBACKEND", "svg")
+    assert list(execute(PAGE)) == ["'Agg'"]
+    assert os.environ["MPLBACKEND"] == "svg"
 
 
 def test_update(project):

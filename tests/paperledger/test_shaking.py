@@ -1,6 +1,7 @@
 """A library that is slightly off: what a page computes with it moves, and each way of copying is seen."""
 
 import json
+import os
 import re
 import sys
 from contextlib import redirect_stdout
@@ -129,6 +130,8 @@ MADE = {"page": "page: a square root", "idle": "page: nothing of the kind"}
 
 @pytest.fixture
 def library(project, monkeypatch):
+    if not hasattr(os, "fork"):
+        pytest.skip("to shake a library takes a system that can fork")
     (project / "demolib.py").write_text(LIBRARY, encoding="utf-8")
     monkeypatch.syspath_prepend(str(project))
     yield project

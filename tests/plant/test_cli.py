@@ -1,6 +1,7 @@
 """The command line: a record becomes code that compiles; what is wrong is one line and an exit status."""
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -430,6 +431,10 @@ def test_a_console_that_lacks_characters_gets_others(tmp_path):
     own = {"PYTHONPATH": str(ROOT / "src"), "PYTHONIOENCODING": "cp1252", "PATH": "/usr/bin:/bin"}
     command = [sys.executable, "-m", "pidalab"]
     path = tmp_path / "Ω≤.csv"
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        pytest.skip("files here can have no names with such characters")
     response = ("simulate", "--den", "1,1", "--kp", "1", "--ti", "1", "--until", "9", "--out", str(path))
     done = subprocess.run([*command, *response], capture_output=True, env=own, check=True, cwd=ROOT)
     assert done.stdout.decode("cp1252").splitlines()[-1].endswith("??.csv")

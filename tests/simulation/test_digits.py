@@ -116,6 +116,24 @@ GROWING = Loop(
             4,
             id="kicks_that_last_from_one_to_the_next",
         ),
+        pytest.param(
+            Loop(
+                Process([0.452, 2.31], [1.0, 1.0], 2.106),
+                PIDA(0.0398, 19.84, 0.06835, 0.02257, n=9.436e5, m=228.8),
+            ),
+            4.365,
+            401,
+            id="after_kicks_of_two_speeds",
+        ),
+        pytest.param(
+            Loop(
+                Process([-0.345, 0.589], [1.0, 1.0], 0.112164),
+                HighOrderPID([0.587, 0.448, 0.0304, 0.0015], filter_time=1.03e-12, filter_order=2),
+            ),
+            0.60017,
+            3,
+            id="kicks_beyond_all_digits",
+        ),
     ],
 )
 def test_lost_digits_are_refused(loop, end, points):

@@ -116,7 +116,7 @@ def trade_off_figure(found: TradeOff) -> Figure:
                 curve = found.curve(kind, ms)
                 ax.loglog([p.noise_gain for p in curve], [p.iae for p in curve], **LOOKS[kind], label=kind)
             for row in found.rules:
-                if row.applies and calmer < row.ms <= ms * FITS and not math.isnan(row.noise_gain):
+                if row.applies and calmer * FITS < row.ms <= ms * FITS and not math.isnan(row.noise_gain):
                     look = {"color": LOOKS[row.kind]["color"], "marker": marks[row.rule], "linestyle": ""}
                     ax.plot([row.noise_gain], [row.iae], markersize=6, **look)
             ax.set(title=f"Ms at most {ms:g}", xlabel="noise gain")

@@ -1,0 +1,241 @@
+"""The front door in other units, at the edge of each doubt, and each number it says by hand."""
+
+import math
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import pidalab
+from pidalab import Loop, Process, Record, fopdt, lags, tune
+from pidalab.plant import tuning
+from pidalab.plant.fitting import fit
+from pidalab.plant.tuning import perturbed_plants, plants_within
+from pidalab.rules import Design
+from pidalab.rules.classical import simc
+
+THIRD = lags(3, delay=1.0)
+GAIN, TIME = -70.0, 60.0
+
+
+def in_units(process, gain, time):
+    """The same plant, whose output counts in other units and whose time in others."""
+    num, den = (c * time ** np.arange(c.size - 1.0, -1.0, -1.0) for c in (process.num, process.den))
+    return Process(gain * num, den, time * process.delay)
+
+
+def numbers(text):
+    """All numbers of a doubt."""
+    return [float(x) for x in re.findall(r"-?\d+\.?\d*(?:e[+-]?\d+)?", text)]
+
+
+@pytest.fixture
+def searched(monkeypatch):
+    """What the search for an optimum is asked for; in its place comes a controller that no limit holds back."""
+    asked = []
+
+    def load(process, order, ms, mks, noise_gain, sample_time, family, ms_worst, near):
+        asked.append(SimpleNamespace(**locals()))
+        if math.isinf(process.gain()):
+            controller = pidalab.PIDA(0.2, 200.0)
+        else:  # bold where there is hardly a dead time, so that the loop is at rest before many of those have passed
+            quick = 100 * process.delay < process.den[-2]
+            controller = pidalab.PIDA((9.0 if quick else 0.3) / process.gain(), process.den[-2])
+        return Design(process, controller, info={"active": ()})
+
+    monkeypatch.setattr("pidalab.optimal.load", load)
+    return asked
+
+
+SETTLING = {"kind": "PID", "rule": "simc", "sample_time": 0.3, "spread": 0.1, "ms_worst": 9.0}
+
+
+def test_a_plant_in_other_units_gets_the_same_controller_in_them():
+    """A gain of -70 and minutes in place of seconds change units alone: Ms and doubts stay, gains follow."""
+    process = lags(2, delay=0.5)
+    own = tune(process, **SETTLING)
+    other = tune(in_units(process, GAIN, TIME), **SETTLING | {"sample_time": TIME * SETTLING["sample_time"]})
+    for name, unit in (("kp", GAIN), ("ki", GAIN * TIME), ("kd", GAIN / TIME)):
+        expected = getattr(own.controller.gains(), name)
+        assert getattr(other.controller.gains(), name) * unit == pytest.approx(expected, rel=1e-6)
+    for name, unit in (
+        ("ms", 1),
+        ("mks", -GAIN),
+        ("iae", 1 / -GAIN / TIME),
+        ("ms_worst", 1),
+        ("ms_sampled", 1),
+    ):
+        assert other.info[name] * unit == pytest.approx(own.info[name], rel=1e-6), name
+    words = [[re.sub(r"[\d.e+-]+", "#", doubt) for doubt in design.doubts] for design in (own, other)]
+    assert words[0] == words[1]
+
+
+@pytest.mark.parametrize(
+    "process", [THIRD, Process([1.0], [1.0, 1.0, 0.0], 0.2), fopdt(1.0, 1.0, 5e-5)], ids=repr
+)
+def test_what_a_plant_asks_of_u_and_how_fast_its_loop_can_be_are_in_its_units(process):
+    other = in_units(process, GAIN, TIME)
+    assert tuning._asked_of_u(other) * -GAIN == pytest.approx(tuning._asked_of_u(process))
+    fast = [tuning._fastest(one, "optimal", None, None) for one in (process, other)]
+    assert fast[1] * TIME == pytest.approx(fast[0])
+
+
+@pytest.mark.parametrize("lag", [0.5, 8.0])
+def test_without_a_limit_noise_may_make_ten_times_what_the_plant_asks_of_u(searched, lag):
+    """Of an integrator with a lag that is 1/|P| at 1/lag, where the phase has fallen by 45 degrees."""
+    for plant, asked in (
+        (Process([0.25], [lag, 1.0, 0.0]), math.sqrt(2) / (0.25 * lag)),
+        (fopdt(-4.0, lag, lag), 1 / 4),
+    ):
+        (said,) = (doubt for doubt in tune(plant, "PI", ms_worst=9.0).doubts if "mks" in doubt)
+        assert numbers(said)[0] == pytest.approx(10 * asked, rel=0.01)
+        assert searched[-1].mks == pytest.approx(10 * asked, rel=0.01)
+        assert (searched[-1].noise_gain, searched[-1].sample_time) == (None, None)
+
+
+def test_a_limit_that_is_given_reaches_the_search_and_no_default_does(searched):
+    design = tune(THIRD, "PID", noise_gain=3.0, sample_time=0.3, ms=1.7)
+    (asked,) = searched
+    assert (asked.order, asked.ms, asked.mks, asked.noise_gain, asked.sample_time) == (1, 1.7, None, 3.0, 0.3)
+    assert asked.process.delay == pytest.approx(1.15)
+    assert asked.family == []  # the first search takes no other plants into account
+    assert not any("noise" in doubt for doubt in design.doubts)
+
+
+@pytest.mark.parametrize(("share", "left_out"), [(0.97, True), (1.03, False)])
+@pytest.mark.parametrize("asked", [{}, {"sample_time": 6.0}, {"rule": "magnitude optimum"}], ids=str)
+def test_a_dead_time_is_left_out_below_a_thousandth_of_a_rad_where_the_loop_acts(
+    searched, asked, share, left_out
+):
+    """Up to where ten times |P| over its gain is 1, of one lag sqrt(99)/T; to that of samples; to the crossover."""
+    lag = 60.0
+    if "rule" in asked:
+        acts = pidalab.robustness.margins.gain_crossovers(
+            tune(Process([3.0], [lag, 1.0]), "PI", **asked).loop()
+        ).max()
+    else:
+        acts = 1 / asked["sample_time"] if asked else math.sqrt(99) / lag
+    design = tune(fopdt(3.0, lag, share * 1e-3 / acts), "PI", **asked)
+    assert (design.model.delay == 0.0) is left_out
+    assert any("left out" in doubt for doubt in design.doubts) is left_out
+
+
+def test_half_a_sample_counts_as_dead_time_and_a_filter_as_a_lag_of_the_plant():
+    own = tune(THIRD, "PID", rule="simc", sample_time=0.3).controller
+    assert own == simc(lags(3, delay=1.15), "PID").controller
+    lag = fopdt(2.0, 0.7, 0.0).rational_part()
+    filtered = tune(fopdt(1.5, 4.0, 1.0), "PI", rule="simc", output_filter=lag)
+    seen = Process([3.0], np.convolve([4.0, 1.0], [0.7, 1.0]), 1.0)
+    assert filtered.controller.gains() == pytest.approx(simc(seen, "PI").controller.gains())
+
+
+@pytest.mark.parametrize(
+    "process", [Process([1.0, 2.0], [3.0, 4.0, 5.0], 0.5), pidalab.ipdt(0.5, 2.0)], ids=repr
+)
+def test_perturbed_plants_are_all_corners_of_gain_time_and_dead_time(process):
+    s = 0.3j
+    plain = Process(process.num, process.den)
+    expected = {
+        (g, t, d): g * plain(t * s) * np.exp(-d * process.delay * s)
+        for g in (0.8, 1.2)
+        for t in (0.8, 1.2)
+        for d in (0.8, 1.2)
+    }
+    found = perturbed_plants(process, 0.2)
+    assert [complex(plant(s)) for plant in found] == pytest.approx([complex(x) for x in expected.values()])
+    assert plants_within(process, process, None) == []
+    with pytest.raises(ValueError, match="spread must be a share below 1, found 1"):
+        plants_within(process, process, 1.0)
+
+
+def test_what_a_design_says_of_the_spread_is_the_worst_of_its_plants():
+    design = tune(THIRD, "PI", rule="simc", spread=0.15, ms_worst=9.0)
+    loops = [Loop(plant, design.controller) for plant in perturbed_plants(THIRD, 0.15)]
+    t = np.linspace(0.0, 150.0, 15001)
+    assert design.info["iae_worst"] == pytest.approx(
+        max(pidalab.load_response(loop, t).iae() for loop in loops), rel=1e-3
+    )
+    assert design.ms_worst == pytest.approx(max(pidalab.max_sensitivity(loop)[0] for loop in loops))
+    assert design.price == 1.0
+    assert not any("price" in doubt for doubt in design.doubts)
+
+
+@pytest.mark.parametrize(("price", "doubted"), [(1.49, False), (1.51, True)])
+def test_a_price_above_one_and_a_half_is_doubted(monkeypatch, price, doubted):
+    monkeypatch.setattr(tuning, "_by_rule", lambda *_: (simc(THIRD, "PI"), price))
+    said = [doubt for doubt in tune(THIRD, "PI", rule="simc").doubts if "price" in doubt]
+    assert len(said) == doubted
+    if doubted:
+        assert numbers(said[0])[0] == price
+
+
+@pytest.mark.parametrize(("turn", "doubted"), [(0.49, False), (0.51, True)])
+def test_a_sample_in_which_the_crossover_turns_by_half_a_rad_is_doubted_with_what_would_be_better(
+    turn, doubted
+):
+    loop = simc(THIRD, "PI").loop()
+    crossover = pidalab.robustness.margins.gain_crossovers(loop).max()
+    doubts = []
+    tuning._doubt_sampling(loop, turn / crossover, doubts)
+    assert len(doubts) == doubted
+    if doubted:
+        assert numbers(doubts[0])[-1] == pytest.approx(0.5 / crossover, rel=0.05)
+        assert turn in numbers(doubts[0])
+
+
+@pytest.mark.parametrize(("share", "doubted"), [(0.998, True), (1.002, False)])
+def test_a_filter_faster_than_the_sample_is_doubted_with_its_time(share, doubted):
+    doubts = []
+    loop = Loop(THIRD, pidalab.PIDA(0.01, 3.0, 1.0, n=2.0))
+    tuning._doubt_sampling(loop, 0.5 / share, doubts)
+    assert [numbers(doubt)[0] for doubt in doubts if "filter" in doubt] == [0.5] * doubted
+
+
+def record(before, after, noise=0.02):
+    """A lag of 6 after a step from one input to another."""
+    t = np.arange(0.0, 60.0, 0.5)
+    y = 2.0 * (after - before) * -np.expm1(-np.maximum(t - 11.0, 0.0) / 6.0)
+    return Record(t, np.where(t < 10.0, before, after), y + np.random.default_rng(1).normal(0, noise, t.size))
+
+
+def test_by_default_noise_of_a_record_may_move_u_by_a_hundredth_of_its_step(searched):
+    fitted = fit(record(7.0, 5.0), "fopdt")
+    said = numbers(next(x for x in tune(fitted, "PI", spread=0.05).doubts if x.startswith("noise_gain")))
+    assert said[0] == pytest.approx(0.01 * 2.0 / fitted.noise, rel=0.01)
+    assert 2.0 in said
+    assert searched[0].noise_gain == pytest.approx(0.01 * 2.0 / fitted.noise)
+    assert searched[0].sample_time == 0.5  # of the record
+    assert searched[0].mks is None
+
+
+def test_known_dynamics_are_doubted_where_a_derivative_goes_beyond_them():
+    doubts = {}
+    for kind in ("PI", "PID", "PIDA"):
+        tuning._known_dynamics(fopdt(1.0, 1.0, 1.0), fopdt(1.0, 1.0, 1.0), kind, doubts.setdefault(kind, []))
+    assert [len(said) for said in doubts.values()] == [0, 0, 1]
+    assert numbers(doubts["PIDA"][0])[0] == 1
+
+
+def test_an_unstable_loop_has_no_numbers():
+    found = tuning._iae_ms_mks(Loop(THIRD, pidalab.PIDA(9.0, 1.0)))
+    assert found == {"iae": math.inf, "ms": math.inf, "mks": math.inf}
+    with pytest.raises(ValueError, match="'simc' is unstable with the model itself"):
+        tuning._by_rule(
+            SimpleNamespace(
+                name="simc", knows_ms=False, tune=lambda *_: Design(THIRD, pidalab.PIDA(9.0, 1.0))
+            ),
+            THIRD,
+            "PI",
+            tuning.LoopEvaluator(None, None),
+            tuning.Requirements(THIRD, [], 1.6, 2.0, "help"),
+        )
+
+
+def test_a_rule_that_knows_ms_designs_for_the_smaller_of_both_limits():
+    free = tune(THIRD, "PIDA", rule="haalman", ms=1.8)
+    assert free.ms == pytest.approx(1.8, rel=2e-3)
+    held = tune(THIRD, "PIDA", rule="haalman", ms=1.8, spread=0.2, ms_worst=1.9)
+    assert held.ms_worst == pytest.approx(1.9, rel=2e-3)
+    assert held.ms < free.ms
+    assert held.price > 1.0
