@@ -1,7 +1,7 @@
 """Curves of optima: the least IAE over the noise that is allowed, at limits of Ms, one order after the other.
 
-An optimum alone starts anywhere. One among others has neighbours: the louder and the quieter one, that at the smaller
-Ms, that of the order below. A good valley that one of them is in is offered to all, so that a few short descents do
+An optimum alone starts anywhere. One among others has neighbours: the louder and the quieter one, those at the next Ms,
+that of the order below. A good valley that one of them is in is offered to all, so that a few short descents do
 what the ladder does for `pidalab.optimal.load`. The last steps, which fix digits that no picture shows, are left out.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import product
 
 import numpy as np
 
@@ -45,14 +45,14 @@ class _Point:
         if missed <= NEARLY and value < self.value:
             self.value, self.x = value, x
 
-    def learn_from(self, others: Sequence[_Point | None]) -> None:
+    def learn_from(self, others: Sequence[_Point]) -> None:
         """Descend from where others are, of this order or of one below."""
         for other in others:
-            if other is not None and other.x.size:
+            if other.x.size:
                 start = self.search.problem.unknowns(*other.search.problem.controller(other.x))
                 self.descend(np.clip(start, *np.transpose(self.search.bounds)))
 
-    def end(self, louder: _Point | None) -> None:
+    def end(self, louder: _Point | None = None) -> None:
         """Make the design: that of the louder point, if it is quiet enough; by `load` where descents lead nowhere."""
         noise = self.limits.noise_gain
         # where no controller kept a louder limit none keeps this one; one that is this quiet is the best here, too
@@ -93,8 +93,9 @@ def find_curves(
     Returns
     -------
     dict of tuple to Design
-        By order, limit of Ms and limit of noise; what no controller keeps is left out. The IAE is that of `load` to a
-        fifth of a per cent, with limits kept. ``digits`` is 2.
+        By order, limit of Ms and limit of noise; what no controller keeps is left out. The limits are kept. The IAE is
+        that of `load` to a fifth of a per cent where both end in the same valley: at 141 of 144 points of eight plants,
+        and within 1.1 % at the others. ``digits`` is 2.
 
     Raises
     ------
@@ -121,11 +122,9 @@ def find_curves(
     found: dict[tuple[int, float, float], Design] = {}
     with threadpool_limits(limits=1, user_api="blas"):
         for k in range(order + 1):
-            rows: list[list[_Point]] = []
-            for level in levels:
-                row = [_Point(process, k, DesignLimits(level, None, noise, sample_time)) for noise in noises]
-                _search(row, rows[-1] if rows else None, below[len(rows)] if below else None)
-                rows.append(row)
+            limits = [[DesignLimits(level, None, noise, sample_time) for noise in noises] for level in levels]
+            rows = [[_Point(process, k, own) for own in row] for row in limits]
+            _search(rows, below)
             found |= {
                 (k, level, noise): point.design
                 for level, row in zip(levels, rows, strict=True)
@@ -136,16 +135,17 @@ def find_curves(
     return found
 
 
-def _search(row: list[_Point], safer: list[_Point] | None, below: list[_Point] | None) -> None:
-    """Go from loud to quiet and back, each point from those that are known, and from loud to quiet to the ends."""
-    last = len(row) - 1
-    for k in range(last, -1, -1):
-        near = [known[k] for known in (safer, below) if known]
-        row[k].learn_from([*near, *row[k + 1 : k + 2]])
-        if k == last and not row[k].x.size:
-            for start in at_once(row[k].search):
-                row[k].descend(start)
-    for quieter, point in pairwise(row):
-        point.learn_from([quieter])
-    for k in range(last, -1, -1):
-        row[k].end(row[k + 1] if k < last else None)
+def _search(rows: list[list[_Point]], below: list[list[_Point]]) -> None:
+    """Go from loose to tight limits and back, each point from those that are known, then to the ends."""
+    loosest = rows[-1][-1]
+    for start in at_once(loosest.search, surely=False):
+        loosest.descend(start)
+    places = list(product(range(len(rows)), range(len(rows[0]))))
+    for i, k in places[::-1]:
+        near = [row[k] for row in rows[i + 1 : i + 2]] + rows[i][k + 1 : k + 2]
+        rows[i][k].learn_from([*near, *(row[k] for row in below[i : i + 1])])
+    for i, k in places:
+        near = [row[k] for row in rows[:i][-1:]] + rows[i][:k][-1:]
+        rows[i][k].learn_from(near)
+    for i, k in places[::-1]:
+        rows[i][k].end(*rows[i][k + 1 : k + 2])

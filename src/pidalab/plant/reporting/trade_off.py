@@ -140,7 +140,7 @@ def trade_off(
     Notes
     -----
     Each point is the best of short descents from its neighbours, see `pidalab.optimal.curves`: within a line's width of
-    what a search of its own finds, for a tenth of the time.
+    what a search of its own finds, in a fraction of the time.
 
     Examples
     --------
