@@ -335,7 +335,9 @@ def shake(
         Where processes cannot be forked, as on Windows.
     """
     if not hasattr(os, "fork"):
-        raise LedgerError("to shake a library takes a system that can fork, such as Linux: each page inherits it")
+        raise LedgerError(
+            "to shake a library takes a system that can fork, such as Linux: each page inherits it"
+        )
     place = (Path(folder) if folder is not None else find_folder()).resolve()
     chosen = [*keys] or papers(place)
     found = {paper: pages(paper, place) for paper in chosen}

@@ -11,10 +11,10 @@ import pidalab
 from pidalab import Record, lags
 from pidalab._names import KINDS
 from pidalab.comparison.judging import DesignRow
-from pidalab.plant.reporting.trade_off import TradeOff, TradeOffPoint
 from pidalab.plant.fitting import fit
 from pidalab.plant.reporting import COLUMNS, Report
 from pidalab.plant.reporting.page import MARKS, _lasting, trade_off_figure
+from pidalab.plant.reporting.trade_off import TradeOff, TradeOffPoint
 from pidalab.style import LOOKS, STYLE
 
 THIRD = lags(3, delay=1.0)
