@@ -22,6 +22,8 @@ CERTAIN = 1e-12  # the same, below which two are enough: they may err alike once
 AFTER_KICKS = 1e-6  # the same, relative to the largest value outside the flanks of kicks
 # share of the largest value that is asked for, which may not be uncertain, whatever there is between the times
 NOTHING_LEFT = 0.1
+LOUDEST_ECHO = 10.0  # |L| at high frequencies, by which kicks grow from one dead time to the next
+MOST_GROWTH = 12.0  # powers of ten by which kicks of so loud a loop may grow in all
 FLANK = 60.0  # time constants of the fastest state that a kick lasts
 FAR = 1e5  # time constants after which a time, known to 1e-16, no longer says well enough where in a flank it is
 
@@ -54,6 +56,7 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
         found[:, :, np.argmin(numbers) :] = np.nan
     elif (inputs, steps, step) not in (agreed := AGREED.setdefault(loop, set())):
         _require_agreement(loop, inputs, found, step)
+        _require_faint_echoes(loop, steps * step)
         agreed.add((inputs, steps, step))
     return found[:, :, ::finer]
 
@@ -66,6 +69,26 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
     # without dead time the loop is closed, and its blocks may be faster than what is left of them
     speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
     return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > STIFF
+
+
+def _require_faint_echoes(loop: Loop, span: float) -> None:
+    """Raise where kicks outgrow all else from dead time to dead time, and may do so between all times looked at."""
+    echo = _echo(loop)
+    if echo > LOUDEST_ECHO and (passes := span / loop.process.delay) * np.log10(echo) > MOST_GROWTH:
+        raise ValueError(
+            f"rounding leaves no digits between kicks: far above the crossover |L| is {echo:.3g}, where "
+            f"{LOUDEST_ECHO:g} is allowed, and in {passes:.0f} dead times they grow by more than 1e{MOST_GROWTH:g}; take "
+            "a smaller gain, a slower filter or fewer dead times"
+        )
+
+
+@lru_cache(maxsize=64)
+def _echo(loop: Loop) -> float:
+    """Return the largest |L| at frequencies that turn the dead time many times over; 0 without dead time."""
+    if not (delay := loop.process.delay):
+        return 0.0
+    fastest = max(fastest_pole(loop), 1.0 / delay)
+    return float(np.abs(loop.L(1j * np.geomspace(100.0 / delay, max(1e3 * fastest, 1e3 / delay), 400))).max())
 
 
 def _require_agreement(loop: Loop, inputs: str, found: Array, step: float) -> None:
