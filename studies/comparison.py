@@ -28,7 +28,7 @@ from own_units import COLUMNS, least_robust, optimum, resume
 
 from pidalab import Process
 from pidalab.comparison import at_equal_terms, designs
-from pidalab.comparison.benchmarking import MS, NOISE, Units, judge, ultimate_units
+from pidalab.comparison.benchmarking import EQUAL_MS, NOISE, Units, judge, ultimate_units
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
 from pidalab.rules import Design
@@ -87,7 +87,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
     """Every rule on one plant: its own design, then at equal terms, and what becomes of it on plants that are off."""
     own = ultimate_units(process)
     rows: list[dict[str, Any]] = []
-    for rule, kind, make in designs(process, RuleLimits(MS, NOISE["loud"] * own.gain, own.sample_time)):
+    for rule, kind, make in designs(process, RuleLimits(EQUAL_MS, NOISE["loud"] * own.gain, own.sample_time)):
         if rule == "optimal":
             continue
         made = cache(make)
@@ -105,7 +105,7 @@ def off_the_model(
     try:
         design = make()
         if row["terms"] == "loud":
-            design = at_equal_terms(design, process, MS, NOISE["loud"] * own.gain, own.sample_time)
+            design = at_equal_terms(design, process, EQUAL_MS, NOISE["loud"] * own.gain, own.sample_time)
         return least_robust(design.loop(process), process, own)
     except (ValueError, ArithmeticError) as refusal:
         return {
@@ -136,7 +136,7 @@ def main(tables: list[str], workers: int | None) -> None:
             workers,
         )
     if "optima" in tables:
-        tasks = [(case.name, ms, case.process) for ms in (MS, FASTER) for case in cases]
+        tasks = [(case.name, ms, case.process) for ms in (EQUAL_MS, FASTER) for case in cases]
         resume("optima.csv", COLUMNS, tasks, ("plant", "ms_limit"), optima_rows, workers)
 
 

@@ -28,7 +28,16 @@ from pidalab import Process
 from pidalab.comparison.benchmarking import ultimate_units
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
-from pidalab.optimal.parts import NEARLY, SAME_IAE, UNITS, DesignLimits, Search, finish, relax, search_in
+from pidalab.optimal.parts import (
+    NEARLY,
+    SAME_IAE,
+    UNITS_TRIED,
+    DesignLimits,
+    Search,
+    finish,
+    relax,
+    search_in,
+)
 
 COLUMNS = (
     "problem",
@@ -86,7 +95,7 @@ def beside(number: int) -> list[dict[str, Any]]:
 
 def found_in(process: Process, order: int, limits: DesignLimits, design: Any) -> tuple[Search, np.ndarray]:
     """The search in the unit of time that sees all of the response of a design, and its unknowns there."""
-    for factor in UNITS:
+    for factor in UNITS_TRIED:
         search = search_in(process, order, limits, factor)
         problem, unit = search.problem, search.problem.time
         gains = np.array(design.controller.coefficients) / problem.units

@@ -19,9 +19,9 @@ from pidalab.roots import roots
 if TYPE_CHECKING:  # only who asks for a frequency response waits for python-control
     import control
 
-POINTS = 1000  # of a frequency response, before the dead time asks for more
+FREQUENCIES = 1000  # of a frequency response, before the dead time asks for more
 # rad by which the dead time turns the phase between two of them, and altogether
-TURN, TURNED = 0.1, 4 * np.pi
+TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
@@ -377,9 +377,9 @@ class Loop:
         low, high = (float(np.min(corners)), float(np.max(corners))) if corners.size else (1.0, 1.0)
         low, high = 0.1 * low, 10 * high
         if not delay:
-            return np.geomspace(low, high, POINTS)
+            return np.geomspace(low, high, FREQUENCIES)
         high = min(high, TURNED / delay)
-        return np.union1d(np.geomspace(low, high, POINTS), np.arange(low, high, TURN / delay))
+        return np.union1d(np.geomspace(low, high, FREQUENCIES), np.arange(low, high, TURN_BETWEEN / delay))
 
     def __repr__(self) -> str:
         extras = "".join(

@@ -29,7 +29,7 @@ from pidalab.response import Response
 from pidalab.robustness import LinearPart
 from pidalab.style import GREY, STYLE, BookAxes
 
-POINTS = 4000  # of a line; a vector file keeps only those that can be seen
+LINE_POINTS = 4000  # of a line; a vector file keeps only those that can be seen
 NOISY_POINTS = 400  # of a noisy line, of which it would keep nearly all
 
 
@@ -55,7 +55,7 @@ def use_book_style() -> None:
         plt.uninstall_repl_displayhook()
 
 
-def thin(t: Array, x: Array, points: int = POINTS) -> tuple[Array, Array]:
+def thin(t: Array, x: Array, points: int = LINE_POINTS) -> tuple[Array, Array]:
     """Reduce a long line to few points, keeping the extremes of every stretch.
 
     Parameters

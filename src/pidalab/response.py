@@ -12,9 +12,9 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 
-SETTLED = 1e-6  # share of the largest error that may be left in the last tenth of a record called settled
+RESTLESS = 1e-6  # share of the largest error that may be left in the last tenth of a record called settled
 ARRIVED = 0.1  # share of the final value that may be left at the end of a record whose overshoot is read
-FEWEST = 20  # samples of a record that shows whether it diverges
+FEWEST_JUDGED = 20  # samples of a record that shows whether it diverges
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,17 +256,17 @@ class Response:
 
     def _require_settled(self) -> None:
         tail, largest = np.max(np.abs(self.e[-max(2, self.t.size // 10) :])), np.max(np.abs(self.e))
-        if tail > SETTLED * largest:
+        if tail > RESTLESS * largest:
             raise ValueError(
                 f"horizon=inf needs a settled record: the error is still {tail:.3g} in the last tenth before "
-                f"t = {self.t[-1]:g}, and {SETTLED * largest:.3g} is allowed; simulate longer or give a finite horizon"
+                f"t = {self.t[-1]:g}, and {RESTLESS * largest:.3g} is allowed; simulate longer or give a finite horizon"
             )
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
         """Raise for a signal that still grows at the end of the record: what is read of it belongs to that end."""
         tenth = max(2, self.t.size // 10)
         late, early = np.ptp(signal[-tenth:]), np.ptp(signal[: signal.size - tenth + 1])
-        if self.t.size >= FEWEST and late > early:
+        if self.t.size >= FEWEST_JUDGED and late > early:
             raise ValueError(
                 f"{measure} needs a response that does not diverge: {name} moves over {late:.3g} in the last tenth "
                 f"before t = {self.t[-1]:g}, and over {early:.3g} in all the time before; give a horizon where there "
@@ -566,7 +566,7 @@ class Response:
         where = np.unravel_index(np.argmax(shares), shares.shape)
         time, share = float(start[where[1]] + self.step * places[where]), float(shares[where])
         left = abs(1 - float(self.y[-1]) / target)
-        if self.t.size >= FEWEST and left > ARRIVED and (share < 1 or time >= self.t[-1] - self.step):
+        if self.t.size >= FEWEST_JUDGED and left > ARRIVED and (share < 1 or time >= self.t[-1] - self.step):
             raise ValueError(
                 f"{measure} needs a response that has passed its peak or come within {100 * ARRIVED:g} % of its final "
                 f"value; found one that ends at t = {self.t[-1]:g} with {100 * left:.3g} % left; simulate longer"

@@ -17,7 +17,9 @@ from numpy.typing import ArrayLike
 from pidalab._check import Array
 
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)  # distances, relative to the modulus, of roots tried as one
-EXACT = 1e-14  # difference of the coefficients, relative to their size and by degree, that is as good as none
+SAME_COEFFICIENTS = (
+    1e-14  # difference of the coefficients, relative to their size and by degree, that is as good as none
+)
 ALLOWED = 1e-10  # difference beyond which roots do not represent their polynomial
 TRUSTED_DEGREE = 8  # degree up to which eigenvalues of a companion matrix are trusted
 MULTIPLE_BEYOND = 40  # degree beyond which most roots have to be multiple ones
@@ -72,7 +74,7 @@ def _of_nonzero(coefficients: Array) -> Any:
     size = _sizes(scaled)
     # the second coefficient is the sum of the roots: of equal ones it tells each without loss
     single = np.full(1, -scaled[1] / degree, dtype=complex)
-    if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= EXACT * degree:
+    if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= SAME_COEFFICIENTS * degree:
         return np.repeat(single, degree) * scale
     if degree == 2:
         return _in_pairs(_of_quadratic(scaled) * scale)
@@ -89,7 +91,7 @@ def _of_nonzero(coefficients: Array) -> Any:
         merged, times = _merged(scattered, radius)
         if merged.size < degree:
             merged, off = _polished(scaled, merged, times, size)
-            if off <= max(least, EXACT * degree):
+            if off <= max(least, SAME_COEFFICIENTS * degree):
                 best, least = np.repeat(merged, times.astype(int)), off
     if degree > MULTIPLE_BEYOND and np.unique(best).size > degree // 2:
         least = 1.0  # the product may be near, and yet a response made of them is lost in rounding
@@ -156,7 +158,7 @@ def _polished(scaled: Array, found: Any, times: Array, size: Array) -> tuple[Any
     weight = 1 / size[1:]
     # a multiple root is well determined once its multiplicity is: it is only its single copies that scatter
     for _ in range(8):
-        if least <= EXACT * scaled.size:
+        if least <= SAME_COEFFICIENTS * scaled.size:
             break
         product = np.poly(np.repeat(found, times.astype(int)))
         slopes = np.stack(

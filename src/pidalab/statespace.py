@@ -15,9 +15,9 @@ from pidalab.roots import roots
 # share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
 ALIGNED = 1e-9
 # poles whose speeds differ by more than this factor go to different parts
-GAP = 10.0
+APART = 10.0
 # poles up to which a part is in companion form
-SHORT = 12
+FEW_STATES = 12
 
 
 class StateSpace(NamedTuple):
@@ -56,7 +56,7 @@ def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
             poles += roots(den).tolist()
     groups: list[list[complex]] = []
     for p in sorted(poles, key=abs):
-        if groups and abs(p) <= GAP * abs(groups[-1][-1]):
+        if groups and abs(p) <= APART * abs(groups[-1][-1]):
             groups[-1].append(p)
         else:
             groups.append([p])
@@ -71,7 +71,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
     n, unit = len(own), abs(own[-1]) or 1.0
     numerator: Any
     scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
-    if n <= SHORT:
+    if n <= FEW_STATES:
         # in powers of x = s/unit, so that the static gain keeps its digits behind a filter much faster than a sample
         q = monic([p / unit for p in own])
         M = np.eye(n, k=-1)

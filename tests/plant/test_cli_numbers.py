@@ -16,7 +16,7 @@ from pidalab.plant.cli import checking, main
 from pidalab.plant.cli.parts import csv_of
 from pidalab.plant.cli.recorded import _no_limits
 from pidalab.plant.heater import Lab
-from pidalab.plant.reporting import COLUMNS
+from pidalab.plant.reporting import REPORT_COLUMNS
 from pidalab.rules.registry import RULES
 
 DEFAULTS = {  # scripts of users rest on them
@@ -244,7 +244,7 @@ def test_what_tune_prints_is_what_the_library_says(log, reported):
         *row.design.doubts,
     ):
         assert " ".join(text.split()) in " ".join(result.stdout.split())
-    for name, x in COLUMNS.items():
+    for name, x in REPORT_COLUMNS.items():
         (said,) = re.findall(rf"^  {re.escape(name)}: (\S+)$", result.stdout, re.MULTILINE)
         assert float(said) == pytest.approx(getattr(row, x), rel=1e-3, nan_ok=True)
     assert "--u-max not given" in result.stdout
@@ -260,7 +260,7 @@ def test_what_report_prints_and_writes_is_what_the_library_says(log, reported, t
     assert result.exit_code == 0, result.output
     for row in reported.rows:
         (line,) = re.findall(rf"^  {row.kind} +([\d.].*)$", result.stdout, re.MULTILINE)
-        expected = [value for x in COLUMNS.values() if not np.isnan(value := getattr(row, x))]
+        expected = [value for x in REPORT_COLUMNS.values() if not np.isnan(value := getattr(row, x))]
         assert numbers(line) == pytest.approx(expected, rel=1e-3)
     assert " ".join(str(reported.fit).split()) in " ".join(result.stdout.split())
     assert reported.verdict in result.stdout.replace("\n  ", "\n")

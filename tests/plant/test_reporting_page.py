@@ -12,8 +12,8 @@ from pidalab import Record, lags
 from pidalab._names import KINDS
 from pidalab.comparison.judging import DesignRow
 from pidalab.plant.fitting import fit
-from pidalab.plant.reporting import COLUMNS, Report
-from pidalab.plant.reporting.page import MARKS, _lasting, trade_off_figure
+from pidalab.plant.reporting import REPORT_COLUMNS, Report
+from pidalab.plant.reporting.page import RULE_MARKERS, _lasting, trade_off_figure
 from pidalab.plant.reporting.trade_off import TradeOff, TradeOffPoint
 from pidalab.style import LOOKS, STYLE
 
@@ -184,8 +184,8 @@ def test_rules_have_marks_of_their_own_and_begin_again_when_those_are_out():
     rules = tuple(DesignRow(f"{k}", "PI", iae_load=2.0, ms=1.3, noise_gain=2.0) for k in range(9))
     figure = trade_off_figure(TradeOff(THIRD, 0.1, traded().points, rules))
     found = [line.get_marker() for line in figure.legends[0].get_lines() if line.get_marker() != "None"]
-    assert len(set(found)) == len(MARKS)
-    assert found == [*MARKS, *MARKS][:9]
+    assert len(set(found)) == len(RULE_MARKERS)
+    assert found == [*RULE_MARKERS, *RULE_MARKERS][:9]
 
 
 def test_the_verdict_and_the_table_have_the_numbers_of_the_rows(found):
@@ -200,9 +200,9 @@ def test_the_verdict_and_the_table_have_the_numbers_of_the_rows(found):
         kind, *cells = line.split()
         assert kind == row.kind
         assert [float(x) for x in cells] == pytest.approx(
-            [getattr(row, x) for x in COLUMNS.values()], rel=1e-3
+            [getattr(row, x) for x in REPORT_COLUMNS.values()], rel=1e-3
         )
-    assert [name for name in COLUMNS if name not in names] == []
+    assert [name for name in REPORT_COLUMNS if name not in names] == []
     unknown = Report(
         THIRD, None, 1.5, tuple(row._replace(ms_worst=np.nan, price=np.nan) for row in found.rows), ()
     )

@@ -146,7 +146,7 @@ def test_lost_digits_are_refused(loop, end, points):
 def test_kicks_that_grow_between_the_times_of_a_coarse_grid_are_refused():
     """At three times both ways agree, and are wrong: what is there is nothing beside the kicks."""
     process = Process([-1.17, 1.73], [1.0, 1.0], 0.927)
-    loop = Loop(process, SeriesPIDA(1.477, 1.153, ti=4.79, filter_time=0.1126, filter_order=1))
+    loop = Loop(process, SeriesPIDA(1.477, 1.153, 0.0, ti=4.79, filter_time=0.1126, filter_order=1))
     for points in (3, 401):
         with pytest.raises(ValueError, match=r"rounding leaves .* (\|L\| is 12|uncertain)"):
             unit_step_responses(loop, np.linspace(0.0, 16.45, points), "rdn")

@@ -9,7 +9,7 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop
-from pidalab.simulation.noise import FADED, FIRST
+from pidalab.simulation.noise import FADED, TAIL_SAMPLES
 
 TIME = np.arange(241) * 0.05
 
@@ -67,7 +67,7 @@ def test_a_faint_tail_that_is_left_out_costs_what_is_said(kp, lasting):
         P = mpmath.lu_solve(kron, mpmath.matrix([b[i] * b[j] for i in (0, 1) for j in (0, 1)]))
         squares = one * kp * kp + sum(c[i] * c[j] * P[2 * i + j] for i in (0, 1) for j in (0, 1))
         low = float(1 - found / mpmath.sqrt(squares))
-    assert -1e-14 <= low <= 0.5 * FADED * lasting / FIRST + 1e-14
+    assert -1e-14 <= low <= 0.5 * FADED * lasting / TAIL_SAMPLES + 1e-14
     if lasting > 1e6:
         assert low > 1e-11  # so it is left out
 

@@ -21,7 +21,7 @@ from pidalab.rules.registry import RULES, Rule, RuleLimits, find
 from pidalab.rules.starting_models import StartingModels, time_scale
 
 PERIODS = 12.0  # ultimate periods of a first response
-COLUMNS = {
+COMPARISON_COLUMNS = {
     "IAE load": "iae_load",
     "IAE set pt": "iae_setpoint",
     "Ms": "ms",
@@ -30,7 +30,7 @@ COLUMNS = {
     "TV(u) load": "tv",
     "delay m.": "delay_margin",
 }
-NAMES = {"rule": 27, "kind": 5}
+TEXT_WIDTHS = {"rule": 27, "kind": 5}
 
 
 @dataclass(frozen=True)
@@ -80,14 +80,17 @@ class Comparison:
     def __str__(self) -> str:
         limits = f"limits Ms = {self.ms:g}, noise gain = {self.noise_gain:g}"
         return "\n".join(
-            [f"{self.process!r}: {limits}", *text_table(self.rows, NAMES, COLUMNS, 11, self._note)]
+            [
+                f"{self.process!r}: {limits}",
+                *text_table(self.rows, TEXT_WIDTHS, COMPARISON_COLUMNS, 11, self._note),
+            ]
         )
 
     def _note(self, row: DesignRow) -> str:
         return "; ".join(filter(None, ("keeps both limits" * self.keeps(row), row.reason)))
 
     def _repr_html_(self) -> str:
-        return html_table(self.rows, tuple(NAMES), COLUMNS, self._note)
+        return html_table(self.rows, tuple(TEXT_WIDTHS), COMPARISON_COLUMNS, self._note)
 
 
 def compare(

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TABLES = Path(__file__).with_name("tables")
-MS = 1.4  # of all that is compared at equal terms
+EQUAL_MS = 1.4  # of all that is compared at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
-SAMPLES = 100  # of the noise, in an ultimate period
+NOISE_SAMPLES = 100  # of the noise, in an ultimate period
 RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
 Rule = Callable[[Process], Design | Controller]
@@ -50,7 +50,7 @@ class Units(NamedTuple):
     @property
     def sample_time(self) -> float:
         """Sample time of the noise."""
-        return self.period / SAMPLES
+        return self.period / NOISE_SAMPLES
 
 
 def ultimate_units(process: Process) -> Units:
@@ -135,7 +135,7 @@ def at_all_terms(design: Design, process: Process, own: Units) -> list[dict[str,
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
         # a filter as short as the sample stays so where less noise is allowed and not made
-        if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
+        if rows and rows[-1].get("filter_time") == 1 / NOISE_SAMPLES and rows[-1]["noise_gain"] <= noise:
             rows.append(rows[-1] | {"terms": terms})
         else:
             rows.append({"terms": terms} | at_terms(design, noise, process, own))
@@ -145,7 +145,7 @@ def at_all_terms(design: Design, process: Process, own: Units) -> list[dict[str,
 def at_terms(design: Design, noise: float, process: Process, own: Units) -> dict[str, Any]:
     """Return a design at equal terms, measured; its prefilter is gone, so that its set-point response says nothing."""
     try:
-        made = at_equal_terms(design, process, MS, noise * own.gain, own.sample_time)
+        made = at_equal_terms(design, process, EQUAL_MS, noise * own.gain, own.sample_time)
         row = measure_row("", "", lambda: made, process, own.sample_time, first_horizon(process))
     except (ValueError, ArithmeticError) as refusal:
         return {"reason": one_line(refusal)}
@@ -270,7 +270,7 @@ class Benchmark:
     def __str__(self) -> str:
         plants = self.rows["plant"].nunique()
         lines = [
-            f"{self.name}: {plants} plants, Ms = {MS:g}; IAE of a load step over the least there is",
+            f"{self.name}: {plants} plants, Ms = {EQUAL_MS:g}; IAE of a load step over the least there is",
             "as published:",
             self.as_published().round(2).to_string(),
             f"at equal Ms and noise, {NOISE['loud']:g} ultimate gains:",

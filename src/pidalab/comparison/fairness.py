@@ -20,7 +20,7 @@ from pidalab.rules.starting_models import time_scale
 from pidalab.search import border
 
 LONGEST_FILTER = 1e4  # that is tried, in sample times
-LEAST_FACTOR = 0.01  # of the gains: with less of them nearly any loop is robust, and does nothing
+LEAST_SCALE = 0.01  # of the gains: with less of them nearly any loop is robust, and does nothing
 TIME_RTOL = 1e-7  # share to which the filter time is found
 DENSITY = 4  # of the frequencies over which noise is summed: good for six digits
 
@@ -82,9 +82,9 @@ def at_equal_terms(
     def scaled(log_time: float) -> tuple[float, float, HighOrderPID]:
         time = shortest * math.exp(log_time)
         factor = gain_for_ms(Loop(process, _filtered(gains, time)), limit)
-        if factor < LEAST_FACTOR:
+        if factor < LEAST_SCALE:
             raise ValueError(
-                f"Ms = {limit:g} leaves this design a factor of {factor:.2g} of its gains, below {LEAST_FACTOR:g}"
+                f"Ms = {limit:g} leaves this design a factor of {factor:.2g} of its gains, below {LEAST_SCALE:g}"
             )
         return noise_of(factor * gains, time), factor, _filtered(factor * gains, time)
 

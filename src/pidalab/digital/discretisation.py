@@ -11,7 +11,7 @@ import numpy as np
 from pidalab import _check
 from pidalab.digital.controller import DigitalController
 from pidalab.digital.parameters import ANTI_WINDUP
-from pidalab.digital.paths import METHODS, SHARES, paths
+from pidalab.digital.paths import METHOD_WEIGHTS, METHODS, paths
 from pidalab.digital.prefilter import discrete
 from pidalab.forms import FilteredGains
 from pidalab.process import binomial, rational
@@ -164,7 +164,7 @@ def discretise(
             )
         if tunable and not ki:
             raise ValueError("tunable must be False without integral action, which is what takes up a bump")
-        growth = (ki * h * SHARES[method][0], ki * h * SHARES[method][1])
+        growth = (ki * h * METHOD_WEIGHTS[method][0], ki * h * METHOD_WEIGHTS[method][1])
         taken_back = _back_calculation_gain(parts, h, anti_windup, tracking_time) if ki else 0.0
         tracking_gain = taken_back or 1.0
     return DigitalController(

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab.digital.paths import METHODS, SHARES, Path
+from pidalab.digital.paths import METHOD_WEIGHTS, METHODS, Path
 from pidalab.digital.prefilter import Prefilter, discrete
 
 ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
 LARGEST_SIGNAL = 1e9  # beyond it, on either side, a signal is no measurement
-LARGEST_GAIN = 1e9  # of those that may change while it runs
+LARGEST_PARAMETER = 1e9  # of those that may change while it runs
 # of those that may not: with signals of 1e9 nothing overflows, in single precision either
 LARGEST_CONSTANT = 1e15
-MOST_PATHS, MOST_LAGS = 40, 40  # of a controller and of a path: code that can be read
+MOST_PATHS, MOST_PATH_LAGS = 40, 40  # of a controller and of a path: code that can be read
 # how near the numbers of a prefilter are to those of this machine: linear algebra differs in the last digits
 PREFILTER_RTOL = 1e-8
 SHARE_ROUNDING = 1e-6  # by which rounding may take the shares of a lag beyond 1
@@ -78,7 +78,7 @@ class Parameters:
             raise ValueError(f"bias must be within the limits ({low:g}, {high:g}), found {self.bias:g}")
         if not self.integrates and (any(self.growth) or self.from_signal):
             raise ValueError("growth must be (0, 0), and from_signal False, without integral action")
-        new, old = SHARES[self.method]
+        new, old = METHOD_WEIGHTS[self.method]
         shares = [("growth", self.growth)]
         shares += [("lags", pair) for path in self.paths for pair in zip(path.new, path.old, strict=True)]
         for what, (now, before) in shares:
@@ -86,9 +86,9 @@ class Parameters:
                 raise ValueError(f"{what} must be those of method {self.method!r}, found {(now, before)}")
         if self.tunable:
             largest = max([*map(abs, self.growth), *(abs(g) for p in self.paths for g in p.gains)])
-            if largest > LARGEST_GAIN:
+            if largest > LARGEST_PARAMETER:
                 raise ValueError(
-                    f"gains must be at most {LARGEST_GAIN:g} to be tunable, found {largest:g}; take other units"
+                    f"gains must be at most {LARGEST_PARAMETER:g} to be tunable, found {largest:g}; take other units"
                 )
 
     @property
@@ -131,8 +131,8 @@ def _path(name: str, path: Any) -> Path:
     parts = {}
     for part in ("new", "old", "gains"):
         values = getattr(path, part)
-        if not isinstance(values, tuple) or len(values) > MOST_LAGS + 1:
-            raise TypeError(f"{name}.{part} must be a tuple of at most {MOST_LAGS + 1} numbers")
+        if not isinstance(values, tuple) or len(values) > MOST_PATH_LAGS + 1:
+            raise TypeError(f"{name}.{part} must be a tuple of at most {MOST_PATH_LAGS + 1} numbers")
         parts[part] = tuple(_constant(f"{name}.{part}[{i}]", x) for i, x in enumerate(values))
     new, old, gains = parts.values()
     if not len(new) == len(old) == len(gains) - 1:
@@ -152,8 +152,8 @@ def _prefilter(k: Parameters) -> Prefilter:
         raise TypeError(f"prefilter must be a Prefilter, found {type(given).__name__}")
     num, den = (_check.polynomial(f"prefilter.{name}", getattr(given, name)) for name in ("num", "den"))
     _check.proper("prefilter", num, den)
-    if den.size > MOST_LAGS + 1:
-        raise ValueError(f"prefilter must have at most {MOST_LAGS} poles, found {den.size - 1}")
+    if den.size > MOST_PATH_LAGS + 1:
+        raise ValueError(f"prefilter must have at most {MOST_PATH_LAGS} poles, found {den.size - 1}")
     true = discrete(num, den, k.sample_time, k.method)
     if true is None:
         raise ValueError("prefilter must be None where it is 1")

@@ -37,9 +37,9 @@ from pidalab.forms import FilteredGains
 
 METHODS = ("backward", "tustin", "zoh")
 # of e_k and e_{k-1} in the integral
-SHARES = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}
+METHOD_WEIGHTS = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}
 # of the series for what a held input makes of a chain in a sample; what is left out is below 1/50!
-TERMS = 60
+SERIES_TERMS = 60
 
 
 class Path(NamedTuple):
@@ -224,7 +224,7 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     lifted[..., own, own] = fastest - np.insert(rates, 0, 0.0, axis=-1)
     lifted[..., after, after - 1] = rates
     transition = term = np.broadcast_to(np.eye(n + 1), lifted.shape)
-    for k in range(1, TERMS):
+    for k in range(1, SERIES_TERMS):
         term = lifted @ term / k
         transition = transition + term
     transition = transition * np.exp(-fastest)[..., None]

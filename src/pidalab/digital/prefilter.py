@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.digital.paths import SHARES
+from pidalab.digital.paths import METHOD_WEIGHTS
 from pidalab.roots import roots
 
 UNIT = 1e-9  # how near to 1 a static gain is 1
@@ -98,8 +98,8 @@ def discrete(num: Array, den: Array, h: float, method: str) -> Prefilter | None:
 
         move = expm(np.block([[A, A], [np.zeros((n, 2 * n))]]))[:n, n:]
     else:
-        move = np.linalg.solve(np.eye(n) - A * SHARES[method][0], A)
-    new, old = SHARES[method]
+        move = np.linalg.solve(np.eye(n) - A * METHOD_WEIGHTS[method][0], A)
+    new, old = METHOD_WEIGHTS[method]
     return Prefilter(
         tuple(num.tolist()),
         tuple(den.tolist()),

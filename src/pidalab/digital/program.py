@@ -17,7 +17,7 @@ import re
 from functools import lru_cache
 
 from pidalab.digital import chains
-from pidalab.digital.parameters import LARGEST_GAIN, LARGEST_SIGNAL, Parameters
+from pidalab.digital.parameters import LARGEST_PARAMETER, LARGEST_SIGNAL, Parameters
 from pidalab.digital.statements import If, Note, Program, Set, Statement, targets
 
 INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_value": "real"} | {
@@ -27,7 +27,7 @@ INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_v
 MORE = {"feedforward": "real", "retuned": "bool"}  # inputs that a controller is asked to have
 TRUTHS = ("forced", "by_hand")  # variables that are true or false
 FIXED = re.compile(r"LOWEST|HIGHEST|LARGEST_.*|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")  # are no gains
-SHARE = re.compile(r"PART_\d+_(NEW|OLD)(_\d+)?|TRACKING_GAIN|BACK_CALCULATION_GAIN")  # gains from 0 to 1
+UNIT_GAIN = re.compile(r"PART_\d+_(NEW|OLD)(_\d+)?|TRACKING_GAIN|BACK_CALCULATION_GAIN")  # gains from 0 to 1
 
 
 def constants(k: Parameters) -> dict[str, float]:
@@ -44,7 +44,11 @@ def constants(k: Parameters) -> dict[str, float]:
     found |= {name: value for name, value in others.items() if value}
     ends = {"LOWEST": k.limits[0], "HIGHEST": k.limits[1], "LARGEST_CHANGE": k.rate_limit * k.sample_time}
     found |= {name: value for name, value in ends.items() if math.isfinite(value)}
-    return found | {"LARGEST_SIGNAL": LARGEST_SIGNAL} | ({"LARGEST_GAIN": LARGEST_GAIN} if k.tunable else {})
+    return (
+        found
+        | {"LARGEST_SIGNAL": LARGEST_SIGNAL}
+        | ({"LARGEST_GAIN": LARGEST_PARAMETER} if k.tunable else {})
+    )
 
 
 @lru_cache(maxsize=64)
@@ -102,7 +106,7 @@ def _numbers(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]
     bad = [f"not ({_number(name)})" for name in needed]
     bad.append(f"tracking and not ({_number('track_value')})")
     for name in gains:
-        ends = ("0.0", "1.0") if SHARE.fullmatch(name) else ("-LARGEST_GAIN", "LARGEST_GAIN")
+        ends = ("0.0", "1.0") if UNIT_GAIN.fullmatch(name) else ("-LARGEST_GAIN", "LARGEST_GAIN")
         bad.append(f"not ({_number(name, *ends)})")
     return [
         Note("a sample with a signal that is no number, or beyond all measure, is left out"),

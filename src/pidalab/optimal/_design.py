@@ -24,8 +24,15 @@ if TYPE_CHECKING:
 HIGHEST_ORDER = 4  # order of a controller
 LARGEST_DISK = 2.0  # disk margin of a loop without feedback
 ACTIVE = 1e-3  # share of a limit within which it is called active
-ZERO = 1e-6  # share of the largest action, at the corner of the filter, below which another is negligible
-UNITS = (1.0, 8.0, 64.0, 512.0)  # units of time that are tried, since a limit of noise may make a loop slow
+NEGLIGIBLE_ACTION = (
+    1e-6  # share of the largest action, at the corner of the filter, below which another is negligible
+)
+UNITS_TRIED = (
+    1.0,
+    8.0,
+    64.0,
+    512.0,
+)  # units of time that are tried, since a limit of noise may make a loop slow
 SLOWEST_SAMPLING = 100.0  # largest sample time, in the shortest unit
 # relative difference between the IAE of the search and that of the simulation, above which the unit is too short
 SAME_IAE = 0.02
@@ -192,9 +199,9 @@ def _best(
         tqdm(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar,
     ):
         ways: list[Any] = [at_once, approached] if near is None else [None, at_once, approached]
-        for start, factor in product(ways, UNITS):
+        for start, factor in product(ways, UNITS_TRIED):
             # where the family alone stood in the way, other starts lead to the same
-            if factor == UNITS[0] and (best is not None or any(one.family for one in seen)):
+            if factor == UNITS_TRIED[0] and (best is not None or any(one.family for one in seen)):
                 break
             unit = factor * shortest
             problem = Problem(positive, order, (abs(complex(positive(1j / unit))), unit))
@@ -278,7 +285,7 @@ def judge(process: Process, one: Search, found: SearchResult) -> Design:
     gains, time = problem.controller(x)
     # what an action amounts to at the corner of the filter tells whether there is any
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
-    gains[1:] = np.where(amounts < ZERO * amounts.max(), 0.0, gains)[1:]
+    gains[1:] = np.where(amounts < NEGLIGIBLE_ACTION * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign_of_gain(process) * gains).tolist(), time, problem.order + 1)
     loop = Loop(process, controller)
     heights, named = _heights(loop), limits.named()

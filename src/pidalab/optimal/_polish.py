@@ -27,7 +27,7 @@ NEAR_LIMIT = 0.05  # share of a limit within which a peak is looked at
 FREQUENCY_STEP, PEAK_STEPS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
 SPACING, LEAST_SPACING = 1e-4, 1e-6  # of the points that second derivatives come from, as a descent sees them
 # of Newton at most; the last one, and the largest that is taken for one
-MOST_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
+MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
 SMALL_STEP = 1e-3  # step after which second derivatives stay as they are
 # longest step; one that is near the end; shortest trust in one
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
@@ -230,7 +230,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     before, worth, apart = math.inf, search.worth, SPACING
     value, missed = one.missed(z)
     eye, hessian = np.eye(z.size), np.zeros(0)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_NEWTON_STEPS):
         kinds, w = one.tops(z)
         left, slopes = one.margins(z, kinds, w, search.exact_noise)
         slope = one.value(z)[1]()

@@ -25,7 +25,7 @@ from pidalab.optimal._heights import HEIGHTS, top, turned, weights, with_turns
 from pidalab.process import Process
 from pidalab.roots import roots
 
-SAMPLES = 2048  # of a response
+SEARCH_SAMPLES = 2048  # of a response
 DAMPING = 3.0  # real part of the line of the transform, times the horizon
 REST = 1e-3  # share of the integral that the transform may miss
 
@@ -87,7 +87,7 @@ class Problem:
         controller = x[: self.gains] @ by_gains
         return controller, lambda: np.vstack([by_gains, (self.order + 1) * (lag - 1) * controller])
 
-    def worth(self, horizon: float, samples: int = SAMPLES) -> Any:
+    def worth(self, horizon: float, samples: int = SEARCH_SAMPLES) -> Any:
         """Return the function that gives the IAE of a step of the load, and the function of its gradient.
 
         What comes after the horizon counts as IE.

@@ -25,7 +25,7 @@ FINE_SAMPLES = 8192  # of the response whose IAE is made least
 TOP, BOTTOM, RUNGS = 1.0, -5.0, 13  # of the ladder: logarithms of filter times, in units of the process
 FASTEST, SLOWEST = -7.0, 3.0  # logarithms of filter times that are allowed
 LARGEST_GAIN = 1e6  # gain, in units of the process, that is allowed
-HORIZON = 80.0  # of a response, in units of the process
+SEARCH_HORIZON = 80.0  # of a response, in units of the process
 MISSED = 30.0  # price of a missed limit where starts are compared
 SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
@@ -52,8 +52,8 @@ class Search:
         far = np.geomspace(10.0, 2.0 / np.exp(BOTTOM), 16)[1:]
         w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
         self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
-        self.worth = problem.worth(HORIZON * time)
-        self.fine = problem.worth(HORIZON * time, FINE_SAMPLES)
+        self.worth = problem.worth(SEARCH_HORIZON * time)
+        self.fine = problem.worth(SEARCH_HORIZON * time, FINE_SAMPLES)
         # sampled noise has a size only behind a filter that is not faster than the sample
         h = limits.sample_time
         self.noise = self.exact_noise = None

@@ -13,10 +13,12 @@ from pidalab.reduction import turned_phase
 from pidalab.roots import roots
 
 CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
-TURN = 0.25 * math.pi  # the same, after what several integrators turn it by
+INTEGRATORS_TURN = 0.25 * math.pi  # the same, after what several integrators turn it by
 # factor by which a limit of noise has to be slower than that phase before it sets the unit
 NOISE_SLOWDOWN = 8.0
-SHARE = 0.1  # of the noise that is allowed, proportional action in that unit, where nothing else sets it
+QUIET_SHARE = (
+    0.1  # of the noise that is allowed, proportional action in that unit, where nothing else sets it
+)
 
 
 def unit_of_time(process: Process, limits: DesignLimits) -> float:
@@ -33,7 +35,7 @@ def unit_of_time(process: Process, limits: DesignLimits) -> float:
         return 1 / math.sqrt(growing * float(corners.max()))
     w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
     at_rest = -0.5 * np.pi * integrators
-    turned = at_rest + turned_phase(process, w) < min(CORNER, at_rest - TURN)
+    turned = at_rest + turned_phase(process, w) < min(CORNER, at_rest - INTEGRATORS_TURN)
     fastest = float(w[np.argmax(turned)]) if turned.any() else float(corners.max())
     loudest = _loudest(process, limits, w)
     return 1 / (loudest if fastest > NOISE_SLOWDOWN * loudest else fastest)
@@ -61,4 +63,4 @@ def _by_noise(process: Process, integrators: int, limits: DesignLimits) -> float
             "one only under a limit of noise (mks, or noise_gain with sample_time)"
         )
     gain = abs(float(process.num[-1] / process.den[0]))
-    return float((gain * SHARE * loudest) ** (-1 / integrators))
+    return float((gain * QUIET_SHARE * loudest) ** (-1 / integrators))

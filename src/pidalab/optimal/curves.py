@@ -25,7 +25,7 @@ from pidalab.optimal.parts import search_in
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
 
-SPARE = (
+SPARE_OF_A_CURVE = (
     3e-4  # share of a limit that is kept free, which costs a thousandth of the IAE: a tenth of a line's width
 )
 
@@ -35,7 +35,7 @@ class _Point:
 
     def __init__(self, process: Process, order: int, limits: DesignLimits) -> None:
         self.process, self.order, self.limits = process, order, limits
-        self.search = search_in(upright(process), order, limits, spare=SPARE)
+        self.search = search_in(upright(process), order, limits, spare=SPARE_OF_A_CURVE)
         self.value, self.x = math.inf, np.zeros(0)
         self.design: Design | None = None
 

@@ -6,7 +6,7 @@ is what a design needs; these parts are for those who ask how it was found, and 
 
 from __future__ import annotations
 
-from pidalab.optimal._design import SAME_IAE, UNITS
+from pidalab.optimal._design import SAME_IAE, UNITS_TRIED
 from pidalab.optimal._finish import finish
 from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
@@ -20,7 +20,7 @@ __all__ = [
     "FINE",
     "NEARLY",
     "SAME_IAE",
-    "UNITS",
+    "UNITS_TRIED",
     "DesignLimits",
     "Problem",
     "SampledNoise",

@@ -21,7 +21,7 @@ from pidalab.digital import DigitalController
 from pidalab.plant.record import Record
 from pidalab.response import Response
 
-FULL = 100.0  # per cent of a heater's power
+FULL_POWER = 100.0  # per cent of a heater's power
 
 
 class Lab:
@@ -236,7 +236,7 @@ class Lab:
 
 
 def _require_power(name: str, power: float) -> None:
-    if not 0 <= _check.real(name, power) <= FULL:
+    if not 0 <= _check.real(name, power) <= FULL_POWER:
         raise ValueError(f"{name} must be a power from 0 to 100 per cent, found {power!r}")
 
 

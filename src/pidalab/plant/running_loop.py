@@ -26,12 +26,17 @@ from pidalab.process import Process, sign_of_gain
 from pidalab.rules import Design
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
-DRAWN = 60  # plants by which Ms gets its interval; of fewer the worst is too often below the true one
+PLANTS_JUDGED = 60  # plants by which Ms gets its interval; of fewer the worst is too often below the true one
 CLEARER = 0.8  # times the residuals: a load that explains more than a third of their variance is there
-SHOWN = 20.0  # standard deviations of the noise by which the output has to move
+CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output has to move
 COLOURED = 3.0  # samples that share one error, from which on a residual is no white noise
 FED_BACK = 0.05  # share of the variance of u that may answer to it
-COLUMNS = {"IAE load": "iae_load", "Ms": "ms_sampled", "worst Ms": "ms_worst", "noise gain": "noise_gain"}
+CHECK_COLUMNS = {
+    "IAE load": "iae_load",
+    "Ms": "ms_sampled",
+    "worst Ms": "ms_worst",
+    "noise gain": "noise_gain",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +116,7 @@ class Check:
             lines.append(
                 f"their IAE for a load is {than} that of the best {self.rows[0].kind} of the same Ms and noise"
             )
-        lines += text_table(self.rows, {"rule": 14}, COLUMNS, 12, self._gains)
+        lines += text_table(self.rows, {"rule": 14}, CHECK_COLUMNS, 12, self._gains)
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
 
     def _gains(self, row: DesignRow) -> str:
@@ -200,7 +205,7 @@ def check(
         doubts.append(f"the controller is taken to have the sample time of the log, {sample_time:.4g}")
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     running = Design(process, controller, output_filter=output_filter, source="the gains that run")
-    evaluator, plants = LoopEvaluator(sample_time, None), tuple(fitted.spread(DRAWN))
+    evaluator, plants = LoopEvaluator(sample_time, None), tuple(fitted.spread(PLANTS_JUDGED))
     judged = [evaluator.ms(running, plant) for plant in (process, *plants)]
     sizes = [one.ms for one in judged]
     doubts += sorted({one.reason for one in judged if one.reason})
@@ -228,7 +233,7 @@ def _fitted(record: Record) -> Fit:
         except ValueError as failed:
             refusal = refusal or failed
     if not found:
-        moved = f" by {SHOWN * record.noise.deviation:.2g} or more" if record.noise.deviation else ""
+        moved = f" by {CLEAR_MOVE * record.noise.deviation:.2g} or more" if record.noise.deviation else ""
         raise ValueError(
             f"the log does not show the plant: {refusal}. For a check it needs a change of the set point, a step of "
             f"the load or a bump of u that moves the output{moved}, and the time to settle"

@@ -15,7 +15,7 @@ from pidalab.rules import Design
 from pidalab.simulation.settling import load_iae
 
 TOO_DEAR = 3.0  # price of robustness in IAE that is refused
-EXACT, ROUNDING = 1e-3, 1e-6  # shares of a limit: below it what meets it, and above it what still keeps it
+MET, STILL_KEPT = 1e-3, 1e-6  # shares of a limit: below it what meets it, and above it what still keeps it
 MOST_CORRECTIONS = 20  # of what is asked for
 LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # of Ms less 1, in a correction
 
@@ -125,7 +125,7 @@ def correct_request(
     for _ in range(MOST_CORRECTIONS):
         made, active = make(asked, made)
         found = sizes(made)
-        if all(size <= limit * (1 + ROUNDING) for size, limit in zip(found, limits, strict=True)):
+        if all(size <= limit * (1 + STILL_KEPT) for size, limit in zip(found, limits, strict=True)):
             kept = made
         names = ("ms" in active, "ms_worst" in active)
         again = (_next(*one) for one in zip(asked, found, limits, names, strict=True))
@@ -142,9 +142,9 @@ def correct_request(
 
 def _next(asked: float, found: float, limit: float, active: bool) -> float:
     """What to ask for next, the same where the limit is met, or kept and not what holds the design back."""
-    if found <= limit * (1 + ROUNDING) and not (active and found < limit * (1 - EXACT)):
+    if found <= limit * (1 + STILL_KEPT) and not (active and found < limit * (1 - MET)):
         return asked
-    wanted = (limit * (1 - 0.5 * EXACT) - 1) / (found - 1)
+    wanted = (limit * (1 - 0.5 * MET) - 1) / (found - 1)
     return 1 + (asked - 1) * min(max(wanted, LEAST_FACTOR), LARGEST_FACTOR)
 
 
@@ -208,7 +208,7 @@ def make_safe(make: Designer, evaluator: LoopEvaluator, requirements: Requiremen
 
     plain = correct_request(make, lambda made: (evaluator.ms(made, process).ms, 0.0), (ms, math.inf))
     worst = evaluator.worst(plain, plants).ms
-    if worst <= ms_worst * (1 + ROUNDING):
+    if worst <= ms_worst * (1 + STILL_KEPT):
         return plain, 1.0
     try:
         made = correct_request(make, sizes, (ms, ms_worst), plain)

@@ -21,7 +21,7 @@ from pidalab.search import succeeded
 PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 2_000_000  # along the axis: more would fill the memory
 # rad by which the dead time turns the phase between two points; the latter for crossovers
-FINE, COARSE = 0.25, 1.0
+FINE_STEP, COARSE_STEP = 0.25, 1.0
 # cosine of the angle to the positive axis below which the negative one may be crossed
 NEAR_POSITIVE_AXIS = 0.5
 REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding; and logarithm of |L|
@@ -82,7 +82,7 @@ def fraction(s: Any, of: Any) -> tuple[Any, Any]:
     return num, den
 
 
-def divided(w: Array, steps: Any, delay: float, turn: float = FINE) -> Array:
+def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Array:
     """Divide some steps between frequencies until the dead time turns the phase by `turn` at most."""
     if not delay:
         return w
@@ -173,7 +173,7 @@ def phase_crossings(at: At, w: Array, num: Any, den: Any, floor: float, every: b
     with np.errstate(all="ignore"):
         if delay:
             size = np.abs(num) / np.abs(den)
-            w = divided(w, np.fmax(size[:-1], size[1:]) >= floor, delay, COARSE)
+            w = divided(w, np.fmax(size[:-1], size[1:]) >= floor, delay, COARSE_STEP)
             num, den = at(w)
         product = num * np.conj(den)
         seen = np.abs(product.imag) >= REAL * np.abs(product)
@@ -226,17 +226,17 @@ def highest(
         known, place = -math.inf, 0.0
         if probes.size:
             top = probes[int(np.argmax(values(probes, *at(probes))))]
-            near = top + np.array([-FINE, 0.0, FINE]) / delay
+            near = top + np.array([-FINE_STEP, 0.0, FINE_STEP]) / delay
             (place,), (known,) = lowest(lambda w: -values(w, *at(w)), near, np.array([1]))
             known = -known
         best = max(least, known, float(np.nanmax(heights)))
         if delay:
             # long steps are taken in pieces, of which few may hold a peak
-            w = divided(w, _bound(kind, size, weight(w)) > best, delay, PIECE * FINE)
+            w = divided(w, _bound(kind, size, weight(w)) > best, delay, PIECE * FINE_STEP)
             num, den = at(w)
             heights = values(w, num, den)
             bound = _bound(kind, np.abs(num) / np.abs(den), weight(w))
-            grid, followed = w, np.diff(w) * delay <= FINE
+            grid, followed = w, np.diff(w) * delay <= FINE_STEP
             while not np.all(followed):
                 order = np.argsort(np.where(followed, -np.inf, bound))[::-1][:FOLLOWED_AT_ONCE]
                 steps = np.zeros(followed.size, dtype=bool)

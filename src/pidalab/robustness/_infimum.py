@@ -19,7 +19,7 @@ from pidalab.robustness.loops import from_factors, together
 from pidalab.robustness.peaks_and_crossovers import Seen
 
 NO_LOWER = 1e-10  # by how much a value must be lower to be sought, relative to it if it is beyond 1
-STEPS = 60  # of the grid that are followed at a time
+GRID_STEPS = 60  # of the grid that are followed at a time
 
 
 class LinearPart(NamedTuple):
@@ -99,7 +99,7 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     followed = np.zeros(bound.size, dtype=bool)
     while looked.delay:
         steps = ~followed & (bound < _below(best))
-        steps &= np.cumsum(steps) <= STEPS
+        steps &= np.cumsum(steps) <= GRID_STEPS
         if not steps.any():
             break
         followed |= steps

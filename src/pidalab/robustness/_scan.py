@@ -20,7 +20,7 @@ import numpy as np
 from pidalab._compiled import compiled, plain
 from pidalab.robustness import _arrays
 from pidalab.robustness._arrays import (
-    COARSE,
+    COARSE_STEP,
     HUGE,
     MOST_POINTS,
     NEAR_POSITIVE_AXIS,
@@ -35,7 +35,7 @@ MOST_STEPS = 120  # of Newton's method or of bisection, between two points
 SAME_TOP = 1e-8  # share of its bracket by which the last step to a peak moves at most: the peak is flat
 # share of the first bracket, and of the step before, by which a step to a crossover moves that is to be the last: those
 # of Newton's method then shrink by their square
-SMALL_STEP, QUICKER = 1e-10, 1e-2
+SMALLEST_STEP, QUICKER = 1e-10, 1e-2
 SAME_CROSSING = 4e-16  # share of a frequency, the same for a crossover
 
 
@@ -134,7 +134,7 @@ def _crossing(low, high, rises, lean, aside, of):
         if not low <= after <= high:
             after = 0.5 * (low + high)
         step = abs(after - w)
-        if step <= SAME_CROSSING * w or (step <= SMALL_STEP * wide and step <= QUICKER * last):
+        if step <= SAME_CROSSING * w or (step <= SMALLEST_STEP * wide and step <= QUICKER * last):
             return after
         w, last = after, step
     return w
@@ -198,7 +198,7 @@ def _opposite(low, high, above, of):
         if not low <= after <= high:
             after = 0.5 * (low + high)
         step = abs(after - w)
-        if step <= SAME_CROSSING * w or (step <= SMALL_STEP * wide and step <= QUICKER * last):
+        if step <= SAME_CROSSING * w or (step <= SMALLEST_STEP * wide and step <= QUICKER * last):
             return after
         w, last = after, step
     return w
@@ -250,7 +250,7 @@ def phase_crossings(w, num, den, floor, every, of):
         last = size
         parts = 1
         if i > 0 and delay > 0.0 and (size >= floor or before >= floor):
-            turns = np.ceil((w[i] - w[i - 1]) * delay / COARSE)
+            turns = np.ceil((w[i] - w[i - 1]) * delay / COARSE_STEP)
             points += turns
             if not points <= MOST_POINTS:
                 return np.full(1, np.nan)

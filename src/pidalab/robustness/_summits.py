@@ -9,7 +9,7 @@ from pidalab.robustness import _arrays
 from pidalab.robustness._arrays import (
     COMPLEMENTARY,
     DETOUR,
-    FINE,
+    FINE_STEP,
     MOST_POINTS,
     NO_HIGHER,
     PIECE,
@@ -128,7 +128,7 @@ def highest(kind, w, num, den, probes, least, weight, of):
         if h > best:
             best, where = h, probe
     if not np.isnan(where):
-        peak, at = _summit(kind, where - FINE / delay, where, where + FINE / delay, weight, of)
+        peak, at = _summit(kind, where - FINE_STEP / delay, where, where + FINE_STEP / delay, weight, of)
         if peak > best:
             best, where = peak, at
     value, factor = np.empty(size), np.empty(size)
@@ -144,7 +144,7 @@ def highest(kind, w, num, den, probes, least, weight, of):
         # long steps are taken in pieces, of which few may hold a peak
         pieces, turned = 1, 0.0
         if i > 0:
-            turned = (w[i] - w[i - 1]) * delay / FINE
+            turned = (w[i] - w[i - 1]) * delay / FINE_STEP
             if (
                 turned > PIECE
                 and _bound(kind, num[i - 1], den[i - 1], factor[i - 1], num[i], den[i], factor[i]) > best

@@ -11,7 +11,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.robustness import _arrays
-from pidalab.robustness._arrays import COARSE, FINE, SENSITIVITY
+from pidalab.robustness._arrays import COARSE_STEP, FINE_STEP, SENSITIVITY
 from pidalab.robustness.peaks_and_crossovers import (
     NOTHING,
     ON_CONTOUR,
@@ -100,7 +100,7 @@ class FactoredExplorer(Explorer):
             return np.zeros(0)
         edges = self.gain_crossovers
         edges = edges[edges > QUICK / self.delay][-MOST_PROBED:]
-        return (edges[:, None] + np.arange(-np.pi, np.pi, FINE) / self.delay).ravel()
+        return (edges[:, None] + np.arange(-np.pi, np.pi, FINE_STEP) / self.delay).ravel()
 
     def max_weighted_sensitivity(
         self, weight: LoopFactors, at_zero: float, at_end: float
@@ -163,4 +163,4 @@ class FactoredExplorer(Explorer):
         """Whether L may pass -1 between two points at both of which its modulus is 1."""
         pairs = flat[:-1] & flat[1:]
         left = (L.real[:-1] < 0) & (L.real[1:] < 0) & (L.imag[:-1] * L.imag[1:] <= 0)
-        return bool(np.any(pairs & (left | (np.diff(self.grid) * self.delay > COARSE))))
+        return bool(np.any(pairs & (left | (np.diff(self.grid) * self.delay > COARSE_STEP))))

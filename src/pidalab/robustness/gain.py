@@ -12,7 +12,7 @@ from pidalab.robustness._arrays import SENSITIVITY
 from pidalab.robustness.loops import explore
 from pidalab.robustness.poles import count_unstable
 
-QUIETEST = 0.1  # |L| of the given loop above which the turns of its dead time are followed
+QUIETEST_GIVEN = 0.1  # |L| of the given loop above which the turns of its dead time are followed
 FAR_SHARE = 1e-2  # of the last frequency, up to which gains are looked for at first
 AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
 MS_RTOL = 1e-6  # share by which Ms may exceed the one wanted before the last step
@@ -64,7 +64,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
         except ArithmeticError:  # its phase turns too often to follow: it is far from stable
             return False
 
-    w = looked.follow(QUIETEST)
+    w = looked.follow(QUIETEST_GIVEN)
     w = w[w <= FAR_SHARE * w[-1]]
     for _ in range(MOST_LOOKS):
         candidates = (k * (1 - MS_RTOL) for k in _reached_from_below(looked.L(w), ms))

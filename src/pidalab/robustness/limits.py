@@ -50,7 +50,7 @@ from pidalab.roots import roots
 from pidalab.search import border
 
 TOLERANCE = 1e-6  # margin above which a criterion surely holds
-SLOWEST = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop
+LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop
 BELOW_RESET = 1 - 1e-6  # largest multiplier, as a share of the time of a reset
 MARGIN_RTOL = 1e-9  # share of the margin that a better multiplier may add
 MOST_MULTIPLIERS, FURTHER = 60, 4.0  # that are tried at most, and how many times as far as before
@@ -211,7 +211,7 @@ def popov(loop: Loop) -> Criterion:
     """
     part = linear_part(loop)
     slowest = max(part.forward.delay, *(1 / np.abs(part.poles)), 0.0) or 1 / abs(part.gain)
-    most = part.reset_time * BELOW_RESET if math.isfinite(part.reset_time) else SLOWEST * slowest
+    most = part.reset_time * BELOW_RESET if math.isfinite(part.reset_time) else LARGEST_MULTIPLIER * slowest
     tried: list[Criterion] = []
     lines: list[tuple[float, float]] = []
     theta = 0.0

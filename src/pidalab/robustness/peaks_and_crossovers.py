@@ -13,14 +13,14 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.robustness import _arrays
 from pidalab.robustness._arrays import (
-    COARSE,
-    FINE,
+    COARSE_STEP,
+    FINE_STEP,
     divided,
     height,
     most_between,
 )
 
-TURNED = 0.8  # largest turn of the characteristic function between two points, in rad
+LARGEST_TURN = 0.8  # largest turn of the characteristic function between two points, in rad
 HALVINGS = 70  # of a step, at most, until it turns no more than that
 ON_CONTOUR = 1e-9  # share of its terms below which the characteristic function has a zero on the contour
 TO_AN_END = 1e-7  # share by which a peak must exceed what is approached at an end of the axis
@@ -105,11 +105,11 @@ class Explorer:
         with np.errstate(all="ignore"):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
-    def follow(self, loud: float, turn: float = FINE) -> Array:
+    def follow(self, loud: float, turn: float = FINE_STEP) -> Array:
         """Return points between which the dead time turns the phase by `turn` at most wherever \\|L\\| >= loud."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud, turn)
 
-    def points(self, steps: Any, turn: float = FINE) -> Array:
+    def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
         """Divide some steps of the grid until the dead time turns the phase by `turn` at most."""
         return divided(self.grid, steps, self.delay, turn)
 
@@ -124,7 +124,7 @@ class Explorer:
         # a dead time makes infinitely many of them, but not up to half a sampling frequency
         found = self._phase_crossings(w, num, den, quietest, not self.delay or math.isfinite(self.end))
         if np.isnan(found).any():
-            raise _arrays.too_many(COARSE)
+            raise _arrays.too_many(COARSE_STEP)
         return found
 
     def _phase_crossings(self, w: Array, num: Any, den: Any, quietest: float, every: bool) -> Array:
@@ -143,7 +143,7 @@ class Explorer:
         end = max(at_zero, at_end)
         peak, where = self._highest(kind, end / (1 - TO_AN_END), weight)
         if math.isnan(peak):
-            raise _arrays.too_many(FINE)
+            raise _arrays.too_many(FINE_STEP)
         if math.isnan(where):  # nothing is higher than what is approached at an end
             return end, 0.0 if at_zero >= end * (1 - TO_AN_END) else self.end
         return peak, where
@@ -184,11 +184,11 @@ class Explorer:
             )
             turned = num * np.exp(1j * w * self.delay)
             by_den, by_num = (np.angle(part[1:] * np.conj(part[:-1])) for part in (den, turned))
-            known = (quiet & (np.abs(by_den) <= TURNED)) | (loud & (np.abs(by_num) <= TURNED))
+            known = (quiet & (np.abs(by_den) <= LARGEST_TURN)) | (loud & (np.abs(by_num) <= LARGEST_TURN))
             in_quiet = by_den + np.diff(np.angle(1 + L))
             in_loud = by_num - np.diff(w) * self.delay + np.diff(np.angle(1 + 1 / L))
             total = float(np.where(quiet, in_quiet, in_loud)[known].sum())
-            w = self.points(~known, COARSE)
+            w = self.points(~known, COARSE_STEP)
             inside = ~known[np.searchsorted(self.grid, w[1:]) - 1]
             f = characteristic(w)
             a, b, fa, fb = w[:-1][inside], w[1:][inside], f[:-1][inside], f[1:][inside]
@@ -196,7 +196,7 @@ class Explorer:
                 turn = np.angle(fb * np.conj(fa))
                 if np.any(np.isnan(turn)):
                     return None
-                wide = np.abs(turn) > TURNED
+                wide = np.abs(turn) > LARGEST_TURN
                 total += float(turn[~wide].sum())
                 if not wide.any():
                     break

@@ -35,14 +35,14 @@ from pidalab.reduction import ultimate_frequency
 from pidalab.rules._design import Design
 from pidalab.search import border
 
-KINDS = ("PI", "PID")
+MIGO_KINDS = ("PI", "PID")
 BELOW, ABOVE = 1e-3, 1e3  # of the frequencies looked at, over that at which the process turns by half a turn
-POINTS, TURN = 6000, 0.02  # how many, and rad by which the dead time turns between two of them
+SWEEP_POINTS, SWEEP_TURN = 6000, 0.02  # how many, and rad by which the dead time turns between two of them
 MOST_TURNS = 400.0  # rad of the dead time that are looked at
 SEARCHED = (1e-2, 2.0, 400)  # of the frequency of the PI controller, over the same, and how many are tried
 PACE, CLOSE = 1.01, 1e-9  # steps along the curve, and to its end
 STEP = 1e-4  # share of a frequency over which v is differentiated
-TOUCHING = 1e-6  # share of the radius that counts as a touch: v is differentiated to about that
+CIRCLE_TOUCH = 1e-6  # share of the radius that counts as a touch: v is differentiated to about that
 IDEAL = 1e6  # ratio of the derivative and its filter where the loop of the rule has none
 
 
@@ -73,7 +73,7 @@ class _Ridge(NamedTuple):
 
     def fits(self, w: float) -> bool:
         """Whether it keeps outside, and integrates."""
-        return bool(self.at(w)[0] > 0) and self.room(w) >= -TOUCHING
+        return bool(self.at(w)[0] > 0) and self.room(w) >= -CIRCLE_TOUCH
 
 
 def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> Design:
@@ -111,7 +111,7 @@ def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> De
     """
     from pidalab.robustness.poles import is_stable
 
-    _check.choice("kind", kind, KINDS)
+    _check.choice("kind", kind, MIGO_KINDS)
     m = _check.real("m", m, above=1.0)
     require_no_zero_at_origin("model", model)
     sign = sign_of_gain(model)
@@ -137,9 +137,9 @@ def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> De
 def _ridge(process: Process, m: float, turned: float) -> _Ridge:
     """The circle of M, and frequencies fine enough for the turns of the dead time."""
     both = 2 * m * (m - 1)
-    w = turned * np.geomspace(BELOW, ABOVE, POINTS)
+    w = turned * np.geomspace(BELOW, ABOVE, SWEEP_POINTS)
     if process.delay:
-        turns = np.arange(0.1, MOST_TURNS, TURN) / process.delay
+        turns = np.arange(0.1, MOST_TURNS, SWEEP_TURN) / process.delay
         w = np.unique(np.append(w, turns))
     return _Ridge(process, (both + 1) / both, (2 * m - 1) / both, w, process(1j * w))
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import control
 
 
-HIGHEST_ORDER = 100  # order of a controller or filter: beyond it factorials leave double precision
+HIGHEST_MRDP_ORDER = 100  # order of a controller or filter: beyond it factorials leave double precision
 
 
 class Constants(NamedTuple):
@@ -95,7 +95,7 @@ def constants(m: int) -> Constants:
     >>> pidalab.rules.mrdp.constants(m=1)
     Constants(pole=-1.267949, gain=0.783612, integral_time=3.732051, derivative_times=(0.262892,))
     """
-    m = _check.integer("m", m, at_least=0, at_most=HIGHEST_ORDER)
+    m = _check.integer("m", m, at_least=0, at_most=HIGHEST_MRDP_ORDER)
     mu = math.sqrt(m + 2)
     c = [_coefficient(m, j) for j in range(m + 2)]
     return Constants(mu - mu**2, c[1], c[1] / c[0], tuple(value / c[1] for value in c[2:]))
@@ -146,8 +146,8 @@ def filter_ratio(m: int, n: int) -> float:
 
 
 def _orders(m: int, n: int) -> tuple[int, int]:
-    m = _check.integer("m", m, at_least=0, at_most=HIGHEST_ORDER)
-    return m, _check.integer("n", n, at_least=m, at_most=HIGHEST_ORDER)
+    m = _check.integer("m", m, at_least=0, at_most=HIGHEST_MRDP_ORDER)
+    return m, _check.integer("n", n, at_least=m, at_most=HIGHEST_MRDP_ORDER)
 
 
 def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
@@ -182,7 +182,7 @@ def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
     return tuple(math.comb(p, k + 1) * (-1 / unit.pole) ** (k + 1) / scale[k] for k in range(p))
 
 
-SOURCES = {
+MRDP_SOURCES = {
     "m": "chosen",
     "n": "chosen",
     "te": "chosen, step 1 of the tuning procedure",
@@ -280,7 +280,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     verdict = (
         "stable" if te > info["smallest_te"] or m < 2 else "unstable with the model, which needs a longer te"
     )
-    sources = SOURCES | {"smallest_te": f"not in the paper; {verdict}"}
+    sources = MRDP_SOURCES | {"smallest_te": f"not in the paper; {verdict}"}
     prefilter = _prefilter(weights, [ti * x for x in (1.0, *td)])
     return Design(model, controller, prefilter, None, "huba2018, sec. II.B", info, sources)
 

@@ -24,7 +24,7 @@ from pidalab.simulation.operations import operations
 from pidalab.simulation.sampled_controller import require_fine_enough
 from pidalab.simulation.steps import Steps
 
-NAMES = ("kp", "kd", "ka", "ti", "filter_time")
+PARAMETER_NAMES = ("kp", "kd", "ka", "ti", "filter_time")
 MOST_SETS = 10**7  # whose measures take about 2 GB
 
 
@@ -32,7 +32,7 @@ class Bank(NamedTuple):
     """Parameters and prefilter coefficients of many loops; every array has the shape of the grid."""
 
     own: SeriesPIDA  # whose other values hold for all
-    values: dict[str, Array]  # of `NAMES`
+    values: dict[str, Array]  # of `PARAMETER_NAMES`
     num: tuple[Array, ...]  # of the prefilter, as long as den
     den: tuple[Array, ...]
 
@@ -45,7 +45,9 @@ class Bank(NamedTuple):
         own = loop.controller
         if not isinstance(own, SeriesPIDA) or loop.output_filter is not None:
             raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
-        values = {name: np.asarray(getattr(own, name)) for name in NAMES} | _differing(own, parameters)
+        values = {name: np.asarray(getattr(own, name)) for name in PARAMETER_NAMES} | _differing(
+            own, parameters
+        )
         num, den = ([np.asarray(x) for x in part] for part in loop.blocks["prefilter"])
         if prefilter is not None:
             num, den = _coefficients(loop, prefilter)
@@ -99,8 +101,8 @@ def _differing(own: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[str
     values = {}
     # not what iterates: a Series of pandas has its values there
     for name, given in dict(parameters).items():
-        if name not in NAMES:
-            raise ValueError(f"parameters must be among {', '.join(NAMES)}, found {name!r}")
+        if name not in PARAMETER_NAMES:
+            raise ValueError(f"parameters must be among {', '.join(PARAMETER_NAMES)}, found {name!r}")
         values[name] = _check.array(f"parameters[{name!r}]", given)
         for extreme in (values[name].min(), values[name].max()):
             changed: dict[str, Any] = {name: float(extreme)}

@@ -13,8 +13,12 @@ from pidalab.simulation.ladder import ManyDeadTimes, norm_over, responses
 from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
 # Beyond this many time constants of the fastest state in a dead time, or in t, what it does may cancel.
-STIFF = 3e3
-UNITS = (1.3, 0.6, 2.2)  # of time and of u, for the second response, and for others where that leaves doubts
+CHECKED_FROM = 3e3
+OTHER_UNITS = (
+    1.3,
+    0.6,
+    2.2,
+)  # of time and of u, for the second response, and for others where that leaves doubts
 CHECKED = 64  # times at least at which the two are compared
 DENSE = 10_000  # times at which it is asked how large a response is, before it is refused
 AGREEMENT = 1e-10  # of both, relative to the largest value of a signal: nine digits are promised
@@ -25,7 +29,7 @@ NOTHING_LEFT = 0.1
 LOUDEST_ECHO = 10.0  # |L| at high frequencies, by which kicks grow from one dead time to the next
 MOST_GROWTH = 12.0  # powers of ten by which kicks of so loud a loop may grow in all
 FLANK = 60.0  # time constants of the fastest state that a kick lasts
-FAR = 1e5  # time constants after which a time, known to 1e-16, no longer says well enough where in a flank it is
+UNSEEN_FLANK = 1e5  # time constants after which a time, known to 1e-16, no longer tells its place in a flank
 
 
 # loops, and the grids on which their responses have been found to have their digits: that is asked once
@@ -68,7 +72,7 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
     norm = norm_over(cut, n, step)
     # without dead time the loop is closed, and its blocks may be faster than what is left of them
     speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
-    return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > STIFF
+    return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
 
 
 def _require_faint_echoes(loop: Loop, span: float) -> None:
@@ -77,8 +81,8 @@ def _require_faint_echoes(loop: Loop, span: float) -> None:
     if echo > LOUDEST_ECHO and (passes := span / loop.process.delay) * np.log10(echo) > MOST_GROWTH:
         raise ValueError(
             f"rounding leaves no digits between kicks: far above the crossover |L| is {echo:.3g}, where "
-            f"{LOUDEST_ECHO:g} is allowed, and in {passes:.0f} dead times they grow by more than 1e{MOST_GROWTH:g}; take "
-            "a smaller gain, a slower filter or fewer dead times"
+            f"{LOUDEST_ECHO:g} is allowed, and in {passes:.0f} dead times they grow by more than 1e{MOST_GROWTH:g}; "
+            "take a smaller gain, a slower filter or fewer dead times"
         )
 
 
@@ -98,7 +102,7 @@ def _require_agreement(loop: Loop, inputs: str, found: Array, step: float) -> No
     every = max(c for c in range(1, steps // CHECKED + 1) if steps % c == 0)
     size, in_between = _sizes(cut, found, step, every), False
     uncertain = np.zeros((len(inputs), 3))
-    for unit in UNITS:
+    for unit in OTHER_UNITS:
         apart = np.abs(found[:, :, ::every] - _again(loop, inputs, unit, steps // every + 1, step * every))
         apart = np.minimum(np.nan_to_num(apart, nan=np.inf), 1e300)
         share = np.max(apart / size, axis=2)
@@ -148,7 +152,7 @@ def _sizes(cut: Cut, found: Array, step: float, every: int) -> Array:
     with_kicks = np.maximum.accumulate(found, axis=2)[:, :, later]
     without = np.maximum.accumulate(found * outside, axis=2)[:, :, later]
     without = np.where(outside[::every], without * (AFTER_KICKS / AGREEMENT), np.inf)
-    compared = (since > FLANK / fastest) | ((t > 0.0) & (t < FAR / fastest))
+    compared = (since > FLANK / fastest) | ((t > 0.0) & (t < UNSEEN_FLANK / fastest))
     return np.where(compared[::every], np.maximum(np.minimum(with_kicks, without), 1e-300), np.inf)
 
 

@@ -14,10 +14,10 @@ from pidalab.loop import Loop, require_loop
 from pidalab.robustness.poles import is_stable
 from pidalab.simulation.sampled import simulate_sampled
 
-FIRST, MOST = 4096, 1 << 20  # samples of a response to noise, at first and at most
+TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # samples of a response to noise, at first and at most
 # Share of the squares that the second half of such a response may hold. What comes later is left out: of a tail that
-# falls by e in N samples at most FADED N / FIRST of the squares, so that the gain is low by at most half of that, 1e-10
-# of itself for a tail of a million samples, 1e-7 for one of a thousand millions.
+# falls by e in N samples at most FADED N / TAIL_SAMPLES of the squares, so the gain is low by at most half of that,
+# 1e-10 of itself for a tail of a million samples, 1e-7 for one of a thousand millions.
 FADED = 1e-12
 # dead times that such a response covers at least: what comes back of the noise comes after the first
 ECHOES = 4
@@ -136,12 +136,12 @@ def _lengths(loop: Loop, h: float) -> list[int]:
             "loop must be stable, found poles in the closed right half-plane, or arbitrarily near it"
         )
     shortest = ECHOES * loop.process.delay / h
-    if shortest > MOST:
+    if shortest > LONGEST_TAIL:
         raise ValueError(
-            f"sample_time must be at least {ECHOES * loop.process.delay / MOST:.3g}, for {ECHOES} dead times in {MOST} "
-            f"samples, found {h:g}"
+            f"sample_time must be at least {ECHOES * loop.process.delay / LONGEST_TAIL:.3g}, for {ECHOES} dead "
+            f"times in {LONGEST_TAIL} samples, found {h:g}"
         )
-    lengths = [max(FIRST, math.ceil(shortest))]
-    while 4 * lengths[-1] <= MOST:
+    lengths = [max(TAIL_SAMPLES, math.ceil(shortest))]
+    while 4 * lengths[-1] <= LONGEST_TAIL:
         lengths.append(4 * lengths[-1])
     return lengths

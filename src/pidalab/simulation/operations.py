@@ -23,7 +23,7 @@ SETPOINT, MEASUREMENT, CONTROL, SUMMED = range(4)
 SIGNALS = ("setpoint", "measurement", "control", "summed")
 # target = left + right, and so on; COPY: target = left; CHOOSE: target = left if right is not 0
 ADD, SUBTRACT, MULTIPLY, LESS, GREATER, COPY, CHOOSE = range(7)
-KINDS: dict[type, int] = {
+OPERATION_CODES: dict[type, int] = {
     ast.Add: ADD,
     ast.Sub: SUBTRACT,
     ast.Mult: MULTIPLY,
@@ -124,12 +124,12 @@ class _Compiler:
                 first, second = self.value(left), self.value(right)
                 if isinstance(first, bool):
                     return second if first == isinstance(op, ast.And) else first
-                return self.emit(KINDS[type(op)], first, second)
+                return self.emit(OPERATION_CODES[type(op)], first, second)
             case (
                 ast.Compare(left=left, ops=[op], comparators=[right])
                 | ast.BinOp(left=left, op=op, right=right)
             ):
-                return self.emit(KINDS[type(op)], self.value(left), self.value(right))
+                return self.emit(OPERATION_CODES[type(op)], self.value(left), self.value(right))
         raise TypeError(f"a step has no such expression: {ast.unparse(node)}")
 
     def emit(self, kind: int, left: int, right: int) -> int:

@@ -16,7 +16,7 @@ from pidalab._compiled import compiled, plain
 # Size, relative to its largest coefficient, below which the last coefficients of an element are left out. At 1e-20 a
 # kick of 1e22, which coefficients carry beside a plant's, made y off by 4e-9.
 DROPPED = 1e-26
-TERMS = 14  # of the Taylor series, for a norm of at most 1/2: the next one is 1e-17 of the first
+TAYLOR_TERMS = 14  # of the Taylor series, for a norm of at most 1/2: the next one is 1e-17 of the first
 
 
 def _add_row_by_row(out, factors, rows, first, column):
@@ -153,7 +153,7 @@ def taylor(tau, most, A, B, Cv, D):
     order, channels = B.shape
     term = np.eye(order)  # transposed here: columns are states, since A has many zeros
     total = np.zeros((order, order))
-    for n in range(1, TERMS + 1):
+    for n in range(1, TAYLOR_TERMS + 1):
         share = tau / n
         reach = most if D.any() else min(most, term.shape[1] // order + 1)
         after = np.zeros((order, order * reach))

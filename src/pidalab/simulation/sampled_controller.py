@@ -35,7 +35,7 @@ from pidalab.process import binomial
 from pidalab.roots import roots
 from pidalab.statespace import StateSpace, discretise
 
-ANTI_WINDUP = (None, "clamping", "conditioning")
+RESET_PROTECTIONS = (None, "clamping", "conditioning")
 
 
 def sampled_controller(
@@ -45,7 +45,7 @@ def sampled_controller(
 
     Returns the fraction, and what is behind it: the integral and the limits.
     """
-    _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
+    _check.choice("anti_windup", anti_windup, RESET_PROTECTIONS)
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
         if anti_windup is not None:

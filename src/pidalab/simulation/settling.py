@@ -12,8 +12,10 @@ from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.response import Response
 
-POINTS = 4001  # of the response
-DOUBLINGS = 13  # of the horizon: a loop that is ten thousand times slower than expected still comes to rest
+SETTLING_POINTS = 4001  # of the response
+HORIZON_DOUBLINGS = (
+    13  # of the horizon: a loop that is ten thousand times slower than expected still comes to rest
+)
 
 
 def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: float) -> Response:
@@ -53,10 +55,10 @@ def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: fl
     horizon = _check.real("horizon", horizon, above=0.0)
     while horizon <= 2 * loop.process.delay:
         horizon *= 2
-    for doubling in range(DOUBLINGS + 1):
+    for doubling in range(HORIZON_DOUBLINGS + 1):
         end = horizon * 2.0**doubling
         try:
-            response = simulate(loop, np.linspace(0.0, end, POINTS))
+            response = simulate(loop, np.linspace(0.0, end, SETTLING_POINTS))
         except ManyDeadTimes:
             raise ValueError(
                 f"the loop needs {end:.3g} to come to rest, {end / loop.process.delay:.3g} times the dead time of its "
@@ -67,7 +69,7 @@ def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: fl
         except ValueError:
             continue
         return response
-    raise ValueError(f"the response does not settle within {horizon * 2**DOUBLINGS:.3g}")
+    raise ValueError(f"the response does not settle within {horizon * 2**HORIZON_DOUBLINGS:.3g}")
 
 
 def load_iae(loop: Loop) -> float:

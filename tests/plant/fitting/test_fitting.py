@@ -9,7 +9,7 @@ import pidalab
 from pidalab import Record
 from pidalab.plant.fitting import fit
 from pidalab.plant.fitting.searching import FitResult, prepared, refined, search
-from pidalab.plant.fitting.shapes import FIRST, INTEGRATOR, SECOND
+from pidalab.plant.fitting.shapes import FIRST_ORDER, INTEGRATOR, SECOND_ORDER
 from pidalab.plant.fitting.uncertainty import covariance
 
 GRID = np.linspace(0.0, 300.0, 3001)
@@ -220,14 +220,14 @@ def test_uncertainty_of_white_residuals_in_closed_form():
 
 def test_uncertainty_of_an_exact_fit_is_none():
     data = prepared(historian(0))
-    exact = FitResult(FIRST, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
+    exact = FitResult(FIRST_ORDER, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
     assert not np.any(covariance(exact))
 
 
 @pytest.mark.parametrize("model", ["fopdt", "sopdt", "ipdt"])
 def test_sensitivities_beside_a_finer_difference(model):
     data = prepared(historian(3))
-    found = search(data, {"fopdt": FIRST, "sopdt": SECOND, "ipdt": INTEGRATOR}[model])
+    found = search(data, {"fopdt": FIRST_ORDER, "sopdt": SECOND_ORDER, "ipdt": INTEGRATOR}[model])
     gain, level, *p = found.values.tolist()
     shape = found.shape
 
@@ -268,7 +268,7 @@ def test_an_input_of_many_changes_is_laid_on_a_grid(changes, grid):
     data = prepared(Record(t, u, 3.0 + y))
     assert data.grid == grid
     assert data.unseen == (0.0 if grid else 0.5)
-    np.testing.assert_allclose(2.0 * data.simulated(FIRST, [5.0], 1.25), y, atol=1e-9)
+    np.testing.assert_allclose(2.0 * data.simulated(FIRST_ORDER, [5.0], 1.25), y, atol=1e-9)
 
 
 def test_a_long_record_is_averaged_over_neighbours():
@@ -301,16 +301,16 @@ def test_the_starts_that_are_followed_end_as_low_as_all_of_them():
     data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
     span = 130.0
     ends = [
-        refined(data, FIRST, [lag, delay], span).cost
+        refined(data, FIRST_ORDER, [lag, delay], span).cost
         for lag in span * np.geomspace(0.01, 0.5, 5)
         for delay in span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
     ]
     assert max(ends) > 1.01 * min(ends)
-    assert search(data, FIRST).cost == pytest.approx(min(ends), rel=1e-6)
+    assert search(data, FIRST_ORDER).cost == pytest.approx(min(ends), rel=1e-6)
 
 
 @pytest.mark.parametrize(
-    ("shape", "true"), [(FIRST, [1500.0]), (SECOND, [1.0, 19.0])], ids=["lag", "damping"]
+    ("shape", "true"), [(FIRST_ORDER, [1500.0]), (SECOND_ORDER, [1.0, 19.0])], ids=["lag", "damping"]
 )
 def test_a_descent_from_the_truth_stays_there_close_to_the_upper_bounds_too(shape, true):
     """A lag of 15 records, and a damping of nearly 20: in valleys so flat a start further away ends elsewhere."""

@@ -4,24 +4,32 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.plant.fitting.shapes import FIRST, INTEGRATOR, LAGGED, SECOND, ZERO, behind_lag, equal_lags
+from pidalab.plant.fitting.shapes import (
+    FIRST_ORDER,
+    INTEGRATOR,
+    LAGGED,
+    ORDER_WITH_ZERO,
+    SECOND_ORDER,
+    behind_lag,
+    equal_lags,
+)
 
 
 @pytest.mark.parametrize(
     ("shape", "p", "process"),
     [
-        (FIRST, [3.0], pidalab.fopdt(1.0, 3.0, 0.0)),
-        (SECOND, [2.0, 0.3], pidalab.sopdt(1.0, 2.0, 0.3, 0.0)),
-        (SECOND, [2.0, 1.25], pidalab.sopdt(1.0, 2.0, 1.25, 0.0)),
-        (SECOND, [2.0, 1.7], pidalab.sopdt(1.0, 2.0, 1.7, 0.0)),
-        (SECOND, [2.0, 1.0], pidalab.lags(2, 2.0)),
+        (FIRST_ORDER, [3.0], pidalab.fopdt(1.0, 3.0, 0.0)),
+        (SECOND_ORDER, [2.0, 0.3], pidalab.sopdt(1.0, 2.0, 0.3, 0.0)),
+        (SECOND_ORDER, [2.0, 1.25], pidalab.sopdt(1.0, 2.0, 1.25, 0.0)),
+        (SECOND_ORDER, [2.0, 1.7], pidalab.sopdt(1.0, 2.0, 1.7, 0.0)),
+        (SECOND_ORDER, [2.0, 1.0], pidalab.lags(2, 2.0)),
         (equal_lags(5), [0.7], pidalab.lags(5, 0.7)),
         (INTEGRATOR, [], pidalab.ipdt(1.0, 0.0)),
         (LAGGED, [3.0], pidalab.Process([1.0], [3.0, 1.0, 0.0])),
-        (ZERO, [2.0, 0.3, -1.0], pidalab.Process([-1.0, 1.0], [4.0, 1.2, 1.0])),
-        (ZERO, [2.0, 1.0, 1.5], pidalab.Process([1.5, 1.0], [4.0, 4.0, 1.0])),
-        (ZERO, [2.0, 1.25, -1.0], pidalab.Process([-1.0, 1.0], [4.0, 5.0, 1.0])),
-        (behind_lag(FIRST, 3.0), [3.0], pidalab.lags(2, 3.0)),
+        (ORDER_WITH_ZERO, [2.0, 0.3, -1.0], pidalab.Process([-1.0, 1.0], [4.0, 1.2, 1.0])),
+        (ORDER_WITH_ZERO, [2.0, 1.0, 1.5], pidalab.Process([1.5, 1.0], [4.0, 4.0, 1.0])),
+        (ORDER_WITH_ZERO, [2.0, 1.25, -1.0], pidalab.Process([-1.0, 1.0], [4.0, 5.0, 1.0])),
+        (behind_lag(FIRST_ORDER, 3.0), [3.0], pidalab.lags(2, 3.0)),
         (behind_lag(INTEGRATOR, 2.0), [], pidalab.Process([1.0], [2.0, 1.0, 0.0])),
     ],
 )

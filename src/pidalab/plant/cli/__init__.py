@@ -9,10 +9,10 @@ import click
 
 from pidalab.plant.cli import checking, desk, given, judged, recorded
 
-SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
+CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
 
 
-@click.group(context_settings=SETTINGS)
+@click.group(context_settings=CONTEXT_SETTINGS)
 @click.version_option(package_name="pidalab")
 def main() -> None:
     """PIDA control: from a plant record to controller code, and what a controller does to a plant.

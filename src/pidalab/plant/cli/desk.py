@@ -14,8 +14,8 @@ from pidalab.plant.cli.parts import csv_of, ms, one_line, out, show, write
 if TYPE_CHECKING:
     from pidalab.response import Response
 
-FULL = (0.0, 100.0)
-POWER = click.FloatRange(*FULL)  # of a heater, in per cent
+POWER_RANGE = (0.0, 100.0)
+POWER = click.FloatRange(*POWER_RANGE)  # of a heater, in per cent
 
 
 @click.command("tclab")
@@ -72,7 +72,7 @@ def tclab_command(
         with Lab(connected) as lab:
             if connected:
                 lab.hold(0.0, cooling)
-            k = row.design.discretise(sample_time, limits=FULL)
+            k = row.design.discretise(sample_time, limits=POWER_RANGE)
             runs[row.kind] = lab.closed_loop(k, setpoint, 2 * duration, disturbance)
     where = "at the board" if connected else "simulated"
     show([(f"Closed loops, {where}, after heater 2 went to {load:g} %", _table(runs, duration))])

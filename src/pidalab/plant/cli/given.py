@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from pidalab.loop import Loop
     from pidalab.response import Response
 
-SAMPLES = 2000  # of a response of a continuous controller
-MOST = 1e7  # of a digital one: more would fill the memory
+DEFAULT_SAMPLES = 2000  # of a response of a continuous controller
+MOST_DIGITAL_SAMPLES = 1e7  # of a digital one: more would fill the memory
 
 
 @click.command("compare")
@@ -141,10 +141,12 @@ def _response(loop: Loop, until: float, setpoint: float, load: float, low: float
             raise click.UsageError(
                 "--u-min and --u-max are limits of a digital controller: give --sample-time"
             )
-        return simulate(loop, np.linspace(0.0, until, SAMPLES + 1), setpoint=setpoint, load=load)
+        return simulate(loop, np.linspace(0.0, until, DEFAULT_SAMPLES + 1), setpoint=setpoint, load=load)
     h = loop.digital.sample_time
-    if not until / h <= MOST:
-        raise click.UsageError(f"--until must be at most {MOST:g} samples of {h:g}, found {until:g}")
+    if not until / h <= MOST_DIGITAL_SAMPLES:
+        raise click.UsageError(
+            f"--until must be at most {MOST_DIGITAL_SAMPLES:g} samples of {h:g}, found {until:g}"
+        )
     t = h * np.arange(max(2, round(until / h) + 1))
     return simulate_sampled(loop, t, setpoint=setpoint, load=load, limits=(low, high))
 

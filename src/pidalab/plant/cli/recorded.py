@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from pidalab.plant.record import Record
     from pidalab.rules import Design
 
-MODELS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
-ANTI_WINDUP = ("reset", "back-calculation", "clamping", "none")
+MODEL_WORDS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
+ANTI_WINDUP_WORDS = ("reset", "back-calculation", "clamping", "none")
 WEIGHT = click.FloatRange(0.0, 1.0)  # of a set point: beyond 1 it would be another one
 READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers")
 CODE = {
@@ -54,7 +54,7 @@ record = add_options(
         type=click.Choice(["drop", "keep"]),
         help="What becomes of outputs far from their neighbours.",
     ),
-    click.option("--model", default="auto", type=click.Choice(MODELS), help="Model to fit."),
+    click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
 )
 design = add_options(
     click.option("--rule", default="optimal", help="The optimum, or a rule of 'pidalab rules' by its name."),
@@ -134,7 +134,7 @@ def report_command(out: Path | None, force: bool, model: str, trade_off: bool, *
 )
 @click.option(
     "--anti-windup",
-    type=click.Choice(ANTI_WINDUP),
+    type=click.Choice(ANTI_WINDUP_WORDS),
     show_default="reset; without proportional action clamping",
     help="What a limit does to the integral.",
 )
@@ -177,7 +177,7 @@ def tune_command(
     """
     from pidalab.loop import Loop
     from pidalab.plant.fitting import fit
-    from pidalab.plant.reporting import COLUMNS, report
+    from pidalab.plant.reporting import REPORT_COLUMNS, report
     from pidalab.robustness.margins import margins
 
     called = options["record"].name
@@ -213,7 +213,10 @@ def tune_command(
         ("Controller", f"{design.controller}\n{_vendors(design, full_output)}"),
         ("Margins, continuous", str(margins(design.loop(fitted.process)))),
         (f"Margins, sampled every {sample_time:g}", str(sampled)),
-        ("Expected", "\n".join(f"{name}: {getattr(found.rows[0], x):.4g}" for name, x in COLUMNS.items())),
+        (
+            "Expected",
+            "\n".join(f"{name}: {getattr(found.rows[0], x):.4g}" for name, x in REPORT_COLUMNS.items()),
+        ),
         ("Doubts", "\n".join(doubts) or "none found"),
     ]
     show(sections)

@@ -7,13 +7,13 @@ import math
 from typing import Any, NoReturn
 
 from pidalab.digital.controller import DigitalController
-from pidalab.digital.parameters import ANTI_WINDUP, MOST_LAGS, MOST_PATHS
+from pidalab.digital.parameters import ANTI_WINDUP, MOST_PATH_LAGS, MOST_PATHS
 from pidalab.digital.paths import Path
 from pidalab.digital.prefilter import Prefilter
 from pidalab.plant.code.files import checksum, content
 
 LONGEST_FILE = 2_000_000  # characters; the longest that is written has a tenth of it
-NAMES = {  # of each object
+FIELD_NAMES = {  # of each object
     "": "about version checksum controller sample_time method anti_windup setpoint_weights limits rate_limit deadband "
     "working_point largest_signal feedforward tunable paths prefilter integral coefficients test",
     "setpoint_weights": "b c",
@@ -99,7 +99,9 @@ def _controller(stored: dict[str, Any]) -> DigitalController:
         sample_time=stored["sample_time"],
         method=stored["method"],
         paths=tuple(
-            Path(p["name"], p["weight"], *(_list(x, p[x], MOST_LAGS + 1) for x in ("new", "old", "gains")))
+            Path(
+                p["name"], p["weight"], *(_list(x, p[x], MOST_PATH_LAGS + 1) for x in ("new", "old", "gains"))
+            )
             for p in (_object(one, "path") for one in _list("paths", stored["paths"], MOST_PATHS))
         ),
         integrates=integral["acts"],
@@ -124,15 +126,17 @@ def _controller(stored: dict[str, Any]) -> DigitalController:
 def _prefilter(stored: dict[str, Any]) -> Prefilter:
     """Return a prefilter with tuples for the lists of JSON."""
     found = _object(stored["prefilter"], "prefilter")
-    lists = {name: _list(name, found[name], MOST_LAGS + 1) for name in ("num", "den", "out", "move")}
+    lists = {name: _list(name, found[name], MOST_PATH_LAGS + 1) for name in ("num", "den", "out", "move")}
     return Prefilter(**found | lists)
 
 
 def _object(value: Any, name: str) -> dict[str, Any]:
     """Check that a value is an object with exactly the names that are written."""
-    if not isinstance(value, dict) or {*value} != {*NAMES[name].split()}:
+    if not isinstance(value, dict) or {*value} != {*FIELD_NAMES[name].split()}:
         found = sorted(value) if isinstance(value, dict) else type(value).__name__
-        raise ValueError(f"{name or 'the whole'} must have the names {NAMES[name]}, found {found!r:.120}")
+        raise ValueError(
+            f"{name or 'the whole'} must have the names {FIELD_NAMES[name]}, found {found!r:.120}"
+        )
     return value
 
 

@@ -50,12 +50,12 @@ auto break case char const continue default do double else enum extern float for
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true false
 main nan infinity y0 y1 yn j0 j1 jn gamma index exp log pow errno assert
 """
-PYTHON = """
+PYTHON_WORDS = """
 and as assert async await break class continue def del elif else except false finally for from global if import in is
 lambda none nonlocal not or pass raise return true try while with yield self zip max abs print range exec eval
 """
 RESERVED = frozenset(
-    " ".join((IEC_61131_3, INSTRUCTION_LIST, STANDARD_LIBRARY, VENDORS, C99, PYTHON)).split()
+    " ".join((IEC_61131_3, INSTRUCTION_LIST, STANDARD_LIBRARY, VENDORS, C99, PYTHON_WORDS)).split()
 )
 # conversions as REAL_TO_INT, and typed functions as ADD_REAL, which libraries have for all types
 FAMILIES = re.compile(

@@ -50,7 +50,7 @@ WORKING_POINT = 0.15  # share by which the gain may be higher or lower than in a
 HIGHER = 0.75  # share of the plants whose gain is higher
 UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
 MOVED = 0.05  # share of its span by which the input moves, if it does
-LEFT = 0.5  # share of the movement of the output that no model may leave beyond noise
+MOST_UNEXPLAINED = 0.5  # share of the movement of the output that no model may leave beyond noise
 TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
 
 
@@ -422,7 +422,7 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
     noise = noise_of(record, data, found)
     if refusal := unexplained(data, found):
         raise ValueError(refusal)
-    if found.deviation**2 - noise**2 > (LEFT * float(np.std(data.y))) ** 2:
+    if found.deviation**2 - noise**2 > (MOST_UNEXPLAINED * float(np.std(data.y))) ** 2:
         raise ValueError(
             f"{found.shape.name} does not describe this plant: it leaves {found.deviation:.3g} of an output that moves "
             f"by {np.std(data.y):.3g} (standard deviation), and its noise is {noise:.3g}; step the input by itself, "

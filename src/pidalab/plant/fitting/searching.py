@@ -17,12 +17,12 @@ from scipy.signal import fftconvolve
 
 from pidalab._check import Array
 from pidalab.plant.fitting.shapes import (
-    FIRST,
+    FIRST_ORDER,
     INTEGRATOR,
     LAGGED,
     MOST_LAGS,
-    SECOND,
-    ZERO,
+    ORDER_WITH_ZERO,
+    SECOND_ORDER,
     Shape,
     behind_lag,
     equal_lags,
@@ -31,7 +31,7 @@ from pidalab.plant.record import Record
 
 MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
 MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over neighbours
-FEW = 1000  # samples up to which a sum of products is faster than Fourier transforms
+SUMMED_SAMPLES = 1000  # samples up to which a sum of products is faster than Fourier transforms
 BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
 NONE = 1e-3  # dead time in samples that counts as none
 LEVEL = 1  # place of the output's level among the parameters
@@ -66,7 +66,7 @@ class FitData(NamedTuple):
         """Response of the shape with gain 1 and dead time to the recorded input."""
         if self.grid:
             response = shape.step(self.t - self.t[0] - delay, p)
-            convolve = np.convolve if self.t.size <= FEW else fftconvolve
+            convolve = np.convolve if self.t.size <= SUMMED_SAMPLES else fftconvolve
             return convolve(self.changes, response)[: self.t.size]
         since = self.t[:, None] - self.change_times - delay
         return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
@@ -151,7 +151,11 @@ def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult],
 def _candidates(model: str) -> list[Shape]:
     if model == "lags":
         return [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
-    return [shape for shape in (FIRST, SECOND, INTEGRATOR, LAGGED, ZERO) if shape.name == model]
+    return [
+        shape
+        for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATOR, LAGGED, ORDER_WITH_ZERO)
+        if shape.name == model
+    ]
 
 
 def search(data: FitData, shape: Shape) -> FitResult:
@@ -259,7 +263,9 @@ def loaded(data: FitData) -> FitData:
     span = float(np.ptp(data.t))
     tried = [data._replace(load=data.t[0] + span * at) for at in np.linspace(0.0, 0.9, LOADS)]
     ways = [[span * lag, span * delay] for lag in (0.01, 0.03, 0.1, 0.3) for delay in (0.0, 0.01, 0.03, 0.1)]
-    return min(tried, key=lambda one: min(float(np.sum(projected(one, FIRST, p)[0] ** 2)) for p in ways))
+    return min(
+        tried, key=lambda one: min(float(np.sum(projected(one, FIRST_ORDER, p)[0] ** 2)) for p in ways)
+    )
 
 
 def rivals(data: FitData, found: FitResult) -> tuple[tuple[Shape, Array], ...]:
@@ -270,7 +276,7 @@ def rivals(data: FitData, found: FitResult) -> tuple[tuple[Shape, Array], ...]:
     span = data.t[-1] - float(data.change_times[0])
     left = _hidden(data, found, span, found.near)
     if found.shape.name == "lags":
-        unequal = search(data, SECOND)
+        unequal = search(data, SECOND_ORDER)
         left += _hidden(data, unequal, span, found.near)
     return tuple(left)
 

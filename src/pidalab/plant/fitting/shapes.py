@@ -99,8 +99,8 @@ def behind_lag(shape: Shape, lag: float) -> Shape:
     return Shape(shape.name, shape.parameters, step, process, shape.signed)
 
 
-FIRST = Shape("fopdt", ("lag",), _first_order, lambda gain, p, delay: fopdt(gain, p[0], delay))
-SECOND = Shape(
+FIRST_ORDER = Shape("fopdt", ("lag",), _first_order, lambda gain, p, delay: fopdt(gain, p[0], delay))
+SECOND_ORDER = Shape(
     "sopdt", ("tau", "damping"), _second_order, lambda gain, p, delay: sopdt(gain, p[0], p[1], delay)
 )
 INTEGRATOR = Shape("ipdt", (), _ramp, lambda gain, p, delay: ipdt(gain, delay))
@@ -114,5 +114,5 @@ def _integrator_and_lag(gain: float, p: Sequence[float], delay: float) -> Proces
     return Process([gain], [p[0], 1.0, 0.0], delay)
 
 
-ZERO = Shape("sopdtz", ("tau", "damping", "zero"), _second_order, _with_zero, signed=1)
+ORDER_WITH_ZERO = Shape("sopdtz", ("tau", "damping", "zero"), _second_order, _with_zero, signed=1)
 LAGGED = Shape("ifopdt", ("lag",), _lagged_ramp, _integrator_and_lag)

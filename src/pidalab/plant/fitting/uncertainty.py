@@ -7,7 +7,7 @@ from scipy.stats import chi2
 
 from pidalab._check import Array
 from pidalab.plant.fitting.searching import MOST_DAMPED, FitData, FitResult
-from pidalab.plant.fitting.shapes import FIRST
+from pidalab.plant.fitting.shapes import FIRST_ORDER
 from pidalab.plant.record import Record
 
 # condition number of the parameters' sensitivities, scaled, above which the input tells too little
@@ -34,7 +34,7 @@ def drifts(data: FitData) -> bool:
     parabola = np.vander(x, 3)
     if data.free:
         parabola = np.column_stack([parabola, *(np.exp(-x / share) for share in (0.03, 0.1, 0.3, 1.0))])
-    answers = [data.simulated(FIRST, [lag], 0.0) for lag in np.ptp(data.t) * np.geomspace(0.01, 0.5, 5)]
+    answers = [data.simulated(FIRST_ORDER, [lag], 0.0) for lag in np.ptp(data.t) * np.geomspace(0.01, 0.5, 5)]
     drift, both = (
         data.y - basis @ np.linalg.lstsq(basis, data.y, rcond=None)[0]
         for basis in (parabola, np.column_stack([parabola, *answers]))

@@ -16,10 +16,10 @@ from pidalab.plant.record.cleaning import cleaned, column, far_off, named, stand
 from pidalab.plant.record.inputs import MOVING, Step, described, find_steps, name_experiment
 from pidalab.plant.record.reading import LONG_AGO, read_columns
 
-GAP = 5.0  # times the usual sampling interval: a longer one is a gap
-COARSE = 20  # levels of y: fewer are worth a word
+LONG_INTERVAL = 5.0  # times the usual sampling interval: a longer one is a gap
+FEW_LEVELS = 20  # levels of y: fewer are worth a word
 LONG = 0.1  # share of the samples that an input which moves all the time stays at its largest or least value
-FEW = 5  # samples between two levels of the input: more are worth a word
+RAMP_SAMPLES = 5  # samples between two levels of the input: more are worth a word
 
 
 class Noise(NamedTuple):
@@ -318,9 +318,9 @@ class Record:
     def _more_doubts(self) -> list[str]:
         found = []
         levels, intervals = np.unique(self.y), np.diff(self.t)
-        if levels.size <= COARSE:
+        if levels.size <= FEW_LEVELS:
             found.append(f"the output has only {levels.size} levels, {np.min(np.diff(levels)):.3g} apart")
-        gaps = np.flatnonzero(intervals > GAP * np.median(intervals))
+        gaps = np.flatnonzero(intervals > LONG_INTERVAL * np.median(intervals))
         if gaps.size:
             k = gaps[np.argmax(intervals[gaps])]
             found.append(f"{gaps.size} gap(s); the longest, {intervals[k]:.3g}, from {self.t[k]:.4g}")
@@ -329,7 +329,7 @@ class Record:
             near = slice(*np.searchsorted(self.t, [step.time - apart, step.time + apart]))
             share = np.abs((self.u[near] - step.before) / (step.after - step.before) - 0.5)
             slow = self.t[near][share < 0.4]
-            if slow.size > FEW:
+            if slow.size > RAMP_SAMPLES:
                 found.append(
                     f"the input takes more than {np.ptp(slow):.3g} to go from {step.before:.6g} to {step.after:.6g}: "
                     "what looks at a step takes it for one at half the way; fit takes the input as it is"
@@ -337,7 +337,7 @@ class Record:
         for end in (self.u.max(), self.u.min()) if self.experiment == MOVING else ():
             away = np.flatnonzero(np.abs(self.u - end) > 1e-3 * np.ptp(self.u))
             longest = int(np.diff(away, prepend=-1, append=self.u.size).max()) - 1
-            if longest > max(FEW, LONG * self.u.size):
+            if longest > max(RAMP_SAMPLES, LONG * self.u.size):
                 found.append(
                     f"the input stays at {end:.6g}, its {'largest' if end > self.u.min() else 'least'} value, for "
                     f"{longest} samples: if the actuator is at its limit there, the record may have what was asked of "

@@ -10,7 +10,7 @@ from pidalab._check import Array
 from pidalab.plant.record.cleaning import first_few
 
 CREEP = 0.1  # share of the input's span by which a level may move and still be one
-SHORT = 4  # samples that a level of the input takes at least
+SHORTEST_LEVEL = 4  # samples that a level of the input takes at least
 MANY = 12  # levels of the input, in steps of a hundredth of its span
 FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
@@ -36,16 +36,18 @@ class Step(NamedTuple):
 def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
     """Changes of the input between levels that last; a ramp over a few samples is one change, at its middle."""
     # before the record the input was at rest for long enough to be a level
-    t, u = np.append(np.full(SHORT, t[0]), t), np.append(np.full(SHORT, before), u)
+    t, u = np.append(np.full(SHORTEST_LEVEL, t[0]), t), np.append(np.full(SHORTEST_LEVEL, before), u)
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
     runs = [  # samples a to b are one level, unless the input creeps away from it
         (a, b)
         for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b - a >= SHORT - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
+        if b - a >= SHORTEST_LEVEL - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
     ]
-    if not runs or sum(b - max(a, SHORT) for a, b in runs if b > SHORT) < 0.7 * (t.size - SHORT - 1):
+    if not runs or sum(b - max(a, SHORTEST_LEVEL) for a, b in runs if b > SHORTEST_LEVEL) < 0.7 * (
+        t.size - SHORTEST_LEVEL - 1
+    ):
         return ()
     levels = [float(np.median(u[a : b + 1])) for a, b in runs]
     found = []

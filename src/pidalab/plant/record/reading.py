@@ -35,9 +35,9 @@ FINE_DATES = ((1e17, 1e9, "nanoseconds"), (1e14, 1e6, "microseconds"), (1e11, 1e
 FINE_UNIT = re.compile(
     r"(?:^|[\W_])(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h)\W*$", re.IGNORECASE
 )
-SHOWN = 60  # characters of the file in a message
+QUOTED = 60  # characters of the file in a message
 LOOKED_AT = 50  # lines from which the form of a file is told
-LONGEST_LINE = 100_000  # characters: a line of ten thousand columns is shorter
+LONGEST_ROW = 100_000  # characters: a line of ten thousand columns is shorter
 ALWAYS_READ = 64  # columns that are read of any file
 WIDER = 8.0  # times the columns of the mean line, up to which a longer one widens the table
 
@@ -83,10 +83,10 @@ def read_columns(
     """
     lines = _lines(path)[skip:]
     for row, line in enumerate(lines):
-        if len(line) > LONGEST_LINE:
+        if len(line) > LONGEST_ROW:
             raise ValueError(
                 f"{path.name}, row {row + 1 + skip}, has {len(line)} characters, and a line of a record at most "
-                f"{LONGEST_LINE}: is it a table of text with a line for each sample?"
+                f"{LONGEST_ROW}: is it a table of text with a line for each sample?"
             )
     if not any(line.strip() for line in lines):
         raise ValueError(f"{path.name} is empty")
@@ -112,7 +112,7 @@ def read_columns(
     if end < len(data):
         doubts.append(
             f"{len(data) - end} row(s) after the last row of numbers were left out: "
-            f"{plain_text(lines[data.index[end]], SHOWN)}"
+            f"{plain_text(lines[data.index[end]], QUOTED)}"
         )
     for name, place, (_, wrong) in zip(wanted, places, columns, strict=True):
         if wrong[:end].any():
@@ -122,14 +122,14 @@ def read_columns(
             again = place_in_data + int(np.argmax(good[place_in_data:]))
             if again > place_in_data + 1:
                 raise ValueError(
-                    f"{path.name}, row {row + 1 + skip}: words, such as {found[:SHOWN]!r}, and numbers again from row "
+                    f"{path.name}, row {row + 1 + skip}: words, such as {found[:QUOTED]!r}, and numbers again from row "
                     f"{data.index[again] + 1 + skip} on: several traces lie one below the other; put them beside each "
                     "other, with one column of times, or cut out the part that has time, input and output"
                 )
             kind = "a number or a date" if timed and place == places[0] else "a number"
             raise ValueError(
                 f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, "
-                f"found {found[:SHOWN]!r}"
+                f"found {found[:QUOTED]!r}"
             )
     rows = data.index.to_numpy()[:end] + 1 + skip
     return Columns(tuple(values[:end] for values, _ in columns), rows, tuple(doubts))
@@ -244,7 +244,7 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
             return names, index
     raise ValueError(
         f"{path.name} has no row of numbers in its first {LOOKED_AT} lines (columns divided by {mark!r}); "
-        f"its first line is {' '.join(table.iloc[0])[:SHOWN]!r}"
+        f"its first line is {' '.join(table.iloc[0])[:QUOTED]!r}"
     )
 
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from pidalab.plant.reporting.trade_off import TradeOff
 
 
-HORIZON = 20.0  # of the first responses, in time scales of the process
-COLUMNS = {
+REPORT_HORIZON = 20.0  # of the first responses, in time scales of the process
+REPORT_COLUMNS = {
     "IAE load": "iae_load",
     "worst IAE": "iae_worst",
     "price": "price",
@@ -113,7 +113,9 @@ class Report:
     def _columns(self) -> dict[str, str]:
         """Columns in which any candidate has a number."""
         return {
-            name: x for name, x in COLUMNS.items() if any(not math.isnan(getattr(r, x)) for r in self.rows)
+            name: x
+            for name, x in REPORT_COLUMNS.items()
+            if any(not math.isnan(getattr(r, x)) for r in self.rows)
         }
 
     def plot(self) -> Figure:
@@ -311,7 +313,7 @@ def measure_candidate(
 ) -> DesignRow:
     """Measure a design of `tune` with the model; the worst, and Ms of the digital controller, are in its `info`."""
     process = model.process if isinstance(model, Fit) else model
-    row = measure_row(rule, kind, lambda: design, process, sample_time, HORIZON * time_scale(process))
+    row = measure_row(rule, kind, lambda: design, process, sample_time, REPORT_HORIZON * time_scale(process))
     if not row.applies:
         return row
     return row._replace(**{name: design.info.get(name, math.nan) for name in TUNED})

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from pidalab.plant.reporting.trade_off import TradeOff
     from pidalab.process import Process
 
-LEFT = 0.005  # share of the largest error, below which a figure need not go on
-DRAWN = 8  # plants of the spread in the figure
+NEGLIGIBLE_ERROR = 0.005  # share of the largest error, below which a figure need not go on
+PLANTS_SHOWN = 8  # plants of the spread in the figure
 CURVE = 500  # points of a curve in the figure
-MARKS = "os^Dv*P"  # of rules
+RULE_MARKERS = "os^Dv*P"  # of rules
 FITS = 1.001  # times the limit of Ms that a rule may have
 CAPTION = (
     "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: the "
@@ -106,7 +106,9 @@ def trade_off_figure(found: TradeOff) -> Figure:
     kinds = list(dict.fromkeys(point.kind for point in found.points))
     if not levels:
         raise ValueError("there is nothing to draw: no controller keeps the limits")
-    marks = dict(zip(dict.fromkeys(row.rule for row in found.rules), itertools.cycle(MARKS), strict=False))
+    marks = dict(
+        zip(dict.fromkeys(row.rule for row in found.rules), itertools.cycle(RULE_MARKERS), strict=False)
+    )
     with rc_context(STYLE):  # type: ignore[arg-type]
         drawn = Figure(figsize=(6.4, 4.2))
         FigureCanvasSVG(drawn)
@@ -129,7 +131,7 @@ def trade_off_figure(found: TradeOff) -> Figure:
 
 def _lasting(response: Response) -> float:
     """Time after which the error stays small."""
-    large = np.flatnonzero(np.abs(response.e) > LEFT * np.max(np.abs(response.e)))
+    large = np.flatnonzero(np.abs(response.e) > NEGLIGIBLE_ERROR * np.max(np.abs(response.e)))
     return float(response.t[large[-1]]) or float(response.t[-1])
 
 
@@ -170,7 +172,7 @@ def _draw_nyquist(
     for row in rows:
         assert row.design is not None
         look = LOOKS[row.kind]
-        for plant in plants[:DRAWN]:
+        for plant in plants[:PLANTS_SHOWN]:
             value = row.design.loop(plant).L(1j * w)
             ax.plot(value.real, value.imag, "-", color=look["color"], alpha=0.25, linewidth=0.6)
         value = row.design.loop(process).L(1j * w)

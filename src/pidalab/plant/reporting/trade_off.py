@@ -11,14 +11,14 @@ from pidalab import _check
 from pidalab._names import KINDS
 from pidalab._table import set_out
 from pidalab.comparison import designs, first_horizon
+from pidalab.comparison.benchmarking import NOISE_SAMPLES
 from pidalab.comparison.judging import DesignRow, measure_row
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, RuleLimits
 
-SHARES = (0.1, 0.25, 0.6, 1.5, 3.0)  # of the ultimate gain: limits of noise
-SAMPLES = 100  # of the noise in an ultimate period
-SHOWN = ("simc", "amigo", "haalman", "lambda", "magnitude optimum")  # rules that are drawn
+NOISE_SHARES = (0.1, 0.25, 0.6, 1.5, 3.0)  # of the ultimate gain: limits of noise
+DRAWN_RULES = ("simc", "amigo", "haalman", "lambda", "magnitude optimum")  # rules that are drawn
 
 
 class TradeOffPoint(NamedTuple):
@@ -107,7 +107,7 @@ def trade_off(
     noise_gains: Sequence[float] | None = None,
     sample_time: float | None = None,
     kinds: Sequence[str] = KINDS,
-    rules: Iterable[str] = SHOWN,
+    rules: Iterable[str] = DRAWN_RULES,
 ) -> TradeOff:
     """Find what error a plant can have for what noise, at two limits of Ms, for PI, PID and PIDA.
 
@@ -186,7 +186,7 @@ def _noise(
                 f"noise_gains and sample_time must be given for a process without ultimate gain: {refusal}"
             ) from None
         ultimate = 1 / abs(process(1j * w))
-        noise_gains = [share * ultimate for share in SHARES] if noise_gains is None else noise_gains
-        sample_time = 2 * math.pi / w / SAMPLES if sample_time is None else sample_time
+        noise_gains = [share * ultimate for share in NOISE_SHARES] if noise_gains is None else noise_gains
+        sample_time = 2 * math.pi / w / NOISE_SAMPLES if sample_time is None else sample_time
     limits = sorted(_check.real("noise_gains", one, above=0.0) for one in noise_gains)
     return limits, _check.real("sample_time", sample_time, above=0.0)

@@ -20,7 +20,7 @@ from pidalab.rules.magnitude_optimum.system import (
     solved,
 )
 
-SOURCES = {
+MO_SOURCES = {
     "gains": "eqs. (14) to (17)",
     "filter_time": "chosen",
     "static_gain": "eq. (6)",
@@ -138,7 +138,7 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
         "uncertainty": tuple(unsure.tolist()),
     }
     return Design(
-        model, controller, source="vrancic2021, eqs. (8) and (14) to (17)", info=info, sources=SOURCES
+        model, controller, source="vrancic2021, eqs. (8) and (14) to (17)", info=info, sources=MO_SOURCES
     )
 
 

@@ -13,13 +13,13 @@ from pidalab._check import Array
 from pidalab.areas import MeasuredAreas, exact, power_series as series
 from pidalab.process import Process
 
-HIGHEST_ORDER = 16  # order m: rounding the areas leaves nothing of more gains
+MOST_DERIVATIVES = 16  # order m: rounding the areas leaves nothing of more gains
 LOST = 1e-3  # relative error that rounding the areas may make in a gain
 
 
 def areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fraction]:
     """Return the 2m + 4 areas that order m needs, as fractions, or raise."""
-    need = 2 * _check.integer("m", m, at_least=0, at_most=HIGHEST_ORDER) + 4
+    need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         found = exact(model, need)
     elif isinstance(getattr(model, "process", None), Process):  # its numbers would pass for areas
