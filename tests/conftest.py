@@ -23,6 +23,7 @@ sys.path += [str(ROOT / "tools")]
 LONG = ("tests/site/", "book/", "tests/plant/test_running_loop.py", "tests/optimal/")
 
 
+@pytest.hookimpl(tryfirst=True)  # before kernels are started, which would make it, too
 def pytest_configure(config):
     """Have machine code that is not there made once, by two processes: each worker would make most of it again."""
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):

@@ -42,6 +42,7 @@ def main() -> None:
     try:
         respond()
         sample()
+        stamp().parent.mkdir(parents=True, exist_ok=True)  # Python makes none where it writes no byte code
         stamp().touch()
     finally:
         lock.unlink(missing_ok=True)
