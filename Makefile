@@ -4,6 +4,8 @@
 PYTHON ?= python3
 # Two processes at once, with small matrices: more threads would only wait for each other.
 export OPENBLAS_NUM_THREADS ?= 1
+# Hundreds of processes import the same packages: their byte code is kept, in .venv and beside the sources.
+export PYTHONDONTWRITEBYTECODE :=
 BIN := .venv/bin
 ENV := .venv/.book
 DEV := .venv/.dev
