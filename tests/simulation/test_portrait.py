@@ -14,7 +14,7 @@ import pytest
 
 import pidalab
 from pidalab import Loop, Process, SeriesPIDA, portrait, simulate_sampled
-from pidalab.simulation.lanes import IAE, LANES, MEASURES, NEGLIGIBLE, _beyond, _integrate
+from pidalab.simulation.sampled_lanes import IAE, LANES, MEASURES, NEGLIGIBLE, _beyond, _integrate
 
 PDA = SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
 LOOP = Loop(pidalab.ipdt(1.0, delay=1.0), PDA)

@@ -10,7 +10,7 @@ from scipy.special import gammainc
 import pidalab
 from pidalab import PIDA, AsymmetricPlant, HighOrderPID, Loop, Process, SeriesPIDA, simulate, simulate_sampled
 from pidalab.rules import mrdp
-from pidalab.simulation.stepping import filtered
+from pidalab.simulation.sampled_step import filtered
 from pidalab.statespace import discretise
 
 LOOPS = {

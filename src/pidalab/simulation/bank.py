@@ -18,11 +18,11 @@ from pidalab.digital.chains import part
 from pidalab.digital.paths import held_gains
 from pidalab.digital.program import program
 from pidalab.loop import Loop, require_loop
-from pidalab.simulation import lanes
-from pidalab.simulation.lanes import Controllers
+from pidalab.simulation import sampled_lanes
 from pidalab.simulation.operations import operations
 from pidalab.simulation.sampled_controller import require_fine_enough
-from pidalab.simulation.steps import Steps
+from pidalab.simulation.sampled_lanes import Controllers
+from pidalab.simulation.sampled_plant import Steps
 
 PARAMETER_NAMES = ("kp", "kd", "ka", "ti", "filter_time")
 MOST_SETS = 10**7  # whose measures take about 2 GB
@@ -88,7 +88,7 @@ class Bank(NamedTuple):
         self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
     ) -> Array:
         """Run the sets, one-dimensional here and whole groups of lanes, and measure them: shape (measures, sets)."""
-        groups = [lanes.run(own, plant, h, r, d, n) for own in controllers(self, limits, h)]
+        groups = [sampled_lanes.run(own, plant, h, r, d, n) for own in controllers(self, limits, h)]
         return np.concatenate(groups, axis=1)
 
 
@@ -173,8 +173,10 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
         table[places[f"{name}_OLD"]] = -np.expm1(-h / time)
     whole = (table, *_prefilter(bank, h))
     # cut into groups that lie together in memory
-    for start in range(0, kp.size, lanes.LANES):
-        yield Controllers(code, *(np.ascontiguousarray(x[..., start : start + lanes.LANES]) for x in whole))
+    for start in range(0, kp.size, sampled_lanes.LANES):
+        yield Controllers(
+            code, *(np.ascontiguousarray(x[..., start : start + sampled_lanes.LANES]) for x in whole)
+        )
 
 
 def _prefilter(bank: Bank, h: float) -> tuple[Array, Array, Array, Array]:

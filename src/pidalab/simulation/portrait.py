@@ -20,9 +20,9 @@ from pidalab._check import Array
 from pidalab._parts import done, require_executor
 from pidalab.loop import Loop
 from pidalab.simulation.bank import Bank
-from pidalab.simulation.lanes import LANES, MEASURES
 from pidalab.simulation.sampled import limits_at_rest
-from pidalab.simulation.steps import Actuator, plant_steps
+from pidalab.simulation.sampled_lanes import LANES, MEASURES
+from pidalab.simulation.sampled_plant import Actuator, plant_steps
 
 TASKS = 64  # for the workers, about
 

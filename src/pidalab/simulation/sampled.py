@@ -32,8 +32,8 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.simulation.operations import operations
 from pidalab.simulation.sampled_controller import sampled_controller
-from pidalab.simulation.stepping import filtered, run
-from pidalab.simulation.steps import Actuator, plant_steps
+from pidalab.simulation.sampled_plant import Actuator, plant_steps
+from pidalab.simulation.sampled_step import filtered, run
 from pidalab.statespace import StateSpace, discretise
 
 NO_BLOCK = StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)

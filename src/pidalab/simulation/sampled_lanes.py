@@ -15,8 +15,8 @@ import numpy as np
 from pidalab._check import Array
 from pidalab._compiled import compiled, inlined
 from pidalab.simulation import operations as op
-from pidalab.simulation.stepping import stepper
-from pidalab.simulation.steps import Steps
+from pidalab.simulation.sampled_plant import Steps
+from pidalab.simulation.sampled_step import stepper
 
 LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0

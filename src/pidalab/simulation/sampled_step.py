@@ -9,7 +9,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.simulation import operations as op
-from pidalab.simulation.steps import Actuator, Steps
+from pidalab.simulation.sampled_plant import Actuator, Steps
 from pidalab.statespace import StateSpace
 
 
