@@ -155,11 +155,9 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
     grid = step * np.arange(t.size)
-    off = np.abs(t - grid)
-    if (
-        off.max() > 1e-6 * step and (off > 1e-6 * (step + grid)).any()
-    ):  # times may be stored in single precision
-        i = int(np.argmax(off > 1e-6 * (step + grid)))
+    off = np.abs(t - grid) > 1e-6 * (step + grid)  # the second part: times stored in single precision
+    if off.any():
+        i = int(np.flatnonzero(off)[0])
         raise ValueError(
             f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of {step * i:.12g}; "
             "resample first, for instance with np.interp"

@@ -254,7 +254,9 @@ def test_what_tune_prints_is_what_the_library_says(log, reported):
 
 
 def test_what_report_prints_and_writes_is_what_the_library_says(log, reported, tmp_path, monkeypatch):
-    monkeypatch.setattr("pidalab.plant.cli.recorded._traded", lambda *_: pytest.fail("not asked for"))
+    monkeypatch.setattr(
+        "pidalab.plant.reporting.trade_off.trade_off", lambda *_: pytest.fail("not asked for")
+    )
     out = tmp_path / "new" / "page.html"
     result = run("report", log, *READ, *RULE, "--model", "fopdt", "--ms", 1.5, "--out", out)
     assert result.exit_code == 0, result.output

@@ -17,13 +17,18 @@ def searched(monkeypatch):
     """Limits that the search gets; each controller makes all the noise that is allowed."""
     asked = []
 
-    def load(process, order, ms, mks, noise, sample_time, start=None):
-        asked.append((order, ms, mks, noise, sample_time, start))
-        return Design(
-            process, pidalab.PIDA(0.5, 3.0), info={"noise_gain": noise, "iae": 1 / noise / ms / (1 + order)}
-        )
+    def find_curves(process, order, ms, noise_gains, sample_time):
+        asked.append((order, list(ms), list(noise_gains), sample_time))
+        return {
+            (k, m, n): Design(
+                process, pidalab.PIDA(0.5, 3.0), info={"noise_gain": n, "iae": 1 / n / m / (1 + k)}
+            )
+            for k in range(order + 1)
+            for m in ms
+            for n in noise_gains
+        }
 
-    monkeypatch.setattr("pidalab.optimal.load", load)
+    monkeypatch.setattr("pidalab.optimal.curves.find_curves", find_curves)
     return asked
 
 
@@ -40,8 +45,7 @@ def test_by_default_noise_is_from_a_tenth_to_three_ultimate_gains_a_hundred_time
     assert [noises[0], noises[-1]] == pytest.approx([0.1 * ultimate, 3 * ultimate])
     assert np.all(np.diff(np.log(noises)) < math.log(3.0))  # no wide gaps
     assert found.sample_time == pytest.approx(period / 100)
-    assert {one[4] for one in searched} == {found.sample_time}
-    assert {one[2] for one in searched} == {None}
+    assert searched == [(2, [1.4, 2.0], noises, found.sample_time)]
     assert list(dict.fromkeys(point.ms for point in found.points)) == [1.4, 2.0]
     assert list(dict.fromkeys(point.kind for point in found.points)) == ["PI", "PID", "PIDA"]
     rows = {(row.rule, row.kind): row for row in found.rules}
@@ -57,13 +61,9 @@ def test_by_default_noise_is_from_a_tenth_to_three_ultimate_gains_a_hundred_time
     )
 
 
-def test_each_point_is_searched_from_its_louder_neighbour_and_the_loudest_from_that_of_a_smaller_ms(searched):
+def test_the_points_are_those_that_are_asked_for_in_order(searched):
     found = pidalab.trade_off(PLAIN, [2.0, 1.4], [4.0, 1.0, 2.0], 0.1, kinds=["PID"], rules=[])
-    assert [one[:2] + one[3:5] for one in searched] == [
-        (1, m, n, 0.1) for m in (1.4, 2.0) for n in (4.0, 2.0, 1.0)
-    ]
-    starts = [one[5] and one[5].noise_gain for one in searched]
-    assert starts == [None, 4.0, 2.0, 4.0, 4.0, 2.0]
+    assert searched == [(1, [1.4, 2.0], [1.0, 2.0, 4.0], 0.1)]
     assert [point[1:3] for point in found.points] == [(m, n) for m in (1.4, 2.0) for n in (1.0, 2.0, 4.0)]
     for point in found.points:
         assert point.iae == point.design.iae == 1 / point.noise_gain / point.ms / 2
@@ -97,16 +97,3 @@ def test_one_of_both_can_be_given(searched, missing):
     w = pidalab.reduction.ultimate_frequency(PLAIN)
     assert found.sample_time == pytest.approx(missing.get("sample_time", 2 * math.pi / w / 100))
     assert len(found.points) == len(missing.get("noise_gains", range(5)))
-
-
-@pytest.mark.parametrize(("share", "again"), [(1.02, True), (1.005, False)])
-def test_a_point_is_searched_again_where_it_is_a_hundredth_worse_than_the_kind_below(
-    monkeypatch, share, again
-):
-    calls = iter([1.0, share, 0.5])
-    monkeypatch.setattr(
-        "pidalab.optimal.load",
-        lambda *_, **__: Design(PLAIN, pidalab.PIDA(0.5, 3.0), info={"noise_gain": 0.0, "iae": next(calls)}),
-    )
-    found = pidalab.trade_off(PLAIN, [1.4], [1.0], 0.1, kinds=["PI", "PID"], rules=[])
-    assert [point.iae for point in found.points] == [1.0, 0.5 if again else share]

@@ -125,15 +125,6 @@ GROWING = Loop(
             401,
             id="after_kicks_of_two_speeds",
         ),
-        pytest.param(
-            Loop(
-                Process([-0.345, 0.589], [1.0, 1.0], 0.112164),
-                HighOrderPID([0.587, 0.448, 0.0304, 0.0015], filter_time=1.03e-12, filter_order=2),
-            ),
-            0.60017,
-            3,
-            id="kicks_beyond_all_digits",
-        ),
     ],
 )
 def test_lost_digits_are_refused(loop, end, points):
@@ -141,15 +132,6 @@ def test_lost_digits_are_refused(loop, end, points):
         ValueError, match=r"rounding leaves .* uncertain, and 1e-10 is allowed|the range of numbers"
     ):
         unit_step_responses(loop, np.linspace(0.0, end, points), "rdn")
-
-
-def test_kicks_that_grow_between_the_times_of_a_coarse_grid_are_refused():
-    """At three times both ways agree, and are wrong: what is there is nothing beside the kicks."""
-    process = Process([-1.17, 1.73], [1.0, 1.0], 0.927)
-    loop = Loop(process, SeriesPIDA(1.477, 1.153, 0.0, ti=4.79, filter_time=0.1126, filter_order=1))
-    for points in (3, 401):
-        with pytest.raises(ValueError, match=r"rounding leaves .* (\|L\| is 12|uncertain)"):
-            unit_step_responses(loop, np.linspace(0.0, 16.45, points), "rdn")
 
 
 def test_what_a_grid_does_not_see_is_no_reason_to_refuse():

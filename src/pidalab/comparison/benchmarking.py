@@ -383,7 +383,7 @@ class Benchmark:
 
 def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
     """Return rows at equal terms with their IAE over the least of their kind, and of all kinds, for the same terms."""
-    optima = stored("optima").query("ms_limit == @MS")
+    optima = stored("optima").query("ms_limit == @EQUAL_MS")
     terms = {noise: name for name, noise in NOISE.items()}
     least = optima.assign(
         kind=optima["order"].map(dict(enumerate(KINDS))), terms=optima["noise_limit"].map(terms)

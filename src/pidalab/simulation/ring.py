@@ -259,10 +259,8 @@ def transition(rungs, step, low, tau, most, A, B, Cv, D):
             times[p] += 1
             tau -= duration
     # from the shortest, which is least work
-    begun = tau > dust
-    out = taylor(tau, most, A, B, Cv, D) if begun else np.zeros(A.shape)
+    out = taylor(tau, most, A, B, Cv, D) if tau > dust else np.zeros(A.shape)
     for p in range(len(rungs)):
         for _ in range(times[p]):
-            out = product(rungs[p], out, most) if begun else rungs[p]
-            begun = True
+            out = product(rungs[p], out, most)
     return out
