@@ -24,15 +24,8 @@ if TYPE_CHECKING:
 HIGHEST_ORDER = 4  # order of a controller
 LARGEST_DISK = 2.0  # disk margin of a loop without feedback
 ACTIVE = 1e-3  # share of a limit within which it is called active
-NEGLIGIBLE_ACTION = (
-    1e-6  # share of the largest action, at the corner of the filter, below which another is negligible
-)
-UNITS_TRIED = (
-    1.0,
-    8.0,
-    64.0,
-    512.0,
-)  # units of time that are tried, since a limit of noise may make a loop slow
+NEGLIGIBLE_ACTION = 1e-6  # share of the largest action, at the corner of the filter
+UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # of time, since a limit of noise may make a loop slow
 SLOWEST_SAMPLING = 100.0  # largest sample time, in the shortest unit
 # relative difference between the IAE of the search and that of the simulation, above which the unit is too short
 SAME_IAE = 0.02
@@ -273,7 +266,7 @@ def _heights(loop: Loop) -> dict[str, float]:
 
 
 def upright(process: Process) -> Process:
-    """The process with positive gain."""
+    """Return the process with positive gain."""
     return process if sign_of_gain(process) > 0 else Process(-process.num, process.den, process.delay)
 
 

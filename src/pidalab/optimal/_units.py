@@ -16,9 +16,7 @@ CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the 
 INTEGRATORS_TURN = 0.25 * math.pi  # the same, after what several integrators turn it by
 # factor by which a limit of noise has to be slower than that phase before it sets the unit
 NOISE_SLOWDOWN = 8.0
-QUIET_SHARE = (
-    0.1  # of the noise that is allowed, proportional action in that unit, where nothing else sets it
-)
+QUIET_SHARE = 0.1  # of the noise allowed, proportional action in that unit, where nothing else sets it
 
 
 def unit_of_time(process: Process, limits: DesignLimits) -> float:

@@ -25,9 +25,8 @@ from pidalab.optimal.parts import search_in
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.rules import Design
 
-SPARE_OF_A_CURVE = (
-    3e-4  # share of a limit that is kept free, which costs a thousandth of the IAE: a tenth of a line's width
-)
+# share of a limit that is kept free, which costs a thousandth of the IAE: a tenth of a line's width
+SPARE_OF_A_CURVE = 3e-4
 
 
 class _Point:
