@@ -28,7 +28,16 @@ from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.simulation.realisation import Cut
 from pidalab.simulation.ring import add_rows, ladder, transition
-from pidalab.simulation.stacks import advanced, ages_needed, derive, first_time, nonzero, output_rows, summed
+from pidalab.simulation.stacks import (
+    advanced,
+    ages_needed,
+    derive,
+    distance_after,
+    first_time,
+    nonzero,
+    output_rows,
+    summed,
+)
 
 MAX_STACK = 4000  # states in a stack: beyond, the simulation takes too long
 MAX_WORK = 4e9  # multiplications from dead time to dead time beyond which it takes too long: seconds
@@ -129,6 +138,11 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
     while term > 1e-18:
         series += 1
         term *= norm * delta / series
+    aligned = True
+    for k in range(1, intervals + 1):
+        aligned = aligned and distance_after(k, first_time(k, step, delay), step, delay) == 0.0
+    if aligned:  # every stack begins at a multiple of the dead time: there is nothing to carry
+        series = 0
     for rung in rungs:
         if rung.shape[1] == most * size and most < intervals + 1:
             return result, most, TOO_DEEP
@@ -193,9 +207,7 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
         if first >= last:
             continue
         # from the multiple to the first time asked for: so many spans of the series, by rungs, and a share of one
-        distance = step * first - k * delay
-        if distance <= 8.0 * 2.0**-52 * step * first:
-            distance = 0.0
+        distance = distance_after(k, first, step, delay)
         count = int(distance / delta)
         share = distance / delta - count
         runs = (last - first - 1) // run  # to go on by

@@ -108,8 +108,14 @@ class _States:
         """
         x, own = slice(driving), slice(self.used, self.used + part.b.size)
         # by one large system, since a Schur form of parts as far apart as these would lose digits
-        sylvester = np.kron(np.eye(driving), part.A) - np.kron(self.A[x, x].T, np.eye(part.b.size))
-        X = np.linalg.solve(sylvester, -np.kron(source.row[x], part.b)).reshape(driving, -1).T
+        n = part.b.size
+        sylvester = np.zeros((driving, n, driving, n))
+        for i in range(driving):
+            sylvester[i, :, i, :] = part.A
+        for i in range(n):
+            sylvester[:, i, :, i] -= self.A[x, x].T
+        target = -np.outer(source.row[x], part.b)
+        X: Any = np.linalg.solve(sylvester.reshape(target.size, -1), target.ravel()).reshape(target.shape).T
         self.A[own, own] = part.A
         self.B[own] = part.b[:, None] * source.direct - X @ self.B[x]
         self.x0[own] = -X @ self.x0[x]
@@ -154,10 +160,14 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
     parts, direct = parallel(*control)
-    slow = _slow_parts(loop, parts, STIFF)
-    apart = slow < len(parts) and _sends_little(loop, parts[slow:], direct)
-    if not apart:
-        slow = _slow_parts(loop, parts, FASTER)
+    fastest = max(float(np.max(np.abs(_poles(loop, name)), initial=0.0)) for name in ("process", "prefilter"))
+    loud, beside = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
+    slow, apart = len(parts), False
+    if loud < LOUD * beside:
+        slow = sum(abs(part.poles[0]) <= STIFF * fastest for part in parts)
+        apart = slow < len(parts) and _sends_little(loop, parts[slow:], direct, fastest)
+        if not apart:
+            slow = sum(abs(part.poles[0]) <= FASTER * fastest for part in parts)
     fast = parts[slow:]
     size = len(inputs) + process.b.size + 1 + prefilter.b.size + sum(part.b.size for part in parts)
     channels = 3 if apart else 1
@@ -237,15 +247,16 @@ def _balanced(cut: Cut) -> Cut:
     )
 
 
-def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float) -> bool:
+def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
     """Whether what fast parts make of a jump sends little through the process: a kick, and then nothing.
 
     Then their kicks are kept out of the process: as far as 1e8 times its answer they would cancel there. The height of
-    a kick is the direct part, or behind a filter what the controller makes of a signal as fast as the parts.
+    a kick is the direct part, or behind a filter what the controller makes of a signal as fast as the parts. `driving`
+    is the speed of the fastest state that drives them.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])
-    if not min(speeds) > VERY_STIFF * _fastest_driving(loop) or len(process[0]) == len(process[1]):
+    if not min(speeds) > VERY_STIFF * driving or len(process[0]) == len(process[1]):
         return False
     kick = max(abs(direct), *(abs(_ratio(control, 1j * x) * _ratio(output_filter, 1j * x)) for x in speeds))
     return bool(abs(_ratio(process, 1j * min(speeds))) * kick < SENDS_LITTLE)
@@ -301,25 +312,12 @@ def _poles(loop: _Blocks, block: str) -> Array:
     return roots(loop.blocks[block][1])
 
 
-def _slow_parts(loop: _Blocks, parts: tuple[Part, ...], factor: float) -> int:
-    """Count the parts of the controller that are not so many times faster than all that drives them."""
-    fastest = _fastest_driving(loop)
-    num, den = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
-    loud = not num < LOUD * den
-    return len(parts) if loud else sum(abs(part.poles[0]) <= factor * fastest for part in parts)
-
-
 def _value(polynomial: Array, s: complex) -> Any:
     """Value of a polynomial; for one number Python is faster than array operations."""
     value = 0j
     for coefficient in polynomial.tolist():
         value = value * s + coefficient
     return np.complex128(value)
-
-
-def _fastest_driving(loop: _Blocks) -> float:
-    """Return the speed of the fastest state that drives the controller."""
-    return max(float(np.max(np.abs(_poles(loop, name)), initial=0.0)) for name in ("process", "prefilter"))
 
 
 def _without(
