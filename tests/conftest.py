@@ -47,7 +47,9 @@ def pytest_configure(config):
 
 
 def pytest_report_header():
-    return f"one test in {DRAW} is drawn: DRAW={DRAW} DRAW_SEED={os.environ['DRAW_SEED']}" if DRAW > 1 else None
+    return (
+        f"one test in {DRAW} is drawn: DRAW={DRAW} DRAW_SEED={os.environ['DRAW_SEED']}" if DRAW > 1 else None
+    )
 
 
 def drawn(item):
