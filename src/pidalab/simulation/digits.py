@@ -20,7 +20,9 @@ CHECKED = 64  # times at least at which the two are compared
 DENSE = 10_000  # times at which it is asked how large a response is, before it is refused
 AGREEMENT = 1e-10  # of both, relative to the largest value of a signal: nine digits are promised
 CERTAIN = 1e-12  # the same, below which two are enough: they may err alike once in a while, but not as closely as that
-AFTER_KICKS = 1e-6  # the same, relative to the largest value outside the flanks of kicks
+BESIDE_KICKS = (
+    1e-6  # the same, relative to the largest value outside the flanks of kicks, and at requested times
+)
 FLANK = 60.0  # time constants of the fastest state that a kick lasts
 UNSEEN_FLANK = 1e5  # time constants after which a time, known to 1e-16, no longer tells its place in a flank
 
@@ -52,7 +54,7 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     if not numbers.all():  # it overflowed, perhaps for a while: whoever asked says so
         found[:, :, np.argmin(numbers) :] = np.nan
     elif (inputs, steps, step) not in (agreed := AGREED.setdefault(loop, set())):
-        _require_agreement(loop, inputs, cut, norm, found, step)
+        _require_agreement(loop, inputs, cut, norm, found, step, finer)
         agreed.add((inputs, steps, step))
     return found[:, :, ::finer]
 
@@ -67,12 +69,16 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
     return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
 
 
-def _require_agreement(loop: Loop, inputs: str, cut: Cut, norm: float, found: Array, step: float) -> None:
-    """Raise where responses in other units are not the same."""
+def _require_agreement(
+    loop: Loop, inputs: str, cut: Cut, norm: float, found: Array, step: float, finer: int
+) -> None:
+    """Raise where responses in other units are not the same; one time in `finer` is requested."""
     steps = found.shape[2] - 1
     every = max(c for c in range(1, steps // CHECKED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, found, step, every), steps >= DENSE
-    uncertain = np.zeros((len(inputs), 3))
+    # either all times are requested, or all are compared
+    shown = _sizes(cut, found[:, :, ::finer], step * finer, every) if finer > 1 else size
+    uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
     for unit in OTHER_UNITS:
         apart = np.abs(found[:, :, ::every] - _again(loop, inputs, unit, steps // every + 1, step * every))
         apart = np.minimum(np.nan_to_num(apart, nan=np.inf), 1e300)
@@ -83,15 +89,25 @@ def _require_agreement(loop: Loop, inputs: str, cut: Cut, norm: float, found: Ar
             size = _sizes(cut, dense, step / more, every * more) if np.isfinite(dense).all() else size
             share = np.max(apart / size, axis=2)
         uncertain = np.maximum(uncertain, share)
+        beside_shown = np.maximum(beside_shown, np.max(apart[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    if uncertain.max() > AGREEMENT:
+    allowed, where, remedy = (
+        AGREEMENT,
+        "",
+        f"the fastest filter or lag of the loop has a time constant of {1 / np.max(_speeds(cut)):.3g}, too short "
+        "beside the others; take a longer one, or leave it out",
+    )
+    if (
+        uncertain.max() <= AGREEMENT
+    ):  # beside the largest values; but these may be between the requested times
+        uncertain, allowed, where = beside_shown, BESIDE_KICKS, " at the requested times"
+        remedy = "between them are far larger ones; ask for more times, or shorten t"
+    if uncertain.max() > allowed:
         _, signal = np.unravel_index(np.argmax(uncertain), uncertain.shape)
         raise ValueError(
             f"rounding leaves {min(1.0, uncertain.max()):.1g} of the largest value of "
-            f"{('y', 'the integral of y', 'u')[signal]} uncertain, and {AGREEMENT:.0e} is allowed: the fastest "
-            f"filter or lag of the loop has a time constant of {1 / np.max(_speeds(cut)):.3g}, too short beside the "
-            "others; take a longer one, or leave it out"
+            f"{('y', 'the integral of y', 'u')[signal]}{where} uncertain, and {allowed:.0e} is allowed: {remedy}"
         )
 
 
@@ -124,7 +140,7 @@ def _sizes(cut: Cut, found: Array, step: float, every: int) -> Array:
     with_kicks, without = (
         np.maximum.accumulate(values, axis=2)[:, :, later] for values in (found, found * outside)
     )
-    after = np.where(outside[::every], without * (AFTER_KICKS / AGREEMENT), np.inf)
+    after = np.where(outside[::every], without * (BESIDE_KICKS / AGREEMENT), np.inf)
     return np.where(compared[::every], np.maximum(np.minimum(with_kicks, after), 1e-300), np.inf)
 
 

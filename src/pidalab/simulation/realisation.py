@@ -19,7 +19,8 @@ from pidalab._check import Array
 from pidalab.controllers import Fraction
 from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
-from pidalab.statespace import Part, StateSpace, numerator, parallel, realise
+from pidalab.simulation.matrix_functions import AGES, times_function, times_ring_function, without_slow_parts
+from pidalab.statespace import Part, StateSpace, parallel, realise
 
 # A part of the controller is decoupled if its slowest pole is so many times faster than all states that drive it,
 # and if the loop is not louder than this there: to a far faster loop the plant is a chain of integrators.
@@ -33,10 +34,8 @@ STIFF = 100.0
 # of the factor, is left out there.
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
-SETTLED_AGES = 8  # of the states that such a part reads: each older one comes through the filter once more
-FADED_AWAY = (
-    60.0  # time constants after which nothing is left of a mode, not even of one that began as 1e7 times u
-)
+# time constants after which nothing is left of a mode, not even of one that began as 1e7 times u
+FADED_AWAY = 60.0
 
 
 class Cut(NamedTuple):
@@ -177,10 +176,12 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         {"r": r, "d": d, "n": n}[key][i] = 1.0
 
     y = states.append_series(process, Signal(np.zeros(size), np.eye(1, channels)[0]), process.d)
-    rest: tuple[Any, Any] = _without(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
+    rest: tuple[Any, Any] = (
+        without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
+    )
     if apart:
         # what the fast part does to the process in the long run: that part, evaluated at the matrix of the process
-        states.B[len(inputs) : states.used, ERROR] = _times_function(process.b, process.A.T, *rest)
+        states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *rest)
         y.direct[RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
     filtered = states.append_series(prefilter, Signal(r, np.zeros(channels)), prefilter.d)
@@ -191,13 +192,13 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     u_slow, rush, slow_states = u_row, np.zeros(size), states.used
     if fast:
         u_row = u_slow.copy()
-        u_row[:driving] += _times_function(error.row[:driving], states.A[:driving, :driving], *rest)
+        u_row[:driving] += times_function(error.row[:driving], states.A[:driving, :driving], *rest)
         num, poles = loop.blocks["process"][0] / loop.blocks["process"][1][0], _poles(loop, "process")
         for part in fast:
             place, X = states.append_decoupled(part, error, driving)
             u_row[place] = part.c
             if apart:
-                rush[place] = _times_function(part.c, part.A, num, poles)
+                rush[place] = times_function(part.c, part.A, num, poles)
                 rush[:driving] += rush[place] @ X
 
     A, B, C = states.A, states.B, np.stack([y.row, area.row, u_row])
@@ -207,8 +208,8 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         Cv, D = np.stack([u_slow + d, error.row, rush]), np.zeros((channels, channels))
         D[ERROR] = error.direct
         own = slice(slow_states)
-        settled = np.zeros((SETTLED_AGES if loop.delay else 1, size))
-        settled[:, own] = _times_ring_function(
+        settled = np.zeros((AGES if loop.delay else 1, size))
+        settled[:, own] = times_ring_function(
             error.row[own],
             error.direct,
             (A[own, own], B[own], Cv[:, own], D),
@@ -266,48 +267,6 @@ def _ratio(block: tuple[Array, Array], s: complex) -> Any:
     return _value(block[0], s) / _value(block[1], s)
 
 
-def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
-    """Return what direct W reads of x(t - delay), x(t - 2 delay), ..."""
-    read = []
-    for _ in range(SETTLED_AGES - 1):
-        read.append(direct @ Cv)
-        direct = direct @ D
-    return np.array(read)
-
-
-def _times_ring_function(
-    row: Array,
-    direct: Array,
-    delayed: tuple[Array, Array, Array, Array],
-    num: Array,
-    poles: Any,
-    dead_time: bool,
-) -> Array:
-    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: what a far faster block makes of a signal.
-
-    As `_times_function`, for the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop with its past.
-    """
-    A, B, Cv, D = delayed
-    if not dead_time:
-        W = np.linalg.solve(np.eye(len(D)) - D, Cv)
-        return _times_function(row + direct @ W, A + B @ W, num, poles)[None]
-    signal = np.vstack([row, _delayed_row(direct, Cv, D)])
-    value = np.zeros(signal.shape, dtype=complex)
-    for coefficient in num:
-        late = np.zeros(len(D), dtype=complex)
-        for age in range(SETTLED_AGES):
-            now = value[age].copy()
-            value[age] = now @ A + late @ Cv + coefficient * signal[age]
-            late = late @ D + now @ B
-    for pole in poles:
-        shifted = A.T - pole * np.eye(len(A))
-        late = np.zeros(len(D), dtype=complex)
-        for age in range(SETTLED_AGES):
-            value[age] = np.linalg.solve(shifted, value[age] - late @ Cv)
-            late = late @ D + value[age] @ B
-    return value.real
-
-
 def _poles(loop: _Blocks, block: str) -> Array:
     return roots(loop.blocks[block][1])
 
@@ -318,33 +277,3 @@ def _value(polynomial: Array, s: complex) -> Any:
     for coefficient in polynomial.tolist():
         value = value * s + coefficient
     return np.complex128(value)
-
-
-def _without(
-    slow: tuple[Part, ...], first: tuple[Array, Array], second: tuple[Array, Array], fast: tuple[Part, ...]
-) -> tuple[Any, Any]:
-    """Return numerator and poles of two fractions in series without their slow parts.
-
-    The division by the slow poles runs from the highest power down, where the fast terms are: no small difference is
-    formed.
-    """
-    num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
-    poles = np.concatenate([part.poles for part in fast])
-    taken: Any = np.zeros(1)
-    under: Any = np.ones(1)
-    for part in slow:
-        own = np.poly(part.poles).real
-        taken = np.polyadd(np.convolve(taken, own), np.convolve(numerator(part), under))
-        under = np.convolve(under, own)
-    rest = np.polysub(num, np.convolve(taken, np.poly(poles).real))
-    return np.polydiv(np.pad(rest, (poles.size + under.size - rest.size, 0)), under)[0], poles
-
-
-def _times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
-    """Return row @ H(matrix) for a fraction H, by Horner's rule and by its poles one by one."""
-    value = np.zeros(row.size, dtype=complex)
-    for coefficient in num:
-        value = value @ matrix + coefficient * row
-    for pole in poles:
-        value = np.linalg.solve(matrix.T - pole * np.eye(row.size), value)
-    return value.real
