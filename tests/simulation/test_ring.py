@@ -283,14 +283,18 @@ def test_what_cannot_be_followed_is_refused_with_its_numbers(monkeypatch, status
     assert isinstance(refused.value, ladder.ManyDeadTimes) is (status == ladder.TOO_MANY)
 
 
-@pytest.mark.parametrize(("n", "step"), [(60, 0.03), (30, 0.31)], ids=["inside_dead_times", "across_them"])
-def test_work_is_followed_to_the_last_multiplication_that_is_allowed(n, step):
+@pytest.mark.parametrize(
+    ("n", "step", "td"),
+    [(60, 0.03, 0.0), (30, 0.31, 0.0), (25, 0.03, 0.1)],
+    ids=["inside_dead_times", "across_them", "to_the_first_time"],
+)
+def test_work_is_followed_to_the_last_multiplication_that_is_allowed(n, step, td):
     """All multiplications of stacks, or of states at the multiples of the dead time, are counted as they are made."""
-    cut = cut_at_delay(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(0.5, 2.0)), "rd")
+    cut = cut_at_delay(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(0.5, 2.0, td, n=100)), "rd")
     given = (*cut, step, n, ladder._intervals(cut, n, step), ladder.norm_over(cut, n, step))
     run, made = as_loops(ladder._responses, {}), {"inside": 0, "across": 0}
     names = run.__globals__
-    advanced, transition = names["advanced"], names["transition"]
+    advanced, transition, climb = names["advanced"], names["transition"], names["ladder"]
 
     def counting(stack, order, rung, keep):
         made["inside"] += stack.size * rung.shape[1]
@@ -301,7 +305,13 @@ def test_work_is_followed_to_the_last_multiplication_that_is_allowed(n, step):
         made["across"] = given[-2] * cut.x0.shape[1] * whole.size
         return whole
 
-    names.update(advanced=counting, transition=sizing)
+    def climbing(*arguments):
+        # the highest rung is the longest that fits into a dead time: what is carried on by it is not longer
+        top = arguments[-2]
+        assert 0.5 * cut.delay < step * 2.0**top <= cut.delay
+        return climb(*arguments)
+
+    names.update(advanced=counting, transition=sizing, ladder=climbing)
     found, _, status = run(*given)
     assert status == ladder.DONE
     np.testing.assert_allclose(found, ladder.responses(cut, n, step, given[-1]), rtol=1e-12, atol=1e-13)
