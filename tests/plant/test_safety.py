@@ -101,6 +101,17 @@ def test_what_is_asked_is_corrected_until_the_loop_has_it_from_below():
     assert 2 <= len(machine.asked) <= 4
 
 
+@pytest.mark.parametrize(("below", "designs"), [(1e-4, 1), (9e-4, 1), (1.1e-3, 2)])
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_design_within_a_tenth_of_a_per_cent_is_the_last_one(which, below, designs):
+    """A search makes each design, so none is made to come nearer than that to a limit that holds it back."""
+    met = 1.6 * (1 - 5e-4), 2.0 * (1 - 5e-4)
+    first = [limit * (1 - below) if k == which else met[k] for k, limit in enumerate((1.6, 2.0))]
+    found, machine = iter([first, met]), Machine()
+    assert correct_request(machine, lambda made: next(found), (1.6, 2.0)) == machine.asked[-1]
+    assert len(machine.asked) == designs
+
+
 def test_a_limit_that_does_not_hold_the_design_back_is_left_alone():
     machine = Machine(active=("ms",), factors=(0.5, 0.1))
     made = correct_request(machine, machine.sizes, (1.6, 2.0))

@@ -78,6 +78,21 @@ def test_in_the_flank_of_a_kick(constants):
     assert found == pytest.approx(exact, rel=3e-6)
 
 
+@pytest.mark.parametrize("multiple", [1, 2, 3])
+def test_just_at_a_dead_time_the_filter_has_not_moved(multiple):
+    """At a multiple u is what it was a moment before; a few time constants of 3e-10 later it may be another fifth."""
+    loop = Loop(lags(3, delay=1.0), PIDA(1.0, 3.0, 1.0, 0.3, n=10, m=1e9))
+    with workdps(120):
+        before = by_talbot(as_case(loop), [multiple * (1 - 1e-13)], 64)
+    for points in (2, 2 * multiple + 1):
+        unit = unit_step_responses(loop, np.linspace(0.0, multiple, points), "rdn")
+        for k, name in enumerate(INPUTS):
+            for signal, row in SIGNALS.items():
+                assert unit[k, row, -1] == pytest.approx(
+                    float(before[f"{name}.{signal}"][0]), rel=1e-10, abs=1e-11
+                )
+
+
 def test_a_fast_part_that_sends_much_stays_in_the_process():
     """Derivative action on one lag, behind a filter of 1e-9: a kick comes back with 7.5 % of its height."""
     loop = Loop(Process([1.0], [1.0, 1.0], 0.47), PIDA(0.5, 1.2, 0.15, n=1e8))

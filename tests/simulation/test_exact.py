@@ -64,10 +64,14 @@ def test_against_python_control_without_delay(source):
         np.testing.assert_allclose(got, expected, atol=1e-8 * np.abs(expected).max())
 
 
-def test_a_slow_lag_sampled_at_its_dead_times():
-    """Each dead time the control signal comes back through the lag once more; fed back positively, nothing cancels."""
-    lag, gain, t = 1e3, 2e4, np.arange(25.0)
-    k = np.arange(1, t.size)[:, None]
+@pytest.mark.parametrize(
+    ("lag", "gain", "t"),
+    [(1e3, 2e4, np.arange(25.0)), (1.0, 1.1, 0.7 * np.arange(215.0))],
+    ids=["slow_at_its_dead_times", "over_150_dead_times"],
+)
+def test_what_comes_back_once_each_dead_time(lag, gain, t):
+    """The control signal comes back through the lag once more each time; fed back positively, nothing cancels."""
+    k = np.arange(1, int(t[-1]) + 1)[:, None]
     expected = np.sum(gain**k * gammainc(k, np.maximum(t - k, 0.0) / lag), axis=0)
     found = simulate(Loop(pidalab.fopdt(1.0, lag, 1.0), -gain), t, setpoint=1.0)
     np.testing.assert_allclose(-found.y, expected, rtol=1e-12)

@@ -204,6 +204,23 @@ def test_what_outputs_read_at_times_in_succession(engine, system, run, settled, 
     assert kept == 1 or np.any(of_each[:, -1] > DROPPED * of_each.max(axis=1))
 
 
+def test_what_outputs_read_does_not_depend_on_their_units(engine, system):
+    """y in units of 1e30 and u in units of 1e-30 read as many ages, by the same numbers."""
+    rng = np.random.default_rng(23)
+    C, direct, late = rng.normal(size=(3, ORDER)), rng.normal(size=(3, 2)), rng.normal(size=(2, ORDER))
+    rungs = [engine.taylor(0.01, 40, *system)]
+    rungs.append(engine.product(*rungs * 2, 40))
+    units = np.array([2.0**-100, 1.0, 2.0**100, 2.0**100])
+    plain, other = (
+        engine.output_rows(
+            one[:3, None] * C, one[:3, None] * direct, *system[2:], one[3] * late, 40, 3, rungs, 0
+        )
+        for one in (np.ones(4), units)
+    )
+    assert 1 < plain.shape[0] // ORDER < 40
+    np.testing.assert_array_equal(other, plain * np.tile(units, 3))
+
+
 @pytest.mark.parametrize(("step", "delay"), [(0.1, 0.7), (0.1, 0.3), (0.3, 1.0), (1.0, 0.37), (1e-3, 1 / 3)])
 def test_the_first_time_after_each_dead_time(engine, step, delay):
     """By fractions of the numbers as they were meant, where a time and a multiple may be the same."""
@@ -264,6 +281,44 @@ def test_what_cannot_be_followed_is_refused_with_its_numbers(monkeypatch, status
     for number in numbers:
         assert number.replace("1333", "1000") in str(refused.value)
     assert isinstance(refused.value, ladder.ManyDeadTimes) is (status == ladder.TOO_MANY)
+
+
+@pytest.mark.parametrize(
+    ("n", "step", "td"),
+    [(60, 0.03, 0.0), (30, 0.31, 0.0), (25, 0.03, 0.1)],
+    ids=["inside_dead_times", "across_them", "to_the_first_time"],
+)
+def test_work_is_followed_to_the_last_multiplication_that_is_allowed(n, step, td):
+    """All multiplications of stacks, or of states at the multiples of the dead time, are counted as they are made."""
+    cut = cut_at_delay(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(0.5, 2.0, td, n=100)), "rd")
+    given = (*cut, step, n, ladder._intervals(cut, n, step), ladder.norm_over(cut, n, step))
+    run, made = as_loops(ladder._responses, {}), {"inside": 0, "across": 0}
+    names = run.__globals__
+    advanced, transition, climb = names["advanced"], names["transition"], names["ladder"]
+
+    def counting(stack, order, rung, keep):
+        made["inside"] += stack.size * rung.shape[1]
+        return advanced(stack, order, rung, keep)
+
+    def sizing(*arguments):
+        whole = transition(*arguments)
+        made["across"] = given[-2] * cut.x0.shape[1] * whole.size
+        return whole
+
+    def climbing(*arguments):
+        # the highest rung is the longest that fits into a dead time: what is carried on by it is not longer
+        top = arguments[-2]
+        assert 0.5 * cut.delay < step * 2.0**top <= cut.delay
+        return climb(*arguments)
+
+    names.update(advanced=counting, transition=sizing, ladder=climbing)
+    found, _, status = run(*given)
+    assert status == ladder.DONE
+    np.testing.assert_allclose(found, ladder.responses(cut, n, step, given[-1]), rtol=1e-12, atol=1e-13)
+    most = max(made.values())
+    for allowed, then in ((most, ladder.DONE), (most - 1, ladder.TOO_MANY)):
+        names["MAX_WORK"] = allowed
+        assert run(*given)[2] == then
 
 
 def test_dead_times_that_end_within_the_times_are_counted_to_rounding():
