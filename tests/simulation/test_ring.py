@@ -105,6 +105,24 @@ def test_the_exponential_over_any_time_comes_from_the_rungs(engine, system, tau)
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-11 * np.abs(exact).max())
 
 
+@pytest.mark.parametrize(
+    ("step", "top", "tau"), [(1.0, 0, 1.618), (0.3, 1, 0.7), (0.01, 5, 0.5), (0.1, 0, 0.1)]
+)
+def test_a_time_is_made_of_rungs_that_are_longer_than_its_rounding(step, top, tau):
+    """Shorter ones would take back what rounding left, and some of 1e-30 of the time never end with it.
+
+    In place of elements: the durations that they have together, and the shortest.
+    """
+    run, low, dust = as_loops(ring.transition, {}), -60, 8 * 2.0**-52 * tau
+    run.__globals__.update(
+        product=lambda rung, out, _: np.array([[rung[0, 0] + out[0, 0], min(rung[0, 1], out[0, 1])]]),
+        taylor=lambda rest, *_: np.array([[rest, rest]]),
+    )
+    rungs = [np.full((1, 2), step * 2.0**p) for p in range(low, top + 1)]
+    ((whole, shortest),) = run(rungs, step, low, tau, 1, *np.zeros((4, 1, 1)))
+    assert abs(whole - tau) <= dust < shortest
+
+
 def element(rng, ages, fading):
     """A ring element whose coefficients fade by a factor."""
     return np.concatenate([rng.normal(size=(ORDER, ORDER)) * fading**k for k in range(ages)], axis=1)
@@ -319,6 +337,32 @@ def test_work_is_followed_to_the_last_multiplication_that_is_allowed(n, step, td
     for allowed, then in ((most, ladder.DONE), (most - 1, ladder.TOO_MANY)):
         names["MAX_WORK"] = allowed
         assert run(*given)[2] == then
+
+
+@pytest.mark.parametrize(
+    ("loop", "step", "allowed"),
+    [
+        (pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.3713), pidalab.PIDA(0.1, 0.9, 0.3, 0.02)), 0.3713, 30),
+        (pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(0.5, 2.0)), 0.51 * 0.5, 17),
+    ],
+    ids=["farther_inside_a_dead_time", "farther_across_it"],
+)
+def test_what_is_remembered_is_followed_over_as_many_dead_times_as_allowed(monkeypatch, loop, step, allowed):
+    """Inside a dead time the first loop remembers more than 60 others, across one 28; the second one 15 and 17."""
+    cut = cut_at_delay(loop, "r")
+
+    def respond(intervals):
+        n = math.ceil(intervals * cut.delay / step) + 1
+        assert ladder._intervals(cut, n, step) == intervals
+        return ladder.responses(cut, n, step, ladder.norm_over(cut, n, step))
+
+    monkeypatch.setattr(ladder, "_responses", ladder._responses.twin)
+    without_limit = respond(allowed)
+    for names in (vars(ladder), ladder._responses.__globals__):
+        monkeypatch.setitem(names, "MAX_STACK", allowed * cut.x0.shape[0])
+    np.testing.assert_array_equal(respond(allowed), without_limit)
+    with pytest.raises(ValueError, match=rf"over {allowed} dead times and not over {allowed + 1}; shorten t"):
+        respond(allowed + 1)
 
 
 def test_dead_times_that_end_within_the_times_are_counted_to_rounding():
