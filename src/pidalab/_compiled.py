@@ -18,7 +18,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache, cached_property, update_wrapper
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -51,11 +51,7 @@ class Function:
         self, function: Callable[..., Any], form: Callable[..., Any], options: dict[str, Any]
     ) -> None:
         self.function, self.form, self.options = function, form, options
-        self.__doc__, self.__name__, self.__module__ = (
-            function.__doc__,
-            function.__name__,
-            function.__module__,
-        )
+        update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the form that answers first."""

@@ -91,9 +91,8 @@ class Loop:
                 f"process must be linear, found {type(process).__name__}; close the loop with a model or with its "
                 "rising part, and give it to simulate_sampled as plant"
             )
-        process = (
-            process if isinstance(process, Process) else Process(*_rational("process", process, Process))
-        )
+        if not isinstance(process, Process):
+            process = Process(*_rational("process", process, Process))
         digital = isinstance(controller, DigitalController)
         if digital and output_filter is not None:
             raise ValueError(

@@ -67,16 +67,14 @@ class Design:
 
     def __getattr__(self, name: str) -> Any:
         """Read an entry of `info`."""
-        if not name.startswith("_") and name != "info" and name in self.info:
+        if name.startswith("_") or name == "info":
+            raise AttributeError(f"this design has no {name!r}")
+        if name in self.info:
             return self.info[name]
         if name == "ms" and isinstance(self.model, Process):
             return self._ms
-        known = (
-            ""
-            if name.startswith("_") or name == "info"
-            else f"; its info has {', '.join(self.info) or 'nothing'}"
-        )
-        raise AttributeError(f"this design has no {name!r}{known}")
+        known = ", ".join(self.info) or "nothing"
+        raise AttributeError(f"this design has no {name!r}; its info has {known}")
 
     @cached_property
     def _ms(self) -> float:
