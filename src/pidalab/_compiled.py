@@ -193,9 +193,7 @@ TIER = Tier()
 @cache
 def stamp() -> Path:
     """Name of the file that says that all machine code is there, for these sources, this Python, numba and machine."""
-    sources = [
-        (path.name, path.stat().st_mtime, path.stat().st_size) for path in sorted(PACKAGE.rglob("*.py"))
-    ]
+    sources = _stats(sorted(PACKAGE.rglob("*.py")))
     wishes = sorted(
         (k, v) for k, v in os.environ.items() if k.startswith("NUMBA_") and k != "NUMBA_CACHE_DIR"
     )
@@ -243,8 +241,11 @@ def have_made() -> None:
 @cache
 def _changed(folder: Path) -> tuple[tuple[str, float, int], ...]:
     """Names, times and sizes of a folder's source files; numba itself looks at one file alone."""
-    stats = ((path.name, path.stat()) for path in [Path(__file__), *sorted(folder.glob("*.py"))])
-    return tuple((name, stat.st_mtime, stat.st_size) for name, stat in stats)
+    return _stats([Path(__file__), *sorted(folder.glob("*.py"))])
+
+
+def _stats(paths: list[Path]) -> tuple[tuple[str, float, int], ...]:
+    return tuple((path.name, path.stat().st_mtime, path.stat().st_size) for path in paths)
 
 
 @cache

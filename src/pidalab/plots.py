@@ -606,8 +606,7 @@ def _design(name: str, controller: Any) -> dict[str, Any]:
         raise ValueError(
             f"controllers[{name!r}] must have 2 to 4 gains, the first two not 0, found {list(gains)}"
         )
-    ki, kp, kd, ka = [*gains, 0.0, 0.0][:4]
-    values = {"kp": kp, "ti": kp / ki, "td": kd / kp, "ta": ka / kp, "filterTime": controller.filter_time}
+    values = {**controller.gains().standard()._asdict(), "filterTime": controller.filter_time}
     rounded = {key: _six_digits(value) for key, value in values.items()}
     return {"kind": KINDS[len(gains) - 2], **rounded, "filterOrder": controller.filter_order}
 

@@ -218,11 +218,8 @@ class DigitalController(Parameters):
         if not isinstance(other, DigitalController):
             raise TypeError(f"other must be a DigitalController, found {type(other).__name__}")
         gains = other._program.gains
-        if (
-            not self.tunable
-            or gains.keys() != self._program.gains.keys()
-            or other.sample_time != self.sample_time
-        ):
+        alike = gains.keys() == self._program.gains.keys() and other.sample_time == self.sample_time
+        if not (self.tunable and alike):
             raise ValueError(
                 "other must be a tunable controller of the same kind and sample time as this tunable one, found "
                 f"{other!r} for {self!r}"
@@ -275,10 +272,8 @@ class DigitalController(Parameters):
         (True, 5.0, True)
         """
         r, y = _signal("r", r), _signal("y", y)
-        acts = [
-            (x is not None, 0.0 if x is None else _signal(name, x))
-            for name, x in (("manual", manual), ("track", track))
-        ]
+        given = (("manual", manual), ("track", track))
+        acts = [(x is not None, 0.0 if x is None else _signal(name, x)) for name, x in given]
         further: list[float] = [_signal("feedforward", feedforward)] * self.feedforward
         if feedforward and not self.feedforward:
             raise ValueError("feedforward must be asked for: discretise(..., feedforward=True)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -54,10 +54,9 @@ class Parameters:
 
     def __post_init__(self) -> None:
         # the fields are frozen; what a check returns is the same number as a float
-        checked = {one.name: getattr(self, one.name) for one in fields(self)}
-        checked |= _numbers(self)
+        checked = _numbers(self)
         for name in ("integrates", "from_signal", "feedforward", "tunable"):
-            checked[name] = _flag(name, checked[name])
+            checked[name] = _flag(name, getattr(self, name))
         _check.choice("method", self.method, METHODS)
         _check.choice("anti_windup", self.anti_windup, (*ANTI_WINDUP, "clamping ahead"))
         if not isinstance(self.source, str):
@@ -67,8 +66,7 @@ class Parameters:
         checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
         if self.prefilter is not None:
             checked["prefilter"] = _prefilter(self)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(checked)
         self._require_consistent()
 
     def _require_consistent(self) -> None:

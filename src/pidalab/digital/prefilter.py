@@ -105,7 +105,7 @@ def discrete(num: Array, den: Array, h: float, method: str) -> Prefilter | None:
         tuple(den.tolist()),
         new,
         old,
-        tuple(tuple(row) for row in move.tolist()),
+        tuple(map(tuple, move.tolist())),
         tuple((out[:-1] - out[-1] * d[:-1] / d[-1]).tolist()),
     )
 

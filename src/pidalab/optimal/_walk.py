@@ -23,9 +23,8 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    valleys: tuple[
-        float, ...
-    ]  # the least value, and what other descents ended with up to VALLEY_REACH times it
+    # the least value, and what other descents ended with up to VALLEY_REACH times it
+    valleys: tuple[float, ...]
 
 
 def search(one: Search, starts: list[Array], bar: Any) -> SearchResult | None:

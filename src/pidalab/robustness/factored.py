@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.robustness import _arrays
-from pidalab.robustness._arrays import COARSE_STEP, FINE_STEP, SENSITIVITY
+from pidalab.robustness import _arrays, _scan, _summits
+from pidalab.robustness._arrays import COARSE_STEP, FINE_STEP
 from pidalab.robustness.peaks_and_crossovers import (
     NOTHING,
     ON_CONTOUR,
@@ -57,8 +57,6 @@ class FactoredExplorer(Explorer):
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""
-        from pidalab.robustness import _scan
-
         num, den = _scan.along(np.atleast_1d(np.asarray(w, dtype=float)), 0.0, 0.0, tuple(self.of))
         return np.reshape(num / den, np.shape(w))
 
@@ -70,24 +68,15 @@ class FactoredExplorer(Explorer):
     @cached_property
     def _on_axis(self) -> tuple[Array, Array]:
         """Gain crossovers, and extrema of |L| beside 1."""
-        from pidalab.robustness import _scan
-
-        found: tuple[Array, Array] = _scan.gain_crossings(*self.on_grid, 0.0, 0.0, tuple(self.of))
-        return found
+        return _scan.gain_crossings(*self.on_grid, 0.0, 0.0, tuple(self.of))
 
     def _phase_crossings(self, w: Array, num: Any, den: Any, quietest: float, every: bool) -> Array:
-        from pidalab.robustness import _scan
-
-        found: Array = _scan.phase_crossings(w, num, den, quietest, every, tuple(self.of))
-        return found
+        return _scan.phase_crossings(w, num, den, quietest, every, tuple(self.of))
 
     def _highest(self, kind: int, least: float, weight: LoopFactors) -> tuple[float, float]:
-        from pidalab.robustness import _summits
-
-        found: tuple[float, float] = _summits.highest(
+        return _summits.highest(
             kind, *self.on_grid, self._probes, float(least), tuple(weight), tuple(self.of)
         )
-        return found
 
     @cached_property
     def _probes(self) -> Array:
@@ -102,12 +91,6 @@ class FactoredExplorer(Explorer):
         edges = edges[edges > QUICK / self.delay][-MOST_PROBED:]
         return (edges[:, None] + np.arange(-np.pi, np.pi, FINE_STEP) / self.delay).ravel()
 
-    def max_weighted_sensitivity(
-        self, weight: LoopFactors, at_zero: float, at_end: float
-    ) -> tuple[float, float]:
-        """Supremum of |S| times the modulus of a weight, and where it lies; its limits at the ends are given."""
-        return self._supremum(SENSITIVITY, at_zero, at_end, weight)
-
     def encirclements(self, lean: float, aside: float) -> int | None:
         r"""Count zeros of the characteristic function f right of s = jω - lean ω - aside; None if one is on this line.
 
@@ -117,8 +100,6 @@ class FactoredExplorer(Explorer):
         product with the frequency. So only the gain crossovers need to be known, and nobody has to follow the turns of
         a dead time in between, however many.
         """
-        from pidalab.robustness import _scan
-
         of, w = self.of, self.grid
         if lean == aside == 0.0:
             (_, num, den), (edges, touched) = self.on_grid, self._on_axis
