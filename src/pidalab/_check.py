@@ -175,6 +175,12 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
     return _finite(name, array)
 
 
+def signals(t: ArrayLike, **given: ArrayLike) -> tuple[Array, ...]:
+    """Return uniform times that start at 0, and held signals for them, by their names."""
+    times = uniform_time("t", t)
+    return times, *(signal(name, value, times.size) for name, value in given.items())
+
+
 def squarable(name: str, array: Array) -> None:
     """Raise for values whose squares overflow; nan is passed over."""
     largest = float(np.nanmax(np.abs(array), initial=0.0))

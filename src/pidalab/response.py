@@ -202,19 +202,17 @@ class Response:
         if last == first:
             raise ValueError(f"start and stop must be at least a sample apart, found {start!r} and {stop!r}")
         span = slice(first, last + 1)
-        before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in ("r", "d", "u")}
+        before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in "rdu"} | {"n": 0.0}
         # what is held jumps at stop: its value just before belongs to the stretch
-        held = {
-            name: np.append(getattr(self, name)[first:last], getattr(self, name)[last - 1]) for name in "rdnu"
-        }
+        signals: dict[str, Any] = {}
+        for name, rest in before.items():
+            held = getattr(self, name)
+            signals[name] = np.append(held[first:last], held[last - 1]) - rest
         t = self.t[span] - self.t[first]
         return Response(
             t=t,
-            r=held["r"] - before["r"],
-            d=held["d"] - before["d"],
-            n=held["n"],
+            **signals,
             y=self.y[span] - before["r"],
-            u=held["u"] - before["u"],
             area=self.area[span] - self.area[first] - before["r"] * t,
             held=self.held[span],
         )

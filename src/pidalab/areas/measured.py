@@ -217,10 +217,9 @@ def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, A
         t, u, y = t.uniform()
     elif u is None or y is None:
         raise TypeError("u and y must be given, unless t is a Record")
-    t = _check.uniform_time("t", t)
-    u, y = _check.signal("u", u, t.size), _check.signal("y", y, t.size)
-    for name, signal in (("u", u), ("y", y)):
-        _check.squarable(name, signal)
+    t, u, y = _check.signals(t, u=u, y=y)
+    _check.squarable("u", u)
+    _check.squarable("y", y)
     return t, u, y
 
 

@@ -132,10 +132,7 @@ def portrait(
 
     With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
-    t = _check.uniform_time("t", t)
-    r, d, n = (
-        _check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise))
-    )
+    t, r, d, n = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
     h = float(t[-1] / (t.size - 1))
     bank = Bank.of(loop, parameters, prefilter, h)
     at_rest = limits_at_rest(loop.limits, limits)
