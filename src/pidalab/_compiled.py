@@ -220,18 +220,14 @@ def have_made() -> None:
         if lock.is_file() and time.time() - lock.stat().st_mtime > STALE:
             lock.unlink()
         lock.touch(exist_ok=False)
-        alone: dict[str, Any] = (
-            {"creationflags": 0x00000208}  # Windows: detached, and a group of its own
-            if os.name == "nt"
-            else {"start_new_session": True}
-        )
+        # on Windows detached, and a group of its own
+        alone: Any = {"creationflags": 0x00000208} if os.name == "nt" else {"start_new_session": True}
+        quiet: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
         subprocess.Popen(
             [sys.executable, "-m", "pidalab.warm_up"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
             close_fds=True,
             env={**os.environ, "PIDALAB_COMPILE": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            **quiet,
             **alone,
         )
     except OSError:  # somebody else is at it, or nothing can be written

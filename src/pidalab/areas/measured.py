@@ -188,9 +188,8 @@ def from_record(
     if abs(step) <= 1e-9 * np.max(np.abs(u - u0)):
         raise ValueError(f"u must end elsewhere than it begins: it starts at {u0:.6g} and ends at {u1:.6g}")
     tau = h * np.arange(last - first + 1)
-    weights = np.cumprod(
-        [np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0
-    )  # tau^k / k!
+    # tau^k / k!
+    weights = np.cumprod([np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0)
     a_u = np.append(step, _of_steps(u1 - u[first : last + 1], weights)) / step
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
     quotient = _over(a_u)
@@ -375,11 +374,9 @@ def _warn(found: MeasuredAreas) -> None:
     if not bad.size:
         return
     listed = " and ".join(f"A_{k} by {100 * share[k]:.2g} %" for k in sorted({bad[0], bad[-1]}))
-    cause = (
-        f"noise of standard deviation {found.noise:.3g}"
-        if found.settled
-        else f"it still drifts at its end, after t = {found.span[1]:.4g}"
-    )
+    cause = f"noise of standard deviation {found.noise:.3g}"
+    if not found.settled:
+        cause = f"it still drifts at its end, after t = {found.span[1]:.4g}"
     warn(
         f"the record does not determine all {found.values.size} areas ({cause}): it leaves {listed} uncertain, and "
         f"only those before A_{bad[0]} better than by {100 * UNCERTAIN:g} %; a controller of order m needs 2m + 4",

@@ -192,10 +192,7 @@ def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
 
 def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
     """Statements that keep the integral, less what a limit takes from it."""
-    keep: list[Statement] = [
-        Set("carry", "added - (grown - integral_part)"),
-        Set("integral_part", "grown"),
-    ]
+    keep: list[Statement] = [Set("carry", "added - (grown - integral_part)"), Set("integral_part", "grown")]
     if "BACK_CALCULATION_GAIN" in found:
         correction = [
             Set("added", "BACK_CALCULATION_GAIN * (limited - wanted) + carry"),

@@ -121,15 +121,14 @@ class FactoredExplorer(Explorer):
             seen = level[np.abs(level) >= _arrays.REAL]
             loud = (np.arange(edges.size + 1) % 2 == 1) ^ bool(seen.size and seen[0] > 0)
             total = 0.0
-            half = np.append(0.0, 0.5 * np.angle(n / d)[1 : edges.size + 1])
-            half = np.append(half, 0.0)  # of the angle of L: that of 1 + L where |L| = 1
+            # of the angle of L: that of 1 + L where |L| = 1
+            half = np.concatenate([[0.0], 0.5 * np.angle(n / d)[1 : edges.size + 1], [0.0]])
             for active, roots, sign in ((~loud, of.poles, 1.0), (loud, of.zeros, -1.0)):
                 k = np.flatnonzero(active)
                 start = (1j - lean) * np.append(0.0, edges)[k] - aside
                 stop = np.append((1j - lean) * edges - aside, np.nan)[k]
-                reach = np.where(
-                    np.isnan(stop.real)[:, None], 1j - lean, stop[:, None] - roots[None, :]
-                )  # far out all roots lie in one place
+                # far out all roots lie in one place
+                reach = np.where(np.isnan(stop.real)[:, None], 1j - lean, stop[:, None] - roots[None, :])
                 total += float(np.angle(reach * np.conj(start[:, None] - roots[None, :])).sum())
                 total += sign * float((half[k + 1] - half[k]).sum())
             if of.delay:

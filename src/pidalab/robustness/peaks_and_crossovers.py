@@ -12,13 +12,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.robustness import _arrays
-from pidalab.robustness._arrays import (
-    COARSE_STEP,
-    FINE_STEP,
-    divided,
-    height,
-    most_between,
-)
+from pidalab.robustness._arrays import COARSE_STEP, FINE_STEP, divided, height, most_between
 
 LARGEST_TURN = 0.8  # largest turn of the characteristic function between two points, in rad
 HALVINGS = 70  # of a step, at most, until it turns no more than that

@@ -13,12 +13,7 @@ from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.robustness.poles import is_stable
 from pidalab.rules._design import Design
-from pidalab.rules.magnitude_optimum.system import (
-    areas_of,
-    measured_uncertainty,
-    require_digits,
-    solved,
-)
+from pidalab.rules.magnitude_optimum.system import areas_of, measured_uncertainty, require_digits, solved
 
 MO_SOURCES = {
     "gains": "eqs. (14) to (17)",
