@@ -11,13 +11,21 @@ import pidalab
 from pidalab.simulation.exact import unit_step_responses
 
 ORACLE = oracle("mrdp_loops.json")
+BURSTS = "mrdp_m4_n5_te0.05_delay1_p5"
 each_case = pytest.mark.parametrize("case", ORACLE["cases"], ids=lambda case: case["name"])
 
 
 @each_case
 @pytest.mark.parametrize("points", [2, 14, 401], ids=lambda n: f"{n}points")
 def test_engine(case, points):
-    """1e-9, relative to the same scales as in test_exact, at every time, aligned with the dead time or not."""
+    """1e-9, relative to the same scales as in test_exact, at every time, aligned with the dead time or not.
+
+    One loop grows in bursts that a coarse grid misses. What it would show has no digits: that is refused.
+    """
+    if case["name"] == BURSTS and points < 401:
+        with pytest.raises(ValueError, match="far larger ones; ask for more times"):
+            worst_error(case, points)
+        return
     error, where = worst_error(case, points)
     assert error <= 1e-9, where
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from pidalab._check import Array
@@ -11,18 +14,21 @@ from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
 # Beyond this many time constants of the fastest state in a dead time, or in t, what it does may cancel.
 CHECKED_FROM = 3e3
-OTHER_UNITS = (
-    1.3,
-    0.6,
-    2.2,
-)  # of time and of u, for the second response, and for others where that leaves doubts
+# of time and of u, for the second response, and for others where that leaves doubts
+OTHER_UNITS = (1.3, 0.6, 2.2)
 CHECKED = 64  # times at least at which the two are compared
 DENSE = 10_000  # times at which it is asked how large a response is, before it is refused
 AGREEMENT = 1e-10  # of both, relative to the largest value of a signal: nine digits are promised
 CERTAIN = 1e-12  # the same, below which two are enough: they may err alike once in a while, but not as closely as that
-AFTER_KICKS = 1e-6  # the same, relative to the largest value outside the flanks of kicks
+BESIDE_KICKS = (
+    1e-6  # the same, relative to the largest value outside the flanks of kicks, and at requested times
+)
 FLANK = 60.0  # time constants of the fastest state that a kick lasts
 UNSEEN_FLANK = 1e5  # time constants after which a time, known to 1e-16, no longer tells its place in a flank
+
+
+# loops, and the grids on which their responses were found to have their digits: that is asked once
+AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary()
 
 
 def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
@@ -37,11 +43,8 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     ValueError
         Where they do not agree, and as `pidalab.simulation.ladder.responses`.
     """
-    cut = cut_at_delay(loop, inputs)
-    norm = norm_over(cut, n, step)
-    # without dead time the loop is closed, and its blocks may be faster than what is left of them
-    speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
-    if not speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM:
+    cut, norm, may_cancel = _prepared(loop, inputs, n, step)
+    if not may_cancel:
         return responses(cut, n, step, norm)
     # the times that are asked for may miss where digits are lost
     finer = -(-CHECKED // (n - 1))
@@ -50,28 +53,62 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     numbers = np.isfinite(found).all(axis=(0, 1))
     if not numbers.all():  # it overflowed, perhaps for a while: whoever asked says so
         found[:, :, np.argmin(numbers) :] = np.nan
-        return found[:, :, ::finer]
+    elif (inputs, steps, step) not in (agreed := AGREED.setdefault(loop, set())):
+        _require_agreement(loop, inputs, cut, norm, found, step, finer)
+        agreed.add((inputs, steps, step))
+    return found[:, :, ::finer]
+
+
+@lru_cache(maxsize=64)
+def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float, bool]:
+    """Return the cut loop, its norm, and whether what its fastest state does may cancel."""
+    cut = cut_at_delay(loop, inputs)
+    norm = norm_over(cut, n, step)
+    # without dead time the loop is closed, and its blocks may be faster than what is left of them
+    speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
+    return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
+
+
+def _require_agreement(
+    loop: Loop, inputs: str, cut: Cut, norm: float, found: Array, step: float, finer: int
+) -> None:
+    """Raise where responses in other units are not the same; one time in `finer` is requested."""
+    steps = found.shape[2] - 1
     every = max(c for c in range(1, steps // CHECKED + 1) if steps % c == 0)
-    uncertain = np.zeros((len(inputs), 3))
+    size, all_seen = _sizes(cut, found, step, every), steps >= DENSE
+    # either all times are requested, or all are compared
+    shown = _sizes(cut, found[:, :, ::finer], step * finer, every) if finer > 1 else size
+    uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
     for unit in OTHER_UNITS:
         apart = np.abs(found[:, :, ::every] - _again(loop, inputs, unit, steps // every + 1, step * every))
-        share = _uncertain(cut, apart, step, found)
-        if share.max() > AGREEMENT and steps < DENSE:  # what is asked for may miss the largest values
-            more = -(-DENSE // steps)
+        apart = np.minimum(np.nan_to_num(apart, nan=np.inf), 1e300)
+        share = np.max(apart / size, axis=2)
+        if share.max() > AGREEMENT and not all_seen:  # what is asked for may miss the largest values
+            more, all_seen = -(-DENSE // steps), True
             dense = responses(cut, steps * more + 1, step / more, norm)
-            share = _uncertain(cut, apart, step / more, dense) if np.isfinite(dense).all() else share
+            size = _sizes(cut, dense, step / more, every * more) if np.isfinite(dense).all() else size
+            share = np.max(apart / size, axis=2)
         uncertain = np.maximum(uncertain, share)
+        beside_shown = np.maximum(beside_shown, np.max(apart[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    if uncertain.max() > AGREEMENT:
+    allowed, where, remedy = (
+        AGREEMENT,
+        "",
+        f"the fastest filter or lag of the loop has a time constant of {1 / np.max(_speeds(cut)):.3g}, too short "
+        "beside the others; take a longer one, or leave it out",
+    )
+    if (
+        uncertain.max() <= AGREEMENT
+    ):  # beside the largest values; but these may be between the requested times
+        uncertain, allowed, where = beside_shown, BESIDE_KICKS, " at the requested times"
+        remedy = "between them are far larger ones; ask for more times, or shorten t"
+    if uncertain.max() > allowed:
         _, signal = np.unravel_index(np.argmax(uncertain), uncertain.shape)
         raise ValueError(
             f"rounding leaves {min(1.0, uncertain.max()):.1g} of the largest value of "
-            f"{('y', 'the integral of y', 'u')[signal]} uncertain, and {AGREEMENT:.0e} is allowed: the fastest "
-            f"filter or lag of the loop has a time constant of {1 / _fastest(cut):.3g}, too short beside the others; "
-            "take a longer one, or leave it out"
+            f"{('y', 'the integral of y', 'u')[signal]}{where} uncertain, and {allowed:.0e} is allowed: {remedy}"
         )
-    return found[:, :, ::finer]
 
 
 def _again(loop: Loop, inputs: str, unit: float, n: int, step: float) -> Array:
@@ -84,32 +121,28 @@ def _again(loop: Loop, inputs: str, unit: float, n: int, step: float) -> Array:
     return again
 
 
-def _uncertain(cut: Cut, apart: Array, step: float, found: Array) -> Array:
-    """Return the largest share of each signal by which two responses are apart: (inputs, 3).
+def _sizes(cut: Cut, found: Array, step: float, every: int) -> Array:
+    """Return the size beside which a difference counts, for each signal at some of the times: (inputs, 3, times).
 
-    They are apart at some of the times at which one was found. A difference counts beside the largest value up to a
-    dead time later: a response that grows has its digits from the start, and one that begins with zeros need not have
-    them there. Beside a kick of 1e13 nothing would count of what comes after it; so that is held, too, to fewer digits,
-    once all that is stiff is over. Times in the flank of the fastest kick, just after a multiple of the dead time, are
-    not compared: a value there has the digits of its time, and the height is not on the grid.
+    That is the largest value up to a dead time later: a response that grows has its digits from the start, and one that
+    begins with zeros need not have them there. Beside a kick of 1e13 nothing would count of what comes after it; so
+    that is held, too, to fewer digits, once all that is stiff is over. Times in the flank of the fastest kick, just
+    after a multiple of the dead time, do not count at all: a value there has the digits of its time, and the height is
+    not on the grid.
     """
-    t, speeds = step * np.arange(found.shape[2]), np.abs(np.linalg.eigvals(cut.A))
-    fastest = max(float(np.max(speeds)), 1e-300)
+    t, speeds = step * np.arange(found.shape[2]), _speeds(cut)
+    fastest = np.max(speeds)
     stiff = np.min(speeds[speeds * (cut.delay or t[-1]) > CHECKED_FROM], initial=fastest)
     since, early = np.mod(t, cut.delay) if cut.delay else t, (t > 0.0) & (t < UNSEEN_FLANK / fastest)
     compared, outside = (early | (since > FLANK / speed) for speed in (fastest, stiff))
-    every = (t.size - 1) // (apart.shape[2] - 1)
-    later = np.searchsorted(t, t[::every] + (cut.delay or t[-1] / CHECKED))
+    later = np.minimum(np.searchsorted(t, t[::every] + (cut.delay or t[-1] / CHECKED)), t.size - 1)
+    found = np.abs(found)
     with_kicks, without = (
-        np.maximum.accumulate(np.abs(found) * times, axis=2)[:, :, np.minimum(later, t.size - 1)]
-        for times in (1.0, outside)
+        np.maximum.accumulate(values, axis=2)[:, :, later] for values in (found, found * outside)
     )
-    after = np.where(outside[::every], without * (AFTER_KICKS / AGREEMENT), np.inf)
-    size = np.minimum(with_kicks, after)
-    apart = np.where(compared[::every], np.nan_to_num(apart, nan=np.inf), 0.0)
-    share = np.minimum(apart, 1e300) / np.where(apart > 0.0, np.maximum(size, 1e-300), 1.0)
-    return np.max(share, axis=2)
+    after = np.where(outside[::every], without * (BESIDE_KICKS / AGREEMENT), np.inf)
+    return np.where(compared[::every], np.maximum(np.minimum(with_kicks, after), 1e-300), np.inf)
 
 
-def _fastest(cut: Cut) -> float:
-    return max(float(np.max(np.abs(np.linalg.eigvals(cut.A)))), 1e-300)
+def _speeds(cut: Cut) -> Array:
+    return np.maximum(np.abs(np.linalg.eigvals(cut.A)), 1e-300)

@@ -28,7 +28,17 @@ from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.simulation.realisation import Cut
 from pidalab.simulation.ring import add_rows, ladder, transition
-from pidalab.simulation.stacks import advanced, ages_needed, derive, first_time, nonzero, output_rows, summed
+from pidalab.simulation.stacks import (
+    advanced,
+    ages_needed,
+    derive,
+    distance_after,
+    first_time,
+    is_digit,
+    nonzero,
+    output_rows,
+    summed,
+)
 
 MAX_STACK = 4000  # states in a stack: beyond, the simulation takes too long
 MAX_WORK = 4e9  # multiplications from dead time to dead time beyond which it takes too long: seconds
@@ -104,7 +114,7 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
     result = np.zeros((inputs, 3, n))
     inside = n - 1  # steps in a dead time
     if delay > 0.0:
-        inside = int(delay / step * (1.0 + 1e-12))
+        inside = int(min(delay / step * (1.0 + 1e-12), 1e15))
     # a long run makes its rows dear, a short one asks for many stacks: in all least near the root of n / 3
     power = 0
     while power < LONGEST_RUN and 2.0 * 4.0**power <= n / 3.0 + 1.0:
@@ -129,6 +139,11 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
     while term > 1e-18:
         series += 1
         term *= norm * delta / series
+    aligned = True
+    for k in range(1, intervals + 1):
+        aligned = aligned and distance_after(k, first_time(k, step, delay), step, delay) == 0.0
+    if aligned:  # every stack begins at a multiple of the dead time: there is nothing to carry
+        series = 0
     for rung in rungs:
         if rung.shape[1] == most * size and most < intervals + 1:
             return result, most, TOO_DEEP
@@ -193,24 +208,22 @@ def _responses(A, B, Cv, D, C, direct, x0, delay, settled, settling, step, n, in
         if first >= last:
             continue
         # from the multiple to the first time asked for: so many spans of the series, by rungs, and a share of one
-        distance = step * first - k * delay
-        if distance <= 8.0 * 2.0**-52 * step * first:
-            distance = 0.0
-        count = int(distance / delta)
+        distance = distance_after(k, first, step, delay)
+        count = np.floor(distance / delta)
         share = distance / delta - count
         runs = (last - first - 1) // run  # to go on by
         ages = needed[runs]
         for p in range(spanned, bits):
-            if count >> (p - spanned) & 1:
+            if is_digit(count, p - spanned):
                 ages += rungs[p].shape[1] // size - 1
         ages = min(ages, k + 1)
         for i in range(inputs):
             left, stack = ages, summed(terms[i], here + size - ages * size, here + size, share)
             for p in range(bits - 1, spanned - 1, -1):
-                if count >> (p - spanned) & 1:
+                if is_digit(count, p - spanned):
                     keep = min(k + 1, needed[runs])
                     for lower in range(spanned, p):
-                        if count >> (lower - spanned) & 1:
+                        if is_digit(count, lower - spanned):
                             keep = min(k + 1, keep + rungs[lower].shape[1] // size - 1)
                     work += 1.0 * left * rungs[p].shape[1] * size
                     stack, left = advanced(stack, size, rungs[p], keep), keep

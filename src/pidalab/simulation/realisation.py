@@ -19,7 +19,8 @@ from pidalab._check import Array
 from pidalab.controllers import Fraction
 from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
-from pidalab.statespace import Part, StateSpace, numerator, parallel, realise
+from pidalab.simulation.matrix_functions import AGES, times_function, times_ring_function, without_slow_parts
+from pidalab.statespace import Part, StateSpace, parallel, realise
 
 # A part of the controller is decoupled if its slowest pole is so many times faster than all states that drive it,
 # and if the loop is not louder than this there: to a far faster loop the plant is a chain of integrators.
@@ -33,10 +34,8 @@ STIFF = 100.0
 # of the factor, is left out there.
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
-SETTLED_AGES = 8  # of the states that such a part reads: each older one comes through the filter once more
-FADED_AWAY = (
-    60.0  # time constants after which nothing is left of a mode, not even of one that began as 1e7 times u
-)
+# time constants after which nothing is left of a mode, not even of one that began as 1e7 times u
+FADED_AWAY = 60.0
 
 
 class Cut(NamedTuple):
@@ -108,8 +107,14 @@ class _States:
         """
         x, own = slice(driving), slice(self.used, self.used + part.b.size)
         # by one large system, since a Schur form of parts as far apart as these would lose digits
-        sylvester = np.kron(np.eye(driving), part.A) - np.kron(self.A[x, x].T, np.eye(part.b.size))
-        X = np.linalg.solve(sylvester, -np.kron(source.row[x], part.b)).reshape(driving, -1).T
+        n = part.b.size
+        sylvester = np.zeros((driving, n, driving, n))
+        for i in range(driving):
+            sylvester[i, :, i, :] = part.A
+        for i in range(n):
+            sylvester[:, i, :, i] -= self.A[x, x].T
+        target = -np.outer(source.row[x], part.b)
+        X: Any = np.linalg.solve(sylvester.reshape(target.size, -1), target.ravel()).reshape(target.shape).T
         self.A[own, own] = part.A
         self.B[own] = part.b[:, None] * source.direct - X @ self.B[x]
         self.x0[own] = -X @ self.x0[x]
@@ -154,10 +159,14 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
     parts, direct = parallel(*control)
-    slow = _slow_parts(loop, parts, STIFF)
-    apart = slow < len(parts) and _sends_little(loop, parts[slow:], direct)
-    if not apart:
-        slow = _slow_parts(loop, parts, FASTER)
+    fastest = max(float(np.max(np.abs(_poles(loop, name)), initial=0.0)) for name in ("process", "prefilter"))
+    loud, beside = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
+    slow, apart = len(parts), False
+    if loud < LOUD * beside:
+        slow = sum(abs(part.poles[0]) <= STIFF * fastest for part in parts)
+        apart = slow < len(parts) and _sends_little(loop, parts[slow:], direct, fastest)
+        if not apart:
+            slow = sum(abs(part.poles[0]) <= FASTER * fastest for part in parts)
     fast = parts[slow:]
     size = len(inputs) + process.b.size + 1 + prefilter.b.size + sum(part.b.size for part in parts)
     channels = 3 if apart else 1
@@ -167,10 +176,12 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         {"r": r, "d": d, "n": n}[key][i] = 1.0
 
     y = states.append_series(process, Signal(np.zeros(size), np.eye(1, channels)[0]), process.d)
-    rest: tuple[Any, Any] = _without(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
+    rest: tuple[Any, Any] = (
+        without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
+    )
     if apart:
         # what the fast part does to the process in the long run: that part, evaluated at the matrix of the process
-        states.B[len(inputs) : states.used, ERROR] = _times_function(process.b, process.A.T, *rest)
+        states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *rest)
         y.direct[RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
     filtered = states.append_series(prefilter, Signal(r, np.zeros(channels)), prefilter.d)
@@ -181,13 +192,13 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     u_slow, rush, slow_states = u_row, np.zeros(size), states.used
     if fast:
         u_row = u_slow.copy()
-        u_row[:driving] += _times_function(error.row[:driving], states.A[:driving, :driving], *rest)
+        u_row[:driving] += times_function(error.row[:driving], states.A[:driving, :driving], *rest)
         num, poles = loop.blocks["process"][0] / loop.blocks["process"][1][0], _poles(loop, "process")
         for part in fast:
             place, X = states.append_decoupled(part, error, driving)
             u_row[place] = part.c
             if apart:
-                rush[place] = _times_function(part.c, part.A, num, poles)
+                rush[place] = times_function(part.c, part.A, num, poles)
                 rush[:driving] += rush[place] @ X
 
     A, B, C = states.A, states.B, np.stack([y.row, area.row, u_row])
@@ -197,8 +208,8 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         Cv, D = np.stack([u_slow + d, error.row, rush]), np.zeros((channels, channels))
         D[ERROR] = error.direct
         own = slice(slow_states)
-        settled = np.zeros((SETTLED_AGES if loop.delay else 1, size))
-        settled[:, own] = _times_ring_function(
+        settled = np.zeros((AGES if loop.delay else 1, size))
+        settled[:, own] = times_ring_function(
             error.row[own],
             error.direct,
             (A[own, own], B[own], Cv[:, own], D),
@@ -237,15 +248,16 @@ def _balanced(cut: Cut) -> Cut:
     )
 
 
-def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float) -> bool:
+def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
     """Whether what fast parts make of a jump sends little through the process: a kick, and then nothing.
 
     Then their kicks are kept out of the process: as far as 1e8 times its answer they would cancel there. The height of
-    a kick is the direct part, or behind a filter what the controller makes of a signal as fast as the parts.
+    a kick is the direct part, or behind a filter what the controller makes of a signal as fast as the parts. `driving`
+    is the speed of the fastest state that drives them.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])
-    if not min(speeds) > VERY_STIFF * _fastest_driving(loop) or len(process[0]) == len(process[1]):
+    if not min(speeds) > VERY_STIFF * driving or len(process[0]) == len(process[1]):
         return False
     kick = max(abs(direct), *(abs(_ratio(control, 1j * x) * _ratio(output_filter, 1j * x)) for x in speeds))
     return bool(abs(_ratio(process, 1j * min(speeds))) * kick < SENDS_LITTLE)
@@ -255,58 +267,8 @@ def _ratio(block: tuple[Array, Array], s: complex) -> Any:
     return _value(block[0], s) / _value(block[1], s)
 
 
-def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
-    """Return what direct W reads of x(t - delay), x(t - 2 delay), ..."""
-    read = []
-    for _ in range(SETTLED_AGES - 1):
-        read.append(direct @ Cv)
-        direct = direct @ D
-    return np.array(read)
-
-
-def _times_ring_function(
-    row: Array,
-    direct: Array,
-    delayed: tuple[Array, Array, Array, Array],
-    num: Array,
-    poles: Any,
-    dead_time: bool,
-) -> Array:
-    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: what a far faster block makes of a signal.
-
-    As `_times_function`, for the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop with its past.
-    """
-    A, B, Cv, D = delayed
-    if not dead_time:
-        W = np.linalg.solve(np.eye(len(D)) - D, Cv)
-        return _times_function(row + direct @ W, A + B @ W, num, poles)[None]
-    signal = np.vstack([row, _delayed_row(direct, Cv, D)])
-    value = np.zeros(signal.shape, dtype=complex)
-    for coefficient in num:
-        late = np.zeros(len(D), dtype=complex)
-        for age in range(SETTLED_AGES):
-            now = value[age].copy()
-            value[age] = now @ A + late @ Cv + coefficient * signal[age]
-            late = late @ D + now @ B
-    for pole in poles:
-        shifted = A.T - pole * np.eye(len(A))
-        late = np.zeros(len(D), dtype=complex)
-        for age in range(SETTLED_AGES):
-            value[age] = np.linalg.solve(shifted, value[age] - late @ Cv)
-            late = late @ D + value[age] @ B
-    return value.real
-
-
 def _poles(loop: _Blocks, block: str) -> Array:
     return roots(loop.blocks[block][1])
-
-
-def _slow_parts(loop: _Blocks, parts: tuple[Part, ...], factor: float) -> int:
-    """Count the parts of the controller that are not so many times faster than all that drives them."""
-    fastest = _fastest_driving(loop)
-    num, den = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
-    loud = not num < LOUD * den
-    return len(parts) if loud else sum(abs(part.poles[0]) <= factor * fastest for part in parts)
 
 
 def _value(polynomial: Array, s: complex) -> Any:
@@ -315,38 +277,3 @@ def _value(polynomial: Array, s: complex) -> Any:
     for coefficient in polynomial.tolist():
         value = value * s + coefficient
     return np.complex128(value)
-
-
-def _fastest_driving(loop: _Blocks) -> float:
-    """Return the speed of the fastest state that drives the controller."""
-    return max(float(np.max(np.abs(_poles(loop, name)), initial=0.0)) for name in ("process", "prefilter"))
-
-
-def _without(
-    slow: tuple[Part, ...], first: tuple[Array, Array], second: tuple[Array, Array], fast: tuple[Part, ...]
-) -> tuple[Any, Any]:
-    """Return numerator and poles of two fractions in series without their slow parts.
-
-    The division by the slow poles runs from the highest power down, where the fast terms are: no small difference is
-    formed.
-    """
-    num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
-    poles = np.concatenate([part.poles for part in fast])
-    taken: Any = np.zeros(1)
-    under: Any = np.ones(1)
-    for part in slow:
-        own = np.poly(part.poles).real
-        taken = np.polyadd(np.convolve(taken, own), np.convolve(numerator(part), under))
-        under = np.convolve(under, own)
-    rest = np.polysub(num, np.convolve(taken, np.poly(poles).real))
-    return np.polydiv(np.pad(rest, (poles.size + under.size - rest.size, 0)), under)[0], poles
-
-
-def _times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
-    """Return row @ H(matrix) for a fraction H, by Horner's rule and by its poles one by one."""
-    value = np.zeros(row.size, dtype=complex)
-    for coefficient in num:
-        value = value @ matrix + coefficient * row
-    for pole in poles:
-        value = np.linalg.solve(matrix.T - pole * np.eye(row.size), value)
-    return value.real

@@ -259,8 +259,10 @@ def transition(rungs, step, low, tau, most, A, B, Cv, D):
             times[p] += 1
             tau -= duration
     # from the shortest, which is least work
-    out = taylor(tau, most, A, B, Cv, D) if tau > dust else np.zeros(A.shape)
+    begun = tau > dust
+    out = taylor(tau, most, A, B, Cv, D) if begun else np.zeros(A.shape)
     for p in range(len(rungs)):
         for _ in range(times[p]):
-            out = product(rungs[p], out, most)
+            out = product(rungs[p], out, most) if begun else rungs[p]
+            begun = True
     return out

@@ -234,3 +234,16 @@ def first_time(k, step, delay):
     while step * i * grown < k * delay:
         i += 1
     return i
+
+
+@compiled
+def distance_after(k, i, step, delay):
+    """Return the time from a multiple of the dead time to requested time i, 0 where it is as short as rounding."""
+    distance = step * i - k * delay
+    return distance if distance > 8.0 * 2.0**-52 * step * i else 0.0
+
+
+@compiled
+def is_digit(count, power):
+    """Return whether a number is written with this power of 2: a whole number, perhaps beyond the largest integer."""
+    return np.floor(count * 2.0**-power) % 2.0 == 1.0
