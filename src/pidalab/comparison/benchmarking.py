@@ -381,12 +381,10 @@ def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
     )
     kinds = least.groupby(["plant", "terms", "kind"])["iae"].min().rename("least_of_kind").reset_index()
     best = least.groupby(["plant", "terms"])["iae"].min().rename("least").reset_index()
-    found = rows.merge(kinds, on=["plant", "terms", "kind"], how="left").merge(
-        best, on=["plant", "terms"], how="left"
-    )
-    return found.assign(
-        of_kind=found["iae_load"] / found["least_of_kind"], of_best=found["iae_load"] / found["least"]
-    )
+    found = rows.merge(kinds, on=["plant", "terms", "kind"], how="left")
+    found = found.merge(best, on=["plant", "terms"], how="left")
+    iae = found["iae_load"]
+    return found.assign(of_kind=iae / found["least_of_kind"], of_best=iae / found["least"])
 
 
 def benchmark(

@@ -31,9 +31,8 @@ def factors(loop: Loop) -> LoopFactors:
     ValueError
         For a gain beyond the range of numbers, and for roots that cannot be found.
     """
-    return factors_of(loop, "process", "controller", "output_filter")._replace(
-        delay=float(loop.process.delay)
-    )
+    of = factors_of(loop, "process", "controller", "output_filter")
+    return of._replace(delay=float(loop.process.delay))
 
 
 def factors_of(loop: Loop, *names: str) -> LoopFactors:

@@ -121,9 +121,8 @@ class Design:
             raise TypeError(
                 "process must be given, as in design.loop(process): this design was made from areas"
             )
-        return Loop(
-            self.model if process is None else process, self.controller, self.output_filter, self.prefilter
-        )
+        plant = self.model if process is None else process
+        return Loop(plant, self.controller, self.output_filter, self.prefilter)
 
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
         """Return the digital controller for a sample time, with output filter and prefilter as parts of it.

@@ -132,9 +132,8 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
         "ie": 1 / float(plain[0] * exact_gains[0]),
         "uncertainty": tuple(unsure.tolist()),
     }
-    return Design(
-        model, controller, source="vrancic2021, eqs. (8) and (14) to (17)", info=info, sources=MO_SOURCES
-    )
+    source = "vrancic2021, eqs. (8) and (14) to (17)"
+    return Design(model, controller, source=source, info=info, sources=MO_SOURCES)
 
 
 def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
