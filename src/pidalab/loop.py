@@ -381,11 +381,8 @@ class Loop:
         return np.union1d(np.geomspace(low, high, FREQUENCIES), np.arange(low, high, TURN_BETWEEN / delay))
 
     def __repr__(self) -> str:
-        extras = "".join(
-            f", {name}={value!r}"
-            for name, value in (("output_filter", self.output_filter), ("prefilter", self.prefilter))
-            if value is not None
-        )
+        filters = {"output_filter": self.output_filter, "prefilter": self.prefilter}
+        extras = "".join(f", {name}={value!r}" for name, value in filters.items() if value is not None)
         return f"Loop({self.process!r}, {self.controller!r}{extras})"
 
 

@@ -274,10 +274,8 @@ def _steady(x: Array) -> bool:
     rounding, room = 4 * ROUNDING * float(np.max(np.abs(x))), math.sqrt(PIECES)
     squares = (x - np.mean(x[x.size // 2 :])) ** 2
     means, power = _transients(x), _transients(squares)
-    return bool(
-        np.max(np.abs(means[0])) <= DRIFT * means[1] + room * rounding
-        and np.max(power[0]) <= FADE * power[1] + room * rounding**2
-    )
+    level = np.max(np.abs(means[0])) <= DRIFT * means[1] + room * rounding
+    return bool(level and np.max(power[0]) <= FADE * power[1] + room * rounding**2)
 
 
 def _transients(x: Array) -> tuple[Array, float]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pidalab import _check
 from pidalab.digital.paths import METHOD_WEIGHTS, METHODS, Path
-from pidalab.digital.prefilter import Prefilter, discrete
+from pidalab.digital.prefilter import Prefilter, discrete, of_arrays
 
 ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
 LARGEST_SIGNAL = 1e9  # beyond it, on either side, a signal is no measurement
@@ -161,10 +161,7 @@ def _prefilter(k: Parameters) -> Prefilter:
     for found, wanted in zip((new, old, move, out), map(np.array, true[2:]), strict=True):
         if found.shape != wanted.shape or not np.allclose(found, wanted, PREFILTER_RTOL, atol=1e-12):
             raise ValueError("prefilter must be what its num and den become for the sample time")
-    rows = tuple(map(tuple, move.tolist()))
-    return Prefilter(
-        tuple(num.tolist()), tuple(den.tolist()), float(new), float(old), rows, tuple(out.tolist())
-    )
+    return of_arrays(num, den, float(new), float(old), move, out)
 
 
 def _constant(name: str, value: Any) -> float:

@@ -138,11 +138,8 @@ def _parts(kinds: Array, controller: Array, L: Array) -> Any:
     """Numerators over 1 + L, and both weights, of peaks, of which there are few; with other plants it is |S|."""
     own = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
     each = zip(own, controller.tolist(), L.tolist(), strict=True)
-    return (
-        np.array([(top(kind, c, l), *weights(kind, l)) for kind, c, l in each], dtype=complex)
-        .reshape(-1, 3)
-        .T
-    )
+    found = [(top(kind, c, l), *weights(kind, l)) for kind, c, l in each]
+    return np.array(found, dtype=complex).reshape(-1, 3).T
 
 
 class Lagrangian:
@@ -202,10 +199,8 @@ class Lagrangian:
             x = self.seen.back(z)
             value, by_x = worth(x)
             moved = self.peaks.refine(x, kinds, w, bend)
-            return np.asarray(
-                self.seen.slopes(x, by_x() / value)
-                - prices @ self.margins(z, kinds, moved, self.search.noise)[1]
-            )
+            by_limits = self.margins(z, kinds, moved, self.search.noise)[1]
+            return np.asarray(self.seen.slopes(x, by_x() / value) - prices @ by_limits)
 
         for k, way in enumerate(h * np.eye(z.size)):
             found[k] = (slope(z + way) - slope(z - way)) / (2 * h)
@@ -238,9 +233,8 @@ def polish(search: Search, x: Array) -> Polished | None:
             price = max(price, 2 * float(np.max(prices[:limits], initial=0.0)))
             there, by = one.missed(z + step)
             # near the end steps that shrink count for more than values: a full one may miss curved limits by a little
-            if there + price * by <= value + price * missed or (
-                length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
-            ):
+            near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
+            if near or there + price * by <= value + price * missed:
                 break
             # it shrinks, also where rounding let the step pass it
             trust = 0.3 * min(trust, length)

@@ -36,9 +36,8 @@ def at_once(search: Search, surely: bool = True) -> list[Array]:
     kept = [x for x in _ranked(search) if search.missed(x, constraints) == 0]
     chosen: list[Array] = []
     for x in sorted(kept, key=lambda x: search.worth(x)[0]):
-        if all(_apart(x, other, search.problem.gains) for other in chosen) and (
-            not surely or search.sound(x)
-        ):
+        differs = all(_apart(x, other, search.problem.gains) for other in chosen)
+        if differs and (not surely or search.sound(x)):
             chosen.append(x)
         if len(chosen) == STARTS:
             break

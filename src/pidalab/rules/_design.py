@@ -194,11 +194,8 @@ class Design:
         filters:  none; output filter OutputFilter(time=1.97752, order=1, wgc=0.0252842) in units of the model
         """
         forms = self.controller.vendor_forms(time_unit, full_output)
-        beside = [
-            f"; {name.replace('_', ' ')} {_block(getattr(self, name))} in units of the model"
-            for name in ("output_filter", "prefilter")
-            if getattr(self, name) is not None
-        ]
+        own = {"output filter": self.output_filter, "prefilter": self.prefilter}
+        beside = [f"; {name} {_block(x)} in units of the model" for name, x in own.items() if x is not None]
         return forms._replace(filters=forms.filters + "".join(beside))
 
     def __repr__(self) -> str:

@@ -423,10 +423,8 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
         raise ValueError(f"overshoot must be 0 or 20, found {overshoot!r}")
     gain, lag, delay = lag_with_delay(model)
     unit = delay if test == "load" else lag
-    pi, pid = (
-        (share * lag / (gain * delay), ti * unit, td * delay)
-        for share, ti, td in CHIEN_HRONES_RESWICK[test, overshoot]
-    )
+    table = CHIEN_HRONES_RESWICK[test, overshoot]
+    pi, pid = ((share * lag / (gain * delay), ti * unit, td * delay) for share, ti, td in table)
     source = f"Chien, Hrones and Reswick (1952), {test}, {overshoot} % overshoot"
     return _design(model, kind, pi, pid, source)
 
