@@ -36,7 +36,7 @@ $(SITE): $(ENV) $(SOURCES)
 	$(BIN)/python tools/site.py
 	touch $@
 
-test: $(DEV) $(SITE)  ## unit tests, doctests, notebooks against their stored outputs, the built site (about 5 minutes)
+test: $(DEV) $(SITE)  ## unit tests, doctests, notebooks, the built site (16 minutes on two cores; DRAW=4 draws a quarter)
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --nbval --nbval-current-env
 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place

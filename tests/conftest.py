@@ -2,6 +2,7 @@
 
 import gc
 import os
+import random
 import subprocess
 import sys
 from collections import Counter
@@ -19,6 +20,9 @@ sys.path[:0] = [
 # last, since one of the tools is called like Python's module site
 sys.path += [str(ROOT / "tools")]
 
+# one test in so many runs, drawn anew each time; workers are given the number that the draw begins from
+DRAW = int(os.environ.get("DRAW", "1"))
+os.environ.setdefault("DRAW_SEED", str(random.SystemRandom().randrange(10**6)))
 # pages in a browser, notebooks, searches
 LONG = ("tests/site/", "book/", "tests/plant/test_running_loop.py", "tests/optimal/")
 
@@ -42,9 +46,24 @@ def pytest_configure(config):
     subprocess.run([sys.executable, "-m", "pidalab.warm_up"], check=False)  # writes the stamp
 
 
+def pytest_report_header():
+    return (
+        f"one test in {DRAW} is drawn: DRAW={DRAW} DRAW_SEED={os.environ['DRAW_SEED']}" if DRAW > 1 else None
+    )
+
+
+def drawn(item):
+    """Whether a test is among those that are drawn: a notebook with all of its cells, or not at all."""
+    one = item.nodeid.partition("::Cell")[0]
+    return random.Random(f"{os.environ['DRAW_SEED']} {one}").randrange(DRAW) == 0
+
+
 @pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Long files first: one that starts last keeps one processor busy and the others waiting."""
+    if DRAW > 1:
+        config.hook.pytest_deselected(items=[item for item in items if not drawn(item)])
+        items[:] = [item for item in items if drawn(item)]
     items.sort(
         key=lambda item: next((k for k, path in enumerate(LONG) if item.nodeid.startswith(path)), len(LONG))
     )

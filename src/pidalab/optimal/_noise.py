@@ -13,6 +13,7 @@ filter, and its slope by the filter time, is a sum of these. By Parseval the var
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -44,6 +45,7 @@ class SampledNoise:
         poles = np.append(np.exp(roots(problem.process.den).astype(complex) * sample_time), 1.0)
         outside = poles[np.abs(poles) > 1 - 1e-9][:, None]
         self.moved = np.prod((self.z - outside) / (self.z - 0.5 * outside / np.abs(outside)), axis=0)
+        self.integrator = sample_time / (self.z - 1)
         self._expand()
         # trapezoids over the upper half of the circle
         steps = np.diff(self.w)
@@ -51,12 +53,12 @@ class SampledNoise:
 
     def __call__(self, x: Array) -> tuple[float, Slope]:
         """Variance at a vector of unknowns, and the function of its gradient."""
-        controller, slopes = self._controller(x)
+        controller, controller_slopes = self._controller(x)
         sensitivity = 1 / (1 + self.plant * controller)
         u = controller * sensitivity
 
         def slope() -> Array:
-            found = np.zeros(x.size)
+            found, slopes = np.zeros(x.size), controller_slopes()
             by_controller = np.conj(u) * sensitivity**2 * self.weight
             found[: slopes.shape[0]] = 2 * np.real(slopes @ by_controller)
             return found
@@ -88,16 +90,23 @@ class SampledNoise:
             for j in range(k + 2):
                 self.by_time[k + 1, n - k + j] = -n * math.comb(k + 1, j) * (-1) ** j
 
-    def _controller(self, x: Array) -> tuple[Array, Array]:
-        """Sampled controller at the frequencies, and its slopes by the gains and the logarithm of the filter time."""
+    def _controller(self, x: Array) -> tuple[Array, Callable[[], Array]]:
+        """Sampled controller at the frequencies, and what makes its slopes by gains and log of the filter time."""
         n, (gains, time) = self.problem.order + 1, self.problem.controller(x)
-        lags = self._lags(time, n + 1)
         powers = time ** np.arange(1.0, -n, -1.0)
-        slopes = np.empty((n + 2, self.w.size), dtype=complex)
-        slopes[:-1] = ((self.problem.units * powers)[:, None] * self.actions) @ lags
-        slopes[0] += self.problem.units[0] * self.h / (self.z - 1)  # the integrator
-        slopes[-1] = ((gains * powers) @ self.by_time) @ lags
-        return x[: n + 1] @ slopes[:-1], slopes
+        lags = self._lags(time, n + 1).view(float)  # real numbers times pairs of them
+        controller = (((gains * powers) @ self.actions) @ lags).view(complex)
+        controller += gains[0] * self.integrator
+
+        def slopes() -> Array:
+            found = np.empty((n + 2, lags.shape[1]))
+            np.matmul((self.problem.units * powers)[:, None] * self.actions, lags, out=found[:-1])
+            np.matmul((gains * powers) @ self.by_time, lags, out=found[-1])
+            found = found.view(complex)
+            found[0] += self.problem.units[0] * self.integrator
+            return found
+
+        return controller, slopes
 
     def _lags(self, time: float, most: int) -> Array:
         """Responses of 0, 1, ..., most equal lags behind a hold, from sample to sample."""

@@ -87,16 +87,13 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 def norm_over(cut: Cut, n: int, step: float) -> float:
     """Bound the block Toeplitz matrix, over as many ages as there are within n times."""
     intervals = _intervals(cut, n, step)
-    through = np.abs(cut.Cv)
-    if cut.D.any():
-        power = np.abs(cut.D)
-        ages = 1
-        with np.errstate(over="ignore", invalid="ignore"):
-            while ages < intervals and power.any():  # twice as many ages of the sum of all powers
-                through = through + power @ through
-                power = power @ power
-                ages *= 2
-    bound = float(np.max(np.sum(np.abs(cut.A) + np.abs(cut.B) @ through, axis=0), initial=0.0))
+    through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
+    with np.errstate(over="ignore", invalid="ignore"):
+        while ages < intervals and power.any():  # twice as many ages of the sum of all powers
+            through = through + power @ through
+            power = power @ power
+            ages *= 2
+        bound = float(np.max(np.sum(np.abs(cut.A) + np.abs(cut.B) @ through, axis=0), initial=0.0))
     return bound if np.isfinite(bound) else np.inf
 
 
