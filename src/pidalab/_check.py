@@ -25,14 +25,12 @@ def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -
         raise TypeError(f"{name} must be a real number, found {value!r}") from None
     except OverflowError:
         raise ValueError(f"{name} must be finite, found a number beyond double precision") from None
-    allowed = "finite"
-    if above > -math.inf:
-        allowed = f"above {above:g}" if math.isfinite(number) else f"finite and above {above:g}"
-    elif at_least > -math.inf:
-        allowed = f"at least {at_least:g}" if math.isfinite(number) else f"finite and at least {at_least:g}"
-    if not math.isfinite(number) or number <= above or number < at_least:
-        raise ValueError(f"{name} must be {allowed}, found {value!r}")
-    return number
+    finite = math.isfinite(number)
+    if finite and number > above and number >= at_least:
+        return number
+    bounds = (("above", above), ("at least", at_least))
+    allowed = ["finite"] * (not finite) + [f"{word} {x:g}" for word, x in bounds if x > -math.inf]
+    raise ValueError(f"{name} must be {' and '.join(allowed)}, found {value!r}")
 
 
 def integer(name: str, value: Any, *, at_least: int, at_most: float = math.inf) -> int:
@@ -65,17 +63,22 @@ def carrier(value: Any, kind: type) -> str:
     return ""
 
 
-def _real_array(name: str, value: ArrayLike) -> Array:
-    """Return a copy as a float array of any shape; nothing imaginary is dropped."""
+def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
+    """Return a copy as an array of any shape; text and other kinds of data are not taken for numbers."""
     try:
         array = np.array(value)
-        if array.dtype.kind in "cUSO":
+        if array.dtype.kind in others:
             raise TypeError
-        return array.astype(float, copy=False)
+        return array.astype(kind, copy=False)
     except (TypeError, ValueError, OverflowError):
         found = repr(value)
         found = found if len(found) < 80 else f"{type(value).__name__} {found[:60]}..."
-        raise TypeError(f"{name} must be an array of real numbers, found {found}") from None
+        raise TypeError(f"{name} must be {what}, found {found}") from None
+
+
+def _real_array(name: str, value: ArrayLike) -> Array:
+    """Return a copy as a float array of any shape; nothing imaginary is dropped."""
+    return _copied(name, value, float, "cUSO", "an array of real numbers")
 
 
 def array(name: str, value: ArrayLike) -> Array:
@@ -96,13 +99,7 @@ def _finite(name: str, found: Array) -> Array:
 
 def complex_array(name: str, value: ArrayLike) -> Any:
     """Return `value` as finite complex numbers of any shape; text is not taken for numbers."""
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind in "USO":
-            raise TypeError
-        array = array.astype(complex)
-    except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{name} must be complex numbers, found {value!r}") from None
+    array = _copied(name, value, complex, "USO", "complex numbers")
     finite = np.isfinite(array)
     if not finite.all():
         raise ValueError(f"{name} must be finite, found {array[~finite].flat[0]}")
@@ -127,10 +124,9 @@ def polynomial(name: str, value: ArrayLike) -> Array:
     """Return descending coefficients without leading zeros; the zero polynomial is ``[0.]``."""
     array = _real_array(name, value)
     array = _one_dimensional(name, array if array.ndim else array.reshape(1))
-    if array[0]:
-        return array
-    nonzero = np.flatnonzero(array)
-    return array[nonzero[0] :] if nonzero.size else np.zeros(1)
+    if not array[0]:
+        array = np.trim_zeros(array, "f")
+    return array if array.size else np.zeros(1)
 
 
 def proper(what: str, num: Array, den: Array) -> None:
@@ -177,6 +173,12 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
             f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}"
         )
     return _finite(name, array)
+
+
+def signals(t: ArrayLike, **given: ArrayLike) -> tuple[Array, ...]:
+    """Return uniform times that start at 0, and held signals for them, by their names."""
+    times = uniform_time("t", t)
+    return times, *(signal(name, value, times.size) for name, value in given.items())
 
 
 def squarable(name: str, array: Array) -> None:

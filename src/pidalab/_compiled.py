@@ -18,7 +18,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache, cached_property, update_wrapper
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -51,11 +51,7 @@ class Function:
         self, function: Callable[..., Any], form: Callable[..., Any], options: dict[str, Any]
     ) -> None:
         self.function, self.form, self.options = function, form, options
-        self.__doc__, self.__name__, self.__module__ = (
-            function.__doc__,
-            function.__name__,
-            function.__module__,
-        )
+        update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the form that answers first."""
@@ -197,9 +193,7 @@ TIER = Tier()
 @cache
 def stamp() -> Path:
     """Name of the file that says that all machine code is there, for these sources, this Python, numba and machine."""
-    sources = [
-        (path.name, path.stat().st_mtime, path.stat().st_size) for path in sorted(PACKAGE.rglob("*.py"))
-    ]
+    sources = _stats(sorted(PACKAGE.rglob("*.py")))
     wishes = sorted(
         (k, v) for k, v in os.environ.items() if k.startswith("NUMBA_") and k != "NUMBA_CACHE_DIR"
     )
@@ -226,18 +220,14 @@ def have_made() -> None:
         if lock.is_file() and time.time() - lock.stat().st_mtime > STALE:
             lock.unlink()
         lock.touch(exist_ok=False)
-        alone: dict[str, Any] = (
-            {"creationflags": 0x00000208}  # Windows: detached, and a group of its own
-            if os.name == "nt"
-            else {"start_new_session": True}
-        )
+        # on Windows detached, and a group of its own
+        alone: Any = {"creationflags": 0x00000208} if os.name == "nt" else {"start_new_session": True}
+        quiet: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
         subprocess.Popen(
             [sys.executable, "-m", "pidalab.warm_up"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
             close_fds=True,
             env={**os.environ, "PIDALAB_COMPILE": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            **quiet,
             **alone,
         )
     except OSError:  # somebody else is at it, or nothing can be written
@@ -247,8 +237,11 @@ def have_made() -> None:
 @cache
 def _changed(folder: Path) -> tuple[tuple[str, float, int], ...]:
     """Names, times and sizes of a folder's source files; numba itself looks at one file alone."""
-    stats = ((path.name, path.stat()) for path in [Path(__file__), *sorted(folder.glob("*.py"))])
-    return tuple((name, stat.st_mtime, stat.st_size) for name, stat in stats)
+    return _stats([Path(__file__), *sorted(folder.glob("*.py"))])
+
+
+def _stats(paths: list[Path]) -> tuple[tuple[str, float, int], ...]:
+    return tuple((path.name, path.stat().st_mtime, path.stat().st_size) for path in paths)
 
 
 @cache

@@ -24,11 +24,8 @@ def done(
     """Return the result of each part, in their order, with a bar of what is finished where somebody looks."""
     from tqdm import tqdm
 
-    bar = {
-        "unit": unit,
-        "disable": None,
-        "delay": 1.0,
-    }  # no bar for what takes a second, or is read by no person
+    # no bar for what takes a second, or is read by no person
+    bar = {"unit": unit, "disable": None, "delay": 1.0}
     if executor is None:
         return [work(part) for part in tqdm(parts, **bar)]
     runs = {executor.submit(work, part): k for k, part in enumerate(parts)}

@@ -28,8 +28,5 @@ def set_out(cells: Iterable[str], widths: Sequence[int], left: int = 1) -> str:
     >>> set_out(["PI", "1.5", "20"], [5, 6, 6])
     'PI      1.5    20'
     """
-    padded = (
-        cell.ljust(width) if k < left else cell.rjust(width)
-        for k, (cell, width) in enumerate(zip(cells, widths, strict=False))
-    )
-    return "".join(padded).rstrip()
+    columns = enumerate(zip(cells, widths, strict=False))
+    return "".join(x.ljust(width) if k < left else x.rjust(width) for k, (x, width) in columns).rstrip()

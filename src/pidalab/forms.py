@@ -96,9 +96,8 @@ class IdealGains(NamedTuple):
         """
         if self.kp == 0:
             raise ValueError("no standard form: kp is 0, and the time constants are ratios to kp")
-        return StandardForm(
-            self.kp, self.kp / self.ki if self.ki else math.inf, self.kd / self.kp, self.ka / self.kp
-        )
+        ti = self.kp / self.ki if self.ki else math.inf
+        return StandardForm(self.kp, ti, self.kd / self.kp, self.ka / self.kp)
 
     def non_interactive(self) -> NonInteractiveForm:
         """Return kc, tau_i, tau_d, tau_a with the acceleration term kc tau_a^2/2 s^2.

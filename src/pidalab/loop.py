@@ -91,9 +91,8 @@ class Loop:
                 f"process must be linear, found {type(process).__name__}; close the loop with a model or with its "
                 "rising part, and give it to simulate_sampled as plant"
             )
-        process = (
-            process if isinstance(process, Process) else Process(*_rational("process", process, Process))
-        )
+        if not isinstance(process, Process):
+            process = Process(*_rational("process", process, Process))
         digital = isinstance(controller, DigitalController)
         if digital and output_filter is not None:
             raise ValueError(
@@ -382,11 +381,8 @@ class Loop:
         return np.union1d(np.geomspace(low, high, FREQUENCIES), np.arange(low, high, TURN_BETWEEN / delay))
 
     def __repr__(self) -> str:
-        extras = "".join(
-            f", {name}={value!r}"
-            for name, value in (("output_filter", self.output_filter), ("prefilter", self.prefilter))
-            if value is not None
-        )
+        filters = {"output_filter": self.output_filter, "prefilter": self.prefilter}
+        extras = "".join(f", {name}={value!r}" for name, value in filters.items() if value is not None)
         return f"Loop({self.process!r}, {self.controller!r}{extras})"
 
 

@@ -411,12 +411,8 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5)
     >>> pidalab.plots.nyquist(ax, {"P": loop}, np.logspace(-1, 1, 100), ms=1.6)
     """
-    _require_axes(ax)
-    _require_by_label("loops", loops, Loop)
-    frequencies = _check.vector("frequencies", frequencies)
     radius = None if ms is None else 1 / _check.real("ms", ms, at_least=1.0)
-    for label, loop in loops.items():
-        value = loop.L(1j * frequencies)
+    for label, (_, value) in _loci(ax, "loops", loops, Loop, frequencies).items():
         ax.plot(value.real, value.imag, label=label)
     if radius is not None:
         angle = np.linspace(0, 2 * np.pi, 200)
@@ -483,11 +479,7 @@ def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) 
     >>> part = pidalab.robustness.linear_part(pidalab.Loop(pidalab.lags(3), 3.0))
     >>> pidalab.plots.circle_locus(ax, {"lags": part}, np.logspace(-2, 2, 200))
     """
-    _require_axes(ax)
-    _require_by_label("parts", parts, LinearPart)
-    frequencies = _check.vector("frequencies", frequencies)
-    for label, part in parts.items():
-        value = part(1j * frequencies)
+    for label, (_, value) in _loci(ax, "parts", parts, LinearPart, frequencies).items():
         ax.plot(value.real, value.imag, label=label)
     ax.axvline(-1.0, linestyle=":", color=GREY, linewidth=1.2, zorder=1)
     ax.plot([-1], [0], "+", color=GREY, markersize=9)
@@ -531,24 +523,22 @@ def popov_plot(
     >>> len(ax.lines)
     3
     """
-    _require_axes(ax)
-    _require_by_label("parts", parts, LinearPart)
-    frequencies = _check.vector("frequencies", frequencies)
-    for label, part in parts.items():
-        value = part(1j * frequencies)
-        (curve,) = ax.plot(value.real, frequencies * value.imag, label=label)
+    for label, (w, value) in _loci(ax, "parts", parts, LinearPart, frequencies).items():
+        (curve,) = ax.plot(value.real, w * value.imag, label=label)
         if multipliers and label in multipliers:
-            theta = multipliers[label]
-            ax.axline(
-                (-1.0, 0.0),
-                (theta - 1.0, 1.0),
-                color=curve.get_color(),
-                linestyle=":",
-                linewidth=1.0,
-                zorder=1,
-            )
+            through = (multipliers[label] - 1.0, 1.0)
+            thin_line: dict[str, Any] = {"linestyle": ":", "linewidth": 1.0, "zorder": 1}
+            ax.axline((-1.0, 0.0), through, color=curve.get_color(), **thin_line)
     ax.plot([-1], [0], "+", color=GREY, markersize=9)
     ax.set(xlabel="real part of G", ylabel="frequency times imaginary part of G")
+
+
+def _loci(ax: Axes, name: str, things: Mapping[str, Any], kind: type, frequencies: Array) -> dict[str, Any]:
+    """Return frequencies and values of loops or linear parts by their labels, once all is checked."""
+    _require_axes(ax)
+    _require_by_label(name, things, kind)
+    w = _check.vector("frequencies", frequencies)
+    return {label: (w, (thing.L if kind is Loop else thing)(1j * w)) for label, thing in things.items()}
 
 
 class _LiveFigure:
@@ -616,8 +606,7 @@ def _design(name: str, controller: Any) -> dict[str, Any]:
         raise ValueError(
             f"controllers[{name!r}] must have 2 to 4 gains, the first two not 0, found {list(gains)}"
         )
-    ki, kp, kd, ka = [*gains, 0.0, 0.0][:4]
-    values = {"kp": kp, "ti": kp / ki, "td": kd / kp, "ta": ka / kp, "filterTime": controller.filter_time}
+    values = {**controller.gains().standard()._asdict(), "filterTime": controller.filter_time}
     rounded = {key: _six_digits(value) for key, value in values.items()}
     return {"kind": KINDS[len(gains) - 2], **rounded, "filterOrder": controller.filter_order}
 

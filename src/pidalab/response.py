@@ -66,27 +66,25 @@ class Response:
     y: Array
     u: Array
     area: Any = None
-    held: Any = None
+    held: Any = 0.0
     final: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "t", _check.uniform_time("t", self.t))
-        for name in ("r", "d", "n", "y", "u"):
-            object.__setattr__(self, name, _check.signal(name, getattr(self, name), self.t.size))
-        object.__setattr__(
-            self, "held", _check.signal("held", 0.0 if self.held is None else self.held, self.t.size)
-        )
+        own = vars(self)
+        own["t"] = _check.uniform_time("t", self.t)
+        for name in ("r", "d", "n", "y", "u", "held"):
+            own[name] = _check.signal(name, own[name], self.t.size)
         if self.area is None:
             steps = 0.5 * self.step * (self.y[1:] + self.y[:-1])
-            object.__setattr__(self, "area", np.concatenate([[0.0], np.cumsum(steps)]))
+            own["area"] = np.concatenate([[0.0], np.cumsum(steps)])
         else:
-            object.__setattr__(self, "area", _check.signal("area", self.area, self.t.size))
+            own["area"] = _check.signal("area", self.area, self.t.size)
 
     @classmethod
     def _of_checked(cls, **signals: Array) -> Response:
         """Make a record of arrays that have been checked: all fields but `held`, which is 0."""
         response = cls.__new__(cls)
-        response.__dict__.update(signals, held=np.zeros(signals["t"].size), final=None)
+        vars(response).update(signals, held=np.zeros(signals["t"].size), final=None)
         return response
 
     def __repr__(self) -> str:
@@ -204,19 +202,17 @@ class Response:
         if last == first:
             raise ValueError(f"start and stop must be at least a sample apart, found {start!r} and {stop!r}")
         span = slice(first, last + 1)
-        before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in ("r", "d", "u")}
+        before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in "rdu"} | {"n": 0.0}
         # what is held jumps at stop: its value just before belongs to the stretch
-        held = {
-            name: np.append(getattr(self, name)[first:last], getattr(self, name)[last - 1]) for name in "rdnu"
-        }
+        signals: dict[str, Any] = {}
+        for name, rest in before.items():
+            held = getattr(self, name)
+            signals[name] = np.append(held[first:last], held[last - 1]) - rest
         t = self.t[span] - self.t[first]
         return Response(
             t=t,
-            r=held["r"] - before["r"],
-            d=held["d"] - before["d"],
-            n=held["n"],
+            **signals,
             y=self.y[span] - before["r"],
-            u=held["u"] - before["u"],
             area=self.area[span] - self.area[first] - before["r"] * t,
             held=self.held[span],
         )

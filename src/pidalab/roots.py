@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike
 from pidalab._check import Array
 
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)  # distances, relative to the modulus, of roots tried as one
-SAME_COEFFICIENTS = (
-    1e-14  # difference of the coefficients, relative to their size and by degree, that is as good as none
-)
+# difference of the coefficients, relative to their size and by degree, that is as good as none
+SAME_COEFFICIENTS = 1e-14
 ALLOWED = 1e-10  # difference beyond which roots do not represent their polynomial
 TRUSTED_DEGREE = 8  # degree up to which eigenvalues of a companion matrix are trusted
 MULTIPLE_BEYOND = 40  # degree beyond which most roots have to be multiple ones

@@ -151,43 +151,27 @@ def numerator(part: Part) -> Any:
     return total * np.prod(np.diag(part.A, -1))
 
 
-def _blocks(matrices: Sequence[Array]) -> Array:
-    """Return the block diagonal matrix."""
-    out = np.zeros((sum(map(len, matrices)),) * 2)
+def _side_by_side(parts: Sequence[Part], moves: Sequence[tuple[Array, Array]], direct: float) -> StateSpace:
+    """Put parts together, with how the states of each move by themselves and with the input."""
+    A = np.zeros((sum(part.b.size for part in parts),) * 2)
     at = 0
-    for one in matrices:
-        out[at : at + len(one), at : at + len(one)] = one
-        at += len(one)
-    return out
-
-
-def _joined(vectors: Sequence[Array]) -> Array:
-    return np.concatenate([np.zeros(0), *vectors])
+    for own, _ in moves:
+        A[at : at + len(own), at : at + len(own)] = own
+        at += len(own)
+    b, c = (np.concatenate([np.zeros(0), *x]) for x in ([b for _, b in moves], [part.c for part in parts]))
+    return StateSpace(A, b, c, direct)
 
 
 def realise(num: Array, den: Array) -> StateSpace:
     """Realise a proper rational function."""
     parts, direct = parallel((num, den))
-    if len(parts) == 1:
-        return StateSpace(parts[0].A, parts[0].b, parts[0].c, direct)
-    return StateSpace(
-        _blocks([part.A for part in parts]),
-        _joined([part.b for part in parts]),
-        _joined([part.c for part in parts]),
-        direct,
-    )
+    return _side_by_side(parts, [(part.A, part.b) for part in parts], direct)
 
 
 def discretise(num: Array, den: Array, h: float) -> StateSpace:
     """Discretise a proper rational function for an input that is held for h at a time."""
     parts, direct = parallel((num, den))
-    steps = [held(part.A, part.b, h) for part in parts]
-    return StateSpace(
-        _blocks([phi for phi, _ in steps]),
-        _joined([gamma for _, gamma in steps]),
-        _joined([part.c for part in parts]),
-        direct,
-    )
+    return _side_by_side(parts, [held(part.A, part.b, h) for part in parts], direct)
 
 
 class Piece(NamedTuple):

@@ -188,9 +188,8 @@ def from_record(
     if abs(step) <= 1e-9 * np.max(np.abs(u - u0)):
         raise ValueError(f"u must end elsewhere than it begins: it starts at {u0:.6g} and ends at {u1:.6g}")
     tau = h * np.arange(last - first + 1)
-    weights = np.cumprod(
-        [np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0
-    )  # tau^k / k!
+    # tau^k / k!
+    weights = np.cumprod([np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0)
     a_u = np.append(step, _of_steps(u1 - u[first : last + 1], weights)) / step
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
     quotient = _over(a_u)
@@ -217,10 +216,9 @@ def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, A
         t, u, y = t.uniform()
     elif u is None or y is None:
         raise TypeError("u and y must be given, unless t is a Record")
-    t = _check.uniform_time("t", t)
-    u, y = _check.signal("u", u, t.size), _check.signal("y", y, t.size)
-    for name, signal in (("u", u), ("y", y)):
-        _check.squarable(name, signal)
+    t, u, y = _check.signals(t, u=u, y=y)
+    _check.squarable("u", u)
+    _check.squarable("y", y)
     return t, u, y
 
 
@@ -276,10 +274,8 @@ def _steady(x: Array) -> bool:
     rounding, room = 4 * ROUNDING * float(np.max(np.abs(x))), math.sqrt(PIECES)
     squares = (x - np.mean(x[x.size // 2 :])) ** 2
     means, power = _transients(x), _transients(squares)
-    return bool(
-        np.max(np.abs(means[0])) <= DRIFT * means[1] + room * rounding
-        and np.max(power[0]) <= FADE * power[1] + room * rounding**2
-    )
+    level = np.max(np.abs(means[0])) <= DRIFT * means[1] + room * rounding
+    return bool(level and np.max(power[0]) <= FADE * power[1] + room * rounding**2)
 
 
 def _transients(x: Array) -> tuple[Array, float]:
@@ -376,11 +372,9 @@ def _warn(found: MeasuredAreas) -> None:
     if not bad.size:
         return
     listed = " and ".join(f"A_{k} by {100 * share[k]:.2g} %" for k in sorted({bad[0], bad[-1]}))
-    cause = (
-        f"noise of standard deviation {found.noise:.3g}"
-        if found.settled
-        else f"it still drifts at its end, after t = {found.span[1]:.4g}"
-    )
+    cause = f"noise of standard deviation {found.noise:.3g}"
+    if not found.settled:
+        cause = f"it still drifts at its end, after t = {found.span[1]:.4g}"
     warn(
         f"the record does not determine all {found.values.size} areas ({cause}): it leaves {listed} uncertain, and "
         f"only those before A_{bad[0]} better than by {100 * UNCERTAIN:g} %; a controller of order m needs 2m + 4",

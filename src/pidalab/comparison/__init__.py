@@ -78,13 +78,8 @@ class Comparison:
         return row.ms <= self.ms * 1.001 and row.noise_gain <= self.noise_gain * 1.001
 
     def __str__(self) -> str:
-        limits = f"limits Ms = {self.ms:g}, noise gain = {self.noise_gain:g}"
-        return "\n".join(
-            [
-                f"{self.process!r}: {limits}",
-                *text_table(self.rows, TEXT_WIDTHS, COMPARISON_COLUMNS, 11, self._note),
-            ]
-        )
+        head = f"{self.process!r}: limits Ms = {self.ms:g}, noise gain = {self.noise_gain:g}"
+        return "\n".join([head, *text_table(self.rows, TEXT_WIDTHS, COMPARISON_COLUMNS, 11, self._note)])
 
     def _note(self, row: DesignRow) -> str:
         return "; ".join(filter(None, ("keeps both limits" * self.keeps(row), row.reason)))
@@ -173,11 +168,8 @@ def designs(
     """
     from pidalab import optimal
 
-    names = (
-        [name for name, rule in RULES.items() if rule.compared] + ["optimal"]
-        if rules is None
-        else list(rules)
-    )
+    usual = [name for name, rule in RULES.items() if rule.compared]
+    names = [*usual, "optimal"] if rules is None else list(rules)
     entries = [find(name, "optimal") for name in names if name != "optimal"]
     models = StartingModels(process)
 
@@ -190,8 +182,7 @@ def designs(
     if "optimal" in names:
         ms, noise_gain, sample_time = limits
         for order, kind in enumerate(KINDS):
-            search = partial(optimal.load, process, order, ms, None, noise_gain, sample_time)
-            yield "optimal", kind, search
+            yield "optimal", kind, partial(optimal.load, process, order, ms, None, noise_gain, sample_time)
 
 
 def first_horizon(process: Process) -> float:

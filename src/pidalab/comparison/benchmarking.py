@@ -36,6 +36,7 @@ TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # of all that is compared at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
 NOISE_SAMPLES = 100  # of the noise, in an ultimate period
+PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "noise gain")  # columns of what is as published
 RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
 Rule = Callable[[Process], Design | Controller]
@@ -256,16 +257,10 @@ class Benchmark:
         """
         import pandas as pd
 
-        own = self.rows.query("terms == 'own'").dropna(subset=["ms"])
-        groups = own.groupby("kind")
-        return pd.DataFrame(
-            {
-                "plants": groups.size(),
-                "Ms": groups["ms"].median(),
-                "Ms, 9 of 10 below": groups["ms"].quantile(0.9),
-                "noise gain": groups["noise_gain"].median(),
-            }
-        )
+        groups = self.rows.query("terms == 'own'").dropna(subset=["ms"]).groupby("kind")
+        ms, noise_gain = groups["ms"], groups["noise_gain"]
+        columns = groups.size(), ms.median(), ms.quantile(0.9), noise_gain.median()
+        return pd.DataFrame(dict(zip(PUBLISHED, columns, strict=True)))
 
     def __str__(self) -> str:
         plants = self.rows["plant"].nunique()
@@ -326,12 +321,8 @@ class Benchmark:
         >>> "textbf{mine}" in found.latex()
         True
         """
-        lines = [
-            r"\begin{tabular}{llrrrr}",
-            r"\hline",
-            r"rule & kind & " + " & ".join(RANKED) + r" \\",
-            r"\hline",
-        ]
+        head = r"rule & kind & " + " & ".join(RANKED) + r" \\"
+        lines = [r"\begin{tabular}{llrrrr}", r"\hline", head, r"\hline"]
         for (rule, kind), row in self.ranking(terms).iterrows():
             name = _escape(rule)
             cells = [rf"\textbf{{{name}}}" if rule == self.name else name, kind, f"{row['plants']:.0f}"]
@@ -390,12 +381,10 @@ def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
     )
     kinds = least.groupby(["plant", "terms", "kind"])["iae"].min().rename("least_of_kind").reset_index()
     best = least.groupby(["plant", "terms"])["iae"].min().rename("least").reset_index()
-    found = rows.merge(kinds, on=["plant", "terms", "kind"], how="left").merge(
-        best, on=["plant", "terms"], how="left"
-    )
-    return found.assign(
-        of_kind=found["iae_load"] / found["least_of_kind"], of_best=found["iae_load"] / found["least"]
-    )
+    found = rows.merge(kinds, on=["plant", "terms", "kind"], how="left")
+    found = found.merge(best, on=["plant", "terms"], how="left")
+    iae = found["iae_load"]
+    return found.assign(of_kind=iae / found["least_of_kind"], of_best=iae / found["least"])
 
 
 def benchmark(

@@ -110,13 +110,8 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
     from pidalab.optimal.parts import Problem, SampledNoise
 
     problem = Problem(process, size - 2, (1.0, time_scale(process)))
-    variance = SampledNoise(problem, sample_time, DENSITY)
-
-    def noise_of(gains: Array, time: float) -> float:
-        x = np.append(gains / problem.units, math.log(time / problem.time))
-        return math.inf if variance.unstable(x) else math.sqrt(variance(x)[0])
-
-    return noise_of
+    noise = SampledNoise(problem, sample_time, DENSITY)
+    return lambda gains, time: noise.gain(np.append(gains / problem.units, math.log(time / problem.time)))
 
 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:

@@ -167,16 +167,12 @@ def one_line(refusal: object) -> str:
 Notes = Callable[[DesignRow], str]
 
 
-def _no_note(row: DesignRow) -> str:
-    return ""
-
-
 def text_table(
     rows: Sequence[DesignRow],
     names: Mapping[str, int],
     columns: Mapping[str, str],
     width: int,
-    notes: Notes = _no_note,
+    notes: Notes = lambda row: "",
 ) -> list[str]:
     """Return head and rows as lines: names (attribute: width) on the left, numbers (heading: attribute), and a note."""
     widths = [*names.values(), *([width] * len(columns))]
@@ -193,7 +189,7 @@ def text_table(
 
 
 def html_table(
-    rows: Sequence[DesignRow], names: Sequence[str], columns: Mapping[str, str], notes: Notes = _no_note
+    rows: Sequence[DesignRow], names: Sequence[str], columns: Mapping[str, str], notes: Notes = lambda row: ""
 ) -> str:
     """Return the rows as a table of HTML; the column of notes is there if there are any."""
     noted = any(map(notes, rows))

@@ -227,14 +227,12 @@ class Controller(Block):
         if options.get("limits") is None:
             bias = _check.real("bias", options.get("bias", 0.0))
             options["limits"] = tuple(bias + limit for limit in self.limits)
-        proportional, higher = (
-            any(any(part.gains[k]) for part in parts) for k in (slice(1, 2), slice(2, None))
-        )
+        proportional = any(any(part.gains[1:2]) for part in parts)
+        higher = any(any(part.gains[2:]) for part in parts)
         if reset is None and higher and not proportional:  # no integral time to go by
             options.setdefault("anti_windup", "clamping")
-        options.setdefault(
-            "source", repr(self) + (f" and {output_filter!r}" if output_filter is not None else "")
-        )
+        behind = "" if output_filter is None else f" and {output_filter!r}"
+        options.setdefault("source", repr(self) + behind)
         return discretise(parts, sample_time, method, output_filter=output_filter, reset=native, **options)
 
     def gains(self) -> IdealGains:

@@ -104,9 +104,8 @@ class PIDA(Controller):
 
     def __post_init__(self) -> None:
         coerce_floats(self, ("kp",))
-        coerce_floats(
-            self, ("n", "m") if np.ndim(self.ti) == 0 and self.ti == math.inf else ("ti", "n", "m"), above=0.0
-        )
+        endless = np.ndim(self.ti) == 0 and self.ti == math.inf
+        coerce_floats(self, ("n", "m") if endless else ("ti", "n", "m"), above=0.0)
         coerce_floats(self, ("td", "ta"), at_least=0.0)
         if self.kp == 0:
             raise ValueError("kp must not be 0, found 0")
@@ -349,9 +348,8 @@ class HighOrderPID(Controller):
         return without_common_s(self.coefficients[::-1], den)
 
     def _scaled(self, factor: float) -> HighOrderPID:
-        return HighOrderPID(
-            [factor * gain for gain in self.coefficients], self.filter_time, self.filter_order
-        )
+        gains = [factor * gain for gain in self.coefficients]
+        return HighOrderPID(gains, self.filter_time, self.filter_order)
 
     def __repr__(self) -> str:
         return (

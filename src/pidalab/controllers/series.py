@@ -80,9 +80,8 @@ class SeriesPIDA(Controller):
         >>> pidalab.SeriesPIDA(1.0, 0.0, 0.0, ti=2.0, filter_time=0.1, filter_order=1).gains()
         IdealGains(ki=0.5, kp=1.0, kd=0.0, ka=0.0)
         """
-        return IdealGains(
-            self.kp / self.ti, self.kp + self.kd / self.ti, self.kd + self.ka / self.ti, self.ka
-        )
+        kp, kd, ka, ti = self.kp, self.kd, self.ka, self.ti
+        return IdealGains(kp / ti, kp + kd / ti, kd + ka / ti, ka)
 
     def parts(self) -> tuple[FilteredGains, ...]:
         return (FilteredGains("filtered", tuple(self.gains()), self.filter_time, self.filter_order),)

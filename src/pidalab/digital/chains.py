@@ -55,11 +55,8 @@ def prefilter_statements(prefilter: Prefilter, found: dict[str, float]) -> list[
         name, x = f"PREFILTER_MOVE_{i}_", f"prefilter_{i}"
         terms = [f"{name}{j} * distance_{j}" for j in range(1, n + 1) if f"{name}{j}" in found]
         body += [Set(x, f"{x} + ({' + '.join(terms)})")] if terms else []
-    terms = [
-        f"PREFILTER_OUT_{i} * (prefilter_{i} - target)"
-        for i in range(1, n + 1)
-        if f"PREFILTER_OUT_{i}" in found
-    ]
+    outs = [(f"PREFILTER_OUT_{i}", f"prefilter_{i}") for i in range(1, n + 1)]
+    terms = [f"{gain} * ({x} - target)" for gain, x in outs if gain in found]
     return body + ([Set("target", f"target + ({' + '.join(terms)})")] if terms else [])
 
 
@@ -71,14 +68,12 @@ def path_states(path: Path, i: int) -> list[str]:
 def path_statements(path: Path, i: int, found: dict[str, float]) -> list[Statement]:
     """Statements of a chain of lags and the gains on its differences."""
     name, n, upper = part(i), path.order, part(i).upper()
-    weighted = {1.0: "target - measured", 0.0: "0.0 - measured"}.get(
-        path.weight, f"{upper}_WEIGHT * target - measured"
-    )
+    aim = {1.0: "target", 0.0: "0.0"}.get(path.weight, f"{upper}_WEIGHT * target")
     lags = f": {n}{' equal' * _equal(path)} lag{'s' if n > 1 else ''}" if n else ""
     # the path's own name is an identifier, which no comment can mistake
     body: list[Statement] = [
         Note(f"part {i + 1}, {path.name.replace('_', ' ')}{lags}"),
-        Set("entering", weighted),
+        Set("entering", f"{aim} - measured"),
     ]
     level = ["entering", *(f"{name}_{j}" for j in range(1, n + 1))]
     if n:

@@ -218,11 +218,8 @@ class DigitalController(Parameters):
         if not isinstance(other, DigitalController):
             raise TypeError(f"other must be a DigitalController, found {type(other).__name__}")
         gains = other._program.gains
-        if (
-            not self.tunable
-            or gains.keys() != self._program.gains.keys()
-            or other.sample_time != self.sample_time
-        ):
+        alike = gains.keys() == self._program.gains.keys() and other.sample_time == self.sample_time
+        if not (self.tunable and alike):
             raise ValueError(
                 "other must be a tunable controller of the same kind and sample time as this tunable one, found "
                 f"{other!r} for {self!r}"
@@ -275,10 +272,8 @@ class DigitalController(Parameters):
         (True, 5.0, True)
         """
         r, y = _signal("r", r), _signal("y", y)
-        acts = [
-            (x is not None, 0.0 if x is None else _signal(name, x))
-            for name, x in (("manual", manual), ("track", track))
-        ]
+        given = (("manual", manual), ("track", track))
+        acts = [(x is not None, 0.0 if x is None else _signal(name, x)) for name, x in given]
         further: list[float] = [_signal("feedforward", feedforward)] * self.feedforward
         if feedforward and not self.feedforward:
             raise ValueError("feedforward must be asked for: discretise(..., feedforward=True)")
@@ -327,18 +322,13 @@ class DigitalController(Parameters):
         """
         import control
 
-        num: Any = np.zeros(1)
-        den: Any = np.ones(1)
+        signal = control.TransferFunction([0.0], [1.0], self.sample_time)
         for path in self.paths:
-            own_num, own_den = path.fraction()
-            num = np.polyadd(np.convolve(num, own_den), np.convolve(own_num, den))
-            den = np.convolve(den, own_den)
-        if self.integrates:
-            integrator, growth = np.array([1.0, -1.0]), np.array(self.growth)
-            num = np.convolve(num, np.polyadd(integrator, growth) if self.from_signal else integrator)
-            num = num if self.from_signal else np.polyadd(num, np.convolve(growth, den))
-            den = np.convolve(den, integrator)
-        return control.TransferFunction(_check.polynomial("num", num), den, self.sample_time)
+            signal += control.TransferFunction(*path.fraction(), self.sample_time)
+        if not self.integrates:
+            return signal
+        growth = control.TransferFunction(self.growth, [1.0, -1.0], self.sample_time)
+        return signal * (1 + growth) if self.from_signal else signal + growth
 
     def c(
         self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
@@ -479,20 +469,11 @@ class DigitalController(Parameters):
         return as_json(self, margins, note, time_unit, record)
 
     def __repr__(self) -> str:
-        options = {
-            "b": (self.weights[0], 1.0),
-            "c": (self.weights[1], 1.0),
-            "limits": (self.limits, (-math.inf, math.inf)),
-            "rate_limit": (self.rate_limit, math.inf),
-            "anti_windup": (self.anti_windup, "reset"),
-            "deadband": (self.deadband, 0.0),
-            "bias": (self.bias, 0.0),
-            "y_offset": (self.y_offset, 0.0),
-            "prefilter": (self.prefilter, None),
-            "feedforward": (self.feedforward, False),
-            "tunable": (self.tunable, False),
-        }
-        extras = "".join(f", {name}={value!r}" for name, (value, usual) in options.items() if value != usual)
+        own = vars(self) | dict(zip("bc", self.weights, strict=True))
+        usual = {"b": 1.0, "c": 1.0, "limits": (-math.inf, math.inf), "rate_limit": math.inf}
+        usual |= {"anti_windup": "reset", **dict.fromkeys(("deadband", "bias", "y_offset"), 0.0)}
+        usual |= {"prefilter": None, "feedforward": False, "tunable": False}
+        extras = "".join(f", {name}={own[name]!r}" for name, value in usual.items() if own[name] != value)
         return f"{self.source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
 
 

@@ -45,8 +45,7 @@ def function(program: Program) -> Callable[..., float]:
     """
     space: dict[str, Any] = {"__builtins__": {}, **program.constants}
     exec(_compiled(method(program, "", notes=False)), space)
-    made: Callable[..., float] = space["step"]
-    return made
+    return space["step"]
 
 
 @lru_cache(maxsize=256)

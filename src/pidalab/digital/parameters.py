@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pidalab import _check
 from pidalab.digital.paths import METHOD_WEIGHTS, METHODS, Path
-from pidalab.digital.prefilter import Prefilter, discrete
+from pidalab.digital.prefilter import Prefilter, discrete, of_arrays
 
 ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
 LARGEST_SIGNAL = 1e9  # beyond it, on either side, a signal is no measurement
@@ -54,10 +54,9 @@ class Parameters:
 
     def __post_init__(self) -> None:
         # the fields are frozen; what a check returns is the same number as a float
-        checked = {one.name: getattr(self, one.name) for one in fields(self)}
-        checked |= _numbers(self)
+        checked = _numbers(self)
         for name in ("integrates", "from_signal", "feedforward", "tunable"):
-            checked[name] = _flag(name, checked[name])
+            checked[name] = _flag(name, getattr(self, name))
         _check.choice("method", self.method, METHODS)
         _check.choice("anti_windup", self.anti_windup, (*ANTI_WINDUP, "clamping ahead"))
         if not isinstance(self.source, str):
@@ -67,8 +66,7 @@ class Parameters:
         checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
         if self.prefilter is not None:
             checked["prefilter"] = _prefilter(self)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(checked)
         self._require_consistent()
 
     def _require_consistent(self) -> None:
@@ -163,10 +161,7 @@ def _prefilter(k: Parameters) -> Prefilter:
     for found, wanted in zip((new, old, move, out), map(np.array, true[2:]), strict=True):
         if found.shape != wanted.shape or not np.allclose(found, wanted, PREFILTER_RTOL, atol=1e-12):
             raise ValueError("prefilter must be what its num and den become for the sample time")
-    rows = tuple(map(tuple, move.tolist()))
-    return Prefilter(
-        tuple(num.tolist()), tuple(den.tolist()), float(new), float(old), rows, tuple(out.tolist())
-    )
+    return of_arrays(num, den, float(new), float(old), move, out)
 
 
 def _constant(name: str, value: Any) -> float:

@@ -99,15 +99,13 @@ def discrete(num: Array, den: Array, h: float, method: str) -> Prefilter | None:
         move = expm(np.block([[A, A], [np.zeros((n, 2 * n))]]))[:n, n:]
     else:
         move = np.linalg.solve(np.eye(n) - A * METHOD_WEIGHTS[method][0], A)
-    new, old = METHOD_WEIGHTS[method]
-    return Prefilter(
-        tuple(num.tolist()),
-        tuple(den.tolist()),
-        new,
-        old,
-        tuple(tuple(row) for row in move.tolist()),
-        tuple((out[:-1] - out[-1] * d[:-1] / d[-1]).tolist()),
-    )
+    return of_arrays(num, den, *METHOD_WEIGHTS[method], move, out[:-1] - out[-1] * d[:-1] / d[-1])
+
+
+def of_arrays(num: Array, den: Array, new: float, old: float, move: Array, out: Array) -> Prefilter:
+    """Return a prefilter of plain numbers."""
+    fraction, rows = (tuple(num.tolist()), tuple(den.tolist())), tuple(map(tuple, move.tolist()))
+    return Prefilter(*fraction, new, old, rows, tuple(out.tolist()))
 
 
 def _in_powers_of_p(polynomial: Array, tau: float, n: int) -> Array:

@@ -44,11 +44,8 @@ def constants(k: Parameters) -> dict[str, float]:
     found |= {name: value for name, value in others.items() if value}
     ends = {"LOWEST": k.limits[0], "HIGHEST": k.limits[1], "LARGEST_CHANGE": k.rate_limit * k.sample_time}
     found |= {name: value for name, value in ends.items() if math.isfinite(value)}
-    return (
-        found
-        | {"LARGEST_SIGNAL": LARGEST_SIGNAL}
-        | ({"LARGEST_GAIN": LARGEST_PARAMETER} if k.tunable else {})
-    )
+    found |= {"LARGEST_SIGNAL": LARGEST_SIGNAL}
+    return found | ({"LARGEST_GAIN": LARGEST_PARAMETER} if k.tunable else {})
 
 
 @lru_cache(maxsize=64)
@@ -121,21 +118,17 @@ def _left_out(k: Parameters, found: dict[str, float]) -> list[Statement]:
     """Statements for a sample that is left out: it holds, but for the hand of an operator."""
     # what follows then starts with the signal that there is, as after manual
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
-    drive = [
-        Set("wanted", "manual_value"),
-        *_limited(found),
-        *_at_limit(k),
-        Set("control", "limited"),
-        *later,
+    limited = [*_limited(found), *_at_limit(k), Set("control", "limited")]
+    body: list[Statement] = [
+        Note("manual still drives the signal"),
+        If("by_hand", [Set("wanted", "manual_value"), *limited, *later]),
     ]
-    body: list[Statement] = [Note("manual still drives the signal"), If("by_hand", drive)]
     return body + ([If("retuned", later)] if k.tunable else [])
 
 
 def _error(found: dict[str, float], compares: bool) -> list[Statement]:
     """Statements that make the error with its deadband, where something needs it."""
-    body: list[Statement] = []
-    body += [Set("error", "target - measured")] if compares or "DEADBAND" in found else []
+    body: list[Statement] = [Set("error", "target - measured")] * (compares or "DEADBAND" in found)
     if "DEADBAND" in found:
         inside = If("error < -DEADBAND", [Set("error", "error + DEADBAND")], [Set("error", "0.0")])
         body += [
@@ -199,10 +192,7 @@ def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
 
 def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
     """Statements that keep the integral, less what a limit takes from it."""
-    keep: list[Statement] = [
-        Set("carry", "added - (grown - integral_part)"),
-        Set("integral_part", "grown"),
-    ]
+    keep: list[Statement] = [Set("carry", "added - (grown - integral_part)"), Set("integral_part", "grown")]
     if "BACK_CALCULATION_GAIN" in found:
         correction = [
             Set("added", "BACK_CALCULATION_GAIN * (limited - wanted) + carry"),

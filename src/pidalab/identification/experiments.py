@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Literal, cast
 from warnings import warn
 
 import numpy as np
@@ -266,8 +266,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     >>> print(f"{pidalab.identification.binomial_filtered(t, t, filter_time=0.5, filter_order=4)[-1]:.6f}")
     8.000002
     """
-    t = _check.uniform_time("t", t)
-    y = _check.signal("y", y, t.size)
+    t, y = _check.signals(t, y=y)
     h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
     order = _check.order("filter_order", filter_order, at_least=1)
     # the lags one after the other, in units of the filter time; `lsim` takes the input as straight between samples
@@ -353,12 +352,6 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     """Slope k and beginning L of the ramp k max(t - L, 0) nearest to y by least squares."""
     # sums over all samples from the i-th on, for a ramp that begins at or before it
     count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))
-
-    def gain(delay: Array, i: Any) -> tuple[Array, Array]:
-        """Slope for these beginnings, and by how much it lessens the sum of squares."""
-        square, product = stt[i] - 2 * delay * st[i] + delay**2 * count[i], sty[i] - delay * sy[i]
-        return product / square, product**2 / square
-
     i = np.arange(1, t.size - 2)  # at least two samples on the ramp
     spread = count[i] * stt[i] - st[i] ** 2
     slope = (count[i] * sty[i] - st[i] * sy[i]) / spread
@@ -368,9 +361,9 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     inside = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
     # the gain may have its only minimum between that line and the samples: then the other end is better
     delay, i = np.concatenate([inside, t[i - 1], t[i]]), np.tile(i, 3)
-    slopes, gains = gain(delay, i)
-    best = int(np.argmax(gains))
-    return float(slopes[best]), float(delay[best])
+    square, product = stt[i] - 2 * delay * st[i] + delay**2 * count[i], sty[i] - delay * sy[i]
+    best = int(np.argmax(product**2 / square))  # by how much the sum of squares is less
+    return float(product[best] / square[best]), float(delay[best])
 
 
 def _whole_change(y: Array) -> float:

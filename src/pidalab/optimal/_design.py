@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +13,18 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
+from pidalab.optimal._finish import PEAKS, finish
+from pidalab.optimal._limits import DesignLimits
+from pidalab.optimal._problem import Problem
+from pidalab.optimal._solver import FASTEST, LARGEST_GAIN, Search
+from pidalab.optimal._starts import approached, at_once, stabilising
+from pidalab.optimal._units import search_in, unit_of_time
+from pidalab.optimal._walk import SearchResult, search
 from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
+from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
-
-if TYPE_CHECKING:
-    from pidalab.optimal._limits import DesignLimits
-    from pidalab.optimal._solver import Search
-    from pidalab.optimal._walk import SearchResult
+from pidalab.simulation.exact import load_response
+from pidalab.simulation.settling import settled
 
 HIGHEST_ORDER = 4  # order of a controller
 LARGEST_DISK = 2.0  # disk margin of a loop without feedback
@@ -118,18 +123,12 @@ def load(
     >>> pidalab.margins(safe.loop(late)).ms <= 1.6 < pidalab.margins(pida.loop(late)).ms, safe.iae > pida.iae
     (True, True)
     """
-    from pidalab.optimal._limits import DesignLimits
-
     require_no_zero_at_origin("process", process)
     order = _check.integer("order", order, at_least=0, at_most=HIGHEST_ORDER)
-    limits = DesignLimits(
-        _check.real("ms", ms, above=1.0),
-        None if mks is None else _check.real("mks", mks, above=0.0),
-        None if noise_gain is None else _check.real("noise_gain", noise_gain, above=0.0),
-        None if sample_time is None else _check.real("sample_time", sample_time, above=0.0),
-        None if mt is None else _check.real("mt", mt, above=1.0),
-        None if disk is None else _check.real("disk", disk, above=0.0),
-    )
+    others = {"mks": mks, "noise_gain": noise_gain, "sample_time": sample_time, "mt": mt, "disk": disk}
+    given = {name: x for name, x in others.items() if x is not None}
+    checked = {name: _check.real(name, x, above=1.0 if name == "mt" else 0.0) for name, x in given.items()}
+    limits = DesignLimits(_check.real("ms", ms, above=1.0), **checked)
     if disk is not None and disk >= LARGEST_DISK:
         raise ValueError(f"disk must be below {LARGEST_DISK:g}, that of no feedback, found {disk:g}")
     if (noise_gain is None) != (sample_time is None):
@@ -172,13 +171,6 @@ def _best(
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
 
-    from pidalab.optimal._finish import finish
-    from pidalab.optimal._problem import Problem
-    from pidalab.optimal._solver import Search
-    from pidalab.optimal._starts import approached, at_once
-    from pidalab.optimal._units import unit_of_time
-    from pidalab.optimal._walk import SearchResult, search
-
     positive, *others = (upright(plant) for plant in (process, *guarded[0]))
     shortest, best = unit_of_time(positive, limits), None
     if limits.sample_time is not None and limits.sample_time > SLOWEST_SAMPLING * shortest:
@@ -196,14 +188,12 @@ def _best(
             # where the family alone stood in the way, other starts lead to the same
             if factor == UNITS_TRIED[0] and (best is not None or any(one.family for one in seen)):
                 break
-            unit = factor * shortest
-            problem = Problem(positive, order, (abs(complex(positive(1j / unit))), unit))
-            one = Search(problem, limits)
+            one = search_in(positive, order, limits, factor)
             seen.append(one)
             if near is not None and start is None:
                 known: Any = near.controller
                 gains = sign_of_gain(process) * np.array(known.coefficients)
-                end = finish(one, problem.unknowns(gains, known.filter_time))
+                end = finish(one, one.problem.unknowns(gains, known.filter_time))
                 found = None if end is None else SearchResult(end, near.valleys)
             else:
                 starts = start(one)
@@ -219,18 +209,13 @@ def _best(
             design = judge(process, one, found)
             if best is None or design.iae < best.iae:
                 best = design
-            if design.iae - found.best.value * unit < SAME_IAE * design.iae:
+            if design.iae - found.best.value * one.problem.time < SAME_IAE * design.iae:
                 break  # the search has seen all of the response
     return best
 
 
 def _refusal(seen: list[Search]) -> str:
     """Say what prevents a design, from searches in several units of time none of which came to a design."""
-    from pidalab.optimal._limits import DesignLimits
-    from pidalab.optimal._problem import Problem
-    from pidalab.optimal._solver import Search
-    from pidalab.optimal._starts import stabilising
-
     first = seen[0]
     order, limits = first.problem.order, first.limits
     wanted = str(limits)
@@ -259,8 +244,6 @@ def _nearest(one: Search, x: Array) -> str:
 
 def _heights(loop: Loop) -> dict[str, float]:
     """What a loop has of all that may be limited at all frequencies."""
-    from pidalab.optimal._finish import PEAKS
-
     found = {name: peak(loop)[0] for name, peak in PEAKS.items()}
     return {**found, "disk": 1 / found["half"]}
 
@@ -272,8 +255,6 @@ def upright(process: Process) -> Process:
 
 def judge(process: Process, one: Search, found: SearchResult) -> Design:
     """Make a design of what was found, judged on the process itself."""
-    from pidalab.robustness.margins import max_sensitivity
-
     problem, limits, x = one.problem, one.limits, found.best.x
     gains, time = problem.controller(x)
     # what an action amounts to at the corner of the filter tells whether there is any
@@ -287,9 +268,8 @@ def judge(process: Process, one: Search, found: SearchResult) -> Design:
     if one.noise is not None:
         info["noise_gain"] = one.true_noise(x)
     if one.family:
-        info["ms_worst"] = max(
-            max_sensitivity(Loop(plant, one.loop(x).controller))[0] for plant in one.family
-        )
+        loops = (Loop(plant, one.loop(x).controller) for plant in one.family)
+        info["ms_worst"] = max(max_sensitivity(own)[0] for own in loops)
     reached = limits.reached(info, ACTIVE)
     if one.family and info["ms_worst"] >= one.ms_worst * (1 - ACTIVE):
         reached.append("ms_worst")
@@ -307,8 +287,6 @@ def judge(process: Process, one: Search, found: SearchResult) -> Design:
 
 def _edge(one: Search, x: Array) -> tuple[str, ...]:
     """What lies at the edge of the search, where no limit of the user's is the edge."""
-    from pidalab.optimal._solver import FASTEST, LARGEST_GAIN
-
     at = one.problem.gains
     slowest = one.bounds[at][1]
     found = ["filter_time"] if x[at] < FASTEST + 1e-3 or x[at] > slowest - 1e-3 else []
@@ -317,9 +295,6 @@ def _edge(one: Search, x: Array) -> tuple[str, ...]:
 
 def _iae(loop: Loop, time: float) -> float:
     """IAE of a unit step of the load, until it has settled."""
-    from pidalab.simulation.exact import load_response
-    from pidalab.simulation.settling import settled
-
     try:
         return settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
     except ValueError as reason:

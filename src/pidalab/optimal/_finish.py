@@ -17,6 +17,7 @@ MAX_FINISHES = 12  # rounds, each with the worst frequency of the one before
 VALLEY_GAP = 1e-2  # share by which the values of two valleys differ at least
 UNPOLISHED = 1e-2  # what is left open of an end whose conditions were not reached
 ALIKE = 0.01  # what two ends of the same valley differ by at most
+BACK = 0.97  # factor that takes all gains back a little
 WORST_PLANTS = 2  # plants of the family that join at a time
 SHRINK, SHRINKS, ASTRAY = 0.85, 40, 0.5  # factor, steps at most, and by how much a limit may then be missed
 # supremum of each of what may be limited at all frequencies, and where it lies
@@ -39,7 +40,7 @@ def finish(
         value, found, missed = search.descend(x, effort=FINE)
         if missed > NEARLY or not search.sound(found):
             # the descent went astray: again, from a little below
-            x = x * _slack(x.size, search.problem.gains)
+            x = np.append(BACK * x[: search.problem.gains], x[-1])
             continue
         if any(
             value > other.value * (1 + VALLEY_GAP) or np.allclose(found, other.x, ALIKE, ALIKE)
@@ -95,10 +96,3 @@ def _keeps(search: Search, x: Array, noise: float) -> bool:
         kept = False
         search.aim_below(noise)
     return kept
-
-
-def _slack(size: int, gains: int) -> Array:
-    """Factors that take all gains back a little."""
-    out = np.ones(size)
-    out[:gains] = 0.97
-    return out

@@ -38,13 +38,8 @@ class DesignLimits(NamedTuple):
 
     def reached(self, values: dict[str, float], share: float) -> list[str]:
         """Return the names of the limits that values come up to within a share."""
-        return [
-            name
-            for name, limit in self.named().items()
-            if (
-                values[name] <= limit * (1 + share) if name == "disk" else values[name] >= limit * (1 - share)
-            )
-        ]
+        over = {name: values[name] / limit for name, limit in self.named().items()}
+        return [name for name, x in over.items() if (x <= 1 + share if name == "disk" else x >= 1 - share)]
 
     def __str__(self) -> str:
         return ", ".join(

@@ -65,6 +65,10 @@ class SampledNoise:
 
         return float(np.abs(u) ** 2 @ self.weight), slope
 
+    def gain(self, x: Array) -> float:
+        """Noise gain, infinite where the sampled loop is unstable."""
+        return math.inf if self.unstable(x) else math.sqrt(self(x)[0])
+
     def unstable(self, x: Array) -> bool:
         """Whether 1 + L, with its unstable poles moved inside, turns around the circle as that of an unstable loop."""
         f = (1 + self.plant * self._controller(x)[0]) * self.moved

@@ -10,17 +10,15 @@ a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pidalab._check import Array
 from pidalab.optimal._heights import HEIGHTS, MS, top, weights, with_turns
-from pidalab.optimal._problem import Problem, Scaled
+from pidalab.optimal._problem import Scaled
 from pidalab.optimal._quadratic import convex, multipliers, solve_qp
 from pidalab.optimal._solver import Search
-from pidalab.process import Process
 
 ROOM = 1e-9  # share of a limit that is left, for rounding
 NEAR_LIMIT = 0.05  # share of a limit within which a peak is looked at
@@ -51,25 +49,20 @@ class Peaks:
     each other plant.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        limits: dict[str, float],
-        looked: Array,
-        fastest: float,
-        others: Sequence[Process] = (),
-        worst: float = math.inf,
-    ) -> None:
-        self.problem = problem
-        self.plants = [problem.process] * NOMINAL + [*others]
-        self.tops = np.log([*(limits.get(name, np.inf) for name in HEIGHTS), *[worst] * len(others)])
+    def __init__(self, search: Search) -> None:
+        self.problem = problem = search.problem
+        limits, others = search.limits.heights(ROOM), [search.family[k] for k in search.active]
+        worst = [search.ms_worst * (1 - ROOM)] * len(others)
+        self.plants = [problem.process] * NOMINAL + others
+        self.tops = np.log([*(limits.get(name, np.inf) for name in HEIGHTS), *worst])
         self.limited = [kind for kind, name in enumerate(HEIGHTS) if name in limits]
+        fastest = math.exp(search.bounds[problem.gains][0])
         w = np.geomspace(1e-3, 30.0 / fastest, 700) / problem.time
         w = with_turns(w, problem.process.delay, 0.3 * np.arange(1.0, 400.0))
-        self.w = np.unique(np.append(w, looked))
+        self.w = np.unique(np.append(w, search.w))
         s = 1j * self.w
         self.at_grid = s, problem.process(s), problem._actions(s)
-        self.others_at_grid = np.array([plant(s) for plant in others])
+        self.others_at_grid = np.array([plant(s) for plant in others]).reshape(-1, s.size)
 
     def heights(self, x: Array) -> Array:
         """Logarithms of all heights over their limits at the frequencies of the grid."""
@@ -80,8 +73,6 @@ class Peaks:
         found = np.full((NOMINAL, s.size), -np.inf)
         for kind in self.limited:
             found[kind] = np.log(np.abs(top(kind, controller, L))) - back - self.tops[kind]
-        if len(self.plants) == NOMINAL:
-            return found
         others = -np.log(np.abs(1 + self.others_at_grid * controller)) - self.tops[NOMINAL:, None]
         return np.vstack([found, others])
 
@@ -147,11 +138,8 @@ def _parts(kinds: Array, controller: Array, L: Array) -> Any:
     """Numerators over 1 + L, and both weights, of peaks, of which there are few; with other plants it is |S|."""
     own = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
     each = zip(own, controller.tolist(), L.tolist(), strict=True)
-    return (
-        np.array([(top(kind, c, l), *weights(kind, l)) for kind, c, l in each], dtype=complex)
-        .reshape(-1, 3)
-        .T
-    )
+    found = [(top(kind, c, l), *weights(kind, l)) for kind, c, l in each]
+    return np.array(found, dtype=complex).reshape(-1, 3).T
 
 
 class Lagrangian:
@@ -165,9 +153,7 @@ class Lagrangian:
         self.seen.unit[small] = np.maximum(x[small], LEAST_UNIT)
         low, high = np.transpose(search.bounds)
         self.low, self.high = self.seen(low), self.seen(high)
-        limits = search.limits.heights(ROOM)
-        others, worst = [search.family[k] for k in search.active], search.ms_worst * (1 - ROOM)
-        self.peaks = Peaks(problem, limits, search.w, math.exp(low[problem.gains]), others, worst)
+        self.peaks = Peaks(search)
         self.most = math.log((search.limits.noise_gain or 1.0) * (1 - ROOM))
 
     def end(self, z: Array) -> Array:
@@ -213,10 +199,8 @@ class Lagrangian:
             x = self.seen.back(z)
             value, by_x = worth(x)
             moved = self.peaks.refine(x, kinds, w, bend)
-            return np.asarray(
-                self.seen.slopes(x, by_x() / value)
-                - prices @ self.margins(z, kinds, moved, self.search.noise)[1]
-            )
+            by_limits = self.margins(z, kinds, moved, self.search.noise)[1]
+            return np.asarray(self.seen.slopes(x, by_x() / value) - prices @ by_limits)
 
         for k, way in enumerate(h * np.eye(z.size)):
             found[k] = (slope(z + way) - slope(z - way)) / (2 * h)
@@ -249,9 +233,8 @@ def polish(search: Search, x: Array) -> Polished | None:
             price = max(price, 2 * float(np.max(prices[:limits], initial=0.0)))
             there, by = one.missed(z + step)
             # near the end steps that shrink count for more than values: a full one may miss curved limits by a little
-            if there + price * by <= value + price * missed or (
-                length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
-            ):
+            near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
+            if near or there + price * by <= value + price * missed:
                 break
             # it shrinks, also where rounding let the step pass it
             trust = 0.3 * min(trust, length)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pidalab._check import Array
+from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.optimal._heights import with_turns
 from pidalab.optimal._limits import DesignLimits
@@ -73,8 +74,8 @@ class Search:
         """The best start at another filter time: the last optimum, perhaps with less derivative, or the first one."""
         at, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
-        for start in (first, *(x * _damping(x.size, at, share) for share in (1.0, 0.6, 0.3, 0.1))):
-            start = start.copy()
+        powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (np.arange(x.size) < at)  # of derivatives
+        for start in (first.copy(), *(x * share**powers for share in (1.0, 0.6, 0.3, 0.1))):
             start[at] = filter_time
             value = self.log_iae(start)[0] + np.log1p(MISSED * self.missed(start, constraints))
             if value < least:
@@ -94,11 +95,9 @@ class Search:
 
     def constraints(self) -> list[CachedValueAndSlope]:
         """What is left to every limit, not negative where it is kept, for the frequencies looked at so far."""
+        worst = {"ms": self.ms_worst * (1 - self.spare)}
         found = [self.problem.limits(self.w, self.limits.heights(self.spare))]
-        for k in self.active:
-            found.append(
-                self.problem.limits(self.w, {"ms": self.ms_worst * (1 - self.spare)}, self.family[k])
-            )
+        found += [self.problem.limits(self.w, worst, self.family[k]) for k in self.active]
         if self.noise is not None:
             noise, most = self.noise, self.aim
 
@@ -153,21 +152,15 @@ class Search:
         ok = value < WALL and np.isfinite(missed)
         return (float(np.exp(value)), end, missed) if ok else (np.inf, start, np.inf)
 
-    def _with(self, peak: float) -> Array:
-        """The frequencies, and those around a peak between them."""
-        return np.append(self.w, peak * AROUND) if 0 < peak < np.inf else self.w
-
     def loop(self, x: Array) -> Loop:
         """Close the loop of a vector of unknowns."""
-        from pidalab.controllers import HighOrderPID
-
         gains, time = self.problem.controller(x)
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
     def look_at(self, peak: float, nearly: bool = False) -> None:
         """Take frequencies around a peak in; unless, where a near one serves, there is one."""
-        if not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
-            self.w = self._with(peak)
+        if 0 < peak < np.inf and not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
+            self.w = np.append(self.w, peak * AROUND)
 
     def aim_below(self, noise: float) -> None:
         """Aim at less noise by as much as there is too much of it."""
@@ -185,23 +178,9 @@ class Search:
         else:
             self.active.append(k)
 
-    def remember(self, x: Array) -> None:
-        """Keep what comes nearest to limits that nothing keeps, to say so."""
-        self.nearest = x
-
     def true_noise(self, x: Array) -> float:
         """Noise gain of the sampled loop, 0 where it does not matter, infinite where that loop is unstable."""
-        if self.exact_noise is None:
-            return 0.0
-        fine = self.exact_noise
-        return np.inf if fine.unstable(x) else float(np.sqrt(fine(x)[0]))
-
-
-def _damping(size: int, gains: int, share: float) -> Array:
-    """Factors that take back the derivatives, the higher the more."""
-    out = np.ones(size)
-    out[1:gains] = share ** np.arange(gains - 1.0)
-    return out
+        return 0.0 if self.exact_noise is None else self.exact_noise.gain(x)
 
 
 def settles(loop: Loop) -> bool:

@@ -36,9 +36,8 @@ def at_once(search: Search, surely: bool = True) -> list[Array]:
     kept = [x for x in _ranked(search) if search.missed(x, constraints) == 0]
     chosen: list[Array] = []
     for x in sorted(kept, key=lambda x: search.worth(x)[0]):
-        if all(_apart(x, other, search.problem.gains) for other in chosen) and (
-            not surely or search.sound(x)
-        ):
+        differs = all(_apart(x, other, search.problem.gains) for other in chosen)
+        if differs and (not surely or search.sound(x)):
             chosen.append(x)
         if len(chosen) == STARTS:
             break
@@ -58,8 +57,7 @@ def approached(search: Search) -> list[Array]:
         x = relax(search, start)
         missed = search.missed(x)
         if missed < least and search.sound(x):
-            search.remember(x)
-            least = missed
+            search.nearest, least = x, missed
         if least == 0:
             return [x]
     return []
@@ -107,25 +105,21 @@ def relax(search: Search, start: Array) -> Array:
     return found if better else start
 
 
-def _candidates(problem: Problem, fastest: float, slowest: float) -> list[Array]:
+def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Array]:
     """Both families, each with every filter that is allowed."""
-    found = []
+    for action, filters in _families(problem):
+        for time in np.unique(np.clip(filters, fastest, slowest)):
+            x = np.zeros(problem.size)
+            x[: action.size], x[problem.gains] = action, time
+            x[0] = max(x[0], 1e-6)
+            yield x
+
+
+def _families(problem: Problem) -> Iterator[tuple[Array, Any]]:
+    """Some of the gains, and logarithms of filter times."""
     for gain, share, derivative in product(GAINS, INTEGRAL_SHARES, DERIVATIVES if problem.order else (0.0,)):
-        action = np.array([gain * share, gain, derivative * gain])[: problem.gains]
-        times = {float(np.clip(time, fastest, slowest)) for time in FILTERS}
-        found += [_unknowns(problem, action, time) for time in sorted(times)]
+        yield np.array([gain * share, gain, derivative * gain])[: problem.gains], FILTERS
     for w, below, zeros in product(CROSSOVERS, ZEROS_BELOW, range(1, problem.gains)):
         action = np.poly(np.full(zeros, -w / below))[::-1]
         action = action / abs(np.polyval(action[::-1], 1j * w) * problem.process(1j * w / problem.time))
-        action *= w * problem.gain
-        times = {float(np.clip(-np.log(w * above), fastest, slowest)) for above in FILTER_ABOVE}
-        found += [_unknowns(problem, action, time) for time in sorted(times)]
-    return found
-
-
-def _unknowns(problem: Problem, action: Array, time: float) -> Array:
-    """Vector of unknowns of some of the gains and the logarithm of the filter time."""
-    x = np.zeros(problem.size)
-    x[: action.size], x[problem.gains] = action, time
-    x[0] = max(x[0], 1e-6)
-    return x
+        yield action * (w * problem.gain), [-np.log(w * above) for above in FILTER_ABOVE]

@@ -8,6 +8,8 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.optimal._limits import DesignLimits
+from pidalab.optimal._problem import Problem
+from pidalab.optimal._solver import SPARE, Search
 from pidalab.process import Process
 from pidalab.reduction import turned_phase
 from pidalab.roots import roots
@@ -62,3 +64,36 @@ def _by_noise(process: Process, integrators: int, limits: DesignLimits) -> float
         )
     gain = abs(float(process.num[-1] / process.den[0]))
     return float((gain * QUIET_SHARE * loudest) ** (-1 / integrators))
+
+
+def search_in(
+    process: Process, order: int, limits: DesignLimits, factor: float = 1.0, spare: float = SPARE
+) -> Search:
+    """Return a search in the unit of time that fits a process, times a factor.
+
+    Parameters
+    ----------
+    process : Process
+        With positive gain.
+    order : int
+        Highest derivative.
+    limits : DesignLimits
+        Requirements of the design.
+    factor : float, optional
+        Of the unit of time.
+    spare : float, optional
+        Share of a limit that is kept free, for peaks between the frequencies looked at.
+
+    Returns
+    -------
+    Search
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.optimal.parts import DesignLimits, search_in
+    >>> search_in(pidalab.lags(3, delay=1.0), 1, DesignLimits(1.6)).problem.gains
+    3
+    """
+    unit = factor * unit_of_time(process, limits)
+    return Search(Problem(process, order, (abs(complex(process(1j / unit))), unit)), limits, spare)

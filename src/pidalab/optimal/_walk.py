@@ -23,9 +23,8 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    valleys: tuple[
-        float, ...
-    ]  # the least value, and what other descents ended with up to VALLEY_REACH times it
+    # the least value, and what other descents ended with up to VALLEY_REACH times it
+    valleys: tuple[float, ...]
 
 
 def search(one: Search, starts: list[Array], bar: Any) -> SearchResult | None:
@@ -60,9 +59,8 @@ def search(one: Search, starts: list[Array], bar: Any) -> SearchResult | None:
     best = min(finished, key=lambda end: end.value)
     # a last check: descents from random starts around the best
     shaken = [one.descend(start) for start in _shaken(one, best.x)]
-    value, start, _ = min(
-        (end for end in shaken if end[2] <= NEARLY), default=(np.inf, x, 0.0), key=lambda end: end[0]
-    )
+    kept = [end for end in shaken if end[2] <= NEARLY]
+    value, start, _ = min(kept, default=(np.inf, x, 0.0), key=lambda end: end[0])
     if value < one.worth(best.x)[0] * (1 + SAME_END):
         last = finish(one, start, [best])
         if last is not None and last.value < best.value:

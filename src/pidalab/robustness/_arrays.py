@@ -260,9 +260,5 @@ def highest(
         hills = hills[~((bound <= best) & (closest > 0))]
         tops, top = lowest(lambda w: -values(w, *at(w)), w, hills)
     first = int(np.nanargmax(heights))
-    candidates = zip(
-        [least, known, heights[first], *-top],
-        [math.nan, place, w[first], *tops],
-        strict=True,
-    )
+    candidates = zip([least, known, heights[first], *-top], [math.nan, place, w[first], *tops], strict=True)
     return max(((float(h), float(x)) for h, x in candidates), key=lambda pair: pair[0])

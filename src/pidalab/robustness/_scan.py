@@ -121,12 +121,22 @@ def _extremum(sign, low, at, high, lean, aside, of):
 
 
 @compiled
-def _crossing(low, high, rises, lean, aside, of):
-    """Where ln |L| is 0 between two points."""
+def _crossing(real, low, high, rises, lean, aside, of):
+    """Where ln |L| is 0 between two points, or L real; `rises` tells that it, or Im L, is above 0 at the second."""
     w, wide, last = 0.5 * (low + high), high - low, np.inf
     for _ in range(MOST_STEPS):
-        value, slope, _ = _gain(w, lean, aside, of)
-        if (value > 0.0) == rises:
+        if real:
+            s = complex(0.0, w)
+            num, den = fraction(s, of)
+            product = num * np.conj(den)
+            # the angle of -L, which changes by Re(lambda) along the axis: nearly a straight line, where the imaginary
+            # part of L swings with its size
+            value, slope = np.arctan2(-product.imag, -product.real), slopes(s, of)[0].real
+            positive = product.imag > 0.0
+        else:
+            value, slope, _ = _gain(w, lean, aside, of)
+            positive = value > 0.0
+        if positive == rises:
             high = w
         else:
             low = w
@@ -158,7 +168,7 @@ def gain_crossings(w, num, den, lean, aside, of):
     for i in range(1, seen):
         before, here = value[i - 1], value[i]
         if before * here < 0.0:
-            found[count] = _crossing(place[i - 1], place[i], here > 0.0, lean, aside, of)
+            found[count] = _crossing(False, place[i - 1], place[i], here > 0.0, lean, aside, of)
             count += 1
         if i == seen - 1 or not abs(here) < TOUCHING:
             continue
@@ -170,38 +180,13 @@ def gain_crossings(w, num, den, lean, aside, of):
             if sign * least < -REAL:  # two crossovers between points on one side of 1
                 first = place[i - 1] if top < place[i] else place[i]
                 last = place[i] if top < place[i] else place[i + 1]
-                found[count] = _crossing(first, top, sign < 0.0, lean, aside, of)
-                found[count + 1] = _crossing(top, last, sign > 0.0, lean, aside, of)
+                found[count] = _crossing(False, first, top, sign < 0.0, lean, aside, of)
+                found[count + 1] = _crossing(False, top, last, sign > 0.0, lean, aside, of)
                 count += 2
     return found[:count], touched[:touching]
 
 
 # --- phase crossovers -------------------------------------------------------------------------------------------------
-
-
-@compiled
-def _opposite(low, high, above, of):
-    """Where L crosses the real axis between two points; `above` tells on which side of it the second one lies."""
-    w, wide, last = 0.5 * (low + high), high - low, np.inf
-    for _ in range(MOST_STEPS):
-        s = complex(0.0, w)
-        num, den = fraction(s, of)
-        product = num * np.conj(den)
-        if (product.imag > 0.0) == above:
-            high = w
-        else:
-            low = w
-        # Newton's method on the angle of -L, which changes by Re(lambda) along the axis: nearly a straight line, where
-        # the imaginary part of L swings with its size
-        first, _ = slopes(s, of)
-        after = w - np.arctan2(-product.imag, -product.real) / first.real
-        if not low <= after <= high:
-            after = 0.5 * (low + high)
-        step = abs(after - w)
-        if step <= SAME_CROSSING * w or (step <= SMALLEST_STEP * wide and step <= QUICKER * last):
-            return after
-        w, last = after, step
-    return w
 
 
 @compiled
@@ -263,7 +248,8 @@ def phase_crossings(w, num, den, floor, every, of):
                 # the phase is nearly a straight line
                 share = (angle + 2.0 * np.pi * (k + (0 if angle > 0.0 else 1))) / turned
                 guess, beside = w0 + share * (w[i] - w0), 1.0 / delay
-                found = _append(found, count, _opposite(guess - beside, guess + beside, True, of))
+                at = _crossing(True, guess - beside, guess + beside, True, 0.0, 0.0, of)
+                found = _append(found, count, at)
                 count += 1
             if crossings >= 0:
                 ahead = product.real > NEAR_POSITIVE_AXIS * abs(product)
@@ -280,7 +266,7 @@ def phase_crossings(w, num, den, floor, every, of):
             ahead = product.real > NEAR_POSITIVE_AXIS * abs(product)
             loud = abs(n) >= kept * abs(d)
             if started and side0 * product.imag < 0.0 and not (ahead0 and ahead) and (loud0 or loud):
-                at = _opposite(w0, here, product.imag > 0.0, of)
+                at = _crossing(True, w0, here, product.imag > 0.0, 0.0, 0.0, of)
                 n, d = fraction(complex(0.0, at), of)
                 # the phase also jumps at poles and zeros on the axis
                 if (n * np.conj(d)).real < 0.0 and abs(n) >= kept * abs(d) and abs(n) < HUGE * abs(d):

@@ -145,11 +145,9 @@ def highest(kind, w, num, den, probes, least, weight, of):
         pieces, turned = 1, 0.0
         if i > 0:
             turned = (w[i] - w[i - 1]) * delay / FINE_STEP
-            if (
-                turned > PIECE
-                and _bound(kind, num[i - 1], den[i - 1], factor[i - 1], num[i], den[i], factor[i]) > best
-            ):
-                pieces = int(np.ceil(turned / PIECE))
+            if turned > PIECE:
+                bound = _bound(kind, num[i - 1], den[i - 1], factor[i - 1], num[i], den[i], factor[i])
+                pieces = int(np.ceil(turned / PIECE)) if bound > best else 1
         w_before, f_before, num_before, den_before = w1, 1.0 if i == 0 else factor[i - 1], num1, den1
         for j in range(1, pieces + 1):
             stop, f, n_stop, d_stop, h_stop = w[i], factor[i], num[i], den[i], value[i]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from pidalab.loop import Loop
+from pidalab.robustness._arrays import SENSITIVITY
 from pidalab.robustness.loops import explore_in_s, factors_of
 
 
@@ -44,4 +45,4 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
         at_zero = abs(1 / static) if static else math.inf
     if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant
         at_end = abs(loop.transfer("u", "n", 1j * looked.grid[-1]))
-    return looked.max_weighted_sensitivity(controller, at_zero, float(at_end))
+    return looked.supremum(SENSITIVITY, at_zero, float(at_end), controller)

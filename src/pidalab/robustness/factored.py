@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.robustness import _arrays
-from pidalab.robustness._arrays import COARSE_STEP, FINE_STEP, SENSITIVITY
+from pidalab.robustness import _arrays, _scan, _summits
+from pidalab.robustness._arrays import COARSE_STEP, FINE_STEP
 from pidalab.robustness.peaks_and_crossovers import (
     NOTHING,
     ON_CONTOUR,
@@ -57,8 +57,6 @@ class FactoredExplorer(Explorer):
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""
-        from pidalab.robustness import _scan
-
         num, den = _scan.along(np.atleast_1d(np.asarray(w, dtype=float)), 0.0, 0.0, tuple(self.of))
         return np.reshape(num / den, np.shape(w))
 
@@ -70,43 +68,25 @@ class FactoredExplorer(Explorer):
     @cached_property
     def _on_axis(self) -> tuple[Array, Array]:
         """Gain crossovers, and extrema of |L| beside 1."""
-        from pidalab.robustness import _scan
-
-        found: tuple[Array, Array] = _scan.gain_crossings(*self.on_grid, 0.0, 0.0, tuple(self.of))
-        return found
+        return _scan.gain_crossings(*self.on_grid, 0.0, 0.0, tuple(self.of))
 
     def _phase_crossings(self, w: Array, num: Any, den: Any, quietest: float, every: bool) -> Array:
-        from pidalab.robustness import _scan
-
-        found: Array = _scan.phase_crossings(w, num, den, quietest, every, tuple(self.of))
-        return found
+        return _scan.phase_crossings(w, num, den, quietest, every, tuple(self.of))
 
     def _highest(self, kind: int, least: float, weight: LoopFactors) -> tuple[float, float]:
-        from pidalab.robustness import _summits
-
-        found: tuple[float, float] = _summits.highest(
+        return _summits.highest(
             kind, *self.on_grid, self._probes, float(least), tuple(weight), tuple(self.of)
         )
-        return found
 
     @cached_property
     def _probes(self) -> Array:
         """Frequencies of one turn around gain crossovers where the dead time turns quickly: L comes near -1 there."""
         quick = int(np.searchsorted(self.grid, QUICK / self.delay)) if self.delay else self.grid.size
-        if not (
-            quick < self.grid.size
-            and np.any(np.abs(self.on_grid.num[quick:]) >= np.abs(self.on_grid.den[quick:]))
-        ):
+        if not np.any(np.abs(self.on_grid.num[quick:]) >= np.abs(self.on_grid.den[quick:])):
             return np.zeros(0)
         edges = self.gain_crossovers
         edges = edges[edges > QUICK / self.delay][-MOST_PROBED:]
         return (edges[:, None] + np.arange(-np.pi, np.pi, FINE_STEP) / self.delay).ravel()
-
-    def max_weighted_sensitivity(
-        self, weight: LoopFactors, at_zero: float, at_end: float
-    ) -> tuple[float, float]:
-        """Supremum of |S| times the modulus of a weight, and where it lies; its limits at the ends are given."""
-        return self._supremum(SENSITIVITY, at_zero, at_end, weight)
 
     def encirclements(self, lean: float, aside: float) -> int | None:
         r"""Count zeros of the characteristic function f right of s = jω - lean ω - aside; None if one is on this line.
@@ -117,8 +97,6 @@ class FactoredExplorer(Explorer):
         product with the frequency. So only the gain crossovers need to be known, and nobody has to follow the turns of
         a dead time in between, however many.
         """
-        from pidalab.robustness import _scan
-
         of, w = self.of, self.grid
         if lean == aside == 0.0:
             (_, num, den), (edges, touched) = self.on_grid, self._on_axis
@@ -140,15 +118,14 @@ class FactoredExplorer(Explorer):
             seen = level[np.abs(level) >= _arrays.REAL]
             loud = (np.arange(edges.size + 1) % 2 == 1) ^ bool(seen.size and seen[0] > 0)
             total = 0.0
-            half = np.append(0.0, 0.5 * np.angle(n / d)[1 : edges.size + 1])
-            half = np.append(half, 0.0)  # of the angle of L: that of 1 + L where |L| = 1
+            # of the angle of L: that of 1 + L where |L| = 1
+            half = np.concatenate([[0.0], 0.5 * np.angle(n / d)[1 : edges.size + 1], [0.0]])
             for active, roots, sign in ((~loud, of.poles, 1.0), (loud, of.zeros, -1.0)):
                 k = np.flatnonzero(active)
                 start = (1j - lean) * np.append(0.0, edges)[k] - aside
                 stop = np.append((1j - lean) * edges - aside, np.nan)[k]
-                reach = np.where(
-                    np.isnan(stop.real)[:, None], 1j - lean, stop[:, None] - roots[None, :]
-                )  # far out all roots lie in one place
+                # far out all roots lie in one place
+                reach = np.where(np.isnan(stop.real)[:, None], 1j - lean, stop[:, None] - roots[None, :])
                 total += float(np.angle(reach * np.conj(start[:, None] - roots[None, :])).sum())
                 total += sign * float((half[k + 1] - half[k]).sum())
             if of.delay:

@@ -13,6 +13,7 @@ from pidalab.digital import DigitalController
 from pidalab.loop import Loop, open_loop, require_loop, require_well_posed
 from pidalab.process import static_gain
 from pidalab.robustness._arrays import fraction as fraction_of_factors, frequencies
+from pidalab.robustness._scan import along
 from pidalab.robustness.factored import FactoredExplorer
 from pidalab.robustness.peaks_and_crossovers import Explorer, LoopFactors, Seen
 from pidalab.robustness.sampled import sampled_plant
@@ -30,9 +31,8 @@ def factors(loop: Loop) -> LoopFactors:
     ValueError
         For a gain beyond the range of numbers, and for roots that cannot be found.
     """
-    return factors_of(loop, "process", "controller", "output_filter")._replace(
-        delay=float(loop.process.delay)
-    )
+    of = factors_of(loop, "process", "controller", "output_filter")
+    return of._replace(delay=float(loop.process.delay))
 
 
 def factors_of(loop: Loop, *names: str) -> LoopFactors:
@@ -72,8 +72,6 @@ def explore_in_s(loop: Loop) -> FactoredExplorer:
 
 def from_factors(of: LoopFactors, at_zero: float = math.nan) -> FactoredExplorer:
     """Look at a continuous loop by its factors."""
-    from pidalab.robustness._scan import along  # compiled code: loaded when it is needed
-
     at_infinity = of.gain if of.zeros.size == of.poles.size else 0.0
     w = frequencies(np.concatenate([of.zeros, of.poles]), of.delay)
     num, den = along(w, 0.0, 0.0, tuple(of))
@@ -102,9 +100,8 @@ def _towards_far_crossovers(of: LoopFactors, w: Array, num: Any, den: Any) -> li
         if power and size > 0 and (size < beyond) == (beyond > 1):
             far = math.exp(math.log(end) + math.log(size / beyond) / power)
             if 0 < far < math.inf:
-                part = np.geomspace(end, far, 2 + int(FAR_PER_DECADE * abs(math.log10(far / end))))[1:][
-                    ::side
-                ]
+                count = 2 + int(FAR_PER_DECADE * abs(math.log10(far / end)))
+                part = np.geomspace(end, far, count)[1:][::side]
         parts.append(part)
     return parts if any(part.size for part in parts) else []
 

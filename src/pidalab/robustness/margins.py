@@ -332,8 +332,7 @@ def _phase_crossovers(looked: Explorer, unstable: bool) -> tuple[Array, Array, A
     except TooManyTurns:
         if not unstable:
             raise
-        wpc, L = np.zeros(0), np.full(1, math.nan)
-        return wpc, np.zeros(1), L
+        return np.zeros(0), np.zeros(1), np.full(1, math.nan)
     # at the ends of the axis L is real: these are phase crossovers too where it is negative
     at = np.concatenate([[0.0], wpc, [looked.end]])
     return wpc, at, np.concatenate([[max(-looked.at_zero, 0.0)], L, [max(-looked.at_end, 0.0)]])

@@ -12,13 +12,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.robustness import _arrays
-from pidalab.robustness._arrays import (
-    COARSE_STEP,
-    FINE_STEP,
-    divided,
-    height,
-    most_between,
-)
+from pidalab.robustness._arrays import COARSE_STEP, FINE_STEP, divided, height, most_between
 
 LARGEST_TURN = 0.8  # largest turn of the characteristic function between two points, in rad
 HALVINGS = 70  # of a step, at most, until it turns no more than that
@@ -87,12 +81,15 @@ class Explorer:
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""
-        num, den = self.fraction(1j * w)
+        num, den = self._at(w)
         return num / den
 
     def at(self, w: Any) -> Seen:
         """Evaluate the loop at frequencies."""
-        return Seen(w, *self.fraction(1j * w))
+        return Seen(w, *self._at(w))
+
+    def _at(self, w: Any) -> tuple[Any, Any]:
+        return self.fraction(1j * w)
 
     @cached_property
     def on_grid(self) -> Seen:
@@ -105,9 +102,9 @@ class Explorer:
         with np.errstate(all="ignore"):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
-    def follow(self, loud: float, turn: float = FINE_STEP) -> Array:
-        """Return points between which the dead time turns the phase by `turn` at most wherever \\|L\\| >= loud."""
-        return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud, turn)
+    def follow(self, loud: float) -> Array:
+        """Return points between which the dead time turns the phase little wherever \\|L\\| >= loud."""
+        return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
         """Divide some steps of the grid until the dead time turns the phase by `turn` at most."""
@@ -116,7 +113,7 @@ class Explorer:
     @cached_property
     def gain_crossovers(self) -> Array:
         """All frequencies where |L| = 1, pairs included between which it only just passes 1."""
-        return _arrays.gain_crossings(lambda w: self.fraction(1j * w), *self.on_grid)[0]
+        return _arrays.gain_crossings(self._at, *self.on_grid)[0]
 
     def phase_crossovers(self, quietest: float) -> Array:
         """Frequencies below the end where L is real and negative; with dead time where |L| is at least `quietest`."""
@@ -128,18 +125,16 @@ class Explorer:
         return found
 
     def _phase_crossings(self, w: Array, num: Any, den: Any, quietest: float, every: bool) -> Array:
-        return _arrays.phase_crossings(
-            lambda w: self.fraction(1j * w), w, num, den, quietest, every, self.delay
-        )
+        return _arrays.phase_crossings(self._at, w, num, den, quietest, every, self.delay)
 
     def peak(self, kind: int) -> tuple[float, float]:
         """Supremum of |S|, |T| or half of |S - T| (`SENSITIVITY`, `COMPLEMENTARY`, `DIFFERENCE`), and where it lies."""
-        return self._supremum(kind, _height_of(kind, self.at_zero), _height_of(kind, self.at_end))
+        return self.supremum(kind, _height_of(kind, self.at_zero), _height_of(kind, self.at_end))
 
-    def _supremum(
+    def supremum(
         self, kind: int, at_zero: float, at_end: float, weight: LoopFactors = UNWEIGHTED
     ) -> tuple[float, float]:
-        """Peak and where it lies, perhaps at an end of the axis: the points only come close to it."""
+        """Peak, times the modulus of a weight, and where it lies; its limits at the ends of the axis are given."""
         end = max(at_zero, at_end)
         peak, where = self._highest(kind, end / (1 - TO_AN_END), weight)
         if math.isnan(peak):
@@ -151,13 +146,8 @@ class Explorer:
     def _highest(self, kind: int, least: float, weight: LoopFactors) -> tuple[float, float]:
         """Highest point of a function of L along the axis, and where it lies."""
 
-        def at(w: Any) -> Any:
-            return self.fraction(1j * w)
-
-        found: tuple[float, float] = _arrays.highest(
-            kind, at, lambda w: 1.0 + 0.0 * w, *self.on_grid, self.delay, np.zeros(0), least
-        )
-        return found
+        own, nowhere = self.on_grid, np.zeros(0)
+        return _arrays.highest(kind, self._at, lambda w: 1.0 + 0.0 * w, *own, self.delay, nowhere, least)
 
     def encirclements(self, lean: float, aside: float) -> int | None:
         """Count zeros of the characteristic function outside of the circle or spiral z = e^(s h).

@@ -160,11 +160,9 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
             f"count = {count}: only {found.size} poles lie right of {-FARTHEST / delay:.4g}, beyond which rounding "
             "hides them"
         )
-    near = (
-        "their neighbours"
-        if chain == -math.inf
-        else f"the chain of poles of this neutral loop at {chain / delay:.4g}"
-    )
+    near = "their neighbours"
+    if chain > -math.inf:
+        near = f"the chain of poles of this neutral loop at {chain / delay:.4g}"
     raise ArithmeticError(f"the {count} rightmost poles cannot be told from {near}")
 
 

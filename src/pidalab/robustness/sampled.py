@@ -17,9 +17,18 @@ import numpy as np
 from scipy.linalg import schur
 
 from pidalab.process import Process
-from pidalab.statespace import held, pieces, realise
+from pidalab.statespace import ALIGNED, held, pieces, realise
 
 LONGEST = 1e6  # samples of a dead time; of half a sample more nothing can be seen
+
+
+def require_later_answer(plant: Any, direct: float, h: float) -> None:
+    """Raise for a plant whose output at a sample shows the input that is set there."""
+    if direct and plant.delay < h * ALIGNED:
+        raise ValueError(
+            "the plant answers within the sample (direct feedthrough without dead time): the controller would read "
+            f"what it has not set yet; found {plant!r}"
+        )
 
 
 class SampledPlant(NamedTuple):
@@ -54,11 +63,7 @@ def sampled_plant(process: Process, h: float) -> SampledPlant:
             "controller"
         )
     own = pieces(process.delay, h)
-    if d and own[0].ago == 0:
-        raise ValueError(
-            "the plant answers within the sample (direct feedthrough without dead time): the controller would read "
-            f"what it has not set yet; found {process!r}"
-        )
+    require_later_answer(process, d, h)
     phi, inputs = np.eye(c.size), []
     for piece in reversed(own):
         transition, gamma = held(A, b, piece.time)

@@ -67,16 +67,14 @@ class Design:
 
     def __getattr__(self, name: str) -> Any:
         """Read an entry of `info`."""
-        if not name.startswith("_") and name != "info" and name in self.info:
+        if name.startswith("_") or name == "info":
+            raise AttributeError(f"this design has no {name!r}")
+        if name in self.info:
             return self.info[name]
         if name == "ms" and isinstance(self.model, Process):
             return self._ms
-        known = (
-            ""
-            if name.startswith("_") or name == "info"
-            else f"; its info has {', '.join(self.info) or 'nothing'}"
-        )
-        raise AttributeError(f"this design has no {name!r}{known}")
+        known = ", ".join(self.info) or "nothing"
+        raise AttributeError(f"this design has no {name!r}; its info has {known}")
 
     @cached_property
     def _ms(self) -> float:
@@ -123,9 +121,8 @@ class Design:
             raise TypeError(
                 "process must be given, as in design.loop(process): this design was made from areas"
             )
-        return Loop(
-            self.model if process is None else process, self.controller, self.output_filter, self.prefilter
-        )
+        plant = self.model if process is None else process
+        return Loop(plant, self.controller, self.output_filter, self.prefilter)
 
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
         """Return the digital controller for a sample time, with output filter and prefilter as parts of it.
@@ -197,11 +194,8 @@ class Design:
         filters:  none; output filter OutputFilter(time=1.97752, order=1, wgc=0.0252842) in units of the model
         """
         forms = self.controller.vendor_forms(time_unit, full_output)
-        beside = [
-            f"; {name.replace('_', ' ')} {_block(getattr(self, name))} in units of the model"
-            for name in ("output_filter", "prefilter")
-            if getattr(self, name) is not None
-        ]
+        own = {"output filter": self.output_filter, "prefilter": self.prefilter}
+        beside = [f"; {name} {_block(x)} in units of the model" for name, x in own.items() if x is not None]
         return forms._replace(filters=forms.filters + "".join(beside))
 
     def __repr__(self) -> str:

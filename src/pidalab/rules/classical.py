@@ -35,7 +35,17 @@ from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator, lag_with_delay, lags, require_delay
-from pidalab.rules.simc import improved_simc as improved_simc, simc as simc
+from pidalab.rules.simc import improved_simc, simc
+
+__all__ = [
+    "amigo",
+    "chien_hrones_reswick",
+    "improved_simc",
+    "lambda_tuning",
+    "simc",
+    "ziegler_nichols_step",
+    "ziegler_nichols_ultimate",
+]
 
 Settings = tuple[float, float, float]  # kp, ti, td
 INSIDE_BORDER = 0.999  # of the gain at the border, which is to be stable

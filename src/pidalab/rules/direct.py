@@ -63,9 +63,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     """
     m = second_order(model)
     lag = _check.real("alpha_d", alpha_d, above=0.0) * m.tau / (2 * m.damping)
-    lead = (
-        0.36 * m.delay - 0.391 * lag * lag / m.delay
-    )  # below 0 for slow filters; a bound at 0 makes Ms large
+    # below 0 for slow filters; a bound at 0 makes Ms large
+    lead = 0.36 * m.delay - 0.391 * lag * lag / m.delay
     ki, a1 = 0.722 / (m.gain * m.delay), 2 * m.damping * m.tau
     return _from_gains(
         ki, ki * (a1 + lead), ki * (m.tau**2 + a1 * lead), ki * m.tau**2 * lead, alpha_d, alpha_a

@@ -261,17 +261,16 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         raise ValueError("model must have a dead time, or te must be above 0: both are 0")
     unit, weights = constants(m), prefilter_weights(m, m + 1 if cancelled is None else cancelled)
     controller = _controller(velocity, delay, m, n, te)
-    ti = unit.integral_time * delay
-    td = tuple(time * delay**j for j, time in enumerate(unit.derivative_times, start=1))
+    kc, ti, *td = _standard(velocity, delay, m)
     info: dict[str, Any] = {
         "m": m,
         "n": n,
         "te": te,
         "delay": delay,
         "pole": unit.pole / delay,
-        "kc": unit.gain / (velocity * delay),
+        "kc": kc,
         "ti": ti,
-        "td": td,
+        "td": tuple(td),
         "filter_time": controller.filter_time,
         "weights": weights,
         "ie": (1 - weights[0]) * ti,
@@ -285,11 +284,16 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     return Design(model, controller, prefilter, None, "huba2018, sec. II.B", info, sources)
 
 
+def _standard(velocity: float, delay: float, m: int) -> list[float]:
+    """Return gain, integral and derivative times of R^m, eq. (2)."""
+    unit = constants(m)
+    td = [time * delay**j for j, time in enumerate(unit.derivative_times, start=1)]
+    return [unit.gain / (velocity * delay), unit.integral_time * delay, *td]
+
+
 def _controller(velocity: float, delay: float, m: int, n: int, te: float) -> HighOrderPID:
     """Return R_n^m, filter included: eqs. (2) and (7)."""
-    unit = constants(m)
-    kc, ti = unit.gain / (velocity * delay), unit.integral_time * delay
-    td = [time * delay**j for j, time in enumerate(unit.derivative_times, start=1)]
+    kc, ti, *td = _standard(velocity, delay, m)
     return HighOrderPID([kc * x for x in (1 / ti, 1.0, *td)], filter_ratio(m, n) * te if n else 0.0, n)
 
 

@@ -40,6 +40,7 @@ FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of an automatic reset
 IMC = "heo2023, rows IMC"
 HAALMAN = {"PI": "first_order", "PID": "second_order", "PIDA": "third_order"}
+CHR_1952 = "Chien, Hrones and Reswick (1952)"
 ZN, ZN_1942 = "Ziegler-Nichols", "Ziegler and Nichols (1942)"
 
 
@@ -175,16 +176,14 @@ def _call_with_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Proces
     return lambda model, kind, limits: tune(model, *args, kind)
 
 
-def _textbook(name: str, tune: Callable[..., Design], model: str, source: str, short: str = "") -> Rule:
-    return Rule(name, source, _same_model(model, "PI", "PID"), _call_with_kind(tune), short)
-
-
-def _migo(model: Process, kind: str, limits: RuleLimits) -> Design:
-    return migo.tune(model, kind, limits.ms)
+def _textbook(
+    name: str, tune: Callable[..., Design], model: str, source: str, *args: Any, **more: Any
+) -> Rule:
+    return Rule(name, source, dict.fromkeys(("PI", "PID"), model), _call_with_kind(tune, *args), **more)
 
 
 def _itae(test: str) -> Rule:
-    source, models = "heo2023, Table 1 and eqs. (9) and (12)", _same_model("second_order", "PID", "PIDA")
+    source, models = "heo2023, Table 1 and eqs. (9) and (12)", dict.fromkeys(("PID", "PIDA"), "second_order")
     return Rule(f"itae {test}", source, models, _call_with_kind(itae.tune, test), _short("itae", test))
 
 
@@ -238,17 +237,9 @@ def _automatic_reset(setting: automatic_reset.Setting) -> Rule:
 
 
 def _chr(test: str, overshoot: int) -> Rule:
-    return Rule(
-        f"CHR {test} {overshoot} %",
-        f"Chien, Hrones and Reswick (1952), {test}, {overshoot} % overshoot",
-        _same_model("reaction", "PI", "PID"),
-        _call_with_kind(classical.chien_hrones_reswick, test, overshoot),
-        compared=False,
-    )
-
-
-def _same_model(model: str, *kinds: str) -> dict[str, str]:
-    return dict.fromkeys(kinds, model)
+    name, source = f"CHR {test} {overshoot} %", f"{CHR_1952}, {test}, {overshoot} % overshoot"
+    tune = classical.chien_hrones_reswick
+    return _textbook(name, tune, "reaction", source, test, overshoot, compared=False)
 
 
 # --- the rules --------------------------------------------------------------------------------------------------------
@@ -275,8 +266,8 @@ RULES: dict[str, Rule] = {
         Rule(
             "migo",
             "Åström and Hägglund (2004), MIGO",
-            _same_model("process", "PI", "PID"),
-            _migo,
+            dict.fromkeys(("PI", "PID"), "process"),
+            lambda model, kind, limits: migo.tune(model, kind, limits.ms),
             compared=False,
             knows_ms=True,
         ),
@@ -303,10 +294,10 @@ RULES: dict[str, Rule] = {
         Rule(
             "magnitude optimum",
             "vrancic2021, eqs. (8) and (14) to (17)",
-            _same_model("process", *KINDS),
+            dict.fromkeys(KINDS, "process"),
             _magnitude_optimum,
         ),
-        Rule("mrdp", "huba2018, sec. II.B", _same_model("integrator", *KINDS), _mrdp),
+        Rule("mrdp", "huba2018, sec. II.B", dict.fromkeys(KINDS, "integrator"), _mrdp),
         *map(_automatic_reset, automatic_reset.SETTINGS.values()),
     )
 }

@@ -9,6 +9,7 @@ import numpy as np
 
 from pidalab._check import Array
 from pidalab.process import Process, fopdt
+from pidalab.reduction import to_fopdt, to_sopdt
 from pidalab.roots import roots
 
 
@@ -25,7 +26,7 @@ class StartingModels:
             return self.integrator
         if len(self.process.den) == 2 and len(self.process.num) == 1:
             return self.process
-        t, y = self._response(self._undelayed, 15 * time_scale(self._undelayed))
+        t, y = self._response(self._undelayed)
         gain, delay = self.process.gain(), self.integrator.delay
         left = y / gain - (1 - math.exp(-1))
         i = int(np.argmax(left >= 0))
@@ -35,15 +36,11 @@ class StartingModels:
 
     @cached_property
     def first_order(self) -> Process:
-        from pidalab.reduction import to_fopdt
-
         # first order or an integrator is its own model
         return self.process if len(self.process.den) == 2 else to_fopdt(self.process).process
 
     @cached_property
     def second_order(self) -> Process:
-        from pidalab.reduction import to_sopdt
-
         return to_sopdt(self.process).process
 
     @cached_property
@@ -52,7 +49,7 @@ class StartingModels:
 
         if not self._settles():
             raise ValueError("process must be stable: three_point reads a step response that settles")
-        return three_point(*self._step).process
+        return three_point(*self._response(self.process)).process
 
     @cached_property
     def integrator(self) -> Process:
@@ -63,20 +60,10 @@ class StartingModels:
             raise ValueError("process must not be unstable: the integrator is read off its step response")
         if itself:
             return self.process
-        tangent = ipdt_tangent(*self._rise)
+        # the largest lag hardly matters to the slope at the beginning
+        lags = np.sort(_lags(self.process))[: -1 if self._settles() else None]
+        tangent = ipdt_tangent(*self._response(self._undelayed, 10 * float(np.sum(lags))))
         return Process(tangent.num, tangent.den, tangent.delay + self.process.delay)
-
-    @cached_property
-    def _step(self) -> tuple[Array, Array]:
-        """The step response until it has settled."""
-        return self._response(self.process, 15 * time_scale(self.process))
-
-    @cached_property
-    def _rise(self) -> tuple[Array, Array]:
-        """The beginning of the step response without dead time: the largest lag hardly matters to its slope."""
-        lags = np.sort(_lags(self.process))
-        small = lags[:-1] if self._settles() else lags
-        return self._response(self._undelayed, 10 * float(np.sum(small)) or 15 * time_scale(self._undelayed))
 
     @cached_property
     def _undelayed(self) -> Process:
@@ -84,10 +71,10 @@ class StartingModels:
         return Process(self.process.num, self.process.den)
 
     @staticmethod
-    def _response(process: Process, end: float) -> tuple[Array, Array]:
+    def _response(process: Process, end: float = 0.0) -> tuple[Array, Array]:
         from pidalab.simulation.exact import open_loop_step
 
-        t = np.linspace(0.0, end, 8001)
+        t = np.linspace(0.0, end or 15 * time_scale(process), 8001)
         return t, open_loop_step(process, t).y
 
     def _settles(self) -> bool:

@@ -45,9 +45,8 @@ class Bank(NamedTuple):
         own = loop.controller
         if not isinstance(own, SeriesPIDA) or loop.output_filter is not None:
             raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
-        values = {name: np.asarray(getattr(own, name)) for name in PARAMETER_NAMES} | _differing(
-            own, parameters
-        )
+        values = {name: np.asarray(getattr(own, name)) for name in PARAMETER_NAMES}
+        values |= _differing(own, parameters)
         num, den = ([np.asarray(x) for x in part] for part in loop.blocks["prefilter"])
         if prefilter is not None:
             num, den = _coefficients(loop, prefilter)
@@ -115,11 +114,8 @@ def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], 
     if loop.prefilter is not None:
         raise ValueError(f"prefilter must be given once: the loop has one already, found {loop.prefilter!r}")
     # iterating over a transfer function is an error of its own kind
-    if (
-        not isinstance(prefilter, (tuple, list))
-        or len(prefilter) != 2
-        or not all(map(np.iterable, prefilter))
-    ):
+    two = isinstance(prefilter, (tuple, list)) and len(prefilter) == 2
+    if not (two and all(map(np.iterable, prefilter))):
         raise TypeError(f"prefilter must be two sequences of coefficients, found {prefilter!r}")
     num, den = ([_check.array("prefilter", x) for x in part] for part in prefilter)
     if not 0 < len(num) <= len(den):

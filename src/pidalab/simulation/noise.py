@@ -129,12 +129,10 @@ def _linear(loop: Loop) -> Loop:
 
 def _lengths(loop: Loop, h: float) -> list[int]:
     """Return the numbers of samples to try, or raise for a loop whose noise comes back later, or ever stronger."""
-    if loop.digital is not None and not is_stable(loop):
-        raise ValueError("loop must be stable, found poles on or outside the unit circle")
     if not is_stable(loop):
-        raise ValueError(
-            "loop must be stable, found poles in the closed right half-plane, or arbitrarily near it"
-        )
+        border = "in the closed right half-plane, or arbitrarily near it"
+        where = border if loop.digital is None else "on or outside the unit circle"
+        raise ValueError(f"loop must be stable, found poles {where}")
     shortest = ECHOES * loop.process.delay / h
     if shortest > LONGEST_TAIL:
         raise ValueError(

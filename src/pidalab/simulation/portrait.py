@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -131,10 +132,7 @@ def portrait(
 
     With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
-    t = _check.uniform_time("t", t)
-    r, d, n = (
-        _check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise))
-    )
+    t, r, d, n = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
     h = float(t[-1] / (t.size - 1))
     bank = Bank.of(loop, parameters, prefilter, h)
     at_rest = limits_at_rest(loop.limits, limits)
@@ -147,13 +145,10 @@ def portrait(
     size = -(-places.size // (TASKS * LANES)) * LANES
     parts = [bank.part(places[start : start + size]) for start in range(0, places.size, size)]
     work = partial(Bank.measures, plant=plant, limits=at_rest, h=h, r=r, d=d, n=n)
-    if executor is None:
-        # compiled code lets go of the interpreter
-        available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
-        with ThreadPoolExecutor(available) as threads:
-            measures = done(work, parts, threads, "part")
-    else:
-        measures = done(work, parts, executor, "part")
+    # compiled code lets go of the interpreter
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+    with nullcontext(executor) if executor is not None else ThreadPoolExecutor(available) as workers:
+        measures = done(work, parts, workers, "part")
     return _portrait(np.concatenate(measures, axis=1)[:, :sets].reshape(-1, *bank.shape), rest)
 
 

@@ -132,10 +132,7 @@ def simulate_sampled(
     conditioning: overshoot 12.4 %
     """
     require_loop(loop)
-    t = _check.uniform_time("t", t)
-    r, d, n = (
-        _check.signal(*item, t.size) for item in (("setpoint", setpoint), ("load", load), ("noise", noise))
-    )
+    t, r, d, n = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
     h = float(t[-1] / (t.size - 1))
     at_rest = limits_at_rest(loop.limits, limits)
     fineness, actuator = _conversion(*at_rest, quanta, pulse_widths)

@@ -27,7 +27,6 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab._check import Array
 from pidalab.controllers import AutomaticReset, Controller
 from pidalab.digital import DigitalController
 from pidalab.loop import Loop
@@ -54,10 +53,7 @@ def sampled_controller(
                 f"anti_windup must be None for a {kind}, whose reset is one; found {anti_windup!r}"
             )
         return _with_reset(loop, loop.automatic_reset, h, limits)
-    num, den = (
-        np.convolve(a, b)
-        for a, b in zip(loop.blocks["controller"], loop.blocks["output_filter"], strict=True)
-    )
+    num, den = map(np.convolve, loop.blocks["controller"], loop.blocks["output_filter"])
     if anti_windup is None:
         return discretise(num, den, h), _behind(h, limits)
     if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:
@@ -114,18 +110,13 @@ def require_fine_enough(h: float, filter_time: float) -> None:
 
 def shortest_filter(loop: Loop) -> float:
     """Shortest time constant of the filters in the controller and behind it, infinite without any."""
-    # the poles of a transfer function are its filters, but for those at 0, the integrators
-    found = list(1 / np.abs(_poles(loop, "output_filter")))
-    if isinstance(loop.controller, Controller):
-        found += [part.filter_time for part in loop.controller.parts() if part.filter_order]
-    else:
-        found += list(1 / np.abs(_poles(loop, "controller")))
+    own = isinstance(loop.controller, Controller)
+    found = [part.filter_time for part in loop.controller.parts() if part.filter_order] if own else []
+    for block in ("output_filter",) if own else ("output_filter", "controller"):
+        # the poles of a transfer function are its filters, but for those at 0, the integrators
+        poles = roots(loop.blocks[block][1])
+        found += (1 / np.abs(poles[poles != 0])).tolist()
     return float(min(found, default=math.inf))
-
-
-def _poles(loop: Loop, block: str) -> Array:
-    poles = roots(loop.blocks[block][1])
-    return poles[poles != 0]
 
 
 def _with_reset(

@@ -11,7 +11,8 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, rational
-from pidalab.statespace import ALIGNED, StateSpace, held, pieces, realise
+from pidalab.robustness.sampled import require_later_answer
+from pidalab.statespace import StateSpace, held, pieces, realise
 
 
 class PlantStates(NamedTuple):
@@ -77,11 +78,7 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
         hint = _check.carrier(plant, Process)
         raise TypeError(f"plant must be a Process or an AsymmetricPlant, found {type(plant).__name__}{hint}")
     states = plant_states(plant)
-    if states.d and plant.delay < h * ALIGNED:
-        raise ValueError(
-            "the plant answers within the sample (direct feedthrough without dead time): the controller would read "
-            f"what it has not set yet; found {plant!r}"
-        )
+    require_later_answer(plant, states.d, h)
     if actuator.widths and (states.d or isinstance(plant, AsymmetricPlant)):
         raise ValueError(f"pulse_widths needs a linear plant without direct feedthrough, found {plant!r}")
     # across each piece of the sample, for both systems of the plant

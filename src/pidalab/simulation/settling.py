@@ -13,9 +13,8 @@ from pidalab.loop import Loop
 from pidalab.response import Response
 
 SETTLING_POINTS = 4001  # of the response
-HORIZON_DOUBLINGS = (
-    13  # of the horizon: a loop that is ten thousand times slower than expected still comes to rest
-)
+# of the horizon: a loop that is ten thousand times slower than expected still comes to rest
+HORIZON_DOUBLINGS = 13
 
 
 def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: float) -> Response:

@@ -17,16 +17,6 @@ areas do not tell.
 """
 
 from pidalab.rules.magnitude_optimum.design import gains, tune
-from pidalab.rules.magnitude_optimum.noise import (
-    filter_time,
-    tune_for_filter_noise,
-    tune_for_noise,
-)
+from pidalab.rules.magnitude_optimum.noise import filter_time, tune_for_filter_noise, tune_for_noise
 
-__all__ = [
-    "filter_time",
-    "gains",
-    "tune",
-    "tune_for_filter_noise",
-    "tune_for_noise",
-]
+__all__ = ["filter_time", "gains", "tune", "tune_for_filter_noise", "tune_for_noise"]

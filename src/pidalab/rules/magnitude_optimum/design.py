@@ -13,12 +13,7 @@ from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.robustness.poles import is_stable
 from pidalab.rules._design import Design
-from pidalab.rules.magnitude_optimum.system import (
-    areas_of,
-    measured_uncertainty,
-    require_digits,
-    solved,
-)
+from pidalab.rules.magnitude_optimum.system import areas_of, measured_uncertainty, require_digits, solved
 
 MO_SOURCES = {
     "gains": "eqs. (14) to (17)",
@@ -137,9 +132,8 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
         "ie": 1 / float(plain[0] * exact_gains[0]),
         "uncertainty": tuple(unsure.tolist()),
     }
-    return Design(
-        model, controller, source="vrancic2021, eqs. (8) and (14) to (17)", info=info, sources=MO_SOURCES
-    )
+    source = "vrancic2021, eqs. (8) and (14) to (17)"
+    return Design(model, controller, source=source, info=info, sources=MO_SOURCES)
 
 
 def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:

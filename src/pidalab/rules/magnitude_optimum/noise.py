@@ -242,8 +242,6 @@ def filtered_noise_gain(
     """H2 norm of the sampled form of eq. (21), for noise that is held."""
     h = _check.real("sample_time", sample_time, above=0.0)
     top = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
-    block = discretise(np.array(top[::-1]), binomial(filter_time, n), h)
-    spread = (
-        solve_discrete_lyapunov(block.A, np.outer(block.b, block.b)) if block.b.size else np.zeros((0, 0))
-    )
-    return math.sqrt(block.c @ spread @ block.c + block.d**2)
+    A, b, c, d = discretise(np.array(top[::-1]), binomial(filter_time, n), h)
+    spread = c @ solve_discrete_lyapunov(A, np.outer(b, b)) @ c if b.size else 0.0
+    return math.sqrt(spread + d**2)

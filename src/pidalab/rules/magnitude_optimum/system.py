@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import toeplitz
 
 from pidalab import _check
 from pidalab._check import Array
@@ -98,7 +99,5 @@ def measured_uncertainty(
     size = len(areas)
     change = sensitivity(areas, gains, [Fraction(1)] * size)
     unit = series.lagged([Fraction(1), *[Fraction(0)] * (size - 1)], filter_time, n)
-    column = np.array(unit, dtype=float)
-    mix = np.array([[column[k - i] if k >= i else 0.0 for i in range(size)] for k in range(size)])
-    step = change @ mix
+    step = change @ np.tril(toeplitz(np.array(unit, dtype=float)))
     return np.sqrt(np.einsum("ij,jk,ik->i", step, model.covariance[:size, :size], step))
