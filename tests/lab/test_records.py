@@ -13,7 +13,7 @@ DROP = """
 pidalabEngine.find = ({process, kind, knobs}) => pidalabOptimum.find(process, kind, knobs);
 pidalabEngine.drop = ({text}) => {
   const found = pidalabRecord.fit(pidalabRecord.readRecord(text));
-  return { own: found.own, process: pidalabModel.ownPlant(found.own) };
+  return { own: found.own, sigma: found.sigma, span: found.span, process: pidalabModel.ownPlant(found.own) };
 };
 """
 # lags, dead time, noise as a share of the change
@@ -64,7 +64,11 @@ def test_a_record_gets_a_design_that_is_safe_on_the_plant(turn, lab):
     y += noise * np.ptp(y) * np.random.default_rng(5).standard_normal(t.size)
     found = lab.drop(text="\n".join(f"{a:.6g},{b:.6g}" for a, b in zip(t, y, strict=True)))
     assert found["own"]["gain"] * plant.num[-1] > 0
-    best = lab.find(process=found["process"], kind="PIDA", knobs={"ms": 1.4, "noise": 5.0})
+    # the limit of noise that the lab takes from a record, or ten where that is hardly any
+    own = 0.1 * found["span"] * abs(found["own"]["gain"]) / (3.0 * found["sigma"])
+    best = lab.find(
+        process=found["process"], kind="PIDA", knobs={"ms": 1.4, "noise": min(max(own, 2.0), 10.0)}
+    )
     design = best["design"]
     kp, ti, td, ta = (design[key] for key in ("kp", "ti", "td", "ta"))
     gains = [kp / ti, kp, kp * td, kp * ta]
