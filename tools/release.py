@@ -74,6 +74,7 @@ def use(wheel: Path) -> None:
     """Install the wheel where nothing else is, and use it in an empty folder."""
     # a path to the sources would count as an installed package
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}
+    clean["PIDALAB_COMPILE"] = "0"  # else a process that makes machine code writes on where all is taken away
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         venv.create(folder / "env", with_pip=True)
