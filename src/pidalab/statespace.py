@@ -73,7 +73,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
     scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
     if n <= FEW_STATES:
         # in powers of x = s/unit, so that the static gain keeps its digits behind a filter much faster than a sample
-        q = _monic([p / unit for p in own])
+        q = monic([p / unit for p in own])
         M = np.eye(n, k=-1)
         M[:, -1] = [-c for c in q]
         numerator = np.array(_divided(scaled.tolist(), q, [p / unit for p in others])) * unit ** -len(others)
@@ -88,7 +88,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
     return Part(unit * M, numerator.real * unit ** (1.0 - n) / lead, np.eye(1, n, n - 1)[0], np.array(own))
 
 
-def _monic(poles: list[complex]) -> list[float]:
+def monic(poles: list[complex]) -> list[float]:
     """Return the coefficients of the polynomial of the poles, the lowest first, but for that of the highest, 1."""
     q: list[complex] = []
     for p in poles:
@@ -97,7 +97,7 @@ def _monic(poles: list[complex]) -> list[float]:
 
 
 def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[complex]:
-    """Return num (descending powers of x) divided by all x - p, modulo q (see `_monic`): the lowest power first.
+    """Return num (descending powers of x) divided by all x - p, modulo q (see `monic`): the lowest power first.
 
     In plain Python, which for so few numbers is faster than array operations.
     """

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg.lapack import zgetrf, zgetrs
 
 from pidalab._check import Array
-from pidalab.statespace import Part, numerator
+from pidalab.statespace import Part, monic, numerator
 
 AGES = 8  # of the states that such a block reads: each older one comes through its filter once more
 
@@ -26,10 +26,10 @@ def without_slow_parts(
     taken: Any = np.zeros(1)
     under: Any = np.ones(1)
     for part in slow:
-        own = _monic(part.poles)
+        own = np.array([1.0, *monic(part.poles.tolist())[::-1]])
         taken = np.polyadd(np.convolve(taken, own), np.convolve(numerator(part), under))
         under = np.convolve(under, own)
-    fast_den = _monic(poles)
+    fast_den = np.array([1.0, *monic(poles.tolist())[::-1]])
     rest = [0.0] * (fast_den.size - 1 + under.size - num.size)
     rest += num.tolist()
     shared = np.convolve(taken, fast_den).tolist()
@@ -41,16 +41,6 @@ def without_slow_parts(
         for j, coefficient in enumerate(under.tolist()):
             rest[i + j] -= quotient[i] * coefficient
     return np.array(quotient), poles
-
-
-def _monic(poles: Any) -> Array:
-    """Return the polynomial of poles, in descending powers."""
-    value = [1.0 + 0.0j]
-    for pole in poles.tolist():
-        value.append(0.0j)
-        for i in range(len(value) - 1, 0, -1):
-            value[i] -= pole * value[i - 1]
-    return np.array(value).real
 
 
 def times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
