@@ -112,10 +112,7 @@ def simulate(
     [0.0, 0.0, 0.5, 0.875, 1.020833]
     """
     require_loop(loop)
-    t = _check.uniform_time("t", t)
-    r, d, n = (
-        _check.signal(*pair, t.size) for pair in (("setpoint", setpoint), ("load", load), ("noise", noise))
-    )
+    t, r, d, n = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
     return respond(loop, t, r, d, [n])[0]
 
 
