@@ -20,9 +20,8 @@ CHECKED = 64  # times at least at which the two are compared
 DENSE = 10_000  # times at which it is asked how large a response is, before it is refused
 AGREEMENT = 1e-10  # of both, relative to the largest value of a signal: nine digits are promised
 CERTAIN = 1e-12  # the same, below which two are enough: they may err alike once in a while, but not as closely as that
-BESIDE_KICKS = (
-    1e-6  # the same, relative to the largest value outside the flanks of kicks, and at requested times
-)
+# the same, relative to the largest value outside the flanks of kicks, and at requested times
+BESIDE_KICKS = 1e-6
 FLANK = 60.0  # time constants of the fastest state that a kick lasts
 UNSEEN_FLANK = 1e5  # time constants after which a time, known to 1e-16, no longer tells its place in a flank
 
@@ -92,23 +91,24 @@ def _require_agreement(
         beside_shown = np.maximum(beside_shown, np.max(apart[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    allowed, where, remedy = (
-        AGREEMENT,
-        "",
-        f"the fastest filter or lag of the loop has a time constant of {1 / np.max(_speeds(cut)):.3g}, too short "
-        "beside the others; take a longer one, or leave it out",
-    )
-    if (
-        uncertain.max() <= AGREEMENT
-    ):  # beside the largest values; but these may be between the requested times
-        uncertain, allowed, where = beside_shown, BESIDE_KICKS, " at the requested times"
-        remedy = "between them are far larger ones; ask for more times, or shorten t"
-    if uncertain.max() > allowed:
-        _, signal = np.unravel_index(np.argmax(uncertain), uncertain.shape)
-        raise ValueError(
-            f"rounding leaves {min(1.0, uncertain.max()):.1g} of the largest value of "
-            f"{('y', 'the integral of y', 'u')[signal]}{where} uncertain, and {allowed:.0e} is allowed: {remedy}"
+    # beside the largest values all may be well, and these lie between the requested times
+    hidden = uncertain.max() <= AGREEMENT
+    share, allowed = (beside_shown, BESIDE_KICKS) if hidden else (uncertain, AGREEMENT)
+    if share.max() <= allowed:
+        return
+    where = " at the requested times" if hidden else ""
+    remedy = "between them are far larger ones; ask for more times, or shorten t"
+    if not hidden:
+        fastest = 1 / np.max(_speeds(cut))
+        remedy = (
+            f"the fastest filter or lag of the loop has a time constant of {fastest:.3g}, too short beside the others; "
+            "take a longer one, or leave it out"
         )
+    _, signal = np.unravel_index(np.argmax(share), share.shape)
+    raise ValueError(
+        f"rounding leaves {min(1.0, share.max()):.1g} of the largest value of "
+        f"{('y', 'the integral of y', 'u')[signal]}{where} uncertain, and {allowed:.0e} is allowed: {remedy}"
+    )
 
 
 def _again(loop: Loop, inputs: str, unit: float, n: int, step: float) -> Array:
