@@ -58,8 +58,8 @@ def module(tree: ast.AST) -> list[str]:
             found.append("names a file of the ledger")
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("paperledger."):
             found.append("imports from inside the ledger")
-        if isinstance(node, ast.Name | ast.Attribute) and ASKING.fullmatch(ast.unparse(node)):
-            found.append(f"asks where it runs by {ast.unparse(node)}")
+        if isinstance(node, ast.Name | ast.Attribute | ast.Constant) and ASKING.fullmatch(_said(node)):
+            found.append(f"asks where it runs by {_said(node)}")
         if isinstance(node, ast.Call):
             if _called(node).endswith(".decide") and any(
                 isinstance(part, ast.comprehension) and part.ifs for part in ast.walk(node)
@@ -73,6 +73,10 @@ def module(tree: ast.AST) -> list[str]:
             ):
                 found.append("hands over what is printed")
     return found
+
+
+def _said(node: ast.expr) -> str:
+    return str(node.value) if isinstance(node, ast.Constant) else ast.unparse(node)
 
 
 def _calls(tree: ast.AST) -> list[ast.Call]:

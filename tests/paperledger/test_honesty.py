@@ -93,6 +93,7 @@ OPEN, CLOSE = 'book = Ledger.open("demo", page="audit/demo")', "book.close()"
         ("kp = 1.31 if __debug__ else solve()", "asks where it runs by __debug__"),
         ("kp = solve() if sys.flags.optimize else 1.31", "asks where it runs by sys.flags"),
         ("kp = 1.31 if get_ipython() else solve()", "asks where it runs by get_ipython"),
+        ('kp = 1.31 if "get_ipython" in globals() else solve()', "asks where it runs by get_ipython"),
         ("rows = csv.reader(open(book.path))", "asks where it runs by book.path"),
         ('book.decide("s", {n: (solve(n), 3) for n in ORDERS if solve(n) < 3})', "leaves cases"),
         ("# NBVAL_IGNORE_OUTPUT", "marker NBVAL_IGNORE_OUTPUT"),
