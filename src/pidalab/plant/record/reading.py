@@ -28,6 +28,10 @@ STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in 
 # how dates and times of day begin
 STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
 GROUPED = r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"  # a number with a comma after the thousands
+# a number with a decimal comma: points stand after thousands, or it is another number
+WITH_COMMA = r"[^.]*|[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?"
+# what may be behind a number; blanks before it are taken off apart, which takes no longer for more of them
+SIGN = r"(%|°\s{0,9}[CF]?)$"
 LONG_AGO = 1e8  # a number above it counts seconds since then
 DAY = 86400.0  # seconds
 # how dates in finer units are told: as seconds since 1970 they would lie in the year 5138 and beyond
@@ -37,7 +41,8 @@ FINE_UNIT = re.compile(
 )
 QUOTED = 60  # characters of the file in a message
 LOOKED_AT = 50  # lines from which the form of a file is told
-LONGEST_ROW = 100_000  # characters: a line of ten thousand columns is shorter
+LONGEST_ROW = 100_000  # characters
+MOST_COLUMNS = 2000
 ALWAYS_READ = 64  # columns that are read of any file
 WIDER = 8.0  # times the columns of the mean line, up to which a longer one widens the table
 
@@ -127,6 +132,7 @@ def read_columns(
                     "other, with one column of times, or cut out the part that has time, input and output"
                 )
             kind = "a number or a date" if timed and place == places[0] else "a number"
+            kind += " with a decimal comma" * comma
             raise ValueError(
                 f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, "
                 f"found {found[:QUOTED]!r}"
@@ -147,7 +153,9 @@ def _lines(path: Path) -> list[str]:
 def _numbered(lines: Sequence[str], mark: str) -> float:
     """Return how well a delimiter serves: columns of numbers at the end of the file, times their share of all."""
     last = [line.strip() for line in lines if line.strip()][-LOOKED_AT:]
-    rows = [line.split() for line in last] if mark == r"\s+" else list(csv.reader(last, delimiter=mark))
+    # each line for itself: a quote that is not closed ends with its line
+    entries = (line.split() if mark == r"\s+" else next(csv.reader([line], delimiter=mark)) for line in last)
+    rows = [row[: MOST_COLUMNS + 1] for row in entries]
     return len(_columns_of_numbers(rows)) ** 2 / max(map(len, rows))
 
 
@@ -167,8 +175,8 @@ def _is_value(entry: str) -> bool:
 def _bare(entry: Any) -> Any:
     """Return an entry, or a Series of them, without blanks and brackets around it and a sign of per cent or degrees."""
     if isinstance(entry, str):
-        return re.sub(r"\s*(%|°\s*[CF]?)$", "", entry.strip(" \t[]{}();'\""))
-    return entry.str.strip(" \t[]{}();'\"").str.replace(r"\s*(%|°\s*[CF]?)$", "", regex=True)
+        return re.sub(SIGN, "", entry.strip(" \t[]{}();'\"")).rstrip()
+    return entry.str.strip(" \t[]{}();'\"").str.replace(SIGN, "", regex=True).str.rstrip()
 
 
 def _number(text: str) -> float:
@@ -190,6 +198,11 @@ def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
     counts = [len(between.split(line.strip())) for line in lines]
     # one long line does not widen all others: the table has a few times the entries of the file
     width = min(max(counts), max(ALWAYS_READ, round(WIDER * sum(counts) / len(counts))))
+    if width > MOST_COLUMNS:
+        raise ValueError(
+            f"{path.name} must have at most {MOST_COLUMNS} columns, found {width} divided by {mark!r}: copy those of "
+            "time, input and output into a file of their own"
+        )
     kept = [
         line if count <= width else _cut(line, between, width)
         for line, count in zip(lines, counts, strict=True)
@@ -243,7 +256,7 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
             names: list[str] = next(iter(reversed(named or above)), [])
             return names, index
     raise ValueError(
-        f"{path.name} has no row of numbers in its first {LOOKED_AT} lines (columns divided by {mark!r}); "
+        f"{path.name} has no row of numbers in two columns or more among its first {LOOKED_AT} lines (columns divided by {mark!r}); "
         f"its first line is {' '.join(table.iloc[0])[:QUOTED]!r}"
     )
 
@@ -283,6 +296,7 @@ def _numbers(column: pd.Series, comma: bool) -> tuple[Array, Array]:
     column = column[left]
     text = _bare(column)
     if comma:
+        text = text.where(text.str.fullmatch(WITH_COMMA), "")
         text = text.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
     else:
         text = text.mask(text.str.fullmatch(GROUPED), text.str.replace(",", "", regex=False))
@@ -318,7 +332,7 @@ def _stamps(column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]) 
 
     text = _bare(column).str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
     text = text.str.replace(r"(:\d\d:\d\d)(?![.\d])", r"\1.0", regex=True)
-    text = text.str.replace(r"\s*([AaPp])\.?[Mm]\.?$", r" \1M", regex=True)
+    text = text.str.replace(r"\s{0,9}([AaPp])\.?[Mm]\.?$", r" \1M", regex=True)
 
     def read(form: str, text: pd.Series) -> pd.Series:
         return pd.to_datetime(text, format=form, errors="coerce", utc=True)
