@@ -22,8 +22,12 @@ def one_line(command: Callable[..., None]) -> Callable[..., None]:
     def guarded(**options: Any) -> None:
         try:
             command(**options)
-        except (ValueError, TypeError, OSError, ImportError, RuntimeError) as refusal:
-            raise click.ClickException(" ".join(str(refusal).split())) from refusal
+        except MemoryError as refusal:
+            raise click.ClickException(
+                "this needs more memory than there is: ask for shorter times, or for fewer samples"
+            ) from refusal
+        except (ValueError, TypeError, OSError, ImportError, RuntimeError, ArithmeticError) as refusal:
+            raise click.ClickException(visible(" ".join(str(refusal).split()))) from refusal
 
     return guarded
 
@@ -78,16 +82,21 @@ out = add_options(
 )
 
 
+def visible(text: str) -> str:
+    """Return text with what a terminal would act on, or hide, as an escape: names of files and of others are in it."""
+    return "".join(x if x.isprintable() or x == "\n" else ascii(x)[1:-1] for x in text)
+
+
 def show(sections: Sequence[tuple[str, str]]) -> None:
     """Print headings and, two characters to the right, texts."""
     for head, text in sections:
-        click.echo(f"{head}\n{textwrap.indent(text, '  ', lambda line: True)}\n")
+        click.echo(f"{head}\n{textwrap.indent(visible(text), '  ', lambda line: True)}\n")
 
 
 def write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
     """Write files, all of them whole or none, and say so."""
     for path in write_files(folder, texts, replace=force):
-        click.echo(f"written: {path}")
+        click.echo(visible(f"written: {path}"))
 
 
 def csv_of(columns: dict[str, Any]) -> str:

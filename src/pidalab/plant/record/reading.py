@@ -40,7 +40,7 @@ FINE_UNIT = re.compile(
     r"(?:^|[\W_])(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h)\W*$", re.IGNORECASE
 )
 QUOTED = 60  # characters of the file in a message
-LOOKED_AT = 50  # lines from which the form of a file is told
+LOOKED_AT = 50  # lines from which the form of a file is told, and names of columns that a message has
 LONGEST_ROW = 100_000  # characters
 MOST_COLUMNS = 2000
 ALWAYS_READ = 64  # columns that are read of any file
@@ -86,6 +86,12 @@ def read_columns(
     ValueError
         For a file without such columns, or with an entry that is neither a number nor a word for a missing one.
     """
+    try:
+        re.compile(delimiter or "")
+    except re.error as refusal:
+        raise ValueError(
+            f"delimiter must be a character or a regular expression, found {delimiter!r}: {refusal}"
+        ) from None
     lines = _lines(path)[skip:]
     for row, line in enumerate(lines):
         if len(line) > LONGEST_ROW:
@@ -193,7 +199,7 @@ def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
     """Return all entries as text; its index counts the lines from 0."""
     import pandas as pd
 
-    plain = len(mark) == 1 or mark == r"\s+"
+    plain = (len(mark) == 1 and mark.isascii()) or mark == r"\s+"
     between = re.compile(mark if len(mark) > 1 else re.escape(mark))
     counts = [len(between.split(line.strip())) for line in lines]
     # one long line does not widen all others: the table has a few times the entries of the file
@@ -256,8 +262,8 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
             names: list[str] = next(iter(reversed(named or above)), [])
             return names, index
     raise ValueError(
-        f"{path.name} has no row of numbers in two columns or more among its first {LOOKED_AT} lines (columns divided by {mark!r}); "
-        f"its first line is {' '.join(table.iloc[0])[:QUOTED]!r}"
+        f"{path.name} has no row of numbers in two columns or more among its first {LOOKED_AT} lines (columns divided "
+        f"by {mark!r}); its first line is {' '.join(table.iloc[0])[:QUOTED]!r}"
     )
 
 
@@ -265,7 +271,9 @@ def _place(name: str | int, header: Sequence[str], width: int, path: Path) -> in
     places = [name] if isinstance(name, int) else _places(name, header)
     if places and (len(places) == 1 or name in header) and places[0] < width:
         return places[0]
-    known = ", ".join(repr(name) for name in header if name) or f"{width}, without names: give numbers from 0"
+    named = [repr(name[:QUOTED]) for name in header if name]
+    further = f" and {len(named) - LOOKED_AT} more" if len(named) > LOOKED_AT else ""
+    known = ", ".join(named[:LOOKED_AT]) + further or f"{width}, without names: give numbers from 0"
     raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
 
 
