@@ -54,7 +54,7 @@ class RuleOfFile:
 @click.option(
     "--plant", "plants", multiple=True, help="One of the plants, such as 'P2 T=1'; may be repeated."
 )
-@click.option("--workers", default=2, help="Processes side by side.")
+@click.option("--workers", default=2, type=click.IntRange(1), help="Processes side by side.")
 @out
 @one_line
 def benchmark_command(
