@@ -150,6 +150,48 @@ def test_the_board_is_not_heated_for_an_option_that_is_refused(monkeypatch, opti
     assert f"{option.partition('=')[0]} must be" in done.stderr
 
 
+@pytest.fixture
+def step(tmp_path):
+    """A record of a step from 40 to 47."""
+    path = tmp_path / "log.csv"
+    rows = (f"{k},{40 if k < 10 else 47},{20 + min(max(0, k - 12), 9)}" for k in range(40))
+    path.write_text("\n".join(rows), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--u-min", 50, "--u-max", 100), "at rest, 40, between them, found 50 and 100"),
+        (("--u-min", 100, "--u-max", 0), "at rest, 40, between them, found 100 and 0"),
+        (("--u-min", 40, "--u-max", 40), "found 40 and 40"),
+        (("--u-min", "nan"), "found nan and inf"),
+        (("--full-output", 0), "--full-output must not be 0"),
+        (("--full-output", "nan"), "--full-output must be finite"),
+    ],
+)
+def test_limits_of_the_code_are_checked_before_the_search(step, monkeypatch, options, said):
+    monkeypatch.setattr("pidalab.plant.fitting.fit", lambda *_: pytest.fail("fitted"))
+    done = run("tune", step, "--sample-time", 1, *options)
+    assert (done.exit_code, said in done.stderr) == (1, True), done.output
+
+
+def test_an_empty_name_is_no_place_to_write_to(step, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    for command in (
+        ("tune", step, "--sample-time", 1),
+        ("report", step, "--sample-time", 1),
+        (*LOOP, "--kp", 1),
+        ("tclab",),
+        ("benchmark", "rule.py:tune"),
+    ):
+        done = run(*command, "--out", "")
+        assert done.exit_code == 2
+        assert "'--out': must be a name, found an empty one" in done.stderr
+    assert sorted(tmp_path.iterdir()) == before
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -162,9 +204,6 @@ def test_the_board_is_not_heated_for_an_option_that_is_refused(monkeypatch, opti
         (("--firmware", "klipper", "--ki", -1), "p, i and d must have one sign, found 1, -1 and 0"),
     ],
 )
-def test_gains_of_a_running_loop_are_checked_by_name(tmp_path, options, said):
-    path = tmp_path / "log.csv"
-    rows = (f"{k},{40 if k < 10 else 47},{20 + min(max(0, k - 12), 9)}" for k in range(40))
-    path.write_text("\n".join(rows), encoding="utf-8")
-    done = run("check", path, "--kp", 1, *options)
+def test_gains_of_a_running_loop_are_checked_by_name(step, options, said):
+    done = run("check", step, "--kp", 1, *options)
     assert (done.exit_code, said in done.stderr) == (1, True), done.output

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pidalab._table import set_out
-from pidalab.plant.cli.parts import csv_of, force, limits, ms, one_line, plant, show, times, write
+from pidalab.plant.cli.parts import Place, csv_of, force, limits, ms, one_line, plant, show, times, write
 
 if TYPE_CHECKING:
     from pidalab.loop import Loop
@@ -73,7 +73,7 @@ def rules_command() -> None:
     "--sample-time", type=float, help="Of a digital controller, by backward differences; without, continuous."
 )
 @limits
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for t, r, y, u.")
+@click.option("--out", type=Place(dir_okay=False), help="CSV file for t, r, y, u.")
 @force
 @one_line
 def simulate_command(

@@ -32,6 +32,19 @@ def one_line(command: Callable[..., None]) -> Callable[..., None]:
     return guarded
 
 
+class Place(click.Path):
+    """A path to write to; an empty one, as of a variable of a shell that is not set, would be the folder at hand."""
+
+    def __init__(self, **kind: Any) -> None:
+        super().__init__(path_type=Path, **kind)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse an empty path, and turn another one as usual."""
+        if value == "":
+            self.fail("must be a name, found an empty one", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 def add_options(*options: Callable[..., Any]) -> Callable[..., Any]:
     """Put several options on a command, in this order."""
 
@@ -77,7 +90,7 @@ times = add_options(
 )
 force = click.option("--force", is_flag=True, help="Replace files that are there and hold something else.")
 out = add_options(
-    click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Folder to write to."),
+    click.option("--out", type=Place(file_okay=False), help="Folder to write to."),
     force,
 )
 
