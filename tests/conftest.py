@@ -20,11 +20,28 @@ sys.path[:0] = [
 # last, since one of the tools is called like Python's module site
 sys.path += [str(ROOT / "tools")]
 
-# one test in so many runs, drawn anew each time; workers are given the number that the draw begins from
+# Long tests, the longest first: pages in a browser, searches, fits, commands, code for others, audits. They take three
+# quarters of the time.
+LONG = (
+    "tests/site/",
+    "tests/test_compiled.py",
+    "tests/optimal/",
+    "book/audit/",
+    "tests/plant/test_",
+    "tests/lab/",
+    "tests/plant/fitting/",
+    "tests/plant/code/test_w",
+    "tests/simulation/test_portrait.py",
+    "tests/comparison/",
+    "tests/fuzz/",
+    "tests/outputs/",
+    "tests/rules/test_direct.py",
+    "tests/test_mutants.py",
+    "tests/test_readme.py",
+)
+# Of these, one test in so many is drawn, anew each time; workers are given the number that the draw begins from.
 DRAW = int(os.environ.get("DRAW", "1"))
 os.environ.setdefault("DRAW_SEED", str(random.SystemRandom().randrange(10**6)))
-# pages in a browser, notebooks, searches
-LONG = ("tests/site/", "book/", "tests/plant/test_running_loop.py", "tests/optimal/")
 
 
 @pytest.hookimpl(tryfirst=True)  # before kernels are started, which would make it, too
@@ -47,15 +64,23 @@ def pytest_configure(config):
 
 
 def pytest_report_header():
-    return (
-        f"one test in {DRAW} is drawn: DRAW={DRAW} DRAW_SEED={os.environ['DRAW_SEED']}" if DRAW > 1 else None
-    )
+    """Say what is left out, and how to repeat it."""
+    if DRAW > 1:
+        again = f"DRAW={DRAW} DRAW_SEED={os.environ['DRAW_SEED']}"
+        return f"of the long tests one in {DRAW} is drawn ({again} repeats it, DRAW=1 runs all)"
+    return None
+
+
+def place(item):
+    """Where a test stands among the long ones, or after them."""
+    return next((k for k, path in enumerate(LONG) if item.nodeid.startswith(path)), len(LONG))
 
 
 def drawn(item):
-    """Whether a test is among those that are drawn: a notebook with all of its cells, or not at all."""
+    """Whether a test is run: a long one if it is drawn, a notebook with all of its cells or not at all."""
     one = item.nodeid.partition("::Cell")[0]
-    return random.Random(f"{os.environ['DRAW_SEED']} {one}").randrange(DRAW) == 0
+    seed = f"{os.environ['DRAW_SEED']} {one}"
+    return place(item) == len(LONG) or random.Random(seed).randrange(DRAW) == 0
 
 
 @pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them
@@ -64,9 +89,7 @@ def pytest_collection_modifyitems(config, items):
     if DRAW > 1:
         config.hook.pytest_deselected(items=[item for item in items if not drawn(item)])
         items[:] = [item for item in items if drawn(item)]
-    items.sort(
-        key=lambda item: next((k for k, path in enumerate(LONG) if item.nodeid.startswith(path)), len(LONG))
-    )
+    items.sort(key=lambda item: (place(item), not item.nodeid.startswith("book/")))
 
 
 def pytest_collection():
@@ -83,8 +106,10 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)  # after what every other plugin has to say
 def pytest_terminal_summary(terminalreporter):
-    """End a run that left tests out with what they were and what they need."""
+    """End a run that left tests out with which they were, and what they need."""
     yield
+    if DRAW > 1:
+        terminalreporter.write_line(pytest_report_header())
     skipped = terminalreporter.stats.get("skipped", [])
     if not skipped:
         return

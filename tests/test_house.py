@@ -2,6 +2,7 @@
 
 import ast
 import json
+import os
 import re
 import subprocess
 import sys
@@ -263,3 +264,21 @@ def test_helpers_have_names_of_their_own():
     ]
     assert len(names) > 9
     assert sorted(names) == sorted({*names})
+
+
+def test_a_draw_leaves_out_long_tests_alone():
+    """And says so at the end; of what is named as long, each is there."""
+    chapter, long, short = "book/huba2018.ipynb", "tests/fuzz/test_hostile.py", "tests/test_algebra.py"
+    drawn = {"DRAW": "1000000", "DRAW_SEED": "1"}
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "--nbval", "--collect-only", "-q", chapter, long, short],
+        cwd=ROOT,
+        env=os.environ | drawn,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert [name in run.stdout for name in (chapter, short, long)] == [True, True, False]
+    assert "DRAW=1000000 DRAW_SEED=1 repeats it, DRAW=1 runs all" in run.stdout
+    named = re.search(r"LONG = \(([^)]*)\)", (TESTS / "conftest.py").read_text(encoding="utf-8"))[1]
+    assert all(next(ROOT.glob(f"{start}*"), None) for start in re.findall(r'"([^"]+)"', named))

@@ -10,7 +10,7 @@ import pytest
 from engine import SCRIPT, Engine, asked
 
 import pidalab
-from pidalab.robustness.control import max_control_sensitivity
+from pidalab.robustness.control_sensitivity import max_control_sensitivity
 from pidalab.robustness.sampled import sampled_plant
 from pidalab.rules import automatic_reset, classical, itae, mrdp
 

@@ -10,7 +10,7 @@ from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.optimal._polish import Polished, polish
 from pidalab.optimal._solver import FINE, NEARLY, Search, settles
-from pidalab.robustness.control import max_control_sensitivity
+from pidalab.robustness.control_sensitivity import max_control_sensitivity
 from pidalab.robustness.margins import max_complementary, max_difference, max_sensitivity
 
 MAX_FINISHES = 12  # rounds, each with the worst frequency of the one before

@@ -5,7 +5,7 @@ absolute stability, and the largest gain from noise to control signal, have thei
 """
 
 from pidalab.robustness._infimum import LinearPart
-from pidalab.robustness.control import max_control_sensitivity
+from pidalab.robustness.control_sensitivity import max_control_sensitivity
 from pidalab.robustness.limits import Criterion, circle, linear_part, popov, smallest_filter_time
 
 __all__ = [
