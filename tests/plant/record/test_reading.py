@@ -237,7 +237,7 @@ LONG_ENTRIES = {
 @pytest.mark.parametrize("line", LONG_ENTRIES.values(), ids=LONG_ENTRIES)
 @pytest.mark.parametrize("head", ["", "t,u,y\n"])
 def test_no_line_within_the_limit_takes_long(tmp_path, line, head):
-    path = write(tmp_path, head + lines(count=60) + ("\n" + line) * 60)
+    path = write(tmp_path, head + lines(count=60) + ("\n" + line) * 12)
     begun = time.process_time()
     with contextlib.suppress(ValueError):
         Record.read_csv(path)
