@@ -42,7 +42,7 @@ test: $(DEV) $(SITE)  ## unit tests, doctests, notebooks, and of the long tests 
 notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 	$(BIN)/python tools/notebooks.py
 
-shake: $(DEV)  ## run every page with a library that is slightly off, and see each number move (about 2 minutes)
+shake: $(DEV)  ## run every page with a library that is slightly off, and see each number move (about 3 minutes)
 	$(BIN)/python tools/shake.py
 
 faults: $(DEV)  ## plant gross errors in the library and see every chapter notice (5 minutes)

@@ -1,7 +1,8 @@
 """Run every page of the book with a library that is slightly off, and see that what it hands over is off, too.
 
 What stays was copied, or a formula of the page made it, or it is a whole number: its row says which, in ``made``. What
-moves no more than the prints do, which are shaken a thousand times less, comes from print alone.
+moves no more than the prints do, which are shaken a thousand times less, comes from print alone. Before that the pages
+run with prints alone off, and a number that is called computed stays.
 
     python tools/shake.py                    # all papers
     python tools/shake.py huba2018           # one of them

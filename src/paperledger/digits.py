@@ -10,6 +10,7 @@ from numbers import Integral
 from typing import Any, SupportsFloat
 
 DIGITS = 10  # significant digits of a stored value
+WIDEST = Decimal("0.05")  # of the print: a wider tolerance would let nearly anything pass
 LONGEST, LARGEST_EXPONENT = 350, 330  # characters of a number, and its power of ten: those of a double fit
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person decides these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "fails", *DECLARED)
@@ -155,6 +156,8 @@ def tolerance(note: str, printed: Decimal) -> Decimal | None:
     width = Decimal(size) * (abs(printed) / 100 if percent else 1)
     if width < unit(printed) / 2:  # a value could then round to the print and still be refused
         raise LedgerError(f"the tolerance {width} is finer than the printed digits of {printed}")
+    if width > max(WIDEST * abs(printed), unit(printed) / 2):
+        raise LedgerError(f"the tolerance {width} is wider than 5 % of {printed}: declare why it differs")
     return width
 
 
@@ -191,13 +194,14 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
     Raises
     ------
     LedgerError
-        If an entry is not a number, the note sets more than one tolerance, or one that is finer than the print.
+        If an entry is not a number, the note sets more than one tolerance, or one that is finer than the print or wider
+        than 5 % of it.
 
     Examples
     --------
     >>> derive("1.31", "1.3098"), derive("1.31", "1.3151"), derive("1.31", "1.4")
     ('reproduced', 'last-digit', None)
-    >>> derive("1.31", "1.4", note="step times unpublished, tolerance 10 %")
+    >>> derive("1.31", "1.36", note="step times unpublished, tolerance 5 %")
     'approximate'
     """
     number = read_number(printed)

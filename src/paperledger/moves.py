@@ -96,9 +96,13 @@ def _with_print(row: Row, shaker: Shaker) -> Row:
     return replace(row, printed=text)
 
 
+def _name(path: Path, book: Path) -> str:
+    return path.relative_to(book).with_suffix("").as_posix()
+
+
 def run(path: Path, book: Path, shaker: Shaker) -> Run:
     """Run one page of a book, with prints off; the library is what was imported."""
-    name = path.relative_to(book).with_suffix("").as_posix()
+    name = _name(path, book)
     handed: Handed = {}
     number, wrong = 0, []
     with recording() as opened, shaken_prints(shaker):
@@ -172,6 +176,11 @@ def _digits(text: str) -> int:
     return number.adjusted() - exponent(number) + 1 if number else DIGITS
 
 
+def _starts_clean(row: Row) -> bool:
+    """Whether nothing that is printed may go into a row; a statement may be about a printed number."""
+    return row.basis == "computed" and not row.is_statement
+
+
 def judge(row: Row, new: Row, shaker: Shaker) -> str:
     """Say what is wrong with a row that was handed over as another one; empty if nothing is.
 
@@ -180,7 +189,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     row : Row
         As it is stored.
     new : Row
-        As it was handed over while library and prints were off.
+        As it was handed over while library and prints were off, or prints alone.
     shaker : Shaker
         It knows by how much each print was off.
 
@@ -197,8 +206,14 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     'stays at 1.309812345'
     >>> judge(replace(row, made="page: gain"), row, Shaker("demo"))
     ''
+    >>> judge(row, replace(row, computed="1.309852345"), Shaker("demo", only_prints=True))
+    'moves by 3.1e-05 as prints alone are off: its basis is from-print or fitted'
     """
     far, made, found = distance(row, new), Making.parse(row.made), row.found.partition(" | ")[0]
+    if shaker.only_prints:
+        if not _starts_clean(row) or row.same(new):
+            return ""
+        return f"moves by {far:.1e} as prints alone are off: its basis is from-print or fitted"
     if _own_print(row, new, shaker):
         return "hands back its own print"
     # prints move each by another part, which may nearly cancel; then only the very same number is a copy
@@ -261,14 +276,18 @@ def judged(row: Row, run: Run | None, shaker: Shaker) -> str:
     return said and f"{row.id}: {said} ({row.page}, cell {cell})"
 
 
-def report(paper: str, folder: Path, runs: Iterable[Run], shaker: Shaker) -> Report:
-    """Judge the rows of a paper by what its pages handed over."""
-    by_page = {one.page: one for one in runs}
-    rows = _computed(paper, folder)
+def report(
+    paper: str, folder: Path, shaker: Shaker, runs: Iterable[Run], exact: Iterable[Run] = ()
+) -> Report:
+    """Judge the rows of a paper by what its pages handed over, and by what with an exact library and prints off."""
+    by_page, by_exact = ({one.page: one for one in some} for some in (runs, exact))
+    rows, alone = _computed(paper, folder), replace(shaker, only_prints=True)
     move, stay = 0, 0
-    wrong = [line for one in by_page.values() for line in one.wrong]
+    wrong = [*dict.fromkeys(line for one in (*by_exact.values(), *by_page.values()) for line in one.wrong)]
     for row in rows:
         said = judged(row, by_page.get(row.page), shaker)
+        if not said and row.page in by_exact:
+            said = judged(row, by_exact[row.page], alone)
         if said:
             wrong.append(said)
         elif Making.parse(row.made).stays:
@@ -301,17 +320,35 @@ def _all_runs(
             try:
                 found[number] = end.recv()
             except EOFError:  # it died without a word
-                name = paths[number].relative_to(book).with_suffix("").as_posix()
+                name = _name(paths[number], book)
                 found[number] = Run(name, {}, (f"{name}: its process died",))
             child.join()
             told(found[number], f"[{len(found)}/{len(paths)}]")
     return [found[number] for number in range(len(paths))]
 
 
+def _elsewhere(function: Callable[[], list[Run]]) -> list[Run]:
+    """Call a function in a process of its own, so that what it imports is not imported here."""
+    fork = get_context("fork")
+    here, there = fork.Pipe(duplex=False)
+    child = fork.Process(target=lambda: there.send(function()))
+    child.start()
+    there.close()
+    try:
+        return here.recv()
+    except EOFError:  # it has said why
+        raise LedgerError("the run with an exact library ended early") from None
+    finally:
+        child.join()
+
+
 def shake(
     shaker: Shaker, folder: Path | str | None, keys: Sequence[str], prepare: Callable[[], None] | None = None
 ) -> int:
     """Run all pages of some papers with a library that is off, print what moves; 0 if nothing is refused.
+
+    Before that, pages with a number that is called computed run with an exact library and prints alone off: such a
+    number stays then.
 
     Parameters
     ----------
@@ -344,20 +381,28 @@ def shake(
     # the long ones first, so that none is left for the end
     paths = sorted({path for some in found.values() for path in some}, key=lambda path: -path.stat().st_size)
     owed = [row for paper in chosen for row in _computed(paper, place)]
+    alone = replace(shaker, only_prints=True)
 
-    def told(run: Run, counted: str) -> None:
-        wrong = [
-            *run.wrong,
-            *filter(None, (judged(row, run, shaker) for row in owed if row.page == run.page)),
-        ]
-        print("\n  ".join([f"{counted} {run.page}", *wrong]), file=sys.stderr, flush=True)
+    def handed(paths: Sequence[Path], shaker: Shaker, what: str) -> list[Run]:
+        def told(run: Run, counted: str) -> None:
+            rows = (judged(row, run, shaker) for row in owed if row.page == run.page)
+            wrong = [*run.wrong, *filter(None, rows)]
+            print("\n  ".join([f"{counted} {run.page}, {what} off", *wrong]), file=sys.stderr, flush=True)
 
-    os.environ["MPLBACKEND"] = "Agg"
-    with shaker.shaking():
         if prepare:
             prepare()
-        runs = dict(zip(paths, _all_runs(paths, place.parent, shaker, told), strict=True))
-    reports = [report(paper, place, [runs[path] for path in found[paper]], shaker) for paper in chosen]
+        return _all_runs(paths, place.parent, shaker, told)
+
+    os.environ["MPLBACKEND"] = "Agg"
+    clean = {row.page for row in owed if _starts_clean(row)}
+    first = [path for path in paths if _name(path, place.parent) in clean]
+    exact = dict(zip(first, _elsewhere(lambda: handed(first, alone, "prints")), strict=True))
+    with shaker.shaking():
+        runs = dict(zip(paths, handed(paths, shaker, "library"), strict=True))
+    reports = []
+    for paper in chosen:
+        mine, before = ([some[path] for path in found[paper] if path in some] for some in (runs, exact))
+        reports.append(report(paper, place, shaker, mine, before))
     print(*reports, sep="\n")
     return int(any(one.wrong for one in reports))
 

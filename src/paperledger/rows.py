@@ -14,12 +14,13 @@ from pathlib import Path
 from paperledger import digits
 from paperledger.digits import AGREEING, BASES, DECLARED, LedgerError
 from paperledger.making import Making
-from paperledger.statements import Evidence, Relation
+from paperledger.statements import ROUNDING, Evidence, Relation
 
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the frozen list of claims, beside the ledgers
 REMOVED = "removed.csv"  # ids that are never used again, and why
 IDENTITY = 1e-9  # largest relative residual of two formulas that are called the same, without a note
+ROUGHEST = 1e-6  # and with one
 WORDS = 5  # of a note that carries a verdict; a reason is a sentence
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 
@@ -274,6 +275,19 @@ class Row:
             else:
                 if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
                     yield f"a tolerance above {IDENTITY:g} needs a note that says why"
+                if relation.is_identity and float(relation.right) > ROUGHEST:
+                    yield f"a residual above {ROUGHEST:g} is no rounding; compare two sides by another relation"
+        if self.is_statement and not reading and self.evidence and not self.relation.endswith(ROUNDING):
+            yield from self._undecided()
+
+    def _undecided(self) -> Iterator[str]:
+        """Say where both sides are one real number, which no other outcome of the page would have told apart."""
+        try:
+            kept = Evidence.parse(self.evidence)
+        except LedgerError:  # `derived` says so
+            return
+        if kept.left == kept.right and "." in kept.left and not kept.factor:
+            yield f"both sides are {kept.left}, so nothing was compared"
 
     def _badly_made(self) -> Iterator[str]:
         """Say what is wrong with the column ``made``."""

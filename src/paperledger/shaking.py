@@ -53,6 +53,8 @@ class Shaker:
         Names of classes of the package whose objects stay as they are, such as compiled functions.
     size : float, optional
         How much.
+    only_prints : bool, optional
+        Leave the library exact, and shake what pages read in print: what is called computed has to stay.
 
     Examples
     --------
@@ -70,6 +72,7 @@ class Shaker:
     compiled: frozenset[str] = frozenset()
     left: frozenset[str] = frozenset()
     size: float = SIZE
+    only_prints: bool = False
     used: set[str] = field(default_factory=set)
     _inside: int = 0
 

@@ -1,8 +1,9 @@
 """What the source of a page must not do, as far as `make shake` cannot see it; read statically, so no run hides it.
 
 The shake sees where a number comes from, whatever its name, and what a page does to the ledger. It does not see a cell
-that another runner leaves out, an output that is hidden, a failure that is swallowed, or a ledger that is handled by
-its privates. Each function returns a list of findings, one line each.
+that another runner leaves out, an output that is hidden, a failure that is swallowed, a ledger that is handled by its
+privates, a page that does something else while it is shaken, or cases of a statement that are left out. Each function
+returns a list of findings, one line each.
 """
 
 import ast
@@ -13,6 +14,7 @@ from pathlib import Path
 PRIVATE = {"fresh", "records", "refused", "closed", "owed", "computed", "evidence"}  # what the ledger keeps
 MARKERS = re.compile(r"#\s*(NBVAL_\w+|PYTEST_VALIDATE\w*)")
 TAGS = re.compile(r"raises-exception|nbval-.*|skip-execution|remove-output")
+ASKING = re.compile(r"__debug__|get_ipython|sys\.(flags|modules|argv)|os\.environ|os\.getenv|book\.path")
 REACHING = {"setattr", "delattr", "vars", "type", "globals", "exec", "eval", "__import__"}
 
 
@@ -56,7 +58,13 @@ def module(tree: ast.AST) -> list[str]:
             found.append("names a file of the ledger")
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("paperledger."):
             found.append("imports from inside the ledger")
+        if isinstance(node, ast.Name | ast.Attribute | ast.Constant) and ASKING.fullmatch(_said(node)):
+            found.append(f"asks where it runs by {_said(node)}")
         if isinstance(node, ast.Call):
+            if _called(node).endswith(".decide") and any(
+                isinstance(part, ast.comprehension) and part.ifs for part in ast.walk(node)
+            ):
+                found.append("leaves cases of a statement out")
             if _called(node) in REACHING and any(_is_ledger(one) for one in node.args):
                 found.append(f"reaches into the ledger by {_called(node)}")
             if _called(node).endswith(".compare") and any(
@@ -65,6 +73,10 @@ def module(tree: ast.AST) -> list[str]:
             ):
                 found.append("hands over what is printed")
     return found
+
+
+def _said(node: ast.expr) -> str:
+    return str(node.value) if isinstance(node, ast.Constant) else ast.unparse(node)
 
 
 def _calls(tree: ast.AST) -> list[ast.Call]:

@@ -114,7 +114,22 @@ def test_tolerance_in_the_note(printed, computed, note, verdict):
     assert derive(printed, computed, note) == verdict
 
 
-@pytest.mark.parametrize("note", ["tolerance 1 % or tolerance 2 %", "tolerance 0.004", "tolerance 0 %"])
+@pytest.mark.parametrize(
+    "note",
+    [
+        "tolerance 1 % or tolerance 2 %",
+        "tolerance 0.004",
+        "tolerance 0 %",
+        "tolerance 5.1 %",
+        "tolerance 0.11",
+        "tolerance 900 %",
+    ],
+)
 def test_unusable_tolerances(note):
     with pytest.raises(LedgerError, match="tolerance"):
         derive("2.00", "2.00", note)
+
+
+@pytest.mark.parametrize("note", ["tolerance 5 %", "tolerance 0.1"])
+def test_the_widest_tolerance(note):
+    assert derive("2.00", "2.10", note) == "approximate"

@@ -1,6 +1,7 @@
 """Nothing cheats in silence: what pages and ledgers must not do, and that each way is seen."""
 
 import ast
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,6 @@ from demo_ledger import KP, ROWS, S1, write_notebook
 from honesty import cells, module, page
 
 from paperledger import LedgerError, papers, read_rows, write_rows
-from paperledger.digits import read_number, tolerance
 from paperledger.pages import claims, freeze
 from paperledger.running import pages
 
@@ -18,9 +18,6 @@ LEDGERS = ROOT / "book" / "ledger"
 NOTEBOOKS = sorted((ROOT / "book").rglob("*.ipynb"))
 HANDING = [path for path in NOTEBOOKS if any("book.close()" in source for source, _ in cells(path))]
 BESIDE = sorted((ROOT / "book" / "papers").glob("*.py"))
-WIDE: dict[str, str] = {
-    # id of a row whose tolerance exceeds 5 %: why
-}
 
 
 def named(paths):
@@ -56,21 +53,11 @@ def test_chapter_and_audit_together_owe_all(paper):
     ] == []
 
 
-def wide_tolerances(folder):
-    """List the ids whose tolerance is more than 5 % of the print."""
-    found = []
-    for paper in papers(folder):
-        for row in read_rows(folder / f"{paper}.csv"):
-            if row.is_number:
-                printed = read_number(row.printed)
-                width = tolerance(row.note, printed)
-                if width is not None and width > abs(printed) / 20:
-                    found.append(row.id)
-    return found
-
-
-def test_no_tolerance_above_five_percent():
-    assert [id for id in wide_tolerances(LEDGERS) if id not in WIDE] == []
+@pytest.mark.parametrize("paper", papers(LEDGERS))
+def test_what_fails_is_quoted(paper):
+    """A statement is not said to fail without the words that were judged."""
+    rows = [row for row in read_rows(LEDGERS / f"{paper}.csv") if row.verdict == "fails"]
+    assert [row.id for row in rows if not re.search('[“"].+[”"]', row.printed + row.note)] == []
 
 
 def test_the_claims_are_those_of_the_manifest():
@@ -103,6 +90,12 @@ OPEN, CLOSE = 'book = Ledger.open("demo", page="audit/demo")', "book.close()"
         ("Ledger.close = print", "changes the ledger"),
         ("from paperledger.running import record", "imports from inside"),
         ('open("../ledger/demo.csv")', "names a file of the ledger"),
+        ("kp = 1.31 if __debug__ else solve()", "asks where it runs by __debug__"),
+        ("kp = solve() if sys.flags.optimize else 1.31", "asks where it runs by sys.flags"),
+        ("kp = 1.31 if get_ipython() else solve()", "asks where it runs by get_ipython"),
+        ('kp = 1.31 if "get_ipython" in globals() else solve()', "asks where it runs by get_ipython"),
+        ("rows = csv.reader(open(book.path))", "asks where it runs by book.path"),
+        ('book.decide("s", {n: (solve(n), 3) for n in ORDERS if solve(n) < 3})', "leaves cases"),
         ("# NBVAL_IGNORE_OUTPUT", "marker NBVAL_IGNORE_OUTPUT"),
         ("%%capture\nbook.compare({})", "a cell magic"),
         ("%%script true\nbook.compare({})", "a cell magic"),
@@ -193,11 +186,3 @@ def test_no_claim_goes_without_a_reason(tmp_path):
         freeze(tmp_path)
     (tmp_path / "removed.csv").write_text("id,reason\ndemo.t1.kp,one fact counted twice\n", encoding="utf-8")
     assert freeze(tmp_path) == ["demo.t1.kp: removed: one fact counted twice"]
-
-
-@pytest.mark.parametrize("note", ["tolerance 5.1 %", "tolerance 0.07", "tolerance 900 %"])
-def test_a_wide_tolerance_is_seen(tmp_path, note):
-    write_rows(
-        tmp_path / "demo.csv", [replace(KP, note=note), replace(KP, id="demo.b", note="tolerance 5 %")]
-    )
-    assert wide_tolerances(tmp_path) == ["demo.t1.kp"]

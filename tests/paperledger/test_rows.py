@@ -20,6 +20,7 @@ REASON = "a reason of five words"
         ({"computed": "holds"}, "'holds' is not a plain number"),
         ({"verdict": "good"}, "file says good, .* gives reproduced"),
         ({"verdict": "approximate"}, "file says approximate, .* gives reproduced"),  # without a tolerance
+        ({"note": "tolerance 6 %"}, "the tolerance .* is wider than 5 % of 1.31"),
         ({"note": "tolerance 1 %"}, "file says reproduced, .* gives approximate"),
         ({"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
         ({"evidence": "1 < 2"}, "a number, but 'evidence' is not empty"),
@@ -46,6 +47,11 @@ def test_validation(project, change, message):
         ({"relation": ""}, "'relation' is empty"),
         ({"relation": "A faster than B"}, "relation 'A faster than B' does not read like"),
         ({"relation": "residual <= 1e-8 | rounding"}, "needs a note that says why"),
+        ({"relation": "residual <= 0.5 | rounding", "note": REASON}, "above 1e-06 is no rounding"),
+        (
+            {"relation": "A <= B", "evidence": "1.400 <= 1.400"},
+            "both sides are 1.400, so nothing was compared",
+        ),
         ({"verdict": "fails"}, "file says fails, 3.1.* gives holds"),
         ({"verdict": "misprint", "note": REASON}, "declared misprint starts to agree"),
         ({"evidence": "so it is"}, "is no inequality such as"),
