@@ -228,7 +228,7 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
             num, den = fraction(A, b[:, 0], c[0], float(d[0, 0]))
         else:
             num, den = system.D[0], [1.0]
-    elif isinstance(system, (int, float, np.floating, np.integer)):
+    elif isinstance(system, (int, float, np.floating, np.integer)) and not isinstance(system, bool):
         num, den = [system], [1.0]
     else:
         raise TypeError(
