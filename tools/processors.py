@@ -17,6 +17,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 from collections.abc import Iterator
@@ -150,9 +151,13 @@ def arm_python(folder: Path) -> Path:
     target = ["--python-platform", "aarch64-manylinux_2_28", "--python-version", version, "--target", site]
     lock = ["--require-hashes", "-r", ROOT / "requirements-dev.txt"]
     subprocess.run([UV, "pip", "install", "--quiet", *target, *lock], check=True)
+    (about,) = Path(sysconfig.get_path("purelib")).glob(
+        "pidalab-*.dist-info"
+    )  # the version; what runs is the source
+    shutil.copytree(about, site / about.name)
     command = folder / "python"
     command.write_text(
-        f'#!/bin/sh\nexport PYTHONPATH="{site}:{ROOT / "src"}:$PYTHONPATH"\n'
+        f'#!/bin/sh\nexport PYTHONPATH="{ROOT / "src"}:{site}:$PYTHONPATH"\n'
         f'exec {QEMU} -L {root} -0 "$0" {inside} "$@"\n',
         encoding="utf-8",
     )

@@ -10,6 +10,7 @@ from numbers import Integral
 from typing import Any, SupportsFloat
 
 DIGITS = 10  # significant digits of a stored value
+LONGEST, LARGEST_EXPONENT = 350, 330  # characters of a number, and its power of ten: those of a double fit
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person decides these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "fails", *DECLARED)
 AGREEING = ("reproduced", "approximate", "holds")  # a declared disagreement must give none of these
@@ -41,6 +42,9 @@ def read_number(text: str) -> Decimal:
     """
     if not _SIGNED.fullmatch(text):
         raise LedgerError(f"{text!r} is not a plain number such as 0.382, -8 or 1e-3")
+    mantissa, _, power = text.lower().partition("e")
+    if len(mantissa) > LONGEST or len(power) > len("-999") or abs(int(power or 0)) > LARGEST_EXPONENT:
+        raise LedgerError(f"{text[:40]!r} is beyond double precision, or has more than {LONGEST} digits")
     return Decimal(text)
 
 

@@ -20,7 +20,7 @@ STAYS = {
     "page": "a formula of the page made it",
     "count": "a whole number, or a place on a grid, that a small change does not reach",
 }
-_FIT = re.compile(r"(\d+) settings? from (\d+) numbers?: (.+)")
+_FIT = re.compile(r"(\d{1,9}) settings? from (\d{1,9}) numbers?: (.+)", re.ASCII)
 
 
 @dataclass(frozen=True)

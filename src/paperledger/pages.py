@@ -20,7 +20,7 @@ from paperledger.display import (
     scorebar,
     words,
 )
-from paperledger.rows import MANIFEST, REMOVED, Row, find_folder, papers, removed, table
+from paperledger.rows import MANIFEST, REMOVED, Row, find_folder, papers, removed, table, write_text
 
 ERRATA = {
     "misprint": (
@@ -287,7 +287,10 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
     (True, False)
     """
     file = Path(path)
-    parts = re.split(f"{BEGIN}.*?{END}", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+    try:
+        parts = re.split(f"{BEGIN}.*?{END}", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+    except UnicodeDecodeError as error:
+        raise LedgerError(f"{path}: {error}") from None
     if len(parts) != 2:
         raise LedgerError(f"{path}: expected one block from {BEGIN} to {END}, found {len(parts) - 1}")
     return _rewritten(file, score_markdown(folder).join(parts))
@@ -297,7 +300,7 @@ def _rewritten(file: Path, text: str) -> bool:
     """Write a file unless it has this text already."""
     if file.is_file() and file.read_text(encoding="utf-8") == text:
         return False
-    file.write_text(text, encoding="utf-8", newline="")
+    write_text(file, text)
     return True
 
 

@@ -14,7 +14,7 @@ from typing import Any
 from paperledger.book import Ledger
 from paperledger.display import anchor
 from paperledger.pages import load_all
-from paperledger.rows import MANIFEST, REMOVED, Row
+from paperledger.rows import MANIFEST, REMOVED, Row, write_text
 
 CONTEXT = "https://schema.org"
 CRATE = "https://w3id.org/ro/crate/1.1"
@@ -269,5 +269,5 @@ def publish(ledgers: Path, out: Path, about: Mapping[str, Any]) -> list[Path]:
     for name, content in contents.items():  # JSON is YAML, too
         text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
         marked = text if name.endswith(".json") else f"---\n{text}"
-        (out / name).write_text(marked, encoding="utf-8", newline="")
+        write_text(out / name, marked)
     return sorted(out / name for name in (*files, "ro-crate-metadata.json"))

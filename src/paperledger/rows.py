@@ -2,6 +2,7 @@
 
 import csv
 import io
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -325,19 +326,22 @@ def papers(folder: Path) -> list[str]:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
-    """Read a csv file that has these columns; one row is one line, so that a diff reads well."""
+    """Read a csv file that has these columns; one row is one line of characters that can be seen in a diff."""
     with path.open(encoding="utf-8", newline="") as file:
         try:
             header, *lines = [*csv.reader(file, strict=True)] or [[]]
-        except csv.Error as error:
+        except (csv.Error, UnicodeDecodeError) as error:
             raise LedgerError(f"{path.name}: {error}") from None
     if header != [*columns]:
         raise LedgerError(
-            f"{path.name}: expected the columns {', '.join(columns)}, found {', '.join(header)}"
+            f"{path.name}: expected the columns {', '.join(columns)}, found {', '.join(header)!r:.200}"
         )
     for line in lines:
-        if len(line) != len(columns) or any("\n" in entry or "\r" in entry for entry in line):
-            raise LedgerError(f"{path.name}: expected {len(columns)} entries on one line, found {line}")
+        if len(line) != len(columns) or not all(map(str.isprintable, line)):
+            raise LedgerError(
+                f"{path.name}: expected {len(columns)} entries on one line, without characters that nobody sees, "
+                f"found {line}"
+            )
     return lines
 
 
@@ -409,4 +413,18 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
     id,where,quantity,printed,computed,verdict,basis,page,made,relation,evidence,note
     demo.kp,Table 1,gain,1.31,,,computed,,,,,
     """
-    path.write_text(table(COLUMNS, (astuple(row) for row in rows)), encoding="utf-8", newline="")
+    write_text(path, table(COLUMNS, (astuple(row) for row in rows)))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file in UTF-8, whole or not at all: the one before stays until the last character is on the disk."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with beside.open("w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise

@@ -20,7 +20,7 @@ from paperledger.rows import Row, find_folder, naming, write_rows
 
 def pages(paper: str, folder: Path) -> list[Path]:
     """Find the notebooks beside a folder of ledgers that open the ledger of a paper, chapters before audits."""
-    opened = re.compile(rf"Ledger\.open\(\s*['\"]{paper}['\"]")
+    opened = re.compile(rf"Ledger\.open\(\s*['\"]{re.escape(paper)}['\"]")
     notebooks = [path for path in folder.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
     found = [path for path in notebooks if opened.search("\n".join(cells(path)))]
     return sorted(found, key=lambda path: (len(path.parts), path))

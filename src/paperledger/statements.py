@@ -367,7 +367,10 @@ def _two_digits(ratio: float) -> str:
 
 def _times(factor: str) -> Fraction:
     over, _, under = factor.partition("/")
-    return Fraction(over) / Fraction(under or 1)
+    try:
+        return Fraction(read_number(over)) / Fraction(read_number(under or "1"))
+    except ZeroDivisionError:
+        raise LedgerError(f"{factor!r} divides by 0") from None
 
 
 def _exact(side: str) -> Any:

@@ -246,6 +246,8 @@ def test_a_reset_behind_an_output_filter_stays_one():
         (control.tf([2.0], [1.0, 1.0]), "equal lags of gain 1"),
         (control.tf([1.0], [1.0, 0.0]), "equal lags of gain 1"),
         (control.tf([0.1, 1.0], [1.0, 1.0]), "equal lags of gain 1"),
+        (control.tf([1.0], [-1.0, 1.0]), "equal lags of gain 1"),
+        (control.tf([1.0], [1.0, -2.0, 1.0]), "equal lags of gain 1"),
         (control.tf([1.0, 3.0], [0.25, 1.0, 1.0]), "equal lags of gain 1"),
     ],
 )

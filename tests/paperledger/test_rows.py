@@ -6,6 +6,7 @@ import pytest
 from demo_ledger import KP, ROWS, S1
 
 from paperledger import LedgerError, load_all, read_rows, write_rows
+from paperledger.__main__ import main
 
 REASON = "a reason of five words"
 
@@ -73,8 +74,8 @@ HEAD = "id,where,quantity,printed,computed,verdict,basis,page,made,relation,evid
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "expected the columns id, where, .* found $"),
-        (f"{HEAD}demo.a,b\n", "expected 12 entries on one line, found .'demo.a', 'b'"),
+        ("", "expected the columns id, where, .* found ''$"),
+        (f"{HEAD}demo.a,b\n", "expected 12 entries on one line, .* found .'demo.a', 'b'"),
         (f"{HEAD}a,,,,,,,,,,,\na,,,,,,,,,,,\n", "more than one row for a"),
         (f'{HEAD}a,,,,,,,,,,,"x\ny"\n', "expected 12 entries on one line"),
         (f'{HEAD}a,,,,,,,,,,,"x', "unexpected end of data"),
@@ -96,3 +97,57 @@ def test_file_round_trip(tmp_path):
     write_rows(path, read_rows(path))
     assert path.read_bytes() == once
     assert b"\r" not in once
+
+
+LINE = "demo.kp,Table 1,gain,1.31,1.309812345,reproduced,computed,demo,,,,"
+STATEMENT = "demo.s1,sec. 2,statement,at most 10,holds,holds,computed,demo,,{},{},"
+HOSTILE = {
+    "UTF-16": lambda head: f"{head}{LINE}\n".encode("utf-16"),
+    "Latin-1": lambda head: f"{head}{LINE}\n".replace("gain", "Verstärkung").encode("latin-1"),
+    "escape": lambda head: f"{head}{LINE}\n".replace("gain", "\x1b[2Jgain").encode(),
+    "NUL": lambda head: f"{head}{LINE}\n".replace("gain", "ga\0in").encode(),
+    "line separator": lambda head: f"{head}{LINE}\n".replace("gain", "ga\u2028in").encode(),
+    "right to left": lambda head: f"{head}{LINE}\n".replace("gain", "\u202egain").encode(),
+    "long entry": lambda head: f"{head}{LINE}\n".replace("gain", "x" * 200_000).encode(),
+    "open quote": lambda head: f"{head}{LINE}\n".replace("gain", '"gain').encode(),
+    "tiny": lambda head: f"{head}{LINE}\n".replace("1.31,", "1e-99999999,").encode(),
+    "huge": lambda head: f"{head}{LINE}\n".replace("1.31,", "1e99999999999999999999,").encode(),
+    "huge computed": lambda head: f"{head}{LINE}\n".replace("1.309812345", "1e999999999").encode(),
+    "many digits": lambda head: f"{head}{LINE}\n".replace("1.31,", "9" * 5000 + ",").encode(),
+    "division by 0": lambda head: f"{head}{STATEMENT.format('<=', '10.82 <= 1/0 * 10')}\n".encode(),
+    "no factor": lambda head: f"{head}{STATEMENT.format('<=', '10.82 <= 1.2.3 * 10')}\n".encode(),
+    "factor of a relation": lambda head: (
+        f"{head}{STATEMENT.format('a <= 1/0 * b', '1 <= 1/0 * 2')}\n".encode()
+    ),
+    "count": lambda head: f"{head}{LINE[:-4]},fit: {'9' * 5000} settings from 3 numbers: x,,,\n".encode(),
+}
+
+
+@pytest.mark.parametrize("hostile", HOSTILE.values(), ids=HOSTILE)
+def test_whatever_a_file_says_is_refused_in_words(project, capsys, hostile):
+    path = project / "book" / "ledger" / "demo.csv"
+    head = path.read_text(encoding="utf-8").partition("\n")[0] + "\n"
+    (project / "README.md").write_text("<!-- score -->\n<!-- /score -->\n", encoding="utf-8")
+    path.write_bytes(hostile(head))
+    for command in (["check"], ["manifest"], ["readme", "README.md"]):
+        assert main(command) == 1
+        said = capsys.readouterr()
+        assert said.err.startswith("demo.")
+        assert all(character.isprintable() or character == "\n" for character in said.err + said.out)
+    path.write_text(f"{head}{LINE}\n", encoding="utf-8")
+    assert main(["check"]) == 0
+    assert main(["update", "("]) == 1
+
+
+def test_a_full_disk_leaves_the_ledger_that_was_there(project, monkeypatch):
+    folder = project / "book" / "ledger"
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_rows(folder / "demo.csv", ROWS[:1])
+    assert main(["manifest"]) == 1
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

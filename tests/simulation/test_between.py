@@ -108,8 +108,9 @@ def test_a_fast_part_that_sends_much_stays_in_the_process():
 def test_lost_digits_are_refused(m):
     """|L| stays large up to a filter 1e4 times faster than the plant: y would be off by 1e-4 and more."""
     loop = Loop(Process([3.26], [1, 1], 0.0885), PIDA(0.0416, 0.731, 0.338, 0.0382, n=120.3, m=m))
+    # in which way depends on how the processor rounds
     with pytest.raises(
-        ValueError, match=r"rounding leaves .* of the largest value of .* a time constant of \d"
+        ValueError, match=r"rounding leaves .* of the largest value of .* (time constant|more times)"
     ):
         unit_step_responses(loop, np.array([0.0, 0.567]), "rdn")
 

@@ -364,7 +364,9 @@ class Benchmark:
                 [row[0.1], row[0.9]], [place, place], color="C0" if wide else "0.6", lw=3.0 if wide else 1.2
             )
             axes.plot(row[0.5], place, "o", color="C0" if wide else "0.4", ms=7 if wide else 4)
-        axes.set_yticks(range(len(tenths)), [f"{rule} {kind}" for rule, kind in tenths.index])
+        # a name is no formula
+        labels = [f"{rule} {kind}".replace("$", r"\$") for rule, kind in tenths.index]
+        axes.set_yticks(range(len(tenths)), labels)
         axes.set(
             xscale="log", xlabel="IAE of a load step over the least there is; a tenth, median, nine tenths"
         )

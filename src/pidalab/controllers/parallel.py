@@ -144,7 +144,7 @@ class PIDA(Controller):
         Raises
         ------
         ValueError
-            For an unknown firmware or unit, and p = 0.
+            For an unknown firmware or unit, p = 0, and numbers of different signs.
 
         Examples
         --------
@@ -156,6 +156,8 @@ class PIDA(Controller):
         from pidalab.plant.vendor import firmware_gains
 
         gains, usual = firmware_gains(firmware, p, i, d, full_output, time_unit)
+        if min(i * p, d * p) < 0:
+            raise ValueError(f"p, i and d must have one sign, found {p:g}, {i:g} and {d:g}")
         kp, ti, td, _ = gains.standard()
         behind = usual if lag is None else _check.real("lag", lag, above=0.0)
         return cls(kp, ti, td, n=td / behind) if td else cls(kp, ti)

@@ -474,7 +474,9 @@ class DigitalController(Parameters):
         usual |= {"anti_windup": "reset", **dict.fromkeys(("deadband", "bias", "y_offset"), 0.0)}
         usual |= {"prefilter": None, "feedforward": False, "tunable": False}
         extras = "".join(f", {name}={own[name]!r}" for name, value in usual.items() if own[name] != value)
-        return f"{self.source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
+        # its name may come out of a file: only what can be printed on one line stays as it is
+        source = self.source if self.source.isprintable() else repr(self.source)
+        return f"{source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
 
 
 @lru_cache(maxsize=64)

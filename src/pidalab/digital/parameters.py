@@ -19,6 +19,7 @@ LARGEST_PARAMETER = 1e9  # of those that may change while it runs
 # of those that may not: with signals of 1e9 nothing overflows, in single precision either
 LARGEST_CONSTANT = 1e15
 MOST_PATHS, MOST_PATH_LAGS = 40, 40  # of a controller and of a path: code that can be read
+MOST_CODE_LAGS = 160  # of all paths together: their code grows with the squares of their lags
 # how near the numbers of a prefilter are to those of this machine: linear algebra differs in the last digits
 PREFILTER_RTOL = 1e-8
 SHARE_ROUNDING = 1e-6  # by which rounding may take the shares of a lag beyond 1
@@ -64,6 +65,8 @@ class Parameters:
         if not isinstance(self.paths, tuple) or len(self.paths) > MOST_PATHS:
             raise TypeError(f"paths must be a tuple of at most {MOST_PATHS} Path, found {self.paths!r:.60}")
         checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
+        if (lags := sum(path.order for path in checked["paths"])) > MOST_CODE_LAGS:
+            raise ValueError(f"paths must have at most {MOST_CODE_LAGS} lags together, found {lags}")
         if self.prefilter is not None:
             checked["prefilter"] = _prefilter(self)
         vars(self).update(checked)

@@ -132,6 +132,7 @@ def tune(
     else:
         made, price = _by_rule(named, designed, kind, evaluator, requirements)
         if noise_gain is not None:
+            _check.real("noise_gain", noise_gain, above=0.0)
             doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     if price > DEAR:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 
@@ -12,7 +13,8 @@ def write_files(folder: str | Path, texts: Mapping[str, str], replace: bool = Fa
     """Write texts as files of a folder: all of them whole, or none.
 
     They are written into a temporary folder beside their places and renamed when the last one is on the disk, so a full
-    disk leaves nothing cut, and no mixture of an old set and a new one.
+    disk leaves nothing cut, and no mixture of an old set and a new one. Nor does a file that cannot be replaced: those
+    before it get back what they were.
 
     Parameters
     ----------
@@ -33,7 +35,7 @@ def write_files(folder: str | Path, texts: Mapping[str, str], replace: bool = Fa
     FileExistsError
         If a file with something else in it has one of the names, and `replace` is false.
     OSError
-        If they cannot be written.
+        If they cannot be written, or a folder has one of the names.
 
     Examples
     --------
@@ -58,14 +60,45 @@ def write_files(folder: str | Path, texts: Mapping[str, str], replace: bool = Fa
                     file.write(text)
                     file.flush()
                     os.fsync(file.fileno())
-            for path in paths:
-                Path(beside, path.name).replace(path)
+            if not replace:  # once more: what another run has put there meanwhile stays, too
+                refuse_others({path: texts[path.name] for path in paths})
+            _put(Path(beside), paths)
     except OSError:
         for path in made:  # the folders that were made for it, from the inside
             if path.is_dir() and not any(path.iterdir()):
                 path.rmdir()
         raise
     return paths
+
+
+def _put(beside: Path, paths: Sequence[Path]) -> None:
+    """Rename files to their places; if one cannot be, those before it get back what was there."""
+    earlier = beside / ".earlier"
+    earlier.mkdir()
+    done: list[Path] = []
+    try:
+        for path in paths:
+            if path.is_dir():
+                raise IsADirectoryError(f"{path} must be a file, found a folder")
+            if os.path.lexists(path):
+                _keep(path, earlier / path.name)
+            Path(beside, path.name).replace(path)
+            done.append(path)
+    except OSError:
+        for path in done:
+            if os.path.lexists(earlier / path.name):
+                (earlier / path.name).replace(path)
+            else:
+                path.unlink()
+        raise
+
+
+def _keep(path: Path, place: Path) -> None:
+    """Give a file, or a link as such, a second place; the first one stays."""
+    try:
+        os.link(path, place, follow_symlinks=False)
+    except (OSError, NotImplementedError):  # not every disk has such links
+        shutil.copy2(path, place, follow_symlinks=False)
 
 
 def refuse_others(texts: Mapping[Path, str | None]) -> None:
@@ -77,9 +110,10 @@ def refuse_others(texts: Mapping[Path, str | None]) -> None:
         With the names.
     """
     others = [
-        path.name
+        path.name or str(path)
         for path, text in texts.items()
-        if path.exists() and (text is None or not path.is_file() or path.read_bytes() != text.encode("utf-8"))
+        if os.path.lexists(path)
+        and (text is None or not path.is_file() or path.read_bytes() != text.encode("utf-8"))
     ]
     if others:
         raise FileExistsError(

@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+import time
 
 import drawn
 import numpy as np
@@ -154,6 +155,19 @@ def test_gains_of_99_with_an_emptied_test_vector():
     stored["checksum"] = checksum(stored)
     with pytest.raises(ValueError, match="changed by hand"):
         from_json(json.dumps(stored))
+
+
+def test_a_small_file_is_no_long_program():
+    """Its code would be of fifty thousand lines, and its test vector would run all of them a thousand times."""
+    stored = json.loads(PI.json())
+    path = {"weight": 1.0, "new": [0.5] * 40, "old": [0.0] * 40, "gains": [1.0] * 41}
+    for count, said in ((40, "at most 160 lags together, found 1600"), (4, "changed by hand")):
+        stored["paths"] = [{"name": f"p{i}", **path} for i in range(count)]
+        stored["checksum"] = checksum(stored)
+        begun = time.process_time()
+        with pytest.raises(ValueError, match=said):
+            from_json(json.dumps(stored))
+        assert time.process_time() - begun < 5.0
 
 
 def test_the_file_that_ran_code(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Files as historians write them; an error names the row."""
 
+import contextlib
 import time
 import tracemalloc
 from datetime import datetime, timedelta
@@ -124,6 +125,7 @@ def test_an_error_names_the_row_and_words_for_missing_values_are_known(tmp_path)
         ("\n\n", "is empty"),
         ("a,b\nc,d\n", "has no row of numbers"),
         ("time,state\n1,on\n2,off\n", "has no row of numbers"),
+        ("1\n2\n3\n", "has no row of numbers in two columns or more among its first 50 lines"),
     ],
 )
 def test_a_file_without_a_record_is_named(text, said, tmp_path):
@@ -152,6 +154,14 @@ def test_two_roles_on_one_column_are_refused(tmp_path):
         Record.read_csv(path, u=2)
     with pytest.raises(ValueError, match=r"has no column 'u'; its columns are 3, without names"):
         Record.read_csv(path, u="u")
+    for delimiter in ("([", "*", "(?P<", "\\"):
+        with pytest.raises(ValueError, match=r"delimiter must be a character or a regular expression, found"):
+            Record.read_csv(path, delimiter=delimiter)
+    assert Record.read_csv(write(tmp_path, lines("{}¦{}¦{}")), delimiter="¦").t.size == 40
+    head = ",".join("name " * 20 + str(k) for k in range(900))
+    with pytest.raises(ValueError, match=r"has no column 'u'; its columns are .* and 850 more$") as refusal:
+        Record.read_csv(write(tmp_path, head + "\n" + lines(",".join(["{}"] * 3) + ",1" * 897)), u="u")
+    assert len(str(refusal.value)) < 5000
 
 
 def test_an_output_as_time_is_refused_by_its_name(tmp_path):
@@ -210,6 +220,47 @@ def test_a_line_beyond_all_measure_is_named(tmp_path):
     path.write_text("\n".join(["t,u,y", *step_lines(200), "x" * 140_000]), encoding="utf-8")
     with pytest.raises(ValueError, match=r"log\.csv, row 202, has 140000 characters.*at most 100000"):
         Record.read_csv(path)
+
+
+# of about 100,000 characters each: what a search that begins anew at each place takes minutes for
+LONG_ENTRIES = {
+    "blanks in a row": "60,47,1" + " " * 99_000 + "x",
+    "blanks in a time": "6" + " " * 99_000 + "a,47,1020",
+    "blanks before a sign": "60,47,1" + " " * 99_000 + "%x",
+    "signs": "60,47,1" + "°" * 49_000 + "x",
+    "a quote over many lines": '60,47,"' + "x" * 90_000,
+    "columns": "," * 99_000,
+    "numbers": ",".join(["1"] * 49_000),
+}
+
+
+@pytest.mark.parametrize("line", LONG_ENTRIES.values(), ids=LONG_ENTRIES)
+@pytest.mark.parametrize("head", ["", "t,u,y\n"])
+def test_no_line_within_the_limit_takes_long(tmp_path, line, head):
+    path = write(tmp_path, head + lines(count=60) + ("\n" + line) * 12)
+    begun = time.process_time()
+    with contextlib.suppress(ValueError):
+        Record.read_csv(path)
+    assert time.process_time() - begun < 10.0
+
+
+def test_columns_beyond_all_measure_are_counted(tmp_path):
+    rows = "\n".join(",".join([str(k)] * 3000) for k in range(30))
+    with pytest.raises(
+        ValueError, match=r"step\.csv must have at most 2000 columns, found 3000 divided by ','"
+    ):
+        Record.read_csv(write(tmp_path, rows))
+
+
+def test_a_number_is_never_read_as_another_one(tmp_path):
+    """Points in a file of decimal commas stand after thousands; taken out of 57.5 they would make it 575."""
+    rows = [f"{t:.1f};{u:.1f};{y:.1f}".replace(".", ",") for t, u, y in map(steps, range(300))]
+    assert Record.read_csv(write(tmp_path, "\n".join(rows))).y[-1] == 1307.0
+    grouped = [row.replace("1307,0", "1.307,0") for row in rows]
+    assert Record.read_csv(write(tmp_path, "\n".join(grouped))).y[-1] == 1307.0
+    rows[250] = rows[250].replace(",", ".")
+    with pytest.raises(ValueError, match=r"row 251, column 0: .* with a decimal comma, found '250\.0'"):
+        Record.read_csv(write(tmp_path, "\n".join(rows)))
 
 
 def test_the_time_to_read_grows_with_the_rows(tmp_path):

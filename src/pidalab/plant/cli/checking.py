@@ -56,11 +56,12 @@ def check_command(
     """
     import control
 
+    from pidalab import _check
     from pidalab.plant.fitting import fit
     from pidalab.plant.running_loop import check
 
     read = read_record(options)
-    lags = control.TransferFunction([1.0], [lag, 1.0]) if lag else None
+    lags = control.TransferFunction([1.0], [lag, 1.0]) if _check.real("--filter", lag, at_least=0.0) else None
     running = _running(firmware, full_output, **options)
     found = check(read if model == "auto" else fit(read, model), running, lags, sample_time, ms_worst)
     sections = [("Log", str(read)), ("Model", f"{found.fit.process!r}\n{found.fit}"), ("Gains", str(found))]

@@ -53,11 +53,16 @@ def tclab_command(
     """
     import numpy as np
 
+    from pidalab import _check
     from pidalab.plant.heater import Lab
     from pidalab.plant.reporting import report
     from pidalab.plant.writing import refuse_others
 
-    if out is not None and not force:  # before an experiment of hours
+    # before an experiment of hours
+    _check.real("--setpoint", setpoint)
+    _check.real("--cooling", cooling, above=0.0)
+    _check.real("--ms", ms, above=1.0)
+    if out is not None and not force:
         refuse_others({out / name: None for name in ("report.html", *(f"{kind}.csv" for kind in KINDS))})
     with Lab(connected) as lab:
         record = lab.step_test(power, duration, sample_time=sample_time)

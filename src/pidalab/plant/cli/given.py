@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pidalab._table import set_out
-from pidalab.plant.cli.parts import csv_of, force, limits, ms, one_line, plant, show, times, write
+from pidalab.plant.cli.parts import Place, csv_of, force, limits, ms, one_line, plant, show, times, write
 
 if TYPE_CHECKING:
     from pidalab.loop import Loop
@@ -73,7 +73,7 @@ def rules_command() -> None:
     "--sample-time", type=float, help="Of a digital controller, by backward differences; without, continuous."
 )
 @limits
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for t, r, y, u.")
+@click.option("--out", type=Place(dir_okay=False), help="CSV file for t, r, y, u.")
 @force
 @one_line
 def simulate_command(
@@ -116,16 +116,24 @@ def _loop(
     from pidalab.digital import from_json
     from pidalab.loop import Loop
 
-    if controller is not None and kp is None and sample_time is None:
-        return Loop(process, from_json(controller.read_text(encoding="utf-8")))
     if controller is not None:
-        raise click.UsageError(
-            "--controller has its own gains and sample time: leave out --kp and --sample-time"
-        )
+        if also := [name for name in _CONTROLLER[1:] if _is_given(name)]:
+            options = " and ".join(f"--{name.replace('_', '-')}" for name in also)
+            raise click.UsageError(f"--controller has its own gains and sample time: leave out {options}")
+        try:  # an editor may have put a byte order mark before the text
+            return Loop(process, from_json(controller.read_text(encoding="utf-8-sig")))
+        except ValueError as refusal:
+            raise ValueError(f"--controller {controller}: {refusal}") from None
     if kp is None:
         raise click.UsageError("give --kp and its times, or --controller")
     own = PIDA(kp, **times)
     return Loop(process, own if sample_time is None else own.discretise(sample_time))
+
+
+def _is_given(option: str) -> bool:
+    """Whether an option is on the command line."""
+    source = click.get_current_context().get_parameter_source(option)
+    return source is click.core.ParameterSource.COMMANDLINE
 
 
 def _response(loop: Loop, until: float, setpoint: float, load: float, low: float, high: float) -> Response:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import io
+import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pidalab._names import STARTING_MODELS
-from pidalab.plant.cli.parts import one_line
+from pidalab.plant.cli.parts import one_line, out, write
+
+if TYPE_CHECKING:
+    from pidalab.comparison.benchmarking import Benchmark
+
+FILES = ("benchmark.csv", "benchmark.tex", "benchmark.svg")
 
 
 class RuleOfFile:
@@ -47,15 +54,22 @@ class RuleOfFile:
 @click.option(
     "--plant", "plants", multiple=True, help="One of the plants, such as 'P2 T=1'; may be repeated."
 )
-@click.option("--workers", default=2, help="Processes side by side.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for figure, CSV and LaTeX table.")
+@click.option("--workers", default=2, type=click.IntRange(1), help="Processes side by side.")
+@out
 @one_line
 def benchmark_command(
-    rule: str, name: str | None, model: str, plants: tuple[str, ...], workers: int, out: Path | None
+    rule: str,
+    name: str | None,
+    model: str,
+    plants: tuple[str, ...],
+    workers: int,
+    out: Path | None,
+    force: bool,
 ) -> None:
     """Judge a rule of your own on 134 plants, beside all rules and the best there is: about a minute.
 
-    The function takes a process and returns a controller. The file is run: it is your code.
+    The function takes a process and returns a controller. The file is run: it is your code. With --out also writes
+    the rows as CSV, the ranking as a LaTeX table, and a figure.
 
     \b
     Example, with "import pidalab; def tune(p): return pidalab.rules.classical.simc(p, 'PI')" in rule.py:
@@ -65,17 +79,25 @@ def benchmark_command(
     from concurrent.futures import ProcessPoolExecutor
 
     from pidalab.comparison.benchmarking import benchmark
+    from pidalab.plant.writing import refuse_others
 
     file, _, function = rule.rpartition(":")
     path = Path(file)
     if not function.isidentifier() or not path.is_file():
         raise ValueError(f"rule must be a file and its function, FILE.py:FUNCTION, found {rule!r}")
+    if out is not None and not force:  # before a minute of work
+        refuse_others({out / file: None for file in FILES})
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         found = benchmark(RuleOfFile(path.resolve(), function), name, model, plants or None, pool)
     click.echo(str(found))
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        found.csv(out / "benchmark.csv")
-        (out / "benchmark.tex").write_text(found.latex(), encoding="utf-8")
-        found.plot().savefig(out / "benchmark.svg")
-        click.echo(f"figure, rows and a table for a paper: {out}")
+        write(out, dict(zip(FILES, _texts(found), strict=True)), force)
+
+
+def _texts(found: Benchmark) -> tuple[str, str, str]:
+    """Return rows, table and figure as the texts of files."""
+    figure = io.StringIO()
+    found.plot().savefig(figure, format="svg")
+    with tempfile.TemporaryDirectory() as folder:
+        rows = found.csv(Path(folder, "rows.csv")).read_text(encoding="utf-8")
+    return rows, found.latex(), figure.getvalue()

@@ -22,10 +22,27 @@ def one_line(command: Callable[..., None]) -> Callable[..., None]:
     def guarded(**options: Any) -> None:
         try:
             command(**options)
-        except (ValueError, TypeError, OSError, ImportError, RuntimeError) as refusal:
-            raise click.ClickException(" ".join(str(refusal).split())) from refusal
+        except MemoryError as refusal:
+            raise click.ClickException(
+                "this needs more memory than there is: ask for shorter times, or for fewer samples"
+            ) from refusal
+        except (ValueError, TypeError, OSError, ImportError, RuntimeError, ArithmeticError) as refusal:
+            raise click.ClickException(visible(" ".join(str(refusal).split()))) from refusal
 
     return guarded
+
+
+class Place(click.Path):
+    """A path to write to; an empty one, as of a variable of a shell that is not set, would be the folder at hand."""
+
+    def __init__(self, **kind: Any) -> None:
+        super().__init__(path_type=Path, **kind)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse an empty path, and turn another one as usual."""
+        if value == "":
+            self.fail("must be a name, found an empty one", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 def add_options(*options: Callable[..., Any]) -> Callable[..., Any]:
@@ -73,21 +90,26 @@ times = add_options(
 )
 force = click.option("--force", is_flag=True, help="Replace files that are there and hold something else.")
 out = add_options(
-    click.option("--out", type=click.Path(file_okay=False, path_type=Path), help="Folder to write to."),
+    click.option("--out", type=Place(file_okay=False), help="Folder to write to."),
     force,
 )
+
+
+def visible(text: str) -> str:
+    """Return text with what a terminal would act on, or hide, as an escape: names of files and of others are in it."""
+    return "".join(x if x.isprintable() or x == "\n" else ascii(x)[1:-1] for x in text)
 
 
 def show(sections: Sequence[tuple[str, str]]) -> None:
     """Print headings and, two characters to the right, texts."""
     for head, text in sections:
-        click.echo(f"{head}\n{textwrap.indent(text, '  ', lambda line: True)}\n")
+        click.echo(f"{head}\n{textwrap.indent(visible(text), '  ', lambda line: True)}\n")
 
 
 def write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
     """Write files, all of them whole or none, and say so."""
     for path in write_files(folder, texts, replace=force):
-        click.echo(f"written: {path}")
+        click.echo(visible(f"written: {path}"))
 
 
 def csv_of(columns: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ import click
 from pidalab._names import KINDS
 from pidalab._text import plain_text
 from pidalab.plant.cli.parts import (
+    Place,
     add_options,
     column,
     force,
@@ -76,7 +77,7 @@ design = add_options(
 @record
 @design
 @click.option("--trade-off", is_flag=True, help="Also the least error over the noise, at two limits of Ms.")
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="HTML file to write.")
+@click.option("--out", type=Place(dir_okay=False), help="HTML file to write.")
 @force
 @one_line
 def report_command(out: Path | None, force: bool, model: str, trade_off: bool, **options: Any) -> None:
@@ -175,6 +176,7 @@ def tune_command(
     Example:
       pidalab tune step.csv --time time --u valve --y level --kind PIDA --ms 1.6 --sample-time 0.2 --out folder
     """
+    from pidalab import _check
     from pidalab.loop import Loop
     from pidalab.plant.fitting import fit
     from pidalab.plant.reporting import REPORT_COLUMNS, report
@@ -182,13 +184,20 @@ def tune_command(
 
     called = options["record"].name
     title = f"{kind} controller for {plain_text(called)}"
+    if full_output is not None and not _check.real("--full-output", full_output):
+        raise ValueError("--full-output must not be 0: it is u at full power")
     read = read_record(options)
+    # the working point of the record: model and controller count from there
+    rest = float(read.steps[0].before) if read.steps else read.u_before
+    if not u_min <= rest <= u_max or u_min == u_max:
+        raise ValueError(
+            f"--u-min and --u-max must be limits with u of the record at rest, {rest:g}, between them, found "
+            f"{u_min:g} and {u_max:g}"
+        )
     fitted = fit(read, model)
     found = report(fitted, kinds=kind, **options)
     design, sample_time = found.rows[0].design, options["sample_time"]
     assert design is not None
-    # the working point of the record: model and controller count from there
-    rest = float(read.steps[0].before) if read.steps else read.u_before
     # a prefilter shapes the set point already, and automatic reset is written as such with both weights 1
     shaped = design.prefilter is not None or design.controller.automatic_reset() is not None
     usual = (1.0, 1.0) if shaped else (0.5, 0.0)

@@ -144,6 +144,7 @@ class Record:
         times, inputs, outputs, earlier, kept = cleaned(*given, doubts)
         note = _outliers(outputs, [where[k] for k in kept]) if outliers is None else ""
         before = earlier if u_before is None else _check.real("u_before", u_before)
+        _check.squarable("u_before", np.array([before]))
         if np.ptp(inputs) == 0 and before == inputs[0]:
             raise ValueError(
                 f"u never changes: it is {before:g} in every sample; if it changed just before the first one, "

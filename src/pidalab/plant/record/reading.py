@@ -8,26 +8,21 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pidalab._check import Array
 from pidalab._text import plain_text
+from pidalab.plant.record.entries import GROUPED, bare, is_value, number, numbers
 
 if TYPE_CHECKING:
     import pandas as pd
 
-# What takes the place of a value that was not recorded.
-MISSING = ["", "-", "?", "nan", "na", "n/a", "#n/a", "null", "none"]
-MISSING += ["bad", "bad input", "no data", "i/o timeout"]
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
 DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y", "%d-%b-%y", "")
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
-# how dates and times of day begin
-STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
-GROUPED = r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"  # a number with a comma after the thousands
 LONG_AGO = 1e8  # a number above it counts seconds since then
 DAY = 86400.0  # seconds
 # how dates in finer units are told: as seconds since 1970 they would lie in the year 5138 and beyond
@@ -36,8 +31,9 @@ FINE_UNIT = re.compile(
     r"(?:^|[\W_])(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h)\W*$", re.IGNORECASE
 )
 QUOTED = 60  # characters of the file in a message
-LOOKED_AT = 50  # lines from which the form of a file is told
-LONGEST_ROW = 100_000  # characters: a line of ten thousand columns is shorter
+LOOKED_AT = 50  # lines from which the form of a file is told, and names of columns that a message has
+LONGEST_ROW = 100_000  # characters
+MOST_COLUMNS = 2000
 ALWAYS_READ = 64  # columns that are read of any file
 WIDER = 8.0  # times the columns of the mean line, up to which a longer one widens the table
 
@@ -81,6 +77,12 @@ def read_columns(
     ValueError
         For a file without such columns, or with an entry that is neither a number nor a word for a missing one.
     """
+    try:
+        re.compile(delimiter or "")
+    except re.error as refusal:
+        raise ValueError(
+            f"delimiter must be a character or a regular expression, found {delimiter!r}: {refusal}"
+        ) from None
     lines = _lines(path)[skip:]
     for row, line in enumerate(lines):
         if len(line) > LONGEST_ROW:
@@ -102,7 +104,7 @@ def read_columns(
     data = table.iloc[first:]
     data = data[(data != "").any(axis=1)]
     comma = mark != "," and _has_decimal_commas(data, places)
-    columns = [_numbers(data[place], comma) for place in places]
+    columns = [numbers(data[place], comma) for place in places]
     if timed and 2 * columns[0][1].sum() > len(data):
         columns[0] = _stamps(data[places[0]], columns[0], doubts)
     if timed:
@@ -127,6 +129,7 @@ def read_columns(
                     "other, with one column of times, or cut out the part that has time, input and output"
                 )
             kind = "a number or a date" if timed and place == places[0] else "a number"
+            kind += " with a decimal comma" * comma
             raise ValueError(
                 f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, "
                 f"found {found[:QUOTED]!r}"
@@ -147,7 +150,9 @@ def _lines(path: Path) -> list[str]:
 def _numbered(lines: Sequence[str], mark: str) -> float:
     """Return how well a delimiter serves: columns of numbers at the end of the file, times their share of all."""
     last = [line.strip() for line in lines if line.strip()][-LOOKED_AT:]
-    rows = [line.split() for line in last] if mark == r"\s+" else list(csv.reader(last, delimiter=mark))
+    # each line for itself: a quote that is not closed ends with its line
+    entries = (line.split() if mark == r"\s+" else next(csv.reader([line], delimiter=mark)) for line in last)
+    rows = [row[: MOST_COLUMNS + 1] for row in entries]
     return len(_columns_of_numbers(rows)) ** 2 / max(map(len, rows))
 
 
@@ -156,40 +161,23 @@ def _columns_of_numbers(rows: Sequence[Sequence[str]]) -> list[int]:
     half = sorted(map(len, rows), reverse=True)[
         len(rows) // 2
     ]  # columns beyond are in half of the rows at most
-    return [k for k in range(half) if 2 * sum(k < len(row) and _is_value(row[k]) for row in rows) > len(rows)]
-
-
-def _is_value(entry: str) -> bool:
-    text = _bare(entry) or entry.strip()
-    return text.lower() in MISSING or STAMP.match(text) is not None or not math.isnan(_number(text))
-
-
-def _bare(entry: Any) -> Any:
-    """Return an entry, or a Series of them, without blanks and brackets around it and a sign of per cent or degrees."""
-    if isinstance(entry, str):
-        return re.sub(r"\s*(%|°\s*[CF]?)$", "", entry.strip(" \t[]{}();'\""))
-    return entry.str.strip(" \t[]{}();'\"").str.replace(r"\s*(%|°\s*[CF]?)$", "", regex=True)
-
-
-def _number(text: str) -> float:
-    if re.fullmatch(GROUPED, text):
-        return float(text.replace(",", ""))
-    try:
-        value = float(text.replace(",", "."))
-    except ValueError:
-        return math.nan
-    return value if math.isfinite(value) else math.nan
+    return [k for k in range(half) if 2 * sum(k < len(row) and is_value(row[k]) for row in rows) > len(rows)]
 
 
 def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
     """Return all entries as text; its index counts the lines from 0."""
     import pandas as pd
 
-    plain = len(mark) == 1 or mark == r"\s+"
+    plain = (len(mark) == 1 and mark.isascii()) or mark == r"\s+"
     between = re.compile(mark if len(mark) > 1 else re.escape(mark))
     counts = [len(between.split(line.strip())) for line in lines]
     # one long line does not widen all others: the table has a few times the entries of the file
     width = min(max(counts), max(ALWAYS_READ, round(WIDER * sum(counts) / len(counts))))
+    if width > MOST_COLUMNS:
+        raise ValueError(
+            f"{path.name} must have at most {MOST_COLUMNS} columns, found {width} divided by {mark!r}: copy those of "
+            "time, input and output into a file of their own"
+        )
     kept = [
         line if count <= width else _cut(line, between, width)
         for line, count in zip(lines, counts, strict=True)
@@ -226,11 +214,11 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
     # entries that no row has are no column, though a missing value may be blank
     filled_in = [[row[k] for row in last if row[k]] for k in range(table.shape[1])]
     columns = [
-        k for k, entries in enumerate(filled_in) if 2 * sum(map(_is_value, entries)) > max(len(entries), 1)
+        k for k, entries in enumerate(filled_in) if 2 * sum(map(is_value, entries)) > max(len(entries), 1)
     ]
     for index, row in enumerate(table.head(LOOKED_AT).to_numpy().tolist()):
         filled = [row[k] for k in columns if row[k]]
-        if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(_is_value, filled)):
+        if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(is_value, filled)):
             above = [
                 [name.strip('"') for name in names]
                 for names in table.iloc[:index].to_numpy().tolist()
@@ -243,8 +231,8 @@ def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: P
             names: list[str] = next(iter(reversed(named or above)), [])
             return names, index
     raise ValueError(
-        f"{path.name} has no row of numbers in its first {LOOKED_AT} lines (columns divided by {mark!r}); "
-        f"its first line is {' '.join(table.iloc[0])[:QUOTED]!r}"
+        f"{path.name} has no row of numbers in two columns or more among its first {LOOKED_AT} lines (columns divided "
+        f"by {mark!r}); its first line is {' '.join(table.iloc[0])[:QUOTED]!r}"
     )
 
 
@@ -252,7 +240,9 @@ def _place(name: str | int, header: Sequence[str], width: int, path: Path) -> in
     places = [name] if isinstance(name, int) else _places(name, header)
     if places and (len(places) == 1 or name in header) and places[0] < width:
         return places[0]
-    known = ", ".join(repr(name) for name in header if name) or f"{width}, without names: give numbers from 0"
+    named = [repr(name[:QUOTED]) for name in header if name]
+    further = f" and {len(named) - LOOKED_AT} more" if len(named) > LOOKED_AT else ""
+    known = ", ".join(named[:LOOKED_AT]) + further or f"{width}, without names: give numbers from 0"
     raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
 
 
@@ -265,32 +255,12 @@ def _places(name: str, header: Sequence[str]) -> list[int]:
 
 def _has_decimal_commas(data: pd.DataFrame, places: Sequence[int]) -> bool:
     """Whether commas appear in the numbers and points in none; dates may have either."""
-    entries = [_bare(entry) for place in places for entry in data[place].head(200)]
-    commas = [entry for entry in entries if "," in entry and not math.isnan(_number(entry))]
+    entries = [bare(entry) for place in places for entry in data[place].head(200)]
+    commas = [entry for entry in entries if "," in entry and not math.isnan(number(entry))]
     return bool(commas) and not any(
-        "." in entry and not math.isnan(_number(entry)) and not re.fullmatch(GROUPED, entry.replace(".", ","))
+        "." in entry and not math.isnan(number(entry)) and not re.fullmatch(GROUPED, entry.replace(".", ","))
         for entry in entries
     )
-
-
-def _numbers(column: pd.Series, comma: bool) -> tuple[Array, Array]:
-    """Return a column as numbers, nan where one is missing, and where there is neither a number nor a word for none."""
-    import pandas as pd
-
-    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, copy=True)
-    # what reads as it stands needs no more; of decimal commas none does for sure
-    left = np.isnan(values) | comma
-    column = column[left]
-    text = _bare(column)
-    if comma:
-        text = text.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
-    else:
-        text = text.mask(text.str.fullmatch(GROUPED), text.str.replace(",", "", regex=False))
-    values[left] = pd.to_numeric(text, errors="coerce").to_numpy(dtype=float)
-    values[~np.isfinite(values)] = np.nan
-    wrong = np.isnan(values)
-    wrong[left] &= ~_bare(column).str.lower().isin(MISSING).to_numpy(dtype=bool)
-    return values, wrong
 
 
 def _in_seconds(column: tuple[Array, Array], name: str, doubts: list[str]) -> tuple[Array, Array]:
@@ -308,7 +278,7 @@ def _in_seconds(column: tuple[Array, Array], name: str, doubts: list[str]) -> tu
     return column
 
 
-def _stamps(column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
+def _stamps(column: pd.Series, plain: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
     """Return a column of dates or times of day in seconds since the earliest.
 
     Of the ways to write them the one counts that reads the most and, of these, makes the least span: day and month may
@@ -316,22 +286,22 @@ def _stamps(column: pd.Series, numbers: tuple[Array, Array], doubts: list[str]) 
     """
     import pandas as pd
 
-    text = _bare(column).str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
+    text = bare(column).str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
     text = text.str.replace(r"(:\d\d:\d\d)(?![.\d])", r"\1.0", regex=True)
-    text = text.str.replace(r"\s*([AaPp])\.?[Mm]\.?$", r" \1M", regex=True)
+    text = text.str.replace(r"\s{0,9}([AaPp])\.?[Mm]\.?$", r" \1M", regex=True)
 
     def read(form: str, text: pd.Series) -> pd.Series:
         return pd.to_datetime(text, format=form, errors="coerce", utc=True)
 
-    sample = text[numbers[1]].head(LOOKED_AT)
+    sample = text[plain[1]].head(LOOKED_AT)
     counts = {form: int(read(form, sample).notna().sum()) for form in STAMPS}
     readings = [read(form, text) for form in STAMPS if counts[form] == max(counts.values())]
     best = max(readings, key=lambda times: (times.notna().sum(), times.min() - times.max()))
     if best.notna().sum() == 0:
-        return numbers
+        return plain
     seconds = (best - best.min()).dt.total_seconds().to_numpy(dtype=float, copy=True)
     midnights = np.cumsum(np.diff(seconds, prepend=seconds[0]) < -DAY / 2)
     if best.max().year == 1900 and midnights[-1]:  # no date
         doubts.append(f"the time of day passes midnight {midnights[-1]} time(s): days were added")
         seconds += DAY * midnights - np.nanmin(seconds + DAY * midnights)
-    return seconds, np.isnan(seconds) & numbers[1]
+    return seconds, np.isnan(seconds) & plain[1]
