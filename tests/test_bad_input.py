@@ -51,6 +51,35 @@ REFUSED = {
         lambda: plots.comparison({"a": ANSWER}, {}, 10, 5),
         "clean must be a dictionary .* found Response at 'a'",
     ),
+    # other numbers would have been taken in silence
+    "times with a unit": (
+        lambda: pidalab.step_response(L, np.arange(201).astype("timedelta64[s]")),
+        r"t must be .* found timedelta64\[s\], whose unit would be lost; for seconds divide",
+    ),
+    "a list of times with a unit": (
+        lambda: pidalab.step_response(L, list(np.arange(201).astype("timedelta64[s]"))),
+        "t must be an array of real numbers, found list",
+    ),
+    "a dead time with a unit": (
+        lambda: pidalab.ipdt(1.0, delay=np.timedelta64(5, "ns")),
+        "delay must be a real number, found np.timedelta64",
+    ),
+    "what a mask hides": (
+        lambda: pidalab.simulate(L, T, load=np.ma.masked_greater(T, 19.0)),
+        "load must be an array of real numbers, found masked values",
+    ),
+    "limits in words": (
+        lambda: pidalab.simulate_sampled(L, T, limits=("-1", "1")),
+        r"limits must be two numbers, lower and upper, found \('-1', '1'\)",
+    ),
+    "a filter that is asked for": (
+        lambda: Loop(P, 0.5, output_filter=True),
+        "output_filter must be a number, .* found bool",
+    ),
+    "a final value in words": (
+        lambda: pidalab.Response(T, 1.0, 0.0, 0.0, T, 0.0, final="1"),
+        "final must be a real number, found '1'",
+    ),
     "comparison without load": (
         lambda: plots.comparison({"a": {"setpoint": ANSWER}}, {}, 10, 5),
         r"clean\['a'\] must have 'setpoint' and 'load', 'load' is missing",
@@ -63,3 +92,11 @@ def test_refused_by_name(call):
     refused, message = REFUSED[call]
     with pytest.raises((TypeError, ValueError), match=message):
         refused()
+
+
+@pytest.mark.parametrize("block", [pidalab.PIDA(2.0, 4.0, 1.0), control.tf([2.0], [3.0, 1.0]), 2.0])
+def test_open_loop_step_of_any_block(block):
+    record = pidalab.open_loop_step(block, T)
+    same = pidalab.open_loop_step(Loop(block, 0.0).process, T)
+    assert np.array_equal(record.y, same.y)
+    assert record.final == same.final

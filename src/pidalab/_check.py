@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+NO_NUMBERS = (str, bytes, bool, np.bool_, np.datetime64, np.timedelta64)  # though float() takes some of them
+
 LARGEST = 1e150  # size whose square is still a number
 HIGHEST = 400  # order of a lag, a filter or an expansion: beyond it polynomials leave double precision
 
@@ -18,7 +20,7 @@ HIGHEST = 400  # order of a lag, a filter or an expansion: beyond it polynomials
 def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf) -> float:
     """Return `value` as a finite float above (or at least) a bound, or raise naming the argument."""
     try:
-        if isinstance(value, (str, bytes, bool, np.bool_)):
+        if isinstance(value, NO_NUMBERS):
             raise TypeError
         number = float(value)
     except (TypeError, ValueError):
@@ -63,8 +65,21 @@ def carrier(value: Any, kind: type) -> str:
     return ""
 
 
+def _require_plain(name: str, value: Any, what: str) -> None:
+    """Raise for an array that becomes other numbers as a plain one: its unit of time or its mask would be lost."""
+    kind = getattr(value, "dtype", None)
+    if isinstance(kind, np.dtype) and kind.kind in "mM":
+        raise TypeError(
+            f"{name} must be {what}, found {kind}, whose unit would be lost; for seconds divide the time since the "
+            "first one by np.timedelta64(1, 's')"
+        )
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise ValueError(f"{name} must be {what}, found masked values; fill them first, or leave them out")
+
+
 def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
     """Return a copy as an array of any shape; text and other kinds of data are not taken for numbers."""
+    _require_plain(name, value, what)
     try:
         array = np.array(value)
         if array.dtype.kind in others:
@@ -78,7 +93,7 @@ def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> 
 
 def _real_array(name: str, value: ArrayLike) -> Array:
     """Return a copy as a float array of any shape; nothing imaginary is dropped."""
-    return _copied(name, value, float, "cUSO", "an array of real numbers")
+    return _copied(name, value, float, "cUSOmM", "an array of real numbers")
 
 
 def array(name: str, value: ArrayLike) -> Array:
@@ -99,7 +114,7 @@ def _finite(name: str, found: Array) -> Array:
 
 def complex_array(name: str, value: ArrayLike) -> Any:
     """Return `value` as finite complex numbers of any shape; text is not taken for numbers."""
-    array = _copied(name, value, complex, "USO", "complex numbers")
+    array = _copied(name, value, complex, "USOmM", "complex numbers")
     finite = np.isfinite(array)
     if not finite.all():
         raise ValueError(f"{name} must be finite, found {array[~finite].flat[0]}")
@@ -190,8 +205,8 @@ def squarable(name: str, array: Array) -> None:
 
 def pair(name: str, what: str, value: Any) -> tuple[float, float]:
     """Return two numbers as floats, or raise naming the argument and what they are."""
-    try:
-        first, second = (float(x) for x in value)
+    try:  # a float may be infinite, or not a number
+        first, second = (float(x) if isinstance(x, (float, np.floating)) else real(name, x) for x in value)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be two numbers, {what}, found {value!r}") from None
     return first, second

@@ -213,16 +213,22 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
     elif of_control(system):
         import control
 
-        if isinstance(system, control.StateSpace):
-            system = control.ss2tf(system)
         if system.ninputs != 1 or system.noutputs != 1:
             raise ValueError(
                 f"{name} must have one input and one output, found {system.ninputs} and {system.noutputs}"
             )
         if system.isdtime(strict=True):
             raise ValueError(f"{name} must be continuous in time, found sample time {system.dt}")
-        num, den = system.num[0][0], system.den[0][0]
-    elif isinstance(system, (int, float, np.floating, np.integer)):
+        if not isinstance(system, control.StateSpace):
+            num, den = system.num[0][0], system.den[0][0]
+        elif system.nstates:
+            from pidalab.statespace import fraction
+
+            A, b, c, d = (_check.array(f"{name}.{part}", getattr(system, part)) for part in "ABCD")
+            num, den = fraction(A, b[:, 0], c[0], float(d[0, 0]))
+        else:
+            num, den = system.D[0], [1.0]
+    elif isinstance(system, (int, float, np.floating, np.integer)) and not isinstance(system, bool):
         num, den = [system], [1.0]
     else:
         raise TypeError(

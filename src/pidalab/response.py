@@ -74,6 +74,8 @@ class Response:
         own["t"] = _check.uniform_time("t", self.t)
         for name in ("r", "d", "n", "y", "u", "held"):
             own[name] = _check.signal(name, own[name], self.t.size)
+        if self.final is not None:
+            own["final"] = _check.real("final", self.final)
         if self.area is None:
             steps = 0.5 * self.step * (self.y[1:] + self.y[:-1])
             own["area"] = np.concatenate([[0.0], np.cumsum(steps)])

@@ -263,7 +263,7 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
     Parameters
     ----------
     process : Process
-        The process.
+        The process; a controller, a number or a system of python-control serves as well.
     t : array_like, shape (n,)
         Uniform times that start at 0.
 
@@ -279,7 +279,8 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
     >>> r.y.round(4).tolist()
     [0.0, 0.0, 0.7869, 1.2642]
     """
-    record = simulate(Loop(process, 0.0), t, load=1.0)
-    stable = np.all(roots(process.den).real < 0)
-    final = float(process.num[-1] / process.den[-1]) if stable else None
+    loop = Loop(process, 0.0)
+    record = simulate(loop, t, load=1.0)
+    stable = np.all(roots(loop.process.den).real < 0)
+    final = loop.process.gain() if stable else None
     return replace(record, u=record.d, d=np.zeros_like(record.d), final=final)
