@@ -92,6 +92,7 @@ def test_units_and_sign():
         (lambda: migo.tune(pidalab.Process([1.0], [1.0, -1.0], 0.1)), "stable"),
         (lambda: migo.tune(pidalab.lags(3), "PIDA"), "kind must be 'PI' or 'PID', found 'PIDA'"),
         (lambda: migo.tune(pidalab.lags(3), m=1.0), "m must be above 1"),
+        (lambda: migo.tune(pidalab.Process([1.0], [1.0, 0.1, 1.0], 0.5)), "n must be larger .* found 10"),
     ],
 )
 def test_it_refuses(call, message):

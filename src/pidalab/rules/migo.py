@@ -98,7 +98,8 @@ def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> De
     Raises
     ------
     ValueError
-        For a model that is unstable or never turns by half a turn, and where no loop touches the circle as it should.
+        For a model that is unstable or never turns by half a turn, and where no loop touches the circle as it should, or
+        the derivative filter makes it unstable.
 
     Examples
     --------
@@ -126,6 +127,11 @@ def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> De
         times = kp / ki, kd / kp if kind == "PID" else 0.0
         if kp > 0 and is_stable(Loop(upright, PIDA(kp, *times, 0.0, IDEAL))):
             controller = PIDA(sign * kp, *times, 0.0, n)
+            if not is_stable(Loop(model, controller)):
+                raise ValueError(
+                    f"n must be larger for this model, found {n:g}: with a derivative filter as slow as that, of which "
+                    "the rule knows nothing, the loop is unstable"
+                )
             source = "Åström and Hägglund (2004), MIGO"
             return Design(model, controller, source=source, info={"m": m, "touch": touch})
     raise ValueError(
