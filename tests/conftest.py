@@ -31,6 +31,7 @@ LONG = (
     "tests/lab/",
     "tests/plant/fitting/",
     "tests/plant/code/test_w",
+    "tests/digital/test_total.py",
     "tests/simulation/test_portrait.py",
     "tests/comparison/",
     "tests/fuzz/",

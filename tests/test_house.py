@@ -2,7 +2,6 @@
 
 import ast
 import json
-import os
 import re
 import subprocess
 import sys
@@ -10,7 +9,9 @@ from collections import defaultdict
 from functools import cache
 from graphlib import TopologicalSorter
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -266,19 +267,20 @@ def test_helpers_have_names_of_their_own():
     assert sorted(names) == sorted({*names})
 
 
-def test_a_draw_leaves_out_long_tests_alone():
-    """And says so at the end; of what is named as long, each is there."""
-    chapter, long, short = "book/huba2018.ipynb", "tests/fuzz/test_hostile.py", "tests/test_algebra.py"
-    drawn = {"DRAW": "1000000", "DRAW_SEED": "1"}
-    run = subprocess.run(
-        [sys.executable, "-m", "pytest", "--nbval", "--collect-only", "-q", chapter, long, short],
-        cwd=ROOT,
-        env=os.environ | drawn,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert [name in run.stdout for name in (chapter, short, long)] == [True, True, False]
-    assert "DRAW=1000000 DRAW_SEED=1 repeats it, DRAW=1 runs all" in run.stdout
-    named = re.search(r"LONG = \(([^)]*)\)", (TESTS / "conftest.py").read_text(encoding="utf-8"))[1]
-    assert all(next(ROOT.glob(f"{start}*"), None) for start in re.findall(r'"([^"]+)"', named))
+def test_a_draw_leaves_out_long_tests_alone(monkeypatch):
+    """What is named as long is there; chapters and short tests always run, and all of a notebook or nothing."""
+    spec = spec_from_file_location("the_conftest", TESTS / "conftest.py")
+    conftest = module_from_spec(spec)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    spec.loader.exec_module(conftest)
+    monkeypatch.setattr(conftest, "DRAW", 10)
+
+    def share(path, tests=1000):
+        return sum(conftest.drawn(SimpleNamespace(nodeid=f"{path}::test_{k}")) for k in range(tests)) / tests
+
+    assert [share("tests/test_algebra.py"), share("book/huba2018.ipynb")] == [1.0, 1.0]
+    assert 0.05 < share("tests/fuzz/test_hostile.py") < 0.15
+    cells = {conftest.drawn(SimpleNamespace(nodeid=f"book/audit/heo2023.ipynb::Cell {k}")) for k in range(40)}
+    assert len(cells) == 1
+    assert all(next(ROOT.glob(f"{start}*"), None) for start in conftest.LONG)
+    assert "DRAW=1 runs all" in conftest.pytest_report_header()
