@@ -98,8 +98,8 @@ def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> De
     Raises
     ------
     ValueError
-        For a model that is unstable or never turns by half a turn, and where no loop touches the circle as it should, or
-        the derivative filter makes it unstable.
+        For a model that is unstable or never turns by half a turn, where no loop touches the circle as it should, and
+        where the derivative filter makes the loop unstable.
 
     Examples
     --------
