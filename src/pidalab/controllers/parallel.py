@@ -156,8 +156,6 @@ class PIDA(Controller):
         from pidalab.plant.vendor import firmware_gains
 
         gains, usual = firmware_gains(firmware, p, i, d, full_output, time_unit)
-        if min(i * p, d * p) < 0:
-            raise ValueError(f"p, i and d must have one sign, found {p:g}, {i:g} and {d:g}")
         kp, ti, td, _ = gains.standard()
         behind = usual if lag is None else _check.real("lag", lag, above=0.0)
         return cls(kp, ti, td, n=td / behind) if td else cls(kp, ti)

@@ -209,13 +209,8 @@ def equal_lags(output_filter: Any) -> tuple[float, int]:
     order = den.size - 1
     time = float(den[-2] / den[-1]) / order if order and den[-1] else 0.0
     lags = binomial(time, order) * den[-1]
-    wrong = time < 0 or (order and time == 0)
-    if (
-        wrong
-        or num.size > 1
-        or not np.allclose(lags, den, rtol=1e-9, atol=0.0)
-        or abs(num[0] / den[-1] - 1) > 1e-9
-    ):
+    equal = num.size == 1 and (time > 0 or not order) and np.allclose(lags, den, rtol=1e-9, atol=0.0)
+    if not equal or abs(num[0] / den[-1] - 1) > 1e-9:
         raise ValueError(
             "output_filter must be equal lags of gain 1, 1/(T s + 1)^n, to become a part of a digital controller, "
             f"found [{', '.join(f'{c:.6g}' for c in num)}] / [{', '.join(f'{c:.6g}' for c in den)}]"

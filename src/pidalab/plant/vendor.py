@@ -156,7 +156,7 @@ def firmware_gains(
     Raises
     ------
     ValueError
-        For an unknown firmware or unit.
+        For an unknown firmware or unit, and numbers of different signs.
 
     Examples
     --------
@@ -166,7 +166,9 @@ def firmware_gains(
     (8.0, 0.4, 40.0, 1.0)
     """
     one, unit, full = _firmware(firmware, full_output, time_unit)
-    numbers = (_check.real(name, number) for name, number in zip("pid", (p, i, d), strict=True))
+    numbers = [_check.real(name, number) for name, number in zip("pid", (p, i, d), strict=True)]
+    if min(i * p, d * p) < 0:
+        raise ValueError(f"p, i and d must have one sign, found {p:g}, {i:g} and {d:g}")
     kp, ki, kd = (number * full / scale for number, scale in zip(numbers, one[:3], strict=True))
     return IdealGains(ki * unit, kp, kd / unit, 0.0), one.lag / unit
 
