@@ -88,8 +88,9 @@ def drawn(item):
 def pytest_collection_modifyitems(config, items):
     """Long files first: one that starts last keeps one processor busy and the others waiting."""
     if DRAW > 1:
-        config.hook.pytest_deselected(items=[item for item in items if not drawn(item)])
-        items[:] = [item for item in items if drawn(item)]
+        run = {item for item in items if drawn(item)}
+        config.hook.pytest_deselected(items=[item for item in items if item not in run])
+        items[:] = [item for item in items if item in run]
     items.sort(key=lambda item: (place(item), not item.nodeid.startswith("book/")))
 
 

@@ -151,9 +151,8 @@ def arm_python(folder: Path) -> Path:
     target = ["--python-platform", "aarch64-manylinux_2_28", "--python-version", version, "--target", site]
     lock = ["--require-hashes", "-r", ROOT / "requirements-dev.txt"]
     subprocess.run([UV, "pip", "install", "--quiet", *target, *lock], check=True)
-    (about,) = Path(sysconfig.get_path("purelib")).glob(
-        "pidalab-*.dist-info"
-    )  # the version; what runs is the source
+    # our version; what runs is the source
+    (about,) = Path(sysconfig.get_path("purelib")).glob("pidalab-*.dist-info")
     shutil.copytree(about, site / about.name)
     command = folder / "python"
     command.write_text(
