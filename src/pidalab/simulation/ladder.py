@@ -22,6 +22,8 @@ left. It does not see what is left out here, as other units leave out the same.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pidalab._check import Array
@@ -93,8 +95,8 @@ def norm_over(cut: Cut, n: int, step: float) -> float:
             through = through + power @ through
             power = power @ power
             ages *= 2
-        bound = float(np.max(np.sum(np.abs(cut.A) + np.abs(cut.B) @ through, axis=0), initial=0.0))
-    return bound if np.isfinite(bound) else np.inf
+        bound = float((np.abs(cut.A) + np.abs(cut.B) @ through).sum(axis=0).max(initial=0.0))
+    return bound if math.isfinite(bound) else math.inf
 
 
 def _too_many(intervals: float) -> str:

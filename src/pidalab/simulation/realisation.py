@@ -71,35 +71,38 @@ class _Blocks(NamedTuple):
 INPUT, ERROR, RUSH = range(3)
 
 
-class Signal(NamedTuple):
-    """A signal of the cut loop: row x + direct W, with the signals W that come out of the dead time."""
-
-    row: Array
-    direct: Array  # (channels,)
-
-
 class _States:
-    """States of the cut loop, block by block."""
+    """States x of the cut loop, block by block: x' = A x + B W, with the signals W that come out of the dead time.
+
+    A signal of the loop is what it reads of x and W: an array of that length.
+    """
 
     def __init__(self, size: int, inputs: int, channels: int) -> None:
-        self.A, self.B, self.x0 = np.zeros((size, size)), np.zeros((size, channels)), np.zeros((size, inputs))
-        self.x0[:inputs] = np.eye(inputs)  # the constants behind the step inputs
+        self.size, self.moves = size, np.zeros((size, size + channels))
+        self.A, self.B = self.moves[:, :size], self.moves[:, size:]
+        self.x0 = np.eye(size, inputs)  # of the constants behind the step inputs
         self.used = inputs
 
-    def append_series(self, block: StateSpace | Part, source: Signal, direct: float = 0.0) -> Signal:
+    def signal(self, at: int = -1) -> Array:
+        """Return the signal that is one of x and W, or the signal 0."""
+        row = np.zeros(self.moves.shape[1])
+        if at >= 0:
+            row[at] = 1.0
+        return row
+
+    def append_series(self, block: StateSpace | Part, source: Array, direct: float = 0.0) -> Array:
         """Append a block that is driven by a signal, and return its output."""
         if not block.b.size:
-            return source if direct == 1.0 else Signal(direct * source.row, direct * source.direct)
+            return source if direct == 1.0 else direct * source
         own = slice(self.used, self.used + block.b.size)
-        self.A[own] = block.b[:, None] * source.row
-        self.A[own, own] = block.A
-        self.B[own] = block.b[:, None] * source.direct
+        self.moves[own] = block.b[:, None] * source
+        self.moves[own, own] = block.A
         self.used = own.stop
-        row = direct * source.row
+        row = direct * source
         row[own] = block.c
-        return Signal(row, direct * source.direct)
+        return row
 
-    def append_decoupled(self, part: Part, source: Signal, driving: int) -> tuple[slice, Array]:
+    def append_decoupled(self, part: Part, source: Array, driving: int) -> tuple[slice, Array]:
         """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row.
 
         The states x are the first `driving` ones, which drive the part. Returns the places of the distances, and X:
@@ -113,10 +116,10 @@ class _States:
             sylvester[i, :, i, :] = part.A
         for i in range(n):
             sylvester[:, i, :, i] -= self.A[x, x].T
-        target = -np.outer(source.row[x], part.b)
+        target = -np.outer(source[x], part.b)
         X: Any = np.linalg.solve(sylvester.reshape(target.size, -1), target.ravel()).reshape(target.shape).T
         self.A[own, own] = part.A
-        self.B[own] = part.b[:, None] * source.direct - X @ self.B[x]
+        self.B[own] = part.b[:, None] * source[self.size :] - X @ self.B[x]
         self.x0[own] = -X @ self.x0[x]
         self.used = own.stop
         return own, X
@@ -159,40 +162,44 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
     parts, direct = parallel(*control)
-    fastest = max(float(np.max(np.abs(_poles(loop, name)), initial=0.0)) for name in ("process", "prefilter"))
+    driving_poles = _poles(loop, "prefilter").tolist() + _poles(loop, "process").tolist()
+    fastest = max(map(abs, driving_poles), default=0.0)
     loud, beside = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
     slow, apart = len(parts), False
     if loud < LOUD * beside:
-        slow = sum(abs(part.poles[0]) <= STIFF * fastest for part in parts)
+        speeds = [abs(part.poles[0]) for part in parts]
+        slow = sum(speed <= STIFF * fastest for speed in speeds)
         apart = slow < len(parts) and _sends_little(loop, parts[slow:], direct, fastest)
         if not apart:
-            slow = sum(abs(part.poles[0]) <= FASTER * fastest for part in parts)
+            slow = sum(speed <= FASTER * fastest for speed in speeds)
     fast = parts[slow:]
     size = len(inputs) + process.b.size + 1 + prefilter.b.size + sum(part.b.size for part in parts)
     channels = 3 if apart else 1
     states = _States(size, len(inputs), channels)
-    r, d, n = np.zeros((3, size))
-    for i, key in enumerate(inputs):
-        {"r": r, "d": d, "n": n}[key][i] = 1.0
+    r, d, n = (inputs.find(key) for key in "rdn")
 
-    y = states.append_series(process, Signal(np.zeros(size), np.eye(1, channels)[0]), process.d)
+    y = states.append_series(process, states.signal(size + INPUT), process.d)
     rest: tuple[Any, Any] = (
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
         # what the fast part does to the process in the long run: that part, evaluated at the matrix of the process
         states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *rest)
-        y.direct[RUSH] = 1.0
+        y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
-    filtered = states.append_series(prefilter, Signal(r, np.zeros(channels)), prefilter.d)
-    error, driving = Signal(filtered.row - y.row - n, -y.direct), states.used
-    u_row = np.zeros(size) if fast else direct * error.row
+    filtered = states.append_series(prefilter, states.signal(r), prefilter.d)
+    error, driving = filtered - y - states.signal(n), states.used
+    u = direct * error
+    if fast:  # what it makes of the error at once is read off the slow states, below
+        u[:size] = 0.0
     for part in parts[:slow]:
-        u_row = u_row + states.append_series(part, error).row
-    u_slow, rush, slow_states = u_row, np.zeros(size), states.used
+        u += states.append_series(part, error)
+    v, slow_states = u + states.signal(d), states.used
+    rows, A, B = np.array([y, area, u]), states.A, states.B
+    Cv, D, settled, settling = v[None, :size], v[None, size:], np.zeros((0, size)), np.inf
     if fast:
-        u_row = u_slow.copy()
-        u_row[:driving] += times_function(error.row[:driving], states.A[:driving, :driving], *rest)
+        u_row, rush = rows[2, :size], np.zeros(size)
+        u_row[:driving] += times_function(error[:driving], A[:driving, :driving], *rest)
         num, poles = loop.blocks["process"][0] / loop.blocks["process"][1][0], _poles(loop, "process")
         for part in fast:
             place, X = states.append_decoupled(part, error, driving)
@@ -200,31 +207,25 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
             if apart:
                 rush[place] = times_function(part.c, part.A, num, poles)
                 rush[:driving] += rush[place] @ X
-
-    A, B, C = states.A, states.B, np.stack([y.row, area.row, u_row])
-    shares = np.stack([y.direct, area.direct, direct * error.direct])
-    Cv, D, settled, settling = (u_row + d)[None], shares[2:], np.zeros((0, size)), np.inf
+        Cv = (u_row + states.signal(d)[:size])[None]
     if apart:
-        Cv, D = np.stack([u_slow + d, error.row, rush]), np.zeros((channels, channels))
-        D[ERROR] = error.direct
+        Cv, D = np.stack([v[:size], error[:size], rush]), np.zeros((channels, channels))
+        D[ERROR] = error[size:]
         own = slice(slow_states)
         settled = np.zeros((AGES if loop.delay else 1, size))
         settled[:, own] = times_ring_function(
-            error.row[own],
-            error.direct,
-            (A[own, own], B[own], Cv[:, own], D),
-            *rest,
-            bool(loop.delay),
+            error[own], error[size:], (A[own, own], B[own], Cv[:, own], D), *rest, bool(loop.delay)
         )
-        settled[0] += u_slow
+        settled[0] += u[:size]
         settling = FADED_AWAY / float(np.min(np.abs(fast[0].poles)))
+    C, direct_C = rows[:, :size], rows[:, size:]
     if not loop.delay:  # close the loop at once: W = Cv x + D W
         W = np.linalg.solve(np.eye(channels) - D, Cv)
-        A, C = A + B @ W, C + shares @ W
-        B, Cv, D, shares = np.zeros_like(B), np.zeros_like(Cv), np.zeros_like(D), np.zeros_like(shares)
-    if not all(np.isfinite(x).all() for x in (A, B, C)):
+        A, C = A + B @ W, C + direct_C @ W
+        B, Cv, D, direct_C = (np.zeros_like(x) for x in (B, Cv, D, direct_C))
+    if not (np.isfinite(A).all() and np.isfinite(B).all() and np.isfinite(C).all()):
         raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
-    return _balanced(Cut(A, B, Cv, D, C, shares, states.x0, loop.delay, settled, settling))
+    return _balanced(Cut(A, B, Cv, D, C, direct_C, states.x0, loop.delay, settled, settling))
 
 
 def _balanced(cut: Cut) -> Cut:
@@ -240,7 +241,7 @@ def _balanced(cut: Cut) -> Cut:
         Cv * scale,
         D,
         C * scale,
-        direct,
+        np.ascontiguousarray(direct),
         x0 / scale[:, None],
         delay,
         settled * scale,
