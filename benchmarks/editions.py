@@ -89,8 +89,9 @@ def tasks(one: Timed) -> dict[str, Task]:
         t = np.linspace(0.0, one.end, points)
         found[f"step, {points:,} points"] = lambda t=t: pidalab.step_response(loop, t)
         found[f"step, {points:,} points, new Loop"] = lambda t=t: pidalab.step_response(_again(loop), t)
-    found["margins"] = lambda: pidalab.margins(loop)
-    found["Ms"] = lambda: pidalab.max_sensitivity(loop)
+    for name, measure in (("margins", pidalab.margins), ("Ms", pidalab.max_sensitivity)):
+        found[name] = lambda measure=measure: measure(loop)
+        found[f"{name}, new Loop"] = lambda measure=measure: measure(_again(loop))
     return found
 
 

@@ -79,6 +79,8 @@ def _require_plain(name: str, value: Any, what: str) -> None:
 
 def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
     """Return a copy as an array of any shape; text and other kinds of data are not taken for numbers."""
+    if type(value) is np.ndarray and value.dtype == kind:
+        return value.copy()
     _require_plain(name, value, what)
     try:
         array = np.array(value)
@@ -166,13 +168,15 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
     grid = step * np.arange(t.size)
-    off = np.abs(t - grid) > 1e-6 * (step + grid)  # the second part: times stored in single precision
-    if off.any():
-        i = int(np.flatnonzero(off)[0])
-        raise ValueError(
-            f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of {step * i:.12g}; "
-            "resample first, for instance with np.interp"
-        )
+    off = np.abs(t - grid)
+    if off.max() > 1e-6 * step:  # times stored in single precision are off by a share of themselves
+        far = np.flatnonzero(off > 1e-6 * (step + grid))
+        if far.size:
+            i = int(far[0])
+            raise ValueError(
+                f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of "
+                f"{step * i:.12g}; resample first, for instance with np.interp"
+            )
     return t
 
 

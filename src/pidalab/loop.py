@@ -110,9 +110,9 @@ class Loop:
             "output_filter": _filter("output_filter", output_filter),
             "prefilter": _filter("prefilter", prefilter),
         }
-        poles = roots(blocks["prefilter"][1])
-        if (poles.real >= 0).any():
-            raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
+        rightmost = max(roots(blocks["prefilter"][1]).tolist(), key=lambda pole: pole.real, default=-1.0)
+        if rightmost.real >= 0:
+            raise ValueError(f"prefilter must be stable, found a pole at {rightmost:.4g}")
         num, den = (np.ones(1), np.ones(1)) if digital else _in_series(*(blocks[name] for name in BLOCKS[:3]))
         for array in (num, den, *(part for fraction in blocks.values() for part in fraction)):
             array.setflags(write=False)

@@ -190,9 +190,9 @@ def quotient(num: Any, den: Any) -> Any:
 
 def static_gain(num: _check.Array, den: _check.Array) -> float:
     """Return the limit of num/den for s falling to 0, infinite with its sign for integrators."""
-    if not np.any(num):
+    if not num.any():
         return 0.0
-    zeros, poles = (int(np.flatnonzero(p[::-1])[0]) for p in (num, den))
+    zeros, poles = (next(i for i, x in enumerate(p[::-1].tolist()) if x) for p in (num, den))
     ratio = float(num[-1 - zeros] / den[-1 - poles])
     return 0.0 if zeros > poles else math.copysign(math.inf, ratio) if poles > zeros else ratio
 

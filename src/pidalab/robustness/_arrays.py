@@ -56,12 +56,11 @@ def too_many(turn: float, points: float = MOST_POINTS) -> TooManyTurns:
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
     """Every decade in which something happens, four more on both sides up to the end, and what is narrower."""
-    speeds = np.abs(roots)
-    speeds = np.append(speeds[speeds > 0], [1 / delay] if delay else [])
-    low, high = (float(speeds.min()), float(speeds.max())) if speeds.size else (1.0, 1.0)
+    speeds = [speed for speed in np.abs(roots).tolist() if speed > 0] + ([1 / delay] if delay else [])
+    low, high = min(speeds, default=1.0), max(speeds, default=1.0)
     low, high = 1e-4 * min(low, end), min(1e4 * high, end)
     count = int(PER_DECADE * math.log10(high / low)) + 1
-    w = np.exp(np.linspace(math.log(low), math.log(high), count))
+    w = np.exp(np.arange(count) * ((math.log(high) - math.log(low)) / (count - 1)) + math.log(low))
     w[0], w[-1] = low, high
     light = roots[(roots.imag > 0) & (np.abs(roots.real) < 0.2 * np.abs(roots))]
     if not light.size:

@@ -36,12 +36,11 @@ def _height(kind, num, den):
 
 
 @compiled
-def _bound(kind, n0, d0, f0, n1, d1, f1):
-    """What a height does not exceed between two points: infinite where |L| may be 1.
+def _bound(kind, a, f0, b, f1):
+    """What a height does not exceed between two points, from |L| and the weight there: infinite where |L| may be 1.
 
     There |1 + L| is at least the distance of |L| from 1, whatever the dead time turns.
     """
-    a, b = abs(n0) / abs(d0), abs(n1) / abs(d1)
     if kind == COMPLEMENTARY:
         f0, f1 = f0 * a, f1 * b
     elif kind != SENSITIVITY:
@@ -131,9 +130,10 @@ def highest(kind, w, num, den, probes, least, weight, of):
         peak, at = _summit(kind, where - FINE_STEP / delay, where, where + FINE_STEP / delay, weight, of)
         if peak > best:
             best, where = peak, at
-    value, factor = np.empty(size), np.empty(size)
+    value, factor, level = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
         factor[i] = _weigh(w[i], weight)
+        level[i] = abs(num[i]) / abs(den[i]) if delay > 0.0 else 0.0
         value[i] = factor[i] * _height(kind, num[i], den[i])
         if value[i] > best:
             best, where = value[i], w[i]
@@ -146,21 +146,21 @@ def highest(kind, w, num, den, probes, least, weight, of):
         if i > 0:
             turned = (w[i] - w[i - 1]) * delay / FINE_STEP
             if turned > PIECE:
-                bound = _bound(kind, num[i - 1], den[i - 1], factor[i - 1], num[i], den[i], factor[i])
+                bound = _bound(kind, level[i - 1], factor[i - 1], level[i], factor[i])
                 pieces = int(np.ceil(turned / PIECE)) if bound > best else 1
-        w_before, f_before, num_before, den_before = w1, 1.0 if i == 0 else factor[i - 1], num1, den1
+        w_before, f_before, level_before = w1, 1.0 if i == 0 else factor[i - 1], level[max(i - 1, 0)]
         for j in range(1, pieces + 1):
-            stop, f, n_stop, d_stop, h_stop = w[i], factor[i], num[i], den[i], value[i]
+            stop, f, n_stop, d_stop, h_stop, level_stop = w[i], factor[i], num[i], den[i], value[i], level[i]
             if j < pieces:
                 stop = w[i - 1] + j * ((w[i] - w[i - 1]) / pieces)
                 n_stop, d_stop = fraction(complex(0.0, stop), of)
-                f = _weigh(stop, weight)
+                f, level_stop = _weigh(stop, weight), abs(n_stop) / abs(d_stop)
                 h_stop = f * _height(kind, n_stop, d_stop)
                 if h_stop > best:
                     best, where = h_stop, stop
             parts = 1
             if turned > pieces:
-                bound = _bound(kind, num_before, den_before, f_before, n_stop, d_stop, f)
+                bound = _bound(kind, level_before, f_before, level_stop, f)
                 if not bound <= best * (1.0 + NO_HIGHER):
                     parts = int(np.ceil(turned / pieces))
             points += parts
@@ -183,5 +183,5 @@ def highest(kind, w, num, den, probes, least, weight, of):
                 w0, h0, num0, den0 = w1, h1, num1, den1
                 w1, h1, num1, den1 = here, h, n, d
                 passed += 1
-            w_before, f_before, num_before, den_before = stop, f, n_stop, d_stop
+            w_before, f_before, level_before = stop, f, level_stop
     return best, where

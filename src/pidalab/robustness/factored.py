@@ -81,8 +81,8 @@ class FactoredExplorer(Explorer):
     @cached_property
     def _probes(self) -> Array:
         """Frequencies of one turn around gain crossovers where the dead time turns quickly: L comes near -1 there."""
-        quick = int(np.searchsorted(self.grid, QUICK / self.delay)) if self.delay else self.grid.size
-        if not np.any(np.abs(self.on_grid.num[quick:]) >= np.abs(self.on_grid.den[quick:])):
+        quick = self.grid.searchsorted(QUICK / self.delay) if self.delay else self.grid.size
+        if not (np.abs(self.on_grid.num[quick:]) >= np.abs(self.on_grid.den[quick:])).any():
             return np.zeros(0)
         edges = self.gain_crossovers
         edges = edges[edges > QUICK / self.delay][-MOST_PROBED:]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -52,9 +53,8 @@ def factors_of(loop: Loop, *names: str) -> LoopFactors:
 def together(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopFactors:
     """Put the factors of a loop together, with a speed for each pole: its own, or the slowest where that is 0."""
     speeds = np.abs(poles)
-    moving = speeds[speeds > 0]
-    own = float(moving.min()) if moving.size else 1 / delay if delay else 1.0
-    speeds = np.where(speeds > 0, speeds, own)
+    moving = [speed for speed in speeds.tolist() if speed > 0]
+    speeds[speeds == 0] = min(moving) if moving else 1 / delay if delay else 1.0
     return LoopFactors(gain, zeros.astype(complex), poles.astype(complex), speeds, delay)
 
 
@@ -64,8 +64,9 @@ def explore(loop: Loop) -> Explorer:
     return explore_in_s(loop) if loop.digital is None else _in_z(loop, loop.digital)
 
 
+@lru_cache(maxsize=64)
 def explore_in_s(loop: Loop) -> FactoredExplorer:
-    """Look at a continuous loop along the frequency axis, with its factors."""
+    """Look at a continuous loop along the frequency axis, with its factors; once, since it does not change."""
     require_well_posed(loop)
     return from_factors(factors(loop), static_gain(*open_loop(loop)))
 
@@ -92,7 +93,8 @@ def from_factors(of: LoopFactors, at_zero: float = math.nan) -> FactoredExplorer
 
 def _towards_far_crossovers(of: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
     """Return more of the grid at both ends, up to where |L|, a power of the frequency there, has crossed 1."""
-    at_zero, at_infinity = int(np.sum(of.poles == 0) - np.sum(of.zeros == 0)), of.poles.size - of.zeros.size
+    at_zero = of.poles.tolist().count(0) - of.zeros.tolist().count(0)
+    at_infinity = of.poles.size - of.zeros.size
     parts = []
     for side, k, power in ((-1, 0, at_zero), (1, -1, at_infinity)):
         end, part, size = float(w[k]), np.zeros(0), abs(complex(num[k])) / (abs(complex(den[k])) or math.nan)
