@@ -206,10 +206,11 @@ def test_bad_parameters_name_the_argument(kind):
             kind(**(GOOD[kind] | {name: value}))
 
 
-@pytest.mark.parametrize("value", ["2", "two", None, [1.0, 2.0]], ids=repr)
-def test_a_gain_that_is_no_number(value):
-    with pytest.raises(TypeError, match="kp must be a real number, found"):
-        pidalab.PIDA(value, 1.0, 0.0, 0.0).transfer_function()
+@pytest.mark.parametrize("name", ["kp", "ti"])
+@pytest.mark.parametrize("value", ["2", "two", None, [1.0, 2.0], [[1.0, 2.0], [3.0]]], ids=repr)
+def test_a_parameter_that_is_no_number(name, value):
+    with pytest.raises(TypeError, match=f"{name} must be a real number, found"):
+        pidalab.PIDA(**(GOOD[pidalab.PIDA] | {name: value}))
 
 
 @pytest.mark.parametrize("value", [(1.0,), ("a", "b"), 1.0, None], ids=repr)

@@ -104,7 +104,7 @@ class PIDA(Controller):
 
     def __post_init__(self) -> None:
         coerce_floats(self, ("kp",))
-        endless = np.ndim(self.ti) == 0 and self.ti == math.inf
+        endless = isinstance(self.ti, (float, np.floating)) and self.ti == math.inf
         coerce_floats(self, ("n", "m") if endless else ("ti", "n", "m"), above=0.0)
         coerce_floats(self, ("td", "ta"), at_least=0.0)
         if self.kp == 0:
