@@ -194,11 +194,9 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         u[:size] = 0.0
     for part in parts[:slow]:
         u += states.append_series(part, error)
-    v, slow_states = u + states.signal(d), states.used
-    rows, A, B = np.array([y, area, u]), states.A, states.B
-    Cv, D, settled, settling = v[None, :size], v[None, size:], np.zeros((0, size)), np.inf
+    rows, A, B, slow_states = np.array([y, area, u]), states.A, states.B, states.used
     if fast:
-        u_row, rush = rows[2, :size], np.zeros(size)
+        u_row, rush = rows[2, :size], np.zeros(size)  # a view
         u_row[:driving] += times_function(error[:driving], A[:driving, :driving], *rest)
         num, poles = loop.blocks["process"][0] / loop.blocks["process"][1][0], _poles(loop, "process")
         for part in fast:
@@ -207,7 +205,9 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
             if apart:
                 rush[place] = times_function(part.c, part.A, num, poles)
                 rush[:driving] += rush[place] @ X
-        Cv = (u_row + states.signal(d)[:size])[None]
+    # what a fast part that is kept apart adds to the process input comes by its own channel
+    v = (u if apart else rows[2]) + states.signal(d)
+    Cv, D, settled, settling = v[None, :size], v[None, size:], np.zeros((0, size)), np.inf
     if apart:
         Cv, D = np.stack([v[:size], error[:size], rush]), np.zeros((channels, channels))
         D[ERROR] = error[size:]
