@@ -62,7 +62,7 @@ lint: $(DEV)  ## style and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(DEV) $(SITE)  ## time and error beside other libraries and what the lab costs, for the page on speed (13 minutes)
+bench: $(DEV) $(SITE)  ## time and error beside other libraries and what the lab costs, for the page on speed (17 minutes)
 	$(BIN)/python -m benchmarks.run
 	$(BIN)/python -m benchmarks.editions
 

@@ -8,7 +8,7 @@ white measurement noise, over all frequencies and with exact dead time.
 
 The problem is not convex. A PIDA near the PID and a true PIDA with a slower filter can both be local optima, or the
 first a shelf above the second. The search goes down and up a ladder of filter times, once more without the highest
-derivative, and from all rungs to the bottom: see `pidalab.optimal._walk`.
+derivative, and from the best rungs to the bottom: see `pidalab.optimal._walk`.
 """
 
 from pidalab.optimal._design import load

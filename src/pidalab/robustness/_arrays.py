@@ -1,8 +1,9 @@
 """Crossovers and peaks of a loop along the frequency axis, in array operations: for z, and without numba.
 
-The magnitude of L is smooth on a logarithmic grid that is denser around lightly damped roots. Its phase also turns by
-the dead time, without end. So the steps of the grid are divided further where the dead time turns the phase quickly
-*and* L, or the peak that is sought, is large enough for it to matter. What lies between two points is left to SciPy.
+The grid, logarithmic and denser around lightly damped roots, is that of all loops. The magnitude of L is smooth on it,
+but the dead time turns the phase without end. So its steps are divided further where the dead time turns the phase
+quickly *and* L, or the peak that is sought, is large enough for it to matter. What lies between two points is left to
+SciPy.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \th
 the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`; without derivative the
 circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is found as the peaks of margins are, with the turns of the dead time followed wherever they may matter: see
+The infimum is found from the grid of margins, with the turns of the dead time followed wherever they may matter: see
 `pidalab.robustness._infimum`.
 """
 

@@ -66,7 +66,7 @@ def explore(loop: Loop) -> Explorer:
 
 @lru_cache(maxsize=64)
 def explore_in_s(loop: Loop) -> FactoredExplorer:
-    """Look at a continuous loop along the frequency axis, with its factors; once, since it does not change."""
+    """Look at a continuous loop along the frequency axis, with its factors; what was seen of the last loops is kept."""
     require_well_posed(loop)
     return from_factors(factors(loop), static_gain(*open_loop(loop)))
 

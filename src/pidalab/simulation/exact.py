@@ -1,8 +1,9 @@
 r"""Exact simulation of linear loops with dead time.
 
-Cut at its dead time h, the loop is x' = A x + b w with w(t) = v(t - h): one delayed channel. Stack the state with its
-own past, (x(t), x(t - h), x(t - 2h), ...): between multiples of h this stack obeys an ordinary linear differential
-equation whose matrix is block Toeplitz, that is, a polynomial in the shift z = e^{-hs}:
+Cut at its dead time h, the loop is x' = A x + b w with w(t) = v(t - h): one delayed channel, or three beside a
+filter that is far faster than the plant, with matrices in place of b, c_v and d_v. Stack the state with its own past,
+(x(t), x(t - h), x(t - 2h), ...): between multiples of h this stack obeys an ordinary linear differential equation whose
+matrix is block Toeplitz, that is, a polynomial in the shift z = e^{-hs}:
 
 .. math:: \mathcal A(z) = A + b\,(c_v z + d_v c_v z^2 + d_v^2 c_v z^3 + \dots).
 
@@ -13,7 +14,7 @@ steps:
 1. a ladder of :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p, by squaring (kept without the 1, so that slow
    states keep their digits next to fast ones);
 2. the states at the multiples of h, one after the other;
-3. from there to the first requested time in each interval, by the binary digits of the distance;
+3. from there to the first requested time in each interval: by the ladder, and a Taylor series for the rest;
 4. all other requested times as matrix products: rows for a run of times, applied to the stacks of all intervals at
    once.
 """

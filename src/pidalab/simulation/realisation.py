@@ -106,7 +106,7 @@ class _States:
         """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row.
 
         The states x are the first `driving` ones, which drive the part. Returns the places of the distances, and X:
-        what the part does is c (X x + distance). The distance is driven by jumps alone, and dies out at once.
+        what the part does is c (X x + distance). Jumps drive the distance, and what comes out of the dead time.
         """
         x, own = slice(driving), slice(self.used, self.used + part.b.size)
         # by one large system, since a Schur form of parts as far apart as these would lose digits
