@@ -10,6 +10,8 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
+from pidalab.robustness import _summits
+from pidalab.robustness._arrays import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, height
 from pidalab.robustness.loops import explore
 
 
@@ -304,3 +306,15 @@ def test_margins_stay_as_they_were_found_and_are_themselves_alone():
         one.ms = 1.0
     assert len({one, same}) == 2
     assert one != same
+
+
+@pytest.mark.parametrize("kind", [SENSITIVITY, COMPLEMENTARY, DIFFERENCE])
+@pytest.mark.parametrize("size", [0.3, 0.8, 1.25, 1.5, 3.0])
+def test_the_bound_between_two_points_holds_for_every_phase(kind, size):
+    L = size * np.exp(1j * np.linspace(0.0, 2 * np.pi, 721))
+    bound = _summits._bound(kind, size, 1.0, size, 1.0)
+    assert np.max(height(kind, L, 1.0)) <= bound * (1 + 1e-12) < np.inf
+
+
+def test_where_the_gain_passes_1_a_peak_has_no_bound():
+    assert _summits._bound(SENSITIVITY, 0.9, 1.0, 1.2, 1.0) == np.inf
