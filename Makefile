@@ -62,9 +62,10 @@ lint: $(DEV)  ## style and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(DEV) $(SITE)  ## time and error beside other libraries and what the lab costs, for the page on speed (17 minutes)
+bench: $(DEV) $(SITE)  ## time and error beside other libraries and what the lab costs, for the pages that show them (20 minutes)
 	$(BIN)/python -m benchmarks.run
 	$(BIN)/python -m benchmarks.editions
+	$(BIN)/python tools/notebooks.py $(patsubst %,book/%.ipynb,speed/how-fast audit/huba2018 audit/huba2024-portrait)
 
 studies: $(DEV)  ## compare all rules on 134 plants, and find the frontier (stops and resumes)
 	$(BIN)/python studies/comparison.py
