@@ -167,8 +167,6 @@ def _side_by_side(parts: Sequence[Part], moves: Sequence[tuple[Array, Array]], d
 def realise(num: Array, den: Array) -> StateSpace:
     """Realise a proper rational function."""
     parts, direct = parallel((num, den))
-    if len(parts) == 1:
-        return StateSpace(*parts[0][:3], direct)
     return _side_by_side(parts, [(part.A, part.b) for part in parts], direct)
 
 

@@ -83,8 +83,8 @@ class _States:
         self.x0 = np.eye(size, inputs)  # of the constants behind the step inputs
         self.used = inputs
 
-    def signal(self, at: int = -1) -> Array:
-        """Return the signal that is one of x and W, or the signal 0."""
+    def signal(self, at: int) -> Array:
+        """Return the signal that is one of x and W, or the signal 0 where there is none, at -1."""
         row = np.zeros(self.moves.shape[1])
         if at >= 0:
             row[at] = 1.0
