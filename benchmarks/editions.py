@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pidalab
-from benchmarks.measure import case_loop, duration, oracle_cases, write
+from benchmarks.measure import again, case_loop, duration, oracle_cases, write
 
 ROOT = Path(__file__).parents[1]
 EARLIER = {"third": "5e2e483", "second": "2ef65a6"}  # editions and their last commits
@@ -78,20 +78,16 @@ def loops() -> dict[str, Timed]:
     return found
 
 
-def _again(loop: pidalab.Loop) -> pidalab.Loop:
-    return pidalab.Loop(loop.process, loop.controller, loop.output_filter, loop.prefilter)
-
-
 def tasks(one: Timed) -> dict[str, Task]:
     """Return what is timed, by its name."""
     loop, found = one.loop, {}
     for points in POINTS:
         t = np.linspace(0.0, one.end, points)
         found[f"step, {points:,} points"] = lambda t=t: pidalab.step_response(loop, t)
-        found[f"step, {points:,} points, new Loop"] = lambda t=t: pidalab.step_response(_again(loop), t)
+        found[f"step, {points:,} points, new Loop"] = lambda t=t: pidalab.step_response(again(loop), t)
     for name, measure in (("margins", pidalab.margins), ("Ms", pidalab.max_sensitivity)):
         found[name] = lambda measure=measure: measure(loop)
-        found[f"{name}, new Loop"] = lambda measure=measure: measure(_again(loop))
+        found[f"{name}, new Loop"] = lambda measure=measure: measure(again(loop))
     return found
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 import pidalab
 from benchmarks import peers
-from benchmarks.measure import case_loop, error, limit, median_time, oracle_cases
+from benchmarks.measure import again, case_loop, error, limit, median_time, oracle_cases
 from pidalab.rules import classical
 
 COLUMNS = ("quantity", "loop", "value", "method", "seconds", "ratio", "error", "note")
@@ -109,7 +109,7 @@ def margins() -> Rows:
     """Gain margin, phase margin and Ms; of python-control Ms is one over the least distance from -1."""
     for name in LOOPS:
         loop = case_loop(cases()[name])
-        tasks: dict[str, Callable[[], object]] = {"pidalab": lambda loop=loop: pidalab.margins(loop)}
+        tasks: dict[str, Callable[[], object]] = {"pidalab": lambda loop=loop: pidalab.margins(again(loop))}
         for order in (3, 10):
             chain = peers.pade_chain(loop, order)
             tasks[f"python-control, Padé {order}"] = lambda chain=chain: control.stability_margins(chain)

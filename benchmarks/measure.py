@@ -47,6 +47,11 @@ def case_loop(case: dict) -> pidalab.Loop:
     return pidalab.Loop(process, block("controller") or 1.0, block("output_filter"), block("prefilter"))
 
 
+def again(loop: pidalab.Loop) -> pidalab.Loop:
+    """Return a new loop of the same blocks, of which nothing is known yet."""
+    return pidalab.Loop(loop.process, loop.controller, loop.output_filter, loop.prefilter)
+
+
 def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
     """Return the CPU time of a run in seconds, and its result.
 
