@@ -54,6 +54,17 @@ def test_the_valley_and_not_the_shelf_near_the_pid():
     assert pida.iae == pytest.approx(response.iae(), rel=1e-6)
 
 
+@pytest.mark.parametrize("second", [1.0, 60.0])
+def test_valleys_are_the_iae_of_their_ends_in_any_unit_of_time(second):
+    """A search ends at the PIDA and at a PID in all but name, whose IAE is that of the best PID; a start at one end."""
+    process = pidalab.lags(3, lag=second, delay=second)
+    pid, pida = (pidalab.optimal.load(process, order, ms=1.4, mks=20.0) for order in (1, 2))
+    assert pida.valleys == pytest.approx((pida.iae, pid.iae), rel=0.01)
+    from_there = pidalab.optimal.load(process, 2, ms=1.4, mks=19.0, start=pida)
+    assert from_there.valleys == pytest.approx((from_there.iae,), rel=2e-3)
+    assert from_there.valleys == pytest.approx((pida.iae,), rel=0.02)
+
+
 @pytest.mark.parametrize(
     ("process", "most", "h", "gains", "filter_time"),
     [

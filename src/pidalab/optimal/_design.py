@@ -89,8 +89,8 @@ def load(
         ``mks`` as they are, ``noise_gain``, ``mt``, ``disk`` and ``ms_worst`` if they were asked for, ``active`` (the
         limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
-        shorter would be better) and ``valleys`` (what the descents from different starts ended with: the least IAE
-        first, then others up to twice of it, as the search has them, to two digits), and ``digits``: how many digits
+        shorter would be better) and ``valleys`` (the IAE at which descents from different starts ended: the least
+        first, then others up to twice of it, to two digits; with `start` there is one descent), and ``digits``: how many digits
         of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
 
     Raises
@@ -194,7 +194,7 @@ def _best(
                 known: Any = near.controller
                 gains = sign_of_gain(process) * np.array(known.coefficients)
                 end = finish(one, one.problem.unknowns(gains, known.filter_time))
-                found = None if end is None else SearchResult(end, near.valleys)
+                found = None if end is None else SearchResult(end, (end.value,))
             else:
                 starts = start(one)
                 found = search(one, starts, bar) if starts else None
