@@ -24,9 +24,9 @@ from own_units import DATA, load_iae, written
 from tqdm import tqdm
 
 import pidalab
-from pidalab import HighOrderPID, Process
+from pidalab import HighOrderPID, NoiseScale, Process, noise_scale
 from pidalab.comparison import at_equal_terms
-from pidalab.comparison.benchmarking import TABLES, Units, ultimate_units
+from pidalab.comparison.benchmarking import TABLES
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
 from pidalab.rules import Design
@@ -88,7 +88,7 @@ def fitted(
 
 
 def controller(
-    constants: dict[str, np.ndarray], plant: dict[str, str], noise: float, own: Units
+    constants: dict[str, np.ndarray], plant: dict[str, str], noise: float, own: NoiseScale
 ) -> HighOrderPID:
     """The rule."""
     x = np.array(features(plant, noise))
@@ -99,7 +99,7 @@ def controller(
 
 def judged(process: Process, made: HighOrderPID, noise: float, best: float) -> dict[str, Any]:
     """The rule on one plant, as it comes and at equal terms, over the least IAE of its kind."""
-    own = ultimate_units(process)
+    own = noise_scale(process)
     unit, loop = own.period / own.gain, pidalab.Loop(process, made)
     out: dict[str, Any] = {}
     try:
@@ -137,7 +137,7 @@ def main() -> None:
         ]
         for row in tqdm(best, desc=kind):
             process, noise = processes[row["plant"]], float(row["noise_limit"])
-            made = controller(found, plants[row["plant"]], noise, ultimate_units(process))
+            made = controller(found, plants[row["plant"]], noise, noise_scale(process))
             about = {"plant": row["plant"], "half": half[row["plant"]], "kind": kind, "noise_limit": noise}
             out.append(about | judged(process, made, noise, float(row["iae"])))
     store("own_rule_constants", ("kind", "parameter", *CONSTANTS), constants)

@@ -24,8 +24,7 @@ from frontier import PLANTS
 from own_units import resume
 
 import pidalab
-from pidalab import Process
-from pidalab.comparison.benchmarking import ultimate_units
+from pidalab import Process, noise_scale
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
 from pidalab.optimal.parts import (
@@ -72,7 +71,7 @@ def drawn(number: int) -> tuple[np.random.Generator, str, Process, int, float, f
 def beside(number: int) -> list[dict[str, Any]]:
     """The row of a problem."""
     rng, name, process, order, ms, noise = drawn(number)
-    own = ultimate_units(process)
+    own = noise_scale(process)
     limits = DesignLimits(ms, None, noise * own.gain, own.sample_time)
     row: dict[str, Any] = {
         "problem": number,
