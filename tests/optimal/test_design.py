@@ -126,6 +126,14 @@ def test_noise_gain_is_kept_behind_a_filter_that_can_be_sampled(process, order, 
     assert keeps(design, 1.4)
 
 
+def test_the_sample_time_of_noise_is_that_of_the_plant_by_default():
+    scale = pidalab.noise_scale(THIRD)
+    given = pidalab.optimal.load(THIRD, 1, 1.4, noise_gain=0.5 * scale.gain, sample_time=scale.sample_time)
+    left_out = pidalab.optimal.load(THIRD, 1, 1.4, noise_gain=0.5 * scale.gain)
+    assert left_out.controller == given.controller
+    assert pidalab.relative_noise_gain(left_out.loop()) == pytest.approx(0.5, rel=1e-3)
+
+
 def test_sampled_noise_is_that_of_the_simulation():
     """By frequencies and by samples, close to where the sampled loop becomes unstable too, and beyond."""
     problem, h = Problem(pidalab.ipdt(1.0, 1.03), 1, (1.0, 1.0)), 0.2
@@ -221,7 +229,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
         (lambda: pidalab.optimal.load(THIRD, -1), ValueError, "order must be a whole number, at least 0"),
         (lambda: pidalab.optimal.load(THIRD, 1, ms=1.0), ValueError, "ms must be above 1"),
         (lambda: pidalab.optimal.load(THIRD, 1, mks=0.5), ValueError, r"mks must be above 1/\|P\(0\)\| = 1"),
-        (lambda: pidalab.optimal.load(THIRD, 1, noise_gain=2.0), ValueError, "sample_time is missing"),
+        (lambda: pidalab.optimal.load(pidalab.Process([1.0], [1.0, 0.0]), 1, noise_gain=2.0), ValueError, "process"),
         (lambda: pidalab.optimal.load(THIRD, 1, sample_time=2.0), ValueError, "noise_gain is missing"),
         (lambda: pidalab.optimal.load(pidalab.Process([1.0, 0.0], [1.0, 1.0]), 1), ValueError, "static gain"),
         (lambda: pidalab.optimal.load(pidalab.ipdt(1.0, 0.0), 1), ValueError, "a lag or a dead time"),
