@@ -21,7 +21,7 @@ def test_every_room_has_tests_that_face_its_mutants():
     assert "tests/simulation/test_exact_oracle.py" in mutants.tests_of(Path("simulation/ladder.py"))
     assert mutants.tests_of(ALGEBRA) == ["tests/test_algebra.py"]
     assert "tests/test_response_oracle.py" in mutants.tests_of(Path("response.py"))
-    assert "tests/plant/test_cli.py" in mutants.tests_of(Path("plant/cli/parts.py"))
+    assert "tests/plant/test_cli.py" in mutants.tests_of(Path("plant/cli/dialogue.py"))
     assert mutants.tests_of(Path("plant/safety.py")) == ["tests/plant/test_safety.py"]
     assert "tests/paperledger/test_rows.py" in mutants.tests_of(Path("paperledger/rows.py"))
 

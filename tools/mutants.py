@@ -66,7 +66,7 @@ ROOMS = (
         "plant/safety",
         "plant/tuning",
         "plant/reporting",
-        "plant/running_loop",
+        "plant/checking",
     ),
     *("plant/heater", "plant/cli", "plant/writing"),
 )
