@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
+from pidalab.plant import noise_curves as module
 from pidalab.plant.cli import main
-from pidalab.plant.noise_curves import trade_off as module
 from pidalab.plant.page import trade_off_figure
 
 PROCESS = pidalab.lags(3, delay=1.0)

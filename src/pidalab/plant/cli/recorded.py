@@ -142,6 +142,7 @@ def report_command(out: Path | None, force: bool, model: str, trade_off: bool, *
     show_default="reset; without proportional action clamping",
     help="What a limit does to the integral.",
 )
+@click.option("--float", "single", is_flag=True, help="C in single precision.")
 @click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal.")
 @click.option(
     "--tunable", is_flag=True, help="Code with gains that may change while it runs, without a bump."
@@ -164,6 +165,7 @@ def tune_command(
     rate_limit: float,
     deadband: float,
     anti_windup: str | None,
+    single: bool,
     feedforward: bool,
     tunable: bool,
     full_output: float | None,
@@ -213,7 +215,7 @@ def tune_command(
         "tunable": tunable,
     }
     if anti_windup is not None:
-        further["anti_windup"] = None if anti_windup == "none" else anti_windup
+        further["anti_windup"] = anti_windup
     digital = design.discretise(
         sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest, **further
     )
@@ -243,6 +245,8 @@ def tune_command(
         name: getattr(digital, language)(margins=sampled, note=note, **head)
         for name, language in CODE.items()
     }
+    if single:
+        texts["controller.c"] = digital.c(precision="single", margins=sampled, note=note, **head)
     write(out, texts | {"report.html": found.page(title, sections)}, force)
 
 
@@ -265,11 +269,11 @@ def _no_limits(low: float, high: float) -> list[str]:
 
 
 def _vendors(design: Design, full_output: float | None) -> str:
-    """Forms of vendors, or why there are none."""
+    """Return the parameters of vendor blocks, or why there are none."""
     try:
-        return f"in seconds, if that is the record's unit of time:\n{design.vendor_forms('s', full_output)}"
+        return f"as vendor blocks, if the record's unit of time is the second:\n{design.vendor_forms('s', full_output)}"
     except ValueError as refusal:
-        return f"no vendor's form: {refusal}"
+        return f"no vendor block: {refusal}"
 
 
 FIRMWARE_NAMES = ("klipper", "betaflight", "betaflight-yaw")
