@@ -15,7 +15,7 @@ from test_total import compiler
 import pidalab
 from pidalab.digital import from_json
 from pidalab.plant.cli import main
-from pidalab.plant.cli.checking import FIRMWARE_NAMES
+from pidalab.plant.cli.recorded import FIRMWARE_NAMES
 from pidalab.plant.vendor import FIRMWARE
 
 ROOT = Path(__file__).parents[2]
