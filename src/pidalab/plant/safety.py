@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,6 +53,7 @@ class LoopEvaluator:
 
     sample_time: float | None
     output_filter: Any
+    _known: dict[tuple[int, int], tuple[LoopMs, Any]] = field(default_factory=dict, repr=False)
 
     def loop(self, design: Design, plant: Process) -> Loop:
         """Close the continuous loop."""
@@ -62,6 +63,12 @@ class LoopEvaluator:
 
     def ms(self, design: Design, plant: Process) -> LoopMs:
         """Return Ms with a plant; that of the continuous loop where the sampled one has none, with the reason."""
+        key = id(design), id(plant)
+        if key not in self._known:  # kept with both, whose numbers are then not given again
+            self._known[key] = self._ms(design, plant), (design, plant)
+        return self._known[key][0]
+
+    def _ms(self, design: Design, plant: Process) -> LoopMs:
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from pidalab import _check
 from pidalab._check import Array
@@ -137,7 +137,7 @@ class Fit:
         covariance = self._covariance / np.outer(scale, scale)
         # samples, if each had an error of its own
         worth = self._data.t.size / samples_per_error(self._found.residuals)
-        room = 1.0 + float(chi2.ppf(TRIMMED, values.size)) / worth
+        room = 1.0 + float(chdtri(values.size, 1 - TRIMMED)) / worth
         limits = [room * self._squares(shape, centre) for shape, centre in models]
         rng = np.random.default_rng(seed)
         plants: list[Process] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from pidalab._check import Array
 from pidalab.plant.fitting.searching import FIRST_ORDER, MOST_DAMPED, FitData, FitResult
@@ -39,7 +39,7 @@ def drifts(data: FitData) -> bool:
         for basis in (parabola, np.column_stack([parabola, *answers]))
     )
     gained, left = float(drift @ drift - both @ both), float(both @ both)
-    return left > 0 and gained * data.t.size < float(chi2.isf(CHANCE, 5)) * samples_per_error(both) * left
+    return left > 0 and gained * data.t.size < float(chdtri(5, CHANCE)) * samples_per_error(both) * left
 
 
 def unsettled(data: FitData, found: FitResult) -> str:
