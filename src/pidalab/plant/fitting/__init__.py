@@ -424,7 +424,7 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
             f"by {np.std(data.y):.3g} (standard deviation), and its noise is {noise:.3g}; step the input by itself, "
             "from rest, with nothing else moving the output"
         )
-    return Fit(
+    fitted = Fit(
         process=process,
         model=found.shape.name,
         parameters=MappingProxyType(parameters),
@@ -438,3 +438,10 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
         _data=found.data,
         _found=found,
     )
+    if fitted.holdout <= 0:
+        raise ValueError(
+            f"{found.shape.name} does not describe this plant: it predicts the hold-out data, the end of the record, "
+            f"no better than their mean does (NRMSE {fitted.holdout:.2f}); step the input by itself, from rest, with "
+            "nothing else moving the output"
+        )
+    return fitted
