@@ -106,7 +106,7 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
     handed: Handed = {}
     number, wrong = 0, []
     with recording() as opened, shaken_prints(shaker):
-        before = dict(vars(Ledger))
+        before = _account()
         try:
             for number, _ in enumerate(execute(path), start=1):
                 for one in opened:
@@ -114,12 +114,21 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
         except BaseException as error:  # a page may call exit
             first = (str(error).splitlines() or [""])[0]
             wrong.append(f"{name}: cell {number + 1} stops: {type(error).__name__}: {first[:200]}")
-        changed = [key for key, value in before.items() if vars(Ledger).get(key) is not value]
-        if changed or len(vars(Ledger)) != len(before):
+        after = _account()
+        if len(after) < len(before) or any(after.get(key) is not value for key, value in before.items()):
             wrong.append(f"{name}: changes the ledger itself")
         if any(type(one) is not Ledger or not one.records for one in opened):
             wrong.append(f"{name}: changes what its ledger does")
     return Run(name, {id: (_plain(row), number) for id, (row, number) in handed.items()}, tuple(wrong))
+
+
+def _account() -> dict[tuple[str, str], Any]:
+    """Return every function and class of this package, and every method of its classes."""
+    modules = [(name, one) for name, one in sys.modules.items() if name.partition(".")[0] == "paperledger"]
+    found = {(name, key): value for name, one in modules for key, value in vars(one).items()}
+    classes = [value for value in found.values() if isinstance(value, type)]
+    methods = {(one.__qualname__, key): value for one in classes for key, value in vars(one).items()}
+    return {key: value for key, value in (found | methods).items() if callable(value)}
 
 
 def _plain(row: Row) -> Row:

@@ -287,6 +287,8 @@ class _Loader(SourceFileLoader):
             super().exec_module(module)
         finally:
             shaker._inside -= 1
+            for name in ("__door__", "__wall__", "__cached_door__"):  # no page sees that it is shaken
+                del module.__dict__[name]
 
 
 class _Finder(MetaPathFinder):

@@ -214,6 +214,8 @@ def test_statements_move_too(library):
     [
         ("with suppress(ValueError):\n    book.compare({'nobody': 1.0})", "nobody: unknown id"),
         ("type(book).close = lambda self: None", "changes the ledger itself"),
+        ("import paperledger.digits as d; d.agrees = lambda *_: True", "changes the ledger itself"),
+        ("raise SystemExit(hasattr(demolib, '__door__'))", "stops: SystemExit: False"),
         ("setattr(book, 'records', False)", "nothing stored yet|changes what its ledger does"),
         ("1 / 0", "cell 3 stops: ZeroDivisionError"),
         ("raise SystemExit", "cell 3 stops: SystemExit"),
