@@ -31,12 +31,12 @@ from pidalab.optimal.parts import (
     NEARLY,
     SAME_IAE,
     UNITS_TRIED,
-    DesignLimits,
     Search,
     finish,
     relax,
     search_in,
 )
+from pidalab.requirements import Requirements
 
 COLUMNS = (
     "problem",
@@ -72,7 +72,7 @@ def beside(number: int) -> list[dict[str, Any]]:
     """The row of a problem."""
     rng, name, process, order, ms, noise = drawn(number)
     own = noise_scale(process)
-    limits = DesignLimits(ms, None, noise * own.gain, own.sample_time)
+    limits = Requirements(ms=ms, noise_gain=noise * own.gain, sample_time=own.sample_time)
     row: dict[str, Any] = {
         "problem": number,
         "plant": name,
@@ -81,7 +81,9 @@ def beside(number: int) -> list[dict[str, Any]]:
         "noise_limit": noise,
     }
     try:
-        design = pidalab.optimal.load(process, order, ms, None, noise * own.gain, own.sample_time)
+        design = pidalab.optimal.load(
+            process, order, ms=ms, noise_gain=noise * own.gain, sample_time=own.sample_time
+        )
     except (ValueError, ArithmeticError) as refusal:
         return [row | {"reason": one_line(refusal)}]
     search, at = found_in(process, order, limits, design)
@@ -92,7 +94,7 @@ def beside(number: int) -> list[dict[str, Any]]:
     return [row | {"starts": len(ends)}]
 
 
-def found_in(process: Process, order: int, limits: DesignLimits, design: Any) -> tuple[Search, np.ndarray]:
+def found_in(process: Process, order: int, limits: Requirements, design: Any) -> tuple[Search, np.ndarray]:
     """The search in the unit of time that sees all of the response of a design, and its unknowns there."""
     for factor in UNITS_TRIED:
         search = search_in(process, order, limits, factor)
