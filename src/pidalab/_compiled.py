@@ -67,18 +67,19 @@ class Kernel:
         """The compiled form; its code is kept in a folder that changes with the sources beside it."""
         import numba
 
+        config: Any = numba.config
         # without fused multiply-add, so that written C and Python give the same bits
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)
-        chosen, folder = numba.config.CACHE_DIR, code_folder(Path(self.function.__code__.co_filename).parent)
-        numba.config.CACHE_DIR = str(folder or chosen)
+        chosen, folder = config.CACHE_DIR, code_folder(Path(self.function.__code__.co_filename).parent)
+        config.CACHE_DIR = str(folder or chosen)
         try:
             return numba.njit(cache=True, **options)(self.function)
         except RuntimeError:  # numba found no writable folder
             return numba.njit(**options)(self.function)
         finally:
-            numba.config.CACHE_DIR = chosen
+            config.CACHE_DIR = chosen
 
     @cached_property
     def python_form(self) -> Callable[..., Any]:
