@@ -1,4 +1,4 @@
-"""One call that tunes: all rules and the optimum behind one door, with what the model does not know priced in."""
+"""Tune a controller for a process or a fitted model, and price in what the model does not know."""
 
 from __future__ import annotations
 
@@ -10,16 +10,53 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
+from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.plant.doubts import doubt
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
 from pidalab.plant.safety import Designer, LoopEvaluator, make_safe, refusal
-from pidalab.plant.sampling import corner_frequencies, doubt_unit, require_sampling
 from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
 from pidalab.requirements import Requirements
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
+
+# in one such sample a process that settles answers by 63 % or more, and little is left to control in the next; an
+# integrator has no such time, and its other dynamics are at rest after ten times their longest one
+LONGEST_SAMPLE, AT_REST = 1.0, 10.0
+OTHER_UNIT = 100.0  # times faster or slower than the record: a sample time that may be in another unit
+
+
+def require_sampling(process: Process, sample_time: float) -> None:
+    """Refuse a sample time in which the process does all it ever does."""
+    times = [1 / speed for speed in corner_frequencies(process)]
+    poles = np.abs(roots(process.den))
+    if np.isfinite(process.gain()):
+        limit = LONGEST_SAMPLE * (float(np.sum(1 / poles)) + process.delay) if times else math.inf
+        why = "all its lags and its dead time, after which it has answered by 63 % or more"
+    else:
+        limit = AT_REST * max(times, default=math.inf)
+        why = f"{AT_REST:g} times its longest time (after which all but the integrator is at rest)"
+    if sample_time > limit:
+        raise ValueError(
+            f"sample_time must be at most {limit:.4g} for this process, {why}, found {sample_time:g}"
+        )
+
+
+def doubt_unit(sample_time: float, recorded: float) -> list[str]:
+    """Say where a sample time is so far from that of the record that it may be in another unit."""
+    share = sample_time / recorded
+    if 1 / OTHER_UNIT < share < OTHER_UNIT:
+        return []
+    return [doubt("time unit", sample_time=sample_time, share=share, recorded=recorded)]
+
+
+def corner_frequencies(process: Process) -> Array:
+    """Return the frequencies of poles and zeros, and that of the dead time."""
+    found = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
+    return np.append(found[found > 0], [1 / process.delay] if process.delay else [])
+
 
 # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 LOUDEST = 10.0
@@ -33,6 +70,7 @@ SLOW = 0.5  # turn of the crossover in a sample, in rad, from which on a loop is
 def tune(
     model: Process | Fit,
     kind: str = "PIDA",
+    *,
     ms: float = 1.6,
     noise_gain: float | None = None,
     sample_time: float | None = None,
@@ -129,20 +167,15 @@ def tune(
             _optimal(designed, others, kind), evaluator, process, replace(limits, **noise), remedy
         )
         if "sample_time" in made.active:
-            doubts.append(
-                f"the filter is as fast as the sample, {made.info['sample_time']:g}, allows: with faster sampling it "
-                "would be faster"
-            )
+            doubts.append(doubt("fast filter", sample_time=made.info["sample_time"]))
     else:
         made, price = _by_rule(named, designed, kind, evaluator, process, limits, remedy)
         if noise_gain is not None:
             _check.real("noise_gain", noise_gain, above=0.0)
-            doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
+            doubts.append(doubt("noise unused", rule=rule))
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     if price > DEAR:
-        doubts.append(
-            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {remedy}"
-        )
+        doubts.append(doubt("price", price=price, remedy=remedy))
     loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
     reasons: list[str] = []  # why a sampled loop has no Ms
@@ -208,15 +241,11 @@ def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
     turn = sample_time * float(gain_crossovers(loop).max(initial=0.0))
     if turn > SLOW:
         doubts.append(
-            f"the sample time of {sample_time:g} is long for this loop: it turns by {turn:.2g} rad in a sample at its "
-            f"crossover; {SLOW / turn * sample_time:.2g} or less would be better"
+            doubt("long sample", sample_time=sample_time, turn=turn, better=SLOW / turn * sample_time)
         )
     fastest = float(np.abs(roots(loop.controller.fraction()[1])).max(initial=0.0))
     if fastest * sample_time > 1 + UNSEEN:
-        doubts.append(
-            f"the controller has a filter of {1 / fastest:.3g}, faster than the sample of {sample_time:g}: the code "
-            "hardly filters"
-        )
+        doubts.append(doubt("filter lost", filter_time=1 / fastest, sample_time=sample_time))
 
 
 def _noise_limits(
@@ -258,10 +287,7 @@ def _without_unseen_delay(process: Process, fastest: float, doubts: list[str]) -
     """Leave out a dead time that a loop cannot notice which acts up to a frequency, and say so."""
     if not 0 < process.delay * fastest < UNSEEN:
         return process
-    doubts.append(
-        f"the dead time of {process.delay:.3g} is left out: where the loop can act, it turns the phase by less "
-        f"than {UNSEEN:g} rad"
-    )
+    doubts.append(doubt("short delay", delay=process.delay, phase=UNSEEN))
     return Process(process.num, process.den)
 
 
@@ -316,7 +342,7 @@ def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: l
             f"{model.noise:.3g}) and does not settle: take a lower kind, or step the input several times, further and "
             "from rest"
         )
-    doubts.append(f"{short}, which are not known: fit a model of higher order, or take a lower kind")
+    doubts.append(doubt("few poles", known=known, kind=kind))
 
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""The trade-off of one plant: the least IAE over the noise that is allowed, for each kind, and where rules lie."""
+"""The trade-off of one plant: the least IAE for each limit of noise, and where rules lie beside it."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class TradeOff:
         Examples
         --------
         >>> import pidalab
-        >>> found = pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], [1.0, 3.0], kinds=["PI"], rules=[])
+        >>> found = pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], noise_gains=[1.0, 3.0], kinds=["PI"], rules=[])
         >>> [f"{point.iae:.2f}" for point in found.curve("PI", 1.6)]
         ['4.60', '4.60']
         """
@@ -104,6 +104,7 @@ class TradeOff:
 def trade_off(
     process: Process,
     ms: Sequence[float] = (1.4, 2.0),
+    *,
     noise_gains: Sequence[float] | None = None,
     sample_time: float | None = None,
     kinds: Sequence[str] = KINDS,
@@ -145,7 +146,7 @@ def trade_off(
     Examples
     --------
     >>> import pidalab
-    >>> print(pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], [1.0, 3.0], kinds=["PI"], rules=[]))
+    >>> print(pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], noise_gains=[1.0, 3.0], kinds=["PI"], rules=[]))
     Process(num=[1], den=[1, 3, 3, 1], delay=1): least IAE of a load step
     Ms        noise gain        PI
     1.6                1     4.596
