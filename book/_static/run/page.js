@@ -41,9 +41,12 @@
   }
 
   async function load() {
-    const { key, sizes } = await (await fetch(`${base}engine.json`, { cache: "no-cache" })).json();
+    const about = await (await fetch(`${base}engine.json`, { cache: "no-cache" })).json();
+    const sizes = Object.fromEntries(Object.entries(about).map(([name, [size]]) => [name, size]));
+    const address = (name) => `${base}${name}?${about[name][1]}`;
     const store = await globalThis.caches?.open("pidalab-live").catch(() => null);
-    for (const old of (await store?.keys()) ?? []) if (!old.url.endsWith(key)) await store.delete(old);
+    const wanted = Object.keys(about).map(address);
+    for (const old of (await store?.keys()) ?? []) if (!wanted.includes(old.url)) await store.delete(old);
     const total = Object.values(sizes).reduce((a, b) => a + b);
     const done = Object.fromEntries(Object.keys(sizes).map((name) => [name, 0]));
     const count = (name) => (length) => {
@@ -53,7 +56,7 @@
       progress.value = sum / total;
       status.textContent = `Fetching ${stages[stage] ?? "done"}: ${(sum / 1e6).toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`;
     };
-    const part = (name) => fetched(store, `${base}${name}?${key}`, count(name));
+    const part = (name) => fetched(store, address(name), count(name));
     const [module, packages, pack] = await Promise.all([
       engine?.module ?? part("python.wasm.gz").then((body) =>
         WebAssembly.compileStreaming(new Response(body, { headers: { "Content-Type": "application/wasm" } }))),

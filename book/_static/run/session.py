@@ -13,7 +13,6 @@ import os
 import sys
 import traceback
 import types
-import warnings
 
 namespace = {"__name__": "__main__"}
 outputs = []
