@@ -141,7 +141,9 @@ def main() -> None:
     for name, content in parts.items():
         (FOLDER / name).write_bytes(content)
     # The hash is part of the address, so a browser keeps the engine when only the book has changed.
-    about = {name: [len(content), hashlib.sha256(content).hexdigest()[:16]] for name, content in parts.items()}
+    about = {
+        name: [len(content), hashlib.sha256(content).hexdigest()[:16]] for name, content in parts.items()
+    }
     (FOLDER / "engine.json").write_text(json.dumps(about), encoding="utf-8")
     print(f"{FOLDER.name}: {sum(map(len, parts.values())) / 1e6:.1f} MB that a browser fetches once")
 
