@@ -103,7 +103,7 @@ def test_cells_give_in_the_page_what_is_stored(name, root, started):
 
 def test_a_changed_cell_shows_its_result_and_a_wrong_one_its_traceback(started):
     page, _ = started("learn/tuning")
-    cell = page.locator(".pidalab-run").filter(has=page.locator("pre:visible")).first
+    cell = page.locator(".pidalab-run:not(:has(details))").first
     code, run = cell.locator("pre").first, cell.get_by_role("button", name="Run")
     code.fill("print(6 * 7)")
     run.click()
@@ -118,7 +118,7 @@ def test_a_changed_cell_shows_its_result_and_a_wrong_one_its_traceback(started):
 
 def test_stop_ends_a_cell_that_never_ends(started):
     page, _ = started("learn/tuning")
-    cell = page.locator(".pidalab-run").filter(has=page.locator("pre:visible")).first
+    cell = page.locator(".pidalab-run:not(:has(details))").first
     cell.locator("pre").first.fill("while True: pass")
     cell.get_by_role("button", name="Run").click()
     cell.locator(".pidalab-run-status", has_text="running").wait_for()
@@ -128,6 +128,7 @@ def test_stop_ends_a_cell_that_never_ends(started):
 
 def test_a_failed_start_says_so_and_offers_another(served, visit):
     page, _ = visit(f"{served}learn/tuning.html")
+    page.evaluate("caches.delete('pidalab-live')")
     page.route("**/packages.zip*", lambda route: route.abort())
     page.get_by_role("button", name="Run this page").click()
     page.get_by_role("button", name="Retry").wait_for()
