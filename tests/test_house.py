@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 SRC, TESTS = ROOT / "src", ROOT / "tests"
 DESIGN = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("**Imports run one way.**")[1]
 LIBRARY, WING = DESIGN.split("Inside the wing as well:")
-LONGEST = 300  # lines of a file, docstrings aside
+LONGEST = 400  # lines of a file, docstrings aside
 # a door, or a method, hands on to the wing, and loads it when it is first used
 ATOP = ["pidalab.__main__", "pidalab.warm_up"]  # what a user runs
 HANDS_ON = {

@@ -69,8 +69,8 @@ def shaken_prints(shaker: Shaker) -> Iterator[None]:
     """
     init, printed = Ledger.__init__, Ledger.printed
 
-    def opened(book: Ledger, path: Path, rows: Sequence[Row], page: str | None = None) -> None:
-        init(book, path, [_with_print(row, shaker) for row in rows], page)
+    def opened(book: Ledger, path: Path, rows: Sequence[Row], *rest: Any) -> None:
+        init(book, path, [_with_print(row, shaker) for row in rows], *rest)
 
     def read(book: Ledger, id: str) -> float:
         exact, row = printed(book, id), book.row(id)
@@ -140,6 +140,11 @@ def distance(old: Row, new: Row) -> float:
     if not old.is_statement:
         return _apart(old.computed, new.computed)
     was, now = Evidence.parse(old.evidence), Evidence.parse(new.evidence)
+    if was.but or now.but:
+        pairs = zip(was.inequalities, now.inequalities, strict=False)
+        return max(
+            _apart(a, b) for one, two in pairs for a, b in ((one.left, two.left), (one.right, two.right))
+        )
     if Relation.parse(old.relation).is_identity:  # of a residual that is rounding only the decade is kept
         return _apart(was.left, now.left) if now.verdict == "fails" or float(now.left) > PRINTED else 0.0
     return max(_apart(was.left, now.left), _apart(was.right, now.right))

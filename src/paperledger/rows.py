@@ -262,7 +262,7 @@ class Row:
         yield from (f"{kind}, but {name!r} is not empty" for name in barred if getattr(self, name))
         if self.verdict == "not-computable" and not reading:
             yield "not-computable, so its basis is reading"
-        if reading and self.verdict not in ("holds", "fails", *DECLARED):
+        if reading and self.verdict not in ("holds", "holds-in-part", "fails", *DECLARED):
             yield f"settled by reading cannot be {self.verdict or 'left without a verdict'}"
         if (reading or self.verdict in DECLARED) and len(self.note.split()) < WORDS:
             yield f"{self.verdict} needs a note of at least {WORDS} words"
@@ -273,6 +273,8 @@ class Row:
             except LedgerError as error:
                 yield str(error)
             else:
+                if relation.parts and len(self.note.split()) < WORDS:
+                    yield f"holds-in-part needs a note of at least {WORDS} words"
                 if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
                     yield f"a tolerance above {IDENTITY:g} needs a note that says why"
                 if relation.is_identity and float(relation.right) > ROUGHEST:
@@ -286,8 +288,9 @@ class Row:
             kept = Evidence.parse(self.evidence)
         except LedgerError:  # `derived` says so
             return
-        if kept.left == kept.right and "." in kept.left and not kept.factor:
-            yield f"both sides are {kept.left}, so nothing was compared"
+        for one in kept.inequalities:
+            if one.left == one.right and "." in one.left and not one.factor:
+                yield f"both sides are {one.left}, so nothing was compared"
 
     def _badly_made(self) -> Iterator[str]:
         """Say what is wrong with the column ``made``."""

@@ -45,7 +45,7 @@ def prefilter_statements(prefilter: Prefilter, found: dict[str, float]) -> list[
     shares = ((prefilter.new, "target"), (prefilter.old, "prefilter_0"))
     aim = " + ".join(x if value == 1.0 else f"{value!r} * {x}" for value, x in shares if value)
     body: list[Statement] = [
-        Note("prefilter: its states move towards the set point"),
+        Note("set-point prefilter: its states move towards the set point"),
         If("not started", [Set(x, "target") for x in prefilter_states(prefilter)]),
         Set("aim", aim),
         *([Set("prefilter_0", "target")] if prefilter.old else []),

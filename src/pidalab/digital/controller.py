@@ -235,10 +235,14 @@ class DigitalController(Parameters):
         track: float | None = None,
         feedforward: float = 0.0,
     ) -> float:
-        """Advance by one sample: runs what `python` writes, which C and structured text repeat.
+        """Advance by one sample; runs what `python` writes, and C and structured text repeat.
 
-        A sample with a signal that is no number (NaN, infinite) or beyond 1e9 on either side is left out: states and
-        control signal stay as they are, ``fault`` says so, and the next good sample goes on from there.
+        The first call starts without a bump: it returns `bias`, and filters and integral rest at the given signals.
+        `pidalab.simulate_sampled` starts from rest at the working point instead. For the same start here, call
+        ``reset(r=y_offset, y=y_offset)`` first.
+
+        A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped: states and control signal keep
+        their values, ``fault`` is True, and the next good sample continues from there.
 
         Parameters
         ----------
@@ -330,31 +334,28 @@ class DigitalController(Parameters):
         growth = control.TransferFunction(self.growth, [1.0, -1.0], self.sample_time)
         return signal * (1 + growth) if self.from_signal else signal + growth
 
-    def c(
-        self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
-    ) -> str:
-        """Write the controller in C99, double or single precision.
+    def c(self, name: str = "pida", *, precision: str = "double", **head: Any) -> str:
+        """Write the controller in C99.
 
         Parameters
         ----------
         name : str, optional
             Prefix of all names: ``<name>_init``, ``<name>_step``, ``<name>_state``; small letters.
-        margins : Margins, optional
-            Margins of its loop, for the head.
-        note : str, optional
-            Further lines for the head; letters, digits and a few marks of them are kept.
-        time_unit, record : str, optional
-            Unit of time of sample time and gains, and name of the record they come from, for the head.
+        precision : {"double", "single"}, optional
+            Type of the real numbers: ``double`` or ``float``.
+        **head : optional
+            For the comment at the top: ``margins`` of the loop, further lines ``note``, ``time_unit`` of the sample
+            time, ``record`` and its ``date``. Of the texts, letters, digits and usual punctuation marks are kept.
 
         Returns
         -------
         str
-            A file that compiles by itself, with a test under ``<NAME>_SELFTEST``.
+            A file that compiles by itself, with a self-test under ``<NAME>_SELFTEST``.
 
         Raises
         ------
-        ValueError
-            For a name that is no identifier, or a word of a language.
+        TypeError, ValueError
+            For an unknown precision or entry of the head, and for a name that is not an identifier or is a keyword.
 
         Examples
         --------
@@ -363,33 +364,27 @@ class DigitalController(Parameters):
         >>> "level_real level_step(level_state *s" in code
         True
         """
-        return self._written("c", name, margins, note, time_unit, record)
+        return self._written("c", name, precision=precision, **head)
 
-    def structured_text(
-        self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
-    ) -> str:
-        """Write the controller as a FUNCTION_BLOCK of IEC 61131-3, with a second one that tests it.
+    def structured_text(self, name: str = "pida", **head: Any) -> str:
+        """Write the controller as a FUNCTION_BLOCK of IEC 61131-3, with a second block that tests it.
 
         Parameters
         ----------
         name : str, optional
             Name of the block; small letters.
-        margins : Margins, optional
-            Margins of its loop, for the head.
-        note : str, optional
-            Further lines for the head; letters, digits and a few marks of them are kept.
-        time_unit, record : str, optional
-            Unit of time of sample time and gains, and name of the record they come from, for the head.
+        **head : optional
+            As in `c`.
 
         Returns
         -------
         str
-            Structured text; for single precision write REAL for LREAL.
+            Structured text. For single precision, replace LREAL by REAL.
 
         Raises
         ------
-        ValueError
-            For a name that is no identifier, or a word of a language.
+        TypeError, ValueError
+            As in `c`.
 
         Examples
         --------
@@ -398,23 +393,17 @@ class DigitalController(Parameters):
         >>> "FUNCTION_BLOCK level" in code
         True
         """
-        return self._written("structured_text", name, margins, note, time_unit, record)
+        return self._written("structured_text", name, **head)
 
-    def python(
-        self, name: str = "pida", margins: Any = None, note: str = "", time_unit: str = "", record: str = ""
-    ) -> str:
-        """Write the controller as a Python module without imports, for a small computer at the plant.
+    def python(self, name: str = "pida", **head: Any) -> str:
+        """Write the controller as a Python module without imports, also for MicroPython.
 
         Parameters
         ----------
         name : str, optional
             Name of the class, in small letters and underscores.
-        margins : Margins, optional
-            Margins of its loop, for the head.
-        note : str, optional
-            Further lines for the head; letters, digits and a few marks of them are kept.
-        time_unit, record : str, optional
-            Unit of time of sample time and gains, and name of the record they come from, for the head.
+        **head : optional
+            As in `c`.
 
         Returns
         -------
@@ -423,8 +412,8 @@ class DigitalController(Parameters):
 
         Raises
         ------
-        ValueError
-            For a name that is no identifier, or a word of a language.
+        TypeError, ValueError
+            As in `c`.
 
         Examples
         --------
@@ -434,24 +423,20 @@ class DigitalController(Parameters):
         >>> space["Level"]().step(1.0, 1.0), space["selftest"]()
         (0.0, 0.0)
         """
-        return self._written("python", name, margins, note, time_unit, record)
+        return self._written("python", name, **head)
 
-    def _written(self, *what: Any) -> str:
+    def _written(self, language: str, name: str, **options: Any) -> str:
         from pidalab.plant.code.files import written
 
-        return written(self, *what)
+        return written(self, language, name, **options)
 
-    def json(self, margins: Any = None, note: str = "", time_unit: str = "", record: str = "") -> str:
+    def json(self, **head: Any) -> str:
         """Write parameters, coefficients and test vector as JSON.
 
         Parameters
         ----------
-        margins : Margins, optional
-            Margins of its loop.
-        note : str, optional
-            Further lines about it; letters, digits and a few marks of them are kept.
-        time_unit, record : str, optional
-            Unit of time, and name of the record, for the lines about it.
+        **head : optional
+            As in `c`.
 
         Returns
         -------
@@ -466,7 +451,7 @@ class DigitalController(Parameters):
         """
         from pidalab.plant.code.files import as_json
 
-        return as_json(self, margins, note, time_unit, record)
+        return as_json(self, **head)
 
     def __repr__(self) -> str:
         own = vars(self) | dict(zip("bc", self.weights, strict=True))

@@ -10,7 +10,7 @@ import numpy as np
 
 from pidalab import _check
 from pidalab.digital.controller import DigitalController
-from pidalab.digital.parameters import ANTI_WINDUP
+from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP, anti_windup_word
 from pidalab.digital.paths import METHOD_WEIGHTS, METHODS, paths
 from pidalab.digital.prefilter import discrete
 from pidalab.forms import FilteredGains
@@ -83,7 +83,7 @@ def discretise(
     rate_limit : float, optional
         Largest change of the control signal in a unit of time, above 0.
     anti_windup : {"reset", "back-calculation", "clamping", None}, optional
-        As in the table. Without integral action there is nothing that could wind up.
+        As in the table; "none" means None. ("conditioning" belongs to `pidalab.simulate_sampled`.)
     tracking_time : float, optional
         Of back-calculation, above 0; by default the root of integral and derivative time, or the integral time where
         there is no derivative. (Of integral action alone that is 0: the integral stays at the limit.)
@@ -141,7 +141,7 @@ def discretise(
         )
     h = _check.real("sample_time", sample_time, above=0.0)
     _check.choice("method", method, METHODS)
-    _check.choice("anti_windup", anti_windup, ANTI_WINDUP)
+    anti_windup = anti_windup_word(anti_windup, DISCRETE_ANTI_WINDUP, "for a digital controller")
     if tracking_time is not None and anti_windup != "back-calculation":
         raise ValueError(
             f"tracking_time is of anti_windup='back-calculation', found anti_windup={anti_windup!r}"

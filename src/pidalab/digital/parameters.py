@@ -13,7 +13,8 @@ from pidalab import _check
 from pidalab.digital.paths import METHOD_WEIGHTS, METHODS, Path
 from pidalab.digital.prefilter import Prefilter, discrete, of_arrays
 
-ANTI_WINDUP = ("reset", "clamping", "back-calculation", None)
+ANTI_WINDUP = ("reset", "back-calculation", "clamping", "conditioning", None)
+DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)  # of a digital controller
 LARGEST_SIGNAL = 1e9  # beyond it, on either side, a signal is no measurement
 LARGEST_PARAMETER = 1e9  # of those that may change while it runs
 # of those that may not: with signals of 1e9 nothing overflows, in single precision either
@@ -59,7 +60,7 @@ class Parameters:
         for name in ("integrates", "from_signal", "feedforward", "tunable"):
             checked[name] = _flag(name, getattr(self, name))
         _check.choice("method", self.method, METHODS)
-        _check.choice("anti_windup", self.anti_windup, (*ANTI_WINDUP, "clamping ahead"))
+        _check.choice("anti_windup", self.anti_windup, (*DISCRETE_ANTI_WINDUP, "clamping ahead"))
         if not isinstance(self.source, str):
             raise TypeError(f"source must be a text, found {type(self.source).__name__}")
         if not isinstance(self.paths, tuple) or len(self.paths) > MOST_PATHS:
@@ -96,6 +97,16 @@ class Parameters:
     def limited(self) -> bool:
         """Whether the control signal has a limit of range or rate."""
         return bool(np.isfinite([*self.limits, self.rate_limit]).any())
+
+
+def anti_windup_word(word: str | None, available: tuple[str | None, ...], where: str) -> str | None:
+    """Return one of the anti-windup words that are available; "none" means None."""
+    word = None if word == "none" else word
+    _check.choice("anti_windup", word, ANTI_WINDUP)
+    if word not in available:
+        words = " or ".join(map(repr, dict.fromkeys(available)))
+        raise ValueError(f"anti_windup must be {words} {where}, found {word!r}")
+    return word
 
 
 def _numbers(k: Parameters) -> dict[str, Any]:

@@ -61,7 +61,7 @@ def program(k: Parameters, block: bool = False) -> Program:
     states: dict[str, float | bool] = {"started": False, "fault": False, "at_limit": False}
     offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
     body: list[Statement] = [
-        Note("signals" + (", from the working point" if offset else "")),
+        Note("inputs" + (", relative to the working point" if offset else "")),
         Set("target", f"setpoint{offset}"),
         Set("measured", f"measurement{offset}"),
     ]
@@ -80,7 +80,10 @@ def program(k: Parameters, block: bool = False) -> Program:
         states |= {"old": 0.0} if _remembers(k) else {}
         body += _with_integral(k, found)
     else:
-        body += [Note("manual or automatic"), If("manual", [Set("wanted", "manual_value")], [_wanted(found)])]
+        body += [
+            Note("manual or automatic mode"),
+            If("manual", [Set("wanted", "manual_value")], [_wanted(found)]),
+        ]
         body += _limited(found)
     body += [*_at_limit(k), Set("control", "limited"), Set("started", "true")]
     checks, left_out = _numbers(inputs, gains), _left_out(k, found)
@@ -106,7 +109,7 @@ def _numbers(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]
         ends = ("0.0", "1.0") if UNIT_GAIN.fullmatch(name) else ("-LARGEST_GAIN", "LARGEST_GAIN")
         bad.append(f"not ({_number(name, *ends)})")
     return [
-        Note("a sample with a signal that is no number, or beyond all measure, is left out"),
+        Note("skip a sample with an input that is NaN, infinite or too large"),
         Set("fault", "false"),
         *(If(condition, [Set("fault", "true")]) for condition in bad),
         Set("by_hand", f"manual and {_number('manual_value')}"),
@@ -120,7 +123,7 @@ def _left_out(k: Parameters, found: dict[str, float]) -> list[Statement]:
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
     limited = [*_limited(found), *_at_limit(k), Set("control", "limited")]
     body: list[Statement] = [
-        Note("manual still drives the signal"),
+        Note("manual mode works in a skipped sample, too"),
         If("by_hand", [Set("wanted", "manual_value"), *limited, *later]),
     ]
     return body + ([If("retuned", later)] if k.tunable else [])
@@ -132,7 +135,7 @@ def _error(found: dict[str, float], compares: bool) -> list[Statement]:
     if "DEADBAND" in found:
         inside = If("error < -DEADBAND", [Set("error", "error + DEADBAND")], [Set("error", "0.0")])
         body += [
-            Note("deadband: errors within it count as zero, larger ones count from its edge"),
+            Note("deadband: a smaller error counts as zero, a larger one from the edge of the band"),
             If("error > DEADBAND", [Set("error", "error - DEADBAND")], [inside]),
             Set("measured", "target - error"),
         ]
@@ -147,7 +150,7 @@ def _tracking(k: Parameters, found: dict[str, float]) -> list[Statement]:
     if k.from_signal and _remembers(k):
         inside.append(Set("old", f"track_value{_less_bias(found)} - integral_part"))
     return [
-        Note("what acted since the last sample in place of our signal"),
+        Note("the signal that acted since the last sample in place of the control signal"),
         If("tracking", [*inside, Set("control", "track_value")]),
     ]
 
@@ -160,13 +163,13 @@ def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
     forced = [
         If("manual", [Set("wanted", "manual_value")], [Set("wanted", "control")]),
         *_limited(found),
-        Note("the integral follows: no bump on the way back"),
+        Note("the integral tracks the signal, for a return without a bump"),
         Set("integral_part", f"limited{_less_bias(found)} - summed"),
         Set("carry", "0.0"),
         Set("follow", "false"),
     ]
     automatic = [
-        Note("the integral; what rounding takes from it is carried over"),
+        Note("the integral; carry keeps what rounding loses"),
         Set("growth", growth),
         Set("added", "growth + carry"),
         Set("grown", "integral_part + added"),
@@ -174,7 +177,7 @@ def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
         *_limited(found),
         *_kept(k, found),
     ]
-    begins = f"manual, {'new gains, ' * k.tunable}a sample left out or the first one: it starts with the signal it has"
+    begins = f"manual mode, first sample, {'new gains, ' * k.tunable}first sample after a skipped one: keep the signal"
     body: list[Statement] = [
         Note(begins),
         Set("forced", "manual or follow"),
@@ -200,7 +203,7 @@ def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
             Set("carry", "added - (integral_part - grown)"),
         ]
         keep += [
-            Note("part of what a limit cut off is taken back from the integral"),
+            Note("back-calculation: correct the integral by a part of what the limit cut off"),
             If("limited < wanted or limited > wanted", correction),
         ]
     if k.anti_windup != "clamping" or not k.limited:
@@ -213,7 +216,7 @@ def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
         If("room * growth > 0.0", grown_less, again),
     ]
     return [
-        Note("the integral grows up to the limit, and rests while it would drive the signal further beyond"),
+        Note("clamping: the integral stops at the limit, and holds while it would push further beyond"),
         If("(limited - wanted) * growth < 0.0", clamped, keep),
     ]
 

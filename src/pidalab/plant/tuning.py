@@ -1,4 +1,4 @@
-"""One call that tunes: all rules and the optimum behind one door, with what the model does not know priced in."""
+"""Tune a controller for a process or a fitted model, and price in what the model does not know."""
 
 from __future__ import annotations
 
@@ -9,15 +9,54 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
+from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
 from pidalab.plant.safety import Asked, Designer, LoopEvaluator, Requirements, make_safe
-from pidalab.plant.sampling import corner_frequencies, doubt_unit, require_sampling
 from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
+
+# in one such sample a process that settles answers by 63 % or more, and little is left to control in the next; an
+# integrator has no such time, and its other dynamics are at rest after ten times their longest one
+LONGEST_SAMPLE, AT_REST = 1.0, 10.0
+OTHER_UNIT = 100.0  # times faster or slower than the record: a sample time that may be in another unit
+
+
+def require_sampling(process: Process, sample_time: float) -> None:
+    """Refuse a sample time in which the process does all it ever does."""
+    times = [1 / speed for speed in corner_frequencies(process)]
+    poles = np.abs(roots(process.den))
+    if np.isfinite(process.gain()):
+        limit = LONGEST_SAMPLE * (float(np.sum(1 / poles)) + process.delay) if times else math.inf
+        why = "all its lags and its dead time, after which it has answered by 63 % or more"
+    else:
+        limit = AT_REST * max(times, default=math.inf)
+        why = f"{AT_REST:g} times its longest time (after which all but the integrator is at rest)"
+    if sample_time > limit:
+        raise ValueError(
+            f"sample_time must be at most {limit:.4g} for this process, {why}, found {sample_time:g}"
+        )
+
+
+def doubt_unit(sample_time: float, recorded: float) -> list[str]:
+    """Say where a sample time is so far from that of the record that it may be in another unit."""
+    share = sample_time / recorded
+    if 1 / OTHER_UNIT < share < OTHER_UNIT:
+        return []
+    return [
+        f"the sample time of {sample_time:g} is {share:.3g} times that of the record, {recorded:.4g}: is it in the "
+        "record's unit of time?"
+    ]
+
+
+def corner_frequencies(process: Process) -> Array:
+    """Return the frequencies of poles and zeros, and that of the dead time."""
+    found = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
+    return np.append(found[found > 0], [1 / process.delay] if process.delay else [])
+
 
 # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 LOUDEST = 10.0
@@ -31,6 +70,7 @@ SLOW = 0.5  # turn of the crossover in a sample, in rad, from which on a loop is
 def tune(
     model: Process | Fit,
     kind: str = "PIDA",
+    *,
     ms: float = 1.6,
     noise_gain: float | None = None,
     sample_time: float | None = None,

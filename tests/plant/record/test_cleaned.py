@@ -37,13 +37,14 @@ def test_a_ramp_of_the_input_is_one_step_at_its_middle():
         (lambda t, u, y: (t, u, y[:-1]), "t, u and y must have one length"),
         (lambda t, u, y: (t, 0 * u, y), "u never changes"),
         (lambda t, u, y: (t, u, 0 * y), "y never changes"),
-        (lambda t, u, y: (t, u, y, 90.0), "step: no change of the input at or after 90"),
+        (lambda t, u, y: (t, u, y, {"step": 90.0}), "step: no change of the input at or after 90"),
         (lambda t, u, y: (np.zeros_like(t), u, y), "20 different times or more, found 1"),
     ],
 )
 def test_refusals(change, message):
+    t, u, y, *options = change(*step_record())
     with pytest.raises(ValueError, match=message):
-        Record(*change(*step_record()))
+        Record(t, u, y, **(options[0] if options else {}))
 
 
 def test_a_word_among_numbers_is_refused():

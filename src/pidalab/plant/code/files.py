@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from pidalab import _check
-from pidalab._text import plain_text
+from pidalab._text import comment_text, plain_text
 from pidalab._version import __version__
 from pidalab.digital.languages import function
 from pidalab.digital.parameters import LARGEST_SIGNAL, Parameters
@@ -29,32 +29,41 @@ HEAD_WIDTH = 105  # characters of a line of the head
 MOST_NOTES, LONGEST_NOTE = 40, 500  # lines of a note and their characters
 
 
-def head(k: Parameters, margins: Any, note: str, time_unit: str, record: str) -> list[str]:
-    """Return lines that say where the code comes from; text of others passes `plain_text`, and no date is in it."""
-    for name, text in (("note", note), ("time_unit", time_unit), ("record", record)):
+def head(
+    k: Parameters,
+    *,
+    margins: Any = None,
+    note: str = "",
+    time_unit: str = "",
+    record: str = "",
+    date: str = "",
+) -> list[str]:
+    """Return lines that say where the code comes from; text from outside is filtered."""
+    given = {"note": note, "time_unit": time_unit, "record": record, "date": date}
+    for name, text in given.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} must be a text, found {type(text).__name__}")
     unit = (
-        f" {plain_text(time_unit, 20)}"
-        if time_unit
-        else ", in the unit of time of the controller's ti and td"
+        f" {plain_text(time_unit, 20)}" if time_unit else ", in the time unit of the controller's parameters"
     )
+    origin = [plain_text(record) or "not named", *([f"recorded {comment_text(date, 40)}"] if date else [])]
+    low, high = (f"{x!r}" if math.isfinite(x) else "none" for x in k.limits)
     lines = [
         f"Digital controller, written by pidalab {plain_text(__version__)}.",
-        f"Record: {plain_text(record) or 'not named'}",
-        f"Controller: {plain_text(k.source, LONGEST_NOTE) or 'not named'}",
+        f"Record: {', '.join(origin)}",
+        f"Controller: {comment_text(k.source, LONGEST_NOTE) or 'not named'}",
         f"Sample time: {k.sample_time!r}{unit}",
         f"Method: {k.method}, anti-windup: {k.anti_windup or 'none'}",
-        f"Weights of the set point: b = {k.weights[0]!r}, c = {k.weights[1]!r}",
-        f"Limits: {k.limits[0]!r} to {k.limits[1]!r}, rate limit: {k.rate_limit!r}, deadband: {k.deadband!r}",
+        f"Set-point weights: b = {k.weights[0]!r}, c = {k.weights[1]!r}",
+        f"Lower limit: {low}, upper limit: {high}, rate limit: "
+        f"{repr(k.rate_limit) if math.isfinite(k.rate_limit) else 'none'}, deadband: {k.deadband!r}",
         f"Working point: u = {k.bias!r}, y = {k.y_offset!r}",
     ]
     if k.prefilter is not None:
-        parts = (", ".join(f"{c:.10g}" for c in part) for part in (k.prefilter.num, k.prefilter.den))
-        lines.append("Prefilter of the set point: [{}] over [{}]".format(*parts))
+        lines.append(f"Set-point prefilter: {k.prefilter}")
     lines += [] if margins is None else [_margins(margins)]
     notes = note.splitlines()
-    lines += [plain_text(line, LONGEST_NOTE) for line in notes[:MOST_NOTES]]
+    lines += [comment_text(line, LONGEST_NOTE) for line in notes[:MOST_NOTES]]
     lines += [f"and {len(notes) - MOST_NOTES} more lines"] if len(notes) > MOST_NOTES else []
     return [
         part for line in lines if line for part in textwrap.wrap(line, HEAD_WIDTH, subsequent_indent="  ")
@@ -128,19 +137,18 @@ def signals(k: Parameters, inputs: Sequence[Sequence[Any]]) -> list[float]:
     return [step(states, *row) for row in zip(*inputs, strict=True)]
 
 
-def written(
-    k: Parameters, language: str, name: str, margins: Any, note: str, time_unit: str, record: str
-) -> str:
+def written(k: Parameters, language: str, name: str, *, precision: str = "double", **about: Any) -> str:
     """Write the code in one of the languages."""
+    _check.choice("precision", precision, languages.PRECISIONS)
     own = program(k)
     taken = {*own.constants, *own.gains, *INPUTS, *MORE, *own.states, *own.variables, "TEST", "control"}
-    lines = head(k, margins, note, time_unit, record)
-    return languages.written(own, language, lines, vector(k), identifier(name, taken))
+    lines = head(k, **about)
+    return languages.written(own, language, lines, vector(k), identifier(name, taken), precision)
 
 
-def as_json(k: Parameters, margins: Any, note: str, time_unit: str, record: str) -> str:
+def as_json(k: Parameters, **about: Any) -> str:
     """Return the controller as JSON; infinite limits are null."""
-    stored = {"about": head(k, margins, note, time_unit, record), "version": __version__, **content(k)}
+    stored = {"about": head(k, **about), "version": __version__, **content(k)}
     return json.dumps({**stored, "checksum": checksum(stored)}, indent=2) + "\n"
 
 

@@ -7,7 +7,7 @@ import math
 from typing import Any, NoReturn
 
 from pidalab.digital.controller import DigitalController
-from pidalab.digital.parameters import ANTI_WINDUP, MOST_PATH_LAGS, MOST_PATHS
+from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP, MOST_PATH_LAGS, MOST_PATHS
 from pidalab.digital.paths import Path
 from pidalab.digital.prefilter import Prefilter
 from pidalab.plant.code.files import checksum, content
@@ -87,7 +87,7 @@ def _controller(stored: dict[str, Any]) -> DigitalController:
     integral, weights, rest = (
         _object(stored[name], name) for name in ("integral", "setpoint_weights", "working_point")
     )
-    if stored["anti_windup"] not in ANTI_WINDUP:
+    if stored["anti_windup"] not in DISCRETE_ANTI_WINDUP:
         raise ValueError("anti_windup must be a word that a controller writes")
     if not isinstance(stored["controller"], str) or len(stored["controller"]) > LONGEST_FILE // 100:
         raise ValueError("controller must be a text of usual length")

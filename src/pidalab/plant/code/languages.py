@@ -13,16 +13,19 @@ from pidalab.digital.statements import Program, Vector
 
 WIDTH = 95  # of a line of values
 OUTPUTS = ("control", "fault", "at_limit")  # states that others may read
+PRECISIONS = ("double", "single")
 USAGE = (
-    "With manual it gives manual_value, within the limits. With tracking it takes track_value for the signal",
-    "that acted since the last sample; at the first sample it starts there, without a bump.",
-    "A sample with a signal that is no number, or beyond 1e9 on either side, is left out: signal and states stay,",
-    "manual still drives the signal, and fault is true. at_limit is true where a limit cuts something off.",
+    "With manual, the control signal is manual_value, within the limits.",
+    "With tracking, track_value is the signal that acted since the last sample in place of the control signal.",
+    "At the first sample the controller starts from track_value, without a bump.",
+    "A sample with an input that is NaN, infinite or beyond 1e9 in size is skipped: fault is true, and the control",
+    "signal and all states keep their values. Manual mode works all the same.",
+    "at_limit is true while a limit cuts off a part of the control signal.",
 )
-FEEDFORWARD = "feedforward is added to the signal, before the limits."
+FEEDFORWARD = "feedforward is added to the control signal, before the limits."
 RETUNED = (
-    "The gains are variables: write new ones, and call it once with retuned. The signal stays as it is for that",
-    "sample, and goes on from there.",
+    "The gains are variables. To change them, write the new values and set retuned for one call. The control signal",
+    "keeps its value in that sample and continues from there.",
 )
 
 
@@ -52,8 +55,10 @@ LANGUAGES = {
 }
 
 
-def written(program: Program, language: str, head: Sequence[str], vector: Vector, name: str) -> str:
-    """Return the file with a program and its test; `name` is a prefix in C, and that of a block or a class."""
+def written(
+    program: Program, language: str, head: Sequence[str], vector: Vector, name: str, precision: str
+) -> str:
+    """Return the file with a program and its self-test; `name` is the prefix in C, or names the block or class."""
     import jinja2
 
     has = LANGUAGES[language]
@@ -73,6 +78,7 @@ def written(program: Program, language: str, head: Sequence[str], vector: Vector
         name=name,
         upper=name.upper(),
         real=f"{name}_real",
+        types=("float", "double") if precision == "single" else ("double", "float"),
         kind="".join(word.capitalize() for word in name.split("_")),
         step=step,
     )

@@ -18,7 +18,7 @@ from pidalab.loop import Loop
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.fitting.uncertainty import samples_per_error
 from pidalab.plant.record import Record
-from pidalab.plant.record.inputs import FOLLOWER
+from pidalab.plant.record.cleaning import FOLLOWER
 from pidalab.plant.reporting import measure_candidate
 from pidalab.plant.safety import LoopEvaluator
 from pidalab.plant.tuning import tune
@@ -91,7 +91,7 @@ class Check:
         self, name: str, kind: str, plant: Process | Fit, ms: float, noise: float | None, worst: float
     ) -> DesignRow:
         try:
-            design = tune(plant, kind, ms, noise, self.sample_time, ms_worst=worst)
+            design = tune(plant, kind, ms=ms, noise_gain=noise, sample_time=self.sample_time, ms_worst=worst)
         except ValueError as refusal:
             return DesignRow(name, kind, reason=one_line(refusal))
         found = measure_candidate(design, name, kind, self.fit, self.sample_time)
@@ -134,6 +134,7 @@ class Check:
 def check(
     record: Record | Fit,
     controller: Controller,
+    *,
     output_filter: Any = None,
     sample_time: float | None = None,
     ms_worst: float = 2.0,

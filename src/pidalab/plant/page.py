@@ -24,7 +24,7 @@ from pidalab.style import GREY, LOOKS, STYLE
 
 if TYPE_CHECKING:
     from pidalab.comparison.judging import DesignRow
-    from pidalab.plant.reporting.trade_off import TradeOff
+    from pidalab.plant.noise_curves import TradeOff
     from pidalab.process import Process
 
 NEGLIGIBLE_ERROR = 0.005  # share of the largest error, below which a figure need not go on

@@ -9,9 +9,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from pidalab._check import Array
 from pidalab.comparison.judging import DesignRow, html_table, measure_row, one_line, text_table
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.record import Record
@@ -25,8 +22,7 @@ from pidalab.rules.starting_models import time_scale
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pidalab.plant.reporting.trade_off import TradeOff
-
+    from pidalab.plant.noise_curves import TradeOff
 
 REPORT_HORIZON = 20.0  # of the first responses, in time scales of the process
 REPORT_COLUMNS = {
@@ -138,7 +134,7 @@ class Report:
         >>> len(report.plot().axes)
         6
         """
-        from pidalab.plant.reporting.page import figure
+        from pidalab.plant.page import figure
 
         return figure(self.process, self.ms, self.rows, self.plants)
 
@@ -200,7 +196,7 @@ class Report:
         >>> report.page("Level").count("<h1>Level</h1>")
         1
         """
-        from pidalab.plant.reporting.page import page
+        from pidalab.plant.page import page
 
         shown = self._sections() if sections is None else sections
         return page(title, self._repr_html_(), self.plot(), shown, traded)
@@ -227,12 +223,12 @@ class Report:
         --------
         >>> import pidalab
         >>> process = pidalab.lags(3, delay=1.0)
-        >>> traded = pidalab.trade_off(process, [1.6], [1.0, 3.0], kinds=["PI"])
+        >>> traded = pidalab.trade_off(process, [1.6], noise_gains=[1.0, 3.0], kinds=["PI"])
         >>> len(pidalab.report(process, kinds=("PI",), rule="simc").plot_trade_off(traded).axes)
         1
         """
-        from pidalab.plant.reporting.page import trade_off_figure
-        from pidalab.plant.reporting.trade_off import trade_off
+        from pidalab.plant.noise_curves import trade_off
+        from pidalab.plant.page import trade_off_figure
 
         return trade_off_figure(trade_off(self.process) if traded is None else traded)
 
@@ -246,6 +242,7 @@ class Report:
 
 def report(
     model: Process | Fit | Record,
+    *,
     ms: float = 1.6,
     noise_gain: float | None = None,
     sample_time: float | None = None,
@@ -289,10 +286,12 @@ def report(
     if not wanted or not all(isinstance(kind, str) and kind in ORDER for kind in wanted):
         raise ValueError(f"kinds must be some of 'PI', 'PID' and 'PIDA', found {kinds!r}")
     fitted = fit(model) if isinstance(model, Record) else model
+    options: dict[str, Any] = {"ms": ms, "noise_gain": noise_gain, "sample_time": sample_time, "rule": rule}
+    options |= {"spread": spread, "output_filter": output_filter, "ms_worst": ms_worst}
     rows = []
     for kind in wanted:
         try:
-            design = tune(fitted, kind, ms, noise_gain, sample_time, rule, spread, output_filter, ms_worst)
+            design = tune(fitted, kind, **options)
         except ValueError as refusal:
             rows.append(DesignRow(rule, kind, reason=one_line(refusal)))
         else:
