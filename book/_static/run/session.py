@@ -72,12 +72,35 @@ def figures():
         plt.show = lambda *_, **__: figures()
 
 
+def explore():
+    """Let a ledger show a value that moved beside the stored one; outside a page it refuses the run."""
+    from paperledger import Ledger, LedgerError, Row
+
+    class Moved(Row):
+        def shown(self):
+            return f"{stored[self.id].shown()} → {super().shown()}"
+
+    stored, take = {}, Ledger._take
+
+    def taken(ledger, fresh):
+        try:
+            return take(ledger, fresh)
+        except LedgerError:
+            stored[fresh.id] = ledger.rows[fresh.id]
+            ledger.fresh[fresh.id] = fresh
+            return Moved(**vars(fresh))
+
+    Ledger._take = taken
+
+
 def cells(page):
     """Enter the folder of a page and return the code of its cells."""
     with open(f"/book/{page}.json", encoding="utf-8") as file:
         found = json.load(file)
     os.chdir(os.path.dirname(f"/book/{page}"))
     sys.path[:0] = [os.getcwd()]
+    if any("paperledger" in source for source in found):
+        explore()
     return found
 
 
