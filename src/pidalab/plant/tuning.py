@@ -11,6 +11,7 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.plant.doubts import doubt
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
 from pidalab.plant.safety import Asked, Designer, LoopEvaluator, Requirements, make_safe
@@ -46,10 +47,7 @@ def doubt_unit(sample_time: float, recorded: float) -> list[str]:
     share = sample_time / recorded
     if 1 / OTHER_UNIT < share < OTHER_UNIT:
         return []
-    return [
-        f"the sample time of {sample_time:g} is {share:.3g} times that of the record, {recorded:.4g}: is it in the "
-        "record's unit of time?"
-    ]
+    return [doubt("time unit", sample_time=sample_time, share=share, recorded=recorded)]
 
 
 def corner_frequencies(process: Process) -> Array:
@@ -165,20 +163,15 @@ def tune(
         make = _optimal(model, designed, others, kind, noise_gain, sample_time, doubts)
         made, price = make_safe(make, evaluator, requirements)
         if "sample_time" in made.active:
-            doubts.append(
-                f"the filter is as fast as the sample, {made.info['sample_time']:g}, allows: with faster sampling it "
-                "would be faster"
-            )
+            doubts.append(doubt("fast filter", sample_time=made.info["sample_time"]))
     else:
         made, price = _by_rule(named, designed, kind, evaluator, requirements)
         if noise_gain is not None:
             _check.real("noise_gain", noise_gain, above=0.0)
-            doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
+            doubts.append(doubt("noise unused", rule=rule))
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     if price > DEAR:
-        doubts.append(
-            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {requirements.remedy}"
-        )
+        doubts.append(doubt("price", price=price, remedy=requirements.remedy))
     loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
     reasons: list[str] = []  # why a sampled loop has no Ms
@@ -239,15 +232,11 @@ def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
     turn = sample_time * float(gain_crossovers(loop).max(initial=0.0))
     if turn > SLOW:
         doubts.append(
-            f"the sample time of {sample_time:g} is long for this loop: it turns by {turn:.2g} rad in a sample at its "
-            f"crossover; {SLOW / turn * sample_time:.2g} or less would be better"
+            doubt("long sample", sample_time=sample_time, turn=turn, better=SLOW / turn * sample_time)
         )
     fastest = float(np.abs(roots(loop.controller.fraction()[1])).max(initial=0.0))
     if fastest * sample_time > 1 + UNSEEN:
-        doubts.append(
-            f"the controller has a filter of {1 / fastest:.3g}, faster than the sample of {sample_time:g}: the code "
-            "hardly filters"
-        )
+        doubts.append(doubt("filter lost", filter_time=1 / fastest, sample_time=sample_time))
 
 
 def _optimal(
@@ -290,10 +279,7 @@ def _without_unseen_delay(process: Process, fastest: float, doubts: list[str]) -
     """Leave out a dead time that a loop cannot notice which acts up to a frequency, and say so."""
     if not 0 < process.delay * fastest < UNSEEN:
         return process
-    doubts.append(
-        f"the dead time of {process.delay:.3g} is left out: where the loop can act, it turns the phase by less "
-        f"than {UNSEEN:g} rad"
-    )
+    doubts.append(doubt("short delay", delay=process.delay, phase=UNSEEN))
     return Process(process.num, process.den)
 
 
@@ -348,7 +334,7 @@ def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: l
             f"{model.noise:.3g}) and does not settle: take a lower kind, or step the input several times, further and "
             "from rest"
         )
-    doubts.append(f"{short}, which are not known: fit a model of higher order, or take a lower kind")
+    doubts.append(doubt("few poles", known=known, kind=kind))
 
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:
