@@ -50,10 +50,10 @@ def pytest_configure(config):
     """Have machine code that is not there made once, by two processes: each worker would make most of it again."""
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         return
-    from pidalab._compiled import TIER, stamp
+    from pidalab._compiled import TIER, is_complete
 
     TIER.begin()
-    if not TIER.ready or stamp().is_file():
+    if not TIER.ready or is_complete():
         return
     halves = [
         subprocess.Popen([sys.executable, "-c", f"from pidalab.warm_up import {part}; {part}()"])
@@ -61,7 +61,7 @@ def pytest_configure(config):
     ]
     for half in halves:
         half.wait()
-    subprocess.run([sys.executable, "-m", "pidalab.warm_up"], check=False)  # writes the stamp
+    subprocess.run([sys.executable, "-m", "pidalab.warm_up"], check=False)  # records that all is compiled
 
 
 def pytest_report_header():

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 MODEL_WORDS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
 ANTI_WINDUP_WORDS = ("reset", "back-calculation", "clamping", "none")
 WEIGHT = click.FloatRange(0.0, 1.0)  # of a set point: beyond 1 it would be another one
-READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers")
+READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers", "run")
 CODE = {
     "controller.c": "c",
     "controller.st": "structured_text",
@@ -58,6 +58,7 @@ record = add_options(
         type=click.Choice(["drop", "keep"]),
         help="What becomes of outputs far from their neighbours.",
     ),
+    click.option("--run", type=int, help="Which of several runs, from 1, where the time restarts."),
     click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
 )
 design = add_options(

@@ -14,6 +14,7 @@ from scipy.stats import chi2
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab.plant.doubts import doubt
 from pidalab.plant.fitting.searching import (
     BETTER,
     LEVEL,
@@ -247,16 +248,11 @@ class Fit:
         found = []
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
-            found.append(
-                f"the model leaves {self.model_error:.3g} beyond the noise of {self.noise:.3g}, {share:.2g} % of the "
-                "movement of the output: the plant is of another shape, or something else moved it"
-            )
+            found.append(doubt("model error", error=self.model_error, noise=self.noise, share=share))
         if self._data.free:
-            found.append("the record does not begin at rest: an initial state was fitted, too")
+            found.append(doubt("initial state"))
         if self.holdout < self.nrmse - 0.2:
-            found.append(
-                f"the end of the record is predicted worse than it is fitted: NRMSE {self.holdout:.2f}"
-            )
+            found.append(doubt("hold-out", holdout=self.holdout))
         return tuple(found)
 
     def plot(self, ax: Axes) -> None:
@@ -290,14 +286,14 @@ class Fit:
         values = ", ".join(
             f"{name} = {value:.4g} ± {self.uncertainty[name]:.2g}" for name, value in self.parameters.items()
         )
-        unseen = "no part left to test it on, since nothing moves at the end"
-        if not math.isnan(self.holdout):
-            unseen = f"{self.holdout:.3f} on a part that was not fitted"
+        holdout = (
+            "no hold-out data" if math.isnan(self.holdout) else f"{self.holdout:.3f} on the hold-out data"
+        )
         lines = [
             f"{self.model}: {values}",
             f"residuals {self.deviation:.3g} (root mean square): noise {self.noise:.3g}, "
             f"error of the model {self.model_error:.3g}",
-            f"NRMSE {self.nrmse:.3f}, {unseen}",
+            f"NRMSE {self.nrmse:.3f}, {holdout}",
             self.reason,
         ]
         return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
@@ -400,7 +396,7 @@ def _choice(data: FitData, tried: Sequence[FitResult]) -> tuple[FitResult, str]:
     lost = sorted({found.shape.name for found in tried} - {found.shape.name for found in settled})
     return chosen, (
         f"{chosen.shape.name} is the simplest within {100 * BETTER:.0f} % of the least residual ({said})"
-        + (f", without {' and '.join(lost)}, which the record does not settle." if lost else ".")
+        + (f"; not identifiable from this record: {', '.join(lost)}." if lost else ".")
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab.plant.doubts import doubt
 from pidalab.plant.record.cleaning import (
     MOVING,
     Step,
@@ -22,6 +24,7 @@ from pidalab.plant.record.cleaning import (
     find_steps,
     name_experiment,
     named,
+    run_starts,
     standing_still,
     still_note,
 )
@@ -30,6 +33,8 @@ from pidalab.plant.record.reading import LONG_AGO, read_columns
 LONG_INTERVAL = 5.0  # times the usual sampling interval: a longer one is a gap
 FEW_LEVELS = 20  # levels of y: fewer are worth a word
 LONG = 0.1  # share of the samples that an input which moves all the time stays at its largest or least value
+SAME_PERIOD = 0.01  # share by which the times of a file may differ from a period
+TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
 RAMP_SAMPLES = 5  # samples between two levels of the input: more are worth a word
 
 
@@ -153,7 +158,7 @@ class Record:
         where = [f"{word} {k}" for k in numbers]
         if outliers == "drop":
             doubts += _left_out(given[2], where)
-        times, inputs, outputs, earlier, kept = cleaned(*given, doubts)
+        times, inputs, outputs, earlier, kept = cleaned(*given, where, doubts)
         note = _outliers(outputs, [where[k] for k in kept]) if outliers is None else ""
         before = earlier if u_before is None else _check.real("u_before", u_before)
         _check.squarable("u_before", np.array([before]))
@@ -189,6 +194,7 @@ class Record:
         skip: int = 0,
         u_before: float | None = None,
         outliers: Literal["drop", "keep"] | None = None,
+        run: int | None = None,
     ) -> Record:
         """Read a record from a delimited text file, as historians write them.
 
@@ -207,11 +213,15 @@ class Record:
         step : float, optional
             As for `Record`.
         period : float, optional
-            Time from sample to sample, for a file without a column of times; `time` is not used then.
+            Time from sample to sample, for a file without a column of times. Refused where the column `time` holds
+            other times.
         skip : int, optional
             Lines to leave out at the beginning of the file.
         u_before, outliers : optional
             As for `Record`.
+
+        run : int, optional
+            Which of several runs in the file, from 1: where the time restarts a new run begins.
 
         Returns
         -------
@@ -233,31 +243,34 @@ class Record:
         (Step(time=10.0, before=40.0, after=47.0),)
         """
         path = Path(path)
-        roles = {"time": time, "u": u, "y": y} if period is None else {"u": u, "y": y}
-        columns = ", ".join(f"{role} = {name!r}" for role, name in roles.items())
-        if len(set(roles.values())) < len(roles):
-            raise ValueError(f"time, u and y must be different columns, found {columns}")
+        columns: dict[str, str | int] = {"time": time, "u": u, "y": y}
+        if period is not None:
+            period = _check.real("period", period, above=0.0)
+            del columns["time"]
+        said = ", ".join(f"{role} = {name!r}" for role, name in columns.items())
+        if len(set(columns.values())) < len(columns):
+            raise ValueError(f"time, u and y must be different columns, found {said}")
         skip = _check.integer("skip", skip, at_least=0)
-        found = read_columns(path, list(roles.values()), delimiter, skip, timed=period is None)
+        found = read_columns(path, list(columns.values()), delimiter, skip, timed=period is None)
+        doubts, rows, (u_read, y_read) = list(found.doubts), found.rows, found.values[-2:]
         if period is None:
             times = found.values[0]
             if np.nanmax(times, initial=0.0) > LONG_AGO and not np.any(np.diff(times) < 0):
                 times = times - np.nanmin(times)  # a date: seconds since long ago
         else:
-            times = _check.real("period", period, above=0.0) * (found.rows - found.rows[0])
+            if time not in columns.values():
+                doubts += _compared(period, path, time, delimiter, skip)
+            times = period * (rows - rows[0])
         try:
-            record = cls(
-                times,
-                found.values[-2],
-                found.values[-1],
-                step=step,
-                u_before=u_before,
-                outliers=outliers,
-                rows=found.rows,
-            )
+            if run is not None:
+                starts = [*run_starts(times), times.size]
+                run = _check.integer("run", run, at_least=1, at_most=len(starts) - 1)
+                part = slice(starts[run - 1], starts[run])
+                times, u_read, y_read, rows = times[part], u_read[part], y_read[part], rows[part]
+            record = cls(times, u_read, y_read, step=step, u_before=u_before, outliers=outliers, rows=rows)
         except ValueError as refusal:
-            raise ValueError(f"{path.name} ({columns}): {refusal}") from None
-        vars(record)["doubts"] = found.doubts + record.doubts
+            raise ValueError(f"{path.name} ({said}): {refusal}") from None
+        vars(record)["doubts"] = (*doubts, *record.doubts)
         return record
 
     @property
@@ -341,44 +354,32 @@ class Record:
         found = []
         levels, intervals = np.unique(self.y), np.diff(self.t)
         if levels.size <= FEW_LEVELS:
-            found.append(f"the output has only {levels.size} levels, {np.min(np.diff(levels)):.3g} apart")
+            found.append(doubt("levels", count=levels.size, apart=np.min(np.diff(levels))))
         gaps = np.flatnonzero(intervals > LONG_INTERVAL * np.median(intervals))
         if gaps.size:
             k = gaps[np.argmax(intervals[gaps])]
-            found.append(f"{gaps.size} gap(s); the longest, {intervals[k]:.3g}, from {self.t[k]:.4g}")
+            found.append(doubt("gaps", count=gaps.size, longest=intervals[k], start=self.t[k]))
         apart = 0.5 * float(np.min(np.diff([s.time for s in self.steps]), initial=np.inf))
         for step in self.steps:
             near = slice(*np.searchsorted(self.t, [step.time - apart, step.time + apart]))
             share = np.abs((self.u[near] - step.before) / (step.after - step.before) - 0.5)
             slow = self.t[near][share < 0.4]
             if slow.size > RAMP_SAMPLES:
-                found.append(
-                    f"the input takes more than {np.ptp(slow):.3g} to go from {step.before:.6g} to {step.after:.6g}: "
-                    "what looks at a step takes it for one at half the way; fit takes the input as it is"
-                )
+                found.append(doubt("slow input", time=np.ptp(slow), before=step.before, after=step.after))
         for end in (self.u.max(), self.u.min()) if self.experiment == MOVING else ():
             away = np.flatnonzero(np.abs(self.u - end) > 1e-3 * np.ptp(self.u))
             longest = int(np.diff(away, prepend=-1, append=self.u.size).max()) - 1
             if longest > max(RAMP_SAMPLES, LONG * self.u.size):
-                found.append(
-                    f"the input stays at {end:.6g}, its {'largest' if end > self.u.min() else 'least'} value, for "
-                    f"{longest} samples: if the actuator is at its limit there, the record may have what was asked of "
-                    "it, and not what it did"
-                )
+                word = "largest" if end > self.u.min() else "least"
+                found.append(doubt("at an end", end=end, word=word, count=longest))
         if not self.steps:
-            found.append(f"the input does not step between lasting levels: {self.experiment}")
-        elif len(self.steps) > 1:
-            found.append(
-                f"{len(self.steps)} changes of the input, {self.experiment}: {described(self.steps)}"
-            )
-        if self.steps:
+            found.append(doubt("no step", experiment=self.experiment))
+        else:
             tail = self.y[-max(3, self.y.size // 10) :]
             first, last = np.array_split(tail, 2)
             moved, whole = abs(last.mean() - first.mean()), np.ptp(self.y)
             if moved > max(0.02 * whole, 3 * self.noise.deviation / np.sqrt(first.size)):
-                found.append(
-                    "the output still moves at the end: an integrator, or a record that is too short"
-                )
+                found.append(doubt("moving at the end"))
         return found
 
     def __str__(self) -> str:
@@ -398,6 +399,24 @@ class Record:
 
     def __repr__(self) -> str:
         return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
+
+
+def _compared(period: float, path: Path, time: str | int, delimiter: str | None, skip: int) -> list[str]:
+    """Refuse a period beside times of the file that say otherwise; doubt one beside a column that counts samples."""
+    try:
+        found = read_columns(path, [time], delimiter, skip)
+    except ValueError:
+        return []  # there is no such column, or it holds no times
+    steps = np.diff(found.values[0])
+    own = float(np.median(steps)) if steps.size else np.nan
+    if not own > 0 or np.any(steps < 0) or abs(own / period - 1) < SAME_PERIOD:
+        return []
+    if np.all(steps == 1) and not TIMES.match(found.names[0]):
+        return [doubt("counted", name=time, period=period)]
+    raise ValueError(
+        f"period = {period:g} contradicts the file's own times in column {time!r}, which are {own:.4g} apart: leave "
+        "out period (--period), or the column of the times"
+    )
 
 
 def _outliers(y: Array, where: Sequence[str]) -> str:
@@ -421,7 +440,7 @@ def _left_out(y: Array, where: Sequence[str]) -> list[str]:
     y[far_off(y)] = np.nan
     for first, last in still:
         y[first : last + 1] = np.nan
-    return [f"left out: {note}"]
+    return [doubt("left out", note=note)]
 
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
@@ -429,7 +448,7 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
     if y.size < 8:
         # second differences see noise and hardly see a smooth response
         deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
-        doubts.append(f"only {y.size} sample(s) before the input changes: the state of rest is uncertain")
+        doubts.append(doubt("few before", count=y.size))
         deviation = max(deviation, _quantum(whole) / np.sqrt(12))
         return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0), False
     line = np.polynomial.Polynomial.fit(t, y, 1)
@@ -438,7 +457,7 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
     drift = abs(float(line(t[-1]) - line(t[0])))
     drifting = bool(deviation) and drift > 2 * deviation and drift > 0.02 * np.ptp(whole)
     if drifting:
-        doubts.append(f"the output drifts by {drift:.3g} before the step: it was not at rest")
+        doubts.append(doubt("drifting", drift=drift))
         residual = np.diff(y, 2)  # see noise, and hardly see a smooth movement
         deviation = float(residual.std()) / np.sqrt(6)
     neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
