@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab._check import Array
 from pidalab._names import KINDS
 from pidalab.comparison.judging import DesignRow, one_line, text_table
 from pidalab.controllers import HighOrderPID
@@ -18,7 +17,7 @@ from pidalab.controllers.base import Controller
 from pidalab.loop import Loop
 from pidalab.plant.doubts import doubt
 from pidalab.plant.fitting import Fit, fit
-from pidalab.plant.fitting.uncertainty import samples_per_error
+from pidalab.plant.fitting.uncertainty import rough, samples_per_error
 from pidalab.plant.record import Record
 from pidalab.plant.record.cleaning import FEWEST
 from pidalab.plant.reporting import measure_candidate
@@ -254,7 +253,7 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
     u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
     free = (u > log.u.min()) & (u < log.u.max())
     free = free[1:] & free[:-1]
-    du = _rough(np.diff(u))
+    du = rough(np.diff(u))
     size = float(np.median(np.abs(du[free]))) if free.sum() > FEWEST else 0.0
     if size == 0:
         return math.nan, math.nan
@@ -263,7 +262,7 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
     except ValueError:  # a log of so few samples says nothing of this controller
         return math.nan, math.nan
     answer = np.array([digital.step(float(y[0]), float(value)) for value in y])
-    made, dy = _rough(np.diff(answer)), _rough(np.diff(y))
+    made, dy = rough(np.diff(answer)), rough(np.diff(y))
     shares, gains = [], []
     for later in (0, 1):
         end = du.size - later
@@ -274,12 +273,6 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
         gains.append(-float(then[now] @ dy[:end][now]) / square if square else math.nan)
     best = int(np.argmax(shares))
     return shares[best], gains[best]
-
-
-def _rough(x: Array) -> Array:
-    """Return what is left of a signal less its running median."""
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(x, 4, mode="reflect"), 9)
-    return np.asarray(x - np.median(around, axis=1), dtype=float)
 
 
 def _fitted(record: Record) -> Fit:
