@@ -24,6 +24,7 @@ from pidalab.plant.reporting import measure_candidate
 from pidalab.plant.safety import LoopEvaluator
 from pidalab.plant.tuning import tune
 from pidalab.process import Process, sign_of_gain
+from pidalab.relative_noise import sampled_noise
 from pidalab.rules import Design
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
@@ -38,7 +39,7 @@ CHECK_COLUMNS = {
     "IAE load": "iae_load",
     "Ms": "ms_sampled",
     "worst Ms": "ms_worst",
-    "noise gain": "noise_gain",
+    "rel. noise": "noise_gain",
 }
 
 
@@ -80,9 +81,12 @@ class Check:
         """The gains that run, the best of their kind with the same Ms and noise gain, and three sets to try."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
-        now = measure_candidate(self.design, "now", kind, self.fit, self.sample_time)
+        now = measure_candidate(self.design, "now", kind, self.fit)
         now = now._replace(ms_worst=self.interval[1], ms_sampled=self.ms)
-        rows, quiet = [now], None if math.isnan(now.noise_gain) else now.noise_gain
+        rows, quiet = [now], None
+        if now.applies:
+            gain = sampled_noise(self.design.loop(self.fit.process), self.sample_time)[0]
+            quiet = None if math.isnan(gain) else gain
         if now.applies and quiet is not None and math.isfinite(self.ms):
             rows.append(self._row("best like it", kind, self.fit.process, self.ms, quiet, self.ms_worst))
         for name, (ms, share) in SETS.items():
@@ -97,7 +101,7 @@ class Check:
             design = tune(plant, kind, ms=ms, noise_gain=noise, sample_time=self.sample_time, ms_worst=worst)
         except ValueError as refusal:
             return DesignRow(name, kind, reason=one_line(refusal))
-        found = measure_candidate(design, name, kind, self.fit, self.sample_time)
+        found = measure_candidate(design, name, kind, self.fit)
         return found._replace(ms_worst=LoopEvaluator(self.sample_time, None).worst(design, self.plants).ms)
 
     @property

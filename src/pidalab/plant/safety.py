@@ -73,10 +73,10 @@ class LoopEvaluator:
         if self.sample_time is not None:
             try:
                 sampled = design.controller.discretise(self.sample_time, "backward", loop.output_filter)
-                return LoopMs(_ms_or_infinite(Loop(plant, sampled)))
+                return LoopMs(ms_or_infinite(Loop(plant, sampled)))
             except (ValueError, ArithmeticError) as refusal:
                 reason = f"Ms is that of the continuous loop: {refusal}"
-        return LoopMs(_ms_or_infinite(loop), reason)
+        return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
         """Return the largest Ms over plants, in whatever order, 0 without any; and the first reason by the alphabet."""
@@ -85,7 +85,8 @@ class LoopEvaluator:
         return LoopMs(max((one.ms for one in found), default=0.0), reasons[0] if reasons else "")
 
 
-def _ms_or_infinite(loop: Loop) -> float:
+def ms_or_infinite(loop: Loop) -> float:
+    """Return the maximum sensitivity, infinite for an unstable loop."""
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.robustness.poles import is_stable
 

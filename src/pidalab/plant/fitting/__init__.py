@@ -287,6 +287,10 @@ class Fit:
         ax.legend()
 
     def __str__(self) -> str:
+        return "\n".join([self.described(), *(f"doubt: {said}" for said in self.doubts)])
+
+    def described(self) -> str:
+        """Return the text of ``print`` without the doubts."""
         values = ", ".join(
             f"{name} = {value:.4g} ± {self.uncertainty[name]:.2g}" for name, value in self.parameters.items()
         )
@@ -300,7 +304,7 @@ class Fit:
             f"NRMSE {self.nrmse:.3f}, {holdout}",
             self.reason,
         ]
-        return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
+        return "\n".join(lines)
 
 
 def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:

@@ -17,7 +17,7 @@ SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its
 EXPLAINED = 0.5
 FED_BACK = 0.5  # correlation of the changes of u and y, from which on a controller makes u
 COLOURED = 1.5  # samples that share one error, from which on residuals are no white noise
-CLOSED_LOOP = 6.0
+CLOSED_LOOP = 7.0
 CHANCE = 0.003  # that a drift alone makes an answer look as large
 
 DRIFTS = (
