@@ -12,7 +12,9 @@ addEventListener("load", () => {
 
 /* An address that leads into a fold opens it: the row of a ledger, for one. */
 function reveal() {
-  const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  let name = location.hash.slice(1);
+  try { name = decodeURIComponent(name); } catch { return; } // not an address of this page
+  const target = document.getElementById(name);
   if (!target?.closest("details:not([open])")) return;
   for (let fold = target.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
   target.scrollIntoView({ block: "center" });

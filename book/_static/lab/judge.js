@@ -18,21 +18,13 @@
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, simulateSampled, margins } = globalThis.pidalabEngine;
-  const { PLANTS, RULES, controller, iae, noiseGainAt, sampledMargins } = globalThis.pidalabModel;
+  const { PLANTS, RULES, controller, iae, relativeNoiseGain, readNumber, sampledMargins } = globalThis.pidalabModel;
 
   const SLACK = 1.003; // answers are printed in three digits
   const POINTS = 2001;
   const LARGEST = 1e6, SMALLEST = 1e-6, FAR = 20;
 
   const digits = (x, count = 3) => (Number.isFinite(x) ? String(Number(x.toPrecision(count))) : "without bound");
-
-  /* A number with a point or a comma, or a fraction of two, or NaN. */
-  function read(entered) {
-    if (typeof entered === "number") return entered;
-    const text = String(entered ?? "").trim().replace("−", "-"), [above, below, ...more] = text.split("/");
-    if (below !== undefined && !more.length) return read(above) / read(below);
-    return /^[-+]?(\d+([.,]\d*)?|[.,]\d+)(e[-+]?\d+)?$/i.test(text) ? Number(text.replace(",", ".")) : NaN;
-  }
 
   // --- facts of a loop ----------------------------------------------------------------------------------------------
 
@@ -70,7 +62,7 @@
     });
     const load = () => run({ load: 1 }), step = () => run({ setpoint: 1 });
     const found = {
-      noise: () => noiseGainAt(process, design(), task.sample, end),
+      noise: () => relativeNoiseGain(process, design()),
       // a record that ends cuts the area: what is left of the error itself counts
       iae: () => iae(load().t, load().y, 0) + Math.abs(Math.abs(1 / own().gains[0]) - Math.abs(found.ie())),
       ie: () => area(load().t, load().y),
@@ -86,7 +78,7 @@
   }
 
   /* IAE of the best of a kind: a search, which takes a second. */
-  const best = (process, kind, { ms, mks }) => globalThis.pidalabOptimum.find(process, kind, { ms, noise: mks * Math.abs(process.num[0]) }).iae;
+  const best = (process, kind, { ms, noise }) => globalThis.pidalabOptimum.find(process, kind, { ms, noise }).iae;
 
   function factsOf(task, given) {
     const loops = Object.entries(task.plants ?? { "": task.plant }).map(([name, plant]) => [name, loopFacts(plant, task, given)]), all = Object.fromEntries(loops);
@@ -103,7 +95,7 @@
   /* What a fact is called, and what its being too large or too small tells. */
   const WORDS = {
     ms: ["Ms", "too bold", "more robust than asked"],
-    noise: ["noise gain", "too loud: a longer filter", "quieter than asked: a shorter filter"],
+    noise: ["relative noise gain", "too loud: a longer filter", "quieter than asked: a shorter filter"],
     iae: ["IAE", "too slow", "less than can be"],
     iaeSetpoint: ["IAE", "too slow", "less than can be"],
     overshoot: ["overshoot", "the integral forgets too late", ""],
@@ -213,12 +205,11 @@
   function entered(task, given) {
     const numbers = {};
     for (const name of task.kind === "number" ? ["answer"] : task.kind === "design" ? task.fields : []) {
-      const x = read(given[name]), label = name === "answer" ? "The answer" : name;
+      const x = readNumber(given[name]), label = name === "answer" ? "The answer" : name;
       if (!Number.isFinite(x)) return `${label} is to be a number, such as 1.5, 1,5 or 3/2; found “${String(given[name] ?? "").trim()}”.`;
       if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} is to be above 0 and at most a million; found ${x}.`;
       numbers[name] = x;
     }
-    if (task.sample && numbers.Tf < task.sample) return `Tf is to be at least ${task.sample}, the time between two samples of the noise; found ${numbers.Tf}.`;
     if (task.kind === "choice" && !task.options[given.choice]) return "Choose one of them.";
     if (task.kind === "order" && new Set(given.order.filter((k) => task.items[k])).size < task.items.length) return "Give each of them one place.";
     if (task.reasons && !task.reasons[given.reason]) return "Choose a reason.";
@@ -233,6 +224,6 @@
     try { return KINDS[task.kind](task, { ...given, ...numbers }); } catch (error) { return { right: false, refused: true, say: `The page cannot judge this: ${error.message}.` }; }
   }
 
-  globalThis.pidalabJudge = { judge, facts: (task, given) => factsOf(task, given).of, alongItems: along, read };
+  globalThis.pidalabJudge = { judge, facts: (task, given) => factsOf(task, given).of, alongItems: along };
 });
 globalThis.pidalabScripts.at(-1)();
