@@ -12,10 +12,9 @@ DEV := .venv/.dev
 SITE := _build/.built
 COMPILE = $(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes \
 	--no-annotate --custom-compile-command "make lock"
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/sheets.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks shake faults foreign fuzz mutants lint bench studies study release archive pdf \
-	processors least versions twice shuffle lock clean
+.PHONY: help env book test notebooks shake least fuzz lint bench study foreign release lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -45,17 +44,14 @@ notebooks: $(ENV)  ## execute every notebook and store its outputs in place
 shake: $(DEV)  ## run every page with a library that is slightly off, and see each number move (about 3 minutes)
 	$(BIN)/python tools/shake.py
 
-faults: $(DEV)  ## plant gross errors in the library and see every chapter notice (5 minutes)
-	$(BIN)/python tools/faults.py
+least: $(DEV)  ## run the notebooks as the least capable processor would (5 minutes)
+	$(BIN)/python tools/least.py
 
 fuzz: $(DEV)  ## random loops, arguments, records and files against second methods, FUZZ=2000 of each (hours)
 	FUZZ=$${FUZZ:-2000} $(BIN)/pytest -n auto tests/fuzz tests/lab/test_model.py
 
 foreign: $(DEV)  ## tune on the plant records in FOLDER, which tools/foreign.toml lists, and write the table (10 minutes)
 	$(BIN)/python tools/foreign.py $(FOLDER) --out book/data/foreign.csv
-
-mutants: $(DEV)  ## change MUTANTS=70 places of the library, drawn with SEED=1, and see the tests notice (hours)
-	$(BIN)/python tools/mutants.py $${MUTANTS:-70} --seed $${SEED:-1}
 
 lint: $(DEV)  ## style and types
 	$(BIN)/ruff check
@@ -64,47 +60,13 @@ lint: $(DEV)  ## style and types
 
 bench: $(DEV) $(SITE)  ## time and error beside other libraries and what the lab costs, for the pages that show them (20 minutes)
 	$(BIN)/python -m benchmarks.run
-	$(BIN)/python -m benchmarks.editions
 	$(BIN)/python tools/notebooks.py $(patsubst %,book/%.ipynb,speed/how-fast audit/huba2018 audit/huba2024-portrait)
 
-studies: $(DEV)  ## compare all rules on 134 plants, and find the frontier (stops and resumes)
-	$(BIN)/python studies/comparison.py
-	$(BIN)/python studies/frontier.py
-
-study: $(DEV)  ## find the optimal controllers of heo2023 again (many hours)
-	$(BIN)/python studies/itae_optima.py
+study: $(DEV)  ## run the study NAME of the folder studies, which writes a table of book/data (minutes to hours)
+	$(BIN)/python studies/$(NAME).py
 
 release: $(DEV)  ## build wheel and source archive in dist, install the wheel into an empty environment, use it (a minute)
 	$(BIN)/python tools/release.py
-
-archive: $(SITE)  ## the built site as one file in dist that opens from the disk
-	$(BIN)/python tools/archive.py
-
-pdf: $(DEV) $(SITE)  ## print the built site as one PDF in dist, and its tasks as sheets, with Chromium (about 2 minutes)
-	$(BIN)/python tools/pdf.py
-	$(BIN)/python tools/sheets.py
-
-processors: $(DEV)  ## tests of the library and all notebooks as other processors and Pythons would run them (2 hours)
-	$(BIN)/python tools/processors.py
-
-least: $(DEV)  ## the notebooks as the least capable of these processors would run them (5 minutes)
-	$(BIN)/python tools/processors.py --only notebooks --no-store least
-
-versions: $(DEV)  ## test with the lowest and newest versions of the dependencies, on each Python found (an hour)
-	$(BIN)/python tools/processors.py lowest newest
-
-twice: $(DEV)  ## build the site of the last commit twice and compare every byte (5 minutes)
-	set -e; folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
-	for one in first second; do \
-		git clone --quiet . "$$folder/$$one"; \
-		PYTHONPATH="$$folder/$$one/src" $(BIN)/python "$$folder/$$one/tools/site.py"; \
-	done; \
-	diff --recursive --brief "$$folder/first/_build/html" "$$folder/second/_build/html"
-
-shuffle: $(DEV) $(SITE)  ## the tests ten times, each time in another order (half an hour)
-	for seed in 1 2 3 4 5 6 7 8 9 10; do \
-		$(BIN)/pytest tests -n auto --dist loadfile --random-order-bucket=module --random-order-seed=$$seed || exit 1; \
-	done
 
 lock: $(DEV)  ## write both locks from pyproject.toml, keeping the versions they already have
 	$(COMPILE) --extra book --extra tclab --output-file requirements.txt pyproject.toml

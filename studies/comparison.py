@@ -26,9 +26,9 @@ import numpy as np
 from frontier import PLANTS, mapped
 from own_units import COLUMNS, least_robust, optimum, resume
 
-from pidalab import Process
+from pidalab import NoiseScale, Process, noise_scale
 from pidalab.comparison import at_equal_terms, designs
-from pidalab.comparison.benchmarking import EQUAL_MS, NOISE, Units, judge, ultimate_units
+from pidalab.comparison.benchmarking import EQUAL_MS, NOISE, judge
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
 from pidalab.rules import Design
@@ -63,7 +63,7 @@ RULES = ("plant", "rule", "kind", "terms", *MEASURES, "factor", "filter_time", "
 
 def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]]:
     """A plant and what it is like."""
-    own = ultimate_units(process)
+    own = noise_scale(process)
     w = 2 * math.pi / own.period
     size = [math.log(abs(process(1j * w * factor))) for factor in (0.999, 1.001)]
     model = StartingModels(process).reaction
@@ -85,7 +85,7 @@ def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]
 
 def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
     """Every rule on one plant: its own design, then at equal terms, and what becomes of it on plants that are off."""
-    own = ultimate_units(process)
+    own = noise_scale(process)
     rows: list[dict[str, Any]] = []
     for rule, kind, make in designs(process, RuleLimits(EQUAL_MS, NOISE["loud"] * own.gain, own.sample_time)):
         if rule == "optimal":
@@ -97,7 +97,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
 
 
 def off_the_model(
-    row: dict[str, Any], make: Callable[[], Design], process: Process, own: Units
+    row: dict[str, Any], make: Callable[[], Design], process: Process, own: NoiseScale
 ) -> dict[str, Any]:
     """The worst of the plants that are off, as published and with loud noise."""
     if "ms" not in row or row["terms"] == "quiet":

@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any
 
 import pidalab
-from pidalab import Process
-from pidalab.comparison.benchmarking import TABLES, Units, ultimate_units
+from pidalab import NoiseScale, Process, noise_scale
+from pidalab.comparison.benchmarking import TABLES
 from pidalab.comparison.judging import one_line
 from pidalab.plant.tuning import perturbed_plants
 from pidalab.simulation import noise
@@ -49,7 +49,7 @@ COLUMNS = (*OPTIMUM, *GAINS, *WORST, "active", "reason")
 
 def optimum(name: str, process: Process, order: int, ms: float, noise: float) -> dict[str, Any]:
     """Least IAE under both limits as a row, in the plant's units; why there is none, where there is none."""
-    own = ultimate_units(process)
+    own = noise_scale(process)
     row: dict[str, Any] = {"plant": name, "order": order, "ms_limit": ms, "noise_limit": noise}
     try:
         found = pidalab.optimal.load(process, order, ms, None, noise * own.gain, own.sample_time)
@@ -68,7 +68,7 @@ def optimum(name: str, process: Process, order: int, ms: float, noise: float) ->
     return row | worst(found.loop(process), process, own)
 
 
-def worst(loop: pidalab.Loop, process: Process, own: Units) -> dict[str, float]:
+def worst(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[str, float]:
     """Largest Ms and IAE over the eight plants that are off; infinite where one of their loops is unstable."""
     loops = off(loop, process)
     if not all(pidalab.is_stable(other) for other in loops):
@@ -78,7 +78,7 @@ def worst(loop: pidalab.Loop, process: Process, own: Units) -> dict[str, float]:
     return {"ms_worst": largest, "iae_worst": error * own.gain / own.period}
 
 
-def least_robust(loop: pidalab.Loop, process: Process, own: Units) -> dict[str, float]:
+def least_robust(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[str, float]:
     """Largest Ms over the eight plants that are off, and the IAE on the plant that has it; one response, not eight."""
     loops = off(loop, process)
     if not all(pidalab.is_stable(other) for other in loops):
@@ -94,7 +94,7 @@ def off(loop: pidalab.Loop, process: Process) -> list[pidalab.Loop]:
     ]
 
 
-def load_iae(loop: pidalab.Loop, own: Units) -> float:
+def load_iae(loop: pidalab.Loop, own: NoiseScale) -> float:
     """IAE of a load step."""
     from pidalab.simulation.settling import settled
 

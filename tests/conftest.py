@@ -15,7 +15,8 @@ ROOT = Path(__file__).parents[1]
 os.environ.setdefault("PIDALAB_COMPILE", "1")
 # pytest's importlib mode adds no path
 sys.path[:0] = [
-    str(ROOT / "tests" / folder) for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs")
+    str(ROOT / "tests" / folder)
+    for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs", "papers")
 ]
 # last, since one of the tools is called like Python's module site
 sys.path += [str(ROOT / "tools")]
@@ -37,7 +38,6 @@ LONG = (
     "tests/fuzz/",
     "tests/outputs/",
     "tests/rules/test_direct.py",
-    "tests/test_mutants.py",
     "tests/test_readme.py",
 )
 # Of these, one test in so many is drawn, anew each time; workers are given the number that the draw begins from.

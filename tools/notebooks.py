@@ -1,18 +1,20 @@
 """Execute the book's notebooks, several at once, and store their outputs in place.
 
 Nothing is stored that changes from run to run or from machine to machine (time stamps, the Python version), so a
-second run changes no file. With paths as arguments only these notebooks are run.
+second run changes no file. Each text output that changed is printed, old beside new: read it before you commit it.
+With paths as arguments only these notebooks are run.
 """
 
+import difflib
 import os
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
 import nbformat
-from kernels import fork_kernels
 from nbclient import NotebookClient
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
@@ -22,10 +24,10 @@ METADATA = {
 }
 
 
-def execute(path: Path) -> float:
-    """Run one notebook and return the seconds it took; on an error the traceback is raised and the file stays."""
-    start = time.perf_counter()
+def execute(path: Path) -> str:
+    """Run one notebook and return what changed; on an error the traceback is raised and the file stays."""
     notebook = nbformat.read(path, as_version=4)
+    before = list(texts(notebook))
     NotebookClient(
         notebook,
         timeout=600,
@@ -42,7 +44,21 @@ def execute(path: Path) -> float:
                 raise RuntimeError("\n".join([f"{path.name}: {cell.source}", *output.traceback]))
     notebook.metadata = nbformat.from_dict(METADATA)
     nbformat.write(notebook, path)
-    return time.perf_counter() - start
+    return changes(before, list(texts(notebook)))
+
+
+def texts(notebook: Any) -> Iterator[str]:
+    """Yield the lines of all text outputs, each after the id of its cell."""
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            text = output.get("text") or output.get("data", {}).get("text/plain", "")
+            yield from (f"{cell.id}: {line}" for line in "".join(text).splitlines())
+
+
+def changes(before: list[str], after: list[str]) -> str:
+    """Return the lines that differ, the old ones marked with - and the new ones with +."""
+    lines = list(difflib.unified_diff(before, after, lineterm="", n=0))[2:]
+    return "\n".join(f"    {line}" for line in lines if not line.startswith("@@"))
 
 
 def notebooks(folder: Path) -> list[Path]:
@@ -52,20 +68,25 @@ def notebooks(folder: Path) -> list[Path]:
 
 
 def execute_all(paths: Iterable[Path]) -> None:
-    """Run notebooks on all cores, one line for each that is done; the first error is raised."""
-    paths = list(paths)
-    fork_kernels()
+    """Run notebooks on all cores and say what changed in each; the first error is raised."""
+    paths, start = list(paths), time.perf_counter()
+    os.environ.setdefault("PIDALAB_COMPILE", "1")  # wait for machine code
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
     workers = (os.cpu_count() or 1) + 1  # one waits while its kernel starts or ends
     with ThreadPoolExecutor(workers) as pool:
         runs = {pool.submit(execute, path): path for path in paths}
         for done, run in enumerate(as_completed(runs), start=1):
             try:
-                seconds = run.result()
+                changed = run.result()
             except Exception:
                 print(f"{runs[run].name} failed", flush=True)
                 pool.shutdown(cancel_futures=True)
                 raise
-            print(f"[{done:2}/{len(paths)}] {runs[run].name}  {seconds:.1f} s", flush=True)
+            print(
+                f"[{done:2}/{len(paths)}] {runs[run].name}  {time.perf_counter() - start:.0f} s", flush=True
+            )
+            if changed:
+                print(changed, flush=True)
 
 
 if __name__ == "__main__":

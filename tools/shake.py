@@ -16,8 +16,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from kernels import warm_up
-
 from paperledger.moves import shake
 from paperledger.shaking import Off, Shaker
 
@@ -46,6 +44,17 @@ def response(found: Any, off: Off) -> Any:
     return new
 
 
+def prepare() -> None:
+    """Import what pages import, and compile the engine, before each page gets a process of its own."""
+    from tqdm import tqdm
+
+    from pidalab.warm_up import respond, sample
+
+    tqdm.monitor_interval = 0  # no thread that watches its bars: this process forks
+    respond()
+    sample()
+
+
 NAMING = ("fopdt", "sopdt", "ipdt", "lags", "binomial")  # they only say which plant is meant
 LIBRARY = Shaker(
     "pidalab",
@@ -68,7 +77,7 @@ def main(arguments: list[str]) -> int:
     if not sys.flags.optimize:  # pages and modules beside them may assert digits, which are off here
         fixed = {"OPENBLAS_NUM_THREADS": "1", "PIDALAB_COMPILE": "1", "PYTHONWARNINGS": "ignore"}
         return subprocess.call([sys.executable, "-O", __file__, *arguments], env=os.environ | fixed)
-    return shake(LIBRARY, asked.book / "ledger", asked.papers, warm_up)
+    return shake(LIBRARY, asked.book / "ledger", asked.papers, prepare)
 
 
 if __name__ == "__main__":

@@ -1,44 +1,44 @@
-"""Print the tasks of the built site as sheets: without answers, with them, and for the teacher.
+"""Write the tasks of the built site as sheets for printing: without answers, with them, and for the teacher.
 
-dist/pidalab-tasks-<version>.pdf has room to write, -answers has the worked answers, and -teacher the hints and the
-wrong answers that the page knows, too, with what it says to them.
+The browser prints them. `tasks.html` has room to write, `tasks-answers.html` the worked answers, and
+`tasks-teacher.html` also the hints and the wrong answers that the page knows, with what it says to them.
 """
 
 import json
-import sys
-import tomllib
 from copy import copy
 from functools import cache
+from pathlib import Path
 
-import pdf
+import yaml
 from bs4 import BeautifulSoup, Tag
-from pypdf import PdfReader
 
+ROOT = Path(__file__).resolve().parents[1]
+SITE = ROOT / "_build" / "html"
 STYLE = """
-article.bd-article { break-before: auto; }
-.pidalab-task { border: 0; border-top: 0.5pt solid #888; padding: 2mm 0; margin: 0 0 3mm; background: none; }
+body { display: block; max-width: 180mm; margin: 0 auto; font-size: 10pt; background: #fff; color: #000; }
+.pidalab-task { border: 0; border-top: 0.5pt solid #888; padding: 2mm 0; margin: 0 0 3mm; background: none;
+  break-inside: avoid; }
 .pidalab-task .task-room { height: 28mm; border: 0; }
 .with-answers .pidalab-task .task-room { height: 0; }
 .task-inside { padding: 0; }
 .task-said { font-size: 9pt; margin: 1mm 0; }
 .task-part { font-weight: 600; margin: 1mm 0 0; }
 """
-MARK = 'class="pidalab-task"'
 KINDS = {
-    "": ("Tasks", ()),
-    "-answers": ("Tasks, with answers", ("answer",)),
-    "-teacher": ("Tasks, for the teacher", ("hint", "answer", "said")),
+    "tasks": ("Tasks", ()),
+    "tasks-answers": ("Tasks, with answers", ("answer",)),
+    "tasks-teacher": ("Tasks, for the teacher", ("hint", "answer", "said")),
 }
 
 
 @cache
 def collected() -> list[tuple[str, list[Tag]]]:
     """The pages with tasks, in the order of the table of contents: the title of each, and its tasks."""
-    pages = [page for _, names in pdf.parts() for page in names]
+    parts = yaml.safe_load((ROOT / "_toc.yml").read_text(encoding="utf-8"))["parts"]
     found = []
-    for page in pages:
-        text = (pdf.SITE / f"{page}.html").read_text(encoding="utf-8")
-        if MARK in text:  # reading all pages takes a while
+    for name in (chapter["file"] for part in parts for chapter in part["chapters"]):
+        text = (SITE / f"{name}.html").read_text(encoding="utf-8")
+        if 'class="pidalab-task"' in text:  # parsing all pages takes a while
             body = BeautifulSoup(text, "html.parser").select_one("article.bd-article")
             head = "".join(body.h1.find_all(string=True, recursive=False)).strip()
             found.append((head, body.select(".pidalab-task")))
@@ -61,13 +61,8 @@ def said(data: dict) -> list[tuple[str, str]]:
     for slip in data.get("slips", []):
         order = slip.get("given", {}).get("order")
         slips.append((", ".join(names[k] for k in order) if order else entered(slip), slip["word"]))
-    options = [(one.get("name") or one["text"], one["word"]) for one in choices(data) if "word" in one]
-    return slips + options
-
-
-def choices(data: dict) -> list[dict]:
-    """Options and reasons of a task."""
-    return [*data.get("options", []), *data.get("reasons", [])]
+    choices = [*data.get("options", []), *data.get("reasons", [])]
+    return slips + [(one.get("name") or one["text"], one["word"]) for one in choices if "word" in one]
 
 
 def on_paper(soup: BeautifulSoup, task: Tag, shown: tuple[str, ...]) -> Tag:
@@ -87,48 +82,42 @@ def on_paper(soup: BeautifulSoup, task: Tag, shown: tuple[str, ...]) -> Tag:
         if what in data:
             listed = soup.new_tag("ul")
             for one in data[what]:
-                line = soup.new_tag("li")
-                line.string = one.get("name") or one["text"]
-                listed.append(line)
+                listed.append(_with_text(soup, "li", one.get("name") or one["text"]))
             task.select_one(".task-room").insert_before(listed)
     if "said" in shown:
         for wrong, word in said(data):
-            line = soup.new_tag("p", attrs={"class": "task-said"})
-            line.string = f"{wrong}: {word}"
-            task.append(line)
+            task.append(_with_text(soup, "p", f"{wrong}: {word}", "task-said"))
     return task
 
 
+def _with_text(soup: BeautifulSoup, name: str, text: str, kind: str = "") -> Tag:
+    tag = soup.new_tag(name, attrs={"class": kind} if kind else {})
+    tag.string = text
+    return tag
+
+
 def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
-    """Return the document of one kind of sheet."""
-    soup = pdf.empty(f"pidalab: {title}")
-    soup.head.select("style")[-1].string += STYLE
-    body = soup.new_tag("article", attrs={"class": ["bd-article", *(["with-answers"] if shown else [])]})
-    pdf.heading(soup, body, "h1", title)
+    """Return the document of one kind of sheet: the head of a page of the site, with the scripts for formulas alone."""
+    soup = BeautifulSoup((SITE / "book" / "intro.html").read_text(encoding="utf-8"), "html.parser")
+    for script in soup.select("script"):
+        if "MathJax" in script.get_text() or "mathjax" in script.get("src", ""):
+            soup.head.append(script.extract())
+        else:
+            script.decompose()
+    soup.head.append(_with_text(soup, "style", STYLE))
+    soup.html["data-theme"] = "light"
+    soup.title.string = f"pidalab: {title}"
+    soup.body.clear()
+    soup.body.attrs = {"class": ["bd-content", *(["with-answers"] if shown else [])]}
+    soup.body.append(_with_text(soup, "h1", title))
     for head, tasks in collected():
-        part = soup.new_tag("h3")
-        part.string = head
-        body.append(part)
-        body.extend([on_paper(soup, task, shown) for task in tasks])
-    soup.body.append(body)
+        soup.body.append(_with_text(soup, "h2", head))
+        soup.body.extend([on_paper(soup, task, shown) for task in tasks])
     return soup
 
 
-def main() -> int:
-    """Print the sheets."""
-    version = tomllib.loads((pdf.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-    pdf.DIST.mkdir(exist_ok=True)
+def main(target: Path) -> None:
+    """Write the sheets, in a folder beside that of the pages."""
+    target.mkdir(parents=True, exist_ok=True)
     for name, (title, shown) in KINDS.items():
-        target = pdf.DIST / f"pidalab-tasks-{version}{name}.pdf"
-        source = pdf.SITE / f"_tasks{name}.html"
-        source.write_text(str(sheet(title, shown)), encoding="utf-8")
-        try:
-            pdf.printed(source, target, f"pidalab: {title}")
-        finally:
-            source.unlink()
-        print(f"{target.relative_to(pdf.ROOT)}: {len(PdfReader(target).pages)} pages")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        (target / f"{name}.html").write_text(str(sheet(title, shown)), encoding="utf-8")

@@ -1,4 +1,5 @@
-"""Build the site: let Jupyter Book make the pages of a copy from the outputs that the notebooks store, add the slides.
+"""Build the site: let Jupyter Book make the pages of a copy from the outputs that the notebooks store, add slides and
+sheets.
 
 No notebook runs here: `make test` runs each of them and compares what comes out with what is stored, so a page shows
 what a run gave. `make notebooks` runs them and stores what they give now. The copy keeps the work tree as it is.
@@ -10,6 +11,7 @@ import sys
 from pathlib import Path
 
 import evidence
+import sheets
 import slides
 import vendored
 
@@ -43,6 +45,7 @@ def main() -> int:
     status = subprocess.run([*command, "--path-output", ROOT, SOURCE], check=False).returncode
     if status == 0:
         slides.main(BUILD / "html" / "slides")
+        sheets.main(BUILD / "html" / "sheets")
         vendored.write(vendored.SITE)
     return status
 

@@ -10,7 +10,7 @@ from IPython.display import Markdown
 from pidalab import plots
 
 DATA = Path(__file__).parents[1] / "data"
-FILES = ("speed_comparison", "engine_comparison", "portrait_comparison", "lab_comparison", "editions")
+FILES = ("speed_comparison", "engine_comparison", "portrait_comparison", "lab_comparison")
 OWN, PADE = "pidalab", "python-control, Padé 10"
 STYLES = {  # mark, line and colour of each method
     OWN: ("*", "-", "#1f5fa8"),
@@ -170,28 +170,6 @@ def portraits() -> pd.DataFrame:
             "IAE differs by": table["iae_difference"].map(lambda error: f"{error:.0e}" if error else "0"),
         }
     ).set_index(table["method"].rename(None))
-
-
-def editions() -> pd.DataFrame:
-    """Own time over that of the editions before, over all loops."""
-    table = read(FILES[4]).query("loops == 'all' and count > 0")
-    wide = table.pivot(index="quantity", columns="edition", values=["best", "median", "worst"])
-    wide = wide.swaplevel(axis=1)[[*table["edition"].unique()]].loc[table["quantity"].unique()]
-    shown = wide.map(number)
-    shown.insert(0, ("here", "median, ms"), (1e3 * table.groupby("quantity")["seconds"].first()).map(number))
-    return shown.rename_axis(index=None, columns=[None, None])
-
-
-def errors_of_editions() -> pd.DataFrame:
-    """The largest error of each edition inside the intervals between dead times."""
-    table = read(FILES[4]).query("quantity == 'error' and count > 0")
-    cells = table["worst"].map(size) + table["note"].map(
-        lambda note: f" ({note})" if isinstance(note, str) else ""
-    )
-    kinds = table["count"].groupby(table["loops"]).transform("max").astype(str) + " loops, " + table["loops"]
-    wide = pd.DataFrame({"kind": kinds, "edition": table["edition"], "error": cells})
-    wide = wide.pivot(index="kind", columns="edition", values="error")[[*table["edition"].unique()]]
-    return wide.rename_axis(index=None, columns="edition")
 
 
 def ten_million() -> Markdown:

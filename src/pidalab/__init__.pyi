@@ -33,6 +33,11 @@ from .plant import (
 )
 from .plants import AsymmetricPlant as AsymmetricPlant
 from .process import Process as Process, fopdt as fopdt, ipdt as ipdt, lags as lags, sopdt as sopdt
+from .relative_noise import (
+    NoiseScale as NoiseScale,
+    noise_scale as noise_scale,
+    relative_noise_gain as relative_noise_gain,
+)
 from .response import Response as Response
 from .robustness.gain import gain_for_ms as gain_for_ms
 from .robustness.margins import (

@@ -39,6 +39,7 @@ def test_sampled_crossings_are_the_first_samples_at_or_above_the_levels():
         assert time == pytest.approx(T[i], abs=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:the model misses the record")
 @pytest.mark.parametrize("alpha", [0.2, 0.4, 0.6, 0.8])
 @pytest.mark.parametrize("tau", [2.0, 3.0, 6.0])
 def test_recovers_a_process_of_the_model_class(alpha, tau):
@@ -55,6 +56,53 @@ def test_recovers_a_process_of_the_model_class(alpha, tau):
     assert model.tau == pytest.approx(tau, rel=0.15)
     assert model.apparent_delay == pytest.approx(L, rel=0.15)
     assert np.max(np.abs(pidalab.open_loop_step(model.process, t).y - y)) < 0.04 * 1.5
+
+
+def model_4(ratio, alpha):
+    """Return haalman2024's model (4) with tau = 1 and L = ratio."""
+    lag = (1 - alpha) * ratio / 2
+    return pidalab.Process(
+        [1.0], np.polymul([1.0, 1.0], np.polymul([lag, 1.0], [lag, 1.0])), delay=alpha * ratio
+    )
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.3, 0.6, 0.9])
+@pytest.mark.parametrize("ratio", [0.2, 0.25, 0.3, 0.45, 1.0, 3.0])
+def test_three_point_warns_where_its_model_makes_an_unsafe_loop(ratio, alpha):
+    """A warned model is refused by tune; with any other the loop of the process keeps nearly the Ms of the model."""
+    process, t = model_4(ratio, alpha), np.linspace(0.0, 15.0 + 15.0 * ratio, 8001)
+    y = pidalab.open_loop_step(process, t).y
+    if (ratio, alpha) == (0.2, 0.1):
+        with pytest.raises(ValueError, match="alpha"):
+            three_point(t, y)
+        return
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model = three_point(t, y)
+    w = np.linspace(0.01, 1.0, 2000) / (model.alpha * model.apparent_delay)
+    excess = np.max(np.abs(process(1j * w) / model.process(1j * w))) - 1
+    assert model.excess_gain == pytest.approx(excess, abs=0.01 + 0.01 * excess)
+    design = pidalab.rules.haalman.tune(model.process, ms=1.4)
+    if caught:
+        assert caught[0].filename == __file__
+        assert f"{100 * model.excess_gain:.0f} %" in str(caught[0].message)
+        with pytest.raises(ValueError, match="model"):
+            pidalab.rules.haalman.tune(model, ms=1.4)
+    else:
+        assert pidalab.rules.haalman.tune(model, ms=1.4).controller == design.controller
+        assert pidalab.max_sensitivity(design.loop(process))[0] < 1.15 * design.ms
+        assert pidalab.is_stable(design.loop(process))
+    assert bool(caught) == (ratio < 0.3 or (ratio, alpha) in [(0.3, 0.3), (0.3, 0.6), (0.3, 0.9)])
+
+
+def test_three_point_loses_a_short_dead_time():
+    """haalman2024's rule, asked for Ms 1.4 on a process that is its own model (4)."""
+    process, t = model_4(0.25, 0.9), np.linspace(0.0, 20.0, 8001)
+    with pytest.warns(pidalab.areas.RecordWarning, match="misses the record"):
+        model = three_point(t, pidalab.open_loop_step(process, t).y)
+    assert model.alpha == pytest.approx(0.31, abs=0.01)
+    design = pidalab.rules.haalman.tune(model.process, ms=1.4, m=10)
+    assert pidalab.margins(design.loop(process)).ms == pytest.approx(2.99, abs=0.01)
 
 
 def test_model_is_its_printed_form():

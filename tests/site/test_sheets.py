@@ -2,7 +2,6 @@
 
 import pytest
 import sheets
-from bs4 import BeautifulSoup
 
 DATA = {
     "slips": [
@@ -39,19 +38,5 @@ def test_a_sheet_has_every_task_and_what_is_for_its_reader(site, kind, shown):
         assert parts == [name for name in ("Hint", "Answer") if name.lower() in shown]
         assert bool(task.select(".task-said")) <= ("said" in shown)
     text = soup.get_text(" ")
-    assert ("That is the integral gain" in text) == (kind == "-teacher")
+    assert ("That is the integral gain" in text) == (kind == "tasks-teacher")
     assert "its lead allows more gain" in text  # options are part of the question
-
-
-def test_the_answer_of_a_task_joins_those_of_exercises():
-    import pdf
-
-    task = BeautifulSoup(
-        '<div class="pidalab-task"><p class="task-title">Task 1.1 Title<a class="headerlink">#</a></p><p>words</p>'
-        '<details class="task-fold task-hint"><summary>Hint</summary>h</details>'
-        '<details class="task-fold task-answer"><summary>Answer</summary><div>2.5</div></details></div>',
-        "html.parser",
-    ).div
-    pdf.answer_apart(task)
-    assert task.select("details") == []
-    assert task.select_one(".solution").get_text(" ") == "Task 1.1 Title 2.5"

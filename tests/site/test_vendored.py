@@ -1,10 +1,8 @@
-"""Every file of others that the site carries has its project, its version and its licence; the archive is whole."""
+"""Every file of others that the site carries has its project, its version and its licence."""
 
 import json
 import re
-import zipfile
 
-import archive
 import pytest
 import vendored
 
@@ -46,14 +44,3 @@ def test_a_project_that_is_gone_and_a_version_that_is_not_found(small):
         vendored.components([row | {"version": row["version"] | {"pattern": "v([0-9])"}}], site)
     with pytest.raises(ValueError, match="belongs to other and twin"):
         vendored.components([row, row | {"name": "twin"}], site)
-
-
-def test_an_archive_has_the_same_bytes_each_time_and_all_that_pages_ask_for(small, tmp_path):
-    site, _ = small
-    (site / "_static" / "other.js.map").write_text("", encoding="utf-8")
-    first, second = tmp_path / "1" / "book.zip", tmp_path / "2" / "book.zip"
-    for made in (first, second):
-        made.parent.mkdir()
-        archive.pack(site / "_static", made)
-    assert first.read_bytes() == second.read_bytes()
-    assert zipfile.ZipFile(first).namelist() == ["book/other.js"]

@@ -13,7 +13,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pidalab import _check
 from pidalab._names import KINDS, STARTING_MODELS
@@ -24,7 +24,7 @@ from pidalab.comparison.judging import DesignRow, measure_row, one_line
 from pidalab.comparison.plants import batch
 from pidalab.controllers.base import Controller
 from pidalab.process import Process
-from pidalab.reduction import ultimate_frequency
+from pidalab.relative_noise import SAMPLES, NoiseScale, noise_scale
 from pidalab.rules import Design
 from pidalab.rules.starting_models import StartingModels
 
@@ -35,29 +35,10 @@ if TYPE_CHECKING:
 TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # of all that is compared at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
-NOISE_SAMPLES = 100  # of the noise, in an ultimate period
 PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "noise gain")  # columns of what is as published
 RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
 Rule = Callable[[Process], Design | Controller]
-
-
-class Units(NamedTuple):
-    """Ultimate gain and period of a plant, in which plants compare that are a thousand times faster or slower."""
-
-    gain: float
-    period: float
-
-    @property
-    def sample_time(self) -> float:
-        """Sample time of the noise."""
-        return self.period / NOISE_SAMPLES
-
-
-def ultimate_units(process: Process) -> Units:
-    """Return the ultimate gain and period of a plant."""
-    w = ultimate_frequency(process)
-    return Units(1 / float(abs(process(1j * w))), 2 * math.pi / w)
 
 
 @cache
@@ -87,7 +68,7 @@ def stored(name: str) -> pd.DataFrame:
 
 
 def judge(
-    rule: str, kind: str, make: Callable[[], Design], process: Process, own: Units
+    rule: str, kind: str, make: Callable[[], Design], process: Process, own: NoiseScale
 ) -> Iterator[dict[str, Any]]:
     """Yield what a design is on a plant: as published, then at equal terms, loud noise first; in units of the plant.
 
@@ -99,7 +80,7 @@ def judge(
         Returns the design, or raises ValueError where the rule does not apply.
     process : Process
         The plant.
-    own : Units
+    own : NoiseScale
         Of the plant.
 
     Yields
@@ -115,7 +96,7 @@ def judge(
             yield {"rule": rule, "kind": kind, **terms}
 
 
-def in_units(row: DesignRow, own: Units) -> dict[str, Any]:
+def in_units(row: DesignRow, own: NoiseScale) -> dict[str, Any]:
     """Return what was measured, in the plant's units; what could not be had stays away."""
     if not row.applies:
         return {"reason": row.reason}
@@ -131,19 +112,19 @@ def in_units(row: DesignRow, own: Units) -> dict[str, Any]:
     return {key: value for key, value in found.items() if not math.isnan(value)} | {"reason": row.reason}
 
 
-def at_all_terms(design: Design, process: Process, own: Units) -> list[dict[str, Any]]:
+def at_all_terms(design: Design, process: Process, own: NoiseScale) -> list[dict[str, Any]]:
     """Return the proportions of a design at the Ms and the noise of all others, the loud terms first."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
         # a filter as short as the sample stays so where less noise is allowed and not made
-        if rows and rows[-1].get("filter_time") == 1 / NOISE_SAMPLES and rows[-1]["noise_gain"] <= noise:
+        if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
             rows.append(rows[-1] | {"terms": terms})
         else:
             rows.append({"terms": terms} | at_terms(design, noise, process, own))
     return rows
 
 
-def at_terms(design: Design, noise: float, process: Process, own: Units) -> dict[str, Any]:
+def at_terms(design: Design, noise: float, process: Process, own: NoiseScale) -> dict[str, Any]:
     """Return a design at equal terms, measured; its prefilter is gone, so that its set-point response says nothing."""
     try:
         made = at_equal_terms(design, process, EQUAL_MS, noise * own.gain, own.sample_time)
@@ -458,7 +439,7 @@ def _rows_of(rule: Rule, model: str, case: tuple[str, Process]) -> list[dict[str
             return Design(process, made, source="a rule of the user")
         raise TypeError(f"rule must return a controller or a Design, found {type(made).__name__}")
 
-    return [{"plant": name, **row} for row in judge("", "", make, process, ultimate_units(process))]
+    return [{"plant": name, **row} for row in judge("", "", make, process, noise_scale(process))]
 
 
 def _with_least(rows: list[dict[str, Any]]) -> pd.DataFrame:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from pidalab._table import set_out
 from pidalab.process import Process
+from pidalab.relative_noise import sampled_noise
 from pidalab.response import Response
 from pidalab.rules import Design
-from pidalab.rules.sampled import sampled_noise
 
 
 class DesignRow(NamedTuple):

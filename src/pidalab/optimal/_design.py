@@ -21,6 +21,7 @@ from pidalab.optimal._starts import approached, at_once, stabilising
 from pidalab.optimal._units import search_in, unit_of_time
 from pidalab.optimal._walk import SearchResult, search
 from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
+from pidalab.relative_noise import noise_scale
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_response
@@ -64,10 +65,11 @@ def load(
         of y; by default none.
     noise_gain : float, optional
         Largest allowed standard deviation of u per unit of that of white measurement noise, sampled and held, as
-        `pidalab.noise_gain` has it; by default none.
+        `pidalab.noise_gain` has it, in units of u per unit of y; by default none.
     sample_time : float, optional
-        Sample time of that noise; with `noise_gain` only. The filter is then not faster than that, for which there is
-        no sampled controller; where this is what holds the filter back, ``active`` has "sample_time".
+        Sample time of that noise; with `noise_gain` only. By default that of `pidalab.noise_scale`, a hundredth of the
+        ultimate period; a limit of the relative noise gain is then that limit times the ``gain`` of the scale. The
+        filter is not faster than the sample; where this is what holds it back, ``active`` has "sample_time".
     family : sequence of Process, optional
         Plants that the controller may meet in place of the process, all with gains of its sign. The IAE remains that of
         the process.
@@ -89,9 +91,9 @@ def load(
         ``mks`` as they are, ``noise_gain``, ``mt``, ``disk`` and ``ms_worst`` if they were asked for, ``active`` (the
         limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
-        shorter would be better) and ``valleys`` (what the descents from different starts ended with: the least IAE
-        first, then others up to twice of it, as the search has them, to two digits), and ``digits``: how many digits
-        of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
+        shorter would be better) and ``valleys`` (the IAE at which descents from different starts ended: the least
+        first, then others up to twice of it, to two digits; with `start` there is one descent), and ``digits``: how
+        many digits of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
 
     Raises
     ------
@@ -131,9 +133,10 @@ def load(
     limits = DesignLimits(_check.real("ms", ms, above=1.0), **checked)
     if disk is not None and disk >= LARGEST_DISK:
         raise ValueError(f"disk must be below {LARGEST_DISK:g}, that of no feedback, found {disk:g}")
-    if (noise_gain is None) != (sample_time is None):
-        missing = "sample_time" if sample_time is None else "noise_gain"
-        raise ValueError(f"noise_gain and sample_time go together: {missing} is missing")
+    if noise_gain is None and sample_time is not None:
+        raise ValueError("sample_time is that of a limit of noise: noise_gain is missing")
+    if noise_gain is not None and sample_time is None:
+        limits = limits._replace(sample_time=noise_scale(process).sample_time)
     static = process.gain()
     if limits.mks is not None and math.isfinite(static) and limits.mks * abs(static) <= 1:
         raise ValueError(
@@ -194,7 +197,7 @@ def _best(
                 known: Any = near.controller
                 gains = sign_of_gain(process) * np.array(known.coefficients)
                 end = finish(one, one.problem.unknowns(gains, known.filter_time))
-                found = None if end is None else SearchResult(end, near.valleys)
+                found = None if end is None else SearchResult(end, (end.value,))
             else:
                 starts = start(one)
                 found = search(one, starts, bar) if starts else None

@@ -23,7 +23,7 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    # the least value, and what other descents ended with up to VALLEY_REACH times it
+    # the least value, and what other descents ended with up to VALLEY_REACH times it, in units of time of the problem
     valleys: tuple[float, ...]
 
 

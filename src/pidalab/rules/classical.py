@@ -35,7 +35,7 @@ from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.rules._design import Design
 from pidalab.rules._models import integrator, lag_with_delay, lags, require_delay
-from pidalab.rules.simc import improved_simc, simc
+from pidalab.rules._simc import improved_simc, simc
 
 __all__ = [
     "amigo",

@@ -18,6 +18,8 @@ from pidalab.rules._models import lags
 if TYPE_CHECKING:
     import control
 
+    from pidalab.identification import ThreePointModel
+
 SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
 
 
@@ -140,14 +142,19 @@ def pi(model: Process, ms: float = 1.4) -> PIDA:
 
 
 def tune(
-    model: Process, ms: float = 1.4, kind: str = "PIDA", n: float = 10, m: float | None = None
+    model: Process | ThreePointModel,
+    ms: float = 1.4,
+    kind: str = "PIDA",
+    n: float = 10,
+    m: float | None = None,
 ) -> Design:
     """Controller with its output filter: `pida`, `pid` or `pi`, then `output_filter`.
 
     Parameters
     ----------
-    model : Process
-        Constant numerator, dead time, and as many stable poles as the kind cancels: three, two or one.
+    model : Process or ThreePointModel
+        Constant numerator, dead time, and as many stable poles as the kind cancels: three, two or one. A
+        `ThreePointModel` is refused if its `excess_gain` is above 0.25: the loop with the process might be unstable.
     ms : float, optional
         Maximum sensitivity wanted, above 1, of the loop without the output filter, which raises it somewhat; by default
         the paper's.
@@ -165,7 +172,7 @@ def tune(
     Raises
     ------
     TypeError, ValueError
-        As `pida` and `output_filter`, and for another kind.
+        As `pida` and `output_filter`, for another kind, and for a three-point model that misses its record.
 
     Examples
     --------
@@ -175,6 +182,7 @@ def tune(
     1.039 0.1436 1.461
     """
     _check.choice("kind", kind, ("PIDA", "PID", "PI"))
+    model = _trusted(model)
     if kind == "PIDA":
         controller, source = pida(model, ms, n, m), "haalman2024, eqs. (2), (8) and (9)"
     elif kind == "PID":
@@ -264,6 +272,21 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
             f"the loop must have one gain crossover, found {crossovers.size}: {crossovers.round(4).tolist()}"
         )
     return OutputFilter(float(SLOWDOWN / crossovers[0]), 2 if controller.ta else 1, float(crossovers[0]))
+
+
+def _trusted(model: Process | ThreePointModel) -> Process:
+    """Return the process of a three-point model that agrees with its record; any other model passes."""
+    if isinstance(model, Process) or not hasattr(model, "excess_gain"):
+        return model  # type: ignore[return-value]
+    from pidalab.identification.experiments import MOST_EXCESS_GAIN
+
+    if model.excess_gain > MOST_EXCESS_GAIN:
+        raise ValueError(
+            f"model misses its record: the gain of the record exceeds that of the model by up to "
+            f"{100 * model.excess_gain:.0f} % near the crossover, and {100 * MOST_EXCESS_GAIN:g} % is allowed. The "
+            "loop may be unstable. Use pidalab.identification.fit, or pass model.process to tune anyway"
+        )
+    return model.process
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:

@@ -29,9 +29,9 @@ from pidalab import _check
 from pidalab._names import KINDS
 from pidalab.areas import from_process
 from pidalab.process import Process
+from pidalab.relative_noise import sampled_noise
 from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, migo, mrdp
 from pidalab.rules._design import Design
-from pidalab.rules.sampled import sampled_noise
 
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps that a rule is made for

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,9 +10,9 @@ from pidalab import _check
 from pidalab._names import KINDS
 from pidalab._table import set_out
 from pidalab.comparison import designs, first_horizon
-from pidalab.comparison.benchmarking import NOISE_SAMPLES
 from pidalab.comparison.judging import DesignRow, measure_row
 from pidalab.process import Process, require_no_zero_at_origin
+from pidalab.relative_noise import noise_scale
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, RuleLimits
 
@@ -176,17 +175,9 @@ def _noise(
     process: Process, noise_gains: Sequence[float] | None, sample_time: float | None
 ) -> tuple[list[float], float]:
     """Limits of noise in ascending order, and its sample time, in ultimate gains and periods where none are given."""
-    from pidalab.reduction import ultimate_frequency
-
     if noise_gains is None or sample_time is None:
-        try:
-            w = ultimate_frequency(process)
-        except ValueError as refusal:
-            raise ValueError(
-                f"noise_gains and sample_time must be given for a process without ultimate gain: {refusal}"
-            ) from None
-        ultimate = 1 / abs(process(1j * w))
-        noise_gains = [share * ultimate for share in NOISE_SHARES] if noise_gains is None else noise_gains
-        sample_time = 2 * math.pi / w / NOISE_SAMPLES if sample_time is None else sample_time
+        scale = noise_scale(process)
+        noise_gains = [share * scale.gain for share in NOISE_SHARES] if noise_gains is None else noise_gains
+        sample_time = scale.sample_time if sample_time is None else sample_time
     limits = sorted(_check.real("noise_gains", one, above=0.0) for one in noise_gains)
     return limits, _check.real("sample_time", sample_time, above=0.0)

@@ -1,4 +1,4 @@
-"""What others printed, computed again: the questions of ``book/data/tables_of_others.toml``, answers and verdicts."""
+"""Answer the questions of ``tables_of_others.toml``, numbers that other sources print, with the library alone."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from typing import Any, NamedTuple
 
 import control
 import numpy as np
-import pandas as pd
+
 import pidalab
 from paperledger import derive
 from pidalab.robustness.margins import max_difference
 from pidalab.rules import classical
 
-FILE = Path(__file__).parents[1] / "data" / "tables_of_others.toml"
+FILE = Path(__file__).with_name("tables_of_others.toml")
 AGREEING = ("reproduced", "last-digit", "rounded input", "within tolerance", "holds")
 VERDICTS = (*AGREEING, "differs", "fails")
 SAMPLES = 36_000  # of a step response; times in ninths lie on it
-MOST_DIGITS = 8  # that a reader sees
 UNFILTERED = 1e4  # ratio of a derivative time to its filter where the source has none
 RULES = {
     one.__name__: one
@@ -57,22 +56,6 @@ def rows(data: dict[str, Any] | None = None) -> list[Row]:
     """Answer every question."""
     data = read() if data is None else data
     return [row for table in data["table"] for row in _answered(table, data)]
-
-
-def frame(found: Sequence[Row]) -> pd.DataFrame:
-    """The rows for a reader."""
-    shown = [row._replace(computed=_shown(row.printed, row.computed)) for row in found]  # type: ignore[arg-type]
-    table = pd.DataFrame(shown).rename(columns={"answer": "quantity"})
-    return table[["source", "where", "quantity", "printed", "computed", "verdict", "note"]]
-
-
-def summary(found: Sequence[Row], data: dict[str, Any]) -> pd.DataFrame:
-    """Numbers of each source, how many of them agree, and where the print is."""
-    table = pd.DataFrame(found)
-    table["agree"] = table["verdict"].isin(AGREEING)
-    counted = table.groupby("source", sort=False)["agree"].agg(["size", "sum"])
-    counted.columns = ["numbers", "agree"]
-    return counted.join(pd.DataFrame(data["sources"]).T).set_index("title")
 
 
 def _answered(table: Table, data: dict[str, Any]) -> Iterator[Row]:
@@ -125,12 +108,6 @@ def _half_unit(text: str) -> float:
     """Half a unit of the last written place."""
     digits, _, power = text.lower().partition("e")
     return 0.5 * 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
-
-
-def _shown(printed: str, value: float) -> str:
-    """A value with two digits more than printed."""
-    digits = len(printed.lower().partition("e")[0].strip("<>=-0 .").replace(".", "")) + 2
-    return f"{value:.{min(max(digits, 4), MOST_DIGITS)}g}"
 
 
 # --- plants and controllers -------------------------------------------------------------------------------------------

@@ -1,0 +1,146 @@
+r"""Noise in units of the plant: one number for one loop, whatever the units of y, u and time.
+
+The *noise gain* of a loop is the standard deviation of u per unit of that of white measurement noise, held over a
+sample time h. It has the unit of u over that of y, and it depends on h. The plant gives both a scale: h is a hundredth
+of its ultimate period, and the *relative noise gain* is the noise gain over its ultimate gain. A proportional
+controller with a tenth of the ultimate gain has a relative noise gain near 0.1.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pidalab.controllers import Controller
+from pidalab.loop import Loop, require_loop
+from pidalab.process import Process, require_no_zero_at_origin
+from pidalab.reduction import ultimate_frequency
+from pidalab.roots import roots
+from pidalab.simulation.noise import noise_gain
+
+SAMPLES = 100  # of the noise in an ultimate period
+
+
+class NoiseScale(NamedTuple):
+    """Sample time of measurement noise, and unit of the noise gain, for one plant.
+
+    Attributes
+    ----------
+    sample_time : float
+        Time over which a value of the noise is held.
+    gain : float
+        Gain of a controller, in units of u per unit of y, by which noise gains are divided.
+    """
+
+    sample_time: float
+    gain: float
+
+    @property
+    def period(self) -> float:
+        """Ultimate period of the plant, or what takes its place: 100 sample times."""
+        return SAMPLES * self.sample_time
+
+
+def noise_scale(process: Process) -> NoiseScale:
+    r"""Return the sample time of noise and the unit of the noise gain for a plant.
+
+    With the ultimate frequency :math:`\omega_u`, at which the phase of the plant falls below that at rest by 180°, the
+    period is :math:`T = 2\pi/\omega_u` and the gain is :math:`1/|P(j\omega_u)|`. A plant without ultimate frequency,
+    such as two lags without dead time, or an unstable plant, takes the sum of its time constants and its dead time for
+    T, and :math:`1/|P(0)|` for the gain; with k integrators, where :math:`P \to K/s^k` at rest, the gain is
+    :math:`1/(|K|\,T^k)`. The time constant of a pole p is :math:`1/|p|`.
+
+    Parameters
+    ----------
+    process : Process
+        The plant.
+
+    Returns
+    -------
+    NoiseScale
+        The sample time T/100, and the gain.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else than a Process, for a static gain of 0, and for a plant without any time constant or dead
+        time, such as 1/s.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> scale = pidalab.noise_scale(pidalab.lags(3))
+    >>> print(f"{scale.gain:.3f} {scale.sample_time:.4f}")
+    8.000 0.0363
+    """
+    require_no_zero_at_origin("process", process)
+    try:
+        w = ultimate_frequency(process)
+    except ValueError:
+        return _without_ultimate_period(process)
+    return NoiseScale(2 * math.pi / w / SAMPLES, 1 / float(abs(process(1j * w))))
+
+
+def _without_ultimate_period(process: Process) -> NoiseScale:
+    poles = np.abs(roots(process.den))
+    integrators = int(np.sum(poles == 0))
+    time = float(np.sum(1 / poles[poles > 0])) + process.delay
+    if not time:
+        raise ValueError(
+            "process must have a time constant or a dead time, from which the sample time of its noise follows, found "
+            f"{process!r}; give sample_time"
+        )
+    static = float(process.num[-1] / process.den[-1 - integrators])
+    return NoiseScale(time / SAMPLES, 1 / (abs(static) * time**integrators))
+
+
+def relative_noise_gain(loop: Loop) -> float:
+    """Return the noise gain of a loop in units of its plant: without dimension, the same in any units.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop, stable, with a continuous controller.
+
+    Returns
+    -------
+    float
+        `pidalab.noise_gain` with the sample time of `noise_scale`, over the gain of `noise_scale`. If the filter of the
+        controller is faster than the sample, the controller is discretised by backward differences.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `noise_scale` and `pidalab.noise_gain`.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> loop = pidalab.Loop(pidalab.lags(3), pidalab.PIDA(kp=0.8, ti=3.0))
+    >>> print(f"{pidalab.relative_noise_gain(loop):.3f}")
+    0.100
+    """
+    require_loop(loop)
+    scale = noise_scale(loop.process)
+    found, remark = sampled_noise(loop, scale.sample_time)
+    if math.isnan(found):
+        raise ValueError(remark)
+    return found / scale.gain
+
+
+def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:
+    """Return the noise gain of the sampled loop, or NaN, and a remark: which loop was measured, or what failed."""
+    try:
+        return noise_gain(loop, sample_time), ""
+    except ValueError as refusal:
+        reason = " ".join(str(refusal).split())
+    if not isinstance(loop.controller, Controller):
+        return math.nan, f"no noise gain: {reason}"
+    # a filter faster than the sample: as a PLC would run it
+    try:
+        digital = loop.controller.discretise(sample_time, "backward", loop.output_filter)
+        return noise_gain(Loop(loop.process, digital), sample_time), "noise gain of backward differences"
+    except ValueError:
+        return math.nan, f"no noise gain: {reason}"
