@@ -132,8 +132,8 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
 
 
 def test_each_anti_windup_by_its_switch(lab):
-    state = """{plant: "huba-ipdt", rule: "hand", limited: true, low: -0.1, high: 0.1, antiWindup: "none",
-        design: {kind: "PIDA", kp: 0.611, ti: 5.486, td: 0.7404, ta: 0.1481, filterTime: 0.2, filterOrder: 4}}"""
+    state = """{plant: "huba-ipdt", designs: [{rule: "hand", limited: true, low: -0.1, high: 0.1, antiWindup: "none",
+        kind: "PIDA", kp: 0.611, ti: 5.486, td: 0.7404, ta: 0.1481, filterTime: 0.2, filterOrder: 4}]}"""
     page = lab()
     page = lab(page.url.partition("#")[0] + page.evaluate(f"() => '#' + pidalabModel.write({state})"))
     cell = "() => document.querySelector('.lab-table tbody td:nth-of-type(2)').textContent"

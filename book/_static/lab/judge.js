@@ -13,6 +13,7 @@
    fields  names of what is entered
    of, within   fact that is asked for, and share of it by which an answer may differ; a closed form is its `value`; `first` is
            what to begin with, said to an answer that no slip explains
+   record  the model of a supplied record: fields it is like, and the sum of its times
    limits, least   what facts are at most, and at least; near: numbers that fields are near to
    slips   of a wrong answer, what is behind it: {of or value or given or when, word} */
 (globalThis.pidalabScripts ??= []).push(function () {
@@ -72,6 +73,8 @@
       kick: () => step().u[0],
       fall: () => { const { t, y } = load(), [from, to] = task.between.map((time) => t.findIndex((x) => x >= time - 1e-9)); return y[to] / y[from]; },
       saving: () => 1 - best(process, "PIDA", { ...task, ...given }) / best(process, "PID", { ...task, ...given }),
+      // how many times the least IAE of a PIDA on the plant, at a robust Ms and with loud noise allowed
+      loss: () => found.iae() / best(process, "PIDA", { ms: 1.4, noise: 1.5 }),
       gmLeast: () => loop().ms / (loop().ms - 1),
     };
     return (name) => (name in found ? once(name, found[name]) : loop()[name]);
@@ -100,8 +103,10 @@
     iaeSetpoint: ["IAE", "too slow", "less than can be"],
     overshoot: ["overshoot", "the integral forgets too late", ""],
     dm: ["delay margin", "it bears more dead time than asked", "it bears too little dead time"],
+    loss: ["IAE over the least at Ms 1.4", "too slow", ""],
     saving: ["saving by acceleration", "acceleration still saves too much", "it saves less than that"],
   };
+  const NO_SAVING = "A negative saving is possible: a PIDA needs a filter of third order, a PID one of second order, and here the longer filter costs more than acceleration saves.";
   const plantWords = (name) => (name.includes(".") ? `on ${name.split(".")[0]}, ` : "");
   const factWords = (name) => (WORDS[name.split(".").pop()] ?? [name, "too large", "too small"]);
   const shown = (name, x) => (name.endsWith("saving") ? `${Number((100 * x).toFixed(1)) || 0} %` : name.endsWith("overshoot") ? `${digits(x, 2)} %` : digits(x));
@@ -161,14 +166,20 @@
       if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable by too much of it: with less it is stable." };
       if (!at(1.03)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: more of it is needed." };
       if (at(0.97)) return { right: false, say: slipOf(task, given, facts) ?? "Stable, and stable with less, too." };
-      return { right: true, say: "Right: a little less, and the loop is unstable." };
+      if (!at(1)) return { right: false, say: "Within 3 per cent, but already unstable: stay on the stable side." };
+      return { right: true, say: "Right: with 3 per cent less the loop is unstable." };
     }
-    if (shaky.length && !task.search) {
+    if (shaky.length && (task.loop || task.fields.includes("kp"))) {
       const where = facts.names.length ? ` on ${shaky.join(" and ")}` : "";
       return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with ${task.fields.map((name) => CALMER[name]).filter(Boolean).join(", or ") || "another value"}.` };
     }
+    if (task.record) { // the one that the page supplies
+      const { like, sum, is, within } = task.record, total = sum.reduce((all, name) => all + given[name], 0);
+      const meant = Object.entries(like).every(([name, x]) => close(given[name], x, 0.2)) && close(total, is, 0.4);
+      if (meant && !close(total, is, within)) return { right: false, say: `On the supplied record lags and dead time add up to about ${digits(is, 2)}; yours add up to ${digits(total)}. Fit the model again.` };
+    }
     const over = missed(task, facts), names = [...new Set([...Object.keys(task.limits ?? {}), ...Object.keys(task.least ?? {})])];
-    if (!over.length) return { right: true, say: `Right. ${upper(names.map((name) => tells(facts, name)).join(", "))}.` };
+    if (!over.length) return { right: true, say: `Right. ${upper(names.map((name) => tells(facts, name)).join(", "))}.${names.some((name) => name.endsWith("saving") && facts.of(name) < 0) ? ` ${NO_SAVING}` : ""}` };
     const slip = slipOf(task, given, facts);
     return { right: false, say: [...over, ...(slip ? [slip] : [])].join(" ") };
   }
@@ -206,8 +217,8 @@
     const numbers = {};
     for (const name of task.kind === "number" ? ["answer"] : task.kind === "design" ? task.fields : []) {
       const x = readNumber(given[name]), label = name === "answer" ? "The answer" : name;
-      if (!Number.isFinite(x)) return `${label} is to be a number, such as 1.5, 1,5 or 3/2; found “${String(given[name] ?? "").trim()}”.`;
-      if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} is to be above 0 and at most a million; found ${x}.`;
+      if (!Number.isFinite(x)) return `${label} must be a number, such as 1.5, 1,5, 3/2 or exp(−1). Found “${String(given[name] ?? "").trim().slice(0, 40)}”.`;
+      if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} must be above 0 and at most a million. Found ${x}.`;
       numbers[name] = x;
     }
     if (task.kind === "choice" && !task.options[given.choice]) return "Choose one of them.";

@@ -82,11 +82,13 @@
     const phase = (w) => turn(zeros, w) - turn(poles, w) - delay * w - (integrators * Math.PI) / 2;
     const speeds = [...zeros, ...poles].map(([re, im]) => Math.hypot(re, im)).concat(delay ? [1 / delay] : []);
     if (!speeds.length) return null;
+    const sign = -Math.sign(gainOf({ num, den })); // the roots count the turns, the plant itself has the digits
+    const beyond = (w) => { const { re, im } = frequencyResponse({ process: { num, den, delay }, controller: { gains: [0, 1] }, w: [w] }); return Math.atan2(sign * im[0], sign * re[0]); };
     const jump = Math.min(Infinity, ...zeros.filter(onAxis).map(([, im]) => Math.abs(im)));
     let before = 1e-4 * Math.min(...speeds);
     for (const last = Math.min(1e4 * Math.max(...speeds), jump); before < last;) {
       const w = 1.02 * before;
-      if (w < jump && phase(w) < -Math.PI) return zero((x) => phase(x) + Math.PI, before, w);
+      if (w < jump && phase(w) < -Math.PI) return zero(beyond, before, w);
       before = w;
     }
     return null;
@@ -105,7 +107,7 @@
     return time ? { sampleTime: time / NOISE_SAMPLES, gain: 1 / (Math.abs(gainOf(process)) * Math.pow(time, integratorsOf(process))) } : { sampleTime: NaN, gain: NaN };
   });
 
-  const FIRST_TAIL = 4096, LONGEST_TAIL = 1 << 19, FADED = 1e-12; // samples, and share of the squares in their second half
+  const FIRST_TAIL = 4096, LONGEST_TAIL = 1 << 20, FADED = 1e-12; // samples, and share of the squares in their second half
 
   /* Standard deviation of u for white measurement noise of standard deviation 1 that is held for a sample: the root of the
      sum of squares of what one sample of it does. NaN where that does not fade. */
