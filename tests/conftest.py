@@ -19,7 +19,7 @@ sys.path[:0] = [
     for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs", "papers")
 ]
 # last, since one of the tools is called like Python's module site
-sys.path += [str(ROOT / "tools")]
+sys.path += [str(ROOT / "tools"), str(ROOT / "oracles")]
 
 # Long tests, the longest first: pages in a browser, searches, fits, commands, code for others, audits. They take three
 # quarters of the time.
@@ -50,10 +50,10 @@ def pytest_configure(config):
     """Have machine code that is not there made once, by two processes: each worker would make most of it again."""
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         return
-    from pidalab._compiled import TIER, stamp
+    from pidalab._compiled import TIER, is_complete
 
     TIER.begin()
-    if not TIER.ready or stamp().is_file():
+    if not TIER.ready or is_complete():
         return
     halves = [
         subprocess.Popen([sys.executable, "-c", f"from pidalab.warm_up import {part}; {part}()"])
@@ -61,7 +61,7 @@ def pytest_configure(config):
     ]
     for half in halves:
         half.wait()
-    subprocess.run([sys.executable, "-m", "pidalab.warm_up"], check=False)  # writes the stamp
+    subprocess.run([sys.executable, "-m", "pidalab.warm_up"], check=False)  # records that all is compiled
 
 
 def pytest_report_header():

@@ -1,10 +1,12 @@
-"""Both forms of compiled functions: the plain one answers first, the other is made beside it, with the same digits."""
+"""Both forms of kernels: plain at first, compiled in the background, with the same digits."""
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -19,54 +21,157 @@ import pidalab
 loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
 print(pidalab.load_response(loop, [0.0, 4.5, 9.0]).y[2].round(9), "numba" in sys.modules)
 """
+# as after a second in plain forms
+WORKED = FIRST.replace("loop =", "from pidalab._compiled import TIER; TIER.spent = 2.0; loop =")
+START = "from pidalab._compiled import compile_in_background; compile_in_background()"
 
 
 def environment(**variables):
     """The variables of this process, without a wish for one of the forms; None takes one away."""
-    given = (
-        os.environ
-        | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PIDALAB_COMPILE": ""}
-        | variables
-    )
-    return {name: value for name, value in given.items() if value is not None}
+    given = os.environ | {"PIDALAB_COMPILE": ""} | {key: str(value) for key, value in variables.items()}
+    return {name: value for name, value in given.items() if value != "None"}
 
 
-def run(script, **variables):
+def run(script, cwd=None, **variables):
     return subprocess.run(
         [sys.executable, "-c", script],
         env=environment(**variables),
+        cwd=cwd,
         capture_output=True,
         text=True,
         check=True,
     )
 
 
+def wait_until(condition, seconds=300):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "timed out"
+        time.sleep(0.2)
+
+
+def compilers(cache):
+    """Processes that compile into a cache, by their environments."""
+    wanted = f"NUMBA_CACHE_DIR={cache}".encode()
+    processes = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if (
+                wanted in (folder / "environ").read_bytes()
+                and b"warm_up" in (folder / "cmdline").read_bytes()
+            ):
+                processes.append(int(folder.name))
+    return processes
+
+
+needs_proc = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs Linux's /proc")
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A first answer from an empty cache, and the cache once a process beside it has filled it."""
-    cache = tmp_path_factory.mktemp("cache")
-    first = run(FIRST, NUMBA_CACHE_DIR=str(cache))
-    assert list(cache.glob("*.lock"))
-    for _ in range(600):
-        if not list(cache.glob("*.lock")):
-            break
-        time.sleep(0.5)
-    return first, cache
+    """Answers of a short and of a longer process in a hostile folder, and the cache that the second one fills."""
+    cache, folder = tmp_path_factory.mktemp("cache"), tmp_path_factory.mktemp("logs")
+    for name in ("numba.py", "random.py", "numpy.py", "pidalab.py"):
+        trap = f"open({str(folder / 'was_run')!r}, 'w').close()\nraise ImportError('not this one')\n"
+        (folder / name).write_text(trap, encoding="utf-8")
+    # the process itself starts elsewhere, as a command does, and changes to the folder
+    change = f"import os, sys, numpy, random; sys.path.remove('') if '' in sys.path else 0; os.chdir({str(folder)!r});"
+    short = run(change + FIRST, NUMBA_CACHE_DIR=cache)
+    assert not list(cache.iterdir())
+    longer = run(change + WORKED, NUMBA_CACHE_DIR=cache)
+    assert list(cache.glob("compiled-*/attempt-1"))
+    wait_until(lambda: list(cache.glob("compiled-*/complete")))
+    assert not (folder / "was_run").exists()
+    return (short, longer), cache
 
 
-def test_the_first_answer_waits_for_no_compilation_and_later_ones_use_it(made):
-    """Nobody says a word that a notebook would store."""
-    first, cache = made
-    assert first.stderr == ""
-    value, waited = first.stdout.split()
-    assert waited == "False"
-    assert len(list(cache.glob("compiled-*"))) == 1
-    later = run(FIRST, NUMBA_CACHE_DIR=str(cache))
-    assert later.stderr == ""
-    assert later.stdout.split() == [value, "True"]
+def test_short_processes_stay_plain_and_long_ones_use_kept_code(made):
+    """A process that has just started never imports numba, whether compiled code is kept or not."""
+    answers, cache = made
+    again = [run(script, NUMBA_CACHE_DIR=cache) for script in (FIRST, WORKED)]
+    assert [answer.stderr for answer in (*answers, *again)] == [""] * 4
+    values, imported = zip(*(answer.stdout.split() for answer in (*answers, *again)), strict=True)
+    assert len(set(values)) == 1
+    assert imported == ("False", "False", "False", "True")
 
 
-def test_what_is_made_beside_the_first_answer_is_all_that_the_library_calls(made):
+@needs_proc
+def test_compiler_ends_with_its_work(made):
+    _, cache = made
+    wait_until(lambda: not compilers(cache), 10)
+    assert not list(cache.glob("compiled-*/attempt-*"))
+
+
+@needs_proc
+def test_killed_compiler_delays_the_next_attempt(tmp_path):
+    """Of two processes one starts a compiler, at low priority; nothing restarts it at once after kill -9."""
+    starters = [
+        subprocess.Popen([sys.executable, "-c", START], env=environment(NUMBA_CACHE_DIR=tmp_path))
+        for _ in range(2)
+    ]
+    assert [starter.wait() for starter in starters] == [0, 0]
+    wait_until(lambda: compilers(tmp_path), 10)
+    (process,) = compilers(tmp_path)
+    wait_until(lambda: os.getpriority(os.PRIO_PROCESS, process) > 0, 30)
+    os.kill(process, signal.SIGKILL)
+    wait_until(lambda: not compilers(tmp_path), 10)
+    run(START, NUMBA_CACHE_DIR=tmp_path)
+    assert not compilers(tmp_path)
+    (attempt,) = tmp_path.glob("compiled-*/*")
+    for later, started in ((500, 1), (700, 2)):  # seconds after the attempt began
+        os.utime(attempt, (time.time() - later,) * 2)
+        run(START, NUMBA_CACHE_DIR=tmp_path)
+        assert len(list(tmp_path.glob("compiled-*/attempt-*"))) == started
+    for process in compilers(tmp_path):
+        os.kill(process, signal.SIGKILL)
+
+
+def test_failed_compiler_claims_nothing(tmp_path):
+    """Where numba is switched off or keeps no code the compilation is not complete, and the error says why."""
+    script = "from pidalab.warm_up import main; main()"
+    for variables, message in (
+        (
+            {"NUMBA_DISABLE_JIT": 1, "NUMBA_CACHE_DIR": tmp_path},
+            "numba must be installed and not switched off",
+        ),
+        ({"NUMBA_CACHE_DIR": "/dev/null/cache"}, "no folder for compiled code"),
+    ):
+        with pytest.raises(subprocess.CalledProcessError) as failed:
+            run("import pidalab.warm_up as w; w.respond = w.sample = lambda: None;" + script, **variables)
+        assert message in failed.value.stderr
+    with pytest.raises(subprocess.CalledProcessError) as failed:
+        run(
+            "import pidalab.warm_up as w; w.respond = w.sample = lambda: None; w.main()",
+            NUMBA_CACHE_DIR=tmp_path,
+        )
+    assert "no compiled code of pidalab.robustness was kept" in failed.value.stderr
+    assert not list(tmp_path.rglob("complete"))
+
+
+HOMES = {
+    "no home": {"HOME": None, "XDG_CACHE_HOME": None},
+    "no folder": {"HOME": "/dev/null", "XDG_CACHE_HOME": None},
+    "relative": {"HOME": "", "XDG_CACHE_HOME": "cache"},
+    "chosen": {"NUMBA_CACHE_DIR": "/dev/null/cache"},
+}
+
+
+@pytest.mark.parametrize("home", HOMES)
+def test_answers_without_a_cache(home, tmp_path):
+    """An installation that cannot be written to, for a user without a home: plain forms, and no compiler."""
+    nowhere = (
+        "import os, pwd; from pathlib import Path; import pidalab._compiled as c; c.PACKAGE = Path('/dev/null/x');"
+        "\ndef unknown(*_): raise KeyError\npwd.getpwuid = unknown\n"
+    )
+    check = (
+        "\nfrom pidalab._compiled import TIER; assert not TIER.ready; import os; assert not os.listdir('.')"
+    )
+    answer = run(nowhere + WORKED + check, cwd=tmp_path, **HOMES[home])
+    assert answer.stdout.split()[1] == "False"
+    assert answer.stderr == ""
+
+
+def test_background_compiles_all_kernels(made):
     """After it no function of ours is compiled any more, whatever is called."""
     script = f"""
 import sys
@@ -82,7 +187,7 @@ class Listener(event.Listener):
 event.register("numba:compile", Listener())
 answers()
 """
-    run(script, NUMBA_CACHE_DIR=str(made[1]), PIDALAB_COMPILE="1")
+    run(script, NUMBA_CACHE_DIR=made[1], PIDALAB_COMPILE="1")
 
 
 @cache

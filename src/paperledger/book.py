@@ -1,5 +1,7 @@
 """The ledger of one paper, as its pages use it."""
 
+import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -33,6 +35,8 @@ class Ledger:
         The rows of the file; see `Ledger.open`.
     page : str, optional
         The notebook that uses it; by default the chapter, which is called like the paper.
+    words : mapping of str to str, optional
+        How the paper writes an id, or a part of one; `compare` labels its table with them.
 
     Attributes
     ----------
@@ -61,10 +65,17 @@ class Ledger:
 
     _recorded: ClassVar[list["Ledger"] | None] = None
 
-    def __init__(self, path: Path, rows: Sequence[Row], page: str | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        rows: Sequence[Row],
+        page: str | None = None,
+        words: Mapping[str, str] | None = None,
+    ) -> None:
         self.path = path
         self.paper = path.stem
         self.page = page or self.paper
+        self.words = {**(words or {})}
         self.rows = {row.id: row for row in rows}
         self.fresh: dict[str, Row] = {}
         self.refused: list[str] = []
@@ -74,7 +85,13 @@ class Ledger:
             Ledger._recorded.append(self)
 
     @classmethod
-    def open(cls, paper: str, page: str | None = None, folder: Path | str | None = None) -> Self:
+    def open(
+        cls,
+        paper: str,
+        page: str | None = None,
+        folder: Path | str | None = None,
+        words: Mapping[str, str] | None = None,
+    ) -> Self:
         """Open the ledger of a paper.
 
         Parameters
@@ -86,6 +103,8 @@ class Ledger:
             default the chapter, which is called like the paper. `close` asks for the rows of this page.
         folder : path, optional
             Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
+        words : mapping of str to str, optional
+            How the paper writes an id, or a part of one: ``{"kp": "K_P", "ex1": "Example 1"}``.
 
         Returns
         -------
@@ -110,7 +129,7 @@ class Ledger:
         if not path.is_file():
             known = ", ".join(papers(place)) or "none"
             raise LedgerError(f"no ledger {path.name} in {place}; there are: {known}")
-        return cls(path, read_rows(path), page)
+        return cls(path, read_rows(path), page, words)
 
     def compare(self, values: Mapping[str, Any], digits: int = DIGITS) -> "pd.DataFrame":
         """Compare numbers of this run with the printed ones.
@@ -161,7 +180,30 @@ class Ledger:
             self.refused += failures
             raise LedgerError("\n".join(failures))
         frame = pd.DataFrame.from_dict(shown, orient="index").fillna("")
+        frame = frame.rename(index=self.spell, columns=self.spell)
         return frame.rename_axis(columns="printed / computed")
+
+    def spell(self, id: str) -> str:
+        """Return an id, or a part of one, as the paper writes it.
+
+        Parameters
+        ----------
+        id : str
+            An id without the key of the paper, or any other label, which is returned unchanged.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> Ledger(Path("demo.csv"), [], words={"kp": "K_P", "ex1": "Example 1"}).spell("ex1.kp")
+        'Example 1, K_P'
+        """
+        parts = id.split(".")
+        if id in self.words or self.words.keys().isdisjoint(parts):
+            return self.words.get(id, id)
+        return ", ".join(self.words.get(part, part) for part in parts)
 
     def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
         """Decide a statement by numbers of this run; its row says what is compared, and how.
@@ -381,13 +423,91 @@ class Ledger:
         """
         return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
 
-    def table(self, *prefixes: str) -> Display:
-        """Return rows of the file as a table, printed beside computed.
+    def table(
+        self,
+        prefix: str = "",
+        records: Mapping[str, Any] | str | None = None,
+        *more: str,
+        digits: int = DIGITS,
+    ) -> Any:
+        """Compare a printed table with records of this run; the ledger knows its columns.
+
+        Parameters
+        ----------
+        prefix : str
+            What the ids of the table start with: ``table3`` for ``table3.khf2.kp``.
+        records : mapping
+            By row a mapping or an object that has the columns as keys, as attributes or as methods without arguments;
+            or the number itself, where a row has one.
+        digits : int, optional
+            As in `compare`.
+
+        Returns
+        -------
+        pandas.DataFrame
+            As in `compare`, a row for each record.
+
+        Raises
+        ------
+        LedgerError
+            If the ledger has no such row, or a record lacks a column, and as in `compare`.
+
+        Examples
+        --------
+        >>> rows = [Row("demo.table1.a.ti", "Table 1", "T_I", "4.1", "4.100000000", "reproduced", page="demo")]
+        >>> book = Ledger(Path("demo.csv"), rows, words={"ti": "T_I"})
+        >>> book.table("table1", {"a": {"ti": 4.1, "td": 1.0}})
+        printed / computed         T_I
+        a                   4.1 / 4.10
+        """
+        if not isinstance(records, Mapping):  # pages that still ask for claims
+            return self.claims(*filter(None, (prefix, records, *more)))
+        values: dict[str, Any] = {}
+        for name, record in records.items():
+            start = f"{self.paper}.{prefix}.{name}"
+            columns = [id.removeprefix(f"{start}.") for id in self.rows if id.startswith(f"{start}.")]
+            if start in self.rows:
+                values[start] = record
+            elif not columns:
+                raise LedgerError(f"{start}: the ledger has no such row")
+            for column in columns:
+                values[f"{start}.{column}"] = _entry(record, column, start)
+        frame = self.compare(values, digits)
+        ids = {f"{self.paper}.{prefix}.{name}": self.spell(name) for name in records}
+        return frame.rename(index={self.spell(id): label for id, label in ids.items()})
+
+    def index(self) -> Display:
+        """Return what the paper prints, where this book computes it, and what comes out, in the order of the file.
+
+        Returns
+        -------
+        Display
+            A line for each printed item with numbers, and one for the statements. Items link to the heading of the page
+            that names them.
+
+        Examples
+        --------
+        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
+        >>> Ledger(Path("demo.csv"), [row]).index()
+        printed item  where        outcome
+        Table 1       the chapter  reproduced
+        """
+        headings = {
+            page: _headings(self.path.resolve().parents[1] / f"{page}.ipynb") for page in self._pages()
+        }
+        return display.index(self.rows.values(), self.page, headings)
+
+    def _pages(self) -> list[str]:
+        """Return the pages that rows of the ledger belong to, the chapter first."""
+        return [*dict.fromkeys([self.paper, *(row.page for row in self.rows.values() if row.page)])]
+
+    def claims(self, *prefixes: str) -> Display:
+        """Return rows of the file, printed beside computed.
 
         Parameters
         ----------
         *prefixes : str
-            What the ids start with, the key of the paper apart; without any the table has all rows.
+            What the ids start with, the key of the paper apart; without any all rows are shown.
 
         Returns
         -------
@@ -401,7 +521,7 @@ class Ledger:
         Examples
         --------
         >>> book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
-        >>> book.table()
+        >>> book.claims()
         verdict     claim                    printed  computed  difference
         reproduced  demo.kp: gain (Table 1)  1.31     1.3098    -0.0
         """
@@ -431,6 +551,25 @@ def recording() -> Iterator[list[Ledger]]:
         yield Ledger._recorded
     finally:
         Ledger._recorded = None
+
+
+def _headings(notebook: Path) -> list[str]:
+    """Return the headings of a notebook; none if there is no such file."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"] if notebook.is_file() else []
+    texts = ("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    return [found for text in texts for found in re.findall(r"^##+ (.+)$", text, re.MULTILINE)]
+
+
+def _entry(record: Any, column: str, start: str) -> Any:
+    """Return a column of a record: its key, attribute, or method without arguments."""
+    if isinstance(record, Mapping):
+        if column not in record:
+            raise LedgerError(f"{start}: the record has no {column!r}, only {', '.join(map(str, record))}")
+        return record[column]
+    if not hasattr(record, column):
+        raise LedgerError(f"{start}: {type(record).__name__} has no {column!r}")
+    value = getattr(record, column)
+    return value() if callable(value) else value
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -13,8 +13,13 @@ DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # of the print: a wider tolerance would let nearly anything pass
 LONGEST, LARGEST_EXPONENT = 350, 330  # characters of a number, and its power of ten: those of a double fit
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person decides these; all others follow
-VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "fails", *DECLARED)
-AGREEING = ("reproduced", "approximate", "holds")  # a declared disagreement must give none of these
+VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
+AGREEING = (
+    "reproduced",
+    "approximate",
+    "holds",
+    "holds-in-part",
+)  # a declared disagreement must give none of these
 BASES = ("computed", "fitted", "from-print", "reading")
 
 _SLACK = Decimal("1e-9")  # relative; absorbs the rounding of floating-point arithmetic, nothing more

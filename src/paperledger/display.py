@@ -172,7 +172,8 @@ def evidence(row: Row, span: int = 1) -> Cell:
         return Cell("", "—", "evidence text", span)
     kept, relation = Evidence.parse(row.evidence), Relation.parse(row.relation)
     first = f"largest residual {kept.shown()}" if relation.is_identity else kept.shown()
-    rest = [*filter(None, ("" if relation.is_identity else relation.words, kept.remark))]
+    remarks = [one.remark for one in kept.inequalities]
+    rest = [*filter(None, ("" if relation.is_identity else relation.words, *remarks))]
     below = f' <span class="where">{markup("; ".join(rest))}</span>' if rest else ""
     return Cell("; ".join([first, *rest]), f"{markup(first)}{below}", "evidence text", span)
 
@@ -234,3 +235,80 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
         f'<li class="verdict-{kind}">{KINDS.get(kind, kind)} {count}</li>' for kind, count in shown.items()
     )
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
+
+
+OUTCOMES = {  # of one row, and of several, where the word of the verdict would mislead
+    "last-digit": ("a unit off", "a unit off"),
+    "approximate": ("within tolerance", "within tolerance"),
+    "misprint": ("misprint", "misprints"),
+    "as-read": ("does not hold as read", "do not hold as read"),
+    "differs": ("differs", "differ"),
+    "not-computable": ("not computable", "not computable"),
+    "holds-in-part": ("holds in part", "hold in part"),
+    "holds": ("holds", "hold"),
+    "fails": ("fails", "fail"),
+}
+
+
+def outcome(rows: Sequence[Row]) -> str:
+    """Say in a few words what came out.
+
+    >>> rows = [Row("demo.a", "Table 1", "gain", "1.3", verdict=verdict) for verdict in ("reproduced", "misprint")]
+    >>> outcome(rows), outcome(rows[:1]), outcome(rows[:1] * 3)
+    ('1 of 2, 1 misprint', 'reproduced', 'all 3')
+    """
+    counts = Counter(row.verdict or "open" for row in rows)
+    fitted = ", settings fitted" if any(row.basis == "fitted" for row in rows) else ""
+    if len(rows) == 1:
+        (verdict,) = counts
+        return OUTCOMES.get(verdict, (verdict, ""))[0] + fitted
+    good = counts.pop("reproduced", 0) + counts.pop("holds", 0)
+    if good == len(rows):
+        return f"all {good}{fitted}"
+    others = [
+        f"{count} {OUTCOMES.get(verdict, (verdict, verdict))[count > 1]}" for verdict, count in counts.items()
+    ]
+    return ", ".join([*([f"{good} of {len(rows)}"] if good else []), *others]) + fitted
+
+
+def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]]) -> Display:
+    """Show each printed item, the heading under which its rows are computed, and what came out."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in sorted(rows, key=lambda row: row.is_statement):
+        key = ("statements", row.page) if row.is_statement else (row.where, "")
+        groups.setdefault(key, []).append(row)
+    cells = []
+    for (item, place), some in groups.items():
+        place = place or next((row.page for row in some if row.page), "")
+        name = "the chapter" if "/" not in place else "its evidence"
+        heading = next((one for one in headings.get(place, ()) if _names(one, item)), "")
+        where = Cell("by reading", "by reading")
+        if place:
+            target = f"{'../' * page.count('/')}{place}.html" if place != page else ""
+            html = f'<a href="{target}#{slug(heading)}">{markup(heading)}</a>' if heading else name
+            if not heading and target:
+                html = f'<a href="{target}">{name}</a>'
+            where = Cell(heading or name, html)
+        cells.append([words(item), where, words(outcome(some))])
+    return grid("index", ("printed item", "where", "outcome"), cells)
+
+
+def _names(heading: str, item: str) -> bool:
+    """Return True if a heading names a printed item: its table, its equation or the section that it is in."""
+    last = item.rpartition(", ")[2]
+    kind, _, number = last.partition(" ")
+    if kind in ("eq.", "eqs"):
+        return number in heading
+    if kind == "sec.":
+        number = number.partition(".")[0]
+    name = {"sec.": "Section", "Fig.": "Fig."}.get(kind, kind)
+    return re.search(rf"\b{re.escape(name)} {re.escape(number)}(?![\w.])", heading) is not None
+
+
+def slug(heading: str) -> str:
+    """Return the anchor that Sphinx gives to a heading.
+
+    >>> slug("Table 4 and Paper Fig. 8")
+    'table-4-and-paper-fig-8'
+    """
+    return re.sub(r"^[-0-9]+|-+$", "", re.sub(r"[^a-z0-9]+", "-", heading.lower()))

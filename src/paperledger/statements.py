@@ -7,7 +7,7 @@ A row says ``IAE of the PIDA < IAE of the PID | clearly``. What decides it is ke
 import operator
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from math import isfinite, isinf
@@ -27,6 +27,7 @@ SIGNS = {  # the test; for a reader what holds, and what does not
     "==": (operator.eq, "=", "≠"),
     "≈": (operator.eq, "≈", "≉"),  # always with a convention, whose bounds decide
 }
+_PARTS = re.compile(r"(holds|fails) for: (.+)")
 _RELATION = re.compile(r"(?:(.*?) )?(<=?|>=?|==|≈)(?: (.*))?")
 _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==) (?:([\d.]+(?:/[\d.]+)?) \* )?(\S+)(?: \| (.+))?")
 
@@ -101,6 +102,11 @@ class Relation:
         A key of `CONVENTIONS`; ``rounding`` for an identity, whose left side is a residual; or empty.
     some : bool
         Whether one case is enough; by default every case must hold.
+    parts : tuple of str
+        Of a statement that holds in part, the cases that were declared to hold, or to fail. A case belongs to a part
+        that it is called like, or that its name begins with: ``ex2, Ms 1.4`` to ``ex2``.
+    parts_hold : bool
+        Whether the parts hold and all other cases fail, or the other way round.
 
     Examples
     --------
@@ -116,6 +122,8 @@ class Relation:
     right: str
     convention: str = ""
     some: bool = False
+    parts: tuple[str, ...] = ()
+    parts_hold: bool = True
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -124,7 +132,8 @@ class Relation:
         Parameters
         ----------
         text : str
-            Left name, sign, right name, then after ``|`` an optional convention and an optional ``some``.
+            Left name, sign, right name, then after ``|`` an optional convention, and optionally ``some``, or
+            ``holds for: ex1; ex2``, or ``fails for: ex3``.
 
         Returns
         -------
@@ -145,14 +154,19 @@ class Relation:
         if not found:
             raise LedgerError(f"relation {text!r} does not read like 'IAE of PIDA < IAE of PID | clearly'")
         left, sign, right = (part or "" for part in found.groups())
-        some = marks[-1:] == ["some"]
-        convention = " | ".join(marks[:-1] if some else marks)
+        some, parts = marks[-1:] == ["some"], _PARTS.fullmatch(marks[-1]) if marks else None
+        convention = " | ".join(marks[:-1] if some or parts else marks)
         if sign not in _BOUNDS.get(convention, ()):
             known = f"{', '.join(CONVENTIONS)}, and 'residual <= 1e-9 | rounding' for an identity"
             raise LedgerError(
                 f"relation {text!r}: {sign} takes no convention {convention!r}; there are {known}"
             )
-        return cls(left, sign, right, convention, some)
+        if not parts:
+            return cls(left, sign, right, convention, some)
+        if convention == ROUNDING:
+            raise LedgerError(f"relation {text!r}: an identity holds for every case or fails")
+        names = tuple(name.strip() for name in parts[2].split(";"))
+        return cls(left, sign, right, convention, some, names, parts[1] == "holds")
 
     @property
     def is_identity(self) -> bool:
@@ -163,8 +177,8 @@ class Relation:
     def words(self) -> str:
         """The relation for a reader."""
         sides = (self.left, SIGNS[self.sign][1], self.right) if self.left or self.right else ()
-        parts = (" ".join(filter(None, sides)), self.convention, "in some case" * self.some)
-        return ", ".join(filter(None, parts))
+        said = (" ".join(filter(None, sides)), self.convention, "in some case" * self.some)
+        return ", ".join(filter(None, said))
 
     def decide(self, cases: Cases, digits: int = DIGITS) -> "Evidence":
         """Find the case that decides: the worst one, or the best where one is enough.
@@ -200,13 +214,44 @@ class Relation:
         pairs = {_name(key): _pair(value) for key, value in named.items()}
         if self.convention in ("settled", "identical"):  # how far off, to either side
             pairs = {name: (abs(left), abs(right)) for name, (left, right) in pairs.items()}
+        if self.parts:
+            return self._in_part(pairs, digits)
+        best = "best" if self.some else "worst"
+        which = f"{best} of {len(pairs)}: {{}}" if named is cases else ""
+        return self._evidence(pairs, digits, which)
+
+    def _evidence(self, pairs: dict[str, Pair], digits: int, which: str) -> "Evidence":
+        """Keep the case that decides: the one nearest to failing, or to holding where one case is enough."""
         slack = {name: self._slack(*pair) for name, pair in pairs.items()}
         name = (max if self.some else min)(slack, key=lambda case: slack[case][0])
-        which = f"{'best' if self.some else 'worst'} of {len(pairs)}: {name}" if named is cases else ""
-        remark = "; ".join(filter(None, (which, _ratios([*pairs.values()]))))
+        remark = "; ".join(filter(None, (which.format(name), _ratios([*pairs.values()]))))
         scale = max((abs(side) for side in pairs[name] if isfinite(side)), default=0)
         left, right = (_side(side, scale, digits) for side in pairs[name])
         return Evidence(left, *slack[name][1], right, remark)
+
+    def _in_part(self, pairs: dict[str, Pair], digits: int) -> "Evidence":
+        """Keep the weakest part that holds and the part that fails by least; each case is as declared."""
+        if idle := [part for part in self.parts if not any(_belongs(name, part) for name in pairs)]:
+            raise LedgerError(f"no case is called {' or '.join(idle)}; there are {'; '.join(pairs)}")
+        declared = {
+            name: any(_belongs(name, part) for part in self.parts) == self.parts_hold for name in pairs
+        }
+        for name, pair in pairs.items():
+            if (self._evidence({name: pair}, digits, "").verdict == "holds") != declared[name]:
+                raise LedgerError(
+                    f"{name} is declared to {'hold' if declared[name] else 'fail'}, and does not"
+                )
+        groups = [{n: pair for n, pair in pairs.items() if declared[n] == side} for side in (True, False)]
+        if not all(groups):
+            raise LedgerError("a statement that holds in part has a case that holds and one that fails")
+        found = []
+        for word, group in zip(("holds", "fails"), groups, strict=True):
+            names = "; ".join(group).replace("{", "{{").replace("}", "}}")
+            relation = replace(self, parts=(), some=word == "fails")
+            found.append(
+                relation._evidence(group, digits, f"{word} in {len(group)} of {len(pairs)}: {names}")
+            )
+        return replace(found[0], but=found[1])
 
     def _slack(self, left: float, right: float) -> tuple[float, tuple[str, str]]:
         """How far a case is from turning, relative, and the bound that is nearest; what fails is negative."""
@@ -253,6 +298,8 @@ class Evidence:
         The right number with its digits.
     remark : str, optional
         Of how many cases this is the worst, and the range of the ratio of both sides over them.
+    but : Evidence, optional
+        Of a statement that holds in part, the inequality that fails; after `` || `` in the row.
 
     Examples
     --------
@@ -266,6 +313,7 @@ class Evidence:
     factor: str
     right: str
     remark: str = ""
+    but: "Evidence | None" = None
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -290,21 +338,32 @@ class Evidence:
         >>> Evidence.parse("3 == 3 | worst of 2: at 1.4").remark
         'worst of 2: at 1.4'
         """
-        found = _EVIDENCE.fullmatch(text)
+        first, both, second = text.partition(" || ")
+        found = _EVIDENCE.fullmatch(first)
         if not found:
             raise LedgerError(f"evidence {text!r} is no inequality such as '1.2 < 0.5 * 3.1'")
         left, sign, factor, right, remark = (part or "" for part in found.groups())
         _ = _exact(left), _exact(right)
-        return cls(left, sign, factor, right, remark)
+        return cls(left, sign, factor, right, remark, cls.parse(second) if both else None)
 
     def __str__(self) -> str:
         factor = f"{self.factor} * " if self.factor else ""
         remark = f" | {self.remark}" if self.remark else ""
-        return f"{self.left} {self.sign} {factor}{self.right}{remark}"
+        return f"{self.left} {self.sign} {factor}{self.right}{remark}" + (
+            f" || {self.but}" if self.but else ""
+        )
+
+    @property
+    def inequalities(self) -> tuple["Evidence", ...]:
+        """The one inequality, or both of a statement that holds in part."""
+        return (replace(self, but=None), *((self.but,) if self.but else ()))
 
     @property
     def verdict(self) -> str:
-        """Either ``holds`` or ``fails``, decided by the numbers as written."""
+        """One of ``holds``, ``holds-in-part`` and ``fails``, decided by the numbers as written."""
+        if self.but:
+            verdicts = tuple(one.verdict for one in self.inequalities)
+            return "holds-in-part" if verdicts == ("holds", "fails") else "fails"
         right = _exact(self.right)
         asked = right * _times(self.factor) if self.factor else right
         return "holds" if SIGNS[self.sign][0](_exact(self.left), asked) else "fails"
@@ -321,6 +380,8 @@ class Evidence:
         >>> Evidence.parse("1.234567000 >= 1.234891000").shown()
         '1.2346 ≱ 1.2349'
         """
+        if self.but:
+            return "; ".join(one.shown() for one in self.inequalities)
         sides = (self.left, self.right)
         pairs = ([shorten(side, digits) for side in sides] for digits in range(4, DIGITS + 2))
         left, right = next((pair for pair in pairs if len({*pair}) == len({*sides})), sides)
@@ -331,6 +392,11 @@ class Evidence:
 def _name(key: object) -> str:
     words = ", ".join(map(str, key)) if isinstance(key, tuple) else str(key)
     return words.replace("|", "/")
+
+
+def _belongs(name: str, part: str) -> bool:
+    """Return True if a case is called like a part, or its name begins with that of the part."""
+    return name == part or name.startswith(f"{part}, ")
 
 
 def _pair(value: object) -> Pair:

@@ -1,12 +1,13 @@
-"""Functions in two forms: plain Python, which answers at once, and machine code, which numba makes and keeps.
+"""Kernels: functions in two forms, plain Python and machine code that numba compiles and keeps.
 
-Making the machine code takes longer than most first answers. So a process that finds none uses the plain forms, which
-give the same digits within rounding, and starts another process that makes it. The code is used as soon as it is there,
-or is waited for where a call is so large that waiting pays. Without numba all is plain.
+Importing numba takes longer than most short answers, and compiling takes up to a minute. A process therefore starts in
+the plain forms, which give the same digits within rounding. Once it has spent a second in them it uses the compiled
+code if that is complete; otherwise it starts another process that compiles in the background. A call with large
+arguments waits for compiled code. Without numba every call is plain.
 
-``PIDALAB_COMPILE=1`` in the environment makes every process wait for the code, as tests, notebooks and benchmarks do;
-``PIDALAB_COMPILE=0``, or numba's own ``NUMBA_DISABLE_JIT=1``, keeps to the plain forms. Code and stamp are kept beside
-the source, or in the user's cache where that cannot be written to, or in ``NUMBA_CACHE_DIR``.
+``PIDALAB_COMPILE=1`` makes a process wait for compiled code from its first call, as tests, notebooks and benchmarks do.
+``PIDALAB_COMPILE=0``, or numba's own ``NUMBA_DISABLE_JIT=1``, keeps to the plain forms. Compiled code is kept in
+``NUMBA_CACHE_DIR`` if that is set, else in ``__pycache__`` of the package, else in the user's cache.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from functools import cache, cached_property, update_wrapper
+from functools import cached_property, update_wrapper
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -29,13 +30,15 @@ import numpy as np
 
 LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
-LARGE = 50_000  # numbers in the arguments of a call beyond which its machine code is waited for
-SOON = 1.0  # seconds of plain work after which it is asked again whether the machine code is there
-STALE = 600.0  # seconds after which another process may begin anew what one has begun and not ended
+FOLDERS = ("robustness", "simulation")  # of the package, with kernels
+LARGE = 50_000  # numbers in the arguments of a call that waits for compiled code
+PLAIN_SECONDS = 1.0  # spent in plain forms before compiled code is looked for, and looked for again
+RETRY_SECONDS = 600.0  # before a second attempt to compile; each later attempt waits four times as long
+MOST_ATTEMPTS = 6
 
 
-class Function:
-    """A function in both forms; compiled functions that call it see the compiled one, plain ones the plain one.
+class Kernel:
+    """A function in both forms; compiled kernels call compiled kernels, and plain ones call plain ones.
 
     Parameters
     ----------
@@ -44,7 +47,7 @@ class Function:
     form : callable
         Its plain form: the same function, or another with array operations in place of loops.
     options : dict
-        Numba's, beside its cache.
+        Options of numba in addition to its cache.
     """
 
     def __init__(
@@ -54,211 +57,241 @@ class Function:
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the form that answers first."""
+        """Call the form that this process uses."""
         if TIER.compiles(arguments):
             return self.dispatcher(*arguments)
-        return TIER.run(self.twin, arguments)
+        return TIER.run(self.python_form, arguments)
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The compiled form, whose machine code is kept, and made anew when a file of its folder has changed."""
+        """The compiled form; its code is kept in a folder that changes with the sources beside it."""
         import numba
 
-        _announce()
-        # no fused multiply-add: what is written out as C or Python is to give the same bits
+        config: Any = numba.config
+        # without fused multiply-add, so that written C and Python give the same bits
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)
+        chosen, folder = config.CACHE_DIR, code_folder(Path(self.function.__code__.co_filename).parent)
+        config.CACHE_DIR = str(folder or chosen)
         try:
-            found = numba.njit(cache=True, **options)(self.function)
-        except RuntimeError:  # numba found no place for its cache
+            return numba.njit(cache=True, **options)(self.function)
+        except RuntimeError:  # numba found no writable folder
             return numba.njit(**options)(self.function)
-        kept = found._cache._cache_file
-        kept._source_stamp = (kept._source_stamp, _changed(Path(self.function.__code__.co_filename).parent))
-        return found
+        finally:
+            config.CACHE_DIR = chosen
 
     @cached_property
-    def twin(self) -> Callable[..., Any]:
-        """The plain form, which calls the plain forms of others."""
+    def python_form(self) -> Callable[..., Any]:
+        """The plain form, with the plain forms of the kernels that it calls."""
         names = dict(self.form.__globals__)
         cells = self.form.__closure__
-        made = FunctionType(
+        plain_function = FunctionType(
             self.form.__code__,
             names,
             self.form.__name__,
             self.form.__defaults__,
-            cells and tuple(CellType(_plain_form(cell.cell_contents)) for cell in cells),
+            cells and tuple(CellType(_python_form(cell.cell_contents)) for cell in cells),
         )
-        self.__dict__["twin"] = made  # before the others: functions may call each other
-        names.update({name: _plain_form(value) for name, value in names.items()})
-        return made
+        self.__dict__["python_form"] = plain_function  # set first, since kernels may call each other
+        names.update({name: _python_form(value) for name, value in names.items()})
+        return plain_function
 
-    # what numba asks of a function that compiled code calls
+    # numba reads the following of a kernel that compiled code calls
     @property
     def _numba_type_(self) -> Any:
         return self.dispatcher._numba_type_
 
     @property
     def targetoptions(self) -> Any:
-        """Numba's options, which say whether it is made a part of its callers."""
+        """Options of numba, among them whether callers inline the kernel."""
         return self.dispatcher.targetoptions
 
     @property
     def py_func(self) -> Callable[..., Any]:
-        """What numba compiles."""
+        """The function that numba compiles."""
         return self.function
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Give a function its two forms; the compiled one runs without the interpreter's lock.
+    """Make a function a kernel; the compiled form releases the interpreter's lock.
 
-    A compiled function calls only those of its own folder.
+    A kernel calls only kernels of its own folder: a change of that folder's sources compiles them all again.
     """
-    return Function(function, function, {})
+    return Kernel(function, function, {})
 
 
 def plain(form: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
-    """Give a compiled function another plain form, with array operations in place of loops."""
-    return lambda function: Function(function, form, {})
+    """Make a function a kernel with another plain form."""
+    return lambda function: Kernel(function, form, {})
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Make a function a part of the compiled functions that call it."""
-    return Function(function, function, {"inline": "always"})
+    """Make a function a kernel that compiled callers inline."""
+    return Kernel(function, function, {"inline": "always"})
 
 
-def _plain_form(value: Any) -> Any:
-    return value.twin if isinstance(value, Function) else value
+def _python_form(value: Any) -> Any:
+    return value.python_form if isinstance(value, Kernel) else value
 
 
 class Tier:
-    """Which form the calls of this process take.
+    """Which form the calls of this process use.
 
     Attributes
     ----------
-    ready : bool or None
-        Whether calls go to machine code; None before the first one.
+    allowed : bool or None
+        Whether kernels may be compiled; None before the first call.
+    ready : bool
+        Whether all calls use compiled code.
+    spent : float
+        Seconds in plain forms since compiled code was last looked for.
     """
 
     def __init__(self) -> None:
-        self.ready: bool | None = None
-        self.allowed = False  # to compile at all
-        self.depth = 0  # of plain calls
-        self.asked, self.spent = 0.0, 0.0
+        self.allowed: bool | None = None
+        self.ready = False
+        self.spent = 0.0
 
     def compiles(self, arguments: tuple[Any, ...]) -> bool:
-        """Whether a call goes to machine code, which is made if it is not there."""
-        if self.ready is None:
+        """Return True if a call uses compiled code, compiling it if needed."""
+        if self.allowed is None:
             self.begin()
         if self.ready or not self.allowed:
-            return bool(self.ready)
-        large = sum(getattr(one, "size", 1) for one in arguments) > LARGE
-        if self.spent > SOON or large:
-            self.spent, self.ready = 0.0, stamp().is_file() and self.imports()
-        return bool(self.ready) or (large and self.imports())
+            return self.ready
+        large = sum(getattr(argument, "size", 1) for argument in arguments) > LARGE
+        if large or self.spent > PLAIN_SECONDS:
+            self.spent, self.ready = 0.0, is_complete() and self.imports()
+            if not (self.ready or large):
+                compile_in_background()
+        return self.ready or (large and self.imports())
 
     def begin(self) -> None:
-        """Look for machine code, and have it made if there is none."""
+        """Read from the environment what is wanted and possible."""
         wish = os.environ.get("PIDALAB_COMPILE", "")
         off = wish == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
         try:
             self.allowed = not off and bool(version("numba"))
         except PackageNotFoundError:
+            self.allowed = False
             LOG.info("pidalab: numba is not installed; the same digits within rounding, slower")
-        self.ready = self.allowed and (wish == "1" or stamp().is_file()) and self.imports()
-        if self.allowed and not self.ready:
-            have_made()
+        self.ready = self.allowed and wish == "1" and self.imports()
 
     def imports(self) -> bool:
-        """Whether numba can be imported; once it cannot, all stays plain."""
+        """Return True if numba can be imported; otherwise all later calls are plain."""
         try:
             import numba  # noqa: F401
         except ImportError:
             self.allowed = False
-        return self.allowed
+        if self.allowed and not is_complete():
+            LOG.info("pidalab: compiling for this machine (up to a minute); later runs skip this")
+        return bool(self.allowed)
 
-    def run(self, twin: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Call a plain form, which divides by zero as numpy does, in silence."""
-        begun = time.perf_counter()
+    def run(self, form: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        """Call a plain form, in which NumPy divides by zero without a warning."""
+        start = time.perf_counter()
         with np.errstate(all="ignore"):
             try:
-                return twin(*arguments)
+                return form(*arguments)
             finally:
-                self.spent += time.perf_counter() - begun
+                self.spent += time.perf_counter() - start
 
 
 TIER = Tier()
 
 
-@cache
-def stamp() -> Path:
-    """Name of the file that says that all machine code is there, for these sources, this Python, numba and machine."""
-    sources = _stats(sorted(PACKAGE.rglob("*.py")))
-    wishes = sorted(
+def _file_states(folder: Path) -> list[tuple[str, float, int]]:
+    """Return names, times and sizes of the sources that decide the code of a folder's kernels."""
+    paths = [Path(__file__), *sorted(folder.glob("*.py"))]
+    return [(path.name, path.stat().st_mtime, path.stat().st_size) for path in paths]
+
+
+def _cache_folder() -> Path | None:
+    """Return the folder that keeps compiled code, None if there is none that can be written to."""
+    home = os.path.expanduser("~")  # remains "~" for a user without a home
+    user = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or os.path.join(home, ".cache")
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    for folder in [Path(chosen)] if chosen else [PACKAGE / "__pycache__", Path(user, "pidalab")]:
+        present = next(parent for parent in (folder, *folder.parents) if parent.exists() or not parent.name)
+        if (folder.is_absolute() or chosen) and present.is_dir() and os.access(present, os.W_OK):
+            return folder
+    return None
+
+
+def _folder_for(sources: list[Path]) -> Path | None:
+    """Return the cache folder for sources, this Python, this numba, its options and the machine."""
+    cache = _cache_folder()
+    if cache is None:
+        return None
+    options = sorted(
         (k, v) for k, v in os.environ.items() if k.startswith("NUMBA_") and k != "NUMBA_CACHE_DIR"
     )
-    key = (sys.version, version("numba"), platform.machine(), platform.processor(), wishes, sources)
-    return _folder() / f"compiled-{sha256(repr(key).encode()).hexdigest()[:16]}"
+    states = [_file_states(folder) for folder in sources]
+    key = (sys.version, version("numba"), platform.machine(), options, states)
+    return cache / f"compiled-{sha256(repr(key).encode()).hexdigest()[:16]}"
 
 
-def _folder() -> Path:
-    """Where machine code is kept, by the rules that numba follows."""
-    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(chosen)
-    beside = PACKAGE / "__pycache__"
-    if os.access(beside if beside.is_dir() else PACKAGE, os.W_OK):
-        return beside
-    home = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(home) / "pidalab"
+def code_folder(sources: Path) -> Path | None:
+    """Return the folder with the compiled code of one folder of sources, None without a writable cache."""
+    return _folder_for([sources])
 
 
-def have_made() -> None:
-    """Start a process that makes all machine code and then writes the stamp, unless one is at it."""
-    lock = stamp().with_suffix(".lock")
-    try:
-        lock.parent.mkdir(parents=True, exist_ok=True)
-        if lock.is_file() and time.time() - lock.stat().st_mtime > STALE:
-            lock.unlink()
-        lock.touch(exist_ok=False)
-        # on Windows detached, and a group of its own
-        alone: Any = {"creationflags": 0x00000208} if os.name == "nt" else {"start_new_session": True}
-        quiet: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        subprocess.Popen(
-            [sys.executable, "-m", "pidalab.warm_up"],
-            close_fds=True,
-            env={**os.environ, "PIDALAB_COMPILE": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            **quiet,
-            **alone,
-        )
-    except OSError:  # somebody else is at it, or nothing can be written
+def state_folder() -> Path | None:
+    """Return the folder that says how far the compilation of all kernels is, None without a writable cache."""
+    return _folder_for([PACKAGE / name for name in FOLDERS])
+
+
+def is_complete() -> bool:
+    """Return True if the code of all kernels is kept for these sources, this Python, numba and machine."""
+    folder = state_folder()
+    return folder is not None and (folder / "complete").is_file()
+
+
+def declare_complete() -> None:
+    """Record that all kernels are compiled; raise OSError if a folder of code is empty."""
+    state = state_folder()
+    if state is None:
+        raise OSError("no folder for compiled code can be written to")
+    for name in FOLDERS:
+        code = code_folder(PACKAGE / name)
+        if code is None or not any(code.rglob("*.nbi")):
+            raise OSError(f"no compiled code of pidalab.{name} was kept in {code}")
+    state.mkdir(parents=True, exist_ok=True)
+    (state / "complete").touch()
+    for attempt in state.glob("attempt-*"):
+        attempt.unlink(missing_ok=True)
+
+
+def compile_in_background() -> None:
+    """Start a process that compiles all kernels, unless an attempt is under way or failed a short time ago.
+
+    Each attempt leaves a numbered file that success removes. Only one process can create a file of a given number, so
+    two processes never start the same attempt; and an attempt that failed, or was killed, delays the next one.
+    """
+    state = state_folder()
+    if state is None or not sys.executable:
         return
-
-
-@cache
-def _changed(folder: Path) -> tuple[tuple[str, float, int], ...]:
-    """Names, times and sizes of a folder's source files; numba itself looks at one file alone."""
-    return _stats([Path(__file__), *sorted(folder.glob("*.py"))])
-
-
-def _stats(paths: list[Path]) -> tuple[tuple[str, float, int], ...]:
-    return tuple((path.name, path.stat().st_mtime, path.stat().st_size) for path in paths)
-
-
-@cache
-def _announce() -> None:
-    """Let numba tell the log, once in a process, that code of this library is being compiled."""
-    from numba.core import event
-
-    class Announcer(event.Listener):
-        said = False
-
-        def on_start(self, event: event.Event) -> None:
-            function = event.data["dispatcher"].py_func
-            if not self.said and function.__module__.startswith("pidalab."):
-                self.said = True
-                LOG.info("pidalab: compiling for this machine; later runs find it done (up to a minute)")
-
-        def on_end(self, event: event.Event) -> None:
-            """Say nothing."""
-
-    event.register("numba:compile", Announcer())  # type: ignore[no-untyped-call]
+    # detached on Windows, in a group of its own and below normal priority; elsewhere the process lowers its priority
+    apart: Any = {"creationflags": 0x00004208} if os.name == "nt" else {"start_new_session": True}
+    closed: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    # from the package's folder and without the working directory on the path, whose files must not be imported
+    parent = str(PACKAGE.parent)
+    script = f"import sys; sys.path.append({parent!r}); from pidalab.warm_up import main; main()"
+    try:
+        state.mkdir(parents=True, exist_ok=True)
+        attempts = len(list(state.glob("attempt-*")))
+        if attempts:
+            age = time.time() - (state / f"attempt-{attempts}").stat().st_mtime
+            if abs(age) < RETRY_SECONDS * 4 ** (attempts - 1) or attempts >= MOST_ATTEMPTS:
+                return
+        (state / f"attempt-{attempts + 1}").touch(exist_ok=False)
+        subprocess.Popen(
+            [sys.executable, "-P", "-c", script],
+            cwd=parent,
+            close_fds=True,
+            env={**os.environ, "PIDALAB_COMPILE": "1"},
+            **closed,
+            **apart,
+        )
+    except OSError:  # another process was faster, or nothing can be written or started here
+        return

@@ -16,7 +16,21 @@ MARKS: Final = ".,_-+°%"  # beside letters, digits and blanks
 LONGEST_LINE: Final = 200  # characters
 
 
-def plain_text(text: str, longest: int = LONGEST_LINE) -> str:
+def comment_text(text: str, longest: int) -> str:
+    """Return text as one line for a comment of written code, with the marks of an ordinary sentence.
+
+    Without asterisk, quotation mark and backslash nothing ends a comment of C, structured text or Python.
+
+    Examples
+    --------
+    >>> from pidalab._text import comment_text
+    >>> comment_text("PIDA(kp=1.3, ti=3.3); Ms = 1.4 */ int x = 1;", 100)
+    'PIDA(kp=1.3, ti=3.3); Ms = 1.4 / int x = 1;'
+    """
+    return plain_text(text, longest, MARKS + "()[]=:;/'±·–")
+
+
+def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> str:
     """Return text from outside as one line that is safe in any file: letters, digits, blanks and ``.,_-+°%``.
 
     What lies between them becomes one blank, also line feeds. Use it for each text that a file, a user or a name of a
@@ -29,6 +43,8 @@ def plain_text(text: str, longest: int = LONGEST_LINE) -> str:
         Of anybody.
     longest : int, optional
         Characters that are kept at most; what is cut ends in three points.
+    marks : str, optional
+        The marks that pass.
 
     Returns
     -------
@@ -54,12 +70,12 @@ def plain_text(text: str, longest: int = LONGEST_LINE) -> str:
         raise TypeError(f"text must be a str, found {type(text).__name__}")
     # what is cut here cannot come back below: reading a long text takes no time
     kept = unicodedata.normalize("NFC", text[: 4 * longest])
-    words = "".join(x if _passes(x) else " " for x in kept).split()
+    words = "".join(x if _passes(x, marks) else " " for x in kept).split()
     line = " ".join(words)
     cut = len(line) > longest or len(text) > 4 * longest
     return line[: longest - 3].rstrip() + "..." if cut else line
 
 
-def _passes(character: str) -> bool:
-    """Whether it is a letter of any alphabet, a decimal digit, or one of the marks."""
-    return character in MARKS or character.isalpha() or unicodedata.category(character) == "Nd"
+def _passes(character: str, marks: str) -> bool:
+    """Return True for a letter of any alphabet, a decimal digit, and one of the marks."""
+    return character in marks or character.isalpha() or unicodedata.category(character) == "Nd"

@@ -1,9 +1,13 @@
-"""What a loop did, and the measures by which it is judged."""
+"""Records of experiments on a loop, and their measures."""
 
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -12,9 +16,14 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 
-RESTLESS = 1e-6  # share of the largest error that may be left in the last tenth of a record called settled
-ARRIVED = 0.1  # share of the final value that may be left at the end of a record whose overshoot is read
-FEWEST_JUDGED = 20  # samples of a record that shows whether it diverges
+SETTLED_SHARE = 1e-6  # of the largest error: allowed in the last tenth of a settled record
+ARRIVED_SHARE = 0.1  # of the final value: allowed at the end of a record whose overshoot is read
+FEWEST_JUDGED = 20  # samples of a movement that show whether it diverges
+REFINEMENT = 4  # steps that take the place of one on the next finer grid
+MOST_POINTS = 150_000  # of a finer grid
+INTEGRALS = ("iae", "ise", "itae")
+SAME_SHARE = 2e-4  # difference of a measure on two grids that counts as none
+DOUBT_SHARE = 1e-3  # doubt beyond which a measure warns
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +33,13 @@ class Response:
     Between samples `r`, `d` and `n` are held, and the control error is taken as the parabola through its two end values
     with the exact area (`area`). So IE is exact, and IAE, ISE and ITAE resolve sign changes inside a sample.
 
-    With a small step h, and with what a dead time breaks on the samples, the error of IAE is at most
-    :math:`\frac{h^4}{192} \sum |\dddot e|` over the sign changes of e. Those of ISE and ITAE fall with the fourth power
-    of h, too, that of the overshoot with the third, those of total variation, rise time and settling time with the
-    second.
+    The samples may be too far apart for a measure. A response from `simulate` knows its loop: each measure of it is
+    computed on finer grids until it changes by less than 2e-4 of itself, and warns where that takes too many points. Of
+    a record with given `area` the measures of y and e warn where every second sample gives another value, by more than
+    three times 1e-3 of it. A difference counts against the measure, or against 1 % for overshoot and undershoot and
+    against the total variation for `tv1`. Records with noise, records without `area`, and u of records that no engine
+    made are measured as they are. There a step of a thirtieth of the shortest time constant usually keeps the error
+    below 1e-3.
 
     Parameters
     ----------
@@ -48,6 +60,11 @@ class Response:
     ------
     ValueError
         For times that are not uniform from 0 and for signals of another length, NaN or infinity.
+
+    Warns
+    -----
+    RuntimeWarning
+        By its measures, with the size of the doubt, where the samples are too far apart.
 
     Examples
     --------
@@ -70,24 +87,133 @@ class Response:
     final: float | None = None
 
     def __post_init__(self) -> None:
-        own = vars(self)
-        own["t"] = _check.uniform_time("t", self.t)
+        fields = vars(self)
+        fields["t"] = _check.uniform_time("t", self.t)
         for name in ("r", "d", "n", "y", "u", "held"):
-            own[name] = _check.signal(name, own[name], self.t.size)
+            fields[name] = _check.signal(name, fields[name], self.t.size)
         if self.final is not None:
-            own["final"] = _check.real("final", self.final)
+            fields["final"] = _check.real("final", self.final)
+        fields.update(_finer=None, _speed=None, _exact=self.area is not None)
         if self.area is None:
             steps = 0.5 * self.step * (self.y[1:] + self.y[:-1])
-            own["area"] = np.concatenate([[0.0], np.cumsum(steps)])
+            fields["area"] = np.concatenate([[0.0], np.cumsum(steps)])
         else:
-            own["area"] = _check.signal("area", self.area, self.t.size)
+            fields["area"] = _check.signal("area", self.area, self.t.size)
 
     @classmethod
-    def _of_checked(cls, **signals: Array) -> Response:
-        """Make a record of arrays that have been checked: all fields but `held`, which is 0."""
+    def _of_engine(
+        cls,
+        finer: Callable[[], Response] | None,
+        speed: Callable[[], float] | None,
+        **signals: Array,
+    ) -> Response:
+        """Make a record of checked arrays: all fields but `held` and `final`.
+
+        Parameters
+        ----------
+        finer : callable
+            Returns the same experiment on a grid that is finer by `REFINEMENT`, None where there is none.
+        speed : callable
+            Returns the modulus of the fastest pole of the loop.
+        """
         response = cls.__new__(cls)
-        vars(response).update(signals, held=np.zeros(signals["t"].size), final=None)
+        held = np.broadcast_to(0.0, signals["t"].size)
+        vars(response).update(signals, held=held, final=None, _finer=finer, _speed=speed, _exact=True)
         return response
+
+    def _derived(self, finer: Callable[[], Response] | None, **changes: Any) -> Response:
+        """Return a record with other fields that knows as much about its grid."""
+        response = replace(self, **changes)
+        vars(response).update(_finer=self._finer and finer, _speed=self._speed, _exact=self._exact)
+        return response
+
+    def _refined(self) -> Response:
+        """Return the same experiment on a finer grid, simulated once."""
+        fields = vars(self)
+        if "_next" not in fields:
+            fields["_next"] = fields["_finer"]()
+        return fields["_next"]  # type: ignore[no-any-return]
+
+    def _thinned(self) -> Response | None:
+        """Return the record at every second time, None where held signals change in between."""
+        if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
+            return None
+        if any(np.any(x[1:] != x[:-1]) for x in (self.r, self.d, self.n, self.held)):
+            return None
+        names = ("t", "r", "d", "n", "y", "u", "area")
+        thinned = Response._of_engine(None, None, **{name: getattr(self, name)[::2] for name in names})
+        vars(thinned).update(held=self.held[::2], final=self.final)
+        return thinned
+
+    def _settle(
+        self,
+        name: str,
+        measure: Callable[[Response], float],
+        signal: str = "y",
+        missed: Callable[[Response], float] | None = None,
+        least: float = 0.0,
+    ) -> float:
+        """Return a measure that a finer grid does not change, or warn with the size of the doubt.
+
+        Parameters
+        ----------
+        name : str
+            Of the measure, for the warning.
+        measure : callable
+            Computes the measure of a record, without complaints about it.
+        signal : {"y", "u"}
+            What is measured.
+        missed : callable, optional
+            Bounds what the samples of a record miss of a measure of extremes.
+        least : float, optional
+            Size beside which a difference counts where the value is smaller.
+
+        Notes
+        -----
+        Grids are compared in succession: every second sample, the samples, and finer ones. One agreement ends this
+        where the samples see the fastest pole, for an integral and for extremes that miss little. Otherwise two do, and
+        three for a time, since grids can share the sample that counts. Where no finer grid is needed nothing is
+        simulated. The value
+        of the record itself stands if the first finer one agrees: a measure of a fine grid is that of its samples.
+        """
+        value = measure(self)
+        if self._finer is None and (not self._exact or signal == "u" or self.n.any()):
+            return value
+        integral, thinned = name in INTEGRALS, self._thinned()
+
+        def size() -> float:
+            return max(abs(value), least, 1e-300)
+
+        doubt = math.inf if thinned is None else abs(measure(thinned) - value) / size()
+        if self._finer is None:
+            if thinned is not None:
+                square = self._squared(
+                    None
+                )  # a share of it that every second sample misses is missed elsewhere, too
+                doubt = max(doubt, abs(thinned._squared(None) - square) / max(square, 1e-300))
+                if doubt > 3 * DOUBT_SHARE:
+                    _warn(name, doubt / 3, self)
+            return value
+        agreements, record, first = 0, self, value
+        while True:
+            agreements = agreements + 1 if doubt <= SAME_SHARE else 0
+            seen = self._speed() * record.step <= 1.0
+            inside = missed(record) / size() if missed else 0.0
+            enough = 1 if seen and (integral or missed) else 2 if integral or missed else 3
+            if agreements >= enough and (seen or integral) and inside <= SAME_SHARE:
+                return first if record in (self, vars(self).get("_next")) else value
+            if record.t.size * REFINEMENT > MOST_POINTS:
+                break
+            try:
+                record = record._refined()
+            except ValueError:  # the engine refuses so many times
+                break
+            other, value = value, measure(record)
+            doubt = abs(other - value) / size()
+        # the last grid halves the difference at least twice, and most kicks miss far less than they might
+        if (doubt := max(doubt / 3, inside / 4)) > DOUBT_SHARE:
+            _warn(name, doubt, record)
+        return value
 
     def __repr__(self) -> str:
         return f"Response({self.t.size} samples, t = 0 to {self.t[-1]:g})"
@@ -118,8 +244,8 @@ class Response:
         0.000 0.200
         """
         noise_area = self.step * np.concatenate([[0.0], np.cumsum(self.n[:-1])])
-        return replace(
-            self,
+        return self._derived(
+            partial(apply_to_finer, self, methodcaller("measured")),
             y=self.y + self.n,
             n=np.zeros_like(self.n),
             area=self.area + noise_area,
@@ -159,8 +285,8 @@ class Response:
                 f"the reference must have the same times (0 to {self.t[-1]:g} in {self.t.size} samples), found 0 to "
                 f"{reference.t[-1]:g} in {reference.t.size}"
             )
-        return replace(
-            self,
+        return self._derived(
+            partial(_finer_difference, self, reference) if reference._finer else None,
             r=np.zeros_like(self.r),
             y=self.y - reference.y,
             area=self.area - reference.area,
@@ -211,12 +337,14 @@ class Response:
             held = getattr(self, name)
             signals[name] = np.append(held[first:last], held[last - 1]) - rest
         t = self.t[span] - self.t[first]
-        return Response(
+        return self._derived(
+            partial(apply_to_finer, self, methodcaller("between", first * self.step, last * self.step)),
             t=t,
             **signals,
             y=self.y[span] - before["r"],
             area=self.area[span] - self.area[first] - before["r"] * t,
             held=self.held[span],
+            final=None,
         )
 
     def _samples(self, start: float, stop: float) -> tuple[int, int]:
@@ -229,13 +357,18 @@ class Response:
             )
         return first, last
 
-    def _pieces(self, horizon: float | None, judged: bool = False) -> tuple[Array, Array, Array]:
-        """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
+    def _require_integrable(self, horizon: float | None) -> float | None:
+        """Return a checked horizon, None for the end of the record, or raise if the integral does not belong to it."""
+        if horizon is None:
+            self._require_bounded("the error", self.e)
+            return None
         if horizon == math.inf:
             self._require_settled()
-            horizon = None
-        elif horizon is None and not judged:
-            self._require_bounded("the error", self.e)
+            return None
+        return self._horizon(horizon)
+
+    def _pieces(self, horizon: float | None) -> tuple[Array, Array, Array]:
+        """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
         horizon = self._horizon(horizon)
         first, last = self.r[:-1] - self.y[:-1], self.r[:-1] - self.y[1:] + np.diff(self.held)
         mean = self.r[:-1] - np.diff(self.area) / self.step
@@ -254,22 +387,44 @@ class Response:
 
     def _require_settled(self) -> None:
         tail, largest = np.max(np.abs(self.e[-max(2, self.t.size // 10) :])), np.max(np.abs(self.e))
-        if tail > RESTLESS * largest:
+        if tail > SETTLED_SHARE * largest:
             raise ValueError(
                 f"horizon=inf needs a settled record: the error is still {tail:.3g} in the last tenth before "
-                f"t = {self.t[-1]:g}, and {RESTLESS * largest:.3g} is allowed; simulate longer or give a finite horizon"
+                f"t = {self.t[-1]:g}, and {SETTLED_SHARE * largest:.3g} is allowed; simulate longer or give a finite "
+                "horizon"
             )
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
-        """Raise for a signal that still grows at the end of the record: what is read of it belongs to that end."""
-        tenth = max(2, self.t.size // 10)
-        late, early = np.ptp(signal[-tenth:]), np.ptp(signal[: signal.size - tenth + 1])
-        if self.t.size >= FEWEST_JUDGED and late > early:
+        """Raise for a signal that still grows at the end of the record, which alone would decide the measure.
+
+        Growth is looked for within the last movement: since the signal first moved, and since set point and load last
+        changed, unless they change all the time. A movement of few samples has only begun and is not judged.
+        """
+        if not self._grows(signal, 0):
+            return
+        start = int(np.argmax(signal != signal[0])) - 1
+        changes = np.flatnonzero((np.diff(self.r) != 0) | (np.diff(self.d) != 0))
+        if 0 < changes.size <= self.t.size // FEWEST_JUDGED:
+            start = max(start, int(changes[-1]))
+        start = max(start, 0)
+        if self._grows(signal, start):
+            late, early = self._movements(signal, start)
             raise ValueError(
                 f"{measure} needs a response that does not diverge: {name} moves over {late:.3g} in the last tenth "
-                f"before t = {self.t[-1]:g}, and over {early:.3g} in all the time before; give a horizon where there "
-                "is one, or simulate a stable loop for longer"
+                f"before t = {self.t[-1]:g}, and over {early:.3g} since t = {self.t[start]:g}; give a horizon where "
+                "there is one, or simulate a stable loop for longer"
             )
+
+    def _grows(self, signal: Array, start: int) -> bool:
+        late, early = self._movements(signal, start)
+        return self.t.size - start >= FEWEST_JUDGED and late > early
+
+    @staticmethod
+    def _movements(signal: Array, start: int) -> tuple[float, float]:
+        """Return the ranges of a signal in the last tenth of the time since a sample, and before."""
+        moving = signal[start:]
+        tenth = max(2, moving.size // 10)
+        return float(np.ptp(moving[-tenth:])), float(np.ptp(moving[: moving.size - tenth + 1]))
 
     def ie(self, horizon: float | None = None) -> float:
         r"""Integral of the control error, :math:`\int e\,dt`.
@@ -296,7 +451,7 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).ie()
         0.0
         """
-        (c0, c1, c2), s, _ = self._pieces(horizon)
+        (c0, c1, c2), s, _ = self._pieces(self._require_integrable(horizon))
         return float(self.step * np.sum(s * (c0 + s * (c1 / 2 + s * c2 / 3))))
 
     def iae(self, horizon: float | None = None) -> float:
@@ -323,7 +478,8 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).iae()
         1.0
         """
-        return self._absolute(horizon, 1.0, 0.0)
+        horizon = self._require_integrable(horizon)
+        return self._settle("iae", lambda record: record._absolute(horizon, 1.0, 0.0))
 
     def itae(self, horizon: float | None = None, origin: float = 0.0) -> float:
         r"""Integral of time-weighted absolute error, :math:`\int (t - t_0)\,|e|\,dt`.
@@ -356,7 +512,8 @@ class Response:
         origin = _check.real("origin", origin)
         if origin > 0:
             raise ValueError(f"origin must not be after the start of the record (0), found {origin:g}")
-        return self._absolute(horizon, -origin, 1.0)
+        horizon = self._require_integrable(horizon)
+        return self._settle("itae", lambda record: record._absolute(horizon, -origin, 1.0))
 
     def _absolute(self, horizon: float | None, base: float, slope: float) -> float:
         """Integrate |e| times the weight base + slope t."""
@@ -401,6 +558,11 @@ class Response:
         >>> print(f"{Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).ise():.6f}")
         0.666667
         """
+        horizon = self._require_integrable(horizon)
+        return self._settle("ise", lambda record: record._squared(horizon))
+
+    def _squared(self, horizon: float | None) -> float:
+        """Integrate e^2."""
         (c0, c1, c2), s, _ = self._pieces(horizon)
         square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
         return float(self.step * np.sum(s * square))
@@ -434,7 +596,14 @@ class Response:
         >>> record.tv("u"), record.tv("u", 1.0), record.tv("u", final=0.0)
         (6.0, 5.0, 8.0)
         """
-        return float(np.sum(np.abs(np.diff(self._path(signal, horizon, final)))))
+        self._require_path(signal, horizon)
+
+        return self._settle(
+            "tv",
+            lambda record: _variation(record._path(signal, horizon, final)),
+            signal,
+            missed=lambda record: 2 * float(np.sum(_missed(record._path(signal, horizon)))),
+        )
 
     def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
@@ -467,15 +636,28 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv1("u")
         2.0
         """
-        path = self._path(signal, horizon, final)
-        extreme = path[np.argmax(np.abs(2 * path - path[0] - path[-1]))]
-        return float(np.sum(np.abs(np.diff(path))) - abs(2 * extreme - path[0] - path[-1]))
+        self._require_path(signal, horizon)
 
-    def _path(self, signal: str, horizon: float | None, final: float | None) -> Array:
-        """The samples of a signal up to a time, between its value at rest and the one it approaches."""
+        def excess(record: Response) -> float:
+            path = record._path(signal, horizon, final)
+            return _variation(path) - float(np.max(np.abs(2 * path - path[0] - path[-1])))
+
+        whole = _variation(self._path(signal, horizon, final))
+        return self._settle(
+            "tv1",
+            excess,
+            signal,
+            missed=lambda record: 2 * float(np.sum(_missed(record._path(signal, horizon)))),
+            least=whole,
+        )
+
+    def _require_path(self, signal: str, horizon: float | None) -> None:
         _check.choice("signal", signal, ("u", "y"))
         if horizon is None:
             self._require_bounded(signal, getattr(self, signal))
+
+    def _path(self, signal: str, horizon: float | None = None, final: float | None = None) -> Array:
+        """Return the samples of a signal up to a time, between its value at rest and the one it approaches."""
         last = [] if final is None else [_check.real("final", final)]
         within = self.t <= self._horizon(horizon) * (1 + 1e-12)
         return np.concatenate([[0.0], getattr(self, signal)[within], last])
@@ -518,7 +700,16 @@ class Response:
         >>> print(f"{record.overshoot():.1f} {swing.overshoot():.2f}")
         25.0 16.30
         """
-        return max(0.0, 100 * (self._top(final, "overshoot")[1] - 1))
+        target = self._passed_peak(final, "overshoot")
+
+        def share(record: Response) -> float:
+            return max(0.0, 100 * (record._top(target)[1] - 1))
+
+        def missed(record: Response) -> float:
+            path = record.y / target
+            return float(100 * (np.max(path + _missed(path)) - np.max(path))) if np.max(path) > 1 else 0.0
+
+        return self._settle("overshoot", share, missed=missed, least=1.0)
 
     def peak_time(self, final: float | None = None) -> float:
         """Time at which y is farthest beyond its final value; the extreme is resolved between samples.
@@ -545,31 +736,37 @@ class Response:
         >>> print(f"{swing.peak_time():.3f} {np.pi / np.sqrt(1 - 0.5**2):.3f}")
         3.628 3.628
         """
-        time, share = self._top(final, "peak_time")
-        if share <= 1:
+        target = self._passed_peak(final, "peak_time")
+        if (share := self._top(target)[1]) <= 1:
             raise ValueError(
                 f"peak_time needs a response that passes its final value, found {share:.6g} of it at most; "
                 "without an overshoot there is no peak"
             )
-        return time
+        return self._settle("peak_time", lambda record: record._top(target)[0])
 
-    def _top(self, final: float | None, measure: str) -> tuple[float, float]:
-        """Return time and height, as a share of the final value, of the extreme of y; complain if it cannot be read."""
+    def _passed_peak(self, final: float | None, measure: str) -> float:
+        """Return the final value, or raise for a record that ends before its peak."""
         target = self._final(final, measure)
-        (c0, c1, c2), _, start = self._pieces(None, judged=True)
+        time, share = self._top(target)
+        missing = abs(1 - float(self.y[-1]) / target)
+        ends_early = share < 1 or time >= self.t[-1] - self.step
+        if self.t.size >= FEWEST_JUDGED and missing > ARRIVED_SHARE and ends_early:
+            raise ValueError(
+                f"{measure} needs a response that has passed its peak or come within {100 * ARRIVED_SHARE:g} % of its "
+                f"final value; found one that ends at t = {self.t[-1]:g} with {100 * missing:.3g} % left; simulate "
+                "longer"
+            )
+        return target
+
+    def _top(self, target: float) -> tuple[float, float]:
+        """Return time and height, as a share of the final value, of the extreme of y."""
+        (c0, c1, c2), _, start = self._pieces(None)
         with np.errstate(divide="ignore", invalid="ignore"):
             top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
         places = np.stack([np.zeros(top.size), top, np.ones(top.size)])
         shares = (self.r[:-1] - (c0 + places * (c1 + places * c2))) / target
         where = np.unravel_index(np.argmax(shares), shares.shape)
-        time, share = float(start[where[1]] + self.step * places[where]), float(shares[where])
-        left = abs(1 - float(self.y[-1]) / target)
-        if self.t.size >= FEWEST_JUDGED and left > ARRIVED and (share < 1 or time >= self.t[-1] - self.step):
-            raise ValueError(
-                f"{measure} needs a response that has passed its peak or come within {100 * ARRIVED:g} % of its final "
-                f"value; found one that ends at t = {self.t[-1]:g} with {100 * left:.3g} % left; simulate longer"
-            )
-        return time, share
+        return float(start[where[1]] + self.step * places[where]), float(shares[where])
 
     def undershoot(self, final: float | None = None) -> float:
         """How far y moves from rest to the wrong side, in per cent of its final value; a jump at t = 0 counts.
@@ -595,7 +792,16 @@ class Response:
         >>> Response(t=[0, 1, 2, 3], r=2.0, d=0.0, n=0.0, y=[0.0, -0.5, 2.0, 2.0], u=0.0).undershoot()
         25.0
         """
-        return float(max(0.0, 100 * np.max(-self.y / self._final(final, "undershoot"))))
+        target = self._final(final, "undershoot")
+
+        def share(record: Response) -> float:
+            return float(100 * np.max(-record._path("y") / target))
+
+        def missed(record: Response) -> float:
+            path = -record._path("y") / target
+            return float(100 * (np.max(path + _missed(path)) - np.max(path)))
+
+        return self._settle("undershoot", share, missed=missed, least=1.0)
 
     def saturated(self, limits: tuple[float, float], start: float = 0.0, stop: float | None = None) -> float:
         """Time that the control signal spends at a limit.
@@ -654,8 +860,17 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[1.0, -3.0, 2.0]).peak("u")
         -3.0
         """
-        path = self._path(signal, horizon, None)
-        return float(path[np.argmax(np.abs(path))])
+        self._require_path(signal, horizon)
+
+        def extreme(record: Response) -> float:
+            path = record._path(signal, horizon)
+            return float(path[np.argmax(np.abs(path))])
+
+        def missed(record: Response) -> float:
+            path = record._path(signal, horizon)
+            return float(np.max(np.abs(path) + _missed(path)) - np.max(np.abs(path)))
+
+        return self._settle("peak", extreme, signal, missed)
 
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Time y needs from a low to a high share of its final value, first passage of each.
@@ -691,14 +906,19 @@ class Response:
             raise ValueError(
                 f"low and high must be shares with 0 < low < high < 1, found {low!r} and {high!r}"
             )
-        share = self.y / self._final(final, "rise_time")
-        if share.max() < high:
+        target = self._final(final, "rise_time")
+        highest = float(np.max(self.y / target))
+        if highest < high:
             raise ValueError(
-                f"the output reaches {share.max():.6g} of the final value in this record (up to t = "
-                f"{self.t[-1]:g}), not {high:g}; simulate longer"
+                f"the output reaches {highest:.6g} of the final value in this record (up to t = {self.t[-1]:g}), not "
+                f"{high:g}; simulate longer"
             )
-        first, last = (self._passage(share, level) for level in (low, high))
-        return last - first
+
+        def duration(record: Response) -> float:
+            share = record.y / target
+            return record._passage(share, high) - record._passage(share, low)
+
+        return self._settle("rise_time", duration)
 
     def _passage(self, share: Array, level: float) -> float:
         """Return the time at which `share` first reaches a level, 0 if it starts there."""
@@ -732,21 +952,72 @@ class Response:
         >>> Response(t=[0.0, 1.0, 2.0, 3.0], r=1.0, d=0.0, n=0.0, y=[0.0, 0.5, 1.0, 1.0], u=0.0).settling_time(0.25)
         1.5
         """
-        final = self.final if final is None else final
-        error = self.e if final is None else _check.real("final", final) - self.y
-        e, target = np.abs(error), self.r[-1] if final is None else final
+        final = self.final if final is None else _check.real("final", final)
+        error = self.e if final is None else final - self.y
+        target = self.r[-1] if final is None else final
         if _check.real("band", band, above=0.0) >= 1:
             raise ValueError(f"band must be a share between 0 and 1 (0.02 for 2 %), found {band!r}")
-        limit = band * (abs(target) or e.max())
-        tail = e[-max(1, self.t.size // 10) :].max()
+
+        def width(error: Array) -> float:
+            return float(band * (abs(target) or np.max(np.abs(error))))
+
+        limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
                 f"the error is {tail:.3g} in the last tenth of the record (up to t = {self.t[-1]:g}), outside the "
                 f"band of {limit:.3g}; simulate longer or widen the band"
             )
-        outside = np.flatnonzero(e > limit)
-        if outside.size == 0:
-            return 0.0
-        i = outside[-1]
-        first, last = error[i], error[i + 1]
-        return float(self.t[i] + self.step * (first - math.copysign(limit, first)) / (first - last))
+
+        def entry(record: Response) -> float:
+            deviation = record.e if final is None else final - record.y
+            limit = width(deviation)
+            outside = np.flatnonzero(np.abs(deviation[:-1]) > limit)
+            if outside.size == 0:
+                return 0.0
+            i = outside[-1]
+            before, after = deviation[i], deviation[i + 1]
+            return float(
+                record.t[i] + record.step * (before - math.copysign(limit, before)) / (before - after)
+            )
+
+        return self._settle("settling_time", entry)
+
+
+def _variation(path: Array) -> float:
+    return float(np.sum(np.abs(np.diff(path))))
+
+
+def _missed(path: Array) -> Array:
+    """Estimate how far a signal goes beyond each of its local extremes between the samples, 0 at other samples.
+
+    A smooth signal, one with a corner and one that jumps between two samples stay within the line through the two
+    samples before the extreme, or after it. A smooth one goes an eighth as far, a corner half as far in the mean: a
+    quarter is returned. A step much larger than its neighbour is a jump and not a slope.
+    """
+    rises = np.diff(path)
+    steps = np.pad(np.abs(rises), 2)  # two before and two after every sample
+    before = np.minimum(steps[1:-2], 3 * steps[:-3])
+    after = np.minimum(steps[2:-1], 3 * steps[3:])
+    turns = np.zeros(path.size, dtype=bool)
+    turns[1:-1] = rises[:-1] * rises[1:] < 0.0
+    turns[1:-2] |= (rises[1:-1] == 0.0) & (rises[:-2] * rises[2:] < 0.0)
+    turns[1] = False  # the jump from rest to the first sample is exact
+    return np.where(turns, 0.25 * np.maximum(before, after), 0.0)
+
+
+def apply_to_finer(record: Response, change: Callable[[Response], Response]) -> Response:
+    """Return a change of the same experiment on a finer grid."""
+    return change(record._refined())
+
+
+def _finer_difference(record: Response, reference: Response) -> Response:
+    return record._refined().against(reference._refined())
+
+
+def _warn(measure: str, doubt: float, record: Response) -> None:
+    warnings.warn(
+        f"{measure} is uncertain by about {100 * doubt:.2g} %: the samples are too far apart for it, with a step of "
+        f"{record.step:.3g}; take a smaller step",
+        RuntimeWarning,
+        stacklevel=4,
+    )

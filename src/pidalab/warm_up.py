@@ -1,6 +1,6 @@
-"""Use every compiled function once, so that its machine code is there: ``python -m pidalab.warm_up``.
+"""Compile every kernel by using it once: ``python -m pidalab.warm_up``.
 
-The library starts this beside the first process that finds no machine code (`pidalab._compiled`).
+A process that has spent a second in plain forms starts this in the background (`pidalab._compiled`).
 """
 
 from __future__ import annotations
@@ -33,19 +33,18 @@ def sample() -> None:
 
 
 def main() -> None:
-    """Compile, then say so to later processes."""
-    from pidalab._compiled import stamp
+    """Compile all kernels at low priority, and record it for later processes."""
+    os.environ["PIDALAB_COMPILE"] = "1"
+    from pidalab._compiled import TIER, declare_complete
 
     if hasattr(os, "nice"):
-        os.nice(10)
-    lock = stamp().with_suffix(".lock")
-    try:
-        respond()
-        sample()
-        stamp().parent.mkdir(parents=True, exist_ok=True)  # Python makes none where it writes no byte code
-        stamp().touch()
-    finally:
-        lock.unlink(missing_ok=True)
+        os.nice(19)
+    TIER.begin()
+    if not TIER.ready:
+        raise ImportError("numba must be installed and not switched off to compile")
+    respond()
+    sample()
+    declare_complete()
 
 
 if __name__ == "__main__":

@@ -272,3 +272,46 @@ def test_transfer_function_beside_steps(own, method):
     np.testing.assert_allclose(tf(z), expected, rtol=1e-9)
     assert tf.dt == 0.1
     assert k(z[0]) == pytest.approx(expected[0])
+
+
+PI, RESET = PIDA(2.0, 4.0), SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4)
+DIGITAL = PI.discretise(0.1, anti_windup="clamping")
+
+
+@pytest.mark.parametrize(
+    ("controller", "available"),
+    [
+        (None, ("reset", "back-calculation", "clamping", "none", None)),
+        (PI, ("clamping", "conditioning", "none", None)),
+        (RESET, ("reset", "none", None)),
+        (DIGITAL, ("clamping", "none", None)),
+    ],
+)
+def test_both_doors_share_the_words_for_anti_windup(controller, available):
+    """`discretise` (None here) and `simulate_sampled` know all words, and refuse those that they cannot run."""
+
+    def door(word):
+        if controller is None:
+            return PI.discretise(0.1, anti_windup=word)
+        return simulate_sampled(
+            Loop(lags(4), controller), 0.1 * np.arange(20), 1.0, anti_windup=word
+        ).u.tolist()
+
+    for word in ("reset", "back-calculation", "clamping", "conditioning", "none", None):
+        if word in available:
+            assert door("none" if word is None else word) == door(word)
+        else:
+            with pytest.raises(ValueError, match=f"anti_windup must be .*, found {word!r}") as refusal:
+                door(word)
+            assert all(repr(x) in str(refusal.value) for x in available if x != "none")
+    for word in ("on", 1):
+        with pytest.raises(ValueError, match=r"anti_windup must be 'reset', .* or None, found"):
+            door(word)
+
+
+def test_the_first_step_has_no_bump_and_a_primed_controller_starts_at_rest():
+    k = PI.discretise(0.1, limits=(0.0, 100.0), bias=40.0, y_offset=20.0)
+    assert k.step(r=22.0, y=21.0) == 40.0
+    k.reset(r=20.0, y=20.0)
+    run = simulate_sampled(Loop(lags(4), k), 0.1 * np.arange(3), 2.0)
+    assert [k.step(22.0, 20.0 + y) - 40.0 for y in run.y] == pytest.approx(run.u.tolist())

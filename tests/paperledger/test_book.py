@@ -1,12 +1,56 @@
 """A page and its ledger: what is refused, what fails, and what the messages name."""
 
+import json
 from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 from demo_ledger import KP, NUMBERS, ROWS, S1, failures, hand_over, ledger
 
 from paperledger import Ledger, LedgerError, Row
+
+TABLE = [
+    Row(f"demo.table1.{row}.{key}", "sec. 2, Table 1", key, "2.0", "2.000000000", "reproduced", page="demo")
+    for row in ("a", "b")
+    for key in ("kp", "ti")
+]
+
+
+class Design:
+    kp = 2.0
+
+    def ti(self):
+        return 2.0
+
+
+def test_a_table_knows_its_columns():
+    book = Ledger(Path("demo.csv"), TABLE, words={"kp": "K_P", "a": "first"})
+    frame = book.table("table1", {"a": Design(), "b": {"kp": 2.0, "ti": 2.0, "other": 1.0}})
+    assert [*frame.index] == ["first", "b"]
+    assert [*frame.columns] == ["K_P", "ti"]
+    assert {*book.fresh} == {row.id for row in TABLE}
+
+
+@pytest.mark.parametrize(
+    ("records", "wrong"),
+    [({"c": Design()}, "table1.c"), ({"a": {"kp": 2.0}}, "'ti'"), ({"a": Fraction(2)}, "'kp'")],
+)
+def test_a_table_with_a_row_or_column_that_is_not_there(records, wrong):
+    with pytest.raises(LedgerError, match=wrong):
+        Ledger(Path("demo.csv"), TABLE).table("table1", records)
+
+
+def test_the_index_links_each_printed_item_to_its_heading(tmp_path):
+    (tmp_path / "ledger").mkdir()
+    cell = {"cell_type": "markdown", "source": ["## Table 12\n", "### Table 1, the gains\n"]}
+    (tmp_path / "demo.ipynb").write_text(json.dumps({"cells": [cell]}), encoding="utf-8")
+    said = Row("demo.st", "sec. 3", "statement", "faster", "fails", "fails", page="audit/demo")
+    index = Ledger(tmp_path / "ledger" / "demo.csv", [said, *TABLE]).index()
+    assert [line.split("  ")[0] for line in index.text.splitlines()[1:]] == ["sec. 2, Table 1", "statements"]
+    assert '<a href="#table-1-the-gains">Table 1, the gains</a></td><td class="text">all 4' in index.html
+    assert '<a href="audit/demo.html">its evidence</a></td><td class="text">fails' in index.html
 
 
 def test_a_whole_page(project, capsys):

@@ -91,6 +91,53 @@ def test_every_takes_the_worst_and_some_the_best():
     assert equal.remark == "worst of 2: a; ratio 0.50"
 
 
+def test_the_worst_case_is_worst_relative_to_its_size():
+    cases = {"large": (99.0, 100.0), "small": (0.05, 0.1), "none": (0.0, 0.0)}
+    assert Relation.parse("A < B").decide(cases | {"none": (0.0, 0.1)}).remark == "worst of 3: large"
+    assert Relation.parse("A <= B").decide(cases).remark == "worst of 3: none"
+
+
+PARTS = {
+    ("load", "Ms 1.4"): (1.0, 2.0),
+    ("load", "Ms 2"): (1.5, 2.0),
+    "quiet": (3.0, 2.0),
+    "loud": (5.0, 2.0),
+}
+
+
+@pytest.mark.parametrize("declared", ["holds for: load", "fails for: quiet; loud"])
+def test_a_statement_that_holds_in_part(declared):
+    relation = Relation.parse(f"A < B | {declared}")
+    found = relation.decide(PARTS)
+    assert str(found) == (
+        "1.500000000 < 2.000000000 | holds in 2 of 4: load, Ms 1.4; load, Ms 2; ratio 0.50 to 0.75 || "
+        "3.000000000 < 2.000000000 | fails in 2 of 4: quiet; loud; ratio 1.5 to 2.5"
+    )
+    assert found.verdict == "holds-in-part"
+    assert found.shown() == "1.500 < 2.000; 3.000 ≮ 2.000"
+    assert Evidence.parse(str(found)) == found
+
+
+@pytest.mark.parametrize(
+    ("declared", "wrong"),
+    [
+        ("holds for: load; quiet", "quiet is declared to hold"),
+        ("fails for: quiet", "loud is declared to hold"),
+        ("holds for: loud", "load, Ms 1.4 is declared to fail"),
+        ("holds for: lo", "no case is called lo"),
+        ("rounding | fails for: load", "identity"),
+    ],
+)
+def test_a_part_that_was_not_declared(declared, wrong):
+    with pytest.raises(LedgerError, match=wrong):
+        Relation.parse(f"A <= B | {declared}").decide(PARTS)
+
+
+def test_a_statement_that_holds_everywhere_does_not_hold_in_part():
+    with pytest.raises(LedgerError, match="one that fails"):
+        Relation.parse("A < B | holds for: load").decide({"load": (1.0, 2.0)})
+
+
 def test_a_residual_is_kept_to_its_decade():
     identity = Relation.parse("residual <= 1e-9 | rounding")
     assert str(identity.decide(3.1e-16)) == "1e-15 <= 1e-9"

@@ -15,7 +15,7 @@ from test_total import compiler
 import pidalab
 from pidalab.digital import from_json
 from pidalab.plant.cli import main
-from pidalab.plant.cli.checking import FIRMWARE_NAMES
+from pidalab.plant.cli.recorded import FIRMWARE_NAMES
 from pidalab.plant.vendor import FIRMWARE
 
 ROOT = Path(__file__).parents[2]
@@ -52,7 +52,7 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
     assert result.exit_code == 0, result.output
     for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
         assert said in result.stdout
-    assert "klipper:  no such form: these blocks have no acceleration term" in result.stdout
+    assert "klipper, betaflight (these blocks have no acceleration term" in result.stdout
     worst = float(re.search(r"worst Ms: (\S+)", result.stdout)[1])
     controller = from_json((tmp_path / "controller.json").read_text(encoding="utf-8"))
     assert pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst <= 2.0
@@ -320,7 +320,7 @@ def test_options_of_the_code_reach_it(plain, tmp_path):
     assert (usual.bias, usual.limits, usual.anti_windup) == (40.0, (-np.inf, np.inf), "reset")
     assert usual.y_offset == pytest.approx(20.0, abs=0.02)
     options = ("--b", 0.75, "--c", 0.25, "--rate-limit", 2, "--deadband", 0.1, "--anti-windup", "clamping")
-    options = (*options, "--u-min", 1, "--u-max", 99, "--feedforward", "--tunable")
+    options = (*options, "--u-min", 1, "--u-max", 99, "--feedforward", "--tunable", "--float")
     assert run("tune", plain, *QUICK, *options, "--out", tmp_path / "own").exit_code == 0
     own = written(tmp_path / "own")
     assert (own.weights, own.rate_limit, own.deadband) == ((0.75, 0.25), 2.0, 0.1)
@@ -330,6 +330,8 @@ def test_options_of_the_code_reach_it(plain, tmp_path):
         True,
         True,
     )
+    for folder, kind in (("usual", "double"), ("own", "float")):
+        assert f"_REAL {kind}\n" in (tmp_path / folder / "controller.c").read_text(encoding="utf-8")
     none = run("tune", plain, *QUICK, "--anti-windup", "none", "--out", tmp_path / "none")
     assert none.exit_code == 0
     assert written(tmp_path / "none").anti_windup is None

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import pidalab
 from pidalab.plant import vendor
 from pidalab.plant.cli import checking, main
-from pidalab.plant.cli.parts import csv_of
+from pidalab.plant.cli.dialogue import csv_of
 from pidalab.plant.cli.recorded import _no_limits
 from pidalab.plant.heater import Lab
 from pidalab.plant.reporting import REPORT_COLUMNS
@@ -254,9 +254,7 @@ def test_what_tune_prints_is_what_the_library_says(log, reported):
 
 
 def test_what_report_prints_and_writes_is_what_the_library_says(log, reported, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "pidalab.plant.reporting.trade_off.trade_off", lambda *_: pytest.fail("not asked for")
-    )
+    monkeypatch.setattr("pidalab.plant.noise_curves.trade_off", lambda *_: pytest.fail("not asked for"))
     out = tmp_path / "new" / "page.html"
     result = run("report", log, *READ, *RULE, "--model", "fopdt", "--ms", 1.5, "--out", out)
     assert result.exit_code == 0, result.output

@@ -12,9 +12,9 @@ from pidalab import Record, lags
 from pidalab._names import KINDS
 from pidalab.comparison.judging import DesignRow
 from pidalab.plant.fitting import fit
+from pidalab.plant.noise_curves import TradeOff, TradeOffPoint
+from pidalab.plant.page import RULE_MARKERS, _lasting, trade_off_figure
 from pidalab.plant.reporting import REPORT_COLUMNS, Report
-from pidalab.plant.reporting.page import RULE_MARKERS, _lasting, trade_off_figure
-from pidalab.plant.reporting.trade_off import TradeOff, TradeOffPoint
 from pidalab.style import LOOKS, STYLE
 
 THIRD = lags(3, delay=1.0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import pidalab
+from pidalab.plant.checking import check
 from pidalab.plant.fitting import fit
-from pidalab.plant.running_loop import check
 
 PLANT, RUNNING, H = pidalab.fopdt(2.0, 12.0, 4.0), pidalab.PIDA(kp=0.6, ti=12.0), 1.0
 T = H * np.arange(200)
@@ -78,7 +78,7 @@ def test_gains_that_miss_much_are_told_how_much_and_three_safe_sets():
 
 
 def test_the_optimum_itself_misses_nothing(monkeypatch):
-    monkeypatch.setattr("pidalab.plant.running_loop.SETS", {})  # each takes seconds, and plays no part
+    monkeypatch.setattr("pidalab.plant.checking.SETS", {})  # each takes seconds, and plays no part
     fitted = fit(log(setpoint=steps((20, 1.0))), "fopdt")
     design = pidalab.tune(fitted.process, "PI", 1.5, 0.5, H)
     assert abs(check(fitted, design.controller, sample_time=H).loss) < 0.2
@@ -109,7 +109,7 @@ def test_without_integral_action_and_digital_controllers_are_refused():
 
 
 def test_gains_that_cannot_have_run_are_doubted_and_safe_ones_given(monkeypatch):
-    monkeypatch.setattr("pidalab.plant.running_loop.SETS", {"calmer": (1.4, 0.5), "faster": (1.8, 2.0)})
+    monkeypatch.setattr("pidalab.plant.checking.SETS", {"calmer": (1.4, 0.5), "faster": (1.8, 2.0)})
     found = check(fit(bumped(), "fopdt"), 10 * RUNNING, sample_time=H)
     assert found.ms == np.inf
     assert any("other gains ran, or other units" in doubt for doubt in found.doubts)

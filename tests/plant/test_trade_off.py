@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
+from pidalab.plant import noise_curves as module
 from pidalab.plant.cli import main
-from pidalab.plant.reporting import trade_off as module
-from pidalab.plant.reporting.page import trade_off_figure
+from pidalab.plant.page import trade_off_figure
 
 PROCESS = pidalab.lags(3, delay=1.0)
 LEVELS, NOISE, SAMPLE = (1.4, 2.0), (0.6, 2.0, 6.0), 0.07
@@ -20,7 +20,9 @@ LINE = 2e-3  # what a point may be off: a line of the picture is eight times as 
 
 @pytest.fixture(scope="module")
 def found():
-    return pidalab.trade_off(PROCESS, LEVELS, NOISE, SAMPLE, kinds=("PID", "PI"), rules=("simc", "amigo"))
+    return pidalab.trade_off(
+        PROCESS, LEVELS, noise_gains=NOISE, sample_time=SAMPLE, kinds=("PID", "PI"), rules=("simc", "amigo")
+    )
 
 
 def test_more_noise_more_ms_and_more_derivatives_cost_nothing(found):
@@ -42,7 +44,7 @@ def test_every_point_is_a_controller_that_keeps_its_limits(found):
 @pytest.mark.parametrize(("kind", "ms", "noise"), [("PI", 2.0, 0.6), ("PID", 1.4, 0.6), ("PID", 2.0, 2.0)])
 def test_a_point_is_what_a_search_from_many_starts_finds(found, kind, ms, noise):
     order = ("PI", "PID").index(kind)
-    full = pidalab.optimal.load(PROCESS, order, ms, None, noise, SAMPLE)
+    full = pidalab.optimal.load(PROCESS, order, ms=ms, noise_gain=noise, sample_time=SAMPLE)
     (point,) = [point for point in found.points if point[:3] == (kind, ms, noise)]
     assert point.iae == pytest.approx(full.iae, rel=LINE)
 
@@ -60,8 +62,10 @@ def test_rules_lie_above_the_curve_of_their_kind(found):
 def test_no_point_stays_in_a_poor_valley():
     """Where much noise is allowed, a search that starts at Ms 1.4 ends 5 % above the best of Ms 2."""
     plant, noise, sample = pidalab.ipdt(1.0, 1.0), [2.4, 4.7], 0.04
-    (quiet, loud) = pidalab.trade_off(plant, LEVELS, noise, sample, ["PIDA"], []).curve("PIDA", 2.0)
-    full = pidalab.optimal.load(plant, 2, 2.0, None, noise[1], sample)
+    (quiet, loud) = pidalab.trade_off(
+        plant, LEVELS, noise_gains=noise, sample_time=sample, kinds=["PIDA"], rules=[]
+    ).curve("PIDA", 2.0)
+    full = pidalab.optimal.load(plant, 2, ms=2.0, noise_gain=noise[1], sample_time=sample)
     assert loud.iae == pytest.approx(full.iae, rel=LINE)
     assert loud.iae < quiet.iae
 
@@ -86,15 +90,17 @@ def test_the_picture(found):
 
 def test_where_no_controller_is_that_quiet_there_is_no_point(monkeypatch):
     """The full search is asked once, and refuses; what keeps the next limit as well is one design."""
-    asked, full = [], pidalab.optimal.load
+    asked, full = [], pidalab.optimal.least_iae
 
-    def load(process, order, ms, mks, noise, sample_time, start):
-        asked.append((order, noise))
-        return full(process, order, ms, mks, noise, sample_time, start=start)
+    def least_iae(process, order, requirements, start):
+        asked.append((order, requirements.noise_gain))
+        return full(process, order, requirements, start=start)
 
-    monkeypatch.setattr("pidalab.optimal.curves.load", load)
+    monkeypatch.setattr("pidalab.optimal.curves.least_iae", least_iae)
     plant = pidalab.Process([1.0], [1.0, -0.2], 0.5)  # unstable: it needs a gain of 0.2 at least
-    made = pidalab.trade_off(plant, [2.0], [0.01, 0.02, 3.0, 30.0], SAMPLE, kinds=["PI"], rules=["mrdp"])
+    made = pidalab.trade_off(
+        plant, [2.0], noise_gains=[0.01, 0.02, 3.0, 30.0], sample_time=SAMPLE, kinds=["PI"], rules=["mrdp"]
+    )
     assert [point.noise_gain for point in made.points] == [3.0, 30.0]
     assert len({id(point.design) for point in made.points}) == 1
     assert asked == [(0, 0.02)]
@@ -104,7 +110,9 @@ def test_where_no_controller_is_that_quiet_there_is_no_point(monkeypatch):
 def test_a_response_longer_than_the_search_is_searched_in_full(monkeypatch):
     """As if the search had seen another IAE than the simulation."""
     monkeypatch.setattr("pidalab.optimal.curves.SAME_IAE", -math.inf)
-    (point,) = pidalab.trade_off(PROCESS, [1.6], [2.0], SAMPLE, ["PI"], []).points
+    (point,) = pidalab.trade_off(
+        PROCESS, [1.6], noise_gains=[2.0], sample_time=SAMPLE, kinds=["PI"], rules=[]
+    ).points
     assert point.design.digits == 9
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.plant.reporting.trade_off import TradeOff, TradeOffPoint
+from pidalab.plant.noise_curves import TradeOff, TradeOffPoint
 from pidalab.rules import Design
 
 PLAIN = pidalab.lags(3, delay=1.0)
@@ -62,7 +62,9 @@ def test_by_default_noise_is_from_a_tenth_to_three_ultimate_gains_a_hundred_time
 
 
 def test_the_points_are_those_that_are_asked_for_in_order(searched):
-    found = pidalab.trade_off(PLAIN, [2.0, 1.4], [4.0, 1.0, 2.0], 0.1, kinds=["PID"], rules=[])
+    found = pidalab.trade_off(
+        PLAIN, [2.0, 1.4], noise_gains=[4.0, 1.0, 2.0], sample_time=0.1, kinds=["PID"], rules=[]
+    )
     assert searched == [(1, [1.4, 2.0], [1.0, 2.0, 4.0], 0.1)]
     assert [point[1:3] for point in found.points] == [(m, n) for m in (1.4, 2.0) for n in (1.0, 2.0, 4.0)]
     for point in found.points:

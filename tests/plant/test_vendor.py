@@ -37,7 +37,11 @@ def test_forms_that_do_not_exist():
     pd = PIDA(1.0, math.inf, 2.0).vendor_forms()
     assert pd.ideal == pd.series
     assert pd.ideal["repeats/min"] == 0.0
-    assert "series:   no such form" in str(PIDA(1.0, 3.0, 1.0).vendor_forms())
+    said = str(PIDA(1.0, 3.0, 1.0).vendor_forms())
+    assert "series:" not in said
+    assert said.endswith("no vendor block for: series (this block needs Ti >= 4 Td, found Ti = 3 and Td = 1)")
+    lines = str(PIDA(1.0, 3.0, 0.5, 0.1).vendor_forms("s", full_output=1.0)).splitlines()
+    assert [line.split(":")[0] for line in lines] == ["filters", "no vendor block for"]
     with pytest.raises(ValueError, match=r"time_unit must be 's', 'min' or 'h', found 'ms'"):
         PIDA(1.0, 2.0).vendor_forms("ms")
 

@@ -61,15 +61,15 @@ def test_both_forms_of_the_scans_agree(case):
     pairs = [
         [
             form(*seen, 0.0, 0.0, of)[0]
-            for form in (_scan.gain_crossings.twin, _scan.gain_crossings.dispatcher)
+            for form in (_scan.gain_crossings.python_form, _scan.gain_crossings.dispatcher)
         ],
         [
             form(*seen, 0.1, False, of)
-            for form in (_scan.phase_crossings.twin, _scan.phase_crossings.dispatcher)
+            for form in (_scan.phase_crossings.python_form, _scan.phase_crossings.dispatcher)
         ],
     ]
     for kind in (SENSITIVITY, COMPLEMENTARY, DIFFERENCE):
-        forms = (_summits.highest.twin, _summits.highest.dispatcher)
+        forms = (_summits.highest.python_form, _summits.highest.dispatcher)
         pairs.append([form(kind, *seen, np.zeros(0), 0.3, ones, of)[0] for form in forms])
     for plain, compiled in pairs:
         np.testing.assert_allclose(plain, compiled, rtol=1e-12)

@@ -301,7 +301,11 @@ def test_simc_takes_all_examples_of_its_author(name, kind):
     ],
 )
 def test_zeros_in_the_left_half_plane(name, kind, gain, lags, delay):
-    """The models that the author prints for them, as we remember them: his table was not at hand."""
+    """The models that the author prints for them, from memory: his table is not at hand.
+
+    The PI model of E6 is not among them. The half rule gives it the dead time 1.188; the printed value may be 1.69, the
+    sum of all its lags.
+    """
     design = simc(SKOGESTAD[name], kind)
     assert design.gain == pytest.approx(gain, rel=1e-6)
     assert design.lags == pytest.approx(lags, rel=1e-6)

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 import pidalab
-from pidalab.rules.starting_models import StartingModels
+from pidalab.rules.models import StartingModels
 
 
 def test_reaction_curve_of_two_equal_lags():
@@ -38,3 +38,10 @@ def test_a_step_response_that_jumps_beyond_its_reach_is_there_at_once():
     """With 80 % of the response in its jump there is no lag to read off."""
     with pytest.raises(ValueError, match="lag must be above 0"):
         _ = StartingModels(pidalab.Process([0.8, 1.0], [1.0, 1.0])).reaction
+
+
+def test_an_integrator_is_its_own_model_and_a_lag_is_not():
+    process = pidalab.ipdt(2.0, delay=0.7)
+    assert StartingModels(process).integrator is process
+    lag = StartingModels(pidalab.fopdt(2.0, lag=4.0, delay=0.7)).integrator
+    assert (lag.num[0], lag.den.tolist()) == (pytest.approx(0.5, rel=1e-2), [1.0, 0.0])

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 import pidalab
-from pidalab._compiled import Function
+from pidalab._compiled import Kernel
 from pidalab.simulation import ladder, ring, stacks
 from pidalab.simulation.realisation import cut_at_delay
 from pidalab.simulation.ring import DROPPED
@@ -20,7 +20,7 @@ SYSTEMS = {"retarded": 0.0, "neutral": 0.02}  # by the size of the matrix that c
 
 def as_loops(value, made):
     """What numba compiles, run by the interpreter, which tests each index; and so all that it calls."""
-    if not isinstance(value, Function):
+    if not isinstance(value, Kernel):
         return value
     if id(value) not in made:
         names = dict(value.function.__globals__)
@@ -35,10 +35,10 @@ def as_loops(value, made):
 def engine(request):
     """All functions of both modules, in one of their forms, neither compiled."""
     every, made = vars(ring) | vars(stacks), {}
-    every = {name: one for name, one in every.items() if isinstance(one, Function)}
+    every = {name: one for name, one in every.items() if isinstance(one, Kernel)}
     return SimpleNamespace(
         **{
-            name: one.twin if request.param == "arrays" else as_loops(one, made)
+            name: one.python_form if request.param == "arrays" else as_loops(one, made)
             for name, one in every.items()
         }
     )
@@ -356,7 +356,7 @@ def test_what_is_remembered_is_followed_over_as_many_dead_times_as_allowed(monke
         assert ladder._intervals(cut, n, step) == intervals
         return ladder.responses(cut, n, step, ladder.norm_over(cut, n, step))
 
-    monkeypatch.setattr(ladder, "_responses", ladder._responses.twin)
+    monkeypatch.setattr(ladder, "_responses", ladder._responses.python_form)
     without_limit = respond(allowed)
     for names in (vars(ladder), ladder._responses.__globals__):
         monkeypatch.setitem(names, "MAX_STACK", allowed * cut.x0.shape[0])

@@ -196,14 +196,10 @@ RUNAWAY = {
         ({"loop": Loop(pidalab.lags(3), control.tf([1, 1], [0.1, 1]))}, ValueError, r"\(0\.1\), found 1: .*'backward'"),
         ({"loop": Loop(pidalab.lags(3), 1.0, control.tf(1, [0.1, 1]))}, ValueError, r"\(0\.1\), found 1: .*'backward'"),
         ({"loop": DIGITAL, "t": [0.0, 0.9]}, ValueError, "must have the sample time of the digital .* 1, .* found 0.9"),
-        ({"loop": DIGITAL, "anti_windup": "clamping"}, ValueError, "anti_windup must be None for a digital controller"),
         ({"loop": Loop(Process([1.0], [1.0, -1.0], 1.0), 0.5), "t": np.arange(3e3)}, ValueError, "leaves the range of"),
         (RUNAWAY, ValueError, "leaves the range of"),
         (RUNAWAY | {"pulse_widths": 10}, ValueError, "leaves the range of"),
     ],
-    ids=["loop", "uneven", "nan", "order", "zero", "nan-limit", "plant", "feedthrough", "reset", "pida",
-         "high-order", "non-interactive", "control", "output", "step", "twice", "overflow",
-         "overflow-limited", "overflow-pulses"],
 )  # fmt: skip
 def test_simulate_sampled_complains(arguments, error, message):
     with pytest.raises(error, match=message):

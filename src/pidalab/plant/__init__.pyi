@@ -1,8 +1,8 @@
 # The public names of the wing and their homes; `pidalab` hands the most used of them on.
 from . import heater as heater
+from .checking import Check as Check, check as check
 from .fitting import Fit as Fit, fit as fit
+from .noise_curves import TradeOff as TradeOff, trade_off as trade_off
 from .record import Record as Record
 from .reporting import Report as Report, report as report
-from .reporting.trade_off import TradeOff as TradeOff, trade_off as trade_off
-from .running_loop import Check as Check, check as check
 from .tuning import tune as tune

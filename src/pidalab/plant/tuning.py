@@ -1,23 +1,62 @@
-"""One call that tunes: all rules and the optimum behind one door, with what the model does not know priced in."""
+"""Tune a controller for a process or a fitted model, and price in what the model does not know."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from pidalab import _check
+from pidalab._check import Array
 from pidalab.loop import Loop
+from pidalab.plant.doubts import doubt
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
-from pidalab.plant.safety import Asked, Designer, LoopEvaluator, Requirements, make_safe
-from pidalab.plant.sampling import corner_frequencies, doubt_unit, require_sampling
+from pidalab.plant.safety import Designer, LoopEvaluator, make_safe, refusal
 from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
+from pidalab.requirements import Requirements
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
+
+# in one such sample a process that settles answers by 63 % or more, and little is left to control in the next; an
+# integrator has no such time, and its other dynamics are at rest after ten times their longest one
+LONGEST_SAMPLE, AT_REST = 1.0, 10.0
+OTHER_UNIT = 100.0  # times faster or slower than the record: a sample time that may be in another unit
+
+
+def require_sampling(process: Process, sample_time: float) -> None:
+    """Refuse a sample time in which the process does all it ever does."""
+    times = [1 / speed for speed in corner_frequencies(process)]
+    poles = np.abs(roots(process.den))
+    if np.isfinite(process.gain()):
+        limit = LONGEST_SAMPLE * (float(np.sum(1 / poles)) + process.delay) if times else math.inf
+        why = "all its lags and its dead time, after which it has answered by 63 % or more"
+    else:
+        limit = AT_REST * max(times, default=math.inf)
+        why = f"{AT_REST:g} times its longest time (after which all but the integrator is at rest)"
+    if sample_time > limit:
+        raise ValueError(
+            f"sample_time must be at most {limit:.4g} for this process, {why}, found {sample_time:g}"
+        )
+
+
+def doubt_unit(sample_time: float, recorded: float) -> list[str]:
+    """Say where a sample time is so far from that of the record that it may be in another unit."""
+    share = sample_time / recorded
+    if 1 / OTHER_UNIT < share < OTHER_UNIT:
+        return []
+    return [doubt("time unit", sample_time=sample_time, share=share, recorded=recorded)]
+
+
+def corner_frequencies(process: Process) -> Array:
+    """Return the frequencies of poles and zeros, and that of the dead time."""
+    found = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
+    return np.append(found[found > 0], [1 / process.delay] if process.delay else [])
+
 
 # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 LOUDEST = 10.0
@@ -31,6 +70,7 @@ SLOW = 0.5  # turn of the crossover in a sample, in rad, from which on a loop is
 def tune(
     model: Process | Fit,
     kind: str = "PIDA",
+    *,
     ms: float = 1.6,
     noise_gain: float | None = None,
     sample_time: float | None = None,
@@ -111,10 +151,10 @@ def tune(
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
-    requirements = Requirements(process, plants, ms, ms_worst, _remedy(model))
+    limits, remedy = Requirements(ms=ms, family=tuple(plants), ms_worst=ms_worst), _remedy(model)
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
-            f"the sign of the gain is not settled, and no controller is stable with both signs: {requirements.remedy}"
+            f"the sign of the gain is not settled, and no controller is stable with both signs: {remedy}"
         )
     designed, *others = (
         _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
@@ -122,23 +162,20 @@ def tune(
     _known_dynamics(model, designed, kind, doubts)
     evaluator = LoopEvaluator(sample_time, output_filter)
     if named is None:
-        make = _optimal(model, designed, others, kind, noise_gain, sample_time, doubts)
-        made, price = make_safe(make, evaluator, requirements)
+        noise = _noise_limits(model, designed, noise_gain, sample_time, doubts)
+        made, price = make_safe(
+            _optimal(designed, others, kind), evaluator, process, replace(limits, **noise), remedy
+        )
         if "sample_time" in made.active:
-            doubts.append(
-                f"the filter is as fast as the sample, {made.info['sample_time']:g}, allows: with faster sampling it "
-                "would be faster"
-            )
+            doubts.append(doubt("fast filter", sample_time=made.info["sample_time"]))
     else:
-        made, price = _by_rule(named, designed, kind, evaluator, requirements)
+        made, price = _by_rule(named, designed, kind, evaluator, process, limits, remedy)
         if noise_gain is not None:
             _check.real("noise_gain", noise_gain, above=0.0)
-            doubts.append(f"the rule {rule!r} does not know noise: noise_gain was not used")
+            doubts.append(doubt("noise unused", rule=rule))
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     if price > DEAR:
-        doubts.append(
-            f"price of robustness: {price:.2f} times the IAE, since the model is uncertain; {requirements.remedy}"
-        )
+        doubts.append(doubt("price", price=price, remedy=remedy))
     loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
     reasons: list[str] = []  # why a sampled loop has no Ms
@@ -170,25 +207,30 @@ def _remedy(model: Process | Fit) -> str:
 
 
 def _by_rule(
-    rule: Rule, designed: Process, kind: str, evaluator: LoopEvaluator, requirements: Requirements
+    rule: Rule,
+    designed: Process,
+    kind: str,
+    evaluator: LoopEvaluator,
+    process: Process,
+    limits: Requirements,
+    remedy: str,
 ) -> tuple[Design, float]:
     """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
     if rule.knows_ms:
 
-        def make(asked: Asked, near: Design | None) -> tuple[Design, list[str]]:
-            return rule.tune(designed, kind, min(asked)), ["ms" if asked[0] <= asked[1] else "ms_worst"]
+        def make(asked: Requirements, near: Design | None) -> tuple[Design, list[str]]:
+            binding = "ms_worst" if asked.family and asked.ms_worst < asked.ms else "ms"
+            return rule.tune(designed, kind, replace(asked, ms=getattr(asked, binding))), [binding]
 
-        return make_safe(make, evaluator, requirements)
-    made = rule.tune(designed, kind, requirements.ms)
-    if math.isinf(evaluator.ms(made, requirements.process).ms):
+        return make_safe(make, evaluator, process, limits, remedy)
+    made = rule.tune(designed, kind, limits)
+    if math.isinf(evaluator.ms(made, process).ms):
         raise ValueError(
             f"the loop of the rule {rule.name!r} is unstable with the model itself: take another rule"
         )
-    worst = evaluator.worst(made, requirements.plants).ms
-    if worst > requirements.ms_worst:
-        raise requirements._replace(
-            remedy=f"{requirements.remedy}, or the rule 'optimal', which knows Ms"
-        ).refusal(worst)
+    worst = evaluator.worst(made, limits.family).ms
+    if worst > limits.ms_worst:
+        raise refusal(limits, f"{remedy}, or the rule 'optimal', which knows Ms", worst)
     return made, 1.0
 
 
@@ -199,30 +241,21 @@ def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
     turn = sample_time * float(gain_crossovers(loop).max(initial=0.0))
     if turn > SLOW:
         doubts.append(
-            f"the sample time of {sample_time:g} is long for this loop: it turns by {turn:.2g} rad in a sample at its "
-            f"crossover; {SLOW / turn * sample_time:.2g} or less would be better"
+            doubt("long sample", sample_time=sample_time, turn=turn, better=SLOW / turn * sample_time)
         )
     fastest = float(np.abs(roots(loop.controller.fraction()[1])).max(initial=0.0))
     if fastest * sample_time > 1 + UNSEEN:
-        doubts.append(
-            f"the controller has a filter of {1 / fastest:.3g}, faster than the sample of {sample_time:g}: the code "
-            "hardly filters"
-        )
+        doubts.append(doubt("filter lost", filter_time=1 / fastest, sample_time=sample_time))
 
 
-def _optimal(
+def _noise_limits(
     model: Process | Fit,
     designed: Process,
-    others: list[Process],
-    kind: str,
     noise_gain: float | None,
     sample_time: float | None,
     doubts: list[str],
-) -> Designer:
-    """Least IAE under Ms and a limit for noise; without one given, a default, which is reported."""
-    from pidalab import optimal
-
-    mks = None
+) -> dict[str, Any]:
+    """Return the limits of noise; without one given, a default, which is reported."""
     if noise_gain is None and isinstance(model, Fit) and model.noise > 0 and model.record.steps:
         moved = abs(model.record.steps[0].after - model.record.steps[0].before)
         noise_gain, sample_time = QUIET * moved / model.noise, sample_time or model.record.sampling
@@ -232,15 +265,19 @@ def _optimal(
     elif noise_gain is None:
         mks = LOUDEST * _asked_of_u(designed)
         doubts.append(f"no limit for noise was given: mks = {mks:.3g} is allowed")
+        return {"mks": mks}  # without noise the half sample in `designed` is enough
     elif sample_time is None:
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
-    # without noise the half sample in `designed` is enough
-    sampled = None if noise_gain is None else sample_time
+    return {"noise_gain": noise_gain, "sample_time": sample_time}
 
-    def make(asked: Asked, near: Design | None) -> tuple[Design, Any]:
-        family = others if math.isfinite(asked[1]) else []
-        limits = asked[0], mks, noise_gain, sampled, family, asked[1] if family else 2.0
-        found = optimal.load(designed, ORDER[kind], *limits, near)
+
+def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
+    """Return the search for the least IAE, with the family as the controller sees it."""
+    from pidalab import optimal
+
+    def make(asked: Requirements, near: Design | None) -> tuple[Design, Any]:
+        seen = replace(asked, family=tuple(others) if asked.family else ())
+        found = optimal.least_iae(designed, ORDER[kind], seen, near)
         return found, found.active
 
     return make
@@ -250,10 +287,7 @@ def _without_unseen_delay(process: Process, fastest: float, doubts: list[str]) -
     """Leave out a dead time that a loop cannot notice which acts up to a frequency, and say so."""
     if not 0 < process.delay * fastest < UNSEEN:
         return process
-    doubts.append(
-        f"the dead time of {process.delay:.3g} is left out: where the loop can act, it turns the phase by less "
-        f"than {UNSEEN:g} rad"
-    )
+    doubts.append(doubt("short delay", delay=process.delay, phase=UNSEEN))
     return Process(process.num, process.den)
 
 
@@ -308,7 +342,7 @@ def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: l
             f"{model.noise:.3g}) and does not settle: take a lower kind, or step the input several times, further and "
             "from rest"
         )
-    doubts.append(f"{short}, which are not known: fit a model of higher order, or take a lower kind")
+    doubts.append(doubt("few poles", known=known, kind=kind))
 
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:

@@ -63,16 +63,15 @@ class VendorForms(NamedTuple):
     betaflight: dict[str, float] | str = ""
 
     def __str__(self) -> str:
-        lines = []
-        for name, form in self._asdict().items():
-            if not form:
-                continue
-            text = (
-                form
-                if isinstance(form, str)
-                else ", ".join(f"{key} = {value:.5g}" for key, value in form.items())
-            )
-            lines.append(f"{name + ': ':10}{text}")
+        """List the forms that exist, and in one line those that do not."""
+        forms = {name: form for name, form in self._asdict().items() if form and name != "filters"}
+        lines, missing = [], {name: form for name, form in forms.items() if isinstance(form, str)}
+        for name, form in (forms | {"filters": self.filters}).items():
+            if name not in missing:
+                numbers = isinstance(form, dict) and ", ".join(f"{key} = {x:.5g}" for key, x in form.items())
+                lines.append(f"{name + ': ':10}{numbers or form}")
+        if missing:
+            lines.append(f"no vendor block for: {', '.join(missing)} ({next(iter(missing.values()))})")
         return "\n".join(lines)
 
 
@@ -187,12 +186,12 @@ def _forms(gains: IdealGains, unit: float) -> tuple[Form, Form, Form]:
     """Return the ideal, the series and the parallel form."""
     ki, kp, kd, ka = gains
     if ka:
-        reason = f"no such form: these blocks have no acceleration term, and ka = {ka:.5g} would be lost"
+        reason = f"these blocks have no acceleration term, and ka = {ka:.5g} would be lost"
         return reason, reason, reason
     parallel = {"Kp": kp, "Ki [1/s]": ki / unit, "Ki [1/min]": 60 * ki / unit, "Kd [s]": kd * unit}
     parallel["Kd [min]"] = kd * unit / 60
     if kp == 0:
-        reason = "no such form: kp is 0, and its times are ratios to kp"
+        reason = "kp is 0, and the times of these blocks are ratios to kp"
         return reason, reason, parallel
     ti, td = kp / ki if ki else math.inf, kd / kp
     ideal = _with_units(kp, ti * unit, td * unit)
@@ -201,7 +200,7 @@ def _forms(gains: IdealGains, unit: float) -> tuple[Form, Form, Form]:
     try:
         series = gains.series()
     except ValueError:
-        reason = f"no such form: it needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}"
+        reason = f"this block needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}"
         return ideal, reason, parallel
     return ideal, _with_units(series.kp, series.ti * unit, series.kd / series.kp * unit), parallel
 

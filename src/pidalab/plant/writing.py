@@ -1,29 +1,29 @@
-"""Files that are written whole or not at all, and that take the place of no edited one unless asked to."""
+"""Write files whole or not at all, and replace edited files only when asked to."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+PREFIX = ".pidalab-"  # of the hidden folder in which files wait to be renamed
+ABANDONED = 600.0  # seconds after which such a folder belongs to a run that was killed
 
-def write_files(folder: str | Path, texts: Mapping[str, str], replace: bool = False) -> list[Path]:
+
+def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool = False) -> list[Path]:
     """Write texts as files of a folder: all of them whole, or none.
-
-    They are written into a temporary folder beside their places and renamed when the last one is on the disk, so a full
-    disk leaves nothing cut, and no mixture of an old set and a new one. Nor does a file that cannot be replaced: those
-    before it get back what they were.
 
     Parameters
     ----------
     folder : str or pathlib.Path
-        Where to; made if it is not there.
+        Where to; made if it is missing.
     texts : mapping of str to str
-        Names of the files, and what is in them.
+        File names and contents.
     replace : bool, optional
-        Whether they may take the place of files of the same names that hold something else.
+        Whether to replace files of the same names with other contents.
 
     Returns
     -------
@@ -33,9 +33,15 @@ def write_files(folder: str | Path, texts: Mapping[str, str], replace: bool = Fa
     Raises
     ------
     FileExistsError
-        If a file with something else in it has one of the names, and `replace` is false.
+        If a file of one of the names has other contents, and `replace` is false.
     OSError
-        If they cannot be written, or a folder has one of the names.
+        If a file cannot be written, or a folder has one of the names.
+
+    Notes
+    -----
+    The files are written into a hidden folder beside their places, and renamed when the last one is on the disk. If
+    anything interrupts the renaming, Ctrl-C included, the files that were renamed get their earlier contents back.
+    Hidden folders of killed runs are removed by a later call.
 
     Examples
     --------
@@ -48,61 +54,72 @@ def write_files(folder: str | Path, texts: Mapping[str, str], replace: bool = Fa
     ['edited']
     """
     folder = Path(folder)
-    paths = [folder / name for name in texts]
+    wanted = {folder / name: text for name, text in texts.items()}
     if not replace:
-        refuse_others({path: texts[path.name] for path in paths})
+        refuse_others(wanted)
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".pidalab-") as beside:
+        _remove_stale(folder)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=PREFIX) as hidden:
             for name, text in texts.items():
-                with Path(beside, name).open("w", encoding="utf-8", newline="\n") as file:
+                with Path(hidden, name).open("w", encoding="utf-8", newline="\n") as file:
                     file.write(text)
                     file.flush()
                     os.fsync(file.fileno())
-            if not replace:  # once more: what another run has put there meanwhile stays, too
-                refuse_others({path: texts[path.name] for path in paths})
-            _put(Path(beside), paths)
-    except OSError:
-        for path in made:  # the folders that were made for it, from the inside
+            if not replace:  # another run may have written here meanwhile
+                refuse_others(wanted)
+            _rename(Path(hidden), list(wanted))
+    except BaseException:
+        for path in made:
             if path.is_dir() and not any(path.iterdir()):
                 path.rmdir()
         raise
-    return paths
+    return list(wanted)
 
 
-def _put(beside: Path, paths: Sequence[Path]) -> None:
-    """Rename files to their places; if one cannot be, those before it get back what was there."""
-    earlier = beside / ".earlier"
+def _remove_stale(folder: Path) -> None:
+    for path in folder.glob(f"{PREFIX}*"):
+        if path.is_dir() and time.time() - path.stat().st_mtime > ABANDONED:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _rename(hidden: Path, paths: Sequence[Path]) -> None:
+    """Rename files to their places; if that is interrupted, restore what was there.
+
+    A path is listed in `begun` before anything happens to it, and its earlier file has a second name before it is
+    replaced. So at every moment the list and the second names say how to restore.
+    """
+    earlier = hidden / ".earlier"
     earlier.mkdir()
-    done: list[Path] = []
+    begun: list[Path] = []
     try:
         for path in paths:
             if path.is_dir():
                 raise IsADirectoryError(f"{path} must be a file, found a folder")
             if os.path.lexists(path):
                 _keep(path, earlier / path.name)
-            Path(beside, path.name).replace(path)
-            done.append(path)
-    except OSError:
-        for path in done:
+            begun.append(path)
+            Path(hidden, path.name).replace(path)
+    except BaseException:
+        for path in begun:
             if os.path.lexists(earlier / path.name):
                 (earlier / path.name).replace(path)
-            else:
+            elif not os.path.lexists(hidden / path.name):  # it was renamed
                 path.unlink()
         raise
 
 
 def _keep(path: Path, place: Path) -> None:
-    """Give a file, or a link as such, a second place; the first one stays."""
+    """Give a file, or a link as such, a second name."""
     try:
         os.link(path, place, follow_symlinks=False)
-    except (OSError, NotImplementedError):  # not every disk has such links
+    except (OSError, NotImplementedError):  # not every disk has hard links
         shutil.copy2(path, place, follow_symlinks=False)
 
 
 def refuse_others(texts: Mapping[Path, str | None]) -> None:
-    """Refuse paths at which something else lies than a text; of a text that is not known yet, anything.
+    """Refuse paths that hold something other than a text; for a text not known yet (None), refuse anything.
 
     Raises
     ------
@@ -117,6 +134,6 @@ def refuse_others(texts: Mapping[Path, str | None]) -> None:
     ]
     if others:
         raise FileExistsError(
-            f"{', '.join(others)} {'is' if len(others) == 1 else 'are'} there and hold{'s' * (len(others) == 1)} "
-            "something else (edited, or of another run): write to another place, or replace with --force"
+            f"{', '.join(others)} exist{'s' * (len(others) == 1)} and would change (edited, or of another run): "
+            "write to another place, or replace with --force"
         )

@@ -13,7 +13,7 @@ from pidalab.process import Process, binomial
 from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import gain_crossovers
 from pidalab.rules._design import Design
-from pidalab.rules._models import lags
+from pidalab.rules.models import lags
 
 if TYPE_CHECKING:
     import control
@@ -184,13 +184,19 @@ def tune(
     _check.choice("kind", kind, ("PIDA", "PID", "PI"))
     model = _trusted(model)
     if kind == "PIDA":
-        controller, source = pida(model, ms, n, m), "haalman2024, eqs. (2), (8) and (9)"
-    elif kind == "PID":
-        controller, source = pid(model, ms, n), "haalman2024, eqs. (9) and (10)"
+        controller, equations = pida(model, ms, n, m), "eqs. (2), (8) and (9)"
     else:
-        controller, source = pi(model, ms), "haalman2024, eqs. (8) and (9), for one lag"
+        controller = pid(model, ms, n) if kind == "PID" else pi(model, ms)
+        equations = {"PID": "eqs. (9) and (10)", "PI": "eqs. (8) and (9), for one lag"}[kind]
     smooth = output_filter(model, controller)
-    return Design(model, controller, None, smooth, source, {"ms_asked": float(ms), "wgc": smooth.wgc})
+    return Design(
+        model,
+        controller,
+        None,
+        smooth,
+        f"haalman2024, {equations}",
+        {"ms_asked": float(ms), "wgc": smooth.wgc},
+    )
 
 
 class OutputFilter(NamedTuple):

@@ -21,7 +21,7 @@ steps:
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,7 +30,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, require_loop
 from pidalab.process import Process
-from pidalab.response import Response
+from pidalab.response import REFINEMENT, Response, apply_to_finer
 from pidalab.roots import roots
 
 
@@ -168,22 +168,41 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
     noisy = any(record.any() for record in records)
     driven = "r" * bool(r.any()) + "d" * bool(d.any()) + "n" * noisy
     unit = unit_step_responses(loop, t, driven) if driven else np.zeros((0, 3, t.size))
-    common = np.zeros((3, t.size))
+    common = np.zeros((3, t.size)) if driven in ("", "n") else None
     for key, response in zip(driven, unit, strict=True):
         if key != "n":
-            common = common + _superpose(response, r if key == "r" else d, t)
+            added = _superpose(response, r if key == "r" else d, t)
+            common = added if common is None else common + added
     responses = []
     for n in records:
-        y, area, u = common + _superpose(unit[-1], n, t) if n.any() else common.copy()
-        responses.append(Response._of_checked(t=t, r=r, d=d, n=n, y=y, u=u, area=area))
+        quiet = not n.any()
+        y, area, u = common if quiet else common + _superpose(unit[-1], n, t)
+        # noise is defined by its samples: there is no finer grid
+        finer, speed = (
+            (partial(_respond_finer, loop, t, r, d), partial(_speed, loop)) if quiet else (None, None)
+        )
+        responses.append(Response._of_engine(finer, speed, t=t, r=r, d=d, n=n, y=y, u=u, area=area))
         _require_within_limits(loop, responses[-1])
     return responses
+
+
+def _respond_finer(loop: Loop, t: Array, r: Array, d: Array) -> Response:
+    """Repeat an experiment without noise on a grid that is finer by `REFINEMENT`."""
+    finer = np.linspace(0.0, t[-1], REFINEMENT * (t.size - 1) + 1)
+    r, d = (np.append(np.repeat(held[:-1], REFINEMENT), held[-1]) for held in (r, d))
+    return respond(loop, finer, r, d, [np.broadcast_to(0.0, finer.size)])[0]
+
+
+def _speed(loop: Loop) -> float:
+    from pidalab.simulation.realisation import fastest_pole
+
+    return fastest_pole(loop)
 
 
 def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     """Add up unit step responses, one for each change of a held signal."""
     if (signal[1:] == signal[:-1]).all():
-        return unit * signal[0]
+        return unit if signal[0] == 1.0 else unit * signal[0]
     changes = np.diff(signal, prepend=0.0)
     from scipy.signal import fftconvolve
 
@@ -194,7 +213,9 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     rate = max(0.0, (growth[-1] - growth[middle]) / (t[-1] - t[middle]))
     rate = rate if rate * t[-1] > 20.0 else 0.0
     weight = np.exp(-rate * t)
-    return fftconvolve(unit * weight, (changes * weight)[None, :], axes=1)[:, : t.size] / weight
+    response = fftconvolve(unit * weight, (changes * weight)[None, :], axes=1)[:, : t.size] / weight
+    response[:, : np.flatnonzero(changes)[0]] = 0.0  # at rest until the first change
+    return response
 
 
 def _require_within_limits(loop: Loop, response: Response) -> None:
@@ -284,4 +305,10 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
     record = simulate(loop, t, load=1.0)
     stable = np.all(roots(loop.process.den).real < 0)
     final = loop.process.gain() if stable else None
-    return replace(record, u=record.d, d=np.zeros_like(record.d), final=final)
+    return _as_input(final, record)
+
+
+def _as_input(final: float | None, record: Response) -> Response:
+    """Return a load response as one to the input of the process."""
+    finer = partial(apply_to_finer, record, partial(_as_input, final))
+    return record._derived(finer, u=record.d, d=np.zeros_like(record.d), final=final)

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab.digital import DigitalController
+from pidalab.digital.parameters import anti_windup_word
 from pidalab.digital.program import program
 from pidalab.loop import Loop, require_loop
 from pidalab.plants import AsymmetricPlant
@@ -53,10 +54,11 @@ def simulate_sampled(
 ) -> Response:
     r"""Simulate a loop whose controller is digital and limited; exact for the plant, whatever its dead time.
 
-    The loop is at rest before t = 0. A `DigitalController` runs as it is: its sample time must be the step of `t`.
-    Otherwise controller and output filter are discretised for held inputs with the step of `t` as sample time. A
-    prefilter is discretised so in any case. All signals, and the limits, count from the state of rest: an actuator from
-    0 to 80 that rests at 30 has the limits (-30, 50).
+    The loop, its controller included, rests at its working point before t = 0. A `DigitalController` runs as it is: its
+    sample time must be the step of `t`. (Called by its own ``step``, a new one starts without a bump instead; call
+    ``reset(r=y_offset, y=y_offset)`` for this start.) Otherwise controller and output filter are discretised for held
+    inputs with the step of `t` as sample time. A prefilter is discretised so in any case. All signals, and the limits,
+    count from the state of rest: an actuator from 0 to 80 that rests at 30 has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`, fed
     back positively from the limited signal (huba2024, Fig. 1, eqs. (3), (8)). Its filter :math:`Q_n` acts on the
@@ -77,10 +79,11 @@ def simulate_sampled(
     plant : Process or AsymmetricPlant, optional
         What the controller meets in place of the loop's process.
     anti_windup : {None, "clamping", "conditioning"}, optional
-        What the integral of a controller in parallel form does at a limit. By default it integrates on. *Clamping*: it
-        rests while it would drive the control signal further beyond the limit. *Conditioning*: it integrates
-        :math:`\varepsilon + (u - w)/k_p`, the error that would have made the limited signal u out of w; k_p is the
-        value of :math:`C(s) - k_i/s` at s = 0.
+        What the integral of a continuous controller does at a limit; "none" means None. By default it integrates on.
+        *Clamping*: it rests while it would drive the control signal further beyond the limit. *Conditioning*: it
+        integrates :math:`\varepsilon + (u - w)/k_p`, the error that would have made the limited signal u out of w; k_p
+        is the value of :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
+        ``controller.discretise``; a digital controller has its own.)
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, counted from the state of rest; 0 for none. Values go
         to the nearest multiple, halves to the even one, and the limits stay. A reset or an integral sees the limited
@@ -164,11 +167,7 @@ def _limited(
             f"t must have the sample time of the digital controller, {k.sample_time:.6g}, as its step, found {h:.6g}; "
             "discretise the controller for the step of t"
         )
-    if anti_windup is not None:
-        raise ValueError(
-            f"anti_windup must be None for a digital controller, which has its own ({k.anti_windup}), found "
-            f"{anti_windup!r}"
-        )
+    anti_windup_word(anti_windup, (None, k.anti_windup), "for this digital controller")
     low, high = (k.bias + limit for limit in limits)
     return replace(k, limits=(max(low, k.limits[0]), min(high, k.limits[1])))
 

@@ -26,15 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from pidalab import _check
 from pidalab.controllers import AutomaticReset, Controller
 from pidalab.digital import DigitalController
+from pidalab.digital.parameters import anti_windup_word
 from pidalab.loop import Loop
 from pidalab.process import binomial
 from pidalab.roots import roots
 from pidalab.statespace import StateSpace, discretise
-
-RESET_PROTECTIONS = (None, "clamping", "conditioning")
 
 
 def sampled_controller(
@@ -44,15 +42,13 @@ def sampled_controller(
 
     Returns the fraction, and what is behind it: the integral and the limits.
     """
-    _check.choice("anti_windup", anti_windup, RESET_PROTECTIONS)
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
-        if anti_windup is not None:
-            kind = type(loop.controller).__name__
-            raise ValueError(
-                f"anti_windup must be None for a {kind}, whose reset is one; found {anti_windup!r}"
-            )
+        kind = type(loop.controller).__name__
+        anti_windup_word(anti_windup, (None, "reset"), f"for a {kind}, which has an automatic reset")
         return _with_reset(loop, loop.automatic_reset, h, limits)
+    available = (None, "clamping", "conditioning")
+    anti_windup = anti_windup_word(anti_windup, available, "for a continuous controller")
     num, den = map(np.convolve, loop.blocks["controller"], loop.blocks["output_filter"])
     if anti_windup is None:
         return discretise(num, den, h), _behind(h, limits)

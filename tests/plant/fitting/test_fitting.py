@@ -8,8 +8,15 @@ from scipy.signal import lfilter
 import pidalab
 from pidalab import Record
 from pidalab.plant.fitting import fit
-from pidalab.plant.fitting.searching import FitResult, prepared, refined, search
-from pidalab.plant.fitting.shapes import FIRST_ORDER, INTEGRATOR, SECOND_ORDER
+from pidalab.plant.fitting.searching import (
+    FIRST_ORDER,
+    INTEGRATOR,
+    SECOND_ORDER,
+    FitResult,
+    prepared,
+    refined,
+    search,
+)
 from pidalab.plant.fitting.uncertainty import covariance
 
 GRID = np.linspace(0.0, 300.0, 3001)

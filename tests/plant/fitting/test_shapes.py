@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.plant.fitting.shapes import (
+from pidalab.plant.fitting.searching import (
     FIRST_ORDER,
     INTEGRATOR,
     LAGGED,

@@ -7,7 +7,7 @@ import sys
 
 import click
 
-from pidalab.plant.cli import checking, desk, given, judged, recorded
+from pidalab.plant.cli import known, recorded
 
 CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
 
@@ -35,7 +35,7 @@ def main() -> None:
             stream.reconfigure(errors="replace")
 
 
-for module in (recorded, checking, given, judged, desk):
+for module in (recorded, known):
     for command in vars(module).copy().values():
         if isinstance(command, click.Command):
             main.add_command(command)

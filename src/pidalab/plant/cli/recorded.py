@@ -10,7 +10,7 @@ import click
 
 from pidalab._names import KINDS
 from pidalab._text import plain_text
-from pidalab.plant.cli.parts import (
+from pidalab.plant.cli.dialogue import (
     Place,
     add_options,
     column,
@@ -21,17 +21,20 @@ from pidalab.plant.cli.parts import (
     one_line,
     out,
     show,
+    times,
     write,
 )
 
 if TYPE_CHECKING:
+    from pidalab.controllers import PIDA
+    from pidalab.plant.checking import Check
     from pidalab.plant.record import Record
     from pidalab.rules import Design
 
 MODEL_WORDS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
 ANTI_WINDUP_WORDS = ("reset", "back-calculation", "clamping", "none")
 WEIGHT = click.FloatRange(0.0, 1.0)  # of a set point: beyond 1 it would be another one
-READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers")
+READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers", "run")
 CODE = {
     "controller.c": "c",
     "controller.st": "structured_text",
@@ -55,6 +58,7 @@ record = add_options(
         type=click.Choice(["drop", "keep"]),
         help="What becomes of outputs far from their neighbours.",
     ),
+    click.option("--run", type=int, help="Which of several runs, from 1, where the time restarts."),
     click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
 )
 design = add_options(
@@ -95,7 +99,7 @@ def report_command(out: Path | None, force: bool, model: str, trade_off: bool, *
     found = report(fit(read, model), **options)
     sections, traded = [("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))], None
     if trade_off:
-        from pidalab.plant.reporting.trade_off import trade_off as find_trade_off
+        from pidalab.plant.noise_curves import trade_off as find_trade_off
 
         traded = find_trade_off(found.process, sample_time=options["sample_time"])
         sections.append(("Trade-off", str(traded)))
@@ -139,6 +143,7 @@ def report_command(out: Path | None, force: bool, model: str, trade_off: bool, *
     show_default="reset; without proportional action clamping",
     help="What a limit does to the integral.",
 )
+@click.option("--float", "single", is_flag=True, help="C in single precision.")
 @click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal.")
 @click.option(
     "--tunable", is_flag=True, help="Code with gains that may change while it runs, without a bump."
@@ -161,6 +166,7 @@ def tune_command(
     rate_limit: float,
     deadband: float,
     anti_windup: str | None,
+    single: bool,
     feedforward: bool,
     tunable: bool,
     full_output: float | None,
@@ -210,7 +216,7 @@ def tune_command(
         "tunable": tunable,
     }
     if anti_windup is not None:
-        further["anti_windup"] = None if anti_windup == "none" else anti_windup
+        further["anti_windup"] = anti_windup
     digital = design.discretise(
         sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest, **further
     )
@@ -240,6 +246,8 @@ def tune_command(
         name: getattr(digital, language)(margins=sampled, note=note, **head)
         for name, language in CODE.items()
     }
+    if single:
+        texts["controller.c"] = digital.c(precision="single", margins=sampled, note=note, **head)
     write(out, texts | {"report.html": found.page(title, sections)}, force)
 
 
@@ -262,8 +270,106 @@ def _no_limits(low: float, high: float) -> list[str]:
 
 
 def _vendors(design: Design, full_output: float | None) -> str:
-    """Forms of vendors, or why there are none."""
+    """Return the parameters of vendor blocks, or why there are none."""
     try:
-        return f"in seconds, if that is the record's unit of time:\n{design.vendor_forms('s', full_output)}"
+        return f"as vendor blocks, if the record's unit of time is the second:\n{design.vendor_forms('s', full_output)}"
     except ValueError as refusal:
-        return f"no vendor's form: {refusal}"
+        return f"no vendor block: {refusal}"
+
+
+FIRMWARE_NAMES = ("klipper", "betaflight", "betaflight-yaw")
+
+
+@click.command("check")
+@record
+@click.option(
+    "--kp", type=float, required=True, help="Gain, in units of u per unit of y; or P of a firmware."
+)
+@click.option("--ti", type=float, help="Integral time, in the log's unit of time.")
+@times
+@click.option(
+    "--firmware",
+    type=click.Choice(FIRMWARE_NAMES),
+    help="The gains are its numbers --kp, --ki, --kd, in place of times; the log is in seconds.",
+)
+@click.option("--ki", type=float, help="I of that firmware.")
+@click.option("--kd", default=0.0, help="D of that firmware.")
+@click.option("--full-output", default=1.0, help="u of the log at full power of that firmware.")
+@click.option("--filter", "lag", default=0.0, help="Time constant of the measurement's filter.")
+@click.option("--sample-time", type=float, help="Of the controller; by default that of the log.")
+@ms_worst
+@one_line
+def check_command(
+    model: str,
+    lag: float,
+    sample_time: float | None,
+    ms_worst: float,
+    firmware: str | None,
+    full_output: float,
+    **options: Any,
+) -> None:
+    """Judge the gains of a running loop by a log of it, the RECORD.
+
+    Changes of the set point, a step of the load or a bump of u show the plant. Prints the Ms of the loop with its
+    interval, what the gains miss, and three sets to try.
+
+    \b
+    Examples:
+      pidalab check log.csv --time time --u valve --y level --kp 0.6 --ti 12 --sample-time 0.5
+      pidalab check hotend.csv --firmware klipper --kp 22.2 --ki 1.08 --kd 114 --sample-time 0.3
+    """
+    import control
+
+    from pidalab import _check
+    from pidalab.plant.checking import check
+    from pidalab.plant.fitting import fit
+
+    read = read_record(options)
+    lags = control.TransferFunction([1.0], [lag, 1.0]) if _check.real("--filter", lag, at_least=0.0) else None
+    running = _running(firmware, full_output, **options)
+    found = check(
+        read if model == "auto" else fit(read, model),
+        running,
+        output_filter=lags,
+        sample_time=sample_time,
+        ms_worst=ms_worst,
+    )
+    sections = [("Log", str(read)), ("Model", f"{found.fit.process!r}\n{found.fit}"), ("Gains", str(found))]
+    if firmware is not None:
+        sections.append((f"The sets as {firmware} writes them", _as_firmware(found, firmware, full_output)))
+    show(sections)
+
+
+def _running(
+    firmware: str | None,
+    full_output: float,
+    kp: float,
+    ti: float | None,
+    ki: float | None,
+    kd: float,
+    **times: float,
+) -> PIDA:
+    """Return the controller that runs, of times or of the numbers of a firmware."""
+    from pidalab.controllers import PIDA
+
+    if firmware is None and ti is not None and ki is None and not kd:
+        return PIDA(kp, ti, **times)
+    if firmware is not None and ki is not None and ti is None and not times["td"] and not times["ta"]:
+        return PIDA.from_firmware(firmware, kp, ki, kd, full_output)
+    raise click.UsageError(
+        "give --kp, --ti and perhaps --td and --ta, or --firmware with --kp, --ki and perhaps --kd"
+    )
+
+
+def _as_firmware(found: Check, firmware: str, full_output: float) -> str:
+    """Return the sets to try as the three numbers of a firmware, which has no acceleration."""
+    from pidalab.plant.vendor import firmware_form
+
+    lines = []
+    for row in found.rows:
+        if row.design is not None and not row.design.controller.gains().ka:
+            form = firmware_form(row.design.controller.gains(), firmware, full_output)
+            lines.append(
+                f"{row.rule:14} {', '.join(f'{name} = {value:.4g}' for name, value in form.items())}"
+            )
+    return "\n".join(lines)

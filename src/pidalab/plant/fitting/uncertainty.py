@@ -6,8 +6,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from pidalab._check import Array
-from pidalab.plant.fitting.searching import MOST_DAMPED, FitData, FitResult
-from pidalab.plant.fitting.shapes import FIRST_ORDER
+from pidalab.plant.fitting.searching import FIRST_ORDER, MOST_DAMPED, FitData, FitResult
 from pidalab.plant.record import Record
 
 # condition number of the parameters' sensitivities, scaled, above which the input tells too little

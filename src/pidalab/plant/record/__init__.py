@@ -1,6 +1,477 @@
-"""A plant record: read, cleaned, and described before anyone fits a model to it."""
+"""What a record says before a model is fitted: its steps, its state of rest, its noise, and what to doubt."""
 
-from pidalab.plant.record.cleaned import Noise, Record
-from pidalab.plant.record.inputs import Step
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pidalab import _check
+from pidalab._check import Array
+from pidalab.plant.doubts import doubt
+from pidalab.plant.record.cleaning import (
+    MOVING,
+    Step,
+    cleaned,
+    column,
+    described,
+    far_off,
+    find_steps,
+    name_experiment,
+    named,
+    run_starts,
+    standing_still,
+    still_note,
+)
+from pidalab.plant.record.reading import LONG_AGO, read_columns
+
+LONG_INTERVAL = 5.0  # times the usual sampling interval: a longer one is a gap
+FEW_LEVELS = 20  # levels of y: fewer are worth a word
+LONG = 0.1  # share of the samples that an input which moves all the time stays at its largest or least value
+SAME_PERIOD = 0.01  # share by which the times of a file may differ from a period
+TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
+RAMP_SAMPLES = 5  # samples between two levels of the input: more are worth a word
+
+
+class Noise(NamedTuple):
+    """What the measurement adds to the output.
+
+    Attributes
+    ----------
+    deviation : float
+        Standard deviation, in the unit of y.
+    correlation : float
+        Correlation of neighbouring samples: 0 for white noise, near 1 for a slow disturbance.
+    samples : int
+        From how many samples at rest; 0 if there was no rest, and it was taken from second differences.
+    """
+
+    deviation: float
+    correlation: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Record:
+    """A record of a plant: times, input and output, cleaned, with a report of what was done and what is doubtful.
+
+    Samples with a missing time, input or output are left out, times are sorted, and samples of the same time are
+    averaged. A counter that begins anew is counted on. Nothing is smoothed and nothing is resampled: a fit takes the
+    samples where they are.
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Times, in any order, not necessarily uniform; the unit of time of everything that follows.
+    u : array_like, shape (n,)
+        Input of the plant (valve, heater), held from each sample to the next.
+    y : array_like, shape (n,)
+        Measured output.
+    step : float, optional
+        Time of the step that matters, where the record has several or the search finds another one.
+    u_before : float, optional
+        Input before the record, at which the plant was at rest: for a record that begins with its step. By default
+        the first input, or that of an earlier row of the same time.
+    outliers : {"drop", "keep"}, optional
+        What becomes of an output that is far from all its neighbours, or stands still to the last digit after it
+        moved, as with a sensor at the end of its range. By default it stays, is doubted by name, and
+        `identification.fit` refuses the record.
+    rows : array_like, shape (n,), optional
+        Numbers of the samples in their file, by which doubts name them.
+
+    Attributes
+    ----------
+    u_before : float
+    steps : tuple of Step
+        Changes of the input between lasting levels, in the order of time; empty for a closed loop's record.
+    experiment : str
+        What kind of experiment this is, in words.
+    rest : float
+        Output at rest, before the first change of the input.
+    noise : Noise
+    at_rest : bool
+        Whether the plant was at rest when the input first moved; taken for granted if the record begins with a step.
+    outlier_note : str
+        Outputs far from all their neighbours, and where the output stands still to the last digit after it moved, in
+        words; empty if there are none, or if they were dropped or kept.
+    doubts : tuple of str
+        What a reader of a result should know.
+
+    Raises
+    ------
+    ValueError
+        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes, times
+        that run backward in more than 5 % of the samples.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> t = np.arange(0.0, 60.0, 0.5)
+    >>> y = 20.0 + 10.0 * (1 - np.exp(-np.maximum(t - 13.0, 0.0) / 5.0))
+    >>> record = pidalab.Record(t, np.where(t < 10.0, 40.0, 45.0), y)
+    >>> record.steps
+    (Step(time=10.0, before=40.0, after=45.0),)
+    >>> print(record)
+    120 samples over 59.5, every 0.5
+    input: step from 40 to 45 at 10
+    output: at rest 20 before the step, standard deviation of the noise 0
+    """
+
+    t: Array
+    u: Array
+    y: Array
+    step_time: float | None
+    u_before: float
+    steps: tuple[Step, ...]
+    experiment: str
+    rest: float
+    noise: Noise
+    at_rest: bool
+    outlier_note: str
+    doubts: tuple[str, ...]
+
+    def __init__(
+        self,
+        t: ArrayLike,
+        u: ArrayLike,
+        y: ArrayLike,
+        *,
+        step: float | None = None,
+        u_before: float | None = None,
+        outliers: Literal["drop", "keep"] | None = None,
+        rows: ArrayLike | None = None,
+    ) -> None:
+        given = column("t", t), column("u", u), column("y", y)
+        if len({column.size for column in given}) > 1:
+            raise ValueError(
+                f"t, u and y must have one length, found {', '.join(str(c.size) for c in given)}"
+            )
+        if outliers is not None:
+            _check.choice("outliers", outliers, ("drop", "keep"))
+        doubts: list[str] = []
+        word, numbers = ("sample", np.arange(given[0].size)) if rows is None else ("row", np.asarray(rows))
+        where = [f"{word} {k}" for k in numbers]
+        if outliers == "drop":
+            doubts += _left_out(given[2], where)
+        times, inputs, outputs, earlier, kept = cleaned(*given, where, doubts)
+        note = _outliers(outputs, [where[k] for k in kept]) if outliers is None else ""
+        before = earlier if u_before is None else _check.real("u_before", u_before)
+        _check.squarable("u_before", np.array([before]))
+        if np.ptp(inputs) == 0 and before == inputs[0]:
+            raise ValueError(
+                f"u never changes: it is {before:g} in every sample; if it changed just before the first one, "
+                "give the value before it: u_before, or --u-before on the command line"
+            )
+        first = _check.real("step", step) if step is not None else None
+        steps = find_steps(times, inputs, before)
+        if first is not None and not any(s.time >= first for s in steps):
+            raise ValueError(f"step: no change of the input at or after {first:g}; found {described(steps)}")
+        moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
+        start = steps[0].time if steps else times[moved]
+        rest, noise, resting = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
+        at_rest = resting or u_before is not None or (bool(steps) and noise.samples == 0)
+        experiment = name_experiment(steps, times, inputs, outputs)
+        vars(self).update(t=times, u=inputs, y=outputs, step_time=first, u_before=before, steps=steps)
+        vars(self).update(outlier_note=note, rest=rest, noise=noise, at_rest=at_rest, experiment=experiment)
+        vars(self)["doubts"] = (*doubts, *filter(None, [note]), *self._more_doubts())
+
+    @classmethod
+    def read_csv(
+        cls,
+        path: str | Path,
+        *,
+        time: str | int = 0,
+        u: str | int = 1,
+        y: str | int = 2,
+        delimiter: str | None = None,
+        step: float | None = None,
+        period: float | None = None,
+        skip: int = 0,
+        u_before: float | None = None,
+        outliers: Literal["drop", "keep"] | None = None,
+        run: int | None = None,
+    ) -> Record:
+        """Read a record from a delimited text file, as historians write them.
+
+        Units below the names, signs of per cent, brackets around the numbers, commas after the thousands, and lines
+        after the last number are recognised; what was done with them is among the doubts.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            The file.
+        time, u, y : str or int, optional
+            Names in the header, or numbers of the columns from 0. Times are numbers, or dates or times of day, which
+            become seconds.
+        delimiter : str, optional
+            Between the columns; found out if not given.
+        step : float, optional
+            As for `Record`.
+        period : float, optional
+            Time from sample to sample, for a file without a column of times. Refused where the column `time` holds
+            other times.
+        skip : int, optional
+            Lines to leave out at the beginning of the file.
+        u_before, outliers : optional
+            As for `Record`.
+
+        run : int, optional
+            Which of several runs in the file, from 1: where the time restarts a new run begins.
+
+        Returns
+        -------
+        Record
+            Its time counts from the first sample where the file has dates.
+
+        Raises
+        ------
+        ValueError
+            For a missing column, two roles on one column, or an entry that is no number; it names the row.
+
+        Examples
+        --------
+        >>> import pidalab, tempfile, pathlib
+        >>> rows = [f"{k},{40 if k < 10 else 47},{20 + max(0, k - 12)}" for k in range(40)]
+        >>> path = pathlib.Path(tempfile.mkdtemp(), "step.csv")
+        >>> _ = path.write_text("\\n".join(["time,valve,level", *rows]))
+        >>> pidalab.Record.read_csv(path, u="valve", y="level").steps
+        (Step(time=10.0, before=40.0, after=47.0),)
+        """
+        path = Path(path)
+        columns: dict[str, str | int] = {"time": time, "u": u, "y": y}
+        if period is not None:
+            period = _check.real("period", period, above=0.0)
+            del columns["time"]
+        said = ", ".join(f"{role} = {name!r}" for role, name in columns.items())
+        if len(set(columns.values())) < len(columns):
+            raise ValueError(f"time, u and y must be different columns, found {said}")
+        skip = _check.integer("skip", skip, at_least=0)
+        found = read_columns(path, list(columns.values()), delimiter, skip, timed=period is None)
+        doubts, rows, (u_read, y_read) = list(found.doubts), found.rows, found.values[-2:]
+        if period is None:
+            times = found.values[0]
+            if np.nanmax(times, initial=0.0) > LONG_AGO and not np.any(np.diff(times) < 0):
+                times = times - np.nanmin(times)  # a date: seconds since long ago
+        else:
+            if time not in columns.values():
+                doubts += _compared(period, path, time, delimiter, skip)
+            times = period * (rows - rows[0])
+        try:
+            if run is not None:
+                starts = [*run_starts(times), times.size]
+                run = _check.integer("run", run, at_least=1, at_most=len(starts) - 1)
+                part = slice(starts[run - 1], starts[run])
+                times, u_read, y_read, rows = times[part], u_read[part], y_read[part], rows[part]
+            record = cls(times, u_read, y_read, step=step, u_before=u_before, outliers=outliers, rows=rows)
+        except ValueError as refusal:
+            raise ValueError(f"{path.name} ({said}): {refusal}") from None
+        vars(record)["doubts"] = (*doubts, *record.doubts)
+        return record
+
+    @property
+    def sampling(self) -> float:
+        """Usual interval between samples: the median."""
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def step(self) -> Step:
+        """The change of the input that matters.
+
+        Raises
+        ------
+        ValueError
+            For a record without one, and for one with a further change after it.
+        """
+        if not self.steps:
+            raise ValueError(
+                "the record has no step of the input from one level to another; fit takes any input"
+            )
+        chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
+        if len(chosen) > 1:
+            raise ValueError(
+                f"the input changes again after the step: {described(tuple(chosen))}; cut the record before"
+            )
+        return chosen[0]
+
+    def uniform(self) -> tuple[Array, Array, Array]:
+        """Return times, input and output at the usual interval, with the first change of the input on the grid.
+
+        Returns
+        -------
+        t, u, y : ndarray, shape (n,)
+            Times from 0; the input, held, and resting until it first steps; the output, interpolated.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = 100 + np.delete(np.arange(0.0, 30.0), [3, 7])
+        >>> t, u, y = pidalab.Record(t, np.where(t < 110, 0.0, 2.0), np.where(t < 112, 1.0, 5.0)).uniform()
+        >>> t[:3].tolist(), t.size, u[9:11].tolist()
+        ([0.0, 1.0, 2.0], 30, [0.0, 2.0])
+        """
+        h, anchor = self.sampling, self.steps[0].time if self.steps else float(self.t[0])
+        before, after = (int(float(span) / h + 1e-6) for span in (anchor - self.t[0], self.t[-1] - anchor))
+        grid = anchor + h * np.arange(-before, after + 1)
+        u = self.u[np.searchsorted(self.t, grid + 1e-6 * h, side="right") - 1]
+        if self.steps:
+            u[:before] = self.steps[0].before
+        y: Array = np.interp(grid, self.t, self.y)
+        return h * np.arange(grid.size, dtype=float), u, y
+
+    def after_step(self) -> tuple[Array, Array]:
+        """Return times and output from the step on, as the response to a unit step from rest.
+
+        Returns
+        -------
+        t, y : ndarray
+            Uniform times from 0, at the usual interval, and the deviation from rest by the size of the step,
+            interpolated between the samples.
+
+        Raises
+        ------
+        ValueError
+            For a record without a step, and for one with a further change of the input after it.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = np.arange(0.0, 30.0)
+        >>> record = pidalab.Record(t, np.where(t < 5, 0.0, 2.0), np.where(t < 5, 1.0, 5.0))
+        >>> record.after_step()[1][:3].tolist()
+        [2.0, 2.0, 2.0]
+        """
+        first = self.step
+        span = self.t[-1] - first.time
+        t = np.linspace(0.0, span, max(2, round(span / self.sampling) + 1))
+        return t, (np.interp(first.time + t, self.t, self.y) - self.rest) / (first.after - first.before)
+
+    def _more_doubts(self) -> list[str]:
+        found = []
+        levels, intervals = np.unique(self.y), np.diff(self.t)
+        if levels.size <= FEW_LEVELS:
+            found.append(doubt("levels", count=levels.size, apart=np.min(np.diff(levels))))
+        gaps = np.flatnonzero(intervals > LONG_INTERVAL * np.median(intervals))
+        if gaps.size:
+            k = gaps[np.argmax(intervals[gaps])]
+            found.append(doubt("gaps", count=gaps.size, longest=intervals[k], start=self.t[k]))
+        apart = 0.5 * float(np.min(np.diff([s.time for s in self.steps]), initial=np.inf))
+        for step in self.steps:
+            near = slice(*np.searchsorted(self.t, [step.time - apart, step.time + apart]))
+            share = np.abs((self.u[near] - step.before) / (step.after - step.before) - 0.5)
+            slow = self.t[near][share < 0.4]
+            if slow.size > RAMP_SAMPLES:
+                found.append(doubt("slow input", time=np.ptp(slow), before=step.before, after=step.after))
+        for end in (self.u.max(), self.u.min()) if self.experiment == MOVING else ():
+            away = np.flatnonzero(np.abs(self.u - end) > 1e-3 * np.ptp(self.u))
+            longest = int(np.diff(away, prepend=-1, append=self.u.size).max()) - 1
+            if longest > max(RAMP_SAMPLES, LONG * self.u.size):
+                word = "largest" if end > self.u.min() else "least"
+                found.append(doubt("at an end", end=end, word=word, count=longest))
+        if not self.steps:
+            found.append(doubt("no step", experiment=self.experiment))
+        else:
+            tail = self.y[-max(3, self.y.size // 10) :]
+            first, last = np.array_split(tail, 2)
+            moved, whole = abs(last.mean() - first.mean()), np.ptp(self.y)
+            if moved > max(0.02 * whole, 3 * self.noise.deviation / np.sqrt(first.size)):
+                found.append(doubt("moving at the end"))
+        return found
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.t.size} samples over {np.ptp(self.t):.6g}, every {self.sampling:.4g}",
+            f"input: {self._moves()}",
+            f"output: at rest {self.rest:.6g} before the step, "
+            f"standard deviation of the noise {self.noise.deviation:.3g}"
+            + (f", correlation {self.noise.correlation:.2f}" if self.noise.deviation else ""),
+        ]
+        return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
+
+    def _moves(self) -> str:
+        if len(self.steps) == 1:
+            return described(self.steps)
+        return f"{self.experiment}, moves between {self.u.min():.6g} and {self.u.max():.6g}"
+
+    def __repr__(self) -> str:
+        return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
+
+
+def _compared(period: float, path: Path, time: str | int, delimiter: str | None, skip: int) -> list[str]:
+    """Refuse a period beside times of the file that say otherwise; doubt one beside a column that counts samples."""
+    try:
+        found = read_columns(path, [time], delimiter, skip)
+    except ValueError:
+        return []  # there is no such column, or it holds no times
+    steps = np.diff(found.values[0])
+    own = float(np.median(steps)) if steps.size else np.nan
+    if not own > 0 or np.any(steps < 0) or abs(own / period - 1) < SAME_PERIOD:
+        return []
+    if np.all(steps == 1) and not TIMES.match(found.names[0]):
+        return [doubt("counted", name=time, period=period)]
+    raise ValueError(
+        f"period = {period:g} contradicts the file's own times in column {time!r}, which are {own:.4g} apart: leave "
+        "out period (--period), or the column of the times"
+    )
+
+
+def _outliers(y: Array, where: Sequence[str]) -> str:
+    """Name outputs that a sensor may have made up."""
+    wild, still = far_off(y), standing_still(y)
+    notes = [f"far from its neighbours: {named(where, y, wild)}"] if wild.size else []
+    if still:
+        notes.append(
+            f"the output stands still, to the last digit, in {still_note(where, y, still)}: the end of the sensor's "
+            "range, a lost sensor, or a plant that has stopped"
+        )
+    return "; ".join(notes)
+
+
+def _left_out(y: Array, where: Sequence[str]) -> list[str]:
+    """Leave out outputs that a sensor may have made up, and say so."""
+    note = _outliers(y, where)
+    if not note:
+        return []
+    still = standing_still(y)
+    y[far_off(y)] = np.nan
+    for first, last in still:
+        y[first : last + 1] = np.nan
+    return [doubt("left out", note=note)]
+
+
+def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
+    """Level and noise before the first change of the input, and whether that is rest."""
+    if y.size < 8:
+        # second differences see noise and hardly see a smooth response
+        deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
+        doubts.append(doubt("few before", count=y.size))
+        deviation = max(deviation, _quantum(whole) / np.sqrt(12))
+        return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0), False
+    line = np.polynomial.Polynomial.fit(t, y, 1)
+    residual = y - y.mean()
+    deviation = float(residual.std(ddof=1))
+    drift = abs(float(line(t[-1]) - line(t[0])))
+    drifting = bool(deviation) and drift > 2 * deviation and drift > 0.02 * np.ptp(whole)
+    if drifting:
+        doubts.append(doubt("drifting", drift=drift))
+        residual = np.diff(y, 2)  # see noise, and hardly see a smooth movement
+        deviation = float(residual.std()) / np.sqrt(6)
+    neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
+    return (
+        float(y.mean()),
+        Noise(max(deviation, _quantum(whole) / np.sqrt(12)), neighbours, y.size),
+        not drifting,
+    )
+
+
+def _quantum(y: Array) -> float:
+    """Return the least distance between two values of a signal that was rounded, so that most of them come again."""
+    levels = np.unique(y)
+    return float(np.min(np.diff(levels))) if 3 * levels.size < y.size else 0.0
+
 
 __all__ = ["Noise", "Record", "Step"]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pidalab import _check
 from pidalab._check import Array
+from pidalab.plant.doubts import doubt
 
 FEWEST = 20  # samples from which something can be concluded
-BACKWARD = 0.05  # share of the samples that may lie before an earlier one
+OVERLAP = 3  # usual intervals by which the time may go back for samples that are merely out of order
 # where clocks begin anew
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 # samples, and their share, for which an output stands still, before that is told
@@ -20,6 +22,8 @@ STILL, STILL_SHARE = 15, 0.05
 BEFORE, JUST_BEFORE = 10, 3  # samples before, in which it moved
 SLOWED = 0.1  # share of the way of the former that what comes to rest has at most in the latter
 MANY_STEPS, LITTLE = 2.5, 0.005  # by more than so many steps of its rounding, and than this share of its span
+STRAIGHT, COPY = 0.01, 1e-4  # shares of its span by which an input differs from a clock, or from the output
+DISORDER = 0.05  # share of the samples that may lie before an earlier one
 LISTED = 4  # samples, or changes of the input, that are listed one by one
 
 Places = NDArray[np.intp]  # of samples
@@ -37,7 +41,9 @@ def column(name: str, value: Any) -> Array:
     return array
 
 
-def cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Array, Array, float, Places]:
+def cleaned(
+    t: Array, u: Array, y: Array, where: Sequence[str], doubts: list[str]
+) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time, average what has the same time; also return the input before, and places.
 
     Of the input the last value of each time is held on; the first one of the first time is the input before.
@@ -51,15 +57,17 @@ def cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Arr
             "faster, or record for longer"
         )
     if not usable.all():
-        doubts.append(f"{(~usable).sum()} of {t.size} samples had a missing value and were left out")
+        doubts.append(doubt("missing", count=(~usable).sum(), total=t.size))
     places = np.flatnonzero(usable)
-    t, u, y = _clock(t[usable], doubts), u[usable], y[usable]
+    u, y = u[usable], y[usable]
+    t = _clock(t[usable], [where[k] for k in places], doubts)
+    refuse_no_input(t, u, y)
     order = np.argsort(t, kind="stable")
     times, first, count = np.unique(t[order], return_index=True, return_counts=True)
     if times.size < FEWEST:
         raise ValueError(f"a record needs {FEWEST} different times or more, found {times.size}")
     if times.size < t.size:
-        doubts.append(f"{t.size - times.size} sample(s) had the time of another one and were averaged")
+        doubts.append(doubt("same time", count=t.size - times.size))
     mean = np.add.reduceat(y[order], first) / count
     held = u[order][first + count - 1]
     if np.ptp(mean) == 0:
@@ -67,28 +75,70 @@ def cleaned(t: Array, u: Array, y: Array, doubts: list[str]) -> tuple[Array, Arr
     return times, held, mean, float(u[order][0]), places[order][first]
 
 
-def _clock(t: Array, doubts: list[str]) -> Array:
-    """Return times that may be sorted: of a counter that begins anew, counted on; refuse what is not a time axis."""
+def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
+    """Return times that may be sorted; count on those of a counter that begins anew; refuse several runs."""
     steps = np.diff(t)
     back = steps < 0
     if not back.any():
         return t
-    counter = float(COUNTERS[min(np.searchsorted(COUNTERS, t.max(), side="right"), COUNTERS.size - 1)])
-    behind = float(np.mean(t < np.maximum.accumulate(t)))
-    if t.min() >= 0 and behind > BACKWARD and np.all(steps[back] < -counter / 2):
-        doubts.append(f"the time begins anew {back.sum()} time(s), at {counter:.6g}, and was counted on")
-        return t + counter * np.append(0, np.cumsum(back))
     if np.all(steps <= 0):
-        doubts.append("the newest sample came first: the order was turned round")
-    elif behind > BACKWARD:
+        doubts.append(doubt("newest first"))
+        return t
+    counter = float(COUNTERS[min(np.searchsorted(COUNTERS, t.max(), side="right"), COUNTERS.size - 1)])
+    if t.min() >= 0 and back.sum() < t.size / FEWEST and np.all(steps[back] < -counter / 2):
+        doubts.append(doubt("counter", count=back.sum(), counter=counter))
+        return t + counter * np.append(0, np.cumsum(back))
+    starts = run_starts(t)
+    if len(starts) > 1:
+        k = starts[1]
         raise ValueError(
-            f"t is not a time axis, its clock was set back, or several traces lie one below the other: "
-            f"{100 * behind:.2g} % of the samples lie before an earlier one, "
-            f"the first of them at {t[1:][back][0]:.6g} after {t[:-1][back][0]:.6g}"
+            f"the times go back at {where[k]}, from {t[k - 1]:.6g} to {t[k]:.6g}: the file holds {len(starts)} runs, "
+            f"or its clock was set back; choose one with run = 1 to {len(starts)} (--run), or cut the file there"
         )
-    else:
-        doubts.append("the times were not in order and were sorted")
+    k = int(np.argmax(back)) + 1
+    if float(np.mean(t < np.maximum.accumulate(t))) > DISORDER:
+        raise ValueError(
+            f"t is not a time axis: its values go back in {back.sum()} of {t.size} samples, first at {where[k]}, from "
+            f"{t[k - 1]:.6g} to {t[k]:.6g}; name the column of the times (--time)"
+        )
+    doubts.append(doubt("not in order", where=where[k]))
     return t
+
+
+def run_starts(t: Array) -> list[int]:
+    """Return the first samples of runs: of rising times that each begin well before the end of the run before."""
+    edges = [0, *(np.flatnonzero(np.diff(t) < 0) + 1).tolist(), t.size]
+    rising = np.diff(t)[np.diff(t) > 0]
+    usual = float(np.median(rising)) if rising.size else 0.0
+    starts = [0]
+    for begin, end in pairwise(edges[1:]):
+        if (
+            end - begin >= FEWEST
+            and begin - starts[-1] >= FEWEST
+            and t[begin] < t[begin - 1] - OVERLAP * usual
+        ):
+            starts.append(begin)
+    return starts
+
+
+def refuse_no_input(t: Array, u: Array, y: Array) -> None:
+    """Refuse an input that is a clock, a counter or a copy of the output."""
+    if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
+        return
+    remedy = "name the column of the plant's input (--u); a record without one shows no plant"
+    order = np.argsort(t, kind="stable")
+    moved = np.diff(u[order])
+    if np.all(moved > 0) or np.all(moved < 0):
+        for name, axis in (("the time", t[order]), ("the number of the sample", np.arange(t.size))):
+            line = np.polynomial.Polynomial.fit(axis, u[order], 1)
+            if np.max(np.abs(u[order] - line(axis))) < STRAIGHT * np.ptp(u):
+                raise ValueError(
+                    f"u rises or falls evenly with {name} throughout, as a clock or a counter "
+                    f"does: {remedy}. A ramp needs a rest before it"
+                )
+    line = np.polynomial.Polynomial.fit(y, u, 1)
+    if np.max(np.abs(u - line(y))) < COPY * np.ptp(u):
+        raise ValueError(f"u is a copy of y, or computed from it sample by sample: {remedy}")
 
 
 def far_off(y: Array) -> Places:
@@ -144,3 +194,94 @@ def first_few(entries: Sequence[str]) -> str:
     return ", ".join(entries[:LISTED]) + (
         f" and {len(entries) - LISTED} more" if len(entries) > LISTED else ""
     )
+
+
+CREEP = 0.1  # share of the input's span by which a level may move and still be one
+SHORTEST_LEVEL = 4  # samples that a level of the input takes at least
+MANY = 12  # levels of the input, in steps of a hundredth of its span
+FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
+FOLLOWER = "it follows the output, as in a loop at a constant set point"
+MOVING = "it moves all the time, as in a closed loop or by a test signal"
+
+
+class Step(NamedTuple):
+    """A change of the input from one level to another.
+
+    Attributes
+    ----------
+    time : float
+        When, in the record's own time.
+    before, after : float
+        The levels, in the unit of u.
+    """
+
+    time: float
+    before: float
+    after: float
+
+
+def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
+    """Changes of the input between levels that last; a ramp over a few samples is one change, at its middle."""
+    # before the record the input was at rest for long enough to be a level
+    t, u = np.append(np.full(SHORTEST_LEVEL, t[0]), t), np.append(np.full(SHORTEST_LEVEL, before), u)
+    span = np.ptp(u)
+    quiet = np.abs(np.diff(u)) <= 0.02 * span
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
+    runs = [  # samples a to b are one level, unless the input creeps away from it
+        (a, b)
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if b - a >= SHORTEST_LEVEL - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
+    ]
+    if not runs or sum(b - max(a, SHORTEST_LEVEL) for a, b in runs if b > SHORTEST_LEVEL) < 0.7 * (
+        t.size - SHORTEST_LEVEL - 1
+    ):
+        return ()
+    levels = [float(np.median(u[a : b + 1])) for a, b in runs]
+    found = []
+    for (_, left), (right, _), low, high in zip(runs, runs[1:], levels, levels[1:], strict=False):
+        if abs(high - low) > 0.05 * span:
+            # a jump between two samples happens at the later one, from which the new value is held
+            middle = 0.5 * (low + high)
+            crossed = left + int(np.argmax(np.abs(u[left : right + 1] - low) >= np.abs(middle - low)))
+            found.append(Step(float(t[crossed]), low, high))
+    return tuple(found)
+
+
+def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> str:
+    """Name what was done to the input."""
+    levels = np.unique(np.round((u - u.min()) / (np.ptp(u) or 1.0), 2))
+    if levels.size == 2 and (len(steps) > 3 or not steps):
+        return "a binary test signal (PRBS)"
+    if len(steps) == 1:
+        return "a step"
+    if steps and levels.size < MANY:
+        back = abs(steps[-1].after - steps[0].before) <= CREEP * np.ptp(u)
+        return {2: "a pulse", 3: "a doublet"}.get(len(steps), "several steps") if back else "several steps"
+    drift = np.vander((t - t[0]) / np.ptp(t), 2)
+    rest = u - drift @ np.linalg.lstsq(drift, u, rcond=None)[0]
+    if rest @ rest < 0.02 * np.sum((u - u.mean()) ** 2):
+        return "a ramp"
+    even = np.interp(np.linspace(t[0], t[-1], t.size), t, u - u.mean())
+    power = np.abs(np.fft.rfft(even * np.hanning(t.size))) ** 2
+    peak = int(np.argmax(power))
+    if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
+        return "a sine"
+    # a controller at a constant set point: proportional and integral of the output, and nothing else. Where the
+    # input is the cause, a later output explains it better
+    integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
+    scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
+
+    def left(later: int) -> float:
+        seen = t.size - later
+        basis = np.column_stack([drift[:seen], scaled[later:]])
+        return float(np.mean((u[:seen] - basis @ np.linalg.lstsq(basis, u[:seen], rcond=None)[0]) ** 2))
+
+    lags = range(1, t.size // 4, t.size // 40 or 1)
+    if left(0) < min((1 - FOLLOWS) * float(np.mean(rest**2)), *map(left, lags)):
+        return FOLLOWER
+    return "steps to many levels" if steps else MOVING
+
+
+def described(steps: tuple[Step, ...]) -> str:
+    """List the first steps in words."""
+    return first_few([f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps]) or "none"

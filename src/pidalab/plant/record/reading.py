@@ -1,41 +1,46 @@
-"""Columns of a text file as numbers, whatever a historian makes of them; an error names the row."""
+"""Read columns of a text file as numbers; an error names the row and the remedy."""
 
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pidalab._check import Array
 from pidalab._text import plain_text
-from pidalab.plant.record.entries import GROUPED, bare, is_value, number, numbers
 
-if TYPE_CHECKING:
-    import pandas as pd
+MISSING = {"", "-", "?", "nan", "na", "n/a", "#n/a", "null", "none", "unavailable", "unknown"}
+MISSING |= {"bad", "bad input", "no data", "i/o timeout"}
+STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
+BRACKETS = " \t[]{}();'\""
+# how dates and times of day begin
+STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
+GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # commas after the thousands
+BLANKS = re.compile(r"[-+]?[1-9]\d{0,2}([ '\u00a0\u202f]\d{3})+([.,]\d*)?")  # or blanks
+# a number with a decimal comma: points stand after thousands, or it is another number
+WITH_COMMA = re.compile(r"[^.]*|[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
+# after a number; blanks before it are taken off separately, which takes no longer for more of them
+SIGN = re.compile(r"(%|°\s{0,9}[CF]?)$")
 
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
 DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y", "%d-%b-%y", "")
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
-LONG_AGO = 1e8  # a number above it counts seconds since then
+LONG_AGO = 1e8  # a number above it counts seconds since 1970
 DAY = 86400.0  # seconds
-# how dates in finer units are told: as seconds since 1970 they would lie in the year 5138 and beyond
+# dates in finer units: as seconds since 1970 they would lie in the year 5138 and beyond
 FINE_DATES = ((1e17, 1e9, "nanoseconds"), (1e14, 1e6, "microseconds"), (1e11, 1e3, "milliseconds"))
 FINE_UNIT = re.compile(
     r"(?:^|[\W_])(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h)\W*$", re.IGNORECASE
 )
 QUOTED = 60  # characters of the file in a message
 LOOKED_AT = 50  # lines from which the form of a file is told, and names of columns that a message has
-LONGEST_ROW = 100_000  # characters
-MOST_COLUMNS = 2000
-ALWAYS_READ = 64  # columns that are read of any file
-WIDER = 8.0  # times the columns of the mean line, up to which a longer one widens the table
+LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters, columns
 
 
 class Columns(NamedTuple):
@@ -43,6 +48,7 @@ class Columns(NamedTuple):
 
     values: tuple[Array, ...]
     rows: Array
+    names: tuple[str, ...]
     doubts: tuple[str, ...]
 
 
@@ -62,7 +68,7 @@ def read_columns(
     wanted : sequence of str or int
         Names in the header, or numbers of columns from 0.
     delimiter : str or None
-        Between the columns, as a regular expression if it is longer than a character; None finds out.
+        Between the columns, as a regular expression if it is longer than a character; found out if None.
     skip : int
         Lines to leave out at the beginning.
     timed : bool
@@ -92,50 +98,58 @@ def read_columns(
             )
     if not any(line.strip() for line in lines):
         raise ValueError(f"{path.name} is empty")
-    doubts = []
+    doubts: list[str] = []
     mark = delimiter or max(DELIMITERS, key=lambda mark: _numbered(lines, mark))
     joined = [re.sub(r"(:\d\d),(\d{3})(?=,)", r"\1.\2", line) if ":" in line else line for line in lines]
     if mark == "," and joined != lines:
         doubts.append("milliseconds after a comma belong to the time before them: both are one column")
         lines = joined
-    table = _table(lines, mark, path)
-    header, first = _header(table, wanted, mark, path)
-    places = [_place(name, header, table.shape[1], path) for name in wanted]
-    data = table.iloc[first:]
-    data = data[(data != "").any(axis=1)]
-    comma = mark != "," and _has_decimal_commas(data, places)
-    columns = [numbers(data[place], comma) for place in places]
-    if timed and 2 * columns[0][1].sum() > len(data):
-        columns[0] = _stamps(data[places[0]], columns[0], doubts)
-    if timed:
-        columns[0] = _in_seconds(columns[0], header[places[0]] if places[0] < len(header) else "", doubts)
-    good = ~np.any([wrong for _, wrong in columns], axis=0)
-    end = int(np.flatnonzero(good)[-1]) + 1 if good.any() else len(data)
-    if end < len(data):
-        doubts.append(
-            f"{len(data) - end} row(s) after the last row of numbers were left out: "
-            f"{plain_text(lines[data.index[end]], QUOTED)}"
+    rows = [_split(line, mark) for line in lines]
+    if (width := sorted(map(len, rows))[len(rows) // 2]) > MOST_COLUMNS:
+        raise ValueError(
+            f"{path.name} must have at most {MOST_COLUMNS} columns, found more divided by {mark!r}: copy "
+            "those of time, input and output into a file of their own"
         )
-    for name, place, (_, wrong) in zip(wanted, places, columns, strict=True):
+    header, first = _header(lines, rows, wanted, mark, path)
+    width = max(map(len, [header, *rows[first : first + LOOKED_AT]]))
+    places = [_place(name, header, width, path) for name in wanted]
+    numbers = np.array([k for k in range(first, len(rows)) if any(rows[k])])
+    entries = [[rows[k][place] if place < len(rows[k]) else "" for k in numbers] for place in places]
+    comma = mark != "," and _has_decimal_commas(entries)
+    columns = [_numbers(column, comma) for column in entries]
+    if timed and 2 * columns[0][1].sum() > numbers.size:
+        columns[0] = _stamps(entries[0], columns[0], doubts)
+    if timed:
+        name = header[places[0]] if places[0] < len(header) else ""
+        columns[0] = _in_seconds(columns[0], name, doubts)
+    if any(entry.lower() in STATES for column in entries for entry in column[:LOOKED_AT]):
+        doubts.append("true or on was read as 1, false or off as 0")
+    good = ~np.any([wrong for _, wrong in columns], axis=0)
+    end = int(np.flatnonzero(good)[-1]) + 1 if good.any() else numbers.size
+    if end < numbers.size:
+        doubts.append(
+            f"{numbers.size - end} row(s) after the last row of numbers were left out: "
+            f"{plain_text(lines[numbers[end]], QUOTED)}"
+        )
+    for name, column, (_, wrong) in zip(wanted, entries, columns, strict=True):
         if wrong[:end].any():
-            place_in_data = int(np.argmax(wrong))
-            row = data.index[place_in_data]
-            found = table.at[row, place]
-            again = place_in_data + int(np.argmax(good[place_in_data:]))
-            if again > place_in_data + 1:
+            k = int(np.argmax(wrong))
+            where, again = f"{path.name}, row {numbers[k] + 1 + skip}", k + int(np.argmax(good[k:]))
+            if again > k + 1:
                 raise ValueError(
-                    f"{path.name}, row {row + 1 + skip}: words, such as {found[:QUOTED]!r}, and numbers again from row "
-                    f"{data.index[again] + 1 + skip} on: several traces lie one below the other; put them beside each "
-                    "other, with one column of times, or cut out the part that has time, input and output"
+                    f"{where}: words, such as {column[k][:QUOTED]!r}, and numbers again from row "
+                    f"{numbers[again] + 1 + skip} on: several traces lie one below the other; put them side by side, "
+                    "with one column of times, or cut out the part that has time, input and output"
                 )
-            kind = "a number or a date" if timed and place == places[0] else "a number"
-            kind += " with a decimal comma" * comma
+            kind = "a number or a date" if timed and column is entries[0] else "a number"
             raise ValueError(
-                f"{path.name}, row {row + 1 + skip}, column {name!r}: expected {kind}, "
-                f"found {found[:QUOTED]!r}"
+                f"{where}, column {name!r}: expected {kind}{' with a decimal comma' * comma}, found "
+                f"{column[k][:QUOTED]!r}; correct it, or leave it empty if the value is missing"
             )
-    rows = data.index.to_numpy()[:end] + 1 + skip
-    return Columns(tuple(values[:end] for values, _ in columns), rows, tuple(doubts))
+    names = tuple(header[place] if place < len(header) else "" for place in places)
+    return Columns(
+        tuple(values[:end] for values, _ in columns), numbers[:end] + 1 + skip, names, tuple(doubts)
+    )
 
 
 def _lines(path: Path) -> list[str]:
@@ -147,93 +161,108 @@ def _lines(path: Path) -> list[str]:
         return raw.decode("latin-1").splitlines()
 
 
+def _split(line: str, mark: str) -> list[str]:
+    """Return the entries of a line without blanks around them; a quote that is not closed ends with its line."""
+    if mark == r"\s+":
+        line = line.strip()
+        # brackets of an exported matrix stand apart from its numbers
+        return (line.strip(BRACKETS) if line[:1] in "[({" or line[-1:] in "])};" else line).split(
+            None, MOST_COLUMNS
+        )
+    if len(mark) > 1:
+        return [entry.strip() for entry in re.split(mark, line.strip(), maxsplit=MOST_COLUMNS)]
+    if '"' in line:
+        return [entry.strip() for entry in next(csv.reader([line], delimiter=mark, skipinitialspace=True))]
+    return [entry.strip() for entry in line.split(mark, MOST_COLUMNS)]
+
+
+def bare(entry: str) -> str:
+    """Return an entry without blanks and brackets around it and a sign of per cent or degrees."""
+    return SIGN.sub("", entry.strip(BRACKETS)).rstrip()
+
+
+def number(entry: str, comma: bool = False) -> float:
+    """Return an entry as a number, nan where it is none."""
+    text = bare(entry)
+    if text.lower() in STATES:
+        return STATES[text.lower()]
+    if BLANKS.fullmatch(text):
+        text = re.sub(r"[ '\u00a0\u202f]", "", text)
+    if comma:
+        text = text.replace(".", "").replace(",", ".") if WITH_COMMA.fullmatch(text) else ""
+    elif GROUPED.fullmatch(text):
+        text = text.replace(",", "")
+    try:
+        value = math.nan if "_" in text else float(text)
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan
+
+
+def _either(entry: str) -> float:
+    """Return an entry as a number with a decimal point or comma, nan where it is neither."""
+    value = number(entry)
+    return value if math.isfinite(value) else number(entry, comma=True)
+
+
+def is_value(entry: str) -> bool:
+    """Return True for a number, a date, or a word for a missing value."""
+    text = bare(entry) or entry.strip()
+    return text.lower() in MISSING or STAMP.match(text) is not None or not math.isnan(_either(text))
+
+
+def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
+    """Return entries as numbers, nan where one is missing, and where there is neither a number nor a word for none."""
+    values, wrong = np.full(len(entries), np.nan), np.zeros(len(entries), dtype=bool)
+    for k, entry in enumerate(entries):
+        values[k] = number(entry, comma)
+        wrong[k] = math.isnan(values[k]) and bare(entry).lower() not in MISSING
+    return values, wrong
+
+
 def _numbered(lines: Sequence[str], mark: str) -> float:
     """Return how well a delimiter serves: columns of numbers at the end of the file, times their share of all."""
-    last = [line.strip() for line in lines if line.strip()][-LOOKED_AT:]
-    # each line for itself: a quote that is not closed ends with its line
-    entries = (line.split() if mark == r"\s+" else next(csv.reader([line], delimiter=mark)) for line in last)
-    rows = [row[: MOST_COLUMNS + 1] for row in entries]
-    return len(_columns_of_numbers(rows)) ** 2 / max(map(len, rows))
-
-
-def _columns_of_numbers(rows: Sequence[Sequence[str]]) -> list[int]:
-    """Return the columns that hold numbers and dates in more than half of the rows; one of words does not count."""
+    rows = [_split(line, mark) for line in [line for line in lines if line.strip()][-LOOKED_AT:]]
     half = sorted(map(len, rows), reverse=True)[
         len(rows) // 2
     ]  # columns beyond are in half of the rows at most
-    return [k for k in range(half) if 2 * sum(k < len(row) and is_value(row[k]) for row in rows) > len(rows)]
-
-
-def _table(lines: Sequence[str], mark: str, path: Path) -> pd.DataFrame:
-    """Return all entries as text; its index counts the lines from 0."""
-    import pandas as pd
-
-    plain = (len(mark) == 1 and mark.isascii()) or mark == r"\s+"
-    between = re.compile(mark if len(mark) > 1 else re.escape(mark))
-    counts = [len(between.split(line.strip())) for line in lines]
-    # one long line does not widen all others: the table has a few times the entries of the file
-    width = min(max(counts), max(ALWAYS_READ, round(WIDER * sum(counts) / len(counts))))
-    if width > MOST_COLUMNS:
-        raise ValueError(
-            f"{path.name} must have at most {MOST_COLUMNS} columns, found {width} divided by {mark!r}: copy those of "
-            "time, input and output into a file of their own"
-        )
-    kept = [
-        line if count <= width else _cut(line, between, width)
-        for line, count in zip(lines, counts, strict=True)
+    served = [
+        k for k in range(half) if 2 * sum(k < len(row) and is_value(row[k]) for row in rows) > len(rows)
     ]
-    try:
-        table = pd.read_csv(
-            io.StringIO("\n".join(kept)),
-            sep=mark,
-            header=None,
-            names=range(width),
-            index_col=False,
-            dtype=str,
-            na_filter=False,
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            engine="c" if plain else "python",
-        )
-    except ValueError as refusal:  # pandas' own kinds of it, too
-        raise ValueError(f"{path.name} is no table of columns divided by {mark!r}: {refusal}") from None
-    return table.fillna("").apply(lambda column: column.str.strip())
+    return len(served) ** 2 / max(1, *map(len, rows))
 
 
-def _cut(line: str, between: re.Pattern[str], width: int) -> str:
-    """Return the first entries of a line that has too many; no quote of it runs on into the next line."""
-    line = line.strip().replace('"', " ")
-    end = next(match for k, match in enumerate(between.finditer(line), 1) if k == width)
-    return line[: end.start()]
-
-
-def _header(table: pd.DataFrame, wanted: Sequence[str | int], mark: str, path: Path) -> tuple[list[str], int]:
+def _header(
+    lines: Sequence[str], rows: Sequence[Sequence[str]], wanted: Sequence[str | int], mark: str, path: Path
+) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
-    full = table[(table != "").any(axis=1)]
-    last = full.tail(LOOKED_AT).to_numpy().tolist()
-    # entries that no row has are no column, though a missing value may be blank
-    filled_in = [[row[k] for row in last if row[k]] for k in range(table.shape[1])]
-    columns = [
-        k for k, entries in enumerate(filled_in) if 2 * sum(map(is_value, entries)) > max(len(entries), 1)
-    ]
-    for index, row in enumerate(table.head(LOOKED_AT).to_numpy().tolist()):
-        filled = [row[k] for k in columns if row[k]]
+    last = [row for row in rows if any(row)][-LOOKED_AT:]
+    columns = []  # entries that no row has are no column, though a missing value may be blank
+    for k in range(max(map(len, last))):
+        entries = [row[k] for row in last if k < len(row) and row[k]]
+        if 2 * sum(map(is_value, entries)) > max(len(entries), 1):
+            columns.append(k)
+    for index, row in enumerate(rows[:LOOKED_AT]):
+        filled = [row[k] for k in columns if k < len(row) and row[k]]
         if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(is_value, filled)):
             above = [
-                [name.strip('"') for name in names]
-                for names in table.iloc[:index].to_numpy().tolist()
-                if any(names)
+                _names(line, row, len(columns), mark)
+                for line, row in zip(lines, rows[:index], strict=False)
+                if any(row)
             ]
             # a row of units may follow that of the names
-            named = [
-                row for row in above if all(isinstance(name, int) or _places(name, row) for name in wanted)
-            ]
-            names: list[str] = next(iter(reversed(named or above)), [])
-            return names, index
+            named = [names for names in above if all(isinstance(x, int) or _places(x, names) for x in wanted)]
+            return next(iter(reversed(named or above)), []), index
     raise ValueError(
         f"{path.name} has no row of numbers in two columns or more among its first {LOOKED_AT} lines (columns divided "
-        f"by {mark!r}); its first line is {' '.join(table.iloc[0])[:QUOTED]!r}"
+        f"by {mark!r}); its first line is {' '.join(rows[0])[:QUOTED]!r}"
     )
+
+
+def _names(line: str, row: Sequence[str], count: int, mark: str) -> list[str]:
+    """Return the names of a header, which may contain single blanks where blanks divide the columns."""
+    wide = re.split(r"\s{2,9}", line.strip()) if mark == r"\s+" else []
+    return [name.strip('" ') for name in (wide if len(wide) == count else row)]
 
 
 def _place(name: str | int, header: Sequence[str], width: int, path: Path) -> int:
@@ -253,13 +282,12 @@ def _places(name: str, header: Sequence[str]) -> list[int]:
     ]
 
 
-def _has_decimal_commas(data: pd.DataFrame, places: Sequence[int]) -> bool:
-    """Whether commas appear in the numbers and points in none; dates may have either."""
-    entries = [bare(entry) for place in places for entry in data[place].head(200)]
-    commas = [entry for entry in entries if "," in entry and not math.isnan(number(entry))]
-    return bool(commas) and not any(
-        "." in entry and not math.isnan(number(entry)) and not re.fullmatch(GROUPED, entry.replace(".", ","))
-        for entry in entries
+def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
+    """Return True if commas appear in the numbers and points in none; dates may have either."""
+    entries = [bare(x) for column in columns for x in column[:200]]
+    entries = [entry for entry in entries if not math.isnan(_either(entry))]
+    return any("," in entry for entry in entries) and not any(
+        "." in entry and not GROUPED.fullmatch(entry.replace(".", ",")) for entry in entries
     )
 
 
@@ -278,7 +306,7 @@ def _in_seconds(column: tuple[Array, Array], name: str, doubts: list[str]) -> tu
     return column
 
 
-def _stamps(column: pd.Series, plain: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
+def _stamps(column: Sequence[str], plain: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
     """Return a column of dates or times of day in seconds since the earliest.
 
     Of the ways to write them the one counts that reads the most and, of these, makes the least span: day and month may
@@ -286,7 +314,7 @@ def _stamps(column: pd.Series, plain: tuple[Array, Array], doubts: list[str]) ->
     """
     import pandas as pd
 
-    text = bare(column).str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
+    text = pd.Series([bare(entry) for entry in column]).str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
     text = text.str.replace(r"(:\d\d:\d\d)(?![.\d])", r"\1.0", regex=True)
     text = text.str.replace(r"\s{0,9}([AaPp])\.?[Mm]\.?$", r" \1M", regex=True)
 

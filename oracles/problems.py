@@ -1,0 +1,74 @@
+"""The problems of an oracle: they are in its file, beside the answers.
+
+To add one, write a case without answers into the file, and run the script that is named there.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from multiprocessing import Pool
+from pathlib import Path
+
+ANSWERS = ("values", "envelope", "unstable_poles", "poles", "y", "u")
+FINER = 8  # points in a dead time at which a growing response is looked at
+
+
+def file_of(script: str) -> Path:
+    """The file that a script makes."""
+    name = Path(script).stem.removeprefix("make_")
+    return Path(__file__).parents[1] / "tests" / "oracle" / f"{name}.json"
+
+
+def problems(script: str) -> Iterator[dict]:
+    """Cases without their answers.
+
+    Of an optimum the digits that it needs to begin with are its `start`; a response that grows has `envelope_times`.
+    """
+    for case in json.loads(file_of(script).read_text(encoding="utf-8"))["cases"]:
+        asked = {
+            k: v for k, v in case.items() if k not in ANSWERS and not (isinstance(v, dict) and "values" in v)
+        }
+        if "envelope" in case:
+            asked["envelope_times"] = [k / FINER * case["delay"] for k in range(20 * FINER + 1)]
+        if "ms" in case and "values" in case:
+            asked["start"] = {key: rough(found) for key, found in case["values"].items()}
+        yield asked
+
+
+def rough(found):
+    """A number that is written out, or several, to six digits."""
+    return [rough(one) for one in found] if isinstance(found, list) else float(f"{float(found):.6g}")
+
+
+def store(script: str, digits: int, solve: Callable[[dict], tuple[dict, str]], **more: object) -> None:
+    """Solve all cases, print a line for each, and write the file."""
+    done = []
+    with Pool(2) as pool:
+        for case, line in pool.imap(solve, problems(script)):
+            print(line, flush=True)
+            done.append(case)
+    about = f"Made by {Path(script).name}, which says how; see README.md for the format."
+    content = json.dumps({"about": about, "digits": digits} | more | {"cases": done}, indent=1)
+    file_of(script).write_text(content + "\n", encoding="utf-8")
+
+
+def rational(num, den):
+    """A block, of coefficients in descending powers."""
+    return {"num": [float(x) for x in num], "den": [float(x) for x in den]}
+
+
+def poly(*factors):
+    """Product of polynomials, of numbers of any kind."""
+    out = [1]
+    for factor in factors:
+        new = [0] * (len(out) + len(factor) - 1)
+        for i, x in enumerate(out):
+            for j, y in enumerate(factor):
+                new[i + j] += x * y
+        out = new
+    return out
+
+
+def add(p, q):
+    """Sum of two polynomials in descending powers."""
+    n = max(len(p), len(q))
+    return [x + y for x, y in zip([0] * (n - len(p)) + p, [0] * (n - len(q)) + q, strict=True)]

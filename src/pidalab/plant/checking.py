@@ -1,0 +1,260 @@
+"""Are my gains right? From a log of the running loop to its Ms, to what the gains miss, and to others to try."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pidalab import _check
+from pidalab._names import KINDS
+from pidalab.comparison.judging import DesignRow, one_line, text_table
+from pidalab.controllers import HighOrderPID
+from pidalab.controllers.base import Controller
+from pidalab.loop import Loop
+from pidalab.plant.fitting import Fit, fit
+from pidalab.plant.fitting.uncertainty import samples_per_error
+from pidalab.plant.record import Record
+from pidalab.plant.record.cleaning import FOLLOWER
+from pidalab.plant.reporting import measure_candidate
+from pidalab.plant.safety import LoopEvaluator
+from pidalab.plant.tuning import tune
+from pidalab.process import Process, sign_of_gain
+from pidalab.rules import Design
+
+SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
+PLANTS_JUDGED = 60  # plants by which Ms gets its interval; of fewer the worst is too often below the true one
+CLEARER = 0.8  # times the residuals: a load that explains more than a third of their variance is there
+CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output has to move
+COLOURED = 3.0  # samples that share one error, from which on a residual is no white noise
+FED_BACK = 0.05  # share of the variance of u that may answer to it
+CHECK_COLUMNS = {
+    "IAE load": "iae_load",
+    "Ms": "ms_sampled",
+    "worst Ms": "ms_worst",
+    "noise gain": "noise_gain",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """What a log says of the gains that run.
+
+    Attributes
+    ----------
+    fit : Fit
+        The plant.
+    design : Design
+        The gains that run, with their filter.
+    sample_time : float
+        Of the controllers.
+    ms : float
+        Maximum sensitivity of the sampled loop with the model; infinite if it is unstable.
+    interval : tuple of float
+        The least and the largest with the model and the plants that the log does not rule out.
+    plants : tuple of Process
+        These.
+    ms_worst : float
+        Largest Ms with any of them, for the sets to try.
+    doubts : tuple of str
+        What a user should know.
+    """
+
+    fit: Fit
+    design: Design
+    sample_time: float
+    ms: float
+    interval: tuple[float, float]
+    plants: tuple[Process, ...]
+    ms_worst: float
+    doubts: tuple[str, ...]
+
+    @cached_property
+    def rows(self) -> tuple[DesignRow, ...]:
+        """The gains that run, the best of their kind with the same Ms and noise gain, and three sets to try."""
+        gains = self.design.controller.gains()
+        kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
+        now = measure_candidate(self.design, "now", kind, self.fit, self.sample_time)
+        now = now._replace(ms_worst=self.interval[1], ms_sampled=self.ms)
+        rows, quiet = [now], None if math.isnan(now.noise_gain) else now.noise_gain
+        if now.applies and quiet is not None and math.isfinite(self.ms):
+            rows.append(self._row("best like it", kind, self.fit.process, self.ms, quiet, self.ms_worst))
+        for name, (ms, share) in SETS.items():
+            noise = None if quiet is None else share * quiet
+            rows.append(self._row(name, kind, self.fit, min(ms, self.ms_worst), noise, self.ms_worst))
+        return tuple(rows)
+
+    def _row(
+        self, name: str, kind: str, plant: Process | Fit, ms: float, noise: float | None, worst: float
+    ) -> DesignRow:
+        try:
+            design = tune(plant, kind, ms=ms, noise_gain=noise, sample_time=self.sample_time, ms_worst=worst)
+        except ValueError as refusal:
+            return DesignRow(name, kind, reason=one_line(refusal))
+        found = measure_candidate(design, name, kind, self.fit, self.sample_time)
+        return found._replace(ms_worst=LoopEvaluator(self.sample_time, None).worst(design, self.plants).ms)
+
+    @property
+    def loss(self) -> float:
+        """By how many % the IAE of a load step is above the least of this kind with the same Ms and noise.
+
+        Below 0 where the search, whose filter is not faster than the sample, found none as good; nan where there is
+        nothing to compare with.
+        """
+        found = {row.rule: row.iae for row in self.rows}
+        return 100 * (found["now"] / found.get("best like it", math.nan) - 1)
+
+    def __str__(self) -> str:
+        low, high = (f"{ms:.2f}" if math.isfinite(ms) else "unstable" for ms in self.interval)
+        ms = f"Ms {self.ms:.2f}" if math.isfinite(self.ms) else "an unstable loop"
+        lines = [f"these gains: {ms}; {low} to {high} with the plants that the log does not rule out"]
+        if not math.isnan(self.loss):
+            than = f"{self.loss:.0f} % above" if self.loss >= 0.5 else "not above"
+            lines.append(
+                f"their IAE for a load is {than} that of the best {self.rows[0].kind} of the same Ms and noise"
+            )
+        lines += text_table(self.rows, {"rule": 14}, CHECK_COLUMNS, 12, self._gains)
+        return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
+
+    def _gains(self, row: DesignRow) -> str:
+        """Return the IAE as a multiple of that now, and what to type in."""
+        k = None if row.design is None else row.design.controller
+        if row.design is self.design or not isinstance(k, HighOrderPID):
+            return ""
+        values = {name: value for name, value in k.gains().standard()._asdict().items() if value}
+        said = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+        share = row.iae / self.rows[0].iae
+        times = "" if math.isnan(share) else f"×{share:.2f}: "
+        return f"{times}{said}, filter {k.filter_time:.3g} of order {k.filter_order}"
+
+
+def check(
+    record: Record | Fit,
+    controller: Controller,
+    *,
+    output_filter: Any = None,
+    sample_time: float | None = None,
+    ms_worst: float = 2.0,
+) -> Check:
+    r"""Judge the gains of a running loop by a log of it, or of an experiment with its plant.
+
+    The plant is fitted from u to y as they were logged, in open or closed loop: changes of the set point, a step of the
+    load, which is found, or a bump of u suffice, if they are large against the noise.
+
+    Parameters
+    ----------
+    record : Record or Fit
+        The log, or what was fitted to it.
+    controller : controller
+        That runs, with integral action; its gains in units of u per unit of y.
+    output_filter : control.TransferFunction, optional
+        A filter in series, such as that of the measurement.
+    sample_time : float, optional
+        Of the controller, above 0; by default that of the log.
+    ms_worst : float, optional
+        For the sets to try: the largest Ms with any plant that the log does not rule out.
+
+    Returns
+    -------
+    Check
+        Its `rows`, searched when they are first asked for, have three sets to try: *calmer* with half the noise gain
+        and Ms at most 1.4, *same noise* with 1.6, *faster* with twice the noise gain and 1.8.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a log that does not show the plant, with what would; for gains of the wrong sign or without integral action.
+
+    Notes
+    -----
+    In closed loop the noise is fed back to u. A direct fit of the output error is not biased by it if it is white.
+    Slower disturbances pull the model towards -1/C, where they make up much of the movement of u: that is doubted.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> plant, running = pidalab.fopdt(2.0, 12.0, 4.0), pidalab.PIDA(kp=0.6, ti=12.0)
+    >>> t = np.arange(120.0)
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.02, t.size)
+    >>> loop = pidalab.Loop(plant, running.discretise(1.0))
+    >>> log = pidalab.simulate_sampled(loop, t, load=np.where(t < 20, 0.0, 1.0), noise=noise)
+    >>> found = pidalab.check(pidalab.Record(t, log.u, log.y + noise), running)
+    >>> found.interval[0] < pidalab.margins(loop).ms < found.interval[1]
+    True
+    """
+    if not isinstance(controller, Controller):
+        raise TypeError(f"controller must be a continuous controller, found {type(controller).__name__}")
+    gains = controller.gains()
+    if gains.ki == 0:
+        raise ValueError(
+            "controller must have integral action: without it a load leaves a steady-state error"
+        )
+    fitted = record if isinstance(record, Fit) else _fitted(record)
+    process, doubts = fitted.process, [*fitted.record.doubts, *fitted.doubts]
+    if gains.ki * sign_of_gain(process) < 0:
+        found = f"found kp = {gains.kp:.4g} for a plant of gain {fitted.parameters['gain']:.3g}"
+        other = "; or, since u follows the output, the log shows the controller and not the plant: move the set point"
+        raise ValueError(
+            f"controller must have gains of the sign of the plant's, {found}: the output would run away"
+            + (other if fitted.record.experiment == FOLLOWER else "")
+        )
+    if sample_time is None:
+        sample_time = fitted.record.sampling
+        doubts.append(f"the controller is taken to have the sample time of the log, {sample_time:.4g}")
+    sample_time = _check.real("sample_time", sample_time, above=0.0)
+    running = Design(process, controller, output_filter=output_filter, source="the gains that run")
+    evaluator, plants = LoopEvaluator(sample_time, None), tuple(fitted.spread(PLANTS_JUDGED))
+    judged = [evaluator.ms(running, plant) for plant in (process, *plants)]
+    sizes = [one.ms for one in judged]
+    doubts += sorted({one.reason for one in judged if one.reason})
+    if math.isinf(sizes[0]):
+        doubts.append(
+            "the loop of the model is unstable: if the log shows this loop, other gains ran, or other units"
+        )
+    else:
+        doubts += _biased(fitted, running.loop(process))
+    worst = _check.real("ms_worst", ms_worst, above=1.0)
+    return Check(
+        fitted, running, sample_time, sizes[0], (min(sizes), max(sizes)), plants, worst, tuple(doubts)
+    )
+
+
+def _fitted(record: Record) -> Fit:
+    """Fit the plant, with a step of the load where it explains much of what u does not."""
+    found: list[Fit] = []
+    refusal = None
+    for load in (False, True):
+        if found and samples_per_error(found[0].residuals) < COLOURED:
+            break  # nothing is left that a load would explain
+        try:
+            found.append(fit(record, load=load))
+        except ValueError as failed:
+            refusal = refusal or failed
+    if not found:
+        moved = f" by {CLEAR_MOVE * record.noise.deviation:.2g} or more" if record.noise.deviation else ""
+        raise ValueError(
+            f"the log does not show the plant: {refusal}. For a check it needs a change of the set point, a step of "
+            f"the load or a bump of u that moves the output{moved}, and the time to settle"
+        )
+    plain, loaded = found[0], found[-1]
+    return loaded if loaded.deviation < CLEARER * plain.deviation else plain
+
+
+def _biased(fitted: Fit, loop: Loop) -> list[str]:
+    """Say whether slow disturbances, fed back by the controller, make up much of the movement of u."""
+    from pidalab.simulation.exact import simulate
+
+    record, rest = fitted.record, fitted.residuals
+    if samples_per_error(rest) < COLOURED:
+        return []
+    t = np.linspace(0.0, float(np.ptp(record.t)), rest.size)
+    share = float(np.var(simulate(loop, t, noise=rest).u) / np.var(record.u))
+    if share < FED_BACK:
+        return []
+    return [
+        f"slow disturbances make up about {100 * min(share, 1.0):.0f} % of the movement of u, through the controller, "
+        "and pull the model towards -1/C: Ms may lie outside its interval; a larger change of the set point would help"
+    ]
