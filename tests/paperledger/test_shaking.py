@@ -12,8 +12,7 @@ import pytest
 from demo_ledger import write_notebook
 
 from paperledger import Row, read_rows, update, write_rows
-from paperledger.moves import shake
-from paperledger.shaking import Shaker
+from paperledger.shake import Shaker, shake
 
 LIBRARY = '''
 """A library of one rule, with the kinds of doors that there are."""

@@ -16,7 +16,7 @@ from pidalab.process import Process, require_process
 from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
-from pidalab.rules.starting_models import time_scale
+from pidalab.rules.models import time_scale
 from pidalab.search import border
 
 LONGEST_FILTER = 1e4  # that is tried, in sample times

@@ -30,7 +30,7 @@ from pidalab.process import Process, binomial
 from pidalab.roots import roots
 from pidalab.rules import mrdp
 from pidalab.rules._design import Design
-from pidalab.rules._models import integrator
+from pidalab.rules.models import integrator
 
 if TYPE_CHECKING:
     import control

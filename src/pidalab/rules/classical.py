@@ -34,8 +34,8 @@ from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.rules._design import Design
-from pidalab.rules._models import integrator, lag_with_delay, lags, require_delay
 from pidalab.rules._simc import improved_simc, simc
+from pidalab.rules.models import integrator, lag_with_delay, lags, require_delay
 
 __all__ = [
     "amigo",

@@ -14,7 +14,7 @@ from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
 from pidalab.rules._design import Design
-from pidalab.rules._models import second_order
+from pidalab.rules.models import second_order
 
 
 def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:

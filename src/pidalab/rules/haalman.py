@@ -13,7 +13,7 @@ from pidalab.process import Process, binomial
 from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import gain_crossovers
 from pidalab.rules._design import Design
-from pidalab.rules._models import lags
+from pidalab.rules.models import lags
 
 if TYPE_CHECKING:
     import control

@@ -33,7 +33,7 @@ from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
 from pidalab.rules._design import Design
-from pidalab.rules._models import SecondOrder, lag_with_delay, second_order
+from pidalab.rules.models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):

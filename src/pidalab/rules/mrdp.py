@@ -32,7 +32,7 @@ from pidalab.loop import Loop
 from pidalab.process import Process, ipdt
 from pidalab.robustness.poles import is_stable
 from pidalab.rules._design import Design
-from pidalab.rules._models import integrator
+from pidalab.rules.models import integrator
 from pidalab.search import border
 
 if TYPE_CHECKING:
