@@ -229,7 +229,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
         (lambda: pidalab.optimal.load(THIRD, 1, sample_time=2.0), ValueError, "noise_gain is missing"),
         (lambda: pidalab.optimal.load(pidalab.Process([1.0, 0.0], [1.0, 1.0]), 1), ValueError, "static gain"),
         (lambda: pidalab.optimal.load(pidalab.ipdt(1.0, 0.0), 1), ValueError, "a lag or a dead time"),
-        (lambda: pidalab.optimal.load(THIRD, 1, noise_gain=9.0, sample_time=1e3), ValueError, "sample_time must be at most"),
+        (lambda: pidalab.optimal.load(THIRD, 1, noise_gain=9.0, sample_time=1e3), ValueError, "sample_time must"),
         (
             lambda: pidalab.optimal.load(pidalab.Process([1.0], [1.0, -1.0], 3.0), 1, ms=2.0),
             ValueError,
