@@ -18,7 +18,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.process import Process, fopdt, require_process, sopdt
-from pidalab.robustness.loops import explore
+from pidalab.robustness.in_z import axis_of
 from pidalab.roots import roots
 
 LEAST_LAG = 1e-9  # of tau wu in first order, of (tau wu)^4 in second; a smaller lag is a rounding error
@@ -91,7 +91,7 @@ def ultimate_frequency(process: Process) -> float:
     unit = _unit(Process(process.num, settling, process.delay))
     zeros = roots(unit.num)
 
-    axis = explore(Loop(unit, 1.0))
+    axis = axis_of(Loop(unit, 1.0))
 
     def phase(w: Array) -> Array:
         w = np.atleast_1d(w)
