@@ -107,7 +107,7 @@
     return time ? { sampleTime: time / NOISE_SAMPLES, gain: 1 / (Math.abs(gainOf(process)) * Math.pow(time, integratorsOf(process))) } : { sampleTime: NaN, gain: NaN };
   });
 
-  const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-9; // samples, and share of the squares in their second half
+  const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-7; // samples, and share of the squares in their second half
 
   /* Standard deviation of u for white measurement noise of standard deviation 1 that is held for a sample: the root of the
      sum of squares of what one sample of it does. NaN where that does not fade. */
