@@ -149,27 +149,27 @@ def designs(
 ) -> Iterator[tuple[str, str, Callable[[], Design]]]:
     """Yield name, kind and the call that designs, for every rule, then for the optima.
 
-        Parameters
-        ----------
-        process : Process
-            The plant.
-        requirements : Requirements
-            Ms, and the noise gain with its sample time.
-        rules : iterable of str, optional
-            As for `compare`.
+    Parameters
+    ----------
+    process : Process
+        The plant.
+    requirements : Requirements
+        Ms, and the noise gain with its sample time.
+    rules : iterable of str, optional
+        As for `compare`.
 
-        Yields
-        ------
-        tuple
-            The call raises ValueError where the rule does not apply.
+    Yields
+    ------
+    tuple
+        The call raises ValueError where the rule does not apply.
 
-        Examples
-        --------
-        >>> import pidalab
-        >>> from pidalab.comparison import designs
-        >>> from pidalab.requirements import Requirements
-        >>> [(rule, kind) for rule, kind, _ in designs(pidalab.lags(3), Requirements(ms=1.6), ["simc"])]
-        [('simc', 'PI'), ('simc', 'PID')]
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.comparison import designs
+    >>> from pidalab.requirements import Requirements
+    >>> [(rule, kind) for rule, kind, _ in designs(pidalab.lags(3), Requirements(ms=1.6), ["simc"])]
+    [('simc', 'PI'), ('simc', 'PID')]
     """
     from pidalab import optimal
 
