@@ -10,7 +10,7 @@ import pytest
 from engine import SCRIPT, Engine, asked
 
 import pidalab
-from pidalab.robustness.sampled import sampled_plant
+from pidalab.robustness.in_z import sampled_plant
 from pidalab.rules import automatic_reset, classical, itae, mrdp
 
 RULE = """pidalabEngine.rule = ({rule, process, design, knob}) =>
