@@ -39,8 +39,12 @@ MOST_DIGITAL_SAMPLES = 1e7  # of a digital one: more would fill the memory
 @click.command("compare")
 @plant
 @ms
-@click.option("--noise-gain", default=10.0, help="Largest gain from noise to u of the optima.")
-@click.option("--sample-time", default=0.01, help="Sample time of that noise.")
+@click.option(
+    "--noise-gain", type=float, help="Largest noise gain of the optima; by default a relative one of 1.5."
+)
+@click.option(
+    "--sample-time", type=float, help="Sample time of that noise; by default the ultimate period over 100."
+)
 @click.option(
     "--rule",
     "rules",
