@@ -71,6 +71,8 @@ def on_paper(soup: BeautifulSoup, task: Tag, shown: tuple[str, ...]) -> Tag:
     data = json.loads(task.script.string)
     for gone in task.select("script, .headerlink"):
         gone.decompose()
+    for link in task.select("a"):  # paper leads nowhere
+        link.unwrap()
     for name in ("hint", "answer"):
         fold = task.select_one(f".task-{name}")
         if name in shown:
@@ -104,6 +106,8 @@ def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
             soup.head.append(script.extract())
         else:
             script.decompose()
+    for link in soup.select("link[rel=next], link[rel=prev]"):
+        link.decompose()
     soup.head.append(_with_text(soup, "style", STYLE))
     soup.html["data-theme"] = "light"
     soup.title.string = f"pidalab: {title}"

@@ -13,14 +13,11 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import pidalab
 from pidalab import HighOrderPID, Loop
-from pidalab.optimal._design import _edge
-from pidalab.optimal._noise import SampledNoise
-from pidalab.optimal._polish import polish
-from pidalab.optimal._problem import Problem, _other_side
-from pidalab.optimal._solver import Search
-from pidalab.optimal._starts import approached, at_once, stabilising
-from pidalab.optimal._units import unit_of_time
-from pidalab.optimal._walk import _valleys
+from pidalab.optimal.curves import find_curves
+from pidalab.optimal.design import _edge, _valleys
+from pidalab.optimal.polish import polish
+from pidalab.optimal.problem import Problem, SampledNoise, _other_side, unit_of_time
+from pidalab.optimal.search import Search, approached, feasible_starts, stabilising
 from pidalab.process import sign_of_gain
 from pidalab.requirements import Requirements
 
@@ -202,9 +199,9 @@ def test_gradients_are_those_of_the_functions():
     problem = Problem(THIRD, 2, (0.6, 1.6))
     x = np.array([0.3, 0.5, 0.4, 0.1, -2.0])
     for function in (
-        problem.worth(120.0),
+        problem.iae(120.0),
         SampledNoise(problem, 0.05),
-        problem.limits(np.geomspace(0.1, 10.0, 7), {"ms": 1.4, "mks": 20.0, "mt": 1.3, "half": 0.9}),
+        problem.slack(np.geomspace(0.1, 10.0, 7), {"ms": 1.4, "mks": 20.0, "mt": 1.3, "inverse_disk": 0.9}),
     ):
         steps = 1e-6 * np.eye(x.size)
         numeric = [(np.asarray(function(x + h)[0]) - np.asarray(function(x - h)[0])) / 2e-6 for h in steps]
@@ -218,7 +215,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
     exact = pidalab.load_response(
         Loop(THIRD, HighOrderPID(gains, time, 3)), np.linspace(0.0, 120.0, 4001)
     ).iae()
-    assert problem.worth(120.0)(x)[0] * 1.6 == pytest.approx(exact, rel=1e-3)
+    assert problem.iae(120.0)(x)[0] * 1.6 == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +230,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
         (lambda: pidalab.optimal.load(THIRD, 1, sample_time=2.0), ValueError, "noise_gain is missing"),
         (lambda: pidalab.optimal.load(pidalab.Process([1.0, 0.0], [1.0, 1.0]), 1), ValueError, "static gain"),
         (lambda: pidalab.optimal.load(pidalab.ipdt(1.0, 0.0), 1), ValueError, "a lag or a dead time"),
-        (lambda: pidalab.optimal.load(THIRD, 1, noise_gain=9.0, sample_time=1e3), ValueError, "to be that slow"),
+        (lambda: pidalab.optimal.load(THIRD, 1, noise_gain=9.0, sample_time=1e3), ValueError, "sample_time must"),
         (
             lambda: pidalab.optimal.load(pidalab.Process([1.0], [1.0, -1.0], 3.0), 1, ms=2.0),
             ValueError,
@@ -297,7 +294,7 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
     inside = []
-    monkeypatch.setattr("pidalab.optimal._design.search", lambda *_: inside.append(threads()))
+    monkeypatch.setattr("pidalab.optimal.design.descend_ladder", lambda *_: inside.append(threads()))
     with threadpool_limits(limits=2, user_api="blas"):
         with pytest.raises(ValueError, match="ms"):
             pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, ms=1.4)
@@ -382,8 +379,8 @@ def test_what_is_left_to_the_limits():
     ]
     left = one.constraints()[0].value(x)
     np.testing.assert_allclose(left, np.concatenate(expected), rtol=1e-9)
-    assert one.missed(x) == pytest.approx(max(0.0, -np.min(left)))
-    assert one.missed(0.01 * x) >= 0
+    assert one.violation(x) == pytest.approx(max(0.0, -np.min(left)))
+    assert one.violation(0.01 * x) >= 0
     assert Requirements(mks=5.0).limits() == {"ms": 1.6, "mks": 5.0}
     assert Requirements(noise_gain=3.0, sample_time=0.1).limits() == {"ms": 1.6, "noise_gain": 3.0}
 
@@ -414,14 +411,14 @@ def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     unit = unit_of_time(process, limits)
     problem = Problem(process, 1, (abs(complex(process(1j / unit))), unit))
     one = Search(problem, limits)
-    assert at_once(one) == []
-    candidates = [one.missed(x) for x in stabilising(one)]
+    assert feasible_starts(one) == []
+    candidates = [one.violation(x) for x in stabilising(one)]
     found = approached(one)
     assert min(candidates) > 0
     assert len(found) == int(kept)
     assert one.sound(one.nearest)
-    assert one.missed(one.nearest) < min(candidates)
-    assert (one.missed(one.nearest) == 0) == kept
+    assert one.violation(one.nearest) < min(candidates)
+    assert (one.violation(one.nearest) == 0) == kept
     if kept:
         assert found[0] is one.nearest
         assert pidalab.max_sensitivity(one.loop(found[0]))[0] < 1.01 * ms
@@ -466,3 +463,30 @@ def test_the_last_steps_come_to_rest_with_every_kind_of_limit():
     """Second derivatives that come from points too far apart left the end open, at five digits."""
     process = pidalab.Process([1.0], [1.0, -1.0], 0.1)
     assert pidalab.optimal.load(process, 1, ms=2.0, mks=30.0, disk=0.9).digits == 9
+
+
+def test_a_curve_searches_again_only_where_its_response_was_too_short(monkeypatch):
+    """The descents of a curve and the simulation agree on the IAE here, so that no full search is made."""
+    searched, full = [], pidalab.optimal.least_iae
+
+    def least_iae(*arguments, **options):
+        searched.append(arguments)
+        return full(*arguments, **options)
+
+    monkeypatch.setattr("pidalab.optimal.curves.least_iae", least_iae)
+    limits = {"ms": [1.6], "noise_gains": [3.0], "sample_time": 0.05}
+    (design,) = find_curves(THIRD, 0, **limits).values()
+    assert (design.digits, searched) == (2, [])
+    monkeypatch.setattr("pidalab.optimal.curves.SAME_IAE", -math.inf)
+    (design,) = find_curves(THIRD, 0, **limits).values()
+    assert (design.digits, len(searched)) == (9, 1)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_progress_bar_starts_no_thread(monkeypatch):
+    def refuse(*_):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("tqdm.std.TMonitor", refuse)
+    monkeypatch.setattr("tqdm.std.tqdm.monitor", None)
+    pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0)

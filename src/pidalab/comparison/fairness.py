@@ -107,7 +107,7 @@ def _filtered(gains: Array, time: float) -> HighOrderPID:
 
 def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, float], float]:
     """Return the function that gives the noise gain; infinite where the loop does not bear to be sampled."""
-    from pidalab.optimal.parts import Problem, SampledNoise
+    from pidalab.optimal.problem import Problem, SampledNoise
 
     problem = Problem(process, size - 2, (1.0, time_scale(process)))
     noise = SampledNoise(problem, sample_time, DENSITY)

@@ -11,7 +11,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.plants import AsymmetricPlant
 from pidalab.process import Process, rational
-from pidalab.robustness.sampled import require_later_answer
+from pidalab.robustness.in_z import require_later_answer
 from pidalab.statespace import StateSpace, held, pieces, realise
 
 
