@@ -7,6 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.simulation.ladder import norm_over, responses
@@ -49,8 +50,8 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     finer = -(-CHECKED // (n - 1))
     steps, step = (n - 1) * finer, step / finer
     found = responses(cut, steps + 1, step, norm)
-    numbers = np.isfinite(found).all(axis=(0, 1))
-    if not numbers.all():  # it overflowed, perhaps for a while: whoever asked says so
+    if not _check.all_finite(found):  # it overflowed, perhaps for a while: whoever asked says so
+        numbers = np.isfinite(found).all(axis=(0, 1))
         found[:, :, np.argmin(numbers) :] = np.nan
     elif (inputs, steps, step) not in (agreed := AGREED.setdefault(loop, set())):
         _require_agreement(loop, inputs, cut, norm, found, step, finer)

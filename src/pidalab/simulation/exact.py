@@ -30,8 +30,9 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, require_loop
 from pidalab.process import Process
-from pidalab.response import REFINEMENT, Response, apply_to_finer
+from pidalab.response import Response
 from pidalab.roots import roots
+from pidalab.signals import REFINEMENT, apply_to_finer
 
 
 def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
@@ -68,7 +69,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     from pidalab.simulation.digits import checked_responses  # compiled code: loaded when it is needed
 
     unit = checked_responses(loop, inputs, t.size, t[-1] / (t.size - 1))
-    if not np.isfinite(unit).all():
+    if not _check.all_finite(unit):
         lost = ~np.isfinite(unit).all(axis=(0, 1))
         raise ValueError(
             f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}"
@@ -165,17 +166,16 @@ def simulate_ensemble(
 def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> list[Response]:
     """Responses to set point and load under each record of noise; the arrays have been checked."""
     require_loop(loop)
-    noisy = any(record.any() for record in records)
-    driven = "r" * bool(r.any()) + "d" * bool(d.any()) + "n" * noisy
+    noisy = any(_acts(record) for record in records)
+    driven = "r" * _acts(r) + "d" * _acts(d) + "n" * noisy
     unit = unit_step_responses(loop, t, driven) if driven else np.zeros((0, 3, t.size))
-    common = np.zeros((3, t.size)) if driven in ("", "n") else None
-    for key, response in zip(driven, unit, strict=True):
-        if key != "n":
-            added = _superpose(response, r if key == "r" else d, t)
-            common = added if common is None else common + added
+    added = [
+        _superpose(unit[driven.index(key)], held, t) for key, held in (("r", r), ("d", d)) if key in driven
+    ]
+    common: Array = sum(added[1:], start=added[0]) if added else np.zeros((3, t.size))
     responses = []
     for n in records:
-        quiet = not n.any()
+        quiet = not (noisy and _acts(n))
         y, area, u = common if quiet else common + _superpose(unit[-1], n, t)
         # noise is defined by its samples: there is no finer grid
         finer, speed = (
@@ -186,10 +186,20 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
     return responses
 
 
+def _acts(signal: Array) -> bool:
+    """Return True if a held signal is not 0 throughout."""
+    return bool(signal[0]) if signal.strides == (0,) else bool(signal.any())
+
+
 def _respond_finer(loop: Loop, t: Array, r: Array, d: Array) -> Response:
     """Repeat an experiment without noise on a grid that is finer by `REFINEMENT`."""
     finer = np.linspace(0.0, t[-1], REFINEMENT * (t.size - 1) + 1)
-    r, d = (np.append(np.repeat(held[:-1], REFINEMENT), held[-1]) for held in (r, d))
+    r, d = (
+        np.broadcast_to(held[0], finer.size)
+        if _check.is_constant(held)
+        else np.append(np.repeat(held[:-1], REFINEMENT), held[-1])
+        for held in (r, d)
+    )
     return respond(loop, finer, r, d, [np.broadcast_to(0.0, finer.size)])[0]
 
 
@@ -201,7 +211,7 @@ def _speed(loop: Loop) -> float:
 
 def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     """Add up unit step responses, one for each change of a held signal."""
-    if (signal[1:] == signal[:-1]).all():
+    if _check.is_constant(signal):
         return unit if signal[0] == 1.0 else unit * signal[0]
     changes = np.diff(signal, prepend=0.0)
     from scipy.signal import fftconvolve

@@ -132,7 +132,8 @@ def portrait(
 
     With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
-    t, r, d, n = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
+    t, *held = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
+    r, d, n = map(np.ascontiguousarray, held)  # as kernels read them
     h = float(t[-1] / (t.size - 1))
     bank = Bank.of(loop, parameters, prefilter, h)
     at_rest = limits_at_rest(loop.limits, limits)

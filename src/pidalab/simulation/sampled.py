@@ -135,7 +135,8 @@ def simulate_sampled(
     conditioning: overshoot 12.4 %
     """
     require_loop(loop)
-    t, r, d, n = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
+    t, *held = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
+    r, d, n = map(np.ascontiguousarray, held)  # as kernels read them
     h = float(t[-1] / (t.size - 1))
     at_rest = limits_at_rest(loop.limits, limits)
     fineness, actuator = _conversion(*at_rest, quanta, pulse_widths)
