@@ -9,12 +9,12 @@ export PYTHONDONTWRITEBYTECODE :=
 BIN := .venv/bin
 ENV := .venv/.book
 DEV := .venv/.dev
-SITE := _build/.built
+SITE := _build/.built$(if $(LIVE),-live)
 COMPILE = $(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes \
 	--no-annotate --custom-compile-command "make lock"
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/sheets.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/live.py tools/live.toml tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/sheets.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
-.PHONY: help env book test notebooks shake least fuzz lint bench study foreign release lock clean
+.PHONY: help env book live test notebooks shake least fuzz lint bench study foreign release lock clean
 .DELETE_ON_ERROR:
 
 help:  ## list these targets
@@ -28,12 +28,15 @@ $(ENV): requirements.txt pyproject.toml tools/environment.py
 $(DEV): requirements-dev.txt $(ENV)
 	$(PYTHON) tools/environment.py --dev
 
-book: $(SITE)  ## build the site in _build/html from the notebooks and the outputs they store (a minute)
+book: $(SITE)  ## build the site in _build/html from the stored outputs (a minute; LIVE=1: with cells that run in the browser)
 	@echo "The site: _build/html/index.html"
 
 $(SITE): $(ENV) $(SOURCES)
-	$(BIN)/python tools/site.py
+	LIVE=$(LIVE) $(BIN)/python tools/site.py
 	touch $@
+
+live: $(DEV)  ## fetch the Python that runs cells in the browser into .live, for LIVE=1 (a minute)
+	$(BIN)/python tools/live.py
 
 test: $(DEV) $(SITE)  ## unit tests, doctests, notebooks, and of the long tests one in ten (5 minutes; DRAW=1 runs all: 15)
 	DRAW=$${DRAW:-10} $(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --nbval --nbval-current-env
@@ -73,5 +76,5 @@ lock: $(DEV)  ## write both locks from pyproject.toml, keeping the versions they
 	$(COMPILE) --all-extras --constraint requirements.txt --output-file requirements-dev.txt pyproject.toml
 
 clean:  ## remove everything that was made
-	rm -rf .venv _build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .live _build dist .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

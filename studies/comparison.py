@@ -31,8 +31,8 @@ from pidalab.comparison import at_equal_terms, designs
 from pidalab.comparison.benchmarking import EQUAL_MS, NOISE, judge
 from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
+from pidalab.requirements import Requirements
 from pidalab.rules import Design
-from pidalab.rules.registry import RuleLimits
 from pidalab.rules.starting_models import StartingModels
 
 FASTER = 2.0  # another Ms, for the optima alone
@@ -87,7 +87,9 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
     """Every rule on one plant: its own design, then at equal terms, and what becomes of it on plants that are off."""
     own = noise_scale(process)
     rows: list[dict[str, Any]] = []
-    for rule, kind, make in designs(process, RuleLimits(EQUAL_MS, NOISE["loud"] * own.gain, own.sample_time)):
+    for rule, kind, make in designs(
+        process, Requirements(ms=EQUAL_MS, noise_gain=NOISE["loud"] * own.gain, sample_time=own.sample_time)
+    ):
         if rule == "optimal":
             continue
         made = cache(make)

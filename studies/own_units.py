@@ -52,7 +52,9 @@ def optimum(name: str, process: Process, order: int, ms: float, noise: float) ->
     own = noise_scale(process)
     row: dict[str, Any] = {"plant": name, "order": order, "ms_limit": ms, "noise_limit": noise}
     try:
-        found = pidalab.optimal.load(process, order, ms, None, noise * own.gain, own.sample_time)
+        found = pidalab.optimal.load(
+            process, order, ms=ms, noise_gain=noise * own.gain, sample_time=own.sample_time
+        )
     except (ValueError, ArithmeticError) as refusal:
         return row | {"reason": one_line(refusal)}
     gains = found.controller.coefficients

@@ -19,7 +19,7 @@ sys.path[:0] = [
     for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs", "papers")
 ]
 # last, since one of the tools is called like Python's module site
-sys.path += [str(ROOT / "tools")]
+sys.path += [str(ROOT / "tools"), str(ROOT / "oracles")]
 
 # Long tests, the longest first: pages in a browser, searches, fits, commands, code for others, audits. They take three
 # quarters of the time.

@@ -12,6 +12,7 @@ import vendored
 import yaml
 
 from paperledger import papers
+from paperledger.running import missing
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -110,24 +111,15 @@ def test_every_licence_of_what_the_site_carries_has_its_text(tmp_path):
     assert not re.search("<(year|owner|copyright)", notice)
 
 
-def test_every_paper_of_the_book_is_cited():
-    bibliography = (ROOT / "book" / "references.bib").read_text(encoding="utf-8")
-    entries = re.split(r"\n(?=@)", bibliography)
-    titles = {
-        found[1]: plain(found[2])
-        for entry in entries
-        if (found := re.search(r"@\w+\{(\w+),.*?\btitle\s*=\s*\{([^\n]*)\},", entry, flags=re.DOTALL))
-    }
-    cited = {
-        plain(one["title"])
-        for one in yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["references"]
-    }
-    assert {titles[paper] for paper in papers(ROOT / "book" / "ledger")} == cited
+@pytest.mark.parametrize("paper", papers(ROOT / "book" / "ledger"))
+def test_a_paper_is_named_wherever_a_book_needs_it(paper):
+    assert missing(paper, ROOT / "book" / "ledger") == []
 
 
-def plain(title):
-    """Letters alone, small ones: the two files spell capitals, dashes and indices differently."""
-    return re.sub(r"[^a-z]", "", title.replace("ₙᵐ", "nm").lower())
+def test_codecheck_lists_files_that_exist():
+    check = yaml.safe_load((ROOT / "codecheck.yml").read_text(encoding="utf-8"))
+    assert check["repository"] == PROJECT["urls"]["Repository"]
+    assert [one["file"] for one in check["manifest"] if not (ROOT / one["file"]).is_file()] == []
 
 
 def test_what_colab_is_given_runs(capsys, monkeypatch):

@@ -36,7 +36,7 @@ def read(name: str) -> pd.DataFrame:
 
 def oracles() -> str:
     """Reference values by file; the list beside them says what they are."""
-    readme = (ORACLES / "README.md").read_text("utf-8")
+    readme = (ROOT / "oracles" / "README.md").read_text("utf-8")
     content = dict(re.findall(r"^\| `(\S+)` \| (.+?) \|", readme, re.MULTILINE))
     lines = []
     for path in sorted(ORACLES.glob("*.json")):

@@ -5,17 +5,15 @@ missing in the wheel, or a dependency that is missing in pyproject.toml, fails h
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
 import tempfile
-import tomllib
 import venv
 import zipfile
 from datetime import UTC, datetime
 from pathlib import Path
-
-import yaml
 
 from paperledger.publishing import publish
 
@@ -93,24 +91,13 @@ def use(wheel: Path) -> None:
 
 
 def account(version: str) -> Path:
-    """Pack the ledgers, and what an archive and other checkers read about them; the same for the same commit."""
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    urls = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["urls"]
+    """Pack the ledgers, and what other checkers read about them; the same for the same commit."""
     when = datetime.fromtimestamp(int(committed()), UTC)
-    about = {
-        "name": f"{citation['title']}: the account of five papers on PIDA control",
-        "description": citation["abstract"],
-        "version": version,
-        "date": f"{when:%Y-%m-%d}",
-        "license": "https://creativecommons.org/licenses/by/4.0/",
-        "url": urls["Documentation"],
-        "repository": urls["Repository"],
-        "authors": [one["name"] for one in citation["authors"]],
-        "dois": [one["doi"] for one in citation["references"] if "doi" in one],
-    }
     packed = DIST / f"pidalab-{version}-account.zip"
     with tempfile.TemporaryDirectory() as made, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in publish(ROOT / "book" / "ledger", Path(made), about):
+        shutil.copy(ROOT / "codecheck.yml", made)
+        publish(ROOT / "book" / "ledger", Path(made))
+        for path in sorted(path for path in Path(made).rglob("*") if path.is_file()):
             entry = zipfile.ZipInfo(path.relative_to(made).as_posix(), when.timetuple()[:6])
             archive.writestr(entry, path.read_bytes(), zipfile.ZIP_DEFLATED)
     return packed

@@ -16,8 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from paperledger.moves import shake
-from paperledger.shaking import Off, Shaker
+from paperledger.shake import Off, Shaker, shake
 
 ROOT = Path(__file__).resolve().parents[1]
 

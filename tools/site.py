@@ -5,12 +5,14 @@ No notebook runs here: `make test` runs each of them and compares what comes out
 what a run gave. `make notebooks` runs them and stores what they give now. The copy keeps the work tree as it is.
 """
 
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import evidence
+import live
 import sheets
 import slides
 import vendored
@@ -47,6 +49,9 @@ def main() -> int:
         slides.main(BUILD / "html" / "slides")
         sheets.main(BUILD / "html" / "sheets")
         vendored.write(vendored.SITE)
+        if os.environ.get("LIVE"):
+            live.main()
+            shutil.copytree(live.FOLDER, vendored.SITE / "live")
     return status
 
 

@@ -27,6 +27,9 @@ SHOWN = {"list", "formula", "figure", "live", "result", "table", "shown"}  # on 
 PICTURES = {"figure", "live"}
 PLAN = "<ul>\n<li><strong>You need:</strong>"  # what the teacher reads before, no slide
 SHORT, LEAD_IN = 1000, 200  # characters that a slide without a figure bears, and of what leads to a formula
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; font-src data:"
+)
 TOGETHER = 4  # exercises on a slide, at most
 CODE_SHOWN = "The recipe"  # heading under which code is no note
 FENCE = re.compile(r"\{([a-z:-]+)\}\s*(.*)")
@@ -299,6 +302,7 @@ def page(path: Path) -> str:
         [
             f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{name}</title>',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
             *(f"<style>{each.read_text(encoding='utf-8')}</style>" for each in styles),
             f"</head><body><main>{''.join(made)}</main>",
             *(f"<script>{inside(each.read_text(encoding='utf-8'))}</script>" for each in scripts),

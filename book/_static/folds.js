@@ -10,9 +10,14 @@ addEventListener("load", () => {
   }
 });
 
+/* The id that an address ends with; an address may hold a % that encodes nothing. */
+function place() {
+  try { return decodeURIComponent(location.hash.slice(1)); } catch { return ""; }
+}
+
 /* An address that leads into a fold opens it: the row of a ledger, for one. */
 function reveal() {
-  const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  const target = document.getElementById(place());
   if (!target?.closest("details:not([open])")) return;
   for (let fold = target.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
   target.scrollIntoView({ block: "center" });

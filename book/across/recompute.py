@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pidalab
 from pidalab.comparison import designs
-from pidalab.rules.registry import RuleLimits
+from pidalab.requirements import Requirements
 from pidalab.simulation.settling import settled
 
 import tables
@@ -28,7 +28,7 @@ def rule(row: Any, plant: Any) -> float:
     """IAE of a load step with the rule of a row, in units of the plant."""
     model = process(plant)
     noise, sample = tables.NOISE["loud"] * plant.ultimate_gain, plant.ultimate_period / 100
-    makers = designs(model, RuleLimits(tables.MS, noise, sample), [row.rule])
+    makers = designs(model, Requirements(ms=tables.MS, noise_gain=noise, sample_time=sample), [row.rule])
     make = next(make for _, kind, make in makers if kind == row.kind)
     return load_iae(make().loop(model), plant)
 
@@ -36,7 +36,9 @@ def rule(row: Any, plant: Any) -> float:
 def optimum(row: Any, plant: Any) -> float:
     """Least IAE that the search finds now under the limits of a row, in units of the plant."""
     noise, sample = row.noise_limit * plant.ultimate_gain, plant.ultimate_period / 100
-    found = pidalab.optimal.load(process(plant), row.order, row.ms_limit, None, noise, sample)
+    found = pidalab.optimal.load(
+        process(plant), row.order, ms=row.ms_limit, noise_gain=noise, sample_time=sample
+    )
     return found.iae * plant.ultimate_gain / plant.ultimate_period
 
 

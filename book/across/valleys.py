@@ -7,7 +7,8 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pidalab
-from pidalab.optimal.parts import FINE, NEARLY, DesignLimits, Search, at_once, search_in
+from pidalab.optimal.parts import FINE, NEARLY, Search, at_once, search_in
+from pidalab.requirements import Requirements
 
 MS, MKS = 1.4, 20.0
 RUNGS = np.linspace(0.0, -4.7, 34)  # logarithms of filter times, in units of the problem
@@ -24,7 +25,7 @@ class Walk(NamedTuple):
 
 def over_filter_time() -> Walk:
     """Walk down the ladder, each time from the optimum before; a rung where the limits were missed is left out."""
-    search = search_in(PROCESS, 2, DesignLimits(MS, MKS))
+    search = search_in(PROCESS, 2, Requirements(ms=MS, mks=MKS))
     return walk(search, at_once(search)[0], RUNGS)
 
 

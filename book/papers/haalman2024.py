@@ -1,13 +1,16 @@
-"""haalman2024, section 4: what is given, and what chapter and audit do to its loops."""
+"""haalman2024: its loops for the audit, its figures, and processes that are the model (4) themselves."""
 
+import warnings
+from dataclasses import replace
 from itertools import product
 
+import matplotlib.pyplot as plt
 import numpy as np
-from paperledger import Ledger
-from scipy.optimize import brentq
+from scipy.optimize import brentq, least_squares
 
 import pidalab
-from pidalab.rules.haalman import OutputFilter
+from pidalab import plots
+from pidalab.rules import haalman
 
 t = np.linspace(0, 60, 6001)  # of every record: a sample each 0.01
 processes = {"ex1": pidalab.lags(4), "ex2": pidalab.lags(8)}  # eqs. (11), (17)
@@ -16,7 +19,7 @@ asked = {"ms14": 1.4, "ms20": 2.0}
 tests = {"setpoint": {"setpoint": 1.0}, "load": {"load": 1.0}}
 
 # The eight loops by the names they have in the ledger, such as ex1.pida.ms14.
-cases = [".".join(parts) for parts in product(processes, kinds, asked)]
+cases = [".".join(names) for names in product(processes, kinds, asked)]
 process = {case: processes[case[:3]] for case in cases}
 ms = {case: asked[case[-4:]] for case in cases}
 twin = {case: case.replace("pida", "pid") for case in cases if "pida" in case}
@@ -26,30 +29,159 @@ horizon = {case: 20 if "ex1" in case else 40 if ms[case] < 2 else 60 for case in
 noise = np.array([pidalab.uniform_noise(t, 0.1, seed) for seed in range(20)])
 
 
-def second_order_models():
-    """Models (14) and (20) as printed: the paper does not say how they were found."""
-    printed = Ledger.open("haalman2024").printed
-    found = {}
-    for ex in processes:
-        a2, a1, delay = (printed(f"{ex}.sopdt.{key}") for key in ("a2", "a1", "delay"))
-        found[ex] = pidalab.Process([1], [a2, a1, 1], delay)
-    return found
+def designs(book):
+    """Model, controller with the exact gain, controller with the printed gain, and filter of each loop."""
+    model, exact, used, F = {}, {}, {}, {}
+    for case in cases:
+        ex, kind, _ = case.split(".")
+        y = pidalab.open_loop_step(processes[ex], t).y
+        model[case] = pidalab.identification.three_point(
+            t, y, crossing="sampled"
+        ).process
+        if kind == "pid":
+            keys = [f"{ex}.sopdt.{key}" for key in ("a2", "a1", "delay")]
+            a2, a1, delay = map(book.printed, keys)
+            model[case] = pidalab.Process([1], [a2, a1, 1], delay)
+        exact[case] = haalman.tune(model[case], ms[case], kinds[kind], m=10).controller
+        used[case] = replace(exact[case], kp=book.printed(f"{case}.kp"))
+        F[case] = haalman.output_filter(model[case], used[case])
+    return model, exact, used, F
+
+
+def read(ex, step, levels, way):
+    """Return what eq. (5) gives for a process read at these levels, by the names of the ledger."""
+    t = np.arange(0, 60 + step / 2, step)
+    y = pidalab.open_loop_step(processes[ex], t).y
+    if way == "interpolated":
+        t5, t35, t85 = np.interp(levels, y, t)
+    else:
+        t5, t35, t85 = (t[np.argmax(y >= level)] for level in levels)
+    L, tau = 1.3 * t35 - 0.29 * t85, 0.67 * (t85 - t35)
+    alpha = 0.598 + 0.4799 * t5 / L - 0.41 * (tau / t5) ** 0.6
+    lag = (1 - alpha) * L / 2
+    a3, a2, a1, _ = np.polymul([tau, 1], np.polymul([lag, 1], [lag, 1]))
+    found = {"l": L, "alpha": alpha, "tau": tau, "a3": a3, "a2": a2, "a1": a1}
+    return found | {"delay": alpha * L}
+
+
+def draw(loop, ex, ms):
+    """Draw a figure of the paper: set-point and load step, y above u, one noisy run of each."""
+    figure, axes = plt.subplots(2, 2, figsize=(5.0, 4.4))
+    last = horizon[f"{ex}.pida.{ms}"]
+    first = 4 if ex == "ex1" else 15  # u after a step of the set point
+    for (y, u), (test, step), end in zip(
+        axes.T, tests.items(), (first, last), strict=True
+    ):
+        for kind, label in kinds.items():
+            clean, noisy = (
+                pidalab.simulate(loop[f"{ex}.{kind}.{ms}"], t, **step, noise=n)
+                for n in (0 * t, noise[0])
+            )
+            for ax, name, until in ((y, "y", last), (u, "u", end)):
+                shown = t <= until
+                (line,) = ax.plot(
+                    *plots.thin(t[shown], getattr(clean, name)[shown], 100), label=label
+                )
+                style = {"color": line.get_color(), "alpha": 0.35, "linewidth": 0.6}
+                ax.plot(
+                    *plots.thin(t[shown], getattr(noisy, name)[shown], 80),
+                    "-",
+                    **style,
+                )
+        y.set(title=f"{test.replace('setpoint', 'set-point')} step", xlim=(0, last))
+        u.set(xlabel="time units", xlim=(0, end))
+    axes[0, 0].set_ylabel("output y")
+    axes[1, 0].set_ylabel("control u")
+    plots.legend(figure)
+
+
+def live_knob(model):
+    """Live figure: PIDA loops on the model for two values of Ms, each with a knob of its own."""
+    labels = {"Ms, solid": 1.4, "Ms, dashed": 2.0}
+    controllers = {}
+    for ms in labels.values():
+        gains = list(haalman.pida(model, ms, m=10).gains())
+        controllers[f"Ms {ms}"] = pidalab.HighOrderPID(
+            gains, filter_time=0.05, filter_order=3
+        )
+    knob = {"key": "ms", "low": 1.1, "high": 3, "step": 0.01}
+    live = plots.live(
+        model,
+        controllers,
+        rule="gain",
+        conditions={"end": 25},
+        knobs=[knob | {"design": k, "label": label} for k, label in enumerate(labels)],
+        plots=["nyquist", "load"],
+        numbers=["ms", "gm", "pm", "iae"],
+        caption="Turn one of the knobs: each curve touches the circle of radius 1/Ms around −1, and a higher Ms "
+        "holds the load better. PIDA loops on the model; one filter on all terms replaces N, M and F.",
+        lab=True,
+    )
+    for drawn, ms in zip(live.state["designs"], labels.values(), strict=True):
+        drawn["ms"] = ms
+    return live
+
+
+def own_model(ratio, alpha):
+    """Return the process of the form (4) with K = 1, τ = 1 and an apparent dead time of `ratio`."""
+    lag = (1 - alpha) * ratio / 2
+    return pidalab.Process(
+        [1.0], np.polymul([1, 1], np.polymul([lag, 1], [lag, 1])), alpha * ratio
+    )
+
+
+def read_own_model(ratio, alpha):
+    """Read the three points of that process."""
+    record = np.linspace(0, 12 * (1 + ratio), 6001)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pidalab.areas.RecordWarning)
+        return pidalab.identification.three_point(
+            record, pidalab.open_loop_step(own_model(ratio, alpha), record).y
+        )
+
+
+def refitted(models):
+    """Return the rms error of α in these models, with the constants of eq. (5) fitted to them."""
+    read = [read_own_model(*pair) for pair in models]
+    share = np.array([one.times[0] / one.apparent_delay for one in read])
+    lag = np.array([one.tau / one.times[0] for one in read])
+    alpha = np.array([alpha for _, alpha in models])
+
+    def misses(c):
+        return c[0] + c[1] * share - c[2] * lag ** c[3] - alpha
+
+    return np.sqrt(np.mean(least_squares(misses, [0.598, 0.4799, 0.41, 0.6]).fun ** 2))
+
+
+def with_peak(loop, top, t):
+    """Step response whose u peaks at `top` by a prefilter 1/(T s + 1)²; without one if it peaks lower."""
+
+    def run(T):
+        blocks = loop.process, loop.controller, loop.output_filter
+        return pidalab.step_response(
+            pidalab.Loop(*blocks, pidalab.Process([1], [T**2, 2 * T, 1])), t
+        )
+
+    bare = pidalab.step_response(loop, t)
+    if bare.peak("u") <= top:
+        return bare
+    return run(brentq(lambda T: run(T).peak("u") - top, 0.001, 2.0))
 
 
 def at_ms(process, controller, ms, order, time):
-    """Loop with an output filter 1/(time s + 1)^order and the gain that gives it this Ms."""
-    F = OutputFilter(time, order, np.nan)
+    """Return the loop with an output filter 1/(time s + 1)^order and the gain that gives it this Ms."""
+    F = haalman.OutputFilter(time, order, np.nan)
     k = pidalab.gain_for_ms(pidalab.Loop(process, controller, F), ms)
     return pidalab.Loop(process, k * controller, F)
 
 
 def noise_gain(loop):
-    """Standard deviation of u over that of the noise, a new value each 0.01."""
+    """Return the standard deviation of u over that of the noise, a new value each 0.01."""
     return pidalab.noise_gain(loop, sample_time=0.01)
 
 
 def at_noise(process, controller, ms, order, gain):
-    """The same with the filter time that gives u this noise gain; None where none does."""
+    """Return the same with the filter time that gives u this noise gain; None where none does."""
 
     def excess(log_time):
         loop = at_ms(process, controller, ms, order, np.exp(log_time))
@@ -63,7 +195,7 @@ def at_noise(process, controller, ms, order, gain):
 
 
 def load_iae(loop):
-    """IAE after a unit step of the load, without noise, to the end."""
+    """Return the IAE after a unit step of the load, without noise, to the end."""
     return pidalab.load_response(loop, np.linspace(0, 400, 8001)).iae(np.inf)
 
 

@@ -29,7 +29,6 @@ reading alone (``reading``).
 from paperledger.book import Ledger
 from paperledger.digits import BASES, VERDICTS, LedgerError, derive
 from paperledger.display import Display
-from paperledger.making import Making
 from paperledger.pages import (
     errata,
     every_row,
@@ -38,7 +37,7 @@ from paperledger.pages import (
     scoreboard,
     write_score,
 )
-from paperledger.rows import Row, papers, read_rows, write_rows
+from paperledger.rows import Making, Row, papers, read_rows, write_rows
 from paperledger.running import update
 from paperledger.statements import CONVENTIONS, Convention, Evidence, Relation
 

@@ -1,8 +1,9 @@
 """Maintain the ledgers in ``book/ledger``: python -m paperledger COMMAND ...
 
+new KEY           write the files of a new paper, and list what else it needs
 update KEY ...    run the pages of papers and store what they compute
 show KEY ...      print ledgers, printed beside computed
-check             validate all files and print their scores
+check             validate all files, print their scores, and list what a paper lacks
 manifest          freeze what is claimed, and print what changed; review it line by line
 shake LIBRARY KEY ...  run pages with a package that is slightly off, and see each row move
 readme FILE ...   bring the score in Markdown files up to date
@@ -14,6 +15,8 @@ from collections.abc import Sequence
 
 from paperledger import Ledger, LedgerError, load_all, update, write_score
 from paperledger.pages import freeze
+from paperledger.rows import find_folder
+from paperledger.running import missing, new
 
 
 def _update(papers: list[str]) -> None:
@@ -32,7 +35,16 @@ def _show(papers: list[str]) -> None:
 
 
 def _check(_: list[str]) -> None:
-    print(*(book.scorebar() for book in load_all().values()), sep="\n")
+    books = load_all()
+    print(*(book.scorebar() for book in books.values()), sep="\n")
+    for line in (line for paper in books for line in missing(paper, find_folder())):
+        print(line)
+
+
+def _new(papers: list[str]) -> None:
+    for paper in papers:
+        folder = find_folder()
+        print(*new(paper, folder), *missing(paper, folder), sep="\n")
 
 
 def _manifest(_: list[str]) -> None:
@@ -46,8 +58,10 @@ def _readme(files: list[str]) -> None:
 
 
 def _shake(names: list[str]) -> None:
-    from paperledger.moves import shake  # numpy takes a while, and only this needs it
-    from paperledger.shaking import Shaker
+    from paperledger.shake import (
+        Shaker,
+        shake,  # numpy takes a while, and only this needs it
+    )
 
     if not names:
         raise LedgerError("shake needs the name of the package that computes: shake LIBRARY KEY ...")
@@ -56,6 +70,7 @@ def _shake(names: list[str]) -> None:
 
 
 COMMANDS = {
+    "new": _new,
     "update": _update,
     "show": _show,
     "check": _check,

@@ -20,7 +20,17 @@ from paperledger.display import (
     scorebar,
     words,
 )
-from paperledger.rows import MANIFEST, REMOVED, Row, find_folder, papers, removed, table, write_text
+from paperledger.rows import (
+    MANIFEST,
+    REMOVED,
+    Row,
+    book_title,
+    find_folder,
+    papers,
+    removed,
+    table,
+    write_text,
+)
 
 ERRATA = {
     "misprint": (
@@ -78,11 +88,8 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
 
 
 def _title(book: Ledger) -> str:
-    """Title of a paper, as HTML and text, from the references above its ledger."""
-    path = book.path.parents[1] / "references.bib"
-    text = path.read_text(encoding="utf-8") if path.is_file() else ""
-    found = re.search(rf"@\w+\{{{book.paper},.*?\btitle\s*=\s*\{{(.*?)\}},?\n", text, re.DOTALL)
-    return re.sub(r"[{}]", "", found[1]).replace("--", "–") if found else book.paper
+    """Return the title of a paper, or its key."""
+    return book_title(book.paper, book.path.parents[1]) or book.paper
 
 
 def scoreboard(folder: Path | str | None = None) -> Display:

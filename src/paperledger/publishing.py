@@ -1,7 +1,6 @@
 """The account as data that others read: JSON-LD for search engines, and a bundle for an archive or another checker.
 
-The bundle has the ledgers themselves, ``repro.yaml`` (each reproduced number, its print, and where it is kept),
-``ro-crate-metadata.json`` (what the files are) and ``codecheck.yml`` (for whoever checks the book and signs for it).
+The bundle has the ledgers themselves and ``repro.yaml``: each reproduced number, its print, and where it is kept.
 """
 
 import json
@@ -17,8 +16,6 @@ from paperledger.pages import load_all
 from paperledger.rows import MANIFEST, REMOVED, Row, write_text
 
 CONTEXT = "https://schema.org"
-CRATE = "https://w3id.org/ro/crate/1.1"
-CODECHECK = "https://codecheck.org.uk/spec/config/2.0/"
 
 
 def review(row: Row, board: str, paper: Mapping[str, Any]) -> dict[str, Any]:
@@ -167,71 +164,8 @@ def repro(books: Mapping[str, Ledger], rows: Sequence[Row] | None = None) -> dic
     }
 
 
-def codecheck(about: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
-    """Return the content of ``codecheck.yml``: what was checked, for whoever signs it."""
-    return {
-        "version": CODECHECK,
-        "paper": {
-            "title": about["name"],
-            "authors": [{"name": name} for name in about["authors"]],
-            "reference": about["url"],
-            "reference-other": [f"https://doi.org/{doi}" for doi in about["dois"]],
-        },
-        "manifest": [{"file": file, "comment": said} for file, said in files.items()],
-        "repository": about["repository"],
-    }
-
-
-def crate(about: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
-    """Return the content of ``ro-crate-metadata.json``: what the files of the bundle are."""
-    kinds = {
-        ".csv": "text/csv",
-        ".json": "application/json",
-        ".yml": "application/yaml",
-        ".yaml": "application/yaml",
-    }
-    return {
-        "@context": f"{CRATE}/context",
-        "@graph": [
-            {
-                "@id": "ro-crate-metadata.json",
-                "@type": "CreativeWork",
-                "conformsTo": {"@id": CRATE},
-                "about": {"@id": "./"},
-            },
-            {
-                "@id": "./",
-                "@type": "Dataset",
-                "name": about["name"],
-                "description": about["description"],
-                "datePublished": about["date"],
-                "version": about["version"],
-                "license": {"@id": about["license"]},
-                "author": [{"@id": f"#{k}"} for k, _ in enumerate(about["authors"])],
-                "isBasedOn": [{"@id": f"https://doi.org/{doi}"} for doi in about["dois"]],
-                "hasPart": [{"@id": file} for file in files],
-            },
-            {"@id": about["license"], "@type": "CreativeWork", "name": "licence of the texts and tables"},
-            *(
-                {"@id": f"#{k}", "@type": "Organization", "name": name}
-                for k, name in enumerate(about["authors"])
-            ),
-            *({"@id": f"https://doi.org/{doi}", "@type": "ScholarlyArticle"} for doi in about["dois"]),
-            *(
-                {
-                    "@id": file,
-                    "@type": "File",
-                    "description": said,
-                    "encodingFormat": kinds[Path(file).suffix],
-                }
-                for file, said in files.items()
-            ),
-        ],
-    }
-
-
-def publish(ledgers: Path, out: Path, about: Mapping[str, Any]) -> list[Path]:
-    """Write the bundle into an empty or new folder.
+def publish(ledgers: Path, out: Path) -> list[Path]:
+    """Write the ledgers and ``repro.yaml`` into an empty or new folder.
 
     Parameters
     ----------
@@ -239,35 +173,18 @@ def publish(ledgers: Path, out: Path, about: Mapping[str, Any]) -> list[Path]:
         Folder of the csv files.
     out : pathlib.Path
         Where to.
-    about : mapping
-        ``name``, ``description``, ``version``, ``date``, ``license``, ``url``, ``repository`` as text, ``authors`` and
-        ``dois`` as lists.
 
     Returns
     -------
     list of pathlib.Path
         The files, all below `out`.
     """
-    books = load_all(ledgers)
-    inner = out / "ledger"
+    books, inner = load_all(ledgers), out / "ledger"
     inner.mkdir(parents=True, exist_ok=True)
-    files = {f"ledger/{paper}.csv": f"every claim of {paper}, printed beside computed" for paper in books}
-    files |= {
-        f"ledger/{MANIFEST}": "what every row claims",
-        f"ledger/{REMOVED}": "ids that are not used any more",
-    }
-    files = {name: said for name, said in files.items() if (ledgers / Path(name).name).is_file()}
-    for name in files:
-        shutil.copy(ledgers / Path(name).name, out / name)
-    written = {
-        "repro.yaml": (repro(books), "numbers that round to their print, for a checker of such files"),
-        "codecheck.yml": (codecheck(about, files), "what a CODECHECK of this book would look at"),
-    }
-    files |= {name: said for name, (_, said) in written.items()}
-    contents = {name: content for name, (content, _) in written.items()}
-    contents["ro-crate-metadata.json"] = crate(about, files)
-    for name, content in contents.items():  # JSON is YAML, too
-        text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-        marked = text if name.endswith(".json") else f"---\n{text}"
-        write_text(out / name, marked)
-    return sorted(out / name for name in (*files, "ro-crate-metadata.json"))
+    names = [f"{paper}.csv" for paper in books] + [
+        name for name in (MANIFEST, REMOVED) if (ledgers / name).is_file()
+    ]
+    files = [Path(shutil.copy(ledgers / name, inner / name)) for name in names]
+    claims = out / "repro.yaml"  # JSON is YAML, too
+    write_text(claims, f"---\n{json.dumps(repro(books), indent=1, ensure_ascii=False)}\n")
+    return sorted([*files, claims])

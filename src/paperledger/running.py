@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from paperledger.book import Ledger, recording
 from paperledger.digits import DECLARED, LedgerError
-from paperledger.rows import Row, find_folder, naming, write_rows
+from paperledger.rows import MANIFEST, Row, book_title, find_folder, naming, write_rows, write_text
 
 
 def pages(paper: str, folder: Path) -> list[Path]:
@@ -166,3 +166,65 @@ def _updated(row: Row, fresh: Row) -> Row:
     with naming(row.id):
         new = replace(row, page=fresh.page) if row.same(fresh) else fresh
         return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")
+
+
+# ------------------------------------------------------------------------------------------------ a new paper
+
+
+def new(paper: str, folder: Path) -> list[Path]:
+    """Write the ledger, the chapter and the audit of a new paper, empty but for what each must have.
+
+    Raises
+    ------
+    LedgerError
+        If the key is not lower case, or one of the files exists.
+    """
+    if not re.fullmatch(r"[a-z0-9_-]+", paper):
+        raise LedgerError(f"key {paper!r}: expected lower-case letters, digits, - and _, such as haalman2024")
+    book = folder.parent
+    files = [folder / f"{paper}.csv", book / f"{paper}.ipynb", book / "audit" / f"{paper}.ipynb"]
+    if there := [path.relative_to(book).as_posix() for path in files if path.exists()]:
+        raise LedgerError(f"{paper}: {', '.join(there)} exists; nothing was written")
+    write_rows(files[0], [])
+    for path, page in zip(files[1:], ("", f', page="audit/{paper}"'), strict=True):
+        title = f"# The evidence for {paper}" if page else f"# {paper}"
+        opens = f'from paperledger import Ledger\n\nbook = Ledger.open("{paper}"{page})'
+        path.parent.mkdir(exist_ok=True)
+        write_text(path, _notebook(title, opens, "book.close()"))
+    return files
+
+
+def _notebook(title: str, *sources: str) -> str:
+    """Return a notebook with a title and code cells."""
+    title_cell = {"cell_type": "markdown", "id": "title", "metadata": {}, "source": title}
+    code: dict[str, Any] = {"cell_type": "code", "execution_count": None, "metadata": {}, "outputs": []}
+    cells = [title_cell, *(code | {"id": f"cell-{k}", "source": text} for k, text in enumerate(sources))]
+    return json.dumps({"cells": cells, "metadata": {}, "nbformat": 4, "nbformat_minor": 5}, indent=1) + "\n"
+
+
+def missing(paper: str, folder: Path) -> list[str]:
+    """List the places of a book that do not name a paper, as far as the book has such files."""
+    book = folder.parent
+    places = {
+        book / "references.bib": f"{{{paper},",
+        book / "notation.md": f"`{paper}`",
+        book.parent / "_toc.yml": f"{book.name}/{paper}\n",
+        book.parent / "codecheck.yml": f"{paper}.csv",
+        book.parent / "README.md": f"| {paper} |",
+        folder / MANIFEST: f"\n{paper}.",
+    }
+    texts = {path: path.read_text(encoding="utf-8") for path in places if path.is_file()}
+    found = [
+        f"{paper}: {path.name} does not have {places[path].strip()!r}"
+        for path, text in texts.items()
+        if places[path] not in text and (path.name != "README.md" or "<!-- score -->" in text)
+    ]
+    title, citation = book_title(paper, book), book.parent / "CITATION.cff"
+    if title and citation.is_file() and _letters(title) not in _letters(citation.read_text(encoding="utf-8")):
+        found.append(f"{paper}: CITATION.cff does not have its title {title!r}")
+    return found + [f"{paper}: no notebook opens its ledger"] * (not pages(paper, folder))
+
+
+def _letters(text: str) -> str:
+    """Return small letters alone: files spell capitals, dashes and indices differently."""
+    return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

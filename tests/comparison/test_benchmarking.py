@@ -1,7 +1,5 @@
 """A rule of the user on the stored plants: the same judge as for the library's rules, wherever it is computed."""
 
-import math
-
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -10,6 +8,7 @@ import pidalab
 from pidalab.comparison.benchmarking import TABLES, stored
 from pidalab.comparison.plants import batch
 from pidalab.plant.cli import main
+from pidalab.requirements import Requirements
 
 DRIFT = 2e-3  # as on the page: the study follows noise to 1e-7 of its square, and stores five digits
 PLANTS = ["P2 T=1", "P4 n=4", "P8 a=0.5"]
@@ -28,7 +27,7 @@ def test_a_rule_of_the_library_gets_its_stored_rows(found):
     """The stored table was made by the same judge, from another model of the plant only where the rule asks for one."""
     rule = pidalab.rules.registry.RULES["simc"]
     again = pidalab.benchmark(
-        lambda p: rule.tune(p, "PI", 1.4, math.nan, math.nan), "simc", rule.models["PI"], PLANTS
+        lambda p: rule.tune(p, "PI", Requirements(ms=1.4)), "simc", rule.models["PI"], PLANTS
     )
     old = stored("comparison").query("rule == 'simc' and kind == 'PI' and plant in @PLANTS")
     both = again.rows.merge(old, on=["plant", "terms"], suffixes=("", "_stored"))

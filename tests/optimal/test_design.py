@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import pidalab
 from pidalab import HighOrderPID, Loop
 from pidalab.optimal._design import _edge
-from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._polish import polish
 from pidalab.optimal._problem import Problem, _other_side
@@ -23,6 +22,7 @@ from pidalab.optimal._starts import approached, at_once, stabilising
 from pidalab.optimal._units import unit_of_time
 from pidalab.optimal._walk import _valleys
 from pidalab.process import sign_of_gain
+from pidalab.requirements import Requirements
 
 THIRD = pidalab.lags(3, delay=1.0)
 INTEGRATING = pidalab.Process([1.0], [0.3, 1.0, 0.0], 0.7)
@@ -90,7 +90,7 @@ def test_less_noise_or_more_robustness_costs_error():
     assert pidalab.optimal.load(THIRD, 1, ms=1.25, mks=10.0).iae > base
     assert pidalab.optimal.load(THIRD, 1, ms=2.0, mks=10.0).iae < base
     quiet, loud = (
-        pidalab.optimal.load(THIRD, 1, 1.4, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0)
+        pidalab.optimal.load(THIRD, 1, ms=1.4, noise_gain=g, sample_time=0.05).iae for g in (4.0, 8.0)
     )
     assert loud < quiet
 
@@ -118,7 +118,7 @@ def test_pi_beside_brute_force():
     ],
 )
 def test_noise_gain_is_kept_behind_a_filter_that_can_be_sampled(process, order, most, h, active):
-    design = pidalab.optimal.load(process, order, 1.4, noise_gain=most, sample_time=h)
+    design = pidalab.optimal.load(process, order, ms=1.4, noise_gain=most, sample_time=h)
     assert pidalab.noise_gain(design.loop(), h) == pytest.approx(design.noise_gain, rel=1e-5)
     assert design.noise_gain <= most
     assert design.controller.filter_time >= h * (1 - 1e-6)
@@ -128,8 +128,8 @@ def test_noise_gain_is_kept_behind_a_filter_that_can_be_sampled(process, order, 
 
 def test_the_sample_time_of_noise_is_that_of_the_plant_by_default():
     scale = pidalab.noise_scale(THIRD)
-    given = pidalab.optimal.load(THIRD, 1, 1.4, noise_gain=0.5 * scale.gain, sample_time=scale.sample_time)
-    left_out = pidalab.optimal.load(THIRD, 1, 1.4, noise_gain=0.5 * scale.gain)
+    given = pidalab.optimal.load(THIRD, 1, ms=1.4, noise_gain=0.5 * scale.gain, sample_time=scale.sample_time)
+    left_out = pidalab.optimal.load(THIRD, 1, ms=1.4, noise_gain=0.5 * scale.gain)
     assert left_out.controller == given.controller
     assert pidalab.relative_noise_gain(left_out.loop()) == pytest.approx(0.5, rel=1e-3)
 
@@ -163,7 +163,7 @@ def test_an_unstable_process():
 def test_a_limit_of_noise_that_makes_a_loop_slow():
     """A lag of a thousand dead times, and a limit that leaves the gain far below what robustness would allow."""
     process = pidalab.fopdt(1.0, 1000.0, 1.0)
-    design = pidalab.optimal.load(process, 0, 1.4, mks=5.0)
+    design = pidalab.optimal.load(process, 0, ms=1.4, mks=5.0)
     assert keeps(design, 1.4, 5.0)
     assert "mks" in design.active
     t = np.linspace(0.0, 8000.0, 2001)
@@ -192,7 +192,7 @@ def test_plants_that_only_a_derivative_or_acceleration_stabilises(den, delay, or
 
 def test_integrators_alone_are_limited_by_noise_only():
     process = pidalab.Process([1.0], [1.0, 0.0, 0.0])
-    one, other = (pidalab.optimal.load(process, 1, 1.4, mks=m) for m in (20.0, 80.0))
+    one, other = (pidalab.optimal.load(process, 1, ms=1.4, mks=m) for m in (20.0, 80.0))
     assert keeps(one, 1.4, 20.0)
     # time counts in the root of the gain: four times the noise, half of the time, a quarter of the gain to hold
     assert one.iae / other.iae == pytest.approx(8.0, rel=1e-3)
@@ -245,7 +245,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
             "keeps ms <= 2; the nearest has ms = 4.0",
         ),
         (
-            lambda: pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, 1.4, noise_gain=1e-5, sample_time=0.1),
+            lambda: pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, ms=1.4, noise_gain=1e-5, sample_time=0.1),
             ValueError,
             "too slow to be followed",
         ),
@@ -265,7 +265,7 @@ def test_a_dead_time_too_short_for_the_noise_sets_no_unit():
 
 
 def test_dead_time_alone_has_a_design():
-    assert keeps(pidalab.optimal.load(pidalab.Process([1.0], [1.0], 1.0), 0, 1.4), 1.4)
+    assert keeps(pidalab.optimal.load(pidalab.Process([1.0], [1.0], 1.0), 0, ms=1.4), 1.4)
 
 
 def stored():
@@ -300,7 +300,7 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
     monkeypatch.setattr("pidalab.optimal._design.search", lambda *_: inside.append(threads()))
     with threadpool_limits(limits=2, user_api="blas"):
         with pytest.raises(ValueError, match="ms"):
-            pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, 1.4)
+            pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, ms=1.4)
         assert inside[0] == {1}
         assert threads() == {2}
 
@@ -308,7 +308,7 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
 # Parts of the search, each beside what it stands for.
 
 
-NO_NOISE = DesignLimits(1.6, None, None, None)
+NO_NOISE = Requirements()
 
 
 @pytest.mark.parametrize(
@@ -330,10 +330,8 @@ def test_values_of_valleys_differ_by_a_hundredth_and_are_no_more_than_twice_the_
 
 def test_an_optimum_meets_its_conditions():
     """From a place nearby, Newton's method ends in the same point, to nine digits; no tangent step is better."""
-    unit = unit_of_time(THIRD, DesignLimits(1.4, 20.0, None, None))
-    one = Search(
-        Problem(THIRD, 1, (abs(complex(THIRD(1j / unit))), unit)), DesignLimits(1.4, 20.0, None, None)
-    )
+    unit = unit_of_time(THIRD, Requirements(ms=1.4, mks=20.0))
+    one = Search(Problem(THIRD, 1, (abs(complex(THIRD(1j / unit))), unit)), Requirements(ms=1.4, mks=20.0))
     near = one.descend(np.array([0.3, 0.4, 0.3, -4.0]))[1]
     ends = [polish(one, near * factor) for factor in (1.0, 0.999, 1.002)]
     for end in ends:
@@ -372,7 +370,7 @@ def test_what_is_left_to_the_limits():
     """Not negative where a limit is kept, by the share of it that is left; the least of all counts as missed."""
     problem = Problem(pidalab.lags(2, delay=0.5), 1, (1.0, 1.0))
     x = np.array([0.5, 1.0, 0.5, math.log(0.2)])
-    one = Search(problem, DesignLimits(1.6, 5.0, None, None))
+    one = Search(problem, Requirements(mks=5.0))
     loop = one.loop(x)
     s = 1j * one.w
     controller, back = loop.block("controller", s), 1 / loop.S(s)
@@ -386,8 +384,8 @@ def test_what_is_left_to_the_limits():
     np.testing.assert_allclose(left, np.concatenate(expected), rtol=1e-9)
     assert one.missed(x) == pytest.approx(max(0.0, -np.min(left)))
     assert one.missed(0.01 * x) >= 0
-    assert DesignLimits(1.6, 5.0, None, None).named() == {"ms": 1.6, "mks": 5.0}
-    assert DesignLimits(1.6, None, 3.0, 0.1).named() == {"ms": 1.6, "noise_gain": 3.0}
+    assert Requirements(mks=5.0).limits() == {"ms": 1.6, "mks": 5.0}
+    assert Requirements(noise_gain=3.0, sample_time=0.1).limits() == {"ms": 1.6, "noise_gain": 3.0}
 
 
 def test_what_lies_at_the_edge_of_the_search():
@@ -412,7 +410,7 @@ def test_integrators_and_signs_of_a_process():
 @pytest.mark.parametrize(("ms", "kept"), [(2.0, True), (1.4, False)])
 def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     process = pidalab.Process([1.0], [1.0, -1.0], 0.3)
-    limits = DesignLimits(ms, None, None, None)
+    limits = Requirements(ms=ms)
     unit = unit_of_time(process, limits)
     problem = Problem(process, 1, (abs(complex(process(1j / unit))), unit))
     one = Search(problem, limits)

@@ -104,6 +104,23 @@ def test_commands(project, capsys):
     assert f"{page}: rewritten" in out
 
 
+def test_a_new_paper_says_what_it_lacks(project, capsys):
+    (project / "README.md").write_text("<!-- score --><!-- /score -->\n", encoding="utf-8")
+    (project / "book" / "references.bib").write_text("", encoding="utf-8")
+    (project / "CITATION.cff").write_text("", encoding="utf-8")
+    assert main(["new", "sixth2030"]) == 0
+    assert "sixth2030: references.bib does not have '{sixth2030,'" in capsys.readouterr().out
+    assert main(["update", "sixth2030"]) == 0
+    title = "@article{sixth2030,\n  title = {On {PIDA}},\n}\n"
+    (project / "book" / "references.bib").write_text(title, encoding="utf-8")
+    main(["readme", str(project / "README.md")])
+    capsys.readouterr()
+    assert main(["check"]) == 0
+    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("sixth2030: ")]
+    assert said == ["sixth2030: 0 claims", "sixth2030: CITATION.cff does not have its title 'On PIDA'"]
+    assert main(["new", "sixth2030"]) == main(["new", "Sixth"]) == 1
+
+
 def test_commands_fail_aloud(project, capsys):
     write_rows(project / "book" / "ledger" / "demo.csv", [replace(KP, computed="7")])
     for command in (["check"], ["show", "nobody"], ["update", "nobody"], ["readme", "none.md"]):

@@ -12,8 +12,7 @@ import pytest
 from demo_ledger import write_notebook
 
 from paperledger import Row, read_rows, update, write_rows
-from paperledger.moves import shake
-from paperledger.shaking import Shaker
+from paperledger.shake import Shaker, shake
 
 LIBRARY = '''
 """A library of one rule, with the kinds of doors that there are."""
@@ -214,6 +213,8 @@ def test_statements_move_too(library):
     [
         ("with suppress(ValueError):\n    book.compare({'nobody': 1.0})", "nobody: unknown id"),
         ("type(book).close = lambda self: None", "changes the ledger itself"),
+        ("import paperledger.digits as d; d.agrees = lambda *_: True", "changes the ledger itself"),
+        ("raise SystemExit(hasattr(demolib, '__door__'))", "stops: SystemExit: False"),
         ("setattr(book, 'records', False)", "nothing stored yet|changes what its ledger does"),
         ("1 / 0", "cell 3 stops: ZeroDivisionError"),
         ("raise SystemExit", "cell 3 stops: SystemExit"),

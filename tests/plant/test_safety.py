@@ -12,11 +12,11 @@ import pidalab
 from pidalab.plant.safety import (
     LoopEvaluator,
     LoopMs,
-    Requirements,
     correct_request,
     in_series,
     make_safe,
 )
+from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.rules.classical import simc
 
@@ -78,6 +78,9 @@ def test_the_judge_keeps_nothing():
         LoopEvaluator(1.0, None).sample_time = 2.0
 
 
+LIMITS = Requirements(ms=1.6, ms_worst=2.0)
+
+
 class Machine:
     """Designs whose sizes follow from what is asked: Ms 1.3 times as far above 1, the worst 1.5 times."""
 
@@ -89,15 +92,16 @@ class Machine:
         return asked, self.active
 
     def sizes(self, made):
-        return tuple(1 + (ask - 1) * factor for ask, factor in zip(made, self.factors, strict=True))
+        both = made.ms, made.ms_worst
+        return tuple(1 + (ask - 1) * factor for ask, factor in zip(both, self.factors, strict=True))
 
 
 def test_what_is_asked_is_corrected_until_the_loop_has_it_from_below():
     machine = Machine()
-    made = correct_request(machine, machine.sizes, (1.6, 2.0))
+    made = correct_request(machine, machine.sizes, LIMITS)
     for size, limit in zip(machine.sizes(made), (1.6, 2.0), strict=True):
         assert limit * (1 - 1e-3) <= size <= limit * (1 + 1e-6)
-    assert machine.asked[0] == (1.6, 2.0)
+    assert machine.asked[0] == LIMITS
     assert 2 <= len(machine.asked) <= 4
 
 
@@ -108,38 +112,38 @@ def test_a_design_within_a_tenth_of_a_per_cent_is_the_last_one(which, below, des
     met = 1.6 * (1 - 5e-4), 2.0 * (1 - 5e-4)
     first = [limit * (1 - below) if k == which else met[k] for k, limit in enumerate((1.6, 2.0))]
     found, machine = iter([first, met]), Machine()
-    assert correct_request(machine, lambda made: next(found), (1.6, 2.0)) == machine.asked[-1]
+    assert correct_request(machine, lambda made: next(found), LIMITS) == machine.asked[-1]
     assert len(machine.asked) == designs
 
 
 def test_a_limit_that_does_not_hold_the_design_back_is_left_alone():
     machine = Machine(active=("ms",), factors=(0.5, 0.1))
-    made = correct_request(machine, machine.sizes, (1.6, 2.0))
-    assert made[1] == 2.0
+    made = correct_request(machine, machine.sizes, LIMITS)
+    assert made.ms_worst == 2.0
     assert machine.sizes(made)[0] == pytest.approx(1.6, rel=1e-3)
 
 
 def test_one_correction_at_most_doubles_or_halves():
     steep = Machine(factors=(100.0, 1.0))
-    correct_request(steep, steep.sizes, (1.6, 2.0))
-    asked = [ms - 1 for ms, _ in steep.asked]
+    correct_request(steep, steep.sizes, LIMITS)
+    asked = [one.ms - 1 for one in steep.asked]
     assert asked[1] == pytest.approx(0.3)
     assert all(0.5 * (1 - 1e-12) <= b / a <= 2 for a, b in pairwise(asked))
     flat = Machine(factors=(0.01, 1.0))
-    correct_request(flat, flat.sizes, (1.6, 2.0))
-    assert flat.asked[1][0] - 1 == pytest.approx(1.2)
+    correct_request(flat, flat.sizes, LIMITS)
+    assert flat.asked[1].ms - 1 == pytest.approx(1.2)
 
 
 def test_where_none_meets_the_limits_the_last_that_keeps_them_is_taken_and_else_none():
     one = Machine()
     one.sizes = lambda made: (1.5, 1.9)  # whatever is asked
-    assert correct_request(one, one.sizes, (1.6, 2.0)) == one.asked[-1]
+    assert correct_request(one, one.sizes, LIMITS) == one.asked[-1]
     assert len(one.asked) == 20
     calls = iter([(1.5, 1.9), *[(1.7, 1.9)] * 30])
     other = Machine()
-    assert correct_request(other, lambda made: next(calls), (1.6, 2.0)) == (1.6, 2.0)
+    assert correct_request(other, lambda made: next(calls), LIMITS) == LIMITS
     with pytest.raises(ValueError, match=r"keeps ms <= 1\.6 and ms_worst <= 2: .* 1\.7 and 1\.9"):
-        correct_request(Machine(), lambda made: (1.7, 1.9), (1.6, 2.0))
+        correct_request(Machine(), lambda made: (1.7, 1.9), LIMITS)
 
 
 @pytest.mark.parametrize(("above", "kept"), [(5e-7, True), (2e-6, False)])
@@ -147,24 +151,27 @@ def test_what_rounding_puts_above_a_limit_keeps_it(above, kept):
     """A millionth: here the worst Ms stays so far above its limit, and Ms below its own, whatever is asked."""
     machine, found = Machine(active=("ms",)), (1.5, 2.0 * (1 + above))
     if kept:
-        assert correct_request(machine, lambda made: found, (1.6, 2.0)) == machine.asked[-1]
+        assert correct_request(machine, lambda made: found, LIMITS) == machine.asked[-1]
         return
     with pytest.raises(ValueError, match="no controller was found whose loop keeps"):
-        correct_request(machine, lambda made: found, (1.6, 2.0))
+        correct_request(machine, lambda made: found, LIMITS)
 
 
 def closer(asked, near):
     """A PIDA for the smaller of what is asked."""
-    return pidalab.rules.haalman.tune(LAGS, min(asked)), ["ms", "ms_worst"]
+    ms = min(asked.ms, asked.ms_worst) if asked.family else asked.ms
+    return pidalab.rules.haalman.tune(LAGS, ms), ["ms", "ms_worst"]
 
 
 @pytest.mark.parametrize("h", [None, 0.5])
 def test_a_safe_design_keeps_both_limits_with_all_plants_and_says_its_price(h):
     plants = [pidalab.lags(3, delay=1.4), pidalab.lags(3, delay=0.8)]
     evaluator = LoopEvaluator(h, None)
-    easy, free = make_safe(closer, evaluator, Requirements(LAGS, [], 1.8, 9.0, "help"))
+    easy, free = make_safe(closer, evaluator, LAGS, Requirements(ms=1.8, ms_worst=9.0, family=[]), "help")
     assert free == 1.0
-    made, price = make_safe(closer, evaluator, Requirements(LAGS, plants, 1.8, 1.9, "help"))
+    made, price = make_safe(
+        closer, evaluator, LAGS, Requirements(ms=1.8, ms_worst=1.9, family=plants), "help"
+    )
     assert evaluator.worst(made, plants).ms == pytest.approx(1.9, rel=1.5e-3)
     assert evaluator.worst(made, plants).ms <= 1.9 * (1 + 1e-6)
     assert evaluator.ms(made, LAGS).ms < evaluator.ms(easy, LAGS).ms <= 1.8 * (1 + 1e-6)
@@ -177,9 +184,11 @@ def test_a_safe_design_keeps_both_limits_with_all_plants_and_says_its_price(h):
         wide.append(asked)
         return closer(asked, near)
 
-    same, free = make_safe(counted, evaluator, Requirements(LAGS, plants, 1.8, most, "help"))
+    same, free = make_safe(
+        counted, evaluator, LAGS, Requirements(ms=1.8, ms_worst=most, family=plants), "help"
+    )
     assert (same.controller, free) == (easy.controller, 1.0)
-    assert [asked[1] for asked in wide] == [math.inf] * len(wide)
+    assert [asked.family for asked in wide] == [()] * len(wide)
 
 
 @pytest.mark.parametrize(("dear", "taken"), [(3.0, True), (3.001, False)])
@@ -188,26 +197,26 @@ def test_three_times_the_iae_is_the_most(dear, taken, monkeypatch):
     areas = iter([dear, 1.0])
     monkeypatch.setattr("pidalab.plant.safety.load_iae", lambda loop: next(areas))
     evaluator = LoopEvaluator(None, None)
-    requirements = Requirements(LAGS, [pidalab.lags(3, delay=1.4)], 1.8, 1.9, "help")
+    requirements = LAGS, Requirements(ms=1.8, ms_worst=1.9, family=[pidalab.lags(3, delay=1.4)]), "help"
     if taken:
-        assert make_safe(closer, evaluator, requirements)[1] == 3.0
+        assert make_safe(closer, evaluator, *requirements)[1] == 3.0
         return
     with pytest.raises(ValueError, match=r"a design that is safe has 3\.0 times the IAE; help"):
-        make_safe(closer, evaluator, requirements)
+        make_safe(closer, evaluator, *requirements)
 
 
 def test_refusals_say_why_and_what_would_help():
     evaluator = LoopEvaluator(None, None)
     late = [pidalab.lags(3, delay=9.0)]
     with pytest.raises(ValueError, match=r"gives an unstable loop.*ms_worst = 1\.9 .*times the IAE; help"):
-        make_safe(closer, evaluator, Requirements(LAGS, late, 1.8, 1.9, "help"))
+        make_safe(closer, evaluator, LAGS, Requirements(ms=1.8, ms_worst=1.9, family=late), "help")
 
     def stubborn(asked, near):
         return simc(LAGS, "PI"), ["ms"]
 
     worst = evaluator.worst(simc(LAGS, "PI"), [pidalab.lags(3, delay=1.5)]).ms
-    requirements = Requirements(LAGS, [pidalab.lags(3, delay=1.5)], 1.6, 1.3, "help")
+    requirements = LAGS, Requirements(ms=1.6, ms_worst=1.3, family=[pidalab.lags(3, delay=1.5)]), "help"
     with pytest.raises(
         ValueError, match=rf"gives worst Ms {worst:.3g}, where ms_worst = 1\.3 .*\(no controller.*; help"
     ):
-        make_safe(stubborn, evaluator, requirements)
+        make_safe(stubborn, evaluator, *requirements)

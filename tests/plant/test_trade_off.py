@@ -44,7 +44,7 @@ def test_every_point_is_a_controller_that_keeps_its_limits(found):
 @pytest.mark.parametrize(("kind", "ms", "noise"), [("PI", 2.0, 0.6), ("PID", 1.4, 0.6), ("PID", 2.0, 2.0)])
 def test_a_point_is_what_a_search_from_many_starts_finds(found, kind, ms, noise):
     order = ("PI", "PID").index(kind)
-    full = pidalab.optimal.load(PROCESS, order, ms, None, noise, SAMPLE)
+    full = pidalab.optimal.load(PROCESS, order, ms=ms, noise_gain=noise, sample_time=SAMPLE)
     (point,) = [point for point in found.points if point[:3] == (kind, ms, noise)]
     assert point.iae == pytest.approx(full.iae, rel=LINE)
 
@@ -65,7 +65,7 @@ def test_no_point_stays_in_a_poor_valley():
     (quiet, loud) = pidalab.trade_off(
         plant, LEVELS, noise_gains=noise, sample_time=sample, kinds=["PIDA"], rules=[]
     ).curve("PIDA", 2.0)
-    full = pidalab.optimal.load(plant, 2, 2.0, None, noise[1], sample)
+    full = pidalab.optimal.load(plant, 2, ms=2.0, noise_gain=noise[1], sample_time=sample)
     assert loud.iae == pytest.approx(full.iae, rel=LINE)
     assert loud.iae < quiet.iae
 
@@ -90,13 +90,13 @@ def test_the_picture(found):
 
 def test_where_no_controller_is_that_quiet_there_is_no_point(monkeypatch):
     """The full search is asked once, and refuses; what keeps the next limit as well is one design."""
-    asked, full = [], pidalab.optimal.load
+    asked, full = [], pidalab.optimal.least_iae
 
-    def load(process, order, ms, mks, noise, sample_time, start):
-        asked.append((order, noise))
-        return full(process, order, ms, mks, noise, sample_time, start=start)
+    def least_iae(process, order, requirements, start):
+        asked.append((order, requirements.noise_gain))
+        return full(process, order, requirements, start=start)
 
-    monkeypatch.setattr("pidalab.optimal.curves.load", load)
+    monkeypatch.setattr("pidalab.optimal.curves.least_iae", least_iae)
     plant = pidalab.Process([1.0], [1.0, -0.2], 0.5)  # unstable: it needs a gain of 0.2 at least
     made = pidalab.trade_off(
         plant, [2.0], noise_gains=[0.01, 0.02, 3.0, 30.0], sample_time=SAMPLE, kinds=["PI"], rules=["mrdp"]

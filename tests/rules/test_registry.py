@@ -11,8 +11,9 @@ import pidalab
 from pidalab.comparison import benchmarking, designs
 from pidalab.controllers import PIDA
 from pidalab.plant.cli import main
+from pidalab.requirements import Requirements
 from pidalab.rules import Design, registry
-from pidalab.rules.registry import RULES, Rule, RuleLimits, find
+from pidalab.rules.registry import RULES, Rule, find
 
 PLANT = pidalab.fopdt(1.0, lag=4.0, delay=1.0)
 BOOK = Path(__file__).parents[2] / "book"
@@ -54,7 +55,9 @@ def test_a_new_entry_is_known_at_every_door(monkeypatch, tmp_path):
 def test_the_default_comparison_is_that_of_the_book():
     with (benchmarking.TABLES / "comparison.csv").open(encoding="utf-8") as file:
         stored = {(row["rule"], row["kind"]) for row in csv.DictReader(file)}
-    found = {(rule, kind) for rule, kind, _ in designs(PLANT, RuleLimits(1.6, 10.0, 0.01))}
+    found = {
+        (rule, kind) for rule, kind, _ in designs(PLANT, Requirements(noise_gain=10.0, sample_time=0.01))
+    }
     assert found - stored == {("optimal", kind) for kind in registry.KINDS}
     assert stored <= found
 
@@ -62,7 +65,7 @@ def test_the_default_comparison_is_that_of_the_book():
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.name)
 def test_an_entry_names_the_source_of_its_designs(rule):
     """The paper; tables and equations may depend on the kind."""
-    for name, kind, make in designs(pidalab.lags(3, delay=1.0), RuleLimits(1.6), [rule.name]):
+    for name, kind, make in designs(pidalab.lags(3, delay=1.0), Requirements(), [rule.name]):
         design = make()
         assert name == rule.name
         assert design.source.split(",")[0] in (
@@ -78,7 +81,7 @@ def test_a_rule_knows_no_unit(rule):
     process, s = pidalab.lags(3, delay=1.0), 1j * np.geomspace(0.05, 20.0, 20)
     other = pidalab.lags(3, lag=60.0, gain=-0.02, delay=60.0)
     for one, scaled in zip(
-        *(designs(plant, RuleLimits(1.6), [rule]) for plant in (process, other)), strict=True
+        *(designs(plant, Requirements(), [rule]) for plant in (process, other)), strict=True
     ):
         expected = one[2]().loop(process).transfer("u", "r", s)
         found = scaled[2]().loop(other).transfer("u", "r", s / 60)

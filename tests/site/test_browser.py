@@ -47,6 +47,26 @@ def test_page(page_name, home, site, visit, judged):
     assert found + contrasts(page, judged) == []
 
 
+def test_every_page_forbids_other_hosts(site):
+    pages = [path for path in site.glob("*/**/*.html") if "_static" not in path.parts]  # index.html redirects
+    assert len(pages) > 50
+    policy = "content=\"default-src '"
+    assert [path.name for path in pages if policy not in path.read_text(encoding="utf-8")] == []
+
+
+def test_a_page_cannot_ask_another_host(home, visit):
+    page, wrong = visit(f"{home}/book/notation.html")
+    page.evaluate("fetch('https://example.org/').catch(() => 0)")
+    page.wait_for_timeout(100)
+    assert any("Content Security Policy" in line for line in wrong)
+
+
+@pytest.mark.parametrize("place", ["lab.html#%", "scoreboard.html#%E0%A4%A"])
+def test_an_address_that_encodes_nothing(place, home, visit):
+    _, wrong = visit(f"{home}/book/{place}")
+    assert wrong == []
+
+
 def chapters(root):
     return [f"book/{paper}" for paper in papers(root / "book" / "ledger")]
 

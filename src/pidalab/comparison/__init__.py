@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from pidalab import _check
 from pidalab._names import KINDS
 from pidalab.comparison.fairness import at_equal_terms
 from pidalab.comparison.judging import DesignRow, html_table, measure_row, text_table
 from pidalab.process import Process, require_no_zero_at_origin
+from pidalab.requirements import Requirements
 from pidalab.rules import Design
-from pidalab.rules.registry import RULES, Rule, RuleLimits, find
+from pidalab.rules.registry import RULES, Rule, find
 from pidalab.rules.starting_models import StartingModels, time_scale
 
 PERIODS = 12.0  # ultimate periods of a first response
@@ -90,6 +90,7 @@ class Comparison:
 
 def compare(
     process: Process,
+    *,
     ms: float = 1.6,
     noise_gain: float = 10.0,
     sample_time: float = 0.01,
@@ -130,17 +131,14 @@ def compare(
     PIDA
     """
     require_no_zero_at_origin("process", process)
-    ms = _check.real("ms", ms, above=1.0)
-    noise_gain = _check.real("noise_gain", noise_gain, above=0.0)
-    sample_time = _check.real("sample_time", sample_time, above=0.0)
-    limits = RuleLimits(ms, noise_gain, sample_time)
+    limits = Requirements(ms=ms, noise_gain=noise_gain, sample_time=sample_time)
     horizon = first_horizon(process)
     rows = [measure_row(*one, process, sample_time, horizon) for one in designs(process, limits, rules)]
-    return Comparison(process, ms, noise_gain, sample_time, tuple(rows))
+    return Comparison(process, limits.ms, noise_gain, sample_time, tuple(rows))
 
 
 def designs(
-    process: Process, limits: RuleLimits, rules: Iterable[str] | None = None
+    process: Process, requirements: Requirements, rules: Iterable[str] | None = None
 ) -> Iterator[tuple[str, str, Callable[[], Design]]]:
     """Yield name, kind and the call that designs, for every rule, then for the optima.
 
@@ -148,8 +146,8 @@ def designs(
     ----------
     process : Process
         The plant.
-    limits : RuleLimits
-        As for `compare`, with all three numbers.
+    requirements : Requirements
+        Ms, and the noise gain with its sample time.
     rules : iterable of str, optional
         As for `compare`.
 
@@ -162,8 +160,8 @@ def designs(
     --------
     >>> import pidalab
     >>> from pidalab.comparison import designs
-    >>> from pidalab.rules.registry import RuleLimits
-    >>> [(rule, kind) for rule, kind, _ in designs(pidalab.lags(3), RuleLimits(1.6), ["simc"])]
+    >>> from pidalab.requirements import Requirements
+    >>> [(rule, kind) for rule, kind, _ in designs(pidalab.lags(3), Requirements(ms=1.6), ["simc"])]
     [('simc', 'PI'), ('simc', 'PID')]
     """
     from pidalab import optimal
@@ -174,15 +172,14 @@ def designs(
     models = StartingModels(process)
 
     def design(rule: Rule, kind: str) -> Design:
-        return rule.tune(getattr(models, rule.models[kind]), kind, *limits)
+        return rule.tune(getattr(models, rule.models[kind]), kind, requirements)
 
     for rule in entries:
         for kind in rule.kinds:
             yield rule.name, kind, partial(design, rule, kind)
     if "optimal" in names:
-        ms, noise_gain, sample_time = limits
         for order, kind in enumerate(KINDS):
-            yield "optimal", kind, partial(optimal.load, process, order, ms, None, noise_gain, sample_time)
+            yield "optimal", kind, partial(optimal.least_iae, process, order, requirements)
 
 
 def first_horizon(process: Process) -> float:

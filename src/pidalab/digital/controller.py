@@ -1,4 +1,4 @@
-"""The digital controller: its numbers, its states, its transfer function; the wing writes its code."""
+"""The digital controller: its states, its step, its transfer function, and the methods that write its code."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab.digital import languages
 from pidalab.digital.parameters import Parameters
-from pidalab.digital.program import constants, program
-from pidalab.digital.statements import Program
+from pidalab.digital.program import Program, constants, program
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control
@@ -24,55 +23,57 @@ if TYPE_CHECKING:  # only who asks for a transfer function waits for python-cont
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class DigitalController(Parameters):
-    r"""A controller as a computer runs it: difference equations with limits, anti-windup, modes and units.
+    r"""A controller as difference equations, with limits, anti-windup, manual mode and tracking.
 
     Make one with ``controller.discretise(sample_time, method)``. At each sample
 
     .. math:: u_k = \operatorname{sat}(\mathrm{bias} + p_k + i_k), \qquad
               i_k = i_{k-1} + \gamma_0\,\varepsilon_k + \gamma_1\,\varepsilon_{k-1},
 
-    where p is the sum of the paths and :math:`\varepsilon` the error; with automatic reset it is p, and before p what
-    the limits made of it. What a limit cuts off is taken back from the integral, `anti_windup` says how.
+    where p is the sum of the paths and :math:`\varepsilon` the error. With automatic reset, :math:`\varepsilon_k` is p,
+    and :math:`\varepsilon_{k-1}` is the limited signal less the integral. At a limit the integral is corrected as
+    `anti_windup` says.
 
-    It starts at the first measurement without a bump: with the control signal `bias`, and with filters at rest. (One
-    without integral action starts with its own signal.) In manual mode it gives the signal it is told, and the integral
-    follows so that it goes on from there. A sample with a signal that is no number is left out: it holds. ``step``
-    keeps states in the object itself; simulations have their own.
+    The first call of ``step`` starts without a bump: the control signal is `bias`, and the filters rest. (A controller
+    without integral action starts with its own signal.) In manual mode the control signal is the given one, and the
+    integral tracks it. A sample with an invalid signal is skipped, and the control signal holds. ``step`` keeps its
+    states in the object; simulations have states of their own.
 
     Parameters
     ----------
     sample_time : float
         Time from sample to sample.
     method : str
-        How it was discretised.
-    paths : tuple of Path
-        Chains of lags and the gains on their differences, in the units of the signals.
+        Discretisation method.
+    paths : tuple of FilterChain
+        Chains of lags in parallel, with gains in the units of the signals.
     integrates : bool
-        Whether there is integral action.
+        True with integral action.
     from_signal : bool
-        Whether the integral is an automatic reset, which grows by what the paths make of the error.
+        True if the integral is an automatic reset, which integrates the signal of the paths.
     growth : tuple of float
         :math:`\gamma_0, \gamma_1`.
     back_calculation_gain, tracking_gain : float
-        Shares of what a limit cut off, and of the difference to a tracked signal, that the integral takes up.
+        Shares of the part that a limit cut off, and of the difference from a tracked signal, that are added to the
+        integral.
     anti_windup : str or None
         What the integral does at a limit.
     weights : tuple of float
-        Weights b and c of the set point in proportional and derivative parts.
+        Set-point weights b and c of the proportional and derivative parts.
     limits : tuple of float
-        Of the control signal.
+        Lower and upper limit of the control signal.
     rate_limit : float
-        Of the control signal, in a unit of time.
+        Largest change of the control signal in a unit of time.
     deadband, bias, y_offset : float
-        In the units of the signals: error that counts as zero, control signal and measurement at the working point.
+        Largest error that counts as zero; control signal and measurement at the working point.
     source : str
-        What was discretised.
+        The continuous controller, as text.
     prefilter : Prefilter or None
         Filter of the set point.
     feedforward : bool
-        Whether it takes a signal that is added before the limits.
+        True if ``step`` takes a signal that is added before the limits.
     tunable : bool
-        Whether its gains may change while it runs.
+        True if the gains may change while the controller runs.
 
     Examples
     --------
@@ -95,7 +96,7 @@ class DigitalController(Parameters):
         return _function(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the function that runs, which is made again when it is needed."""
+        """Leave out the compiled step, which is made again when it is needed."""
         return {name: value for name, value in vars(self).items() if name != "_run"}
 
     @cached_property
@@ -106,17 +107,27 @@ class DigitalController(Parameters):
     def coefficients(self) -> dict[str, float]:
         """Constants of the written code, by their names there.
 
-        The paths are counted from 1, in the order of `paths`: ``PART_1_WEIGHT`` weighs the set point, ``PART_1_NEW``
-        and ``PART_1_OLD`` are the shares of the input now and one sample ago in each lag (``PART_1_NEW_2`` of the
-        second, where lags differ), ``PART_1_GAIN_k`` is the gain on the k-th difference. ``INTEGRAL_NEW`` and
-        ``INTEGRAL_OLD`` say how the integral grows with the error now and one sample ago, ``BACK_CALCULATION_GAIN``
-        which share it takes back of what a limit cut off, and ``TRACKING_GAIN`` which share it takes up of the
-        difference to a tracked signal. ``BIAS`` and ``Y_OFFSET`` are the working point; ``LOWEST``, ``HIGHEST`` and
-        ``LARGEST_CHANGE`` (in a sample) the limits; ``DEADBAND`` is what counts as no error. ``PREFILTER_MOVE_i_j``
-        says how state i of a prefilter moves with the distance of state j from the set point, and
-        ``PREFILTER_OUT_i`` what the distance of state i adds to the set point. Samples with signals
-        beyond ``LARGEST_SIGNAL`` are left out, as are those with gains beyond ``LARGEST_GAIN`` where these may change.
-        What is 0, or acts on nothing, is left out.
+        ==========================  ==============================================================================
+        name                        meaning
+        ==========================  ==============================================================================
+        PART_1_WEIGHT               set-point weight of the first of `paths`
+        PART_1_NEW, PART_1_OLD      coefficients of the present and the previous input in each of its lags
+                                    (PART_1_NEW_2 in the second one, if lags differ)
+        PART_1_GAIN_k               gain on the k-th difference of that path
+        INTEGRAL_NEW, INTEGRAL_OLD  growth of the integral with the present and the previous error
+        BACK_CALCULATION_GAIN       share of the part that a limit cut off, added to the integral
+        TRACKING_GAIN               share of the difference from a tracked signal, added to the integral
+        BIAS, Y_OFFSET              working point
+        LOWEST, HIGHEST             limits of the control signal
+        LARGEST_CHANGE              largest change of the control signal in a sample
+        DEADBAND                    largest error that counts as zero
+        PREFILTER_MOVE_i_j          move of state i of a prefilter with the distance of state j from the set point
+        PREFILTER_OUT_i             part of the distance of state i that is added to the set point
+        LARGEST_SIGNAL              a sample with a larger signal is skipped
+        LARGEST_GAIN                the same for gains that may change
+        ==========================  ==============================================================================
+
+        Constants that are 0 or have no effect do not appear.
 
         Examples
         --------
@@ -135,12 +146,12 @@ class DigitalController(Parameters):
         return constants(self)
 
     def at_rest(self) -> dict[str, float]:
-        """Return the states at rest at the working point, for a simulation that has its own.
+        """Return the states at rest at the working point, for a simulation that keeps its own states.
 
         Returns
         -------
         dict of str to float
-            By the names they have in the code.
+            By their names in the code.
 
         Examples
         --------
@@ -152,12 +163,12 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Set the states: to a start at the next measurement, or to rest at given signals.
+        """Restart at the next measurement, or at rest at given signals.
 
         Parameters
         ----------
         r, y : float, optional
-            Set point and measurement at which everything rests; both or neither.
+            Set point and measurement at which the controller rests; both or neither.
         u : float, optional
             Control signal to start with, within the limits; `bias` by default.
 
@@ -175,9 +186,7 @@ class DigitalController(Parameters):
         2.25
         """
         if (r is None) != (y is None):
-            raise ValueError(
-                f"r and y must be given together, or none of them, found r = {r!r} and y = {y!r}"
-            )
+            raise ValueError(f"r and y must be given together, or neither, found r = {r!r} and y = {y!r}")
         u = self.bias if u is None else _check.real("u", u)
         if r is not None and y is not None:
             r, y = _check.real("r", r), _check.real("y", y)
@@ -185,26 +194,26 @@ class DigitalController(Parameters):
         self.__dict__.pop("_retuned", None)
 
     def _started(self, r: float | None, y: float | None, u: float) -> SimpleNamespace:
-        """Return states before the first sample, or after one at which everything rests."""
+        """Return the states before the first sample, or after a sample at which the controller rests."""
         states = SimpleNamespace(**{**self._program.states, "control": u})
         if r is not None:
             self._run(states, r, y)
         return states
 
     def retune(self, other: DigitalController) -> None:
-        """Take over the gains of another controller while it runs, without a bump.
+        """Take over the gains of another controller while running, without a bump.
 
-        The control signal stays for the next sample, and goes on from there: the integral takes up the difference.
+        The control signal keeps its value in the next sample and continues from there.
 
         Parameters
         ----------
         other : DigitalController
-            Of the same kind: sample time, actions and filters with other values.
+            A controller with the same sample time, actions and number of filters.
 
         Raises
         ------
         TypeError, ValueError
-            For a controller that is not tunable, and for one of another kind.
+            For a controller that is not tunable or of another kind.
 
         Examples
         --------
@@ -249,12 +258,12 @@ class DigitalController(Parameters):
         r, y : float
             Set point and measurement.
         manual : float, optional
-            Control signal in manual mode; None in automatic mode.
+            Control signal in manual mode. By default the mode is automatic.
         track : float, optional
-            Signal that acted since the last sample in place of the one that was returned: that of a selector, of an
-            operator at the actuator, or the position of the actuator. At the first sample it starts there.
+            Signal that acted since the last sample in place of the returned one: of a selector or an operator, or the
+            position of the actuator. The first call starts from it.
         feedforward : float, optional
-            Signal that is added, of a controller that was discretised with ``feedforward=True``.
+            Signal to add, for a controller that was discretised with ``feedforward=True``.
 
         Returns
         -------
@@ -264,7 +273,7 @@ class DigitalController(Parameters):
         Raises
         ------
         TypeError, ValueError
-            For a signal that is no float, and for feedforward that was not asked for.
+            For a signal that is not a real number, and for an unexpected feedforward.
 
         Examples
         --------
@@ -280,24 +289,27 @@ class DigitalController(Parameters):
         acts = [(x is not None, 0.0 if x is None else _signal(name, x)) for name, x in given]
         further: list[float] = [_signal("feedforward", feedforward)] * self.feedforward
         if feedforward and not self.feedforward:
-            raise ValueError("feedforward must be asked for: discretise(..., feedforward=True)")
+            raise ValueError(
+                f"feedforward must be 0 for a controller without it, found {feedforward!r}; "
+                "use discretise(..., feedforward=True)"
+            )
         further += [self.__dict__.pop("_retuned", False)] * self.tunable
         return self._run(self._states, r, y, *acts[0], *acts[1], *further)
 
     @property
     def fault(self) -> bool:
-        """Whether the last sample was left out, for a signal that is no number."""
+        """True if the last sample was skipped, for an invalid signal."""
         return bool(self._states.fault)
 
     @property
     def at_limit(self) -> bool:
-        """Whether a limit of range or rate cut something off the signal of the last sample."""
+        """True if a limit of range or rate cut off a part of the last control signal."""
         return bool(self._states.at_limit)
 
     def __call__(self, z: ArrayLike) -> Any:
         """Evaluate the transfer function from -y to u at complex z, in the units of the signals.
 
-        The prefilter is left out: ``k.prefilter(z)``.
+        It has no prefilter: ``k.prefilter(z)`` evaluates that.
         """
         at = _check.complex_array("z", z)
         signal = sum((path(at) for path in self.paths), np.zeros_like(at))
@@ -307,10 +319,9 @@ class DigitalController(Parameters):
         return signal * (1 + growth) if self.from_signal else signal + growth
 
     def transfer_function(self) -> control.TransferFunction:
-        """Return the controller within its limits, from the error to the control signal, with b = c = 1.
+        """Return the transfer function from the error to the control signal, with b = c = 1 and without limits.
 
-        That is also the way from the measurement, with the sign changed, whatever weights and prefilter of the set
-        point are.
+        With the other sign it is the transfer function from the measurement, for any weights and prefilter.
 
         Returns
         -------
@@ -328,7 +339,7 @@ class DigitalController(Parameters):
 
         signal = control.TransferFunction([0.0], [1.0], self.sample_time)
         for path in self.paths:
-            signal += control.TransferFunction(*path.fraction(), self.sample_time)
+            signal += control.TransferFunction(*path.num_den(), self.sample_time)
         if not self.integrates:
             return signal
         growth = control.TransferFunction(self.growth, [1.0, -1.0], self.sample_time)
@@ -459,17 +470,17 @@ class DigitalController(Parameters):
         usual |= {"anti_windup": "reset", **dict.fromkeys(("deadband", "bias", "y_offset"), 0.0)}
         usual |= {"prefilter": None, "feedforward": False, "tunable": False}
         extras = "".join(f", {name}={own[name]!r}" for name, value in usual.items() if own[name] != value)
-        # its name may come out of a file: only what can be printed on one line stays as it is
+        # the source may come from a file: quote it unless it prints on one line
         source = self.source if self.source.isprintable() else repr(self.source)
         return f"{source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
 
 
 @lru_cache(maxsize=64)
 def _function(k: DigitalController) -> Callable[..., float]:
-    """Return the step of a controller as a function, the same for equal ones."""
+    """Return the step of a controller as a function, shared by equal controllers."""
     return languages.function(program(k))
 
 
 def _signal(name: str, value: Any) -> float:
-    """Return a signal as a float, which may be no number."""
+    """Return a signal as a float, which may be NaN."""
     return value if isinstance(value, float) else _check.real(name, value)

@@ -1,4 +1,4 @@
-"""From filtered gains to a digital controller."""
+"""Discretise filtered gains."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import numpy as np
 
 from pidalab import _check
 from pidalab.digital.controller import DigitalController
+from pidalab.digital.filters import METHOD_WEIGHTS, METHODS, discrete_prefilter, filter_chains
 from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP, anti_windup_word
-from pidalab.digital.paths import METHOD_WEIGHTS, METHODS, paths
-from pidalab.digital.prefilter import discrete
 from pidalab.forms import FilteredGains
 from pidalab.process import binomial, rational
 
@@ -38,46 +37,46 @@ def discretise(
     reset: tuple[FilteredGains, float] | None = None,
     source: str = "",
 ) -> DigitalController:
-    r"""Turn gains behind filters into difference equations with limits, anti-windup and units; see the options here.
+    r"""Turn filtered gains into a digital controller with limits, anti-windup and a working point.
 
-    Controllers call it: ``controller.discretise(sample_time, method, **options)``.
+    ``controller.discretise(sample_time, method, **options)`` calls it with these options.
 
     =========  ===========================================  ==========================================================
-    method     what it is                                   which sample times serve
+    method     definition                                   suitable sample times
     =========  ===========================================  ==========================================================
-    backward   :math:`s = (1 - z^{-1})/h`, as in most PLCs  any: a stable controller stays stable
+    backward   :math:`s = (1 - z^{-1})/h`, as in most PLCs  any; a stable controller stays stable
     tustin     :math:`s = 2(1 - z^{-1})/(h(1 + z^{-1}))`    up to twice the time constant of each filter
     zoh        exact for an input that is held              up to the time constant of each filter
     =========  ===========================================  ==========================================================
 
     ==================  ==============================================================================================
-    anti-windup         what the integral does while the control signal is at a limit of its range or rate
+    anti-windup         the integral while the control signal is at a limit of its range or rate
     ==================  ==============================================================================================
     reset               of a `SeriesPIDA`: the integral is a lag of time constant :math:`t_i` behind the limited signal
                         (huba2024, Fig. 1, eqs. (3), (8)), if b = c = 1. Otherwise back-calculation with the integral
                         time as tracking time, which for backward differences and b = 1 is that lag behind the limited
                         signal less its derivative parts
-    back-calculation    it takes back :math:`h/(T_t + h)` of what was cut off, with the tracking time :math:`T_t`
+    back-calculation    it takes back :math:`h/(T_t + h)` of the part cut off, with the tracking time :math:`T_t`
     clamping            it grows up to the limit, and rests while it would drive the signal further beyond
     None                it integrates on
     ==================  ==============================================================================================
 
-    Take *reset*, the default, unless you know better. *clamping* serves where there is no integral time to go by
-    (integral and derivative action without proportional action), and where u sits at a limit for long and must leave it
-    late; *back-calculation* with a short `tracking_time` leaves a limit early. None of them locks. None is for
-    actuators without limits.
+    *reset*, the default, is right for most loops. Use *clamping* for a controller without an integral time (integral
+    and derivative action without proportional action), and where u stays at a limit for long and must leave it late.
+    *back-calculation* with a short `tracking_time` leaves a limit early. With each of them the controller always leaves
+    the limit. None is for actuators without limits.
 
     Parameters
     ----------
     parts : tuple of FilteredGains
-        What the controller is the sum of.
+        Parts whose sum is the controller.
     sample_time : float
         Time h from sample to sample, above 0.
     method : {"backward", "tustin", "zoh"}, optional
         As in the table.
     b, c : float, optional
-        Weights of the set point in the proportional and in the derivative parts; ``c=0`` takes derivatives of the
-        measurement alone. Default 1.
+        Set-point weights of the proportional and the derivative parts; with ``c=0`` only the measurement is
+        differentiated. By default 1.
     limits : tuple of float, optional
         Lower and upper limit of the control signal, in its units.
     rate_limit : float, optional
@@ -85,45 +84,45 @@ def discretise(
     anti_windup : {"reset", "back-calculation", "clamping", None}, optional
         As in the table; "none" means None. ("conditioning" belongs to `pidalab.simulate_sampled`.)
     tracking_time : float, optional
-        Of back-calculation, above 0; by default the root of integral and derivative time, or the integral time where
-        there is no derivative. (Of integral action alone that is 0: the integral stays at the limit.)
+        For back-calculation, above 0. By default the geometric mean of integral and derivative time, the integral time
+        without derivative, and 0 for integral action alone: its integral stays at the limit.
     deadband : float, optional
-        Errors up to this size count as zero, larger ones less it. In units of the measurement, not negative.
+        Errors up to this size count as zero, and it is subtracted from larger ones. At least 0, in units of y.
     bias : float, optional
-        Control signal at the working point, which is 0 in the model: what the controller starts with.
+        Control signal at the working point, which the controller starts with.
     y_offset : float, optional
         Measurement at the working point.
     prefilter : control.TransferFunction, optional
-        Filter of the set point, stable and of static gain 1, discretised with the same method. It works in manual mode,
-        too, and starts at rest at the first set point.
+        Filter of the set point, stable and of static gain 1, discretised with the same method. It also runs in manual
+        mode, and starts at rest at the first set point.
     output_filter : OutputFilter or control.TransferFunction, optional
-        A filter behind the controller that becomes a part of it: equal lags of gain 1.
+        A filter of the control signal, which becomes a part of the controller: equal lags of gain 1.
     feedforward : bool, optional
-        Whether ``step`` and the written code take a further signal, which is added before the limits: what a load
-        that is measured, or the set point, asks of u.
+        True for a further input of ``step`` and of the written code, which is added before the limits.
     tunable : bool, optional
-        Whether the gains may change while it runs, without a bump: variables of the written code, and ``retune`` here.
+        True for gains that may change without a bump while the controller runs: variables in the written code, and
+        ``retune`` in Python.
     reset : tuple of FilteredGains and float, optional
         Stabilising controller and time constant of an automatic reset.
     source : str, optional
-        What was discretised, for the head of written code.
+        Description of the controller, for the head of written code.
 
     Returns
     -------
     DigitalController
-        With its start at the first measurement.
+        It starts at its first measurement.
 
     Raises
     ------
     TypeError, ValueError
-        For a value outside its range; for a filter that is too fast for the sample time, unless the method is
-        backward; for anti-windup by an integral time that is not above 0.
+        For a value outside its range; for a filter that is too fast for the sample time (except with backward); for
+        anti-windup that needs an integral time above 0.
 
     Warns
     -----
     UserWarning
-        For a sample time beyond the integral time of the controller, or beyond its derivative time if it has no
-        integral action.
+        For a sample time above the integral time of the controller, or above its derivative time if it has no integral
+        action.
 
     Examples
     --------
@@ -153,12 +152,12 @@ def discretise(
     native = anti_windup == "reset" and reset is not None and b == c == 1.0
     if native and reset is not None:
         stabiliser, ti = reset
-        own = paths((stabiliser,), behind, h, method, b, c)
+        chains = filter_chains((stabiliser,), behind, h, method, b, c)
         growth, taken_back = _reset_growth(h, ti, method)
         tracking_gain = taken_back
     else:
-        own = paths(parts, behind, h, method, b, c)
-        if not ki and not any(path.weight for path in own):
+        chains = filter_chains(parts, behind, h, method, b, c)
+        if not ki and not any(path.weight for path in chains):
             raise ValueError(
                 f"b must not be {b:g} with c = {c:g} without integral action: the set point would have no effect"
             )
@@ -170,7 +169,7 @@ def discretise(
     return DigitalController(
         sample_time=h,
         method=method,
-        paths=own,
+        paths=chains,
         integrates=native or ki != 0,
         from_signal=native,
         growth=growth,
@@ -184,27 +183,29 @@ def discretise(
         bias=bias,
         y_offset=y_offset,
         source=source,
-        prefilter=None if prefilter is None else discrete(*rational("prefilter", prefilter), h, method),
+        prefilter=None
+        if prefilter is None
+        else discrete_prefilter(*rational("prefilter", prefilter), h, method),
         feedforward=feedforward,
         tunable=tunable,
     )
 
 
 def _warn_of_long_samples(parts: tuple[FilteredGains, ...], h: float) -> None:
-    """Warn of a sample time in which the controller would have to act more than once."""
+    """Warn of a sample time above the integral time, or above the derivative time without integral action."""
     ki, kp, kd = (sum(part.gains[k] for part in parts if len(part.gains) > k) for k in range(3))
     what, above, below = ("integral time kp/ki", kp, ki) if ki else ("derivative time kd/kp", kd, kp)
     time = abs(above / below) if below else 0.0
     if 0.0 < time < h:
         warnings.warn(
-            f"sample_time should be at most {time:.6g}, the {what} of the controller, found {h:.6g}: from one sample "
-            "to the next it would have acted and gone on; sample faster, or check the unit of time",
+            f"sample_time should be at most {time:.6g}, the {what} of the controller, found {h:.6g}: the loop "
+            "cannot react between samples; sample faster, or check the unit of time",
             stacklevel=4,
         )
 
 
 def equal_lags(output_filter: Any) -> tuple[float, int]:
-    """Return time constant and order of a filter, which has to be equal lags of gain 1; none for None."""
+    """Return time constant and order of an output filter, which must be equal lags of gain 1."""
     num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
     order = den.size - 1
     time = float(den[-2] / den[-1]) / order if order and den[-1] else 0.0
@@ -219,7 +220,7 @@ def equal_lags(output_filter: Any) -> tuple[float, int]:
 
 
 def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float], float]:
-    """Return by how much of the stabiliser's signal a reset grows, now and from before, and what a limit takes back."""
+    """Return the growth of an automatic reset (present and previous signal) and its back-calculation gain."""
     if method == "backward":
         return (h / ti, 0.0), h / (ti + h)
     if method == "tustin":
@@ -230,13 +231,13 @@ def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float]
 def _back_calculation_gain(
     parts: tuple[FilteredGains, ...], h: float, way: str | None, time: float | None
 ) -> float:
-    """Return the back-calculation gain: the share of u less its wanted value that is added to the integral."""
+    """Return the share of the part cut off by a limit that is added to the integral."""
     if way in (None, "clamping"):
         return 0.0
     if time is None:
         ki, kp, kd = (sum(part.gains[k] for part in parts if len(part.gains) > k) for k in range(3))
         if not any(any(part.gains[1:]) for part in parts):
-            return 1.0  # integral action alone: its time is 0, and it stays at the limit
+            return 1.0  # integral action alone stays at the limit
         if kp / ki <= 0:
             raise ValueError(
                 f"anti_windup={way!r} goes by the integral time, which must be above 0, found kp/ki = {kp / ki:.4g}; "

@@ -1,6 +1,6 @@
-"""Statements printed as a language has them, and the function that they become in Python, which is what runs.
+"""Print the statements of a step in a language, and compile the Python form, which runs.
 
-The other languages, and what is around a step in each, are in `pidalab.plant.code`.
+The other languages, and the files around a step, are in `pidalab.plant.code`.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from pidalab.digital.statements import If, Note, Program, Set, Statement
+from pidalab.digital.program import If, Note, Program, Set, Statement
 
 TOKEN = re.compile(r"not |[A-Za-z_]\w*|\d+\.\d+")
-USUAL = {"manual": False, "manual_value": 0.0, "tracking": False, "track_value": 0.0}
-USUAL |= {"feedforward": 0.0, "retuned": False}
+DEFAULTS = {"manual": False, "manual_value": 0.0, "tracking": False, "track_value": 0.0}
+DEFAULTS |= {"feedforward": 0.0, "retuned": False}
 
 
 class Language(NamedTuple):
-    """How a language writes statements and names; in formats of names ``name`` is that of the controller."""
+    """Formats of a language for statements and names; ``name`` in a format is the name of the controller."""
 
     # formats of a note, an assignment, a choice, its other branch, and its end where it has one
     statements: tuple[str, ...]
-    words: Mapping[str, str]  # that are others than in expressions of a program
+    words: Mapping[str, str]  # words of program expressions that differ in the language
     number: Callable[[float], str]
     state: str = "{0}"
     constant: str = "{0}"
@@ -40,8 +40,8 @@ PYTHON = Language(
 def function(program: Program) -> Callable[..., float]:
     """Return the step as a function of an object with the states, which it changes, and of the inputs.
 
-    What runs is text of our own words alone: names come from `chains` and `program`, and constants do not pass through
-    text at all. Nothing that a file or a user gave is in it.
+    The text that runs holds no text from a file or a user: all names come from `program`, and constants do not pass
+    through text.
     """
     space: dict[str, Any] = {"__builtins__": {}, **program.constants}
     exec(_compiled(method(program, "", notes=False)), space)
@@ -54,8 +54,8 @@ def _compiled(text: str) -> Any:
 
 
 def method(program: Program, indent: str, notes: bool = True) -> str:
-    """Return the step as a method of a class of Python."""
-    inputs = ", ".join(f"{x}={USUAL[x]!r}" if x in USUAL else x for x in program.inputs)
+    """Return the step as a method of a Python class."""
+    inputs = ", ".join(f"{x}={DEFAULTS[x]!r}" if x in DEFAULTS else x for x in program.inputs)
     body = statements(program, PYTHON, "", indent + "    ", notes)
     return f"{indent}def step(self, {inputs}):\n{body}\n{indent}    return self.control"
 
@@ -79,18 +79,18 @@ def statements(program: Program, has: Language, name: str, indent: str, notes: b
         return form.format(found, name=name, upper=name.upper())
 
     def printed(body: Sequence[Statement], indent: str) -> Iterable[str]:
-        for one in body:
-            if isinstance(one, Note):
-                yield from [indent + note.format(one.text)] * notes
-            elif isinstance(one, Set):
-                yield indent + assign.format(renamed(one.target), renamed(one.value))
-            elif isinstance(one, If):
-                yield indent + choice.format(renamed(one.condition))
-                yield from printed(one.then, indent + "    ")
-                if one.otherwise:
+        for statement in body:
+            if isinstance(statement, Note):
+                yield from [indent + note.format(statement.text)] * notes
+            elif isinstance(statement, Set):
+                yield indent + assign.format(renamed(statement.target), renamed(statement.value))
+            elif isinstance(statement, If):
+                yield indent + choice.format(renamed(statement.condition))
+                yield from printed(statement.then, indent + "    ")
+                if statement.otherwise:
                     yield indent + otherwise
-                    yield from printed(one.otherwise, indent + "    ")
+                    yield from printed(statement.otherwise, indent + "    ")
                 if end:
                     yield indent + end
 
-    return "\n".join(printed(program.whole, indent))
+    return "\n".join(printed(program.statements, indent))

@@ -1,4 +1,4 @@
-"""The numbers that make a digital controller, and what they may be."""
+"""The parameters of a digital controller, and their checks."""
 
 from __future__ import annotations
 
@@ -10,33 +10,38 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab.digital.paths import METHOD_WEIGHTS, METHODS, Path
-from pidalab.digital.prefilter import Prefilter, discrete, of_arrays
+from pidalab.digital.filters import (
+    METHOD_WEIGHTS,
+    METHODS,
+    FilterChain,
+    Prefilter,
+    discrete_prefilter,
+    prefilter_of_arrays,
+)
 
 ANTI_WINDUP = ("reset", "back-calculation", "clamping", "conditioning", None)
 DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)  # of a digital controller
-LARGEST_SIGNAL = 1e9  # beyond it, on either side, a signal is no measurement
-LARGEST_PARAMETER = 1e9  # of those that may change while it runs
-# of those that may not: with signals of 1e9 nothing overflows, in single precision either
-LARGEST_CONSTANT = 1e15
-MOST_PATHS, MOST_PATH_LAGS = 40, 40  # of a controller and of a path: code that can be read
-MOST_CODE_LAGS = 160  # of all paths together: their code grows with the squares of their lags
-# how near the numbers of a prefilter are to those of this machine: linear algebra differs in the last digits
+LARGEST_SIGNAL = 1e9  # a sample with a larger signal is skipped
+LARGEST_PARAMETER = 1e9  # of gains that may change while the controller runs
+LARGEST_CONSTANT = 1e15  # with signals of 1e9 nothing overflows, in single precision either
+MOST_PATHS, MOST_PATH_LAGS = 40, 40  # of a controller and of a path, so that code stays readable
+MOST_CODE_LAGS = 160  # of all paths together, since the code of a path grows with the square of its lags
+# tolerance of the coefficients of a prefilter, since linear algebra differs between machines in the last digits
 PREFILTER_RTOL = 1e-8
-SHARE_ROUNDING = 1e-6  # by which rounding may take the shares of a lag beyond 1
+SHARE_ROUNDING = 1e-6  # tolerance for the sum of the two coefficients of a lag, which is at most 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
-    """What a `DigitalController` is made of; its fields are explained there.
+    """The fields of a `DigitalController`, which explains them.
 
-    Every field is checked: numbers are finite numbers within their ranges, words are among those allowed, names of
-    paths are plain identifiers. So nothing else can reach code that is written or run.
+    Every field is checked: numbers are finite and within their ranges, words are among those allowed, and names of
+    paths are plain identifiers. Nothing else can reach code that is written or run.
     """
 
     sample_time: float
     method: str
-    paths: tuple[Path, ...]
+    paths: tuple[FilterChain, ...]
     integrates: bool
     from_signal: bool
     growth: tuple[float, float]
@@ -55,7 +60,7 @@ class Parameters:
     tunable: bool = False
 
     def __post_init__(self) -> None:
-        # the fields are frozen; what a check returns is the same number as a float
+        # checks return the numbers as floats; the fields are frozen, so they are set through vars
         checked = _numbers(self)
         for name in ("integrates", "from_signal", "feedforward", "tunable"):
             checked[name] = _flag(name, getattr(self, name))
@@ -64,7 +69,9 @@ class Parameters:
         if not isinstance(self.source, str):
             raise TypeError(f"source must be a text, found {type(self.source).__name__}")
         if not isinstance(self.paths, tuple) or len(self.paths) > MOST_PATHS:
-            raise TypeError(f"paths must be a tuple of at most {MOST_PATHS} Path, found {self.paths!r:.60}")
+            raise TypeError(
+                f"paths must be a tuple of at most {MOST_PATHS} FilterChain, found {self.paths!r:.60}"
+            )
         checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
         if (lags := sum(path.order for path in checked["paths"])) > MOST_CODE_LAGS:
             raise ValueError(f"paths must have at most {MOST_CODE_LAGS} lags together, found {lags}")
@@ -95,7 +102,7 @@ class Parameters:
 
     @property
     def limited(self) -> bool:
-        """Whether the control signal has a limit of range or rate."""
+        """True if the control signal has a limit of range or rate."""
         return bool(np.isfinite([*self.limits, self.rate_limit]).any())
 
 
@@ -110,7 +117,7 @@ def anti_windup_word(word: str | None, available: tuple[str | None, ...], where:
 
 
 def _numbers(k: Parameters) -> dict[str, Any]:
-    """Check numbers and pairs of them."""
+    """Check the numbers and the pairs of numbers."""
     signal = {"at_least": -LARGEST_SIGNAL}
     found: dict[str, Any] = {
         "sample_time": _check.real("sample_time", k.sample_time, above=0.0),
@@ -131,10 +138,10 @@ def _numbers(k: Parameters) -> dict[str, Any]:
     return found
 
 
-def _path(name: str, path: Any) -> Path:
+def _path(name: str, path: Any) -> FilterChain:
     """Check a path."""
-    if not isinstance(path, Path):
-        raise TypeError(f"{name} must be a Path, found {type(path).__name__}")
+    if not isinstance(path, FilterChain):
+        raise TypeError(f"{name} must be a FilterChain, found {type(path).__name__}")
     plain = isinstance(path.name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", path.name)
     if not plain or len(path.name) > 60:
         raise ValueError(
@@ -154,11 +161,11 @@ def _path(name: str, path: Any) -> Path:
     for pair in zip(new, old, strict=True):
         if not (min(pair) >= 0.0 and 0.0 < sum(pair) <= 1.0 + SHARE_ROUNDING):
             raise ValueError(f"{name} must have shares of lags from 0 to 1, found {pair}")
-    return Path(path.name, _constant(f"{name}.weight", path.weight), new, old, gains)
+    return FilterChain(path.name, _constant(f"{name}.weight", path.weight), new, old, gains)
 
 
 def _prefilter(k: Parameters) -> Prefilter:
-    """Return the prefilter, if it is what its fraction becomes for the sample time: stable, of gain 1."""
+    """Check that the prefilter is stable, has the gain 1, and has the coefficients of its num and den."""
     given = k.prefilter
     if not isinstance(given, Prefilter):
         raise TypeError(f"prefilter must be a Prefilter, found {type(given).__name__}")
@@ -166,7 +173,7 @@ def _prefilter(k: Parameters) -> Prefilter:
     _check.proper("prefilter", num, den)
     if den.size > MOST_PATH_LAGS + 1:
         raise ValueError(f"prefilter must have at most {MOST_PATH_LAGS} poles, found {den.size - 1}")
-    true = discrete(num, den, k.sample_time, k.method)
+    true = discrete_prefilter(num, den, k.sample_time, k.method)
     if true is None:
         raise ValueError("prefilter must be None where it is 1")
     new, old, move, out = (
@@ -175,7 +182,7 @@ def _prefilter(k: Parameters) -> Prefilter:
     for found, wanted in zip((new, old, move, out), map(np.array, true[2:]), strict=True):
         if found.shape != wanted.shape or not np.allclose(found, wanted, PREFILTER_RTOL, atol=1e-12):
             raise ValueError("prefilter must be what its num and den become for the sample time")
-    return of_arrays(num, den, float(new), float(old), move, out)
+    return prefilter_of_arrays(num, den, float(new), float(old), move, out)
 
 
 def _constant(name: str, value: Any) -> float:

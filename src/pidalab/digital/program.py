@@ -1,40 +1,116 @@
-"""The step of a digital controller as statements, specialised to what it has.
+"""The step of a digital controller as a list of statements, specialised to what the controller has.
 
-This is the one description of the step: languages print it, ``step`` runs what is printed as Python, and simulations
-compile it (`pidalab.simulation.operations`). In this order: whether the signals are numbers; the prefilter; the
-deadband; the chains of lags; what an external signal corrects; the growth of the integral; the limits of rate and
-range; what these take back from the integral.
+This is the only description of the step. Languages print it, ``step`` runs it as Python, and simulations compile it
+(`pidalab.simulation.operations`). The order is: check the inputs; prefilter; deadband; filter chains; tracking;
+integral; limits of rate and range; anti-windup.
 
-It is total: whatever the inputs are, the control signal is a number within the limits. A sample with a signal that is
-no number, or beyond `LARGEST_SIGNAL`, is left out: states and control signal stay, and `fault` says so. Within that
-size nothing overflows.
+The step is defined for any input: the control signal is always a number within the limits. A sample with an input that
+is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped: states and control signal keep their values, and `fault` is
+true. For all other inputs nothing overflows.
+
+An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``, which every language
+has. All names are made here.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
-from pidalab.digital import chains
+from pidalab.digital.filters import FilterChain, Prefilter
 from pidalab.digital.parameters import LARGEST_PARAMETER, LARGEST_SIGNAL, Parameters
-from pidalab.digital.statements import If, Note, Program, Set, Statement, targets
 
 INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_value": "real"} | {
     "tracking": "bool",
     "track_value": "real",
 }
-MORE = {"feedforward": "real", "retuned": "bool"}  # inputs that a controller is asked to have
-TRUTHS = ("forced", "by_hand")  # variables that are true or false
-FIXED = re.compile(r"LOWEST|HIGHEST|LARGEST_.*|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")  # are no gains
+MORE = {"feedforward": "real", "retuned": "bool"}  # optional inputs
+BOOLEANS = ("forced", "by_hand")
+# constants that stay constants in a tunable controller
+FIXED = re.compile(r"LOWEST|HIGHEST|LARGEST_.*|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")
 UNIT_GAIN = re.compile(r"PART_\d+_(NEW|OLD)(_\d+)?|TRACKING_GAIN|BACK_CALCULATION_GAIN")  # gains from 0 to 1
 
 
+class Note(NamedTuple):
+    """A comment."""
+
+    text: str
+
+
+class Set(NamedTuple):
+    """An assignment."""
+
+    target: str
+    value: str
+
+
+class If(NamedTuple):
+    """A condition with two branches."""
+
+    condition: str
+    then: Sequence[Statement]
+    otherwise: Sequence[Statement] = ()
+
+
+Statement = Note | Set | If
+Vector = dict[str, list[bool | float]]  # test signals: values of all samples, by name
+
+
+class Program(NamedTuple):
+    """The step of one controller, ready to be printed in a language.
+
+    Attributes
+    ----------
+    constants : dict
+        Values by name.
+    gains : dict
+        Initial values of the gains that may change while the controller runs; they are among the states.
+    inputs : dict
+        "real" or "bool", by name.
+    states : dict
+        Initial values by name; `started` is true after the first sample.
+    variables : dict
+        "real" or "bool", by name, of the variables within a step.
+    checks : list
+        Statements that set `fault` if a required input is not a valid number.
+    skipped : list
+        Statements for a sample with a fault.
+    body : list
+        Statements for any other sample.
+    """
+
+    constants: dict[str, float]
+    gains: dict[str, float]
+    inputs: dict[str, str]
+    states: dict[str, float | bool]
+    variables: dict[str, str]
+    checks: list[Statement]
+    skipped: list[Statement]
+    body: list[Statement]
+
+    @property
+    def statements(self) -> list[Statement]:
+        """All statements of a step."""
+        return [*self.checks, If("fault", self.skipped, self.body)]
+
+
+def targets(body: Sequence[Statement]) -> Iterator[str]:
+    """Yield the names that statements assign to."""
+    for statement in body:
+        if isinstance(statement, Set):
+            yield statement.target
+        elif isinstance(statement, If):
+            yield from targets([*statement.then, *statement.otherwise])
+
+
 def constants(k: Parameters) -> dict[str, float]:
-    """Return the constants of a controller by name; those that nothing needs are left out."""
-    found: dict[str, float] = {} if k.prefilter is None else chains.prefilter_constants(k.prefilter)
+    """Return the constants that a controller needs, by name."""
+    found: dict[str, float] = {} if k.prefilter is None else _prefilter_constants(k.prefilter)
     for i, path in enumerate(k.paths):
-        found |= chains.path_constants(path, i)
+        found |= _path_constants(path, i)
     if k.integrates:
         found |= {f"INTEGRAL_{x}": value for x, value in zip(("NEW", "OLD"), k.growth, strict=True) if value}
         taken_back = k.back_calculation_gain if k.limited else 0.0
@@ -50,9 +126,9 @@ def constants(k: Parameters) -> dict[str, float]:
 
 @lru_cache(maxsize=64)
 def program(k: Parameters, block: bool = False) -> Program:
-    """Write the step of a controller as statements; `summed` is given where a block outside makes it of the error.
+    """Return the step of a controller. With `block`, a filter outside the program computes `summed` from the error.
 
-    What is returned is shared: do not change it.
+    The result is cached and shared: do not change it.
     """
     found = constants(k)
     gains = {name: x for name, x in found.items() if k.tunable and not FIXED.fullmatch(name)}
@@ -66,14 +142,14 @@ def program(k: Parameters, block: bool = False) -> Program:
         Set("measured", f"measurement{offset}"),
     ]
     if k.prefilter is not None:
-        states |= dict.fromkeys(chains.prefilter_states(k.prefilter), 0.0)
-        body += chains.prefilter_statements(k.prefilter, found)
+        states |= dict.fromkeys(_prefilter_states(k.prefilter), 0.0)
+        body += _prefilter_statements(k.prefilter, found)
     body += _error(found, compares=k.integrates and not k.from_signal)
     for i, path in enumerate(k.paths):
-        states |= dict.fromkeys(chains.path_states(path, i), 0.0)
-        body += chains.path_statements(path, i, found)
+        states |= dict.fromkeys(_path_states(path, i), 0.0)
+        body += _path_statements(path, i, found)
     body += [] if k.paths or block else [Set("summed", "0.0")]
-    found |= {"feedforward": 0.0} if k.feedforward else {}  # an input, which is added as the bias is
+    found |= {"feedforward": 0.0} if k.feedforward else {}  # an input that is added as the bias is
     body += _tracking(k, found)
     if k.integrates:
         states |= {"follow": False, "integral_part": 0.0, "carry": 0.0}
@@ -86,22 +162,22 @@ def program(k: Parameters, block: bool = False) -> Program:
         ]
         body += _limited(found)
     body += [*_at_limit(k), Set("control", "limited"), Set("started", "true")]
-    checks, left_out = _numbers(inputs, gains), _left_out(k, found)
-    names = sorted({*targets([*checks, *left_out, *body])} - {*states, "control"})
+    checks, skipped = _checks(inputs, gains), _skipped(k, found)
+    names = sorted({*targets([*checks, *skipped, *body])} - {*states, "control"})
     fixed = {name: x for name, x in found.items() if name not in gains and name not in inputs}
-    variables = {name: "bool" if name in TRUTHS else "real" for name in names}
+    variables = {name: "bool" if name in BOOLEANS else "real" for name in names}
     return Program(
-        fixed, gains, inputs, {**states, **gains, "control": k.bias}, variables, checks, left_out, body
+        fixed, gains, inputs, {**states, **gains, "control": k.bias}, variables, checks, skipped, body
     )
 
 
 def _number(name: str, low: str = "-LARGEST_SIGNAL", high: str = "LARGEST_SIGNAL") -> str:
-    """Write that a signal is within bounds; of no number this is not true."""
+    """Return the condition that a signal is within bounds; it is false for NaN."""
     return f"{low} <= {name} and {name} <= {high}"
 
 
-def _numbers(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
-    """Statements that look whether a sample has all signals that it needs."""
+def _checks(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
+    """Return the statements that check the inputs of a sample."""
     needed = [name for name in ("setpoint", "measurement", "feedforward") if name in inputs]
     bad = [f"not ({_number(name)})" for name in needed]
     bad.append(f"tracking and not ({_number('track_value')})")
@@ -117,9 +193,9 @@ def _numbers(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]
     ]
 
 
-def _left_out(k: Parameters, found: dict[str, float]) -> list[Statement]:
-    """Statements for a sample that is left out: it holds, but for the hand of an operator."""
-    # what follows then starts with the signal that there is, as after manual
+def _skipped(k: Parameters, found: dict[str, float]) -> list[Statement]:
+    """Return the statements for a skipped sample: the signal holds, unless an operator sets it."""
+    # the next good sample continues from the present signal, as after manual mode
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
     limited = [*_limited(found), *_at_limit(k), Set("control", "limited")]
     body: list[Statement] = [
@@ -130,7 +206,7 @@ def _left_out(k: Parameters, found: dict[str, float]) -> list[Statement]:
 
 
 def _error(found: dict[str, float], compares: bool) -> list[Statement]:
-    """Statements that make the error with its deadband, where something needs it."""
+    """Return the statements for the error with its deadband, if anything needs it."""
     body: list[Statement] = [Set("error", "target - measured")] * (compares or "DEADBAND" in found)
     if "DEADBAND" in found:
         inside = If("error < -DEADBAND", [Set("error", "error + DEADBAND")], [Set("error", "0.0")])
@@ -143,7 +219,7 @@ def _error(found: dict[str, float], compares: bool) -> list[Statement]:
 
 
 def _tracking(k: Parameters, found: dict[str, float]) -> list[Statement]:
-    """Statements that take up a signal that acted in place of ours; at the first sample it starts from there."""
+    """Return the statements for a signal that acted in place of the control signal."""
     inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))
@@ -156,7 +232,7 @@ def _tracking(k: Parameters, found: dict[str, float]) -> list[Statement]:
 
 
 def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
-    """Statements of modes, integral, limits and anti-windup."""
+    """Return the statements for modes, integral, limits and anti-windup."""
     source = "summed" if k.from_signal else "error"
     shares = (("INTEGRAL_NEW", source), ("INTEGRAL_OLD", "old"))
     growth = " + ".join(f"{name} * {signal}" for name, signal in shares if name in found)
@@ -188,13 +264,13 @@ def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(found)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
-        # the same for what this sample's error adds, which comes with the next sample
+        # the error of this sample is added in the next one: clamp it, too
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
 
 def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
-    """Statements that keep the integral, less what a limit takes from it."""
+    """Return the statements that update the integral, anti-windup included."""
     keep: list[Statement] = [Set("carry", "added - (grown - integral_part)"), Set("integral_part", "grown")]
     if "BACK_CALCULATION_GAIN" in found:
         correction = [
@@ -208,7 +284,7 @@ def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # a growth that is more than the room up to the limit takes that room; resting there without end would be a lock
+    # an increment beyond the remaining room takes that room; if the integral rested instead, it could lock up
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(found, "integral_part"), *_limited(found)]
     clamped: list[Statement] = [
@@ -222,7 +298,7 @@ def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
 
 
 def _remembers(k: Parameters) -> bool:
-    """Whether the integral needs a signal of one sample ago."""
+    """Return True if the integral needs a signal of the previous sample."""
     return k.growth[1] != 0.0
 
 
@@ -231,13 +307,13 @@ def _less_bias(found: dict[str, float]) -> str:
 
 
 def _wanted(found: dict[str, float], integral: str = "") -> Set:
-    """Return the statement that sums up what the controller wants."""
+    """Return the statement for the control signal before the limits."""
     first = "".join(f"{name} + " for name in ("BIAS", "feedforward") if name in found)
     return Set("wanted", first + "summed" + (f" + {integral}" if integral else ""))
 
 
 def _limited(found: dict[str, float]) -> list[Statement]:
-    """Statements that limit the signal in rate, then in range."""
+    """Return the statements that limit the signal in rate, then in range."""
     body: list[Statement] = [Set("limited", "wanted")]
     rules = (
         ("LARGEST_CHANGE", ">", "control + LARGEST_CHANGE"),
@@ -251,5 +327,114 @@ def _limited(found: dict[str, float]) -> list[Statement]:
 
 
 def _at_limit(k: Parameters) -> list[Statement]:
-    """Statement that says whether a limit cuts something off."""
+    """Return the statement that sets `at_limit`."""
     return [Set("at_limit", "limited < wanted or limited > wanted")] if k.limited else []
+
+
+def part_name(i: int) -> str:
+    """Return the name of the i-th filter chain in code; the first is part_1."""
+    return f"part_{i + 1}"
+
+
+def _share(path: FilterChain, i: int, kind: str, j: int) -> str:
+    """Return the name of a coefficient of the j-th lag of the i-th chain; equal lags share it."""
+    return f"{part_name(i).upper()}_{kind}" + ("" if _equal(path) else f"_{j}")
+
+
+def _path_constants(path: FilterChain, i: int) -> dict[str, float]:
+    """Return the constants of the i-th chain by name."""
+    name = part_name(i).upper()
+    found = {f"{name}_WEIGHT": path.weight} if path.weight not in (0.0, 1.0) else {}
+    for kind, shares in (("NEW", path.new), ("OLD", path.old)):
+        found |= {_share(path, i, kind, j): value for j, value in enumerate(shares, start=1) if value}
+    return found | {f"{name}_GAIN_{m}": gain for m, gain in enumerate(path.gains) if gain}
+
+
+def _prefilter_constants(prefilter: Prefilter) -> dict[str, float]:
+    """Return the constants of a prefilter by name."""
+    found: dict[str, float] = {}
+    for i, row in enumerate(prefilter.move, start=1):
+        found |= {f"PREFILTER_MOVE_{i}_{j}": x for j, x in enumerate(row, start=1) if x}
+    return found | {f"PREFILTER_OUT_{i}": x for i, x in enumerate(prefilter.out, start=1) if x}
+
+
+def _prefilter_states(prefilter: Prefilter) -> list[str]:
+    """Return the names of the states of a prefilter; the first is the previous set point, if needed."""
+    return [f"prefilter_{j}" for j in range(0 if prefilter.old else 1, len(prefilter.out) + 1)]
+
+
+def _prefilter_statements(prefilter: Prefilter, found: dict[str, float]) -> list[Statement]:
+    """Return the statements that filter the set point."""
+    n = len(prefilter.out)
+    shares = ((prefilter.new, "target"), (prefilter.old, "prefilter_0"))
+    aim = " + ".join(x if value == 1.0 else f"{value!r} * {x}" for value, x in shares if value)
+    body: list[Statement] = [
+        Note("set-point prefilter: its states move towards the set point"),
+        If("not started", [Set(x, "target") for x in _prefilter_states(prefilter)]),
+        Set("aim", aim),
+        *([Set("prefilter_0", "target")] if prefilter.old else []),
+        *(Set(f"distance_{j}", f"prefilter_{j} - aim") for j in range(1, n + 1)),
+    ]
+    for i in range(1, n + 1):
+        name, x = f"PREFILTER_MOVE_{i}_", f"prefilter_{i}"
+        terms = [f"{name}{j} * distance_{j}" for j in range(1, n + 1) if f"{name}{j}" in found]
+        body += [Set(x, f"{x} + ({' + '.join(terms)})")] if terms else []
+    outs = [(f"PREFILTER_OUT_{i}", f"prefilter_{i}") for i in range(1, n + 1)]
+    terms = [f"{gain} * ({x} - target)" for gain, x in outs if gain in found]
+    return body + ([Set("target", f"target + ({' + '.join(terms)})")] if terms else [])
+
+
+def _path_states(path: FilterChain, i: int) -> list[str]:
+    """Return the names of the states of a chain: its previous input, if needed, and its lags."""
+    return (
+        [f"{part_name(i)}_{j}" for j in range(0 if any(path.old) else 1, path.order + 1)]
+        if path.order
+        else []
+    )
+
+
+def _path_statements(path: FilterChain, i: int, found: dict[str, float]) -> list[Statement]:
+    """Return the statements for a chain of lags and the gains on its differences."""
+    name, n, upper = part_name(i), path.order, part_name(i).upper()
+    aim = {1.0: "target", 0.0: "0.0"}.get(path.weight, f"{upper}_WEIGHT * target")
+    lags = f": {n}{' equal' * _equal(path)} lag{'s' if n > 1 else ''}" if n else ""
+    body: list[Statement] = [
+        Note(f"part {i + 1}, {path.name.replace('_', ' ')}{lags}"),
+        Set("entering", f"{aim} - measured"),
+    ]
+    level = ["entering", *(f"{name}_{j}" for j in range(1, n + 1))]
+    if n:
+        body.append(If("not started", [Set(x, "entering") for x in _path_states(path, i)]))
+    if any(path.new) and any(path.old):
+        body += [Set("before", f"{name}_0")]
+        for j in range(1, n + 1):
+            x = f"{name}_{j}"
+            new, old = (_share(path, i, kind, j) for kind in ("NEW", "OLD"))
+            step = f"{x} + ({new} * ({level[j - 1]} - {x}) + {old} * (before - {x}))"
+            body += [Set("after", step), Set("before", x), Set(x, "after")]
+    elif any(path.new):
+        for j in range(1, n + 1):
+            x = f"{name}_{j}"
+            body.append(Set(x, f"{x} + {_share(path, i, 'NEW', j)} * ({level[j - 1]} - {x})"))
+    elif n:  # the last lag first, since each takes the previous state of the one before it
+        for j in range(n, 0, -1):
+            x = f"{name}_{j}"
+            body.append(Set(x, f"{x} + {_share(path, i, 'OLD', j)} * ({name}_{j - 1} - {x})"))
+    body += [Set(f"{name}_0", "entering")] if any(path.old) else []
+    # differences that end at the last state, order by order
+    first = i == 0
+    highest = max((m for m, gain in enumerate(path.gains) if gain), default=0)
+    for m in range(highest + 1):
+        for j in range(n, n - (highest - m) - 1 if m else n, -1):
+            body.append(Set(f"difference_{j}", f"{level[j - 1]} - {level[j]}"))
+        if m:
+            level = [f"difference_{j}" if j >= n - (highest - m) else x for j, x in enumerate(level)]
+        if f"{upper}_GAIN_{m}" in found:
+            term = f"{upper}_GAIN_{m} * {level[n]}"
+            body.append(Set("summed", term if first else f"summed + {term}"))
+            first = False
+    return body + ([Set("summed", "0.0")] if first else [])
+
+
+def _equal(path: FilterChain) -> bool:
+    return len({*path.new}) == len({*path.old}) == 1

@@ -11,6 +11,6 @@ first a shelf above the second. The search goes down and up a ladder of filter t
 derivative, and from the best rungs to the bottom: see `pidalab.optimal._walk`.
 """
 
-from pidalab.optimal._design import load
+from pidalab.optimal._design import least_iae, load
 
-__all__ = ["load"]
+__all__ = ["least_iae", "load"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -14,7 +15,6 @@ from pidalab._check import Array
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.optimal._finish import PEAKS, finish
-from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._problem import Problem
 from pidalab.optimal._solver import FASTEST, LARGEST_GAIN, Search
 from pidalab.optimal._starts import approached, at_once, stabilising
@@ -22,13 +22,13 @@ from pidalab.optimal._units import search_in, unit_of_time
 from pidalab.optimal._walk import SearchResult, search
 from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
 from pidalab.relative_noise import noise_scale
+from pidalab.requirements import Requirements
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_response
 from pidalab.simulation.settling import settled
 
 HIGHEST_ORDER = 4  # order of a controller
-LARGEST_DISK = 2.0  # disk margin of a loop without feedback
 ACTIVE = 1e-3  # share of a limit within which it is called active
 NEGLIGIBLE_ACTION = 1e-6  # share of the largest action, at the corner of the filter
 UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # of time, since a limit of noise may make a loop slow
@@ -40,15 +40,16 @@ SAME_IAE = 0.02
 def load(
     process: Process,
     order: int,
+    *,
     ms: float = 1.6,
     mks: float | None = None,
+    mt: float | None = None,
+    disk: float | None = None,
     noise_gain: float | None = None,
     sample_time: float | None = None,
     family: Sequence[Process] = (),
     ms_worst: float = 2.0,
     start: Design | None = None,
-    mt: float | None = None,
-    disk: float | None = None,
 ) -> Design:
     r"""Return the controller with the least IAE for a step of the load at the process input.
 
@@ -63,6 +64,11 @@ def load(
     mks : float, optional
         Largest allowed gain from measurement noise to control signal, over all frequencies, in units of u per unit
         of y; by default none.
+    mt : float, optional
+        Largest allowed maximum of \|T\|, above 1; by default none.
+    disk : float, optional
+        Smallest allowed disk margin, between 0 and 2, as `pidalab.margins` has it; by default none. The circle that
+        encloses those of Ms = M and Mt = M, which MIGO designs for, is that of the disk margin 2/(2M - 1).
     noise_gain : float, optional
         Largest allowed standard deviation of u per unit of that of white measurement noise, sampled and held, as
         `pidalab.noise_gain` has it, in units of u per unit of y; by default none.
@@ -78,11 +84,6 @@ def load(
     start : Design, optional
         A design of this function for the same process and order: the search goes on from there, in place of many
         starts.
-    mt : float, optional
-        Largest allowed maximum of \|T\|, above 1; by default none.
-    disk : float, optional
-        Smallest allowed disk margin, between 0 and 2, as `pidalab.margins` has it; by default none. The circle that
-        encloses those of Ms = M and Mt = M, which MIGO designs for, is that of the disk margin 2/(2M - 1).
 
     Returns
     -------
@@ -125,36 +126,66 @@ def load(
     >>> pidalab.margins(safe.loop(late)).ms <= 1.6 < pidalab.margins(pida.loop(late)).ms, safe.iae > pida.iae
     (True, True)
     """
+    requirements = Requirements(
+        ms=ms, mks=mks, mt=mt, disk=disk, noise_gain=noise_gain, sample_time=sample_time,
+        family=tuple(family), ms_worst=ms_worst,
+    )  # fmt: skip
+    return least_iae(process, order, requirements, start)
+
+
+def least_iae(
+    process: Process, order: int, requirements: Requirements, start: Design | None = None
+) -> Design:
+    """Return the controller with the least IAE for a step of the load, as `load`, for requirements in one record.
+
+    Parameters
+    ----------
+    process : Process
+        As for `load`.
+    order : int
+        As for `load`.
+    requirements : Requirements
+        The limits.
+    start : Design, optional
+        As for `load`.
+
+    Returns
+    -------
+    Design
+        As from `load`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As from `load`.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.requirements import Requirements
+    >>> pida = pidalab.optimal.least_iae(pidalab.lags(3, delay=1.0), 2, Requirements(ms=1.4, mks=20.0))
+    >>> print(f"{pida.iae:.2f}")
+    2.65
+    """
     require_no_zero_at_origin("process", process)
     order = _check.integer("order", order, at_least=0, at_most=HIGHEST_ORDER)
-    others = {"mks": mks, "noise_gain": noise_gain, "sample_time": sample_time, "mt": mt, "disk": disk}
-    given = {name: x for name, x in others.items() if x is not None}
-    checked = {name: _check.real(name, x, above=1.0 if name == "mt" else 0.0) for name, x in given.items()}
-    limits = DesignLimits(_check.real("ms", ms, above=1.0), **checked)
-    if disk is not None and disk >= LARGEST_DISK:
-        raise ValueError(f"disk must be below {LARGEST_DISK:g}, that of no feedback, found {disk:g}")
-    if noise_gain is None and sample_time is not None:
-        raise ValueError("sample_time is that of a limit of noise: noise_gain is missing")
-    if noise_gain is not None and sample_time is None:
-        limits = limits._replace(sample_time=noise_scale(process).sample_time)
+    limits = requirements
+    if limits.noise_gain is not None and limits.sample_time is None:
+        limits = replace(limits, sample_time=noise_scale(process).sample_time)
     static = process.gain()
     if limits.mks is not None and math.isfinite(static) and limits.mks * abs(static) <= 1:
         raise ValueError(
             f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, which integral action makes of |C S| at zero "
-            f"frequency, found {mks:g}"
+            f"frequency, found {limits.mks:g}"
         )
-    plants = list(family)
-    for k, plant in enumerate(plants):
-        require_no_zero_at_origin(f"family[{k}]", plant)
-    if any(sign_of_gain(plant) != sign_of_gain(process) for plant in plants):
+    if any(sign_of_gain(plant) != sign_of_gain(process) for plant in limits.family):
         raise ValueError("family must have gains of the sign of the process: none stabilises both signs")
     seen: list[Search] = []
-    guarded = plants, _check.real("ms_worst", ms_worst, above=1.0)
-    best = _best(process, order, limits, seen, guarded, start)
+    best = _best(process, order, limits, seen, start)
     if best is None and any(one.family for one in seen):
         raise ValueError(
-            f"no controller of order {order} was found that keeps ms_worst <= {ms_worst:g} with all of the family: "
-            "allow more, or a narrower family"
+            f"no controller of order {order} was found that keeps ms_worst <= {limits.ms_worst:g} with all of the "
+            "family: allow more, or a narrower family"
         )
     if best is None:
         raise ValueError(_refusal(seen))
@@ -164,9 +195,8 @@ def load(
 def _best(
     process: Process,
     order: int,
-    limits: DesignLimits,
+    limits: Requirements,
     seen: list[Search],
-    guarded: tuple[list[Process], float],
     near: Design | None,
 ) -> Design | None:
     """The best design over the units of time; first from starts at hand, and where none serves from approached ones."""
@@ -174,7 +204,7 @@ def _best(
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
 
-    positive, *others = (upright(plant) for plant in (process, *guarded[0]))
+    positive, *others = (upright(plant) for plant in (process, *limits.family))
     shortest, best = unit_of_time(positive, limits), None
     if limits.sample_time is not None and limits.sample_time > SLOWEST_SAMPLING * shortest:
         raise ValueError(
@@ -204,7 +234,7 @@ def _best(
             if found is None:
                 continue
             if others:
-                one.guard(others, guarded[1])
+                one.guard(others)
                 end = finish(one, found.best.x)
                 if end is None:
                     continue
@@ -231,7 +261,7 @@ def _refusal(seen: list[Search]) -> str:
     hint = ""
     for other in range(HIGHEST_ORDER, order, -1):
         problem = Problem(first.problem.process, other, (first.problem.gain, first.problem.time))
-        if any(True for _ in stabilising(Search(problem, DesignLimits(2.0)))):
+        if any(True for _ in stabilising(Search(problem, Requirements(ms=2.0)))):
             hint = f"; order {other} has some"
     return (
         f"no stable controller of order {order} with non-negative gains was found, whatever its ms (requested: "
@@ -242,13 +272,13 @@ def _refusal(seen: list[Search]) -> str:
 def _nearest(one: Search, x: Array) -> str:
     """What the nearest controller makes of the quantities that are limited."""
     values = {**_heights(one.loop(x)), "noise_gain": one.true_noise(x)}
-    return ", ".join(f"{name} = {values[name]:.4g}" for name in one.limits.named())
+    return ", ".join(f"{name} = {values[name]:.4g}" for name in one.limits.limits())
 
 
 def _heights(loop: Loop) -> dict[str, float]:
     """What a loop has of all that may be limited at all frequencies."""
     found = {name: peak(loop)[0] for name, peak in PEAKS.items()}
-    return {**found, "disk": 1 / found["half"]}
+    return {**found, "disk": 1 / found["inverse_disk"]}
 
 
 def upright(process: Process) -> Process:
@@ -265,7 +295,7 @@ def judge(process: Process, one: Search, found: SearchResult) -> Design:
     gains[1:] = np.where(amounts < NEGLIGIBLE_ACTION * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign_of_gain(process) * gains).tolist(), time, problem.order + 1)
     loop = Loop(process, controller)
-    heights, named = _heights(loop), limits.named()
+    heights, named = _heights(loop), limits.limits()
     info: dict[str, Any] = {"iae": _iae(loop, problem.time), "ms": heights["ms"], "mks": heights["mks"]}
     info |= {name: heights[name] for name in ("mt", "disk") if name in named}
     if one.noise is not None:
@@ -274,7 +304,7 @@ def judge(process: Process, one: Search, found: SearchResult) -> Design:
         loops = (Loop(plant, one.loop(x).controller) for plant in one.family)
         info["ms_worst"] = max(max_sensitivity(own)[0] for own in loops)
     reached = limits.reached(info, ACTIVE)
-    if one.family and info["ms_worst"] >= one.ms_worst * (1 - ACTIVE):
+    if one.family and info["ms_worst"] >= limits.ms_worst * (1 - ACTIVE):
         reached.append("ms_worst")
     if one.noise is not None:
         info["sample_time"] = one.noise.h

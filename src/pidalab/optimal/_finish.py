@@ -25,7 +25,7 @@ PEAKS: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "ms": max_sensitivity,
     "mks": max_control_sensitivity,
     "mt": max_complementary,
-    "half": max_difference,
+    "inverse_disk": max_difference,
 }
 
 
@@ -66,7 +66,7 @@ def _safe(search: Search, x: Array) -> bool:
         other = Loop(plant, loop.controller)
         ms, at = max_sensitivity(other)
         found.append((ms if settles(other) else np.inf, at, k))
-    over = [one for one in sorted(found, reverse=True)[:WORST_PLANTS] if one[0] > search.ms_worst]
+    over = [one for one in sorted(found, reverse=True)[:WORST_PLANTS] if one[0] > search.limits.ms_worst]
     for _, at, k in over:
         search.see(k, at)
     return not over
@@ -87,7 +87,7 @@ def _shrunk(search: Search, x: Array) -> Array:
 def _keeps(search: Search, x: Array, noise: float) -> bool:
     """Whether all limits hold; where not, look there from now on."""
     loop, kept = search.loop(x), True
-    for name, most in search.limits.heights(0.0).items():
+    for name, most in search.limits.peaks(0.0).items():
         height, at = PEAKS[name](loop)
         if height > most:
             kept = False

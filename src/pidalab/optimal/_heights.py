@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-HEIGHTS = ("ms", "mks", "mt", "half")  # half of |S - T| is one over the disk margin
+HEIGHTS = ("ms", "mks", "mt", "inverse_disk")  # half of |S - T| is one over the disk margin
 MS, MKS, MT, HALF = range(4)  # kinds of heights
 
 

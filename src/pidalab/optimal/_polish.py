@@ -51,8 +51,8 @@ class Peaks:
 
     def __init__(self, search: Search) -> None:
         self.problem = problem = search.problem
-        limits, others = search.limits.heights(ROOM), [search.family[k] for k in search.active]
-        worst = [search.ms_worst * (1 - ROOM)] * len(others)
+        limits, others = search.limits.peaks(ROOM), [search.family[k] for k in search.active]
+        worst = [search.limits.ms_worst * (1 - ROOM)] * len(others)
         self.plants = [problem.process] * NOMINAL + others
         self.tops = np.log([*(limits.get(name, np.inf) for name in HEIGHTS), *worst])
         self.limited = [kind for kind, name in enumerate(HEIGHTS) if name in limits]

@@ -16,10 +16,10 @@ from pidalab._check import Array
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.optimal._heights import with_turns
-from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import WALL, CachedValueAndSlope, Problem, Scaled, Slope
 from pidalab.process import Process
+from pidalab.requirements import Requirements
 from pidalab.robustness.poles import is_stable
 
 FINE_SAMPLES = 8192  # of the response whose IAE is made least
@@ -42,10 +42,9 @@ class Search:
     """One problem and its limits, at frequencies that grow in number as peaks are found between them."""
 
     nearest: Array | None = None  # what comes nearest to limits that nothing keeps
-    family: tuple[Process, ...] = ()  # plants that keep ms_worst at the end
-    ms_worst = np.inf
+    family: tuple[Process, ...] = ()  # plants, upright, that keep ms_worst at the end
 
-    def __init__(self, problem: Problem, limits: DesignLimits, spare: float = SPARE) -> None:
+    def __init__(self, problem: Problem, limits: Requirements, spare: float = SPARE) -> None:
         self.problem, self.limits, self.spare = problem, limits, spare
         self.active: list[int] = []  # plants of the family that the descents see
         time = problem.time
@@ -95,8 +94,8 @@ class Search:
 
     def constraints(self) -> list[CachedValueAndSlope]:
         """What is left to every limit, not negative where it is kept, for the frequencies looked at so far."""
-        worst = {"ms": self.ms_worst * (1 - self.spare)}
-        found = [self.problem.limits(self.w, self.limits.heights(self.spare))]
+        worst = {"ms": self.limits.ms_worst * (1 - self.spare)}
+        found = [self.problem.limits(self.w, self.limits.peaks(self.spare))]
         found += [self.problem.limits(self.w, worst, self.family[k]) for k in self.active]
         if self.noise is not None:
             noise, most = self.noise, self.aim
@@ -167,9 +166,9 @@ class Search:
         assert self.limits.noise_gain is not None
         self.aim *= self.limits.noise_gain / noise * (1 - self.spare)
 
-    def guard(self, family: Sequence[Process], ms_worst: float) -> None:
-        """Keep a limit of Ms with other plants, too, from now on."""
-        self.family, self.ms_worst = tuple(family), ms_worst
+    def guard(self, family: Sequence[Process]) -> None:
+        """Keep the limit of Ms with other plants, too, from now on."""
+        self.family = tuple(family)
 
     def see(self, k: int, peak: float) -> None:
         """Let the descents see a plant of the family, or where its peak lies if they do already."""

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._problem import Problem
 from pidalab.optimal._solver import SPARE, Search
 from pidalab.process import Process
 from pidalab.reduction import turned_phase
+from pidalab.requirements import Requirements
 from pidalab.roots import roots
 
 CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
@@ -21,7 +21,7 @@ NOISE_SLOWDOWN = 8.0
 QUIET_SHARE = 0.1  # of the noise allowed, proportional action in that unit, where nothing else sets it
 
 
-def unit_of_time(process: Process, limits: DesignLimits) -> float:
+def unit_of_time(process: Process, limits: Requirements) -> float:
     """Unit of time in which a loop around the process has numbers near 1, if nothing but robustness limits it."""
     poles = roots(process.den)
     integrators = int(np.sum(poles == 0))
@@ -41,7 +41,7 @@ def unit_of_time(process: Process, limits: DesignLimits) -> float:
     return 1 / (loudest if fastest > NOISE_SLOWDOWN * loudest else fastest)
 
 
-def _loudest(process: Process, limits: DesignLimits, w: Array) -> float:
+def _loudest(process: Process, limits: Requirements, w: Array) -> float:
     """Frequency up to which a loop can act under a limit of noise: to act is to have |C S| near 1/|P|."""
     asked = 1 / np.abs(process(1j * w))
     able = np.ones(w.size, dtype=bool)
@@ -54,7 +54,7 @@ def _loudest(process: Process, limits: DesignLimits, w: Array) -> float:
     return float(w[able].max()) if able.any() else math.inf
 
 
-def _by_noise(process: Process, integrators: int, limits: DesignLimits) -> float:
+def _by_noise(process: Process, integrators: int, limits: Requirements) -> float:
     """The unit for integrators alone, around which nothing but noise limits a loop."""
     loudest = limits.mks or limits.noise_gain
     if not integrators or loudest is None:
@@ -67,7 +67,7 @@ def _by_noise(process: Process, integrators: int, limits: DesignLimits) -> float
 
 
 def search_in(
-    process: Process, order: int, limits: DesignLimits, factor: float = 1.0, spare: float = SPARE
+    process: Process, order: int, limits: Requirements, factor: float = 1.0, spare: float = SPARE
 ) -> Search:
     """Return a search in the unit of time that fits a process, times a factor.
 
@@ -77,7 +77,7 @@ def search_in(
         With positive gain.
     order : int
         Highest derivative.
-    limits : DesignLimits
+    limits : Requirements
         Requirements of the design.
     factor : float, optional
         Of the unit of time.
@@ -91,8 +91,9 @@ def search_in(
     Examples
     --------
     >>> import pidalab
-    >>> from pidalab.optimal.parts import DesignLimits, search_in
-    >>> search_in(pidalab.lags(3, delay=1.0), 1, DesignLimits(1.6)).problem.gains
+    >>> from pidalab.optimal.parts import search_in
+    >>> from pidalab.requirements import Requirements
+    >>> search_in(pidalab.lags(3, delay=1.0), 1, Requirements(ms=1.6)).problem.gains
     3
     """
     unit = factor * unit_of_time(process, limits)

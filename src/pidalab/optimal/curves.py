@@ -15,14 +15,14 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.optimal._design import HIGHEST_ORDER, SAME_IAE, judge, load, upright
+from pidalab.optimal._design import HIGHEST_ORDER, SAME_IAE, judge, least_iae, upright
 from pidalab.optimal._finish import finish
-from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._solver import NEARLY
 from pidalab.optimal._starts import at_once
 from pidalab.optimal._walk import SearchResult
 from pidalab.optimal.parts import search_in
 from pidalab.process import Process, require_no_zero_at_origin
+from pidalab.requirements import Requirements
 from pidalab.rules import Design
 
 # share of a limit that is kept free, which costs a thousandth of the IAE: a tenth of a line's width
@@ -32,7 +32,7 @@ SPARE_OF_A_CURVE = 3e-4
 class _Point:
     """A point of a curve: the best that is known there, and its design at the end."""
 
-    def __init__(self, process: Process, order: int, limits: DesignLimits) -> None:
+    def __init__(self, process: Process, order: int, limits: Requirements) -> None:
         self.process, self.order, self.limits = process, order, limits
         self.search = search_in(upright(process), order, limits, spare=SPARE_OF_A_CURVE)
         self.value, self.x = math.inf, np.zeros(0)
@@ -64,15 +64,14 @@ class _Point:
             self.design = judge(self.process, self.search, SearchResult(best, (best.value,)))
             if self.design.iae - best.value * self.search.problem.time < SAME_IAE * self.design.iae:
                 return
-        near, h = self.design, self.limits.sample_time
         try:
-            self.design = load(self.process, self.order, self.limits.ms, None, noise, h, start=near)
+            self.design = least_iae(self.process, self.order, self.limits, start=self.design)
         except ValueError:
             self.design = None
 
 
 def find_curves(
-    process: Process, order: int, ms: Sequence[float], noise_gains: Sequence[float], sample_time: float
+    process: Process, order: int, *, ms: Sequence[float], noise_gains: Sequence[float], sample_time: float
 ) -> dict[tuple[int, float, float], Design]:
     """Return the controllers with the least IAE for a step of the load, of all orders up to one, under pairs of limits.
 
@@ -105,7 +104,7 @@ def find_curves(
     --------
     >>> import pidalab
     >>> from pidalab.optimal.curves import find_curves
-    >>> found = find_curves(pidalab.lags(3, delay=1.0), 1, [1.6], [1.0, 3.0], 0.05)
+    >>> found = find_curves(pidalab.lags(3, delay=1.0), 1, ms=[1.6], noise_gains=[1.0, 3.0], sample_time=0.05)
     >>> [(key, f"{design.iae:.2f}") for key, design in found.items()]
     [((0, 1.6, 1.0), '4.56'), ((0, 1.6, 3.0), '4.56'), ((1, 1.6, 1.0), '3.38'), ((1, 1.6, 3.0), '3.04')]
     """
@@ -121,7 +120,10 @@ def find_curves(
     found: dict[tuple[int, float, float], Design] = {}
     with threadpool_limits(limits=1, user_api="blas"):
         for k in range(order + 1):
-            limits = [[DesignLimits(level, None, noise, sample_time) for noise in noises] for level in levels]
+            limits = [
+                [Requirements(ms=level, noise_gain=noise, sample_time=sample_time) for noise in noises]
+                for level in levels
+            ]
             rows = [[_Point(process, k, own) for own in row] for row in limits]
             _search(rows, below)
             found |= {

@@ -1,6 +1,6 @@
 """What a search for an optimum is made of, for studies that look at its valleys, its starts and its noise.
 
-A `Search` is one `Problem`, a process and an order in a unit of time, with its `DesignLimits`. `pidalab.optimal.load`
+A `Search` is one `Problem`, a process and an order in a unit of time, with its `Requirements`. `pidalab.optimal.load`
 is what a design needs; these parts are for those who ask how it was found, and may change with the search.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from pidalab.optimal._design import SAME_IAE, UNITS_TRIED
 from pidalab.optimal._finish import finish
-from pidalab.optimal._limits import DesignLimits
 from pidalab.optimal._noise import SampledNoise
 from pidalab.optimal._problem import Problem
 from pidalab.optimal._solver import FINE, NEARLY, Search
@@ -20,7 +19,6 @@ __all__ = [
     "NEARLY",
     "SAME_IAE",
     "UNITS_TRIED",
-    "DesignLimits",
     "Problem",
     "SampledNoise",
     "Search",

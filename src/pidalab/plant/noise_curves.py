@@ -13,8 +13,9 @@ from pidalab.comparison import designs, first_horizon
 from pidalab.comparison.judging import DesignRow, measure_row
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.relative_noise import noise_scale
+from pidalab.requirements import Requirements
 from pidalab.rules import Design
-from pidalab.rules.registry import ORDER, RuleLimits
+from pidalab.rules.registry import ORDER
 
 NOISE_SHARES = (0.1, 0.25, 0.6, 1.5, 3.0)  # of the ultimate gain: limits of noise
 DRAWN_RULES = ("simc", "amigo", "haalman", "lambda", "magnitude optimum")  # rules that are drawn
@@ -159,14 +160,18 @@ def trade_off(
     levels = sorted(_check.real("ms", one, above=1.0) for one in ms)
     limits, sample_time = _noise(process, noise_gains, sample_time)
     wanted = sorted(dict.fromkeys(kinds), key=ORDER.__getitem__)
-    found = find_curves(process, ORDER[wanted[-1]], levels, limits, sample_time) if wanted else {}
+    found = {}
+    if wanted:
+        found = find_curves(
+            process, ORDER[wanted[-1]], ms=levels, noise_gains=limits, sample_time=sample_time
+        )
     places = [(k, m, n) for m in levels for k in wanted for n in limits]
     points = [
         TradeOffPoint(*place, design.iae, design)
         for place in places
         if (design := found.get((ORDER[place[0]], *place[1:]))) is not None
     ]
-    asked = RuleLimits(levels[0], limits[len(limits) // 2], sample_time)
+    asked = Requirements(ms=levels[0], noise_gain=limits[len(limits) // 2], sample_time=sample_time)
     horizon = first_horizon(process)
     rows = [measure_row(*one, process, sample_time, horizon) for one in designs(process, asked, rules)]
     return TradeOff(process, sample_time, tuple(points), tuple(row for row in rows if row.kind in wanted))

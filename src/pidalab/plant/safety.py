@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pidalab.loop import Loop
 from pidalab.process import Process, rational
+from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.simulation.settling import load_iae
 
@@ -19,9 +20,8 @@ MET, STILL_KEPT = 1e-3, 1e-6  # shares of a limit: below it what meets it, and a
 MOST_CORRECTIONS = 20  # of what is asked for
 LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # of Ms less 1, in a correction
 
-Asked = tuple[float, float]  # Ms with the model, and the worst Ms over other plants
-# a design for what is asked, near another one, and which of the two limits hold it back
-Designer = Callable[[Asked, Design | None], tuple[Design, Sequence[str]]]
+# Return a design that keeps requirements, found near another one, and the names of the limits that hold it back.
+Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 
 
 class LoopMs(NamedTuple):
@@ -96,18 +96,21 @@ def in_series(first: Any, second: Any) -> Any:
 
 
 def correct_request(
-    make: Designer, sizes: Callable[[Design], Asked], limits: Asked, start: Design | None = None
+    make: Designer,
+    sizes: Callable[[Design], tuple[float, float]],
+    limits: Requirements,
+    start: Design | None = None,
 ) -> Design:
-    """Correct what is asked of a design until the loop that runs has what is wanted, to 0.1 % and from below.
+    """Correct the requirements of a design until the loop that runs keeps the given ones, to 0.1 % and from below.
 
     Parameters
     ----------
     make : callable
-        Makes a design for what is asked.
+        Makes a design for requirements.
     sizes : callable
-        Measures both values of Ms of a design.
-    limits : tuple of float
-        What they may be.
+        Measures Ms of a design with the model, and the worst Ms over the family.
+    limits : Requirements
+        What the loop has to keep.
     start : Design, optional
         To begin near.
 
@@ -124,18 +127,21 @@ def correct_request(
     asked, kept, made = limits, None, start
     for _ in range(MOST_CORRECTIONS):
         made, active = make(asked, made)
-        found = sizes(made)
-        if all(size <= limit * (1 + STILL_KEPT) for size, limit in zip(found, limits, strict=True)):
+        ms, worst = sizes(made)
+        if ms <= limits.ms * (1 + STILL_KEPT) and worst <= limits.ms_worst * (1 + STILL_KEPT):
             kept = made
-        names = ("ms" in active, "ms_worst" in active)
-        again = (_next(*one) for one in zip(asked, found, limits, names, strict=True))
-        before, asked = asked, (next(again), next(again))
+        before = asked
+        asked = replace(
+            asked,
+            ms=_next(asked.ms, ms, limits.ms, "ms" in active),
+            ms_worst=_next(asked.ms_worst, worst, limits.ms_worst, "ms_worst" in active),
+        )
         if asked == before:
             return made
     if kept is None:
         raise ValueError(
-            f"no controller was found whose loop keeps ms <= {limits[0]:g} and ms_worst <= {limits[1]:g}: the last one "
-            f"has {found[0]:.3g} and {found[1]:.3g}"
+            f"no controller was found whose loop keeps ms <= {limits.ms:g} and ms_worst <= {limits.ms_worst:g}: the "
+            f"last one has {ms:.3g} and {worst:.3g}"
         )
     return kept
 
@@ -148,73 +154,58 @@ def _next(asked: float, found: float, limit: float, active: bool) -> float:
     return 1 + (asked - 1) * min(max(wanted, LEAST_FACTOR), LARGEST_FACTOR)
 
 
-class Requirements(NamedTuple):
-    """Requirements on a design.
-
-    Attributes
-    ----------
-    process : Process
-        The model.
-    plants : sequence of Process
-        What may be in its place.
-    ms, ms_worst : float
-        Largest Ms with the model, and with any of the plants.
-    remedy : str
-        What would help where there is no such design.
-    """
-
-    process: Process
-    plants: Sequence[Process]
-    ms: float
-    ms_worst: float
-    remedy: str
-
-    def refusal(self, worst: float, more: str = "") -> ValueError:
-        """Return the error that says why there is no design."""
-        found = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
-        return ValueError(
-            f"the model is too uncertain for this controller: a plant of its spread gives {found}, where "
-            f"ms_worst = {self.ms_worst:g} is allowed{more}; {self.remedy}"
-        )
+def refusal(limits: Requirements, remedy: str, worst: float, more: str = "") -> ValueError:
+    """Return the error that says why there is no design that is safe with the family."""
+    found = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
+    return ValueError(
+        f"the model is too uncertain for this controller: a plant of its spread gives {found}, where "
+        f"ms_worst = {limits.ms_worst:g} is allowed{more}; {remedy}"
+    )
 
 
-def make_safe(make: Designer, evaluator: LoopEvaluator, requirements: Requirements) -> tuple[Design, float]:
-    """Return a design that is safe with all plants, and its price.
+def make_safe(
+    make: Designer, evaluator: LoopEvaluator, process: Process, limits: Requirements, remedy: str
+) -> tuple[Design, float]:
+    """Return a design that is safe with all plants of the family, and its price.
 
     Parameters
     ----------
     make : callable
-        Makes a design for what is asked; it takes no other plants into account where an infinite worst Ms is asked for.
+        Makes a design for requirements.
     evaluator : LoopEvaluator
         Judges it in the loop that will run.
-    requirements : Requirements
-        What it has to keep.
+    process : Process
+        The model.
+    limits : Requirements
+        What the loop has to keep.
+    remedy : str
+        What would help where there is no such design, for the message.
 
     Returns
     -------
     design : Design
     price : float
-        How many times its IAE is that of the design without the second limit.
+        How many times its IAE is that of the design for the process alone.
 
     Raises
     ------
     ValueError
         If there is none, or none that is worth having.
     """
-    process, plants, ms, ms_worst, _ = requirements
 
-    def sizes(made: Design) -> Asked:
-        return evaluator.ms(made, process).ms, evaluator.worst(made, plants).ms
+    def sizes(made: Design) -> tuple[float, float]:
+        return evaluator.ms(made, process).ms, evaluator.worst(made, limits.family).ms
 
-    plain = correct_request(make, lambda made: (evaluator.ms(made, process).ms, 0.0), (ms, math.inf))
-    worst = evaluator.worst(plain, plants).ms
-    if worst <= ms_worst * (1 + STILL_KEPT):
+    alone = replace(limits, family=())
+    plain = correct_request(make, lambda made: (evaluator.ms(made, process).ms, 0.0), alone)
+    worst = evaluator.worst(plain, limits.family).ms
+    if worst <= limits.ms_worst * (1 + STILL_KEPT):
         return plain, 1.0
     try:
-        made = correct_request(make, sizes, (ms, ms_worst), plain)
-    except ValueError as refusal:
-        raise requirements.refusal(worst, f" ({refusal})") from None
+        made = correct_request(make, sizes, limits, plain)
+    except ValueError as failed:
+        raise refusal(limits, remedy, worst, f" ({failed})") from None
     price = load_iae(evaluator.loop(made, process)) / load_iae(evaluator.loop(plain, process))
     if price > TOO_DEAR:
-        raise requirements.refusal(worst, f", and a design that is safe has {price:.1f} times the IAE")
+        raise refusal(limits, remedy, worst, f", and a design that is safe has {price:.1f} times the IAE")
     return made, price

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -14,8 +15,9 @@ from pidalab.loop import Loop
 from pidalab.plant.doubts import doubt
 from pidalab.plant.fitting import Fit
 from pidalab.plant.record import Record
-from pidalab.plant.safety import Asked, Designer, LoopEvaluator, Requirements, make_safe
+from pidalab.plant.safety import Designer, LoopEvaluator, make_safe, refusal
 from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
+from pidalab.requirements import Requirements
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
@@ -149,10 +151,10 @@ def tune(
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
-    requirements = Requirements(process, plants, ms, ms_worst, _remedy(model))
+    limits, remedy = Requirements(ms=ms, family=tuple(plants), ms_worst=ms_worst), _remedy(model)
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
-            f"the sign of the gain is not settled, and no controller is stable with both signs: {requirements.remedy}"
+            f"the sign of the gain is not settled, and no controller is stable with both signs: {remedy}"
         )
     designed, *others = (
         _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
@@ -160,18 +162,20 @@ def tune(
     _known_dynamics(model, designed, kind, doubts)
     evaluator = LoopEvaluator(sample_time, output_filter)
     if named is None:
-        make = _optimal(model, designed, others, kind, noise_gain, sample_time, doubts)
-        made, price = make_safe(make, evaluator, requirements)
+        noise = _noise_limits(model, designed, noise_gain, sample_time, doubts)
+        made, price = make_safe(
+            _optimal(designed, others, kind), evaluator, process, replace(limits, **noise), remedy
+        )
         if "sample_time" in made.active:
             doubts.append(doubt("fast filter", sample_time=made.info["sample_time"]))
     else:
-        made, price = _by_rule(named, designed, kind, evaluator, requirements)
+        made, price = _by_rule(named, designed, kind, evaluator, process, limits, remedy)
         if noise_gain is not None:
             _check.real("noise_gain", noise_gain, above=0.0)
             doubts.append(doubt("noise unused", rule=rule))
         process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
     if price > DEAR:
-        doubts.append(doubt("price", price=price, remedy=requirements.remedy))
+        doubts.append(doubt("price", price=price, remedy=remedy))
     loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
     reasons: list[str] = []  # why a sampled loop has no Ms
@@ -203,25 +207,30 @@ def _remedy(model: Process | Fit) -> str:
 
 
 def _by_rule(
-    rule: Rule, designed: Process, kind: str, evaluator: LoopEvaluator, requirements: Requirements
+    rule: Rule,
+    designed: Process,
+    kind: str,
+    evaluator: LoopEvaluator,
+    process: Process,
+    limits: Requirements,
+    remedy: str,
 ) -> tuple[Design, float]:
     """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
     if rule.knows_ms:
 
-        def make(asked: Asked, near: Design | None) -> tuple[Design, list[str]]:
-            return rule.tune(designed, kind, min(asked)), ["ms" if asked[0] <= asked[1] else "ms_worst"]
+        def make(asked: Requirements, near: Design | None) -> tuple[Design, list[str]]:
+            binding = "ms_worst" if asked.family and asked.ms_worst < asked.ms else "ms"
+            return rule.tune(designed, kind, replace(asked, ms=getattr(asked, binding))), [binding]
 
-        return make_safe(make, evaluator, requirements)
-    made = rule.tune(designed, kind, requirements.ms)
-    if math.isinf(evaluator.ms(made, requirements.process).ms):
+        return make_safe(make, evaluator, process, limits, remedy)
+    made = rule.tune(designed, kind, limits)
+    if math.isinf(evaluator.ms(made, process).ms):
         raise ValueError(
             f"the loop of the rule {rule.name!r} is unstable with the model itself: take another rule"
         )
-    worst = evaluator.worst(made, requirements.plants).ms
-    if worst > requirements.ms_worst:
-        raise requirements._replace(
-            remedy=f"{requirements.remedy}, or the rule 'optimal', which knows Ms"
-        ).refusal(worst)
+    worst = evaluator.worst(made, limits.family).ms
+    if worst > limits.ms_worst:
+        raise refusal(limits, f"{remedy}, or the rule 'optimal', which knows Ms", worst)
     return made, 1.0
 
 
@@ -239,19 +248,14 @@ def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
         doubts.append(doubt("filter lost", filter_time=1 / fastest, sample_time=sample_time))
 
 
-def _optimal(
+def _noise_limits(
     model: Process | Fit,
     designed: Process,
-    others: list[Process],
-    kind: str,
     noise_gain: float | None,
     sample_time: float | None,
     doubts: list[str],
-) -> Designer:
-    """Least IAE under Ms and a limit for noise; without one given, a default, which is reported."""
-    from pidalab import optimal
-
-    mks = None
+) -> dict[str, Any]:
+    """Return the limits of noise; without one given, a default, which is reported."""
     if noise_gain is None and isinstance(model, Fit) and model.noise > 0 and model.record.steps:
         moved = abs(model.record.steps[0].after - model.record.steps[0].before)
         noise_gain, sample_time = QUIET * moved / model.noise, sample_time or model.record.sampling
@@ -261,15 +265,19 @@ def _optimal(
     elif noise_gain is None:
         mks = LOUDEST * _asked_of_u(designed)
         doubts.append(f"no limit for noise was given: mks = {mks:.3g} is allowed")
+        return {"mks": mks}  # without noise the half sample in `designed` is enough
     elif sample_time is None:
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
-    # without noise the half sample in `designed` is enough
-    sampled = None if noise_gain is None else sample_time
+    return {"noise_gain": noise_gain, "sample_time": sample_time}
 
-    def make(asked: Asked, near: Design | None) -> tuple[Design, Any]:
-        family = others if math.isfinite(asked[1]) else []
-        limits = asked[0], mks, noise_gain, sampled, family, asked[1] if family else 2.0
-        found = optimal.load(designed, ORDER[kind], *limits, near)
+
+def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
+    """Return the search for the least IAE, with the family as the controller sees it."""
+    from pidalab import optimal
+
+    def make(asked: Requirements, near: Design | None) -> tuple[Design, Any]:
+        seen = replace(asked, family=tuple(others) if asked.family else ())
+        found = optimal.least_iae(designed, ORDER[kind], seen, near)
         return found, found.active
 
     return make

@@ -23,16 +23,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 from pidalab import _check
 from pidalab._names import KINDS
 from pidalab.areas import from_process
 from pidalab.process import Process
 from pidalab.relative_noise import sampled_noise
+from pidalab.requirements import Requirements
 from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, migo, mrdp
 from pidalab.rules._design import Design
 
+DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps that a rule is made for
 # dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
@@ -42,22 +44,6 @@ IMC = "heo2023, rows IMC"
 HAALMAN = {"PI": "first_order", "PID": "second_order", "PIDA": "third_order"}
 CHR_1952 = "Chien, Hrones and Reswick (1952)"
 ZN, ZN_1942 = "Ziegler-Nichols", "Ziegler and Nichols (1942)"
-
-
-class RuleLimits(NamedTuple):
-    """Requirements of a design; a rule uses those that it knows.
-
-    Attributes
-    ----------
-    ms : float
-        Largest maximum sensitivity.
-    noise_gain, sample_time : float or None
-        Largest standard deviation of u per unit of that of white measurement noise, and its sample time.
-    """
-
-    ms: float
-    noise_gain: float | None = None
-    sample_time: float | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +59,7 @@ class Rule:
     models : mapping
         The model that each kind of controller starts from: a name of the table above.
     design : callable
-        Makes a `Design` of a model, a kind and `RuleLimits`.
+        Makes a `Design` of a model, a kind and `Requirements`.
     short : str
         A second, shorter name.
     compared : bool
@@ -85,7 +71,7 @@ class Rule:
     name: str
     source: str
     models: Mapping[str, str]
-    design: Callable[[Process, str, RuleLimits], Design]
+    design: Callable[[Process, str, Requirements], Design]
     short: str = ""
     compared: bool = True
     knows_ms: bool = False
@@ -99,9 +85,7 @@ class Rule:
         self,
         model: Process,
         kind: str,
-        ms: float = 1.6,
-        noise_gain: float | None = None,
-        sample_time: float | None = None,
+        requirements: Requirements = DEFAULT,
     ) -> Design:
         """Design a controller of a kind.
 
@@ -111,8 +95,8 @@ class Rule:
             What the rule starts from.
         kind : str
             One of `kinds`.
-        ms, noise_gain, sample_time : float, optional
-            See `RuleLimits`.
+        requirements : Requirements, optional
+            A rule uses those that it knows: Ms, or the noise gain with its sample time.
 
         Returns
         -------
@@ -134,7 +118,7 @@ class Rule:
             raise ValueError(
                 f"kind must be {' or '.join(map(repr, self.kinds))} for the rule {self.name!r}, found {kind!r}"
             )
-        return self.design(model, kind, RuleLimits(ms, noise_gain, sample_time))
+        return self.design(model, kind, requirements)
 
 
 def find(name: str, *others: str) -> Rule:
@@ -171,7 +155,9 @@ def find(name: str, *others: str) -> Rule:
 # --- how each is called -----------------------------------------------------------------------------------------------
 
 
-def _call_with_kind(tune: Callable[..., Design], *args: Any) -> Callable[[Process, str, RuleLimits], Design]:
+def _call_with_kind(
+    tune: Callable[..., Design], *args: Any
+) -> Callable[[Process, str, Requirements], Design]:
     """Return the call of a rule that takes a model, fixed arguments, and the kind."""
     return lambda model, kind, limits: tune(model, *args, kind)
 
@@ -199,7 +185,7 @@ def _short(name: str, test: str) -> str:
     return name if test == "load" else ""
 
 
-def _magnitude_optimum(model: Process, kind: str, limits: RuleLimits) -> Design:
+def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
     """With a limit of noise the filter is as short as the sample, longer where that is too loud.
 
     Without one it is ten times faster than the process: a tenth of lags and dead time, the first area over the gain.
@@ -214,7 +200,7 @@ def _magnitude_optimum(model: Process, kind: str, limits: RuleLimits) -> Design:
     return magnitude_optimum.tune_for_filter_noise(model, m, m + 1, noise_gain, sample_time)
 
 
-def _mrdp(model: Process, kind: str, limits: RuleLimits) -> Design:
+def _mrdp(model: Process, kind: str, limits: Requirements) -> Design:
     m = ORDER[kind]
     if model.delay == 0:
         raise ValueError(

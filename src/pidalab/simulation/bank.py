@@ -14,9 +14,8 @@ from scipy.linalg import expm
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import SeriesPIDA
-from pidalab.digital.chains import part
-from pidalab.digital.paths import held_gains
-from pidalab.digital.program import program
+from pidalab.digital.filters import held_gains
+from pidalab.digital.program import part_name, program
 from pidalab.loop import Loop, require_loop
 from pidalab.simulation import sampled_lanes
 from pidalab.simulation.operations import operations
@@ -162,7 +161,7 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
     made = program(replace(any_gains, paths=(path,)))
     code, places, numbers = operations(made, {**made.states, "started": True})
     table = np.repeat(numbers[:, None], kp.size, axis=1)
-    name = part(0).upper()
+    name = part_name(0).upper()
     table[[places[f"{name}_GAIN_{k}"] for k in range(n + 1)]] = gains.T
     table[places["INTEGRAL_OLD"]] = -np.expm1(-h / ti)
     if n:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pidalab._check import Array
-from pidalab.digital.statements import If, Program, Set, Statement
+from pidalab.digital.program import If, Program, Set, Statement
 
 # places of the signals of the controller, and of what a block outside the program makes of the error
 SETPOINT, MEASUREMENT, CONTROL, SUMMED = range(4)

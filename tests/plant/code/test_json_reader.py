@@ -14,7 +14,7 @@ from hypothesis import given, strategies as st
 import pidalab
 from pidalab.digital import from_json
 from pidalab.digital.controller import DigitalController
-from pidalab.digital.paths import Path
+from pidalab.digital.filters import FilterChain
 from pidalab.plant.code.files import checksum
 
 PI = pidalab.PIDA(2.0, 4.0).discretise(0.5, limits=(0.0, 10.0))
@@ -185,7 +185,7 @@ def test_the_file_that_ran_code(tmp_path, monkeypatch):
 def test_the_controller_itself_refuses_names_of_paths(name):
     fields = {one: getattr(PI, one) for one in PI.__dataclass_fields__}
     with pytest.raises(ValueError, match="plain identifier"):
-        DigitalController(**fields | {"paths": (Path(name, 1.0, (), (), (2.0,)),)})
+        DigitalController(**fields | {"paths": (FilterChain(name, 1.0, (), (), (2.0,)),)})
 
 
 @pytest.mark.parametrize(

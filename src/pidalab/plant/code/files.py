@@ -15,8 +15,7 @@ from pidalab._text import comment_text, plain_text
 from pidalab._version import __version__
 from pidalab.digital.languages import function
 from pidalab.digital.parameters import LARGEST_SIGNAL, Parameters
-from pidalab.digital.program import INPUTS, MORE, constants, program
-from pidalab.digital.statements import Vector
+from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
 from pidalab.plant.code import languages
 from pidalab.plant.code.words import identifier
 

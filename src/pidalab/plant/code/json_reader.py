@@ -7,9 +7,8 @@ import math
 from typing import Any, NoReturn
 
 from pidalab.digital.controller import DigitalController
+from pidalab.digital.filters import FilterChain, Prefilter
 from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP, MOST_PATH_LAGS, MOST_PATHS
-from pidalab.digital.paths import Path
-from pidalab.digital.prefilter import Prefilter
 from pidalab.plant.code.files import checksum, content
 
 LONGEST_FILE = 2_000_000  # characters; the longest that is written has a tenth of it
@@ -99,7 +98,7 @@ def _controller(stored: dict[str, Any]) -> DigitalController:
         sample_time=stored["sample_time"],
         method=stored["method"],
         paths=tuple(
-            Path(
+            FilterChain(
                 p["name"], p["weight"], *(_list(x, p[x], MOST_PATH_LAGS + 1) for x in ("new", "old", "gains"))
             )
             for p in (_object(one, "path") for one in _list("paths", stored["paths"], MOST_PATHS))

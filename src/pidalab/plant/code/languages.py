@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from pidalab.digital.languages import PYTHON, Language, method, statements
-from pidalab.digital.statements import Program, Vector
+from pidalab.digital.program import Program, Vector
 
 WIDTH = 95  # of a line of values
 OUTPUTS = ("control", "fault", "at_limit")  # states that others may read

@@ -20,7 +20,7 @@ Why they can be trusted.
   * Stability by the zeros of 1 + L, and again by the signs in Astrom's recursion.
   * The noise gain again as the sum of the squares of the pulse response of u, until they are below 1e-40.
   * |L| = 1 and L < 0 put in again; on a grid of 4000 frequencies no peak is higher.
-The script fails if one of these checks fails.  Run: python tests/oracle/make_sampled_loops.py
+The script fails if one of these checks fails.  Run: python oracles/make_sampled_loops.py
 """
 
 import math

@@ -13,7 +13,7 @@ Why they can be trusted.
   * For 2001 other kp, from 0 to four times that of the optimum, the largest ki is found from the other side: at a
     frequency the limit is a quadratic equation in ki, and the least of its roots over 20001 frequencies bounds ki. Not
     one is larger, to 1e-4, which is what these frequencies can tell.
-The script fails if one of these checks fails.  Run: python tests/oracle/make_optima.py
+The script fails if one of these checks fails.  Run: python oracles/make_optima.py
 """
 
 import numpy as np

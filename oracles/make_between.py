@@ -6,7 +6,7 @@ used here, since poles up to 1e13 times apart would need one circle each.
 
 The loops are those of LOOPS: filters as the papers have them, and down to 1e-13 of the plant; prefilters, zeros,
 integrators, a neutral loop, an unstable one. Times are drawn once for each loop from a generator with a fixed seed, and
-none is a multiple of the dead time. Run: python tests/oracle/make_between.py
+none is a multiple of the dead time. Run: python oracles/make_between.py
 """
 
 import json
@@ -20,7 +20,7 @@ from mpmath import mpf, nstr, workdps
 from pidalab import PIDA, HighOrderPID, Loop, Process, fopdt, ipdt, lags, sopdt
 
 DIGITS, TIMES, SPAN = 20, 3, 20.0
-TO = Path(__file__).with_name("between.json")
+TO = Path(__file__).parents[1] / "tests" / "oracle" / "between.json"
 
 
 def lag(time):

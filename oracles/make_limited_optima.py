@@ -16,7 +16,7 @@ Why they can be trusted.
   * IAE and its slopes agree with a sum over samples and with differences of IAE.
   * Of 4000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
 That there is no better optimum elsewhere is not proved: it would be found by the program under test, and fail the test.
-The script fails if one of these checks fails.  Run: python tests/oracle/make_limited_optima.py
+The script fails if one of these checks fails.  Run: python oracles/make_limited_optima.py
 """
 
 import numpy as np

@@ -24,7 +24,7 @@ e''' h^3 s(s - 1)(2s - 1)/12 of such a parabola, 0 < s < 1, the errors are at mo
     crossing times   h^2/8 |e''/e'|
 
 with h small, and breaks of the derivatives on the samples.  `rates` holds these without the powers of h.
-Run: python tests/oracle/make_measures.py
+Run: python oracles/make_measures.py
 """
 
 from itertools import pairwise

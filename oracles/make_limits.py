@@ -11,7 +11,7 @@ zeros are isolated with proof.
            method for frequency and time constant; a millionth above it the loop is stable, a millionth below it is
            not, by the method of Walton and Marshall.
 
-Closed forms are compared to 40 digits.  The script fails if a check fails.  Run: python tests/oracle/make_limits.py
+Closed forms are compared to 40 digits.  The script fails if a check fails.  Run: python oracles/make_limits.py
 """
 
 from fractions import Fraction

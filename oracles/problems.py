@@ -14,7 +14,8 @@ FINER = 8  # points in a dead time at which a growing response is looked at
 
 def file_of(script: str) -> Path:
     """The file that a script makes."""
-    return Path(script).with_name(Path(script).stem.removeprefix("make_") + ".json")
+    name = Path(script).stem.removeprefix("make_")
+    return Path(__file__).parents[1] / "tests" / "oracle" / f"{name}.json"
 
 
 def problems(script: str) -> Iterator[dict]:

@@ -23,7 +23,7 @@ Why they can be trusted.
   * Every value is put in again: |L| = 1, arg L = 180 degrees, 1/|1 + L| at the peaks, to 40 digits; on a grid of 4000
     frequencies nothing is higher; poles on the axis for the gain and the dead time at the margin.
   * Where there are closed forms they are compared, to 40 digits.
-The script fails if one of these checks fails.  Run: python tests/oracle/make_margins.py
+The script fails if one of these checks fails.  Run: python oracles/make_margins.py
 """
 
 from mpmath import arg, atan, exp, fabs, inf, isinf, isnan, mp, mpc, mpf, nan, nstr, pi, polyroots, sqrt

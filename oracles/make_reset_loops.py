@@ -5,7 +5,7 @@ states, saturation, and positive feedback of the saturated signal through a lag.
 order 8 goes from break to break: the multiples of the dead time, the instants at which the saturation begins or ends,
 and those instants one dead time later. In between all is smooth, and the past comes from the dense output. Nothing is
 shared with the program under test, which is sampled. Everything is done twice, with other steps and tolerances, and the
-script fails if the two differ by more than 1e-8. Run: python tests/oracle/make_reset_loops.py
+script fails if the two differ by more than 1e-8. Run: python oracles/make_reset_loops.py
 """
 
 import json
@@ -104,7 +104,7 @@ def main():
         y, u = (np.round(x, 10).tolist() for x in second)
         stored.append(case | {"y": y, "u": u})
     assert worst < AGREEMENT, worst
-    head = {"made_by": "tests/oracle/make_reset_loops.py", "agreement": worst, "times": times.tolist()}
+    head = {"made_by": "oracles/make_reset_loops.py", "agreement": worst, "times": times.tolist()}
     file_of(__file__).write_text(json.dumps(head | {"cases": stored}, indent=1) + "\n", encoding="utf-8")
 
 

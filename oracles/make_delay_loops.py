@@ -29,7 +29,7 @@ Why they can be trusted.
     terms) is computed again by fixed Talbot on each term alone, raising the degree until
     two degrees and the stored values agree to 1e-27.
   * Two cases are compared with closed forms in exact rational arithmetic.
-The script fails if one of these checks fails.  Run: python tests/oracle/make_delay_loops.py
+The script fails if one of these checks fails.  Run: python oracles/make_delay_loops.py
 """
 
 import math

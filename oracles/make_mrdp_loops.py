@@ -11,7 +11,7 @@ diverge.  Series, inversion and checks are those of make_delay_loops.py with mor
 The filter 1/(T_f s + 1)^n is multiplied out in double precision, so its pole is only nearly multiple.  Circles around
 all of its poles do not notice, and by the same token the series need not know how the loop was designed: only the
 coefficients come from the program under test.
-The script fails if a check fails.  Run: python tests/oracle/make_mrdp_loops.py
+The script fails if a check fails.  Run: python oracles/make_mrdp_loops.py
 """
 
 from delay_loop_values import reference, stored

@@ -20,7 +20,7 @@ Why they can be trusted.
   * The multipliers are positive: with more room on any limit IAE falls. `prices` says by which share for a share.
   * Of 1000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
 That there is no better optimum elsewhere is not proved: it would be found by the program under test, and fail the test.
-The script fails if one of these checks fails.  Run: python tests/oracle/make_delayed_optima.py
+The script fails if one of these checks fails.  Run: python oracles/make_delayed_optima.py
 """
 
 import math

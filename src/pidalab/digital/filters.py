@@ -1,0 +1,359 @@
+r"""Filters as difference equations: chains of discrete lags, and a prefilter of the set point.
+
+Every lag :math:`q(s) = 1/(1 + T_F s)` of a filter becomes, with each method, a lag of static gain 1,
+
+.. math:: x_k = x_{k-1} + g_0\,(v_k - x_{k-1}) + g_1\,(v_{k-1} - x_{k-1}), \qquad
+          q(z) = \frac{g_0 z + g_1}{z - 1 + g_0 + g_1}.
+
+It keeps its static gain in single precision, too. Derivatives are differences along the chain: with
+:math:`s = (1 - q)/(T_F q)`, n equal lags give
+
+.. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
+
+the j-th difference of the last states. Lags of different time constants, as of a part behind an output filter, make the
+same chain, with differences of lower order in parallel. That holds for a substitution of s, which is what *backward*
+and *tustin* are. *zoh*, exact for an input that is held, has the same differences with other gains.
+
+=========  =======================  =====================  =======================================
+method     :math:`g_0`              :math:`g_1`            integral of e over a sample
+=========  =======================  =====================  =======================================
+backward   :math:`h/(T_F + h)`      0                      :math:`h\,e_k`
+tustin     :math:`h/(2 T_F + h)`    :math:`h/(2 T_F + h)`  :math:`h\,(e_k + e_{k-1})/2`
+zoh        0                        1 - exp(-h/T_F)        :math:`h\,e_{k-1}`
+=========  =======================  =====================  =======================================
+
+The prefilter. Let :math:`\tau` be the geometric mean of its time constants, and :math:`p = 1 + \tau s`. Then its
+denominator is a polynomial of p. The states :math:`x_i = p^i r / (d_0 + d_1 p + \dots + d_n p^n)`, i < n, rest at the
+set point, and :math:`\dot x = A (x - r)`. Each method moves them by their distances from the set point,
+
+.. math:: x_k = x_{k-1} + M\,(x_{k-1} - v_k), \qquad v_k = g_0\,r_k + g_1\,r_{k-1},
+
+and the filter keeps its static gain of 1 in single precision, too.
+
+=========  ====================================  =================================
+method     M                                     what they move towards, v_k
+=========  ====================================  =================================
+backward   :math:`(1 - hA)^{-1}\,hA`             :math:`r_k`
+tustin     :math:`(1 - hA/2)^{-1}\,hA`           :math:`(r_k + r_{k-1})/2`
+zoh        :math:`e^{hA} - 1`                    :math:`r_{k-1}`
+=========  ====================================  =================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.forms import FilteredGains
+from pidalab.roots import roots
+
+METHODS = ("backward", "tustin", "zoh")
+# weights of e_k and e_{k-1} in the integral
+METHOD_WEIGHTS = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}
+# terms of the matrix exponential; the remainder is below 1/50!
+SERIES_TERMS = 60
+
+
+class FilterChain(NamedTuple):
+    """A chain of lags driven by ``weight * r - y``, with gains on its differences.
+
+    Attributes
+    ----------
+    name : str
+        Name in the comments of written code.
+    weight : float
+        Weight of the set point.
+    new, old : tuple of float
+        g_0 and g_1 of each lag.
+    gains : tuple of float
+        Gains on the last state and on the differences of order 1 to n that end there; n lags.
+    """
+
+    name: str
+    weight: float
+    new: tuple[float, ...]
+    old: tuple[float, ...]
+    gains: tuple[float, ...]
+
+    @property
+    def order(self) -> int:
+        """Number of lags."""
+        return len(self.new)
+
+    def __call__(self, z: Any) -> Any:
+        """Evaluate from the input of the chain to its part of the control signal, at complex z."""
+        states: list[Any] = [np.ones_like(z)]
+        for new, old in zip(self.new, self.old, strict=True):
+            states.append(states[-1] * (new * z + old) / (z - 1 + new + old))
+        # a first difference without cancellation at low frequencies: 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1)
+        level: list[Any] = [
+            x * (1 - new) * (z - 1) / (z - 1 + new + old)
+            for x, new, old in zip(states, self.new, self.old, strict=False)
+        ]
+        total = self.gains[0] * states[-1]
+        for gain in self.gains[1:]:
+            total = total + gain * level[-1]
+            level = [before - after for before, after in pairwise(level)]
+        return total
+
+    def num_den(self) -> tuple[Array, Array]:
+        """Return numerator and denominator, descending powers of z."""
+        poles = [np.array([1.0, new + old - 1.0]) for new, old in zip(self.new, self.old, strict=True)]
+        lags = [np.array([new, old]) for new, old in zip(self.new, self.old, strict=True)]
+        # numerators of the states over the common denominator, then of their differences
+        level: list[Any] = [_product([*lags[:j], *poles[j:]]) for j in range(self.order + 1)]
+        num: Any = np.zeros(1)
+        for gain in self.gains:
+            num = np.polyadd(num, gain * level[-1])
+            level = [np.polysub(before, after) for before, after in pairwise(level)]
+        return num, _product(poles)
+
+
+def _product(factors: Sequence[Array]) -> Array:
+    """Multiply polynomials."""
+    result: Any = np.ones(1)
+    for factor in factors:
+        result = np.convolve(result, factor)
+    return np.asarray(result)
+
+
+def filter_chains(
+    parts: tuple[FilteredGains, ...], behind: tuple[float, int], h: float, method: str, b: float, c: float
+) -> tuple[FilterChain, ...]:
+    """Discretise parts behind an output filter, given as time constant and order of its equal lags.
+
+    The weights of the set point are 1 in the integral, b in the error and c in the derivatives.
+    """
+    _require_useful("filter behind the controller", *behind, h, method)
+    found: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
+    for part in parts:
+        _require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)
+        # with the fastest lag first, all terms of the sums below have one sign
+        lags = tuple(sorted([part.filter_time] * part.filter_order + [behind[0]] * behind[1]))
+        for suffix, weight, gains in _by_weight(part, bool(lags), b, c):
+            name, before = found.get((weight, lags), (part.name + suffix, 0.0))
+            found[weight, lags] = name, before + _on_differences(gains, np.array(lags))
+    result = []
+    for (weight, lags), (name, summed) in found.items():
+        if np.any(summed):
+            shares = [_lag_shares(time, h, method) for time in lags]
+            new, old = (tuple(share[i] for share in shares) for i in (0, 1))
+            held = held_gains(summed, np.array(lags), h) if lags and method == "zoh" else summed
+            result.append(FilterChain(name, weight, new, old, tuple(held.tolist())))
+    names = [path.name for path in result]
+    return tuple(
+        path._replace(name=f"{path.name}_{i}") if names.count(path.name) > 1 else path
+        for i, path in enumerate(result)
+    )
+
+
+def _require_useful(what: str, time: float, order: int, h: float, method: str) -> None:
+    """Raise if a filter is too fast for the sample time and the method."""
+    most = {"backward": math.inf, "tustin": 2.0, "zoh": 1.0}[method]
+    if order and h > most * time * (1 + 1e-9):
+        because = {
+            "tustin": "its lags would ring, with a pole at z below 0",
+            "zoh": "a derivative behind it would have forgotten each step at the next sample",
+        }[method]
+        raise ValueError(
+            f"sample_time must be at most {most * time:.6g} with method={method!r}, found {h:.6g}: the {what} has the "
+            f"time constant {time:.6g}, and {because}; take method='backward', sample faster or filter longer"
+        )
+
+
+def _lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
+    """Return g_0 and g_1 of a lag."""
+    if method == "backward":
+        return h / (time + h), 0.0
+    if method == "tustin":
+        return h / (2 * time + h), h / (2 * time + h)
+    return 0.0, -math.expm1(-h / time)
+
+
+def _by_weight(
+    part: FilteredGains, filtered: bool, b: float, c: float
+) -> list[tuple[str, float, tuple[float, ...]]]:
+    """Split gains by their weight of the set point; return one entry if all weights are 1."""
+    ki, kp, *rest = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
+    if b == c == 1.0 or not filtered:
+        return [("", b if kp and not filtered else 1.0, part.gains)]
+    # a filtered integral needs lags of its own, for the part of the input that it has not integrated yet
+    split = [
+        ("_integral", 1.0, (ki,)),
+        ("_proportional", b, (0.0, kp)),
+        ("_derivative", c, (0.0, 0.0, *rest)),
+    ]
+    return [
+        (suffix if part.name in ("filtered", "stabiliser") else "", w, g) for suffix, w, g in split if any(g)
+    ]
+
+
+def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
+    """Return the gains on differences that equal given gains on powers of s, except for the pure integral K_-1/s."""
+    ki, *rest = gains
+    n = lags.size
+    result = np.zeros(n + 1)
+    # K_-1/(s prod (1 + T_i s)) is K_-1/s less K_-1 times the sum of T_i x_i; and x_i is (1 + difference)^(n - i) x_n
+    for i, time in enumerate(lags, start=1):
+        result[: n - i + 1] -= ki * time * np.array([math.comb(n - i, m) for m in range(n - i + 1)])
+    # s x_i = (x_(i-1) - x_i)/T_i, with times in units of the first; rows: (T_1 s)^k x_i as differences that end at x_i
+    level = np.eye(1, n + 1).repeat(n + 1, axis=0)
+    for k, gain in enumerate(rest):
+        if gain:
+            result += gain / (lags[0] ** k if n else 1.0) * level[-1]
+        before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))  # that end at x_(i-1) end at x_i
+        level = (before - level[1:]) * (lags[0] / lags[k:])[:, np.newaxis] if k < n else level
+    return result
+
+
+def held_gains(gains: Array, lags: Array, h: float) -> Array:
+    r"""Return the gains on differences of *discrete* lags that equal gains on a continuous chain with a held input.
+
+    Both chains have the poles :math:`p_i = e^{-h/T_i}`. At the samples, the states of the continuous chain are T times
+    those of the discrete one. Each column of T follows from the column before it: a held input acts on that column for
+    one sample, and p times the column is subtracted.
+
+    Parameters
+    ----------
+    gains : ndarray, shape (..., n + 1)
+        Gains on the differences of the continuous chain.
+    lags : ndarray, shape (..., n)
+        Time constants.
+    h : float
+        Sample time.
+
+    Returns
+    -------
+    ndarray, shape (..., n + 1)
+        Gains on the differences of the discrete chain.
+    """
+    n = lags.shape[-1]
+    rates = h / lags
+    poles, shares = np.exp(-rates), -np.expm1(-rates)
+    fastest = rates.max(axis=-1)[..., None]
+    # generator of input and states; with its diagonal shifted to 0 or above, the series has no cancellation
+    shifted = np.zeros((*lags.shape[:-1], n + 1, n + 1))
+    own, after = np.arange(n + 1), np.arange(1, n + 1)
+    shifted[..., own, own] = fastest - np.insert(rates, 0, 0.0, axis=-1)
+    shifted[..., after, after - 1] = rates
+    transition = term = np.broadcast_to(np.eye(n + 1), shifted.shape)
+    for k in range(1, SERIES_TERMS):
+        term = shifted @ term / k
+        transition = transition + term
+    transition = transition * np.exp(-fastest)[..., None]
+    to_states, column = np.zeros(shifted.shape), transition[..., 1:, 0]
+    to_states[..., 0, 0] = 1.0
+    for i in range(n):
+        to_states[..., 1:, i + 1] = column / shares[..., i, None]
+        # the other poles less that of a faster lag are not negative
+        rest = np.tril(transition[..., 1:, 1:], -1)
+        rest[..., own[:n], own[:n]] = -poles * np.expm1(rates - rates[..., i, None])
+        column = (rest @ to_states[..., 1:, i + 1, None])[..., 0]
+    # convert the gains: on states of the chain, on states of discrete lags, on differences of these
+    on_states = np.zeros(gains.shape)
+    for m in range(n + 1):
+        for j in range(m + 1):
+            on_states[..., n - m + j] += (-1) ** j * math.comb(m, j) * gains[..., m]
+    on_discrete = (on_states[..., None, :] @ to_states)[..., 0, :]
+    result = np.zeros(gains.shape)
+    for j in range(n + 1):
+        for m in range(n - j + 1):
+            result[..., m] += math.comb(n - j, m) * on_discrete[..., j]
+    result[..., 0] = gains[..., 0]  # the static gain
+    return result
+
+
+UNIT = 1e-9  # tolerance of a static gain of 1
+
+
+class Prefilter(NamedTuple):
+    """A filter of the set point as difference equations.
+
+    Attributes
+    ----------
+    num, den : tuple of float
+        The continuous filter, descending powers of s.
+    new, old : float
+        Weights of the present and the previous set point in v_k.
+    move : tuple of tuple of float
+        M, row by row.
+    out : tuple of float
+        What the distances of the states from the set point add to it.
+    """
+
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    new: float
+    old: float
+    move: tuple[tuple[float, ...], ...]
+    out: tuple[float, ...]
+
+    def __call__(self, z: Any) -> Any:
+        """Evaluate from the set point to the filtered one, at complex z."""
+        n = len(self.out)
+        result = np.ones_like(z, dtype=complex)
+        move, out = np.array(self.move), np.array(self.out)
+        driven = 1 + self.new * move.sum(axis=1)
+        for where, less_one in np.ndenumerate(np.asarray(z) - 1.0):
+            # (z - 1 - M) x = -M v z, for the distances x - r
+            result[where] -= less_one * (out @ np.linalg.solve(less_one * np.eye(n) - move, driven))
+        return result[()]
+
+    def __str__(self) -> str:
+        num, den = (", ".join(f"{c:.10g}" for c in part) for part in (self.num, self.den))
+        return f"[{num}] / [{den}]"
+
+
+def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilter | None:
+    """Discretise a filter of the set point; return None for a gain of 1."""
+    n = den.size - 1
+    if den[-1] == 0 or abs(num[-1] / den[-1] - 1) > UNIT:
+        raise ValueError(
+            "prefilter must have the static gain 1, or the output would rest beside the set point, found "
+            f"{num[-1] / den[-1] if den[-1] else np.inf:.10g}"
+        )
+    if not n:
+        return None
+    poles = roots(den)
+    if np.any(poles.real >= 0):
+        raise ValueError(f"prefilter must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")
+    fastest = float(np.abs(poles).max())
+    if method == "tustin" and h * fastest > 2.0 * (1 + 1e-9):
+        raise ValueError(
+            f"sample_time must be at most {2 / fastest:.6g} with method='tustin', found {h:.6g}: the prefilter has the "
+            f"time constant {1 / fastest:.6g}, and would ring, with a pole at z below 0; take method='backward' or "
+            "sample faster"
+        )
+    tau = float((den[0] / den[-1]) ** (1 / n))
+    d, out = (_in_powers_of_p(part / part[-1], tau, n) for part in (den, num))
+    A = (np.eye(n, k=1) - np.eye(n)) * (h / tau)
+    A[-1] -= d[:-1] / d[-1] * (h / tau)
+    if method == "zoh":
+        # the exponential of (A A; 0 0) has e^A - 1 at the upper right, without cancellation
+        from scipy.linalg import expm
+
+        move = expm(np.block([[A, A], [np.zeros((n, 2 * n))]]))[:n, n:]
+    else:
+        move = np.linalg.solve(np.eye(n) - A * METHOD_WEIGHTS[method][0], A)
+    return prefilter_of_arrays(num, den, *METHOD_WEIGHTS[method], move, out[:-1] - out[-1] * d[:-1] / d[-1])
+
+
+def prefilter_of_arrays(num: Array, den: Array, new: float, old: float, move: Array, out: Array) -> Prefilter:
+    """Return a prefilter with tuples of floats for arrays."""
+    fraction, rows = (tuple(num.tolist()), tuple(den.tolist())), tuple(map(tuple, move.tolist()))
+    return Prefilter(*fraction, new, old, rows, tuple(out.tolist()))
+
+
+def _in_powers_of_p(polynomial: Array, tau: float, n: int) -> Array:
+    """Return coefficients of p^0 to p^n, p = 1 + tau s, of a polynomial of s in descending powers."""
+    result = np.zeros(n + 1)
+    for coefficient in polynomial / tau ** np.arange(polynomial.size - 1.0, -1.0, -1.0):
+        # Horner's rule: multiply by tau s = p - 1, and add the next coefficient
+        result = np.concatenate([[0.0], result[:-1]]) - result
+        result[0] += coefficient
+    return result

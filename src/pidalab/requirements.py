@@ -1,0 +1,97 @@
+"""Requirements of a design: limits of robustness and noise, kept together on their way through all searches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pidalab import _check
+from pidalab.process import Process, require_no_zero_at_origin
+
+LARGEST_DISK = 2.0  # disk margin of a loop without feedback
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirements:
+    """Requirements of a design; None for no limit.
+
+    Attributes
+    ----------
+    ms : float
+        Largest maximum sensitivity, above 1.
+    mks : float, optional
+        Largest gain from measurement noise to u over all frequencies, in units of u per unit of y.
+    mt : float, optional
+        Largest maximum of \\|T\\|, above 1.
+    disk : float, optional
+        Smallest disk margin, between 0 and 2.
+    noise_gain : float, optional
+        Largest standard deviation of u per unit of that of white measurement noise, in units of u per unit of y.
+    sample_time : float, optional
+        Sample time of that noise; with `noise_gain` only.
+    family : tuple of Process
+        Plants that the controller may meet in place of the process.
+    ms_worst : float
+        Largest maximum sensitivity with any of the family, above 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For values out of range.
+
+    Examples
+    --------
+    >>> from pidalab.requirements import Requirements
+    >>> print(Requirements(ms=1.4, noise_gain=3.0, sample_time=0.1))
+    ms <= 1.4, noise_gain <= 3
+    """
+
+    ms: float = 1.6
+    mks: float | None = None
+    mt: float | None = None
+    disk: float | None = None
+    noise_gain: float | None = None
+    sample_time: float | None = None
+    family: tuple[Process, ...] = ()
+    ms_worst: float = 2.0
+
+    def __post_init__(self) -> None:
+        checked = {name: _check.real(name, getattr(self, name), above=1.0) for name in ("ms", "ms_worst")}
+        for name, least in (
+            ("mks", 0.0),
+            ("mt", 1.0),
+            ("disk", 0.0),
+            ("noise_gain", 0.0),
+            ("sample_time", 0.0),
+        ):
+            if getattr(self, name) is not None:
+                checked[name] = _check.real(name, getattr(self, name), above=least)
+        if self.disk is not None and checked["disk"] >= LARGEST_DISK:
+            raise ValueError(f"disk must be below {LARGEST_DISK:g}, that of no feedback, found {self.disk:g}")
+        if self.sample_time is not None and self.noise_gain is None:
+            raise ValueError("sample_time is that of a limit of noise: noise_gain is missing")
+        for k, plant in enumerate(self.family):
+            require_no_zero_at_origin(f"family[{k}]", plant)
+        for name, value in {**checked, "family": tuple(self.family)}.items():
+            object.__setattr__(self, name, value)
+
+    def limits(self) -> dict[str, float]:
+        """Return the limits of the loop with the process itself, by name."""
+        names = ("ms", "mks", "noise_gain", "mt", "disk")
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+    def peaks(self, slack: float = 0.0) -> dict[str, float]:
+        """Return the largest values over all frequencies, less a share: see `pidalab.optimal.problem.PEAKS`."""
+        found = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
+        if self.disk is not None:
+            found["inverse_disk"] = 1 / self.disk
+        return {name: value * (1 - slack) for name, value in found.items()}
+
+    def reached(self, values: dict[str, float], share: float) -> list[str]:
+        """Return the names of the limits that values come up to within a share."""
+        over = {name: values[name] / limit for name, limit in self.limits().items()}
+        return [name for name, x in over.items() if (x <= 1 + share if name == "disk" else x >= 1 - share)]
+
+    def __str__(self) -> str:
+        return ", ".join(
+            f"{name} {'>=' if name == 'disk' else '<='} {value:g}" for name, value in self.limits().items()
+        )

