@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from scipy.optimize import minimize, root, root_scalar
 
-from pidalab.search import border, succeeded
+from pidalab.roots import border, succeeded
 
 ROOT = Path(__file__).parents[1]
 # what returns a result that says whether the search succeeded

@@ -10,7 +10,7 @@ import pandas as pd
 import pidalab
 from pidalab.comparison import designs
 from pidalab.requirements import Requirements
-from pidalab.simulation.settling import settled
+from pidalab.simulation.exact import settled
 
 import tables
 

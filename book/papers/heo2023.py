@@ -9,8 +9,8 @@ from scipy.linalg import expm
 from scipy.optimize import minimize
 
 import pidalab
+from pidalab.roots import succeeded
 from pidalab.rules import direct, itae
-from pidalab.search import succeeded
 
 EXAMPLES = {  # eqs. (17), (18) and (19)
     "ex1": pidalab.lags(3, delay=0.2),

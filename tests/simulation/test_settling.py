@@ -5,7 +5,7 @@ import math
 import pytest
 
 import pidalab
-from pidalab.simulation.settling import settled
+from pidalab.simulation.exact import settled
 
 LOOP = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(kp=0.8, ti=1.0))
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from pidalab._table import set_out
+from pidalab._text import set_out
 from pidalab.process import Process
 from pidalab.relative_noise import sampled_noise
 from pidalab.response import Response
@@ -129,8 +129,7 @@ def _measure_loop(
 ) -> DesignRow:
     from pidalab.robustness.control_sensitivity import max_control_sensitivity
     from pidalab.robustness.margins import margins
-    from pidalab.simulation.exact import load_response, step_response
-    from pidalab.simulation.settling import settled
+    from pidalab.simulation.exact import load_response, settled, step_response
 
     loop = design.loop(process)
     found = margins(loop)

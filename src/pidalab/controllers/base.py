@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.algebra import Block
 from pidalab.forms import FilteredGains, IdealGains
-from pidalab.process import fraction_at, quotient
+from pidalab.process import Block, fraction_at, quotient
 
 if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
     import control

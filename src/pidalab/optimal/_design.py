@@ -25,8 +25,7 @@ from pidalab.relative_noise import noise_scale
 from pidalab.requirements import Requirements
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
-from pidalab.simulation.exact import load_response
-from pidalab.simulation.settling import settled
+from pidalab.simulation.exact import load_response, settled
 
 HIGHEST_ORDER = 4  # order of a controller
 ACTIVE = 1e-3  # share of a limit within which it is called active

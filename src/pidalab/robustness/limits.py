@@ -46,8 +46,7 @@ from pidalab import _check
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
 from pidalab.robustness._infimum import LinearPart, infimum, line
-from pidalab.roots import roots
-from pidalab.search import border
+from pidalab.roots import border, roots
 
 TOLERANCE = 1e-6  # margin above which a criterion surely holds
 LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop

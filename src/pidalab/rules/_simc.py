@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pidalab import _check
-from pidalab._names import WITHOUT_ACCELERATION
+from pidalab._text import WITHOUT_ACCELERATION
 from pidalab.controllers import PIDA, HighOrderPID
 from pidalab.process import Process, require_process
 from pidalab.roots import roots

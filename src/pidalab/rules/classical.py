@@ -29,7 +29,7 @@ import math
 from typing import Any
 
 from pidalab import _check
-from pidalab._names import WITHOUT_ACCELERATION
+from pidalab._text import WITHOUT_ACCELERATION
 from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process

@@ -32,8 +32,8 @@ from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
 from pidalab.reduction import ultimate_frequency
+from pidalab.roots import border
 from pidalab.rules._design import Design
-from pidalab.search import border
 
 MIGO_KINDS = ("PI", "PID")
 BELOW, ABOVE = 1e-3, 1e3  # of the frequencies looked at, over that at which the process turns by half a turn

@@ -21,7 +21,10 @@ steps:
 
 from __future__ import annotations
 
-from functools import partial
+import math
+from collections.abc import Callable
+from functools import lru_cache, partial
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +36,143 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.roots import roots
 from pidalab.signals import REFINEMENT, apply_to_finer
+from pidalab.simulation.ladder import norm_over, responses
+from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
+
+# Beyond this many time constants of the fastest state in a dead time, or in t, what it does may cancel.
+CHECKED_FROM = 3e3
+# of time and of u, for the second response, and for others where that leaves doubts
+OTHER_UNITS = (1.3, 0.6, 2.2)
+CHECKED = 64  # times at least at which the two are compared
+DENSE = 10_000  # times at which it is asked how large a response is, before it is refused
+AGREEMENT = 1e-10  # of both, relative to the largest value of a signal: nine digits are promised
+CERTAIN = 1e-12  # the same, below which two are enough: they may err alike once in a while, but not as closely as that
+# the same, relative to the largest value outside the flanks of kicks, and at requested times
+BESIDE_KICKS = 1e-6
+FLANK = 60.0  # time constants of the fastest state that a kick lasts
+UNSEEN_FLANK = 1e5  # time constants after which a time, known to 1e-16, no longer tells its place in a flank
+
+
+# loops, and the grids on which their responses were found to have their digits: that is asked once
+AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary()
+
+
+def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
+    """Values of y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n).
+
+    What cancels on the way depends on the loop, so no bound on its speeds tells how many digits are lost. In units that
+    are no powers of 2 every coefficient, state and rung rounds anew, and the ladder begins one rung lower: two
+    responses that agree to ten digits did not lose seven of sixteen.
+
+    Raises
+    ------
+    ValueError
+        Where they do not agree, and as `pidalab.simulation.ladder.responses`.
+    """
+    cut, norm, may_cancel = _prepared(loop, inputs, n, step)
+    if not may_cancel:
+        return responses(cut, n, step, norm)
+    # the times that are asked for may miss where digits are lost
+    finer = -(-CHECKED // (n - 1))
+    steps, step = (n - 1) * finer, step / finer
+    found = responses(cut, steps + 1, step, norm)
+    if not _check.all_finite(found):  # it overflowed, perhaps for a while: whoever asked says so
+        numbers = np.isfinite(found).all(axis=(0, 1))
+        found[:, :, np.argmin(numbers) :] = np.nan
+    elif (inputs, steps, step) not in (agreed := AGREED.setdefault(loop, set())):
+        _require_agreement(loop, inputs, cut, norm, found, step, finer)
+        agreed.add((inputs, steps, step))
+    return found[:, :, ::finer]
+
+
+@lru_cache(maxsize=64)
+def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float, bool]:
+    """Return the cut loop, its norm, and whether what its fastest state does may cancel."""
+    cut = cut_at_delay(loop, inputs)
+    norm = norm_over(cut, n, step)
+    # without dead time the loop is closed, and its blocks may be faster than what is left of them
+    speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
+    return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
+
+
+def _require_agreement(
+    loop: Loop, inputs: str, cut: Cut, norm: float, found: Array, step: float, finer: int
+) -> None:
+    """Raise where responses in other units are not the same; one time in `finer` is requested."""
+    steps = found.shape[2] - 1
+    every = max(c for c in range(1, steps // CHECKED + 1) if steps % c == 0)
+    size, all_seen = _sizes(cut, found, step, every), steps >= DENSE
+    # either all times are requested, or all are compared
+    shown = _sizes(cut, found[:, :, ::finer], step * finer, every) if finer > 1 else size
+    uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
+    for unit in OTHER_UNITS:
+        apart = np.abs(found[:, :, ::every] - _again(loop, inputs, unit, steps // every + 1, step * every))
+        apart = np.minimum(np.nan_to_num(apart, nan=np.inf), 1e300)
+        share = np.max(apart / size, axis=2)
+        if share.max() > AGREEMENT and not all_seen:  # what is asked for may miss the largest values
+            more, all_seen = -(-DENSE // steps), True
+            dense = responses(cut, steps * more + 1, step / more, norm)
+            size = _sizes(cut, dense, step / more, every * more) if np.isfinite(dense).all() else size
+            share = np.max(apart / size, axis=2)
+        uncertain = np.maximum(uncertain, share)
+        beside_shown = np.maximum(beside_shown, np.max(apart[:, :, ::finer] / shown, axis=2))
+        if not CERTAIN <= uncertain.max() <= AGREEMENT:
+            break
+    # beside the largest values all may be well, and these lie between the requested times
+    hidden = uncertain.max() <= AGREEMENT
+    share, allowed = (beside_shown, BESIDE_KICKS) if hidden else (uncertain, AGREEMENT)
+    if share.max() <= allowed:
+        return
+    where = " at the requested times" if hidden else ""
+    remedy = "between them are far larger ones; ask for more times, or shorten t"
+    if not hidden:
+        fastest = 1 / np.max(_speeds(cut))
+        remedy = (
+            f"the fastest filter or lag of the loop has a time constant of {fastest:.3g}, too short beside the others; "
+            "take a longer one, or leave it out"
+        )
+    _, signal = np.unravel_index(np.argmax(share), share.shape)
+    raise ValueError(
+        f"rounding leaves {min(1.0, share.max()):.1g} of the largest value of "
+        f"{('y', 'the integral of y', 'u')[signal]}{where} uncertain, and {allowed:.0e} is allowed: {remedy}"
+    )
+
+
+def _again(loop: Loop, inputs: str, unit: float, n: int, step: float) -> Array:
+    """Respond in other units."""
+    cut = cut_at_delay(loop, inputs, unit)
+    again = responses(cut, n, step / unit, 2.0 * norm_over(cut, n, step / unit))
+    for i, key in enumerate(inputs):
+        again[i] *= unit if key == "d" else 1.0  # a step of the load is counted as u is
+        again[i, 2] /= unit
+    return again
+
+
+def _sizes(cut: Cut, found: Array, step: float, every: int) -> Array:
+    """Return the size beside which a difference counts, for each signal at some of the times: (inputs, 3, times).
+
+    That is the largest value up to a dead time later: a response that grows has its digits from the start, and one that
+    begins with zeros need not have them there. Beside a kick of 1e13 nothing would count of what comes after it; so
+    that is held, too, to fewer digits, once all that is stiff is over. Times in the flank of the fastest kick, just
+    after a multiple of the dead time, do not count at all: a value there has the digits of its time, and the height is
+    not on the grid.
+    """
+    t, speeds = step * np.arange(found.shape[2]), _speeds(cut)
+    fastest = np.max(speeds)
+    stiff = np.min(speeds[speeds * (cut.delay or t[-1]) > CHECKED_FROM], initial=fastest)
+    since, early = np.mod(t, cut.delay) if cut.delay else t, (t > 0.0) & (t < UNSEEN_FLANK / fastest)
+    compared, outside = (early | (since > FLANK / speed) for speed in (fastest, stiff))
+    later = np.minimum(np.searchsorted(t, t[::every] + (cut.delay or t[-1] / CHECKED)), t.size - 1)
+    found = np.abs(found)
+    with_kicks, without = (
+        np.maximum.accumulate(values, axis=2)[:, :, later] for values in (found, found * outside)
+    )
+    after = np.where(outside[::every], without * (BESIDE_KICKS / AGREEMENT), np.inf)
+    return np.where(compared[::every], np.maximum(np.minimum(with_kicks, after), 1e-300), np.inf)
+
+
+def _speeds(cut: Cut) -> Array:
+    return np.maximum(np.abs(np.linalg.eigvals(cut.A)), 1e-300)
 
 
 def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
@@ -66,7 +206,6 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     >>> unit_step_responses(square, np.arange(6) * 0.5, "r")[0, 0].tolist()
     [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     """
-    from pidalab.simulation.digits import checked_responses  # compiled code: loaded when it is needed
 
     unit = checked_responses(loop, inputs, t.size, t[-1] / (t.size - 1))
     if not _check.all_finite(unit):
@@ -322,3 +461,94 @@ def _as_input(final: float | None, record: Response) -> Response:
     """Return a load response as one to the input of the process."""
     finer = partial(apply_to_finer, record, partial(_as_input, final))
     return record._derived(finer, u=record.d, d=np.zeros_like(record.d), final=final)
+
+
+SETTLING_POINTS = 4001  # of the response
+# of the horizon: a loop that is ten thousand times slower than expected still comes to rest
+HORIZON_DOUBLINGS = 13
+
+
+def settled(simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: float) -> Response:
+    """Simulate a step until the response has settled, so that its integrals are those to infinity.
+
+    Parameters
+    ----------
+    simulate : callable
+        `load_response` or `step_response`.
+    loop : Loop
+        A stable loop.
+    horizon : float
+        The first end of the simulation that is tried, above 0. It is doubled until the error has died away; ends
+        within twice the dead time are passed over, as nothing of what the loop does can be seen there.
+
+    Returns
+    -------
+    Response
+        One whose ``iae(horizon=math.inf)`` exists.
+
+    Raises
+    ------
+    ValueError
+        For a horizon that is not above 0, if the response has not settled after all doublings, and if it needs too many
+        dead times for that.
+
+    Examples
+    --------
+    >>> import math, pidalab
+    >>> from pidalab.simulation.exact import settled
+    >>> loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(kp=0.8, ti=1.0))
+    >>> print(f"{settled(pidalab.load_response, loop, 4.0).iae(horizon=math.inf):.4f}")
+    1.2500
+    """
+    from pidalab.simulation.ladder import ManyDeadTimes  # compiled code: loaded when it is needed
+
+    horizon = _check.real("horizon", horizon, above=0.0)
+    while horizon <= 2 * loop.process.delay:
+        horizon *= 2
+    for doubling in range(HORIZON_DOUBLINGS + 1):
+        end = horizon * 2.0**doubling
+        try:
+            response = simulate(loop, np.linspace(0.0, end, SETTLING_POINTS))
+        except ManyDeadTimes:
+            raise ValueError(
+                f"the loop needs {end:.3g} to come to rest, {end / loop.process.delay:.3g} times the dead time of its "
+                "process: too many to follow one after the other; leave out a dead time as short as that"
+            ) from None
+        try:
+            response.iae(horizon=math.inf)
+        except ValueError:
+            continue
+        return response
+    raise ValueError(f"the response does not settle within {horizon * 2**HORIZON_DOUBLINGS:.3g}")
+
+
+def load_iae(loop: Loop) -> float:
+    """IAE of a unit step of the load, over a horizon that fits the loop.
+
+    Parameters
+    ----------
+    loop : Loop
+        A stable loop.
+
+    Returns
+    -------
+    float
+        Until infinity, in units of y times time.
+
+    Raises
+    ------
+    ValueError
+        As `settled`.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.simulation.exact import load_iae
+    >>> loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(kp=0.8, ti=1.0))
+    >>> print(f"{load_iae(loop):.4f}")
+    1.2500
+    """
+    from pidalab.robustness.poles import rightmost_poles
+
+    slowest = -float(np.max(rightmost_poles(loop).real))
+    return settled(load_response, loop, 12.0 / slowest + 10.0 * loop.process.delay).iae(horizon=math.inf)

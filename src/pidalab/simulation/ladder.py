@@ -16,7 +16,7 @@ end, only what those coefficients would have made of its oldest states. Outputs 
 read. In all, what is missing is at most `DROPPED`, times the number of rungs, times the largest coefficient of a rung,
 times what the others make of it, times the largest old state, in the balanced units of the states. Where nothing is
 much louder than what is asked for, that is far below rounding; where coefficients or states are 1e10 times as large,
-rounding, 1e10 times as large as this share, takes the digits first, and `pidalab.simulation.digits` looks at what is
+rounding, 1e10 times as large as this share, takes the digits first, and `pidalab.simulation.exact` looks at what is
 left. It does not see what is left out here, as other units leave out the same.
 """
 

@@ -13,14 +13,97 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgebal
+from scipy.linalg.lapack import dgebal, zgetrf, zgetrs
 
 from pidalab._check import Array
 from pidalab.controllers import Fraction
 from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
-from pidalab.simulation.matrix_functions import AGES, times_function, times_ring_function, without_slow_parts
-from pidalab.statespace import Part, StateSpace, parallel, realise
+from pidalab.statespace import Part, StateSpace, monic, numerator, parallel, realise
+
+AGES = 8  # of the states that such a block reads: each older one comes through its filter once more
+
+
+def without_slow_parts(
+    slow: tuple[Part, ...], first: tuple[Array, Array], second: tuple[Array, Array], fast: tuple[Part, ...]
+) -> tuple[Any, Any]:
+    """Return numerator and poles of two fractions in series without their slow parts.
+
+    The division by the slow poles runs from the highest power down, where the fast terms are: no small difference is
+    formed.
+    """
+    num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
+    poles = np.concatenate([part.poles for part in fast])
+    taken: Any = np.zeros(1)
+    under: Any = np.ones(1)
+    for part in slow:
+        den = np.array([1.0, *monic(part.poles.tolist())[::-1]])
+        taken = np.polyadd(np.convolve(taken, den), np.convolve(numerator(part), under))
+        under = np.convolve(under, den)
+    fast_den = np.array([1.0, *monic(poles.tolist())[::-1]])
+    rest = [0.0] * (fast_den.size - 1 + under.size - num.size) + num.tolist()
+    shared = np.convolve(taken, fast_den).tolist()
+    for i in range(-len(shared), 0):
+        rest[i] -= shared[i]
+    quotient = []
+    for i in range(fast_den.size):
+        quotient.append(rest[i])
+        for j, coefficient in enumerate(under.tolist()):
+            rest[i + j] -= quotient[i] * coefficient
+    return np.array(quotient), poles
+
+
+def times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
+    """Return row @ H(matrix) for a fraction H, by Horner's rule and by its poles one by one."""
+    value = np.zeros(row.size, dtype=complex)
+    for coefficient in num:
+        value = value @ matrix + coefficient * row
+    for pole in poles:
+        value = np.linalg.solve(matrix.T - pole * np.eye(row.size), value)
+    return value.real
+
+
+def times_ring_function(
+    row: Array,
+    direct: Array,
+    delayed: tuple[Array, Array, Array, Array],
+    num: Array,
+    poles: Any,
+    dead_time: bool,
+) -> Array:
+    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: what a far faster block makes of a signal.
+
+    As `times_function`, for the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop with its past.
+    """
+    A, B, Cv, D = delayed
+    if not dead_time:
+        W = np.linalg.solve(np.eye(len(D)) - D, Cv)
+        return times_function(row + direct @ W, A + B @ W, num, poles)[None]
+    signal = np.vstack([row, _delayed_row(direct, Cv, D)])
+    value = np.zeros(signal.shape, dtype=complex)
+    for coefficient in num:
+        late = np.zeros(len(D), dtype=complex)
+        for age in range(AGES):
+            now = value[age].copy()
+            value[age] = now @ A + late @ Cv + coefficient * signal[age]
+            late = late @ D + now @ B
+    for pole in poles:
+        factors, pivots, _ = zgetrf(A.T - pole * np.eye(len(A)))
+        late = np.zeros(len(D), dtype=complex)
+        for age in range(AGES):
+            value[age] = zgetrs(factors, pivots, value[age] - late @ Cv)[0]
+            late = late @ D + value[age] @ B
+    return value.real
+
+
+def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
+    """Return what direct W reads of x(t - delay), x(t - 2 delay), ..."""
+    read = []
+    for _ in range(AGES - 1):
+        read.append(direct @ Cv)
+        direct = direct @ D
+    return np.array(read)
+
 
 # A part of the controller is decoupled if its slowest pole is so many times faster than all states that drive it,
 # and if the loop is not louder than this there: to a far faster loop the plant is a chain of integrators.
@@ -233,19 +316,15 @@ def _balanced(cut: Cut) -> Cut:
 
     Powers of 2, so that nothing is rounded; and alike, so that a share of the largest coefficient means something.
     """
-    A, B, Cv, D, C, direct, x0, delay, settled, settling = cut
-    scale = dgebal(np.abs(A) + np.abs(B) @ np.abs(Cv), scale=1)[3]
-    return Cut(
-        A * scale / scale[:, None],
-        B / scale[:, None],
-        Cv * scale,
-        D,
-        C * scale,
-        np.ascontiguousarray(direct),
-        x0 / scale[:, None],
-        delay,
-        settled * scale,
-        settling,
+    scale = dgebal(np.abs(cut.A) + np.abs(cut.B) @ np.abs(cut.Cv), scale=1)[3]
+    return cut._replace(
+        A=cut.A * scale / scale[:, None],
+        B=cut.B / scale[:, None],
+        Cv=cut.Cv * scale,
+        C=cut.C * scale,
+        direct=np.ascontiguousarray(cut.direct),
+        x0=cut.x0 / scale[:, None],
+        settled_u=cut.settled_u * scale,
     )
 
 
