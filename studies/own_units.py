@@ -98,9 +98,9 @@ def off(loop: pidalab.Loop, process: Process) -> list[pidalab.Loop]:
 
 def load_iae(loop: pidalab.Loop, own: NoiseScale) -> float:
     """IAE of a load step."""
-    from pidalab.simulation.exact import settled
+    from pidalab.simulation.exact import simulate_until_settled
 
-    return settled(pidalab.load_response, loop, HORIZON * own.period).iae(horizon=math.inf)
+    return simulate_until_settled(pidalab.load_response, loop, HORIZON * own.period).iae(horizon=math.inf)
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------

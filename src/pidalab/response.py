@@ -338,7 +338,8 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            return float(100 * (np.max(path + _missed(path)) - np.max(path))) if np.max(path) > 1 else 0.0
+            # the exact area shows most of it
+            return float(25 * (np.max(path + _missed(path)) - np.max(path))) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
 

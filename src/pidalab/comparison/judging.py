@@ -129,13 +129,15 @@ def _measure_loop(
 ) -> DesignRow:
     from pidalab.robustness.control_sensitivity import max_control_sensitivity
     from pidalab.robustness.margins import margins
-    from pidalab.simulation.exact import load_response, settled, step_response
+    from pidalab.simulation.exact import load_response, simulate_until_settled, step_response
 
     loop = design.loop(process)
     found = margins(loop)
     if not found.stable:
         return DesignRow(rule, kind, reason="the loop with the process is unstable", design=design)
-    load, setpoint = (settled(simulate, loop, horizon) for simulate in (load_response, step_response))
+    load, setpoint = (
+        simulate_until_settled(simulate, loop, horizon) for simulate in (load_response, step_response)
+    )
     noise, reason = (math.nan, "") if sample_time is None else sampled_noise(loop, sample_time)
     return DesignRow(
         rule,

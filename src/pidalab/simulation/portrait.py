@@ -250,6 +250,7 @@ def portrait(
     loop: Loop,
     parameters: Mapping[str, Any],
     t: ArrayLike,
+    *,
     setpoint: ArrayLike = 0.0,
     load: ArrayLike = 0.0,
     noise: ArrayLike = 0.0,

@@ -46,6 +46,7 @@ def simulate_sampled(
     loop: Loop,
     t: ArrayLike,
     setpoint: ArrayLike = 0.0,
+    *,
     load: ArrayLike = 0.0,
     noise: ArrayLike = 0.0,
     limits: tuple[float, float] = (-math.inf, math.inf),
