@@ -157,8 +157,8 @@ class Signals:
                 break
             other, value = value, measure(record)
             doubt = abs(other - value) / size()
-        # the last grid halves the difference at least twice, and most kicks miss far less than they might
-        if (doubt := max(doubt / 3, inside / 4)) > DOUBT_SHARE:
+        # the difference of the last two grids is at least three times the error of the last one
+        if (doubt := max(doubt / 3, inside / 1.2)) > DOUBT_SHARE:
             _warn(name, doubt, record)
         return value
 
