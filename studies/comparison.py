@@ -33,7 +33,7 @@ from pidalab.comparison.judging import one_line
 from pidalab.comparison.plants import batch
 from pidalab.requirements import Requirements
 from pidalab.rules import Design
-from pidalab.rules.starting_models import StartingModels
+from pidalab.rules.models import StartingModels
 
 FASTER = 2.0  # another Ms, for the optima alone
 PROCESS = (

@@ -17,10 +17,10 @@ from pidalab import optimal
 ROOT = Path(__file__).resolve().parents[1]
 LAB = ROOT / "book" / "_static" / "lab"
 RANDOM = 100  # plants of the test
-MS, NOISE = 1.4, 20.0  # largest Ms, and largest gain from noise to control, in units of 1/gain of the plant
+MS, NOISE = 1.4, 1.5  # largest Ms and relative noise gain
 HEAD = """/* Where the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each plant of
-   the lab with PI, PID and PIDA, with Ms at most {ms:g} and a gain from noise to u of at most {noise:g}/K, K the gain
-   of the plant. A design is kp, ti, td, ta, as far as it has them, and its filter time.
+   the lab with PI, PID and PIDA, with Ms at most {ms:g} and a relative noise gain of at most
+   {noise:g}. A design is kp, ti, td, ta, as far as it has them, and its filter time.
    Written by studies/lab_optima.py. */
 globalThis.pidalabOptima = """
 
@@ -33,15 +33,15 @@ def plants() -> dict[str, pidalab.Process]:
     return {key: pidalab.Process(p["num"], p["den"], p["delay"]) for key, p in found.items()}
 
 
-def gain(process: pidalab.Process) -> float:
-    """Static gain, or velocity gain of a plant that integrates."""
-    den = process.den[process.den != 0]
-    return float(process.num[-1] / den[-1])
+def least_iae(process: pidalab.Process, order: int, ms: float, noise: float) -> pidalab.rules.Design:
+    """The optimum with a largest Ms and relative noise gain."""
+    scale = pidalab.noise_scale(process)
+    return optimal.load(process, order, ms=ms, noise_gain=noise * scale.gain, sample_time=scale.sample_time)
 
 
 def best(process: pidalab.Process, order: int) -> list[float]:
     """kp, ti, td and ta of the optimum, as far as it has them, and its filter time."""
-    controller = optimal.load(process, order, ms=MS, mks=NOISE / abs(gain(process))).controller
+    controller = least_iae(process, order, MS, NOISE).controller
     ki, kp, *derivatives = controller.coefficients
     values = [kp, kp / ki, *(gain / kp for gain in derivatives), controller.filter_time]
     return [float(f"{value:.4g}") for value in values]
@@ -78,12 +78,14 @@ def random_optima() -> list[list[object]]:
     for _ in range(RANDOM):
         name, num, den, delay = random_plant(rng)
         order = int(rng.integers(0, 3))
-        ms, noise = float(rng.choice([1.3, 1.4, 1.6, 2.0])), float(rng.choice([5, 10, 20, 50]))
+        ms, noise = float(rng.choice([1.3, 1.4, 1.6, 2.0])), float(rng.choice([0.3, 0.7, 1.5, 4.0]))
         process = pidalab.Process(num, den, delay)
-        mks = float(f"{noise / abs(gain(process)):.5g}")
-        iae = optimal.load(process, order, ms=ms, mks=mks).iae
+        try:
+            iae = least_iae(process, order, ms, noise).iae
+        except ValueError:  # no controller of this order keeps both limits
+            continue
         rows.append(
-            [name, " ".join(map(str, num)), " ".join(map(str, den)), delay, order, ms, mks, f"{iae:.6g}"]
+            [name, " ".join(map(str, num)), " ".join(map(str, den)), delay, order, ms, noise, f"{iae:.6g}"]
         )
     return rows
 
@@ -96,7 +98,7 @@ def main() -> None:
     (LAB / "optima.js").write_text(text, encoding="utf-8")
     with (ROOT / "tests" / "lab" / "least_iae.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["plant", "num", "den", "delay", "order", "ms", "mks", "iae"])
+        writer.writerow(["plant", "num", "den", "delay", "order", "ms", "noise", "iae"])
         writer.writerows(random_optima())
 
 

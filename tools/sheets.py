@@ -71,6 +71,8 @@ def on_paper(soup: BeautifulSoup, task: Tag, shown: tuple[str, ...]) -> Tag:
     data = json.loads(task.script.string)
     for gone in task.select("script, .headerlink"):
         gone.decompose()
+    for link in task.select("a"):  # paper leads nowhere
+        link.unwrap()
     for name in ("hint", "answer"):
         fold = task.select_one(f".task-{name}")
         if name in shown:

@@ -1,7 +1,12 @@
 """Give the pages that hold the lab, a live figure or the figure of the first page its scripts, and no others."""
 
 LAB = ("engine", "optima", "model", "optimum", "plot", "record", "lab", "live")
-PARTS = {"lab": LAB, "live": LAB, "landing": ("engine", "model", "plot", "landing")}
+PARTS = {
+    "lab": LAB,
+    "live": LAB,
+    "landing": ("engine", "model", "plot", "landing"),
+    "hidden": ("engine", "model", "plot", "hidden-data", "hidden"),
+}
 
 
 def add_scripts(app, pagename, templatename, context, doctree):

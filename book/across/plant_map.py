@@ -19,6 +19,7 @@ ROWS = ("< 0.5", "0.5–1", "1–1.5", "1.5–2", "≥ 2")
 COLUMNS = ("0", "< 0.1", "0.1–0.2", "0.2–0.33", "0.33–0.67", "≥ 0.67")
 FEW = 3  # plants of a field, of which a rule must serve as many for a recommendation
 DIGITS = 9  # beyond them two plants are equally typical and two rules equally near: the first is taken
+UPWARDS = "writing-mode: vertical-rl; transform: rotate(180deg); width: 1.6rem"
 PERIODS = 6.0  # ultimate periods that the lab shows
 
 
@@ -102,7 +103,8 @@ def shown() -> HTML:
     table, body, panels = fields(), [], []
     study = tables.pays(), tables.compared("loud").dropna(subset=["of_best"])
     for i in reversed(range(len(ROWS))):
-        cells = [f'<th scope="row">{escape(ROWS[i])}</th>']
+        name = f'<th scope="rowgroup" rowspan="{len(ROWS)}" style="{UPWARDS}">roll-off</th>'
+        cells = [name * (i + 1 == len(ROWS)), f'<th scope="row">{escape(ROWS[i])}</th>']
         for j in range(len(COLUMNS)):
             some = table[(table["row"] == i) & (table["column"] == j)]
             if some.empty:
@@ -118,8 +120,10 @@ def shown() -> HTML:
         body.append(f"<tr>{''.join(cells)}</tr>")
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in COLUMNS)
     return HTML(
-        '<div class="plant-map"><table><caption>Normalised dead time to the right, roll-off upwards. In a field '
-        "what acceleration saves of the IAE where noise may be loud, in the median, and the kind to take: PIDA where "
-        "that is a tenth or more, else PID where it saves a tenth of the IAE of a PI.</caption>"
-        f"<thead><tr><td></td>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>{''.join(panels)}</div>"
+        '<div class="plant-map"><table><caption>Acceleration pays on plants that roll off steeply. Each field '
+        "shows the controller to choose and, below it, how much of the PID's IAE a PIDA saves (median plant, loud "
+        "noise). PIDA is named from 10 % on, PID where it saves as much of the IAE of a PI.</caption>"
+        f'<thead><tr><td rowspan="2" style="width: 1.6rem"></td><td rowspan="2"></td><th scope="colgroup" '
+        f'colspan="{len(COLUMNS)}">normalised dead time</th></tr><tr>{head}</tr></thead>'
+        f"<tbody>{''.join(body)}</tbody></table>{''.join(panels)}</div>"
     )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pidalab
-from pidalab.optimal.parts import FINE, NEARLY, Search, at_once, search_in
+from pidalab.optimal.search import FINE, NEARLY, Search, feasible_starts, search_in
 from pidalab.requirements import Requirements
 
 MS, MKS = 1.4, 20.0
@@ -26,7 +26,7 @@ class Walk(NamedTuple):
 def over_filter_time() -> Walk:
     """Walk down the ladder, each time from the optimum before; a rung where the limits were missed is left out."""
     search = search_in(PROCESS, 2, Requirements(ms=MS, mks=MKS))
-    return walk(search, at_once(search)[0], RUNGS)
+    return walk(search, feasible_starts(search)[0], RUNGS)
 
 
 def walk(search: Search, x: np.ndarray, rungs: np.ndarray) -> Walk:

@@ -1,10 +1,12 @@
-"""vrancic2021: the processes, designs and rivals that its pages share."""
+"""vrancic2021: the processes, designs and rivals that its pages share, and their figures."""
 
 import control
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 import pidalab
-from pidalab import areas
+from pidalab import areas, plots
 from pidalab.rules import magnitude_optimum as mo
 
 T_S = 0.002  # sample time of Sections 3 and 4, s
@@ -16,7 +18,7 @@ P = {
     3: pidalab.lags(3, delay=0.5),  # as used for Tables 3 to 5; (33) prints another
     4: pidalab.lags(3, delay=1.0),  # (38)
     5: pidalab.Process([6.0], np.poly([-1, -2, -3])),  # (39)
-    6: pidalab.Process([1.0], np.poly([-1, -3, -6])),  # (42) with the gain 1/18
+    6: pidalab.Process([1.0], np.poly([-1, -3, -6])),  # (42); 0.0556 read as 1/18
     7: pidalab.Process([64.0], np.poly([-1, -2, -4, -8])),  # (45)
 }
 
@@ -29,8 +31,8 @@ REPEATED = "table4.n4", "table5.m3"  # the row of Table 3 for a noise gain of 10
 
 
 def designed(g: int, m: int, n: int, noise_gain: float) -> pidalab.Loop:
-    """Loop of a design of Tables 3 to 6: T_F begins at 0.035 and is corrected four times."""
-    design = mo.tune_for_noise(P[g], m, n, noise_gain, T_S, first=0.035, updates=4)
+    """Loop of a design of Tables 3 to 6: T_F begins at 0.1 and is corrected four times."""
+    design = mo.tune_for_noise(P[g], m, n, noise_gain, T_S, first=0.1, updates=4)
     return design.loop(P[g])
 
 
@@ -98,6 +100,75 @@ def ise(
     return {"tracking": run.against(wanted).ise(), "load": load.ise()}
 
 
+# %% Figures
+def both_steps(loop: pidalab.Loop, prefilter_time: float) -> pidalab.Response:
+    """A set-point step at 0 with the prefilter (9), and a load step at 15 s."""
+    t = T_S * np.arange(12501)
+    load = np.where(t < 15.0, 0.0, 1.0)
+    return pidalab.simulate(smooth(loop, prefilter_time), t, setpoint=1.0, load=load)
+
+
+def draw(
+    columns: dict[str, dict[str, pidalab.Loop]],
+    prefilter_time: float = 0.2,
+    u_range: tuple[float, float] = (-1, 4),
+    noise: float = 0.0,
+    spans: tuple[tuple[float, float], ...] | None = None,
+) -> Figure:
+    """Outputs above control signals of `both_steps`, a column for each title, over a span each.
+
+    Bands show two standard deviations of u, for white noise with the given one.
+    """
+    shape = {"sharex": "col", "sharey": "row", "squeeze": False, "figsize": (6.4, 4.2)}
+    figure, axes = plt.subplots(2, len(columns), **shape)
+    for k, (title, loops) in enumerate(columns.items()):
+        (top, bottom), (start, end) = axes[:, k], spans[k] if spans else (0, 25)
+        for name, loop in loops.items():
+            run = both_steps(loop, prefilter_time)
+            part = (run.t >= start) & (run.t <= end)
+            t, y, u = (x[part] for x in (run.t, run.y, run.u))
+            (line,) = top.plot(*plots.thin(t, y, 400), label=name)
+            bottom.plot(*plots.thin(t, u, 400), label=name)
+            if noise:
+                wide = 2 * noise * pidalab.noise_gain(loop, T_S)
+                few = slice(None, None, max(1, t.size // 50))
+                band = t[few], u[few] - wide, u[few] + wide
+                bottom.fill_between(*band, color=line.get_color(), alpha=0.2, lw=0)
+        top.set(title=title, xlim=(start, end))
+        bottom.set(xlabel="time, s", ylim=u_range)
+    axes[0, 0].set_ylabel("output y")
+    axes[1, 0].set_ylabel("control u")
+    short = max(map(len, loops)) < 8
+    plots.legend(figure, ncols=4 if short else 2)
+    return figure
+
+
+def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
+    """Both steps of the rows of a table, enlarged, with noise of 0.01."""
+    loops = {WORDS[f"{number}.{row}"]: loop for row, loop in rows.items()}
+    columns, spans = {"set-point step": loops, "load step": loops}, ((0, 5), (15, 20))
+    return draw(columns, noise=0.01, spans=spans)
+
+
+def draw_contest(g: int, u_until: float) -> Figure:
+    """Output left, control right; set-point step above load step."""
+    t, loops = np.linspace(0, 4, 8001), contest(g)
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.0))
+    step = {x: pidalab.step_response(smooth(C, 0.01), t) for x, C in loops.items()}
+    load = {x: pidalab.load_response(C, t) for x, C in loops.items()}
+    for row, runs, end in zip(axes, (step, load), (u_until, 4), strict=True):
+        plots.signal(row[0], runs, "y", until=4)
+        plots.signal(row[1], runs, "u", until=end)
+        row[0].set(ylabel="output y", xlabel="time, s")
+        row[1].set(ylabel="control u", xlabel="time, s")
+    axes[0, 0].set_title("set-point step")
+    axes[1, 0].set_title("load step")
+    axes[0, 1].set_yscale("symlog", linthresh=10, linscale=2)
+    axes[0, 1].set_yticks([-10_000, -100, 0, 100, 10_000])
+    plots.legend(figure)
+    return figure
+
+
 # %% Names
 def label(m: int, n: int) -> str:
     """PID with m derivatives and a filter of order n, as a table or a figure shows it."""
@@ -118,13 +189,14 @@ def plant(g: int) -> str:
 # %% How the paper writes what the ledger calls so
 WORDS = {f"{x}{k}": f"{x.upper()}{'₀₁₂₃₄₅₆₇₈₉'[k]}" for x in "ak" for k in range(10)}
 WORDS |= {"km1": "K₋₁", "tf": "T_F", "sigma": "σ_rel", "ms": "M_S", "gp6": plant(6)}
-WORDS |= {key: title(key) for key in CASES}
+WORDS |= {key: label(m, n) for key, (_, m, n, _) in CASES.items()}
+WORDS |= {f"table3.khf{k}": f"K_HF = {k}" for k in (2, 5, 10, 20)}
 WORDS |= {f"{eq}.m{m}": label(m, m) for eq in ("eq41", "eq44", "eq48") for m in (2, 3)}
 WORDS |= {"load": "disturbance"}
 for g in (1, 2):
     WORDS[f"table1.gp{g}.plain"] = f"{plant(g)} alone"
     for m in (1, 2, 3):
-        WORDS[f"table1.gp{g}.m{m}"] = f"{plant(g)}, filter of {label(m, m)}"
+        WORDS[f"table1.gp{g}.m{m}"] = f"filter of {label(m, m)}"
         WORDS[f"table2.gp{g}.m{m}"] = f"{plant(g)}, {label(m, m)}"
 for n in (7, 8, 9):
     WORDS |= {f"table{n}.pid22": label(2, 2), f"table{n}.pid33": label(3, 3)}

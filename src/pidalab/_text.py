@@ -15,7 +15,7 @@ from typing import Final
 
 KINDS = ("PI", "PID", "PIDA")  # of controllers, by their highest derivative
 WITHOUT_ACCELERATION = KINDS[:2]
-# models that rules start from, as `pidalab.rules.starting_models` makes them of a process
+# models that rules start from, as `pidalab.rules.models` makes them of a process
 STARTING_MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
 
 

@@ -1,9 +1,9 @@
-r"""From any stable process to a model of first or second order with dead time (the route of heo2023).
+r"""Reduce any stable process to a model of first or second order with dead time (heo2023).
 
-The phase of :math:`G(j\omega)/G(0)` is followed from 0 at :math:`\omega = 0`. Where it first falls below :math:`-\pi`
-is the ultimate frequency :math:`\omega_u`. Both reductions keep the static gain, and the phase at :math:`\omega_u`. The
-paper names its source for the reduction and does not write it down. The route here gives all 24 parameters of Tables 4
-to 6; fitted with other weights, or on 9 or 11 frequencies, the second-order models differ in the third decimal.
+The phase of :math:`G(j\omega)/G(0)` starts at 0 for :math:`\omega = 0`. It first falls below :math:`-\pi` at the
+ultimate frequency :math:`\omega_u`. Both reductions keep the static gain, and the phase at :math:`\omega_u`. The paper
+names its source for the reduction, but does not give the method. The one here gives all 24 parameters of Tables 4 to 6;
+with other weights, or on 9 or 11 frequencies, the second-order models differ in the third decimal.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.process import Process, fopdt, require_process, sopdt
-from pidalab.robustness.loops import explore
+from pidalab.robustness.in_z import axis_of
 from pidalab.roots import roots
 
-LEAST_LAG = 1e-9  # of tau wu in the first, of (tau wu)^4 in the second order: below, the lag is rounding
+LEAST_LAG = 1e-9  # of tau wu in first order, of (tau wu)^4 in second; a smaller lag is a rounding error
 
 
 class FirstOrderModel(NamedTuple):
-    """Parameters of a first-order model with dead time, and the ultimate frequency they were found at."""
+    """Parameters of a first-order model with dead time, and the ultimate frequency."""
 
     gain: float
     tau: float
@@ -34,12 +34,12 @@ class FirstOrderModel(NamedTuple):
 
     @property
     def process(self) -> Process:
-        """The model as a process, which the rules take."""
+        """The model as a process."""
         return fopdt(self.gain, self.tau, self.delay)
 
 
 class SecondOrderModel(NamedTuple):
-    """Parameters of a second-order model with dead time, and the ultimate frequency they were found at."""
+    """Parameters of a second-order model with dead time, and the ultimate frequency."""
 
     gain: float
     tau: float
@@ -49,20 +49,20 @@ class SecondOrderModel(NamedTuple):
 
     @property
     def process(self) -> Process:
-        """The model as a process, which the rules take."""
+        """The model as a process."""
         return sopdt(self.gain, self.tau, self.damping, self.delay)
 
 
 def ultimate_frequency(process: Process) -> float:
-    r"""Lowest frequency at which the phase of :math:`G(j\omega)/G(0)`, followed from 0, falls below :math:`-\pi`.
+    r"""Compute the lowest frequency at which the phase of :math:`G(j\omega)/G(0)` falls below :math:`-\pi`.
 
     With an integrator the phase starts at :math:`-\pi/2`.
 
     Parameters
     ----------
     process : Process
-        Stable, or with one integrator, and a static gain other than 0; a negative one does not count as phase. Zeros
-        may lie anywhere but on the imaginary axis below the frequency sought, where the phase would jump.
+        Stable, or with one integrator, and a static gain other than 0, whose sign does not count as phase. There must
+        be no zero on the imaginary axis below the ultimate frequency, where the phase would jump.
 
     Returns
     -------
@@ -72,8 +72,8 @@ def ultimate_frequency(process: Process) -> float:
     Raises
     ------
     TypeError, ValueError
-        For something else than a Process, and for a process that is unstable, has two integrators, no static gain, or
-        no such frequency: without dead time at least three lags are needed, or as much phase from zeros.
+        For another type, and for a process that is unstable, has two integrators, no static gain, or no ultimate
+        frequency. Without dead time it needs at least three lags, or as much phase from zeros.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def ultimate_frequency(process: Process) -> float:
     0.726543 0.726543
     """
     require_process("process", process)
-    # each integrator turns the phase by a quarter at all frequencies; the rest of the process has a static gain
+    # an integrator shifts the phase by -pi/2 at all frequencies; the rest of the process has a static gain
     settling = np.trim_zeros(process.den, "b")
     integrators = process.den.size - settling.size
     if integrators > 1:
@@ -91,15 +91,15 @@ def ultimate_frequency(process: Process) -> float:
     unit = _unit(Process(process.num, settling, process.delay))
     zeros = roots(unit.num)
 
-    looked = explore(Loop(unit, 1.0))
+    axis = axis_of(Loop(unit, 1.0))
 
     def phase(w: Array) -> Array:
         w = np.atleast_1d(w)
-        exact = np.angle(looked.L(w))  # the sum over all roots only counts the turns
+        exact = np.angle(axis.L(w))  # the sum over all roots gives the number of turns
         return exact + 2 * np.pi * np.round((turned_phase(unit, w) - exact) / (2 * np.pi)) - turned
 
     on_axis = np.abs(zeros[np.abs(zeros.real) <= 1e-9 * np.abs(zeros)])
-    w = looked.follow(0.1)
+    w = axis.follow(0.1)
     w = w[w < on_axis.min(initial=math.inf)]
     past = np.flatnonzero(phase(w) < -np.pi)
     if not past.size or past[0] == 0:
@@ -112,12 +112,12 @@ def ultimate_frequency(process: Process) -> float:
 
 
 def turned_phase(process: Process, w: Array) -> Array:
-    """Phase at some frequencies less that at rest, followed from there; roots on the axis count as stable ones.
+    """Compute the continuous phase, relative to that at frequency 0; roots on the axis count as stable.
 
     Parameters
     ----------
     process : Process
-        Any process; its integrators turn at rest already.
+        Any process; its integrators do not count.
     w : ndarray, shape (n,)
         In rad per time unit.
 
@@ -136,13 +136,13 @@ def turned_phase(process: Process, w: Array) -> Array:
     for sign, found in ((1, roots(process.num)), (-1, roots(process.den))):
         away = found[found != 0]
         away = np.where(away.real == 0, away - 1e-9 * np.abs(away), away)
-        # each factor stays in one half plane, so its angle is continuous
+        # each factor stays in one half-plane, so its angle is continuous
         total = total + sign * np.angle(1 - 1j * w[:, None] / away).sum(axis=1)
     return np.asarray(total)
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:
-    r"""First-order model with dead time that has the process's value at zero and at the ultimate frequency.
+    r"""Reduce a process to a first-order model with dead time that equals it at 0 and at the ultimate frequency.
 
     With :math:`m = |G(j\omega_u)/G(0)|`
 
@@ -170,7 +170,7 @@ def to_fopdt(process: Process) -> FirstOrderModel:
     ------
     TypeError, ValueError
         As `ultimate_frequency`, for an integrating process, and if the magnitude at that frequency is not below the
-        static gain: no lag fits.
+        static gain.
 
     References
     ----------
@@ -195,7 +195,7 @@ def to_fopdt(process: Process) -> FirstOrderModel:
 
 
 def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
-    r"""Second-order model with dead time, its magnitude fitted by linear least squares up to the ultimate frequency.
+    r"""Reduce a process to a second-order model with dead time, by least squares up to the ultimate frequency.
 
     With :math:`g(\omega) = |G(j\omega)/G(0)|^2` and equally spaced frequencies from 0 to :math:`\omega_u`, both
     included, :math:`a` and :math:`b` solve
@@ -220,8 +220,8 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     process : Process
         Stable, of any order, with any dead time and any static gain but 0.
     points : int, optional
-        Number of frequencies, at least 3, for the first is 0 and says nothing. The models of the paper need 10:
-        with 9 or 11 they differ in the third decimal.
+        Number of frequencies, at least 3. The models of the paper need 10; with 9 or 11 they differ in the third
+        decimal.
 
     Returns
     -------
@@ -267,7 +267,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
 
 
 def _unit(process: Process) -> Process:
-    """Return the process divided by its static gain, or raise if it is not stable or has none."""
+    """Return the process divided by its static gain; raise if it is not stable or has none."""
     require_process("process", process)
     poles = roots(process.den)
     if np.any(poles.real >= 0):

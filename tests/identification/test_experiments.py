@@ -392,7 +392,7 @@ def settled(moved=0.0, first=0.04, top=1.0, count=40):
         ({"top": 1.099}, None),
         ({"top": 1.101}, r"y overshoots its final value by 10\.1 % of the change, and 10 % is allowed"),
         ({"count": 30}, None),
-        ({"count": 29}, "y must have at least 30 samples to judge whether it settles, found 29"),
+        ({"count": 29}, "y must have at least 30 samples, found 29"),
     ],
 )
 @pytest.mark.parametrize(("gain", "rest"), [(1.0, 0.0), (-20.0, 300.0)])

@@ -50,10 +50,6 @@ def lab():
     return Engine("\n".join([*sources, DROP]))
 
 
-def test_there_are_twenty():
-    assert len(PLANTS) == 20
-
-
 @pytest.mark.parametrize("turn", range(4))
 def test_a_record_gets_a_design_that_is_safe_on_the_plant(turn, lab):
     """Some of them at each run: all take half a minute."""
@@ -64,11 +60,7 @@ def test_a_record_gets_a_design_that_is_safe_on_the_plant(turn, lab):
     y += noise * np.ptp(y) * np.random.default_rng(5).standard_normal(t.size)
     found = lab.drop(text="\n".join(f"{a:.6g},{b:.6g}" for a, b in zip(t, y, strict=True)))
     assert found["own"]["gain"] * plant.num[-1] > 0
-    # the limit of noise that the lab takes from a record, or ten where that is hardly any
-    own = 0.1 * found["span"] * abs(found["own"]["gain"]) / (3.0 * found["sigma"])
-    best = lab.find(
-        process=found["process"], kind="PIDA", knobs={"ms": 1.4, "noise": min(max(own, 2.0), 10.0)}
-    )
+    best = lab.find(process=found["process"], kind="PIDA", knobs={"ms": 1.4, "noise": 1.0})
     design = best["design"]
     kp, ti, td, ta = (design[key] for key in ("kp", "ti", "td", "ta"))
     gains = [kp / ti, kp, kp * td, kp * ta]
@@ -84,7 +76,7 @@ def test_lags_too_short_to_matter_change_nothing(lag, lab):
         lab.find(
             process={"num": one.num.tolist(), "den": one.den.tolist(), "delay": one.delay},
             kind="PID",
-            knobs={"ms": 1.4, "noise": 20.0},
+            knobs={"ms": 1.4, "noise": 1.5},
         )["iae"]
         for one in (pidalab.fopdt(2.0, 3.0, 1.0), plant)
     )

@@ -2,8 +2,8 @@
 what the library computes."""
 
 import math
+import random
 import re
-import time
 
 import numpy as np
 import pytest
@@ -90,7 +90,7 @@ def linear_loops(task):
                 }
                 yield (
                     f"{task.label} {name} {item.get('name', '')}",
-                    {**asked, "sample": data.get("sample"), "judged": judged_by(data)},
+                    {**asked, "judged": judged_by(data)},
                     given,
                     pidalab.Loop(plant_of(own, given), controller_of(loop)),
                 )
@@ -108,9 +108,9 @@ def test_the_page_computes_what_the_library_does(page, asked, given, loop):
     ms, gm, pm, dm = page.facts(asked, given, "ms", "gm", "pm", "dm")
     found = pidalab.margins(loop)
     assert [ms, gm, pm, dm] == pytest.approx([found.ms, found.gm, found.pm, found.dm], rel=1e-9)
-    if asked["sample"]:
+    if "noise" in judged:
         (noise,) = page.facts(asked, given, "noise")
-        assert noise == pytest.approx(pidalab.noise_gain(loop, asked["sample"]), rel=1e-6)
+        assert noise == pytest.approx(pidalab.relative_noise_gain(loop), rel=1e-6)
     if "iae" in judged:
         (iae,) = page.facts(asked, given, "iae")
         t = np.linspace(0, 150, 60001)
@@ -155,19 +155,9 @@ def test_what_is_entered_as_text_is_judged_as_its_number(page, task):
     if data["kind"] in ("number", "design"):
         key = {name: str(value).replace(".", ",") for name, value in data["key"].items()}
         assert page.judge(data, key)["right"]
-        for text in ("", "one", "1.2.3", "1e400", "--1", "1/0", "1/2/3", "1 000"):
+        for text in ("", "one", "1.2.3", "1e400", "--1", "1/0", "1 000"):
             found = page.judge(data, {**key, next(iter(key)): text})
             assert found.get("refused"), text
-
-
-@named(QUICK)
-def test_a_judgement_takes_less_than_a_tenth_of_a_second(page, task):
-    times = []
-    for _ in range(3):
-        start = time.process_time()
-        page.judge(task.data, task.data["key"])
-        times.append(time.process_time() - start)
-    assert min(times) < 0.1
 
 
 # --- what is known by hand, or by another way of the library ---------------------------------------------------------
@@ -284,12 +274,14 @@ def test_the_magnitude_optimum_breaks_where_the_library_says(page):
     assert page.along(data, data["options"], "stable") == stable
 
 
-@named([task for task in TASKS if task.data.get("search")])
+@named([task for task in TASKS if "saving" in task.data.get("limits", {})])
 def test_what_a_search_finds_the_library_finds(page, task):
     data = task.data
     asked = {**data, **data["key"]}
     plant = plant_of(data["plant"], data["key"])
-    best = [pidalab.optimal.load(plant, order, ms=asked["ms"], mks=asked["mks"]).iae for order in (1, 2)]
+    scale = pidalab.noise_scale(plant)
+    limits = {"noise_gain": asked["noise"] * scale.gain, "sample_time": scale.sample_time}
+    best = [pidalab.optimal.load(plant, order, ms=asked["ms"], **limits).iae for order in (1, 2)]
     (saving,) = page.facts(data, data["key"], "saving")
     assert saving == pytest.approx(1 - best[1] / best[0], abs=0.005)
 
@@ -302,7 +294,10 @@ def test_the_limit_of_the_error_is_a_tenth_above_the_best(task):
     ms, noise = (
         next(x for name, x in data["limits"].items() if name.endswith(end)) for end in ("ms", "noise")
     )
-    best = pidalab.optimal.load(plant, 2, ms=ms, noise_gain=noise, sample_time=data["sample"]).iae
+    scale = pidalab.noise_scale(plant)
+    best = pidalab.optimal.load(
+        plant, 2, ms=ms, noise_gain=noise * scale.gain, sample_time=scale.sample_time
+    ).iae
     assert data["limits"][fact] == pytest.approx(1.1 * best, rel=2e-3)
 
 
@@ -333,3 +328,124 @@ def test_a_fraction_is_a_number(page):
 def test_a_filter_may_be_too_long_as_well(page):
     assert "with less it is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
     assert "more of it" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]
+
+
+# --- fifty answers to each task, right and wrong, against the library ------------------------------------------------
+
+ANSWERS = 50
+SIDE = (-4e-3, 5e-4)  # of a border: the page allows for answers that are printed in three digits
+
+
+def answers(data, count, seed):
+    """Draw answers: the key, steps from it that cross borders, and wild ones."""
+    rng = random.Random(seed)
+    kind = data["kind"]
+    if kind == "choice":
+        reasons = range(len(data.get("reasons", [0])))
+        return [{"choice": c, "reason": r} for c in range(len(data["options"])) for r in reasons]
+    if kind == "order":
+        items = list(range(len(data["items"])))
+        orders = [rng.sample(items, len(items)) for _ in range(count)]
+        return [{"order": order, "reason": rng.randrange(3)} for order in orders]
+    given = []
+    for k in range(count):
+        spread = (0.0, 0.01, 0.05, 0.3, 1.5)[k % 5]
+        given.append(
+            {name: x * math.exp(rng.gauss(0, spread)) if x else spread for name, x in data["key"].items()}
+        )
+    return given
+
+
+def truth(data, given):
+    """Return what the library says of an answer: True, False, or None where it is too near to a border."""
+    if data["kind"] == "number":
+        key, off = data.get("value", data["key"]["answer"]), data.get("error", 0)
+        tolerance = off or data["within"] * abs(key)
+        distance = abs(given["answer"] - key)
+        return None if abs(distance - tolerance) < 0.1 * tolerance + 1e-3 else distance < tolerance
+    if data["kind"] == "choice":
+        right = given["choice"] == data["key"]["choice"]
+        return right and ("reasons" not in data or given["reason"] == data["key"]["reason"])
+    if data["kind"] == "order":
+        right = given["order"] == data["key"]["order"]
+        return right and ("reasons" not in data or given["reason"] == data["key"]["reason"])
+    if "near" in data:
+        shares = [abs(given[name] / x - 1) / data["within"] for name, x in data["near"].items()]
+        return None if any(abs(share - 1) < 0.05 for share in shares) else max(shares) < 1
+    loop = {**data.get("loop", {}), **given}
+    if "edge" in data:
+        stable = [
+            pidalab.is_stable(library_loop(data["plant"], {**loop, "Tf": x * loop["Tf"]})) for x in (1, 0.97)
+        ]
+        return stable == [True, False]
+    return verdict_of_limits(data, given)
+
+
+def limits_of(data):
+    for side, limits in ((1, data.get("limits", {})), (-1, data.get("least", {}))):
+        yield from ((name, (limit, side)) for name, limit in limits.items())
+
+
+def library_loop(plant, loop, given=None):
+    return pidalab.Loop(plant_of(plant, loop if given is None else given), controller_of(loop))
+
+
+def fact(data, loop, given, name):
+    """One fact of a loop by the library; infinite where the loop is unstable."""
+    where, _, which = name.rpartition(".")
+    plant = data["plants"][where] if where else data["plant"]
+    own = library_loop(plant, loop, given)
+    if not pidalab.is_stable(own):
+        return math.inf
+    if which == "noise":
+        return pidalab.relative_noise_gain(own)
+    if which == "iae":
+        return pidalab.load_response(own, np.linspace(0, 150, 3001)).iae()
+    return getattr(pidalab.margins(own), which)
+
+
+DIRECT = [
+    task
+    for task in TASKS
+    if not task.data.get("search") and not {"u0", "sampled"} & set(task.data.get("loop", {}))
+]
+
+
+@named(DIRECT)
+def test_fifty_answers_are_judged_as_the_library_does(page, task):
+    data, judged = task.data, {True: 0, False: 0}
+    for given in answers(data, ANSWERS, task.label):
+        true = truth(data, given)
+        if true is None:
+            continue
+        found = page.judge(data, given)
+        assert found["right"] is true, (given, found["say"])
+        assert found["say"]
+        judged[true] += 1
+    assert min(judged.values()) >= 1
+
+
+def verdict_of_limits(data, given):
+    """Whether all limits hold; None where one lies at its border."""
+    loop, verdict = {**data.get("loop", {}), **given}, True
+    for name, (limit, side) in limits_of(data):
+        room = side * (limit - fact(data, loop, given, name)) / limit
+        if SIDE[0] < room < SIDE[1]:
+            return None
+        verdict = verdict and room > 0
+    return verdict
+
+
+def test_a_percentage_and_decibels_are_answers(page):
+    assert page.judge(BY_LABEL["task-haalman2024-2"].data, {"answer": "36.8 %"})["right"]
+    assert page.judge(BY_LABEL["task-haalman2024-2"].data, {"answer": "exp(-1)"})["right"]
+    assert page.judge(BY_LABEL["task-huba2018-1"].data, {"answer": "1/e"})["right"]
+    assert page.judge(BY_LABEL["task-3-1"].data, {"answer": "8.4 dB"})["right"]
+    assert page.judge(BY_LABEL["task-5-1"].data, {"answer": "1+2,5"})["right"]
+
+
+@pytest.mark.parametrize("share", [0.978, 0.987, 0.991])
+def test_the_edge_of_stability_is_answered_from_the_stable_side(page, share):
+    found = page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.0227 * share})
+    assert not found["right"]
+    assert "already unstable" in found["say"]

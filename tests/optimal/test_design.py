@@ -13,14 +13,10 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import pidalab
 from pidalab import HighOrderPID, Loop
-from pidalab.optimal._design import _edge
-from pidalab.optimal._noise import SampledNoise
-from pidalab.optimal._polish import polish
-from pidalab.optimal._problem import Problem, _other_side
-from pidalab.optimal._solver import Search
-from pidalab.optimal._starts import approached, at_once, stabilising
-from pidalab.optimal._units import unit_of_time
-from pidalab.optimal._walk import _valleys
+from pidalab.optimal.design import _edge, _valleys
+from pidalab.optimal.polish import polish
+from pidalab.optimal.problem import Problem, SampledNoise, _other_side, unit_of_time
+from pidalab.optimal.search import Search, approached, feasible_starts, stabilising
 from pidalab.process import sign_of_gain
 from pidalab.requirements import Requirements
 
@@ -202,9 +198,9 @@ def test_gradients_are_those_of_the_functions():
     problem = Problem(THIRD, 2, (0.6, 1.6))
     x = np.array([0.3, 0.5, 0.4, 0.1, -2.0])
     for function in (
-        problem.worth(120.0),
+        problem.iae(120.0),
         SampledNoise(problem, 0.05),
-        problem.limits(np.geomspace(0.1, 10.0, 7), {"ms": 1.4, "mks": 20.0, "mt": 1.3, "half": 0.9}),
+        problem.slack(np.geomspace(0.1, 10.0, 7), {"ms": 1.4, "mks": 20.0, "mt": 1.3, "inverse_disk": 0.9}),
     ):
         steps = 1e-6 * np.eye(x.size)
         numeric = [(np.asarray(function(x + h)[0]) - np.asarray(function(x - h)[0])) / 2e-6 for h in steps]
@@ -218,7 +214,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
     exact = pidalab.load_response(
         Loop(THIRD, HighOrderPID(gains, time, 3)), np.linspace(0.0, 120.0, 4001)
     ).iae()
-    assert problem.worth(120.0)(x)[0] * 1.6 == pytest.approx(exact, rel=1e-3)
+    assert problem.iae(120.0)(x)[0] * 1.6 == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +229,7 @@ def test_iae_of_the_search_is_that_of_the_engine():
         (lambda: pidalab.optimal.load(THIRD, 1, sample_time=2.0), ValueError, "noise_gain is missing"),
         (lambda: pidalab.optimal.load(pidalab.Process([1.0, 0.0], [1.0, 1.0]), 1), ValueError, "static gain"),
         (lambda: pidalab.optimal.load(pidalab.ipdt(1.0, 0.0), 1), ValueError, "a lag or a dead time"),
-        (lambda: pidalab.optimal.load(THIRD, 1, noise_gain=9.0, sample_time=1e3), ValueError, "to be that slow"),
+        (lambda: pidalab.optimal.load(THIRD, 1, noise_gain=9.0, sample_time=1e3), ValueError, "sample_time must"),
         (
             lambda: pidalab.optimal.load(pidalab.Process([1.0], [1.0, -1.0], 3.0), 1, ms=2.0),
             ValueError,
@@ -297,7 +293,7 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
     inside = []
-    monkeypatch.setattr("pidalab.optimal._design.search", lambda *_: inside.append(threads()))
+    monkeypatch.setattr("pidalab.optimal.design.descend_ladder", lambda *_: inside.append(threads()))
     with threadpool_limits(limits=2, user_api="blas"):
         with pytest.raises(ValueError, match="ms"):
             pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0, ms=1.4)
@@ -382,8 +378,8 @@ def test_what_is_left_to_the_limits():
     ]
     left = one.constraints()[0].value(x)
     np.testing.assert_allclose(left, np.concatenate(expected), rtol=1e-9)
-    assert one.missed(x) == pytest.approx(max(0.0, -np.min(left)))
-    assert one.missed(0.01 * x) >= 0
+    assert one.violation(x) == pytest.approx(max(0.0, -np.min(left)))
+    assert one.violation(0.01 * x) >= 0
     assert Requirements(mks=5.0).limits() == {"ms": 1.6, "mks": 5.0}
     assert Requirements(noise_gain=3.0, sample_time=0.1).limits() == {"ms": 1.6, "noise_gain": 3.0}
 
@@ -414,14 +410,14 @@ def test_a_start_is_approached_where_no_candidate_keeps_the_limits(ms, kept):
     unit = unit_of_time(process, limits)
     problem = Problem(process, 1, (abs(complex(process(1j / unit))), unit))
     one = Search(problem, limits)
-    assert at_once(one) == []
-    candidates = [one.missed(x) for x in stabilising(one)]
+    assert feasible_starts(one) == []
+    candidates = [one.violation(x) for x in stabilising(one)]
     found = approached(one)
     assert min(candidates) > 0
     assert len(found) == int(kept)
     assert one.sound(one.nearest)
-    assert one.missed(one.nearest) < min(candidates)
-    assert (one.missed(one.nearest) == 0) == kept
+    assert one.violation(one.nearest) < min(candidates)
+    assert (one.violation(one.nearest) == 0) == kept
     if kept:
         assert found[0] is one.nearest
         assert pidalab.max_sensitivity(one.loop(found[0]))[0] < 1.01 * ms

@@ -5,15 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 import yaml
-from demo_ledger import KP, ROWS, S1
+from demo_ledger import ROWS
 
 from paperledger import load_all, write_rows
-from paperledger.publishing import checkable, linked, publish, repro, review, scholarly
+from paperledger.publishing import checkable, publish, repro
 
 LEDGERS = Path(__file__).parents[2] / "book" / "ledger"
-BOARD = "https://example.org/scoreboard.html"
 
 
 def verified(folder):
@@ -50,24 +48,3 @@ def test_the_bundle_is_whole(tmp_path):
         claim["evidence"][0]["reported"]
         for claim in yaml.safe_load((out / "repro.yaml").read_text(encoding="utf-8"))["claims"]
     ] == ["1.31"]
-
-
-def test_a_page_says_its_claims_to_machines():
-    paper = scholarly(
-        {"title": "On PIDA </script>", "doi": "10.1/x", "author": "Ada and Bob", "year": "2030"}
-    )
-    text = linked([KP, S1], BOARD, "https://example.org/demo.html", paper)
-    assert "</script>" not in text
-    about, number, statement = json.loads(text)["@graph"]
-    assert about["about"]["name"] == "On PIDA </script>"
-    assert number["itemReviewed"]["appearance"] == {"@id": "https://doi.org/10.1/x"}
-    assert number["url"] == f"{BOARD}#demo-t1-kp"
-    assert statement["claimReviewed"] == "sec. 3: A < B & it wins"
-    assert statement["reviewRating"]["alternateName"] == "holds"
-
-
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.id)
-def test_each_row_is_a_review(row):
-    found = review(row, BOARD, {"@type": "ScholarlyArticle", "name": "On PIDA"})
-    assert found["identifier"] == row.id
-    assert found["reviewRating"]["alternateName"] == row.verdict

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.robustness.control_sensitivity import max_control_sensitivity
+from pidalab.robustness import max_control_sensitivity
 
 
 @pytest.mark.parametrize(

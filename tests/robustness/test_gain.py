@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import pidalab
 from pidalab import Loop, Process, gain_for_ms
@@ -35,6 +36,29 @@ def test_an_unstable_plant_takes_the_larger_of_two_gains():
     k = gain_for_ms(Loop(plant, 1.0), 1.6)
     assert pidalab.max_sensitivity(Loop(plant, k))[0] == pytest.approx(1.6, rel=1e-9)
     assert pidalab.max_sensitivity(Loop(plant, 0.99 * k))[0] < 1.6
+
+
+@pytest.mark.parametrize(
+    ("process", "expected"),
+    [
+        # with dead time |S| comes to 1/(1 - k |P(inf)|) at infinite frequency, without it to 1/(1 + k P(inf))
+        (Process([1.0, 0.2], [1.0, 1.0], delay=1.0), 0.5),
+        (Process([-0.4, -0.2], [0.1, 1.0], delay=0.3), 0.5 / 4),
+        (Process([-1.0, 1.0], [1.0, 1.0]), 0.5),  # ill-posed at k = 1
+        (Process([0.5, 1.0], [1.0, 1.0], delay=2.0), None),
+        (Process([1.0, 0.3, 1.0], [2.0, 1.0, 1.0], delay=0.7), None),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_gain_of_a_biproper_loop(process, expected):
+    """In closed form where Ms lies at infinite frequency, else by bisection of Ms over a dense grid."""
+    k = gain_for_ms(Loop(process, 1.0), 2.0)
+    if expected is None:
+        w = np.append(np.geomspace(1e-3, 1e3, 200_001), np.linspace(0.0, 60.0, 200_001))
+        L = np.append(process(1j * w), -abs(process.num[0] / process.den[0]))
+        expected = brentq(lambda k: (1 / np.abs(1 + k * L)).max() - 2.0, 1e-3, 0.999 / abs(L[-1]))
+    assert k == pytest.approx(expected, rel=1e-5)
+    assert pidalab.is_stable(Loop(process, k))
 
 
 def test_what_no_gain_reaches_is_refused():

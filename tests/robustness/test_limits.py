@@ -10,8 +10,7 @@ from matplotlib.lines import AxLine
 
 import pidalab
 from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
-from pidalab.robustness._infimum import ends, infimum
-from pidalab.robustness.limits import TOLERANCE
+from pidalab.robustness.limits import TOLERANCE, ends, infimum
 from pidalab.rules import automatic_reset as reset
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)

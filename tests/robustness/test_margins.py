@@ -10,9 +10,9 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
-from pidalab.robustness import _summits
-from pidalab.robustness._arrays import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, height
-from pidalab.robustness.loops import explore
+from pidalab.robustness import walk
+from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, Axis, height
+from pidalab.robustness.in_z import axis_of
 
 
 def brute_force(loop, points=5_000_000, low=1e-4, high=1e4):
@@ -292,7 +292,7 @@ def test_all_phase_crossovers_of_a_dead_time_of_many_lags():
 def test_the_grid_follows_the_turns_of_the_dead_time():
     """A quarter of a radian from point to point, wherever L is not small: no peak between two turns is stepped over."""
     loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 20.0), pidalab.PIDA(0.3, 20.0))
-    w = explore(loop).follow(0.01)
+    w = axis_of(loop).follow(0.01)
     loud = np.abs(loop.L(1j * w))[:-1] >= 0.01
     turns = 20.0 * np.diff(w)[loud]
     assert turns.size > 1000
@@ -312,9 +312,24 @@ def test_margins_stay_as_they_were_found_and_are_themselves_alone():
 @pytest.mark.parametrize("size", [0.3, 0.8, 1.25, 1.5, 3.0])
 def test_the_bound_between_two_points_holds_for_every_phase(kind, size):
     L = size * np.exp(1j * np.linspace(0.0, 2 * np.pi, 721))
-    bound = _summits._bound(kind, size, 1.0, size, 1.0)
+    bound = walk._bound(kind, size, 1.0, size, 1.0)
     assert np.max(height(kind, L, 1.0)) <= bound * (1 + 1e-12) < np.inf
 
 
 def test_where_the_gain_passes_1_a_peak_has_no_bound():
-    assert _summits._bound(SENSITIVITY, 0.9, 1.0, 1.2, 1.0) == np.inf
+    assert walk._bound(SENSITIVITY, 0.9, 1.0, 1.2, 1.0) == np.inf
+
+
+def test_the_axes_in_s_and_in_z_count_the_poles_of_their_loop():
+    """One protocol, and no base class that answers for a kind of loop that it does not know."""
+    process, stable, unstable = pidalab.lags(3, delay=1.0), PIDA(0.8, 3.0, 0.8, 0.3), PIDA(4.0, 3.0)
+    for controller, poles in ((stable, 0), (unstable, 2)):
+        for loop in (Loop(process, controller), Loop(process, controller.discretise(0.05))):
+            axis = axis_of(loop)
+            assert axis.encirclements(0.0, 0.0) == unstable_poles(loop) == poles
+            peak, at = axis.peak(SENSITIVITY)
+            assert peak == pytest.approx(
+                np.abs(1 / (1 + axis.L(at * np.linspace(0.99, 1.01, 2001)))).max(), rel=1e-6
+            )
+    with pytest.raises(TypeError, match="abstract"):
+        Axis(np.ones(1), 0.0, 0.0, 0.0)

@@ -6,10 +6,9 @@ from engine_errors import oracle, oracle_loop
 
 import pidalab
 from pidalab._compiled import TIER
-from pidalab.robustness import _scan, _summits
-from pidalab.robustness._arrays import COMPLEMENTARY, DIFFERENCE, SENSITIVITY
-from pidalab.robustness.loops import explore
-from pidalab.robustness.peaks_and_crossovers import UNWEIGHTED
+from pidalab.robustness import walk
+from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE, SENSITIVITY
+from pidalab.robustness.in_s import UNWEIGHTED, axis_in_s
 
 CASES = oracle("margins.json")["cases"]
 HEIGHTS = ("gm", "gm_low", "pm", "dm", "ms", "mt")
@@ -51,25 +50,20 @@ def test_an_unstable_loop_says_so(case):
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
-def test_both_forms_of_the_scans_agree(case):
+def test_both_forms_of_the_walk_agree(case):
     """In array operations and walked through point by point: the same crossovers, the same heights of peaks."""
-    looked = explore(oracle_loop(case))
-    looked.peak(SENSITIVITY)
+    axis = axis_in_s(oracle_loop(case))
+    walk.along(axis.grid, 0.0, 0.0, tuple(axis.factors))  # decides whether there is compiled code
     if not TIER.allowed:
         pytest.skip("nothing is compiled here: numba is not installed, or switched off")
-    of, seen, ones = tuple(looked.of), tuple(looked.on_grid), tuple(UNWEIGHTED)
-    pairs = [
-        [
-            form(*seen, 0.0, 0.0, of)[0]
-            for form in (_scan.gain_crossings.python_form, _scan.gain_crossings.dispatcher)
-        ],
-        [
-            form(*seen, 0.1, False, of)
-            for form in (_scan.phase_crossings.python_form, _scan.phase_crossings.dispatcher)
-        ],
+    factors, samples, one = tuple(axis.factors), tuple(axis.on_grid), tuple(UNWEIGHTED)
+    calls = [
+        (walk.gain_crossings, lambda form: form(*samples, 0.0, 0.0, factors)[0]),
+        (walk.phase_crossings, lambda form: form(*samples, 0.1, False, factors)),
     ]
     for kind in (SENSITIVITY, COMPLEMENTARY, DIFFERENCE):
-        forms = (_summits.highest.python_form, _summits.highest.dispatcher)
-        pairs.append([form(kind, *seen, np.zeros(0), 0.3, ones, of)[0] for form in forms])
-    for plain, compiled in pairs:
-        np.testing.assert_allclose(plain, compiled, rtol=1e-12)
+        calls.append(
+            (walk.highest, lambda form, kind=kind: form(kind, *samples, np.zeros(0), 0.3, one, factors)[0])
+        )
+    for kernel, call in calls:
+        np.testing.assert_allclose(call(kernel.python_form), call(kernel.dispatcher), rtol=1e-12)

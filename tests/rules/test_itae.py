@@ -9,7 +9,7 @@ import pytest
 import pidalab
 from pidalab.reduction import to_fopdt, to_sopdt
 from pidalab.rules import direct, itae
-from pidalab.rules._models import integrator
+from pidalab.rules.models import integrator
 
 EXAMPLE = pidalab.lags(3, delay=0.2)  # heo2023, (17)
 RULES: dict[str, Callable] = {

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 import pidalab
-from pidalab.rules.starting_models import StartingModels
+from pidalab.rules.models import StartingModels
 
 
 def test_reaction_curve_of_two_equal_lags():

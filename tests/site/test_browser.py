@@ -7,7 +7,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
-from looking import NARROW, contrasts, looked_over, problems
+from looking import NARROW, contrasts, looked_over
 from turning import astray
 
 from paperledger import papers
@@ -207,108 +207,3 @@ def test_print_unfolds_all_but_answers(home, visit):
     }
     assert seen == {False}
     assert page.locator(".admonition.dropdown:not(.solution) table").is_visible()
-
-
-BAD = """<!doctype html><html lang="en"><title>Bad</title><main><h1>Bad</h1>%s</main></html>"""
-GOOD = "<p>good</p>" * 20  # so many that not all of a kind are judged
-SVG = (  # of a width, with a word of a size
-    "<img alt='x' style='width: %dpx' src=\"data:image/svg+xml,%%3Csvg xmlns='http://www.w3.org/2000/svg' "
-    "viewBox='0 0 600 9'%%3E%%3Ctext style='font-size: %dpx'%%3Ex%%3C/text%%3E%%3C/svg%%3E#.svg\">"
-)
-NARROW_COLUMN = (
-    "<table style='width: 60px; table-layout: fixed'><tr><td style='%s'>PID controller<td>1</table>"
-)
-LARGE = "<p style='color: #888; font-size: 30px'>large</p>" * 20
-LINKS = "<p>many words <a href='#'>a link</a> more words</p>" * 20
-
-
-@pytest.fixture
-def bad_page(tmp_path, visit):
-    """Open a page with something wrong on it."""
-    (tmp_path / "favicon.ico").touch()
-    with serve(tmp_path) as address:
-
-        def opened(html):
-            (tmp_path / "index.html").write_text(BAD % html, encoding="utf-8")
-            return visit(address)
-
-        yield opened
-
-
-@pytest.mark.parametrize(
-    ("html", "found"),
-    [
-        ("<script>console.error('no')</script>", "console: no"),
-        ("<script>throw new Error('no')</script>", "script: no"),
-        ("<img alt='far' src='http://far.example/x.svg'>", "another host: http://far.example/x.svg"),
-        ("<p>\\(K_p\\)</p>", "maths left raw"),
-        ("<p>$$K_p$$</p>", "maths left raw"),
-        ("<table><tr><td>$K_p$</td></tr></table>", "maths left raw"),
-        ("<p><span class='math'>K_p</span></p>", "maths left raw"),
-        ("<img src='data:,'>", "image without alt text"),
-        ("<p><mjx-container tabindex='0'>x</mjx-container></p>", "formulas are stops of the Tab key"),
-        ("<button aria-label='Toggle hidden content'>+</button>", "a fold without a name"),
-        ("<details><summary></summary>hidden</details>", "a fold without words"),
-        ("<details><summary>Show code cell source</summary>1</details>", "a fold that only names a cell"),
-        ("<table class='dataframe'><tr><td>K_-1, M_s</td></tr></table>", "an index left raw"),
-        ("<div class='cell_output'><p>The rule PIDA_2</p></div>", "an index left raw"),
-        (
-            "<div class='pidalab-live'><div class='lab-table' style='overflow: auto; width: 9px'>wide</div></div>",
-            "numbers out of sight",
-        ),
-        ("<div style='width: 200vw'>wide</div>", "px wider than the screen"),
-    ],
-)
-def test_bad_page_is_caught(html, found, bad_page):
-    page, wrong = bad_page(html)
-    assert any(found in problem for problem in problems(page) + wrong)
-
-
-@pytest.mark.parametrize(
-    ("html", "found"),
-    [
-        ("<p>$$K_p$$</p>", "maths left raw"),
-        ("<div style='width: 100%; min-width: 600px'>wide</div>", "narrow: page"),
-        (SVG % (500, 6), "narrow: words of 5"),
-        ("<div style='overflow: auto'>" + SVG % (900, 30) + "</div>", "narrow: scrolls"),
-        (SVG % (900, 30), "narrow: cut"),
-        (NARROW_COLUMN % "overflow-wrap: anywhere", "narrow: broken in a first column: controller"),
-        ("<img src='data:,' alt='x'><a href='#'></a>", "axe link-name"),
-        ("<pre>code <a href='#'></a></pre>", "axe link-name"),
-    ],
-)
-def test_what_is_looked_over(html, found, bad_page):
-    page, _ = bad_page(html)
-    assert any(found in problem for problem in looked_over(page))
-
-
-@pytest.mark.parametrize(
-    ("html", "found"),
-    [
-        ("<p style='color: #ccc; background: #fff'>pale</p>", "light: axe color-contrast"),
-        (GOOD + "<p><i style='color: #ccc'>pale</i></p>" + GOOD, "axe color-contrast"),
-        (
-            "<style>[data-theme=dark] p { color: #888 }</style><p>pale in the dark</p>",
-            "dark: axe color-contrast",
-        ),
-        ("<p hidden style='color: #ccc'>pale</p><p style='color: #ccc'>pale</p>", "axe color-contrast"),
-        (GOOD + "<p style='opacity: 0.3'>faded</p>" + GOOD, "axe color-contrast"),
-        (GOOD + "<div style='background: #222'><p>on black</p></div>" + GOOD, "axe color-contrast"),
-        (LARGE + "<p style='color: #888'>small</p>" + LARGE, "axe color-contrast"),
-        (
-            LINKS
-            + "<p>words <a href='#' style='color: #333; text-decoration: none'>a link</a> more</p>"
-            + LINKS,
-            "light: axe link-in-text-block",
-        ),
-    ],
-)
-def test_pale_text_is_caught(html, found, bad_page):
-    page, _ = bad_page(html)
-    assert any(found in problem for problem in contrasts(page, set()))
-
-
-def test_code_is_judged_in_its_colours(bad_page):
-    page, _ = bad_page("<pre>good <i style='color: #ccc'>pale</i></pre>")
-    looked_over(page)
-    assert any("pale" in problem for problem in contrasts(page, set()))

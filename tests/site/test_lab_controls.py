@@ -101,6 +101,7 @@ def test_a_slider_reaches_what_was_entered_and_keeps_its_sign(lab):
 def test_limits_and_noise_show_in_the_control_signal(lab):
     page = lab()
     page.get_by_label("limits of the actuator").check()
+    enter(page, "filter time", 0.05)  # a faster one, with a kick to both sides
     enter(page, "lowest u", -0.2)
     enter(page, "highest u", 1.5)
 
@@ -132,8 +133,8 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
 
 
 def test_each_anti_windup_by_its_switch(lab):
-    state = """{plant: "huba-ipdt", rule: "hand", limited: true, low: -0.1, high: 0.1, antiWindup: "none",
-        design: {kind: "PIDA", kp: 0.611, ti: 5.486, td: 0.7404, ta: 0.1481, filterTime: 0.2, filterOrder: 4}}"""
+    state = """{plant: "huba-ipdt", designs: [{rule: "hand", limited: true, low: -0.1, high: 0.1, antiWindup: "none",
+        kind: "PIDA", kp: 0.611, ti: 5.486, td: 0.7404, ta: 0.1481, filterTime: 0.2, filterOrder: 4}]}"""
     page = lab()
     page = lab(page.url.partition("#")[0] + page.evaluate(f"() => '#' + pidalabModel.write({state})"))
     cell = "() => document.querySelector('.lab-table tbody td:nth-of-type(2)').textContent"

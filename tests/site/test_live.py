@@ -11,7 +11,7 @@ from turning import CELLS, idle_ends, rows, undrawn
 
 import pidalab
 from pidalab.digital import DigitalController
-from pidalab.robustness.control_sensitivity import max_control_sensitivity
+from pidalab.robustness import max_control_sensitivity
 
 SCRIPTS = "".join(
     f'<script src="lab/{name}.js"></script>' for name in ("engine", "model", "record", "plot", "lab", "live")

@@ -54,45 +54,6 @@ def test_every_lecture_has_slides_with_all_its_parts(made, root):
     }
 
 
-def test_text_is_shown_where_there_is_room():
-    few, many = (slides.Block("text", f"<p>{'words ' * count}</p>") for count in (20, 200))
-    formula, figure = slides.Block("formula", r"\[x\]"), slides.Block("figure", "<figure></figure>")
-    lead = [slides.Block("lead", "<h3>Led</h3>"), many, formula]
-    shown = {
-        "few": slides.slide("", [few, formula]),
-        "many": slides.slide("", [many, formula]),
-        "with a figure": slides.slide("", [figure, few]),
-        "led": slides.slide("", lead),
-    }
-    assert {name: 'class="notes"' in html for name, html in shown.items()} == {
-        "few": False,
-        "many": True,
-        "with a figure": True,
-        "led": True,
-    }
-    assert shown["led"].index("Led") < shown["led"].index("notes") < shown["led"].index("words")
-    assert "Led" not in slides.slide("", [lead[0], few, formula])
-
-
-def test_a_figure_comes_with_the_words_that_announce_it():
-    question, announced = (
-        slides.Block("shown", f"<p>{words}</p>") for words in ("A question?", "The answer:")
-    )
-    figure, code = slides.Block("figure", "<figure></figure>"), slides.Block("code", "<pre></pre>")
-    first, second = slides.section("<h1>Title</h1>", [question, announced, code, figure])
-    assert "A question?" in first
-    assert "The answer:" not in first
-    assert second.index("The answer:") < second.index("<figure>")
-
-
-def test_exercises_share_slides():
-    counts = {}
-    for number in (1, 4, 6, 7):
-        made = slides.shared([slides.Block("shown", "<h2>Exercise: </h2>")] * number)
-        counts[number] = [each.count("<h2>") for each in made]
-    assert counts == {1: [1], 4: [4], 6: [3, 3], 7: [4, 3]}
-
-
 def test_slides_are_moved_by_keys_and_fit(made, visit):
     for name, path in made.items():
         page, wrong = visit(path.as_uri(), viewport=PROJECTOR)
@@ -154,11 +115,3 @@ def test_a_slider_keeps_its_keys(made, visit):
     before = page.evaluate(SHOWN)
     page.locator(".now input[type=range]").first.press("ArrowRight")
     assert page.evaluate(SHOWN) == before
-
-
-def test_what_is_missing_is_found(made):
-    text = made["what-acceleration-does"].read_text(encoding="utf-8")
-    assert missing(text.replace("<h2>Exercise: ", "<h2>", 1)) == ["7 exercises and tasks, 8 answers"]
-    assert missing(text.replace("<h2>The recipe</h2>", "")) == ["without a recipe"]
-    (found,) = missing(text + '<script src="https://far.example/x.js"></script>')
-    assert "far.example" in found

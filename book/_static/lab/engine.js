@@ -919,28 +919,36 @@
     });
   }
 
-  /* The same as frequencyResponse for a controller of backward differences, from sample to sample, up to half the
-     sampling frequency, or at the frequencies `w` that are asked for. */
-  function sampledResponse(asked) {
-    const loop = readLoop(asked), h = asked.sampleTime, { np, dy, out, steps } = prepared(asked).held(h), { row } = controllerBlock(loop);
+  /* The plant behind a hold from sample to sample, at frequencies up to half that of sampling. */
+  function sampledPlant(process, h, w) {
+    const { np, dy, out, steps } = prepared({ process, controller: { gains: [] } }).held(h);
     const rows = ({ matrix }) => Array.from({ length: np }, (_, i) => Array.from(matrix.subarray(i * (np + 1), (i + 1) * (np + 1))));
     const [first, second] = steps.map(rows), last = second ?? first;
     // over a whole sample, A and b; of two pieces the second goes on where the first ends
-    const whole = second ? product(last.map((one) => one.slice(0, np)), first) : first;
-    const grid = asked.w ?? [...frequencyResponse(asked).w.filter((x) => x < Math.PI / h), Math.PI / h];
-    const found = Array.from(grid, (x) => {
-      const cos = Math.cos(x * h), sin = Math.sin(x * h), back = [cos, -sin], turned = (ago) => [Math.cos(x * h * ago), -Math.sin(x * h * ago)];
+    const whole = second ? product(last.map((one) => one.slice(0, np)), first) : first, re = new Float64Array(w.length), im = new Float64Array(w.length);
+    w.forEach((x, k) => {
+      const cos = Math.cos(x * h), sin = Math.sin(x * h), turned = (ago) => [Math.cos(x * h * ago), -Math.sin(x * h * ago)];
       const early = turned(steps[0].ago), late = second ? turned(steps[1].ago) : [0, 0];
       const input = (part) => whole.map((one, i) => (one[np] ?? 0) * early[part] + last[i][np] * late[part]);
       // (z - A) state = b, real parts and then imaginary ones
       const unit = (i, j, value) => (i === j ? value : 0), less = (one, i) => Array.from({ length: np }, (_, j) => unit(i, j, cos) - one[j]);
       const skew = (i, value) => Array.from({ length: np }, (_, j) => unit(i, j, value));
       const state = solve([...whole.map((one, i) => [...less(one, i), ...skew(i, -sin)]), ...whole.map((one, i) => [...skew(i, sin), ...less(one, i)])], [...input(0), ...input(1)]);
-      const plant = [0, 1].map((part) => out.reduce((sum, c, i) => sum + c * state[part * np + i], dy * early[part]));
-      const newest = h / (loop.time + h), lag = over([newest, 0], [1 - (1 - newest) * back[0], -(1 - newest) * back[1]]);
+      [re[k], im[k]] = [0, 1].map((part) => out.reduce((sum, c, i) => sum + c * state[part * np + i], dy * early[part]));
+    });
+    return { re, im };
+  }
+
+  /* The same as frequencyResponse for a controller of backward differences, from sample to sample, up to half the
+     sampling frequency, or at the frequencies `w` that are asked for. */
+  function sampledResponse(asked) {
+    const loop = readLoop(asked), h = asked.sampleTime, { row } = controllerBlock(loop), newest = h / (loop.time + h);
+    const grid = asked.w ?? [...frequencyResponse(asked).w.filter((x) => x < Math.PI / h), Math.PI / h], plant = sampledPlant(asked.process, h, grid);
+    const found = Array.from(grid, (x, k) => {
+      const back = [Math.cos(x * h), -Math.sin(x * h)], lag = over([newest, 0], [1 - (1 - newest) * back[0], -(1 - newest) * back[1]]);
       let control = over([loop.ki * h, 0], [1 - back[0], -back[1]]), power = [1, 0];
       for (const gain of row) { control = [control[0] + gain * power[0], control[1] + gain * power[1]]; power = times(power, lag); }
-      return { control, open: times(plant, control) };
+      return { control, open: times([plant.re[k], plant.im[k]], control) };
     });
     const column = (f) => Float64Array.from(found, f);
     return {
@@ -965,6 +973,6 @@
     return { t: times, y: pick(run.y), u: pick(run.u), fine: { t: fine(run.t), u: fine(run.u) } };
   }
 
-  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, sampledResponse, roots, remembering, respond, solve, inverted, zero, summit, dot };
+  globalThis.pidalabEngine = { margins, simulate, simulateSampled, frequencyResponse, sampledPlant, sampledResponse, roots, remembering, respond, solve, inverted, zero, summit, dot };
 });
 globalThis.pidalabScripts.at(-1)();

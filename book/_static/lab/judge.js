@@ -13,26 +13,19 @@
    fields  names of what is entered
    of, within   fact that is asked for, and share of it by which an answer may differ; a closed form is its `value`; `first` is
            what to begin with, said to an answer that no slip explains
+   record  the model of a supplied record: fields it is like, and the sum of its times
    limits, least   what facts are at most, and at least; near: numbers that fields are near to
    slips   of a wrong answer, what is behind it: {of or value or given or when, word} */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, simulateSampled, margins } = globalThis.pidalabEngine;
-  const { PLANTS, RULES, controller, iae, noiseGainAt, sampledMargins } = globalThis.pidalabModel;
+  const { PLANTS, RULES, controller, iae, relativeNoiseGain, readNumber, sampledMargins } = globalThis.pidalabModel;
 
   const SLACK = 1.003; // answers are printed in three digits
   const POINTS = 2001;
   const LARGEST = 1e6, SMALLEST = 1e-6, FAR = 20;
 
   const digits = (x, count = 3) => (Number.isFinite(x) ? String(Number(x.toPrecision(count))) : "without bound");
-
-  /* A number with a point or a comma, or a fraction of two, or NaN. */
-  function read(entered) {
-    if (typeof entered === "number") return entered;
-    const text = String(entered ?? "").trim().replace("−", "-"), [above, below, ...more] = text.split("/");
-    if (below !== undefined && !more.length) return read(above) / read(below);
-    return /^[-+]?(\d+([.,]\d*)?|[.,]\d+)(e[-+]?\d+)?$/i.test(text) ? Number(text.replace(",", ".")) : NaN;
-  }
 
   // --- facts of a loop ----------------------------------------------------------------------------------------------
 
@@ -70,7 +63,7 @@
     });
     const load = () => run({ load: 1 }), step = () => run({ setpoint: 1 });
     const found = {
-      noise: () => noiseGainAt(process, design(), task.sample, end),
+      noise: () => relativeNoiseGain(process, design()),
       // a record that ends cuts the area: what is left of the error itself counts
       iae: () => iae(load().t, load().y, 0) + Math.abs(Math.abs(1 / own().gains[0]) - Math.abs(found.ie())),
       ie: () => area(load().t, load().y),
@@ -80,13 +73,15 @@
       kick: () => step().u[0],
       fall: () => { const { t, y } = load(), [from, to] = task.between.map((time) => t.findIndex((x) => x >= time - 1e-9)); return y[to] / y[from]; },
       saving: () => 1 - best(process, "PIDA", { ...task, ...given }) / best(process, "PID", { ...task, ...given }),
+      // how many times the least IAE of a PIDA on the plant, at a robust Ms and with loud noise allowed
+      loss: () => found.iae() / best(process, "PIDA", { ms: 1.4, noise: 1.5 }),
       gmLeast: () => loop().ms / (loop().ms - 1),
     };
     return (name) => (name in found ? once(name, found[name]) : loop()[name]);
   }
 
   /* IAE of the best of a kind: a search, which takes a second. */
-  const best = (process, kind, { ms, mks }) => globalThis.pidalabOptimum.find(process, kind, { ms, noise: mks * Math.abs(process.num[0]) }).iae;
+  const best = (process, kind, { ms, noise }) => globalThis.pidalabOptimum.find(process, kind, { ms, noise }).iae;
 
   function factsOf(task, given) {
     const loops = Object.entries(task.plants ?? { "": task.plant }).map(([name, plant]) => [name, loopFacts(plant, task, given)]), all = Object.fromEntries(loops);
@@ -103,13 +98,15 @@
   /* What a fact is called, and what its being too large or too small tells. */
   const WORDS = {
     ms: ["Ms", "too bold", "more robust than asked"],
-    noise: ["noise gain", "too loud: a longer filter", "quieter than asked: a shorter filter"],
+    noise: ["relative noise gain", "too loud: a longer filter", "quieter than asked: a shorter filter"],
     iae: ["IAE", "too slow", "less than can be"],
     iaeSetpoint: ["IAE", "too slow", "less than can be"],
     overshoot: ["overshoot", "the integral forgets too late", ""],
     dm: ["delay margin", "it bears more dead time than asked", "it bears too little dead time"],
+    loss: ["IAE over the least at Ms 1.4", "too slow", ""],
     saving: ["saving by acceleration", "acceleration still saves too much", "it saves less than that"],
   };
+  const NO_SAVING = "A negative saving is possible: a PIDA needs a filter of third order, a PID one of second order, and here the longer filter costs more than acceleration saves.";
   const plantWords = (name) => (name.includes(".") ? `on ${name.split(".")[0]}, ` : "");
   const factWords = (name) => (WORDS[name.split(".").pop()] ?? [name, "too large", "too small"]);
   const shown = (name, x) => (name.endsWith("saving") ? `${Number((100 * x).toFixed(1)) || 0} %` : name.endsWith("overshoot") ? `${digits(x, 2)} %` : digits(x));
@@ -169,14 +166,20 @@
       if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable by too much of it: with less it is stable." };
       if (!at(1.03)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: more of it is needed." };
       if (at(0.97)) return { right: false, say: slipOf(task, given, facts) ?? "Stable, and stable with less, too." };
-      return { right: true, say: "Right: a little less, and the loop is unstable." };
+      if (!at(1)) return { right: false, say: "Within 3 per cent, but already unstable: stay on the stable side." };
+      return { right: true, say: "Right: with 3 per cent less the loop is unstable." };
     }
-    if (shaky.length && !task.search) {
+    if (shaky.length && (task.loop || task.fields.includes("kp"))) {
       const where = facts.names.length ? ` on ${shaky.join(" and ")}` : "";
       return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with ${task.fields.map((name) => CALMER[name]).filter(Boolean).join(", or ") || "another value"}.` };
     }
+    if (task.record) { // the one that the page supplies
+      const { like, sum, is, within } = task.record, total = sum.reduce((all, name) => all + given[name], 0);
+      const meant = Object.entries(like).every(([name, x]) => close(given[name], x, 0.2)) && close(total, is, 0.4);
+      if (meant && !close(total, is, within)) return { right: false, say: `On the supplied record lags and dead time add up to about ${digits(is, 2)}; yours add up to ${digits(total)}. Fit the model again.` };
+    }
     const over = missed(task, facts), names = [...new Set([...Object.keys(task.limits ?? {}), ...Object.keys(task.least ?? {})])];
-    if (!over.length) return { right: true, say: `Right. ${upper(names.map((name) => tells(facts, name)).join(", "))}.` };
+    if (!over.length) return { right: true, say: `Right. ${upper(names.map((name) => tells(facts, name)).join(", "))}.${names.some((name) => name.endsWith("saving") && facts.of(name) < 0) ? ` ${NO_SAVING}` : ""}` };
     const slip = slipOf(task, given, facts);
     return { right: false, say: [...over, ...(slip ? [slip] : [])].join(" ") };
   }
@@ -213,12 +216,11 @@
   function entered(task, given) {
     const numbers = {};
     for (const name of task.kind === "number" ? ["answer"] : task.kind === "design" ? task.fields : []) {
-      const x = read(given[name]), label = name === "answer" ? "The answer" : name;
-      if (!Number.isFinite(x)) return `${label} is to be a number, such as 1.5, 1,5 or 3/2; found “${String(given[name] ?? "").trim()}”.`;
-      if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} is to be above 0 and at most a million; found ${x}.`;
+      const x = readNumber(given[name]), label = name === "answer" ? "The answer" : name;
+      if (!Number.isFinite(x)) return `${label} must be a number, such as 1.5, 1,5, 3/2 or exp(−1). Found “${String(given[name] ?? "").trim().slice(0, 40)}”.`;
+      if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} must be above 0 and at most a million. Found ${x}.`;
       numbers[name] = x;
     }
-    if (task.sample && numbers.Tf < task.sample) return `Tf is to be at least ${task.sample}, the time between two samples of the noise; found ${numbers.Tf}.`;
     if (task.kind === "choice" && !task.options[given.choice]) return "Choose one of them.";
     if (task.kind === "order" && new Set(given.order.filter((k) => task.items[k])).size < task.items.length) return "Give each of them one place.";
     if (task.reasons && !task.reasons[given.reason]) return "Choose a reason.";
@@ -233,6 +235,6 @@
     try { return KINDS[task.kind](task, { ...given, ...numbers }); } catch (error) { return { right: false, refused: true, say: `The page cannot judge this: ${error.message}.` }; }
   }
 
-  globalThis.pidalabJudge = { judge, facts: (task, given) => factsOf(task, given).of, alongItems: along, read };
+  globalThis.pidalabJudge = { judge, facts: (task, given) => factsOf(task, given).of, alongItems: along };
 });
 globalThis.pidalabScripts.at(-1)();

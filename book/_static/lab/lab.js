@@ -2,22 +2,22 @@
    also what the page's address and the exported file hold; whatever changes it draws everything anew. */
 (function () {
   "use strict";
-  const { PLANTS, RULES, ORDER, alike, ownPlant, controller, gainOf, study, noiseTimeOf, noiseGainAt, write, read } = globalThis.pidalabModel;
+  const { PLANTS, RULES, ORDER, alike, ownPlant, controller, study, noiseScale, noiseGainAt, readNumber, write, read } = globalThis.pidalabModel;
   const { readRecord, fit } = globalThis.pidalabRecord;
   const plot = globalThis.pidalabPlot, { element } = plot;
 
-  /* A design is a card: its own rule, limits and anti-windup. A comparison is fair: Ms and noise limit are those of all, and
-     a rule's gain and filter follow from them. */
+  /* A design is a card: its own rule, limits and anti-windup. In a fair comparison Ms and relative noise gain are those of
+     all, and a rule's gain and filter follow from them. */
   const DESIGN = {
     name: "", kind: "PIDA", rule: "hand", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3,
     limited: false, low: -1, high: 3, antiWindup: "clamping",
   };
   const START = {
     plant: "lags3", own: { gain: 1, t1: 1, t2: 1, t3: 1, damping: 1, zero: 0, delay: 1, integrating: false },
-    given: null, record: null, fair: true, ms: 1.4, noiseLimit: 20, tc: 1,
+    given: null, record: null, fair: true, ms: 1.4, noiseGain: 1.5, tc: 1,
     sampled: false, sampleTime: 0.1, noisy: false, noise: 0.02, margins: false, chosen: 0, designs: [{ ...DESIGN, rule: "cancellation" }],
   };
-  const MOST = 5, PAST = 100;
+  const MOST = 5, PAST = 100, LARGEST_FILE = 5e7;
   const LOOKS = { PIDA: 0, PID: 1, PI: 4 };
 
   /* A colour and a dash for each design: that of its kind, or for another of the same kind the next free one. */
@@ -49,8 +49,13 @@
       oninput: () => set(Number(from(Number(bar.value)).toPrecision(3))),
     });
     const box = element("input", {
-      type: "number", step: "any", "aria-label": `${label}, number`,
-      onchange: () => { if (Number.isFinite(box.valueAsNumber)) set(box.valueAsNumber); },
+      type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${label}, number`,
+      onchange: () => {
+        const entered = readNumber(box.value);
+        if (Number.isFinite(entered)) set(entered);
+        else box.dispatchEvent(new CustomEvent("lab-refused", { bubbles: true, detail: `${label} must be a number, such as 2.5, 2,5 or 5/2, found “${box.value.slice(0, 30)}”. It is as before.` }));
+        box.value = digits(get(), 4);
+      },
     });
     const reach = (most) => { bar.max = to(most); bar.step = step ?? (bar.max - bar.min) / 200; };
     reach(high);
@@ -115,7 +120,7 @@
   }
 
   /* Draw what there is a place for: places is an object of elements by the name of the plot. */
-  function drawPlots(places, process, shown, { ms, record, handles = {}, noise }) {
+  function drawPlots(places, process, shown, { ms, record, handles = {} }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
       x: { label: "time", range: [0, end * share] }, y: { around: rangeOf(shown, key, which) },
@@ -144,7 +149,7 @@
         lines: [{ x: bode.range, y: [1, 1], kind: "mark" }, ...over((c, k) => Math.hypot(c.re[k], c.im[k]) / Math.hypot(1 + c.re[k], c.im[k]))],
       }),
       lead: () => ({ title: "Phase of the controller, degrees", x: bode, y: { range: [-95, 185] }, lines: [{ x: bode.range, y: [0, 0], kind: "mark" }, ...over((c, k) => c.lead[k])] }),
-      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: [...(noise ? [{ x: bode.range, y: [noise, noise], kind: "mark" }] : []), ...over((c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k]))] }),
+      noise: () => ({ title: "From measurement noise to u: |C S|", x: bode, y: { log: true }, lines: over((c, k) => c.control[k] / Math.hypot(1 + c.re[k], c.im[k])) }),
       record: () => ({
         title: "The record and the model", x: { label: "time", range: [0, record.t[record.t.length - 1]] }, y: {},
         lines: [{ x: record.t, y: record.y, kind: "dots" }, { x: record.t, y: record.fitted, kind: "0" }],
@@ -162,10 +167,10 @@
   /* What a table may show of a design: a name, the number, and whether an unstable loop has it, too. */
   const degrees = (radians) => (radians * 180) / Math.PI;
   const NUMBERS = {
-    iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["mks", (s) => s.mks],
+    iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["Mks", (s) => s.mks],
     gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm],
     peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => s.overshoot],
-    sigma: ["noise gain", (s) => s.sigma],
+    sigma: ["relative noise gain", (s) => s.sigma],
     gmLeast: ["at least Ms/(Ms−1)", (s) => s.ms / (s.ms - 1)], pmLeast: ["at least 2 asin 1/(2Ms), °", (s) => degrees(2 * Math.asin(0.5 / s.ms))],
     first: ["phase margin at the first crossover, °", (s) => s.beyond().first, true], hump: ["top of |L| beyond it", (s) => s.beyond().hump, true],
   };
@@ -178,19 +183,17 @@
   /* The head of a column; a formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => (k ? [["wbr", {}], part] : part))];
 
-  /* What noise the noise gains of a table are of: the same for all rows. */
-  function noiseMeant(shown) {
-    const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? "; – where the plant answers within a sample" : "";
-    return `Noise gain: standard deviation of u for white measurement noise of standard deviation 1, a sample every ${digits(shown[0]?.sampleTime)}${none}`;
+  /* What noise the relative noise gains of a table are of: the same for all rows. */
+  function noiseMeant(shown, process) {
+    const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " – stands where it is not defined." : "", { gain } = noiseScale(process);
+    return `Relative noise gain: standard deviation of u over that of white measurement noise with a new value every ${digits(shown[0]?.noiseTime)}, divided by the ultimate gain of the plant, ${digits(gain)}.${none}`;
   }
-
-  const MKS = "mks: largest gain from noise to u over all frequencies; times the gain of the plant it is what the noise limit limits. ";
 
   /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */
   const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
 
   /* The numbers of loops, with what is to be said below each. */
-  function drawTable(place, first, shown, keys, count, below) {
+  function drawTable(place, first, process, shown, keys, count, below) {
     const rows = (s) => {
       const found = known(s, keys), missing = keys.length - found.length, more = below?.(s);
       const name = ["th", more ? { scope: "rowgroup", rowspan: 2 } : { scope: "row" }, ["span", { class: `lab-key lab-key-${s.look}` }], ` ${s.name}`];
@@ -202,29 +205,59 @@
     plot.show(place, ["table", {},
       ["thead", {}, ["tr", {}, heading(first), ...keys.map((key) => heading(NUMBERS[key][0]))]],
       ...(below ? shown.map(rows) : [shown.flatMap(rows)]).map((group) => ["tbody", {}, ...group])],
-    ...(keys.includes("sigma") ? [["p", {}, `${below ? MKS : ""}${noiseMeant(shown)}`]] : []));
+    ...(keys.includes("sigma") ? [["p", {}, noiseMeant(shown, process)]] : []));
   }
 
-  const COLUMNS = ["iae", "iaeSetpoint", "ms", "mks", "gm", "pm", "dm", "peak", "overshoot", "sigma"]; // of the lab's table
+  const COLUMNS = ["iae", "iaeSetpoint", "ms", "sigma", "gm", "pm", "dm", "peak", "overshoot"]; // of the lab's table
   const MARGINS = ["gm", "pm", "dm"]; // of them, shown if asked for
 
-  /* A state from outside, if the lab can show it at all; of single numbers the engine judges. One of the first labs has one
-     design, others that were kept, and limits for all. */
-  function checked(state) {
-    if (typeof state !== "object" || Array.isArray(state)) throw new RangeError("it holds no state of the lab");
-    const { design, kept, rule, limited, low, high, antiWindup, linked, ...rest } = state, given = state.given;
-    let designs = state.designs;
-    if (design || kept) {
-      if (kept && !Array.isArray(kept)) throw new RangeError("its kept designs are no list");
-      const limits = Object.fromEntries(Object.entries({ limited, low, high, antiWindup }).filter(([, value]) => value !== undefined));
-      designs = [{ ...(rule ? { rule } : {}), ...design }, ...(kept ?? [])].map((each) => each && { ...limits, ...each });
+  // --- a state from outside: a link or a file -----------------------------------------------------------------------
+
+  const WAYS = ["none", "clamping", "conditioning", "reset"], LARGEST = 1e9;
+  const within = (low, high = LARGEST) => [`a number from ${low} to ${high}`, (x) => typeof x === "number" && x >= low && x <= high];
+  const whole = (low, high) => [`a whole number from ${low} to ${high}`, (x) => Number.isInteger(x) && x >= low && x <= high];
+  const among = (names) => [`one of ${names.join(", ")}`, (x) => typeof x === "string" && names.includes(x)];
+  const SIGNED = within(-LARGEST), TIME = within(0), ABOVE = within(1e-9), FLAG = ["true or false", (x) => typeof x === "boolean"];
+  const LIST = ["a list of 1 to 20 numbers", (x) => Array.isArray(x) && x.length > 0 && x.length <= 20 && x.every(SIGNED[1])];
+  const KNOBS = { ms: within(1, 100), noiseGain: within(1e-6, 1e6), tc: ABOVE };
+  const FIELDS = {
+    design: {
+      ...KNOBS, name: ["a text of at most 40 letters", (x) => typeof x === "string" && x.length <= 40], kind: among(Object.keys(ORDER)), rule: among(Object.keys(RULES)),
+      kp: SIGNED, ti: SIGNED, td: SIGNED, ta: SIGNED, filterTime: TIME, filterOrder: whole(0, 20), limited: FLAG, low: SIGNED, high: SIGNED,
+      antiWindup: among(WAYS), trackingTime: ABOVE, pending: FLAG,
+    },
+    own: { gain: SIGNED, t1: TIME, t2: TIME, t3: TIME, damping: TIME, zero: SIGNED, delay: TIME, integrating: FLAG },
+    given: { num: LIST, den: LIST, delay: TIME, end: ABOVE },
+    state: {
+      ...KNOBS, plant: among([...Object.keys(PLANTS), "own", "given"]), fair: FLAG, sampled: FLAG, sampleTime: ABOVE, noisy: FLAG, noise: TIME, margins: FLAG,
+      chosen: whole(0, MOST - 1), own: ["", () => true], given: ["", () => true], designs: ["", () => true],
+    },
+  };
+
+  /* Refuse what is unknown, or not what it must be. */
+  function require(object, kind) {
+    if (object === null || typeof object !== "object" || Array.isArray(object)) throw new RangeError(`its ${kind} must be an object`);
+    for (const [key, value] of Object.entries(object)) {
+      const [what, good] = Object.hasOwn(FIELDS[kind], key) ? FIELDS[kind][key] : [];
+      if (!good) throw new RangeError(`its ${kind} has a field ${JSON.stringify(key.slice(0, 40))}, which this lab does not know`);
+      if (!good(value)) throw new RangeError(`${key} must be ${what}, found ${String(JSON.stringify(value)).slice(0, 40)}`);
     }
-    if (designs && !(Array.isArray(designs) && designs.length && designs.length <= MOST && designs.every((each) => each && typeof each === "object"))) throw new RangeError(`its designs must be 1 to ${MOST}`);
-    for (const { kind } of designs ?? []) if (kind !== undefined && !Object.hasOwn(ORDER, kind)) throw new RangeError(`there is no controller ${kind}`);
-    if (given && !(given.end > 0 && Array.isArray(given.num) && Array.isArray(given.den))) throw new RangeError("its plant lacks num, den or end");
-    // what was made before comparisons were fair keeps its filters
+  }
+
+  /* A state from outside, if all of it can be shown. */
+  function checked(state) {
+    require(state, "state");
+    const { own, given, designs } = state;
+    if (own !== undefined) require(own, "own");
+    if (given !== undefined) {
+      require(given, "given");
+      if (!(given.num && given.den && given.end)) throw new RangeError("its plant lacks num, den or end");
+    }
+    if (designs !== undefined && !(Array.isArray(designs) && designs.length && designs.length <= MOST)) throw new RangeError(`its designs must be 1 to ${MOST}`);
+    for (const design of designs ?? []) require(design, "design");
+    // what names no limits keeps its filters
     const searched = (designs ?? []).every((each) => [undefined, "hand", "optimum"].includes(each.rule));
-    return { fair: linked !== false && searched, ...rest, ...(designs ? { designs } : {}) };
+    return { fair: searched, ...state };
   }
 
   /* What of an object differs from another, with six digits. */
@@ -264,6 +297,9 @@
     /* Forget the searches that are wanted no more. */
     clear() { this.wanted.clear(); }
   }
+
+  /* A word as a shell takes it, whatever is in it. */
+  const quoted = (word) => (/^[\w./-]+$/.test(word) ? word : `'${word.replaceAll("'", String.raw`'\''`)}'`);
 
   // --- one lab ------------------------------------------------------------------------------------------------------
 
@@ -331,7 +367,7 @@
     byRule(design) {
       const rule = RULES[design.rule] ?? RULES.hand, knob = rule.knob && this.knob(rule.knob, design), { num, den, delay, end } = this.process;
       if (!this.onTerms(design)) return rule.apply(this.process, design, knob);
-      return alike({ num, den, delay, end }, design, { knob, ms: this.state.ms, noise: this.state.noiseLimit });
+      return alike({ num, den, delay, end }, design, { knob, ms: this.state.ms, noise: this.state.noiseGain });
     }
 
     setKnob(key, value) { if (this.state.fair) this.change({ [key]: value }); else this.edit({ [key]: value }); }
@@ -342,7 +378,7 @@
       this.problems[k] = "";
       try {
         if (!rule.slow) return this.byRule(design);
-        const found = this.seeker.ask(this.process, design.kind, { ms: knob, noise: this.knob("noiseLimit", design) });
+        const found = this.seeker.ask(this.process, design.kind, { ms: knob, noise: this.knob("noiseGain", design) });
         if (!found) { this.problems[k] = "the search is running"; return design; }
         if (found.problem) throw new RangeError(found.problem);
         if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} descents ended here: there may be a better one`;
@@ -382,11 +418,16 @@
 
     byHand(update) { this.edit({ pending: undefined, rule: this.design.rule === "gain" && !("kp" in update) ? "gain" : "hand", ...update }); }
 
-    /* The state as a link holds it: what differs from a page that was just opened, and no record. */
-    link() {
-      const { designs, record, ...rest } = this.state;
-      return write({ ...differing(rest, { ...START, fair: null }), ...(this.state.plant === "own" ? { own: differing(rest.own, {}) } : { own: undefined }), designs: designs.map((design) => differing(design, DESIGN)) });
+    /* The state as a link or a file holds it: what differs from a page that was just opened, and no record. */
+    shared() {
+      const { designs, record, given, plant, ...rest } = this.state, kept = ({ pending, ...design }) => differing(design, DESIGN);
+      return {
+        ...differing({ plant, ...rest }, { ...START, fair: null }), own: plant === "own" ? differing(rest.own, {}) : undefined, given: plant === "given" ? (({ num, den, delay, end }) => ({ num, den, delay, end }))(given) : undefined,
+        designs: designs.map(kept),
+      };
     }
+
+    link() { return write(this.shared()); }
 
     /* Put the state into the address, once the hand rests: a browser bears few changes of it in a second. Not over one that
        was given meanwhile, of which the browser is about to tell. */
@@ -427,6 +468,7 @@
 
       // the words of a browser's own button are in its language, not in that of the page
       const file = element("input", { type: "file", class: "lab-file", accept: ".csv,.txt,.json,text/csv,text/plain,application/json", id: "lab-file", onchange: () => this.take(file.files[0]) });
+      this.host.addEventListener("lab-refused", ({ detail }) => this.say(detail));
       const drop = element("div", { class: "lab-drop" },
         file, element("label", { for: "lab-file", class: "lab-button" }, "Open a record or designs"),
         element("span", { class: "lab-facts" }, " or drop it here: a CSV file of time, input and output, or of time and output; designs saved by the lab are JSON."));
@@ -448,7 +490,7 @@
         choice({ label: "controller", options: Object.keys(ORDER).map((kind) => [kind, kind]), get: () => this.design.kind, set: (kind) => this.edit({ kind, filterOrder: ORDER[kind] + 1, pending: RULES[this.design.rule]?.slow || undefined }) }),
         choice(ownChoice({ label: "rule", key: "rule", options: Object.entries(RULES).map(([key, rule]) => [key, rule.name]) })),
         this.msRow = slider({ label: "Ms", help: "largest sensitivity allowed", low: 1.1, high: 2.5, step: 0.01, get: () => this.knob("ms"), set: (ms) => this.setKnob("ms", ms) }),
-        this.limitRow = slider({ label: "noise limit", help: "largest gain from measurement noise to u, times the gain of the plant", low: 1.5, high: 200, log: true, get: () => this.knob("noiseLimit"), set: (x) => this.setKnob("noiseLimit", x) }),
+        this.limitRow = slider({ label: "noise limit", help: "largest relative noise gain allowed", low: 0.05, high: 5, log: true, get: () => this.knob("noiseGain"), set: (x) => this.setKnob("noiseGain", x) }),
         this.tcRow = slider({ label: "closed-loop time", low: 0.05, high: 20, log: true, get: () => this.knob("tc"), set: (tc) => this.setKnob("tc", tc) }),
         value("kp", "kp", 0.01, 100), value("ti", "ti", 0.05, 100),
         this.tdRow = value("td", "td", 0.005, 20), this.taRow = value("ta", "ta", 0.0005, 50, "of the acceleration, a time squared"),
@@ -465,7 +507,7 @@
         tick({ label: "measurement noise", get: () => this.state.noisy, set: (noisy) => this.change({ noisy }) }),
         this.noiseRow = slider({ label: "noise, ±", low: 0.001, high: 0.5, log: true, get: () => this.state.noise, set: (noise) => this.change({ noise }) }),
       ];
-      const fairRow = tick({ label: "fair: equal Ms and noise", get: () => this.state.fair, set: (fair) => this.change({ fair }) });
+      const fairRow = tick({ label: "fair: equal Ms, equal relative noise gain", get: () => this.state.fair, set: (fair) => this.change({ fair }) });
       const marginsRow = tick({ label: "gain, phase and delay margin", get: () => this.state.margins, set: (margins) => this.change({ margins }) });
       this.rows = [plantRow, ...this.ownRows.children, fairRow, ...design, ...world, marginsRow];
       this.cards = element("div", { class: "lab-cards", onclick: (event) => this.pressed(event.target) });
@@ -476,7 +518,7 @@
           button("PI, PID and PIDA by this rule", () => this.threeKinds()), button("Add a copy", () => this.copyOf()), button("Undo", () => this.undo()))),
         part("The chosen design", ...design), part("Sampling, noise", ...world));
       addEventListener("keydown", (event) => {
-        if ((event.ctrlKey || event.metaKey) && event.key === "z" && !/^(text|number)$/.test(event.target.type)) { event.preventDefault(); this.undo(); }
+        if ((event.ctrlKey || event.metaKey) && event.key === "z" && event.target.type !== "text") { event.preventDefault(); this.undo(); }
       });
 
       this.plots = {};
@@ -491,10 +533,11 @@
       this.saving.hidden = true;
       const actions = element("div", { class: "lab-actions" },
         button("Copy a link", () => { this.save(); this.copy(location.href, "The link"); }),
-        button("As a library call", () => this.show(this.call(), "pida_designs.py")),
+        button("As a library call", () => this.showCall()),
         button("As JSON", () => this.show(JSON.stringify(this.exported(), null, 1), "pida_designs.json")),
         button("Start anew", () => { this.state = structuredClone(START); this.change({}); }));
-      this.host.replaceChildren(element("div", { class: "lab-main" }, controls, element("div", { class: "lab-results" }, this.live, first, this.about, this.table, marginsRow, plots, actions, this.saving, this.out)));
+      const stage = element("div", { class: "lab-stage" }, first, this.about, controls);
+      this.host.replaceChildren(element("div", { class: "lab-main" }, this.live, stage, element("div", { class: "lab-results" }, this.table, marginsRow, plots, actions, this.saving, this.out)));
       this.host.classList.add("lab-ready");
       document.body.classList.add("lab-page");
     }
@@ -541,6 +584,8 @@
     async take(file) {
       if (!file) return;
       try {
+        if (file.size > LARGEST_FILE) throw new RangeError(`it has ${Math.round(file.size / 1e6)} million characters, at most ${LARGEST_FILE / 1e6} are read`);
+        this.live.textContent = `Reading ${file.name} …`;
         const text = await file.text();
         if (file.name.endsWith(".json")) this.takeSaved(text); else this.takeRecord(text, file.name);
       } catch (error) { this.say(`${file.name}: ${error.message}.`); }
@@ -553,18 +598,18 @@
       const rounded = Object.fromEntries(Object.entries(own).map(([key, x]) => [key, typeof x === "number" ? four(x) : x]));
       const each = Math.max(1, Math.ceil(t.length / 400)), thin = (values) => Array.from(values, Number).filter((_, k) => k % each === 0).map(four);
       const at = t.filter((_, k) => k % each === 0), y = at.map((x) => record.y[Math.max(record.t.findLastIndex((other) => other <= x + 1e-6 * h), 0)]);
-      const noiseLimit = four(Math.min(Math.max((0.1 * span * Math.abs(own.gain)) / (3 * sigma), 2), 50));
+      const noiseGain = four(Math.min(Math.max((0.1 * span) / (3 * sigma * noiseScale(ownPlant(rounded)).gain) || 1.5, 0.1), 5));
       const time = own.t1 + own.t2 + own.t3 + own.delay, slow = own.integrating ? { kp: 0.2 / (own.gain * time), ti: 10 * time } : { kp: 0.2 / own.gain, ti: time };
       const poor = explained < 0.9 ? " That is a poor fit: are the columns time, input and output, and does the input move?" : "";
-      const about = `Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} rows with missing values left out` : ""}. Model by least squares: ${structure}; it explains ${digits(100 * explained, 4)} % of the record.${poor} The residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseLimit)}.`;
-      const quoted = (word) => (/^[\w.-]+$/.test(word) ? word : JSON.stringify(word)), { names, named, columns: used } = record;
-      const chosen = ["time", "u", "y"].map((option, j) => (used[j] === j ? "" : ` --${option} ${named ? quoted(names[used[j]]) : used[j]}`)).join("");
+      const about = `Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} rows with missing values left out` : ""}. Model by least squares: ${structure}; it explains ${digits(100 * explained, 4)} % of the record.${poor} The residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseGain)}: u moves by a tenth of the record's step for three of them, within 0.1 and 5.`;
+      const { names, named, columns: used } = record, words = [name, ...used.map((j) => names[j])];
+      const chosen = ["time", "u", "y"].map((option, j) => (used[j] === j ? "" : ` --${option}=${named ? quoted(names[used[j]]) : used[j]}`)).join("");
       if (this.dropped?.text !== text) {
         this.dropped = { text, name, id: (this.dropped?.id ?? 0) + 1 };
         this.columns.replaceChildren(...["time", "input", "output"].map((label) => element("label", {}, `${label} `, element("select", {}, ...names.map((word, k) => element("option", { value: k }, word))))));
       }
-      const file = used.length > 2 ? { called: quoted(name) + chosen, h, columns: used, dropped: this.dropped.id } : null;
-      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseLimit, fair: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum", pending: true }], chosen: 0 });
+      const file = used.length > 2 && !words.some((word) => /\p{C}/u.test(word)) ? { called: quoted(name.startsWith("-") ? `./${name}` : name) + chosen, h, columns: used, dropped: this.dropped.id } : null;
+      this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseGain, fair: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum", pending: true }], chosen: 0 });
     }
 
     /* The same record, of other columns. */
@@ -575,7 +620,7 @@
 
     takeSaved(text) {
       const saved = JSON.parse(text).lab;
-      if (!(saved?.designs ?? saved?.design)) throw new RangeError("this JSON was not saved by the lab, it has no designs under lab");
+      if (!saved?.designs) throw new RangeError("this JSON was not saved by the lab, it has no designs under lab");
       const state = checked(saved);
       this.state = structuredClone(START);
       this.takeOver(state);
@@ -587,7 +632,7 @@
     exported() {
       const names = this.names();
       const designs = this.state.designs.map(({ kind, ...design }, k) => ({ name: names[k], kind, ...controller({ kind, ...design }) }));
-      return { process: this.pick(this.process), designs, lab: this.state };
+      return { process: this.pick(this.process), designs, lab: this.shared() };
     }
 
     /* Names that differ: a second one of a name has its number. */
@@ -596,25 +641,31 @@
       return plain.map((name, k) => { const before = plain.slice(0, k).filter((other) => other === name).length; return before ? `${name} ${before + 1}` : name; });
     }
 
-    /* All designs with their limits, sampling and noise as Python, and what it leaves out. */
+    showCall() {
+      if (this.refused.length) return this.say(`There is no script while a design is refused: ${this.refused.join(", ")}.`);
+      this.show(this.call(), "pida_designs.py");
+    }
+
+    /* All designs with their limits, sampling and noise as Python, and what it leaves out. Only numbers and quoted names of
+       the state get into it. */
     call() {
-      const { num, den, delay, end } = this.process, { designs, sampled, sampleTime, noisy, noise } = this.state, names = this.names();
-      const list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`, left = noisy ? [`Left out: the measurement noise of the lab, ±${noise}.`] : [];
+      const { num, den, delay, end } = this.process, { designs, sampled, noisy } = this.state, names = this.names(), h = Number(this.state.sampleTime);
+      const list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`, left = noisy ? [`Left out: the measurement noise of the lab, ±${Number(this.state.noise)}.`] : [];
       if (designs.some(({ limited, antiWindup }) => limited && antiWindup === "reset")) left.push("Left out: the automatic reset of the lab, see pidalab.rules.automatic_reset; clamping is used instead.");
       const lines = designs.map((design, k) => {
         const { gains, filterTime, filterOrder } = controller(design);
         const way = { none: "None", conditioning: sampled ? '"reset"' : '"conditioning"' }[design.antiWindup] ?? '"clamping"';
-        const tracking = sampled && design.trackingTime && design.antiWindup === "conditioning" ? ['"back-calculation"', `, "tracking_time": ${design.trackingTime}`] : [way, ""];
-        const limits = design.limited ? `{"limits": (${design.low}, ${design.high}), "anti_windup": ${tracking.join("")}}` : "{}";
-        return `    ${JSON.stringify(names[k])}: (pidalab.HighOrderPID(${list(gains.slice(0, ORDER[design.kind] + 2))}, filter_time=${filterTime}, filter_order=${filterOrder}), ${limits}),\n`;
+        const tracking = sampled && design.trackingTime && design.antiWindup === "conditioning" ? ['"back-calculation"', `, "tracking_time": ${Number(design.trackingTime)}`] : [way, ""];
+        const limits = design.limited ? `{"limits": (${Number(design.low)}, ${Number(design.high)}), "anti_windup": ${tracking.join("")}}` : "{}";
+        return `    ${JSON.stringify(names[k])}: (pidalab.HighOrderPID(${list(gains.slice(0, ORDER[design.kind] + 2))}, filter_time=${Number(filterTime)}, filter_order=${Number(filterOrder)}), ${limits}),\n`;
       });
       const filters = designs.map(controller).filter(({ filterOrder, filterTime }) => filterOrder && filterTime).map(({ filterTime }) => filterTime);
       const samples = Math.ceil(Math.max(4000, (4 * end) / Math.min(...filters, Infinity))); // limits meet a controller that is sampled fast
-      const time = sampled ? `${sampleTime} * np.arange(${Math.round(end / sampleTime) + 1})` : `np.linspace(0, ${digits(end)}, ${designs.some(({ limited }) => limited) ? samples + 1 : 2001})`;
+      const time = sampled ? `${h} * np.arange(${Math.round(end / h) + 1})` : `np.linspace(0, ${digits(end)}, ${designs.some(({ limited }) => limited) ? samples + 1 : 2001})`;
       const loops = sampled
-        ? "    loop = pidalab.Loop(process, controller.discretise(" + sampleTime + ", **limits))\n    load = pidalab.simulate_sampled(loop, t, load=1.0)\n"
+        ? `    loop = pidalab.Loop(process, controller.discretise(${h}, **limits))\n    load = pidalab.simulate_sampled(loop, t, load=1.0)\n`
         : "    loop = pidalab.Loop(process, controller)\n    limited = limits and pidalab.simulate_sampled(loop, t, load=1.0, **limits)\n    load = limited or pidalab.load_response(loop, t)\n";
-      return `import numpy as np\nimport pidalab\n\n${left.map((words) => `# ${words}\n`).join("")}process = pidalab.Process(${list(num)}, ${list(den)}, delay=${delay})\n` +
+      return `import numpy as np\nimport pidalab\n\n${left.map((words) => `# ${words}\n`).join("")}process = pidalab.Process(${list(num)}, ${list(den)}, delay=${Number(delay)})\n` +
         `designs = {\n${lines.join("")}}\nt = ${time}\nfor name, (controller, limits) in designs.items():\n${loops}    print(name, pidalab.margins(loop))\n    print(f"IAE {load.iae():.4g}")\n`;
     }
 
@@ -656,11 +707,11 @@
       for (const row of this.rows) if (!row.hidden) row.refresh?.();
 
       const looks = looksOf(state.designs.map(({ kind }) => kind)), names = this.names(), shown = [];
-      const ready = state.designs.filter(({ pending }) => !pending), noiseTime = noiseTimeOf(ready, this.process.end);
       state.designs.forEach((each, k) => {
         if (each.pending) return;
-        try { shown.push({ ...study(this.process, each, { ...this.conditionsOf(each), noiseTime }), k, look: looks[k], name: names[k] }); } catch (error) { this.problems[k] = error.message; }
+        try { shown.push({ ...study(this.process, each, this.conditionsOf(each)), k, look: looks[k], name: names[k] }); } catch (error) { this.problems[k] = error.message; }
       });
+      this.refused = names.filter((_, k) => !shown.some((s) => s.k === k));
       this.current = shown.find(({ k }) => k === state.chosen);
       // a rule that aims at Ms knows the continuous loop alone
       if (state.sampled) for (const { k, ms, design: { rule } } of shown) {
@@ -673,19 +724,19 @@
       this.drawPlots(shown);
       const gains = ({ kind, filterTime, filterOrder, ...design }) => ["kp", "ti", "td", "ta"].slice(0, ORDER[kind] + 2)
         .map((key) => `${key} ${digits(design[key])}`).join(", ") + `; filter ${digits(filterTime)}, order ${filterOrder}`;
-      drawTable(this.table, "design", shown, COLUMNS.filter((key) => state.margins || !MARGINS.includes(key)), 4, (s) => gains(s.design));
+      drawTable(this.table, "design", this.process, shown, COLUMNS.filter((key) => state.margins || !MARGINS.includes(key)), 4, (s) => gains(s.design));
       this.announce();
     }
 
     /* What is to be known of a design beside its numbers. */
-    notesOf({ design, bears, stable, ms, mks }) {
-      const { fair, sampled, noiseLimit, designs, own, plant, record } = this.state, said = [], noise = mks * Math.abs(gainOf(this.process));
-      if (!bears) said.push("no end of the error: a unit load takes u to −1, beyond these limits");
-      if (fair && stable && !sampled && design.rule === "hand" && designs.length > 1 && (ms > 1.02 * this.state.ms || noise > 1.02 * noiseLimit))
-        said.push(`by hand: Ms ${digits(ms)} and noise ${digits(noise)}, where at most ${digits(this.state.ms)} and ${digits(noiseLimit)} are fair`);
-      if (fair && stable && !sampled && design.rule !== "hand" && noise < 0.98 * noiseLimit) said.push(`makes no use of more noise: ${digits(noise)} of ${digits(noiseLimit)}`);
+    notesOf({ design, bears, stable, ms, sigma }) {
+      const { fair, sampled, noiseGain, designs, own, plant, record } = this.state, said = [];
+      if (!bears) said.push("The error never ends: a unit load needs u = −1, which is beyond these limits.");
+      if (fair && stable && !sampled && design.rule === "hand" && designs.length > 1 && (ms > 1.02 * this.state.ms || sigma > 1.02 * noiseGain))
+        said.push(`By hand: Ms ${digits(ms)} and relative noise gain ${digits(sigma)}, where the others have at most ${digits(this.state.ms)} and ${digits(noiseGain)}.`);
+      if (fair && stable && !sampled && design.rule !== "hand" && sigma < 0.98 * noiseGain) said.push(`It needs a relative noise gain of only ${digits(sigma)} of the ${digits(noiseGain)} allowed.`);
       const known = [own.t1, own.t2, own.t3].filter(Boolean).length + own.integrating;
-      if (plant === "own" && record && known <= ORDER[design.kind]) said.push(`the model has ${known} pole${known === 1 ? "" : "s"}, and a ${design.kind} acts on dynamics beyond ${known === 1 ? "it" : "them"}, which are not known`);
+      if (plant === "own" && record && known <= ORDER[design.kind]) said.push(`The model has ${known} pole${known === 1 ? "" : "s"}. A ${design.kind} acts on faster dynamics, which this record does not show.`);
       return said;
     }
 
@@ -703,8 +754,8 @@
 
     /* What was read of a record, and the command that goes on from it with the chosen design. */
     drawRecord() {
-      const { about, file } = this.state.record ?? {}, ready = file && !this.design.pending;
-      const noise = ready && noiseGainAt(this.process, this.design, file.h, this.process.end);
+      const { about, file } = this.state.record ?? {}, ready = file && !this.refused.length;
+      const noise = ready && noiseGainAt(this.process, this.design, file.h);
       const command = ready && Number.isFinite(noise) && `pidalab tune ${file.called} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
       plot.show(this.about, ...(about ? [["p", {}, about]] : []),
         ...(command ? [["p", {}, "The same Ms, and the noise gain that this design has at the record's sample time, from the command line, with uncertainty and sampling, and code for a controller in the folder ", ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
@@ -712,13 +763,11 @@
 
     drawPlots(shown) {
       const { design, current } = this, rule = RULES[design.rule] ?? RULES.hand, terms = this.onTerms(design), byMs = terms || rule.knob === "ms", ms = byMs ? this.knob("ms") : current?.ms;
-      const gain = Math.abs(gainOf(this.process)), noise = terms || rule.noise ? this.knob("noiseLimit") / gain : null;
       const between = (low, x, high) => Number(Math.min(Math.max(x, low), high).toPrecision(3)), handles = {};
       if (byMs) handles.nyquist = [{ label: "drag: Ms", x: -1 + Math.SQRT1_2 / ms, y: Math.SQRT1_2 / ms, drag: (x, y) => this.setKnob("ms", between(1.1, 1 / Math.hypot(x + 1, y), 2.5)) }];
-      const w = 1 / design.filterTime, at = current?.stable ? current.curve.w.findIndex((x) => x >= w) : -1;
-      if (noise) handles.noise = [{ label: "drag: noise limit", x: 8 / this.process.end, y: noise, drag: (_, y) => this.setKnob("noiseLimit", between(1.5, y * gain, 200)) }];
-      else if (at >= 0) handles.noise = [{ label: "drag: filter time", x: w, y: current.curve.control[at] / Math.hypot(1 + current.curve.re[at], current.curve.im[at]), drag: (x) => this.filter({ filterTime: between(0.001, 1 / x, 10) }) }];
-      drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles, noise });
+      const w = 1 / design.filterTime, at = current?.stable && !terms ? current.curve.w.findIndex((x) => x >= w) : -1;
+      if (at >= 0) handles.noise = [{ label: "drag: filter time", x: w, y: current.curve.control[at] / Math.hypot(1 + current.curve.re[at], current.curve.im[at]), drag: (x) => this.filter({ filterTime: between(0.001, 1 / x, 10) }) }];
+      drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles });
     }
 
     /* Say the result in words and save it in the address, once the hand rests. */
@@ -726,7 +775,7 @@
       clearTimeout(this.speaking);
       const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];
       const numbers = !s ? "" : s.stable
-        ? `${name}: IAE ${digits(s.iae)} for load, ${digits(s.iaeSetpoint)} for set point, Ms ${digits(s.ms)}, noise gain ${digits(s.sigma)}.`
+        ? `${name}: IAE ${digits(s.iae)} for load, ${digits(s.iaeSetpoint)} for set point, Ms ${digits(s.ms)}, relative noise gain ${digits(s.sigma)}.`
         : `${name}: the loop is ${verdict(s)}.`;
       this.speaking = setTimeout(() => {
         this.live.textContent = [problem && `${RULES[this.design.rule]?.name ?? "by hand"}: ${problem}.`, this.message, numbers].filter(Boolean).join(" ");

@@ -17,7 +17,7 @@
       this.plots = ["saved", "y", "u"].map(() => element("div"));
       this.bar = element("input", { type: "range", id: "landing-noise", min: 0, max: this.limits.length - 1, oninput: () => this.turn(Number(this.bar.value)) });
       this.words = element("p", { class: "lab-live", role: "status" });
-      const label = element("label", { for: this.bar.id }, "Noise that is allowed in u: drag this, or the dot");
+      const label = element("label", { for: this.bar.id }, "Noise allowed in u: drag this, or the dot");
       const [saved, y, u] = this.plots, side = element("div", { class: "landing-side" }, element("div", { class: "landing-knob" }, label, this.bar), this.words);
       host.replaceChildren(element("div", { class: "lab-plots" }, saved, y, side, u));
       this.turn(this.k);
@@ -40,7 +40,7 @@
       const drag = (x) => this.turn(this.limits.reduce((best, limit, i) => (Math.abs(Math.log(limit / x)) < Math.abs(Math.log(this.limits[best] / x)) ? i : best), 0));
       const [[quiet, few], [loud, many]] = this.median;
       draw(saved, {
-        title: "IAE saved by acceleration, %", x: { label: "noise gain that is allowed", log: true, range: [0.09, 5.6] }, y: { range: [0, 35] },
+        title: "IAE saved by acceleration, %", x: { label: "relative noise gain that is allowed", log: true, range: [0.09, 5.6] }, y: { range: [0, 35] },
         lines: [
           { x: this.limits, y: this.saved, kind: 0 },
           ...[[quiet, few], [loud, many]].map(([at, value]) => ({ x: [at / 1.12, at * 1.12], y: [value, value], kind: "median" })),
@@ -50,18 +50,18 @@
           { x: loud, y: many, anchor: "end", words: `median of 134 plants: ${Math.round(many)} %` },
           { x: this.limits[k], y: this.saved[k], anchor: k > 8 ? "end" : "start", below: true, words: `this plant: ${Math.round(this.saved[k])} %` },
         ],
-        handles: [{ x: this.limits[k], y: this.saved[k], label: "Drag: the noise that is allowed", drag }],
+        handles: [{ x: this.limits[k], y: this.saved[k], label: "Drag: the noise allowed", drag }],
       });
       const lines = (key) => runs.map((run) => ({ ...run[key], kind: run.look, name: run.kind }));
       draw(y, { title: "Output y", x: time, y: { range: [-0.1, 0.85] }, lines: lines("y") });
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;
-      this.bar.setAttribute("aria-valuetext", `noise gain ${this.limits[k]}`);
+      this.bar.setAttribute("aria-valuetext", `relative noise gain ${this.limits[k]}`);
       // a controller that is the same with less noise makes no use of more
       const idle = ["PI", "PID"].filter((kind) => k && this[kind][k][0] === this[kind][k - 1][0]);
-      const key = (kind) => element("span", { class: `lab-key lab-key-${KINDS[kind]}` });
-      this.words.replaceChildren(`Noise gain ${this.limits[k]}. IAE:`,
-        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind), ` ${kind} ${this[kind][k][0].toFixed(2)}`]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.${idle.length ? ` ${idle.join(" and ")} cannot use this much noise.` : ""}`);
+      const key = (kind) => element("span", { class: "landing-key" }, element("span", { class: `lab-key lab-key-${KINDS[kind]}` }), ` ${kind} ${this[kind][k][0].toFixed(2)}`);
+      this.words.replaceChildren(`Relative noise gain ${this.limits[k]}. IAE:`,
+        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind)]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.${idle.length ? ` ${idle.join(" and ")} cannot use this much noise.` : ""}`);
     }
   }
 

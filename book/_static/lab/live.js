@@ -16,7 +16,7 @@
      caption   the caption of the live figure; `lab: true` adds a link to the lab with these designs loaded */
 (function () {
   "use strict";
-  const { noiseTimeOf, PLANTS, RULES, study, write } = globalThis.pidalabModel;
+  const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
   const { slider, digits, drawPlots, drawTable, looksOf, known, verdict } = globalThis.pidalabLab;
   const { element } = globalThis.pidalabPlot;
 
@@ -59,6 +59,7 @@
       this.trouble = element("span", { class: "lab-trouble" });
       this.heard = element("span", { class: "lab-heard" }); // a change of text is announced, one of a label is not
       this.live = element("p", { class: "lab-live", role: "status" }, this.trouble, " ", this.heard);
+      this.host.addEventListener("lab-refused", ({ detail }) => { this.trouble.textContent = detail; });
       const caption = element("p", { class: "lab-caption" }, state.caption ?? "");
       if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
       const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // then the table fills the gap
@@ -83,16 +84,15 @@
       state.designs.forEach((design, kind) => {
         try { made.push({ kind, design: rule.apply(this.process, design, design[rule.knob] ?? state[rule.knob]) }); } catch (error) { trouble.push(`${state.names?.[kind] ?? design.kind}: ${error.message}.`); }
       });
-      const noiseTime = noiseTimeOf(made.map(({ design }) => design), end);
       made.forEach(({ kind, design }) => {
         try {
-          shown.push({ ...study(this.process, design, { ...state.conditions, end, noiseTime, ...design.conditions }), kind, look: looks[kind], name: state.names?.[kind] ?? design.kind });
+          shown.push({ ...study(this.process, design, { ...state.conditions, end, ...design.conditions }), kind, look: looks[kind], name: state.names?.[kind] ?? design.kind });
         } catch (error) { trouble.push(`${state.names?.[kind] ?? design.kind}: ${error.message}.`); }
       });
       for (const knob of this.knobs) knob.refresh();
       drawPlots(this.plots, this.process, shown, { ms: shown.map((s) => s.design.ms ?? (rule.knob === "ms" ? state.ms : s.ms)) });
       const keys = state.numbers ?? ["iae", "ms", "sigma"];
-      drawTable(this.table, "loop", shown, keys);
+      drawTable(this.table, "loop", this.process, shown, keys);
       if (this.link && shown[0]) this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       clearTimeout(this.speaking);
       const words = shown.map((s) => `${s.name}: ${s.stable ? "" : `${verdict(s)}, `}${known(s, keys).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);

@@ -34,7 +34,7 @@
     while (den.length > 1 && den[0] === 0) den = den.slice(1);
     if (integrating) den = [...den, 0];
     const num = zero && den.length > 1 ? [gain * zero, gain] : [gain];
-    return { name: "own", num, den, delay, end: 8 * (t1 + t2 + t3 + delay) + 10 * delay + 1 };
+    return { name: "own", num, den, delay, end: 8 * (t1 + t2 + t3) + 18 * delay + (integrating ? 1 : 0) || 1 };
   }
 
   const ORDER = { PI: 0, PID: 1, PIDA: 2 };
@@ -64,18 +64,87 @@
     return top;
   }
 
-  /* What one noisy sample does to the measurement, itself included, and to u: the impulse responses of S and of -CS. */
-  function impulses(process, own, sampleTime, end, method) {
-    const noise = new Float64Array(Math.round(end / sampleTime) + 1);
-    noise[0] = 1;
-    const { y, u } = simulateSampled({ process, controller: { ...own, limits: null }, sampleTime, end, noise, method });
-    y[0] += 1;
-    return { s: y, u };
+  // --- noise --------------------------------------------------------------------------------------------------------
+
+  const REMEMBERED = 20, NOISE_SAMPLES = 100; // of the noise in an ultimate period
+  const integratorsOf = ({ den }) => den.length - 1 - den.findLastIndex((c) => c !== 0);
+
+  /* Lowest frequency at which the phase of the plant, followed from rest, falls below -180 degrees, or null: see
+     pidalab.reduction.ultimate_frequency. Each factor 1 - jw/root stays in one half plane, so its angle is continuous. */
+  function ultimateFrequency({ num, den, delay }) {
+    const zeros = roots(num).filter(([re, im]) => re || im), all = roots(den), poles = all.filter(([re, im]) => re || im);
+    const onAxis = ([re, im]) => Math.abs(re) <= 1e-9 * Math.hypot(re, im), integrators = all.length - poles.length;
+    if (integrators > 1 || poles.some((pole) => pole[0] >= 0 || onAxis(pole))) return null;
+    const turn = (found, w) => found.reduce((sum, [re, im]) => {
+      const size = re * re + im * im; // of 1 - jw/(re + j im)
+      return sum + Math.atan2((-w * re) / size, 1 - (w * im) / size);
+    }, 0);
+    const phase = (w) => turn(zeros, w) - turn(poles, w) - delay * w - (integrators * Math.PI) / 2;
+    const speeds = [...zeros, ...poles].map(([re, im]) => Math.hypot(re, im)).concat(delay ? [1 / delay] : []);
+    if (!speeds.length) return null;
+    const sign = -Math.sign(gainOf({ num, den })); // the roots count the turns, the plant itself has the digits
+    const beyond = (w) => { const { re, im } = frequencyResponse({ process: { num, den, delay }, controller: { gains: [0, 1] }, w: [w] }); return Math.atan2(sign * im[0], sign * re[0]); };
+    const jump = Math.min(Infinity, ...zeros.filter(onAxis).map(([, im]) => Math.abs(im)));
+    let before = 1e-4 * Math.min(...speeds);
+    for (const last = Math.min(1e4 * Math.max(...speeds), jump); before < last;) {
+      const w = 1.02 * before;
+      if (w < jump && phase(w) < -Math.PI) return zero(beyond, before, w);
+      before = w;
+    }
+    return null;
   }
 
-  /* Standard deviation of u for white measurement noise of standard deviation 1, held for the sample time: the root of
-     the sum of squares of what one noisy sample does, until `end`. */
-  const noiseGain = (u, sampleTime, end) => Math.sqrt(u.subarray(0, Math.round(end / sampleTime) + 1).reduce((sum, value) => sum + value * value, 0));
+  /* Sample time of measurement noise and unit of the noise gain, as pidalab.noise_scale has them: a hundredth of the
+     ultimate period, and the ultimate gain. Without an ultimate period the sum of time constants and dead time takes its
+     place, and 1/|gain at rest|. NaN for a plant without any time. */
+  const noiseScale = remembering(REMEMBERED, ({ num, den, delay }) => {
+    const process = { num, den, delay }, w = ultimateFrequency(process);
+    if (w) {
+      const { re, im } = frequencyResponse({ process, controller: { gains: [0, 1] }, w: [w] });
+      return { sampleTime: (2 * Math.PI) / w / NOISE_SAMPLES, gain: 1 / Math.hypot(re[0], im[0]) };
+    }
+    const time = roots(den).reduce((sum, [re, im]) => sum + (re || im ? 1 / Math.hypot(re, im) : 0), delay);
+    return time ? { sampleTime: time / NOISE_SAMPLES, gain: 1 / (Math.abs(gainOf(process)) * Math.pow(time, integratorsOf(process))) } : { sampleTime: NaN, gain: NaN };
+  });
+
+  const FIRST_TAIL = 4096, LONGEST_TAIL = 1 << 20, FADED = 1e-12; // samples, and share of the squares in their second half
+
+  /* Standard deviation of u for white measurement noise of standard deviation 1 that is held for a sample: the root of the
+     sum of squares of what one sample of it does. NaN where that does not fade. */
+  function noiseGainOf(process, own, sampleTime, method) {
+    for (let samples = Math.max(FIRST_TAIL, Math.ceil((4 * process.delay) / sampleTime)); samples <= LONGEST_TAIL; samples *= 4) {
+      const noise = new Float64Array(samples);
+      noise[0] = 1;
+      const { u } = simulateSampled({ process, controller: { ...own, limits: null }, sampleTime, end: (samples - 1) * sampleTime, noise, method });
+      let total = 0, late = 0;
+      for (let k = 0; k < samples; k++) { total += u[k] * u[k]; if (2 * k >= samples) late += u[k] * u[k]; }
+      if (late <= FADED * total) return Math.sqrt(total);
+      if (!Number.isFinite(total)) break;
+    }
+    return NaN;
+  }
+
+  /* The noise gain with a sample time of its own: the controller as designed or, where its filter is faster than a sample or
+     the loop does not bear to be sampled so, its differences. */
+  function noiseGainAt(process, design, sampleTime) {
+    if (!(sampleTime > 0) || atOnce(process)) return NaN;
+    const own = controller(design), held = own.filterTime < sampleTime && own.filterOrder ? NaN : noiseGainOf(process, own, sampleTime, "held");
+    return Number.isNaN(held) ? noiseGainOf(process, own, sampleTime, "backward") : held;
+  }
+
+  /* The noise gain over the ultimate gain: one number for a controller on a plant, as pidalab.relative_noise_gain has it. */
+  const relativeNoiseGain = remembering(REMEMBERED, ({ num, den, delay }, design) => {
+    const process = { num, den, delay }, { sampleTime, gain } = noiseScale(process);
+    return noiseGainAt(process, design, sampleTime) / gain;
+  });
+
+  /* Whether a plant answers within the sample, by a direct path without dead time: noise that is held has no effort then. */
+  function atOnce({ num, den, delay }) {
+    const degree = (values) => values.length - values.findIndex(Boolean);
+    return !delay && degree(num) === degree(den);
+  }
+
+  // --- a digital controller -----------------------------------------------------------------------------------------
 
   const MOST_SAMPLES = 6e5, LONG = 8;
 
@@ -92,16 +161,25 @@
     return Math.max(delay, filterTime, ...speeds.map((speed) => 1 / speed));
   }
 
+  /* What one noisy sample does to the measurement, itself included: the impulse response of S. */
+  function pulseResponse(process, own, sampleTime, end) {
+    const noise = new Float64Array(Math.round(end / sampleTime) + 1);
+    noise[0] = 1;
+    const { y } = simulateSampled({ process, controller: { ...own, limits: null }, sampleTime, end, noise, method: "backward" });
+    y[0] += 1;
+    return y;
+  }
+
   /* Ms and mks of a loop with a digital controller, from sample to sample.
      Stable is a loop whose impulse response fades, and unstable one that grows, after
      its slowest time: one that does so slowly is followed for longer, and of one that takes more than 600000 samples it is
      unknown. */
   function sampledMargins({ process, controller: own, sampleTime, end }, curve = sampledResponse({ process, controller: own, sampleTime })) {
     const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false, unknown: false };
-    let span = Math.max(Math.min(3 * end, 8000 * sampleTime), LONG * slowest(process, own)), grew = false, s, u, third;
+    let span = Math.max(Math.min(3 * end, 8000 * sampleTime), LONG * slowest(process, own)), grew = false, s, third;
     for (;;) {
       if (!(span <= MOST_SAMPLES * sampleTime)) return { ...none, unknown: true };
-      ({ s, u } = impulses(process, own, sampleTime, span, "backward"));
+      s = pulseResponse(process, own, sampleTime, span);
       third = Math.floor(s.length / 3);
       const [first, middle, last] = [0, 1, 2].map((k) => largest(s.slice(k * third, (k + 1) * third)));
       if (last < 0.1 * middle || last < 1e-6 * first) break;
@@ -117,7 +195,7 @@
         .sort((a, b) => sizes[b] - sizes[a]).slice(0, 3);
       return Math.max(sizes[tops[0]], ...tops.map((k) => summit(at, w[Math.max(k - 1, 0)], w[Math.min(k + 1, w.length - 1)])));
     });
-    return { ...none, ms, mks, stable: true, sigma: noiseGain(u, sampleTime, Math.min(end, 4000 * sampleTime)) };
+    return { ...none, ms, mks, stable: true };
   }
 
   /* Phase margin where the loop gain first falls through 1, in degrees, and the top of |L| where it has risen again beyond:
@@ -134,48 +212,36 @@
     return { first: phase > 0 ? phase - 180 : phase + 180, hump };
   }
 
-  const REMEMBERED = 20;
-
-  /* One sample time for the noise of all designs of a table, so that they compare: fine enough for the fastest filter
-     behind a derivative. */
-  function noiseTimeOf(designs, end) {
-    const filters = designs.map(controller).filter(({ gains, filterOrder }) => filterOrder && gains.slice(2).some(Boolean)).map(({ filterTime }) => filterTime);
-    return Math.min(end / 1000, ...filters);
-  }
-
-  /* The noise gain with a sample time of its own: the controller's own signal where its filter spans a sample, else that of
-     its differences. */
-  function noiseGainAt(process, design, sampleTime, end) {
-    const own = controller(design), method = own.filterTime < sampleTime ? "backward" : "held";
-    return noiseGain(impulses(process, own, sampleTime, end, method).u, sampleTime, end);
-  }
-
-  /* Whether a plant answers within the sample, by a direct path without dead time: noise that is held has no effort then. */
-  function atOnce({ num, den, delay }) {
-    const degree = (values) => values.length - values.findIndex(Boolean);
-    return !delay && degree(num) === degree(den);
-  }
-
   /* What a loop is, whatever steps, limits and noise it meets: margins, curves, the effort for noise. */
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
     const process = { num, den, delay }, own = controller(design), curve = sampleTime ? sampledResponse({ process, controller: own, sampleTime }) : frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }, curve) : margins({ process, controller: own });
-    let beyond;
-    return { ...found, beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve };
+    let beyond, noise;
+    const noiseOf = () => (sampleTime ? noiseGainOf(process, own, sampleTime, "backward") / noiseScale(process).gain : relativeNoiseGain(process, design));
+    return { ...found, noise: () => (noise ??= noiseOf()), beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve };
   });
 
-  const effort = remembering(REMEMBERED, ({ num, den, delay }, design, h, end) => noiseGainAt({ num, den, delay }, design, h, end));
-
   const LEAST_OVERSHOOT = 5e-5; // what is less is rounding and the end of a slow rise
+  const PER_PERIOD = 20, MOST_POINTS = 40000; // of a response, in an ultimate period and in all
+
+  /* At rest u is what the integral has gathered, so the area under y is known: refuse points that miss it. */
+  function requireShown({ gains: [ki] }, { t, y, u }) {
+    const area = y.reduce((sum, value, k) => (k ? sum + 0.5 * (t[k] - t[k - 1]) * (value + y[k - 1]) : 0), 0);
+    if (Math.abs(u[u.length - 1] + 1) < 0.01 && Math.abs(ki * area - 1) > 0.05) throw new RangeError(`the time axis ends at ${t[t.length - 1]}, too long to show this loop, which is at rest between two of its points: take a shorter one`);
+  }
+
   const STEPS = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
 
   /* How a design answers steps. A digital controller has differences for a sample time. */
   const answers = remembering(REMEMBERED, ({ num, den, delay }, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) => {
     const asked = { process: { num, den, delay }, controller: controller(design, limits), end, antiWindup, trackingTime };
     const between = sampleTime ? Math.min(Math.max(Math.ceil((1200 * sampleTime) / end), 1), 30) : 1; // points of a sample
-    const h = sampleTime || end / 4000, digital = { ...asked, sampleTime: h, method: "backward", between };
+    const period = NOISE_SAMPLES * noiseScale(asked.process).sampleTime, fine = Math.max(Math.ceil((PER_PERIOD * end) / period) || 0, points);
+    if (fine > MOST_POINTS) throw new RangeError(`the time axis ends at ${end}, more than ${MOST_POINTS / PER_PERIOD} ultimate periods of the plant: take a shorter one`);
+    const h = sampleTime || end / Math.max(4000, fine - 1), digital = { ...asked, sampleTime: h, method: "backward", between };
     if (noise) digital.noise = uniform(noise, Math.round(end / h) + 1);
-    const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? simulateSampled({ ...digital, ...step }) : simulate({ ...asked, points, ...step })));
+    const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? simulateSampled({ ...digital, ...step }) : simulate({ ...asked, points: fine, ...step })));
+    if (!sampleTime && !noise && !limits) requireShown(asked.controller, load);
     let top = 1;
     for (let k = 0; k < setpoint.y.length; k++) top = Math.max(top, setpoint.y[k]);
     // at rest u is the load with the other sign: limits that it lies beyond leave an error for ever
@@ -186,11 +252,12 @@
     };
   });
 
-  /* Everything the lab shows of one design on one plant. What is looked at is never forgotten, whatever changes beside it. */
-  function study(process, design, { noiseTime, ...conditions }) {
-    const { sampleTime = 0, end } = conditions, found = character(process, design, sampleTime, end), h = sampleTime || noiseTime || noiseTimeOf([design], end);
-    const sigma = !found.stable || atOnce(process) ? NaN : found.sigma ?? effort(process, design, h, Math.min(end, 4000 * h));
-    return { design, ...found, sigma, sampleTime: h, ...answers(process, design, conditions) };
+  /* Everything the lab shows of one design on one plant. What is looked at is never forgotten, whatever changes beside it.
+     The noise of a digital controller is sampled as it samples, that of others as the plant asks. */
+  function study(process, design, conditions) {
+    const { sampleTime = 0, end } = conditions, found = character(process, design, sampleTime, end);
+    const sigma = found.stable ? found.noise() : NaN;
+    return { design, ...found, sigma, noiseTime: sampleTime || noiseScale(process).sampleTime, ...answers(process, design, conditions) };
   }
 
   /* Noise that is the same at every call: an even spread between −size and size. */
@@ -435,7 +502,7 @@
     hand: { name: "by hand", knob: null, apply: (process, design) => design },
     optimum: {
       name: "least IAE", knob: "ms", noise: true, slow: true,
-      apply: (process, design, ms, noise = 20) => ({ ...design, ...globalThis.pidalabOptimum.find(process, design.kind, { ms, noise }).design }),
+      apply: (process, design, ms, noise = 1.5) => ({ ...design, ...globalThis.pidalabOptimum.find(process, design.kind, { ms, noise }).design }),
     },
     gain: { name: "this shape, gain by Ms", knob: "ms", shape: (process, design) => design, apply: byMs },
     cancellation: { name: "cancel the lags (haalman2024)", knob: "ms", shape: cancelling, apply: (process, design, ms) => byMs(process, cancelling(process, design), ms) },
@@ -449,12 +516,12 @@
 
   // --- equal terms --------------------------------------------------------------------------------------------------
 
-  const SHORTEST = 1 / 40000, LONGEST = 1 / 4, RUNGS = 24; // filter times, by the end of the time axis
+  const LONGEST = 1 / 4, RUNGS = 24; // filter times, by the end of the time axis; the shortest is a sample of the noise
   const MET = 2e-4, CLOSE = 0.05; // of the noise limit, in logarithms
 
-  /* Largest gain of a shape with Ms, the upper end of the first gap, and the largest gain from noise to u with it: quick, and
+  /* Largest gain of a shape with Ms, the upper end of the first gap, and the noise gain with it: quick, and
      within a few hundredths. Where the dead time turns too far from one frequency to the next every phase is taken to occur. */
-  function roughly(process, shape, ms, w) {
+  function roughly(process, shape, ms, w, sampleTime) {
     const own = controller({ ...shape, kp: Math.sign(gainOf(process)) }), { re, im, control } = frequencyResponse({ process, controller: own, w });
     const size = w.map((_, k) => Math.hypot(re[k], im[k])), wide = process.delay * (w[1] / w[0] - 1);
     const forbidden = w.map((x, k) => {
@@ -465,9 +532,13 @@
     const slow = forbidden.indexOf(null), least = Math.max(0, ...forbidden.slice(0, slow).map(([, high]) => high));
     const gain = Math.min(...forbidden.slice(slow).filter(Boolean).map(([low]) => low));
     if (slow < 0 || (slow > 0 && im[slow] > 0) || !(gain > least)) throw new RangeError(`no gain gives this shape a stable loop with a maximum sensitivity of ${ms}`);
-    let mks = 0;
-    w.forEach((x, k) => { mks = Math.max(mks, (gain * control[k]) / (wide * x > 1 ? 1 - gain * size[k] : Math.hypot(1 + gain * re[k], gain * im[k]))); });
-    return { gain, mks };
+    let variance = 0; // the spectrum of noise that is held, up to half the sampling frequency
+    w.forEach((x, k) => {
+      if (!k || x > Math.PI / sampleTime) return;
+      const held = (x * sampleTime) / 2, u = (gain * control[k] * Math.sin(held)) / held / Math.max(wide * x > 1 ? 1 - gain * size[k] : Math.hypot(1 + gain * re[k], gain * im[k]), 0.1);
+      variance += ((x - w[k - 1]) * sampleTime * u * u) / Math.PI;
+    });
+    return { gain, noise: Math.sqrt(variance) };
   }
 
   /* The highest place of a function with one, by golden section. */
@@ -481,38 +552,81 @@
   }
 
   /* The design of a rule on equal terms, much as pidalab.compare makes it: the ratios of its gains are the rule's, the gain
-     follows from Ms, and the filter is the one with the largest integral gain among those with which the largest gain from
-     noise to u, times that of the plant, is at most `noise`. */
+     follows from Ms, and the filter is the one with the largest integral gain among those with which the relative noise gain
+     is at most `noise`. */
   const alike = remembering(REMEMBERED, ({ num, den, delay, end }, design, { knob, ms, noise }) => {
-    const process = { num, den, delay }, gain = Math.abs(gainOf(process)), rule = RULES[design.rule], shapeOf = rule.shape ?? rule.apply;
-    const w = Array.from({ length: 351 }, (_, k) => (0.1 / end) * Math.pow(10, k / 50)), shapeAt = (x) => shapeOf(process, { ...design, filterTime: Math.exp(x) }, knob);
+    const process = { num, den, delay }, { sampleTime, gain } = noiseScale(process), rule = RULES[design.rule], shapeOf = rule.shape ?? rule.apply;
+    if (!(sampleTime > 0)) throw new RangeError("this plant has no time constant and no dead time, from which the sample time of the noise follows");
+    const low = Math.log(sampleTime), high = Math.log(Math.max(LONGEST * end, 4 * sampleTime)), rung = (high - low) / RUNGS;
+    const shapeAt = (x) => shapeOf(process, { ...design, filterTime: Math.exp(x) }, knob);
+    const w = Array.from({ length: 351 }, (_, k) => (0.1 / end) * Math.pow(10, k / 50));
     let refused = null;
     /* The integral gain with a filter, or by how much it is too loud. */
     const worth = (x) => {
       try {
-        const shape = shapeAt(x), found = roughly(process, shape, ms, w), loud = Math.log((found.mks * gain) / noise);
+        const shape = shapeAt(x), found = roughly(process, shape, ms, w, sampleTime), loud = Math.log(found.noise / (noise * gain));
         return loud > 0 ? -loud : found.gain / shape.ti;
       } catch (error) { // some rules need another filter
         refused = error;
         return -Infinity;
       }
     };
-    const low = Math.log(SHORTEST * end), high = Math.log(LONGEST * end), rung = (high - low) / RUNGS;
     const worths = Array.from({ length: RUNGS + 1 }, (_, k) => worth(low + k * rung)), best = worths.indexOf(Math.max(...worths));
     if (!(worths[best] > 0)) throw worths[best] > -Infinity ? new RangeError("no filter makes it as quiet as this noise limit: allow more") : refused;
     let x = best && highest(worth, low + (best - 1) * rung, Math.min(low + (best + 1) * rung, high)), made, slope = -Math.max(ORDER[design.kind], 1), before;
     if (!best) x = low;
+    const bound = Math.log(roughly(process, shapeAt(x), ms, w, sampleTime).noise / (noise * gain)) > -CLOSE; // by the noise
     for (let turn = 0; turn < 8; turn++) { // exactly
       const shape = shapeAt(x);
       made = { ...shape, kp: gainForMs(process, shape, ms) };
-      const loud = Math.log((margins({ process, controller: controller(made) }).mks * gain) / noise);
-      if ((loud <= 0 && loud > -MET) || loud < -CLOSE) break;
+      const loud = Math.log(relativeNoiseGain(process, made) / noise);
+      if (loud <= 0 && (loud > -MET || x === low || !bound)) break;
       if (before && Math.abs(x - before.x) > 1e-12) slope = Math.min((loud - before.loud) / (x - before.x), -0.2);
       before = { x, loud };
-      x -= (loud + 0.5 * MET) / slope;
+      x = Math.max(x - (loud + 0.5 * MET) / slope, low);
     }
     return made;
   });
+
+  // --- a number as it is entered ------------------------------------------------------------------------------------
+
+  const PLAIN = String.raw`(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:e[-+]?\d+)?`, SPACE = String.raw`\s*`;
+  const TOKEN = new RegExp(`${SPACE}(?:(${PLAIN})|(pi|π|e(?![a-z])|exp|sqrt|ln|log10|[-+*/^()]|\\*\\*))`, "iy");
+
+  /* A number as people write it: 2.5, 2,5, 5/2, 1+2.5, 2^3, exp(-1), 1/e, 36.8 %, 8.4 dB. NaN for anything else. */
+  function readNumber(entered) {
+    if (typeof entered === "number") return entered;
+    const text = String(entered ?? "").trim().replace(/[−–]/g, "-").replace(/[·×]/g, "*"), unit = /(%|dB)$/i.exec(text)?.[1];
+    if (text.length > 60) return NaN;
+    const body = unit ? text.slice(0, -unit.length) : text, tokens = [];
+    TOKEN.lastIndex = 0;
+    for (let at = 0; body.slice(at).trim(); at = TOKEN.lastIndex) {
+      TOKEN.lastIndex = at;
+      const found = TOKEN.exec(body);
+      if (!found) return NaN;
+      tokens.push(found[1] !== undefined ? Number(found[1].replace(",", ".")) : found[2].toLowerCase().replace("**", "^"));
+    }
+    const NAMED = { pi: Math.PI, "π": Math.PI, e: Math.E }, CALLED = { exp: Math.exp, sqrt: Math.sqrt, ln: Math.log, log10: Math.log10 };
+    let at = 0;
+    const take = (...wanted) => (wanted.includes(tokens[at]) ? tokens[at++] : null);
+    const sum = () => { let x = product(); for (let sign; (sign = take("+", "-"));) x = sign === "+" ? x + product() : x - product(); return x; };
+    const product = () => { let x = signed(); for (let sign; (sign = take("*", "/"));) x = sign === "*" ? x * signed() : x / signed(); return x; };
+    const signed = () => (take("-") ? -power() : take("+") ? power() : power());
+    const power = () => { const x = atom(); return take("^") ? Math.pow(x, signed()) : x; };
+    const atom = () => {
+      const token = tokens[at++];
+      if (typeof token === "number") return token;
+      if (Object.hasOwn(NAMED, token ?? "")) return NAMED[token];
+      if (token === "(" || (Object.hasOwn(CALLED, token ?? "") && take("("))) {
+        const x = sum();
+        return take(")") ? (CALLED[token] ?? ((value) => value))(x) : NaN;
+      }
+      return NaN;
+    };
+    const value = tokens.length ? sum() : NaN;
+    if (at < tokens.length || !Number.isFinite(value)) return NaN;
+    return unit === "%" ? value / 100 : unit ? Math.pow(10, value / 20) : value;
+  }
 
   // --- a state as the end of an address: letters that are also a valid name of an anchor -----------------------------
 
@@ -522,13 +636,14 @@
   /* The state in an address, or null where it holds none; older ones are percent-encoded. */
   function read(hash) {
     const text = hash.replace(/^#/, "");
-    if (!text.startsWith(PREFIX)) return null;
     try {
+      decodeURIComponent(text);
+      if (!text.startsWith(PREFIX)) return null;
       const bytes = atob(text.slice(PREFIX.length).replace(/_/g, "+").replace(/-/g, "/"));
       return JSON.parse(bytes.startsWith("%") ? decodeURIComponent(bytes) : new TextDecoder("utf-8", { fatal: true }).decode(Uint8Array.from(bytes, (c) => c.charCodeAt(0))));
     } catch { throw new RangeError("it is cut short or mistyped"); }
   }
 
-  globalThis.pidalabModel = { alike, noiseTimeOf, noiseGainAt, write, read, gainOf, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
+  globalThis.pidalabModel = { alike, noiseScale, noiseGainAt, relativeNoiseGain, readNumber, write, read, gainOf, PLANTS, RULES, ORDER, ownPlant, controller, study, sampledMargins, beyondCrossover, iae, gainForMs, halfRule, uniform };
 });
 globalThis.pidalabScripts.at(-1)();

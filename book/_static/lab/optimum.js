@@ -1,17 +1,18 @@
-/* The least IAE after a step of the load, for any plant, order, largest Ms and noise limit: found in the page.
+/* The least IAE after a step of the load, for any plant, order, largest Ms and relative noise gain: found in the page.
 
-   find(process, kind, {ms, noise}) -> {design, iae, ms, mks, ends, agree}; the largest |C S| is at most noise over the gain of
-   the plant. `ends` are the IAE of all descents by the least, `agree` how many ended there. Unknown are the logarithms of
-   the gains and of the filter time, in units of the plant. The error comes from its Laplace transform right of the axis by a
-   fast Fourier transform, dead time exact, and its slope by one more; the limits are those of the peaks of |S| and |C S|. A
-   sequential quadratic programme goes down from several starts, and a last step makes the limits hold at all frequencies. */
+   find(process, kind, {ms, noise}) -> {design, iae, ms, noise, ends, agree}. `ends` are the IAE of all descents by the least,
+   `agree` how many ended there. Unknown are the logarithms of the gains and of the filter time, in units of the plant. The
+   error comes from its Laplace transform right of the axis by a fast Fourier transform, dead time exact, and its slope by one
+   more. The limits are those of the peaks of |S| and of the noise gain of the sampled loop. A sequential quadratic programme
+   goes down from several starts, and a last step makes the limits hold exactly. No filter is faster than a sample of the
+   noise. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
-  const { margins, simulate, roots, remembering, inverted, dot } = globalThis.pidalabEngine;
-  const { ORDER, controller, gainOf, uniform, iae: areaOf, PLANTS } = globalThis.pidalabModel;
+  const { margins, simulate, sampledPlant, roots, remembering, inverted, dot } = globalThis.pidalabEngine;
+  const { ORDER, controller, gainOf, noiseScale, relativeNoiseGain, uniform, iae: areaOf, PLANTS } = globalThis.pidalabModel;
 
   const SAMPLES = 2048, DAMPING = 3, HORIZON = 80; // of a response, in units of the plant
-  const LOW = -16, HIGH = 14, FASTEST = -7, SLOWEST = 3; // logarithms of gains and of the filter time
+  const LOW = -16, HIGH = 14, SLOWEST = 3; // logarithms of gains and of the filter time
   const PRICE = 10, LONGEST = 1; // of a missed limit, in logarithms; a step
 
   const circleOf = remembering(2, (count) => [Math.cos, (x) => -Math.sin(x)].map((f) => Float64Array.from({ length: count / 2 }, (_, k) => f((2 * Math.PI * k) / count))));
@@ -91,10 +92,10 @@
 
   /* The time in which a loop around the plant has numbers near 1: where its phase has fallen to -135 degrees, or where it may
      act at all under the noise limit. */
-  function unitOf(process, mks) {
+  function unitOf(process, loud) {
     const poles = roots(process.den), speeds = [...poles, ...roots(process.num)].map(([a, b]) => Math.hypot(a, b)).filter(Boolean);
     if (process.delay) speeds.push(1 / process.delay);
-    if (!speeds.length) return Math.pow(gainOf(process) * 0.1 * mks, -1 / poles.length);
+    if (!speeds.length) return Math.pow(gainOf(process) * 0.1 * loud, -1 / poles.length);
     const low = Math.min(...speeds), high = Math.max(...speeds), growing = Math.max(0, ...poles.map(([a]) => a));
     if (growing > 0) return 1 / Math.sqrt(growing * high);
     const w = Array.from({ length: 1500 }, (_, k) => 1e-3 * low * Math.pow((1e6 * high) / low, k / 1499));
@@ -106,11 +107,76 @@
       last = next;
       if (phase < Math.min(-0.75 * Math.PI, rest - 0.25 * Math.PI)) { fastest = w[k]; break; }
     }
-    for (let k = 0; k < w.length; k++) if (1 / Math.hypot(pr[k], pi[k]) <= mks) loudest = w[k];
+    for (let k = 0; k < w.length; k++) if (1 / Math.hypot(pr[k], pi[k]) <= loud) loudest = w[k];
     return 1 / (loudest && fastest > 8 * loudest ? loudest : fastest);
   }
 
   const span = (from, to, count) => Array.from({ length: count }, (_, k) => from * Math.pow(to / from, k / (count - 1)));
+
+  const PLAIN = 250, DECADES = 400; // points of the circle, evenly and by decades
+
+  /* Logarithm of the variance of u for white noise that is held for h, and its slope, as pidalab's SampledNoise: the
+     controller behind a hold is a sum of chains of lags, which follow from one another from sample to sample. With a = e^-r,
+     r = h/T, (z - a) X_i = P(i, r) + a sum_{j<i} r^(i-j)/(i-j)! X_j, P the incomplete gamma function; a derivative is
+     T s = (1 + T s) - 1. By Parseval the variance is the mean of |C S|^2 over the circle. */
+  function sampledNoise(process, order, h) {
+    const n = order + 1, top = Math.PI / h, turns = process.delay ? Array.from({ length: 200 }, (_, k) => (0.3 * (k + 1)) / process.delay).filter((w) => w < top) : [];
+    const w = Float64Array.from([...span(1e-5 * top, top, DECADES), ...Array.from({ length: PLAIN }, (_, k) => (top * (k + 1)) / (PLAIN + 1)), ...turns]).sort(), count = w.length;
+    const cos = w.map((x) => Math.cos(x * h)), sin = w.map((x) => Math.sin(x * h)), plant = sampledPlant(process, h, w);
+    const weight = w.map((_, k) => (0.5 * ((w[k + 1] ?? w[k]) - (k ? w[k - 1] : -w[0])) * h) / Math.PI);
+    const column = () => Array.from({ length: n + 2 }, () => [new Float64Array(count), new Float64Array(count)]), lags = column();
+    const choose = (m, k) => (k ? (choose(m - 1, k - 1) * m) / k : 1);
+    // the coefficients of the lags in each action behind the filter, T^k s^k/(1 + T s)^n, and in its slope by log T
+    const actions = Array.from({ length: n + 1 }, () => new Float64Array(n + 2)), byTime = Array.from({ length: n + 1 }, () => new Float64Array(n + 2));
+    for (let i = 1; i <= n; i++) actions[0][i] = -1; // 1/s: what the filter makes of it, less 1/s itself
+    byTime[0][n + 1] = -n;
+    for (let k = 0; k < n; k++) {
+      for (let j = 0; j <= k; j++) actions[k + 1][n - k + j] = choose(k, j) * (-1) ** j;
+      for (let j = 0; j <= k + 1; j++) byTime[k + 1][n - k + j] = -n * choose(k + 1, j) * (-1) ** j;
+    }
+    const gamma = (i, r) => { // P(i, r), without cancellation
+      let term = Math.exp(-r), sum = 0;
+      for (let k = 1; k < i + 25; k++) { term *= r / k; if (k >= i) sum += term; }
+      return sum;
+    };
+    return (gains, time) => {
+      const r = h / time, a = Math.exp(-r), powers = gains.map((_, k) => Math.pow(time, 1 - k));
+      lags[0][0].fill(1);
+      for (let i = 1; i <= n + 1; i++) {
+        const own = gamma(i, r), [re, im] = lags[i], from = Array.from({ length: i }, (_, j) => { let x = a; for (let k = 1; k <= i - j; k++) x *= r / k; return x; });
+        for (let k = 0; k < count; k++) {
+          let x = own, y = 0;
+          for (let j = 1; j < i; j++) { x += from[j] * lags[j][0][k]; y += from[j] * lags[j][1][k]; }
+          const c = cos[k] - a, d = sin[k], size = c * c + d * d;
+          re[k] = (x * c + y * d) / size;
+          im[k] = (y * c - x * d) / size;
+        }
+      }
+      const sumOf = (rows, j) => gains.reduce((sum, gain, k) => sum + gain * powers[k] * rows[k][j], 0);
+      const whole = Array.from({ length: n + 2 }, (_, j) => sumOf(actions, j)), slow = Array.from({ length: n + 2 }, (_, j) => sumOf(byTime, j));
+      const slope = new Float64Array(gains.length + 1);
+      let variance = 0;
+      for (let k = 0; k < count; k++) {
+        const c = cos[k] - 1, d = sin[k], far = c * c + d * d, ix = (h * c) / far, iy = (-h * d) / far; // the integrator
+        let x = gains[0] * ix, y = gains[0] * iy;
+        for (let j = 0; j < n + 2; j++) { x += whole[j] * lags[j][0][k]; y += whole[j] * lags[j][1][k]; }
+        const lr = 1 + plant.re[k] * x - plant.im[k] * y, li = plant.re[k] * y + plant.im[k] * x, size = lr * lr + li * li;
+        const sr = lr / size, si = -li / size, ur = x * sr - y * si, ui = x * si + y * sr;
+        variance += weight[k] * (ur * ur + ui * ui);
+        // 2 Re(conj(u) S^2 dC)
+        const tr = sr * sr - si * si, ti = 2 * sr * si, vr = 2 * weight[k] * (ur * tr + ui * ti), vi = 2 * weight[k] * (ur * ti - ui * tr);
+        for (let i = 0; i < gains.length; i++) {
+          let p = i ? 0 : ix, q = i ? 0 : iy;
+          for (let j = 0; j < n + 2; j++) if (actions[i][j]) { p += powers[i] * actions[i][j] * lags[j][0][k]; q += powers[i] * actions[i][j] * lags[j][1][k]; }
+          slope[i] += gains[i] * (vr * p - vi * q);
+        }
+        let p = 0, q = 0;
+        for (let j = 0; j < n + 2; j++) { p += slow[j] * lags[j][0][k]; q += slow[j] * lags[j][1][k]; }
+        slope[gains.length] += vr * p - vi * q;
+      }
+      return { value: 0.5 * Math.log(variance), slope: slope.map((each) => each / (2 * variance)) };
+    };
+  }
 
   /* One plant and order: what a design costs, and its limits. */
   function problem(process, order, unit) {
@@ -123,6 +189,7 @@
     const slowest = Math.min(1, ...roots(process.den).map(([a, b]) => Math.hypot(a, b) * unit).filter(Boolean));
     const grid = Float64Array.from([...span(Math.min(1e-3, 0.01 * slowest) / unit, 0.03 / unit, 40), ...span(0.031 / unit, 12 / unit, 260), ...span(12.5 / unit, 1e3 / unit, 130), ...turns]).sort();
     const axis = places(process, new Float64Array(grid.length), grid);
+    const noiseTime = noiseScale(process).sampleTime, noiseOf = sampledNoise(process, order, noiseTime), fastest = Math.log(noiseTime / unit);
     // s den over a polynomial with stable poles of the same speeds, along the axis: 1 + L times this turns as the loop is
     // stable or not. With the same speeds a pole far beyond the last frequency turns neither of them.
     const speeds = roots(process.den).map(([a, b]) => Math.hypot(a, b) || 1 / unit);
@@ -144,37 +211,33 @@
       const bend = (v - u) / (b - a), slope = u - bend * a;
       return bend < 0 ? sizes[k] - (slope * slope) / (4 * bend) : sizes[k];
     };
-    const sensitivity = new Float64Array(grid.length), noise = new Float64Array(grid.length);
+    const sensitivity = new Float64Array(grid.length);
 
     /* Limits that are near, and whether the loop is stable at all. */
-    function limits(x, ms, mks, near = 0.3) {
-      const { gains, time } = read(x), { cr, ci, sr, si } = axis;
+    function limits(x, ms, loud, near = 0.3) {
+      const { gains, time } = read(x), { sr, si } = axis;
       close(axis, gains, time, n);
       let turned = 0, last = 0;
       for (let k = 0; k < grid.length; k++) {
         const angle = own[k] - Math.atan2(si[k], sr[k]), turn = angle - last;
         turned += turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI));
         last = angle;
-        const s = Math.log(sr[k] * sr[k] + si[k] * si[k]) / 2;
-        sensitivity[k] = s - Math.log(ms);
-        noise[k] = s + Math.log(cr[k] * cr[k] + ci[k] * ci[k]) / 2 - Math.log(mks);
+        sensitivity[k] = Math.log(sr[k] * sr[k] + si[k] * si[k]) / 2 - Math.log(ms);
       }
-      const slopeOf = (k, loud) => {
-        // log |S| falls with Re(P S dC), log |C S| grows with Re(dC/C - P S dC)
-        const pr = axis.pr[k] * sr[k] - axis.pi[k] * si[k], pi = axis.pr[k] * si[k] + axis.pi[k] * sr[k], far = cr[k] * cr[k] + ci[k] * ci[k];
-        const sum = new Float64Array(size);
-        slopes(axis, gains, time, n, k, (loud ? cr[k] / far : 0) - pr, (loud ? -ci[k] / far : 0) - pi, sum);
+      const slopeOf = (k) => { // log |S| falls with Re(P S dC)
+        const pr = axis.pr[k] * sr[k] - axis.pi[k] * si[k], pi = axis.pr[k] * si[k] + axis.pi[k] * sr[k], sum = new Float64Array(size);
+        slopes(axis, gains, time, n, k, -pr, -pi, sum);
         return sum;
       };
-      const near_ = [], most = [-Infinity, -Infinity];
-      [sensitivity, noise].forEach((sizes, which) => {
-        for (const k of peaks(sizes)) {
-          const value = topOf(sizes, k);
-          most[which] = Math.max(most[which], value);
-          if (value > -near) near_.push({ which, k, value, slope: () => slopeOf(k, which) });
-        }
-      });
-      return { stable: Math.abs(turned) < 0.5 * Math.PI, near: near_, missed: Math.max(0, most[0]) + Math.max(0, most[1]) };
+      const noise = noiseOf(gains, time), excess = noise.value - Math.log(loud), near_ = [];
+      let most = -Infinity;
+      for (const k of peaks(sensitivity)) {
+        const value = topOf(sensitivity, k);
+        most = Math.max(most, value);
+        if (value > -near) near_.push({ which: 0, k, value, slope: () => slopeOf(k) });
+      }
+      if (excess > -near) near_.push({ which: 1, k: 0, value: excess, slope: () => noise.slope });
+      return { stable: Math.abs(turned) < 0.5 * Math.PI, near: near_, missed: Math.max(0, most) + Math.max(0, excess) };
     }
 
     const re = new Float64Array(SAMPLES), im = new Float64Array(SAMPLES), er = new Float64Array(half), ei = new Float64Array(half);
@@ -218,7 +281,7 @@
       slope[0] -= sign / gains[0];
       return slope.map((each) => each / value);
     }
-    return { size, units, unit, order, read, limits, worth };
+    return { size, units, unit, order, fastest, read, limits, worth };
   }
 
   /* Step d that makes g d + d B d / 2 least where c + a d <= 0, at a price for what is missed, by ascent along the
@@ -248,11 +311,11 @@
   }
 
   /* Sequential quadratic programming from a start, until it hardly moves. */
-  function descend(one, start, ms, mks, most = 60) {
+  function descend(one, start, ms, loud, most = 60) {
     const { size } = one, low = Array(size).fill(LOW), high = Array(size).fill(HIGH);
-    low[size - 1] = FASTEST;
+    low[size - 1] = one.fastest;
     high[size - 1] = SLOWEST;
-    let x = start.map((value, k) => Math.min(Math.max(value, low[k]), high[k])), limit = one.limits(x, ms, mks);
+    let x = start.map((value, k) => Math.min(Math.max(value, low[k]), high[k])), limit = one.limits(x, ms, loud);
     if (!limit.stable) return null;
     const costs = (x) => { const { value, slope } = one.worth(x); return { value, slope: slope() }; };
     let B = x.map((_, i) => x.map((_, j) => (i === j ? 1 : 0))), at = costs(x), reach = LONGEST, calm = 0;
@@ -264,7 +327,7 @@
       let share = 1, next, ahead, then = null;
       for (let halving = 0; halving < 9; halving++, share /= 2.5) {
         next = x.map((v, k) => v + share * d[k]);
-        ahead = one.limits(next, ms, mks);
+        ahead = one.limits(next, ms, loud);
         if (!ahead.stable) continue;
         const cost = one.worth(next);
         if (merit(cost.value, ahead.missed) < before) { then = { value: cost.value, slope: cost.slope() }; break; }
@@ -297,7 +360,7 @@
      crossover, which plants need that only a derivative stabilises, and the optima in store for other plants. */
   function candidates(one, process) {
     const found = [], { order, unit } = one, least = Math.exp(-12);
-    const add = (actions, time) => found.push([...one.units.map((_, k) => Math.log(Math.max(actions[k] ?? 0, least))), Math.min(Math.max(time, FASTEST), SLOWEST)]);
+    const add = (actions, time) => found.push([...one.units.map((_, k) => Math.log(Math.max(actions[k] ?? 0, least))), Math.min(Math.max(time, one.fastest), SLOWEST)]);
     for (const gain of [2, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003]) for (const share of [0.5, 0.1, 0.02, 0.004])
       for (const derivative of order ? [0, 1, 5] : [0]) for (const time of [-4, -2, 0]) add([gain * share, gain, gain * derivative], time);
     for (const w of span(0.02, 5, 9)) for (const below of [3, 8, 25]) for (let zeros = 1; zeros <= order + 1; zeros++) {
@@ -308,7 +371,7 @@
     const { noise, designs } = globalThis.pidalabOptima ?? { designs: {} };
     for (const [key, stored] of Object.entries(designs)) {
       const [kp, ti, ...rest] = stored[order], time = rest.pop(), [td = 0, ta = 0] = rest, other = PLANTS[key];
-      const theirs = unitOf(other, noise / gainOf(other)), { pr, pi } = places(other, [0], [1 / theirs]);
+      const theirs = unitOf(other, noise * noiseScale(other).gain), { pr, pi } = places(other, [0], [1 / theirs]);
       const gains = [kp / ti, kp, kp * td, kp * ta].slice(0, order + 2);
       add(gains.map((gain, k) => gain * Math.hypot(pr[0], pi[0]) * Math.pow(theirs, 1 - k)), Math.log(time / theirs));
     }
@@ -318,8 +381,8 @@
   const KINDS = Object.keys(ORDER), STARTS = 6, APART = 0.8, SAME = 0.005;
 
   /* The best candidates that differ: stable, near the limits, quick. */
-  function startsOf(one, process, ms, mks) {
-    const ranked = candidates(one, process).map((x) => ({ x, ...one.limits(x, ms, mks, 0) })).filter(({ stable }) => stable)
+  function startsOf(one, process, ms, loud) {
+    const ranked = candidates(one, process).map((x) => ({ x, ...one.limits(x, ms, loud, 0) })).filter(({ stable }) => stable)
       .map(({ x, missed }) => ({ x, cost: 3 * missed - x[0] })).sort((a, b) => a.cost - b.cost).slice(0, 60)
       .map(({ x, cost }) => ({ x, cost: one.worth(x).value + (cost + x[0]) })).sort((a, b) => a.cost - b.cost);
     const chosen = [];
@@ -328,14 +391,14 @@
   }
 
   /* Of a positive plant: the descents from all starts, the best first. */
-  function searched(process, order, unit, ms, mks, below) {
+  function searched(process, order, unit, ms, loud, below) {
     const one = problem(process, order, unit), ends = [];
     const go = (start) => {
-      const end = descend(one, start, ms, mks, 40);
+      const end = descend(one, start, ms, loud, 40);
       if (end && end.missed < 1e-3) ends.push(end);
       return end;
     };
-    for (const start of startsOf(one, process, ms, mks)) go(start);
+    for (const start of startsOf(one, process, ms, loud)) go(start);
     const lower = below?.best; // with hardly any of the highest derivative, and with some
     if (lower) for (const share of [-6, -1.5]) go([...lower.x.slice(0, -1), lower.x[order] + share, lower.x[order + 1]]);
     ends.sort((a, b) => a.value - b.value);
@@ -343,12 +406,12 @@
     const valleys = [[-1.5, 0, 0], [1.5, -0.3, -0.3], ...(order > 1 ? [-0.9, 0.9, 1.7].map((f) => [f, 2 * f, 0.1 * f]) : [])];
     if (ends.length) for (const [filter, highest, others] of valleys) {
       const { x } = ends[0];
-      go(x.map((v, k) => (k > order + 1 ? Math.min(Math.max(v + filter, FASTEST), SLOWEST) : v + (k > order ? highest : others))));
+      go(x.map((v, k) => (k > order + 1 ? Math.min(Math.max(v + filter, one.fastest), SLOWEST) : v + (k > order ? highest : others))));
     }
     const further = () => {
       ends.sort((a, b) => a.value - b.value);
       for (const k of [0, 1, 2]) for (let again = 0; ends[k] && again < 5; again++) { // with the curvature learnt anew
-        const end = descend(one, ends[k].x, ms, mks);
+        const end = descend(one, ends[k].x, ms, loud);
         if (!end || end.missed > 1e-3 || !(end.value < ends[k].value - 1e-4)) break;
         ends[k] = end;
       }
@@ -367,18 +430,19 @@
 
   /* Until the limits hold between the points that were looked at, too: a little less is allowed each time, and at last the
      integral gain goes down, or all of them. */
-  function finished(process, one, start, ms, mks) {
+  function finished(process, one, start, ms, noise) {
+    const { gain } = noiseScale(process);
     const designOf = (x) => {
       const { gains: [ki, kp, kd = 0, ka = 0], time } = one.read(x);
       return { kind: KINDS[one.order], kp, ti: kp / ki, td: kd / kp, ta: ka / kp, filterTime: time, filterOrder: one.order + 1 };
     };
-    const judged = (x) => { const design = designOf(x), found = margins({ process, controller: controller(design) }); return { x, design, ...found, keeps: found.stable && found.ms <= ms && found.mks <= mks }; };
-    let aimed = [ms, mks], x = start.x, last;
+    const judged = (x) => { const design = designOf(x), found = margins({ process, controller: controller(design) }); const loud = found.stable ? relativeNoiseGain(process, design) : NaN; return { x, design, ...found, noise: loud, keeps: found.ms <= ms && loud <= noise }; };
+    let aimed = [ms, noise * gain], x = start.x, last;
     for (let round = 0; round < 6; round++) {
       last = judged(x);
       if (last.keeps) return last;
       // what a limit is missed by is taken off it, and a little more each time
-      if (last.stable) aimed = [[ms, last.ms], [mks, last.mks]].map(([most, is], k) => aimed[k] * Math.min(1, Math.pow(((1 - 1e-6) * most) / is, 1 + round)));
+      if (last.stable) aimed = [[ms, last.ms], [noise, last.noise]].map(([most, is], k) => aimed[k] * Math.min(1, Math.pow(((1 - 1e-6) * most) / is, 1 + round)));
       x = descend(one, x, ...aimed)?.x ?? x;
     }
     for (let share = 1e-5; share < 3; share *= 2) for (const count of [1, x.length - 1]) {
@@ -397,26 +461,27 @@
   }
 
   function find(process, kind, { ms, noise }) {
-    const { num, den, delay } = process, order = ORDER[kind], mks = noise / Math.abs(gainOf(process));
+    const { num, den, delay } = process, order = ORDER[kind], scale = noiseScale(process), loud = noise * scale.gain;
     const sign = Math.sign(num[num.length - 1]) * Math.sign(den[0]); // integral action is stable with no other
     if (!sign) throw new RangeError("the plant has no gain");
     if (!(ms > 1)) throw new RangeError(`Ms must be above 1, found ${ms}`);
-    if (den[den.length - 1] !== 0 && noise <= 1) throw new RangeError(`the noise limit must be above 1, which integral action takes, found ${noise}`);
+    if (!(noise > 0)) throw new RangeError(`the noise limit must be above 0, found ${noise}`);
+    if (!(loud > 0)) throw new RangeError("this plant has no time constant and no dead time, from which the sample time of the noise follows");
     const upright = { num: num.map((c) => sign * c), den, delay };
     for (const factor of [1, 8, 64]) {
-      const unit = factor * unitOf(upright, mks);
+      const unit = factor * unitOf(upright, loud);
       let found;
-      for (let lower = 0; lower <= order; lower++) found = searched(upright, lower, unit, ms, mks, found);
+      for (let lower = 0; lower <= order; lower++) found = searched(upright, lower, unit, ms, loud, found);
       for (const end of found.ends.slice(0, 3)) {
-        const best = finished(upright, found.one, end, ms, mks);
+        const best = finished(upright, found.one, end, ms, noise);
         if (!best) continue;
         const iae = settled(upright, best.design, unit);
         if (iae > 1.02 * Math.exp(end.value) && factor < 64) break; // the response is longer than what was looked at
         const ends = found.ends.map(({ value }) => Math.exp(value - found.best.value));
-        return { design: { ...best.design, kp: sign * best.design.kp }, iae, ms: best.ms, mks: best.mks, ends, agree: ends.filter((x) => x < 1 + SAME).length };
+        return { design: { ...best.design, kp: sign * best.design.kp }, iae, ms: best.ms, noise: best.noise, ends, agree: ends.filter((x) => x < 1 + SAME).length };
       }
     }
-    throw new RangeError(`no ${kind} controller was found that keeps Ms ${ms} and this noise limit: allow more`);
+    throw new RangeError(`no ${kind} controller was found that keeps Ms ${ms} and a relative noise gain of ${noise}: allow more`);
   }
 
   globalThis.pidalabOptimum = { find };

@@ -7,6 +7,7 @@
   const MISSING = /^(|nan|na|n\/a|null|none|-|bad|bad input|no data|#n\/a|\?)$/i;
 
   const MARKS = [";", "\t", ",", "|", /\s+/];
+  const LONGEST_LINE = 20000, LONGEST_ENTRY = 60, LOOKED_AT = 100; // characters, characters, rows at either end
 
   /* Seconds of a clock or a date, or NaN. */
   function stamp(text) {
@@ -20,6 +21,7 @@
   /* An entry as a number, NaN where it is missing, undefined where it is neither. A comma is a decimal one unless commas
      divide the columns. */
   function number(entry, comma) {
+    if (entry.length > LONGEST_ENTRY) return undefined;
     const plain = entry.replace(/["']/g, "").trim();
     if (MISSING.test(plain)) return NaN;
     const found = Number(comma ? plain.replace(/\.(?=.*,)/g, "").replace(",", ".") : plain);
@@ -31,14 +33,17 @@
   /* The rows of a table, divided by the mark that makes the most columns of numbers and the fewest others, and the names of
      its columns: the last line of words above the numbers. */
   function table(lines) {
-    const tables = MARKS.map((mark) => lines.map((line) => line.trim().split(mark).map((entry) => number(entry, mark !== ","))));
+    const long = lines.find((line) => line.length > LONGEST_LINE);
+    if (long) throw new RangeError(`a line has ${long.length} characters; a record has at most ${LONGEST_LINE} in each`);
+    const cut = (mark) => (line) => line.trim().split(mark).map((entry) => number(entry, mark !== ","));
+    const ends = lines.length > 2 * LOOKED_AT ? [...lines.slice(0, LOOKED_AT), ...lines.slice(-LOOKED_AT)] : lines, tables = MARKS.map((mark) => ends.map(cut(mark)));
     const worth = (rows) => {
       const last = rows.slice(-50), width = Math.max(...last.map((row) => row.length));
       const full = Array.from({ length: width }, (_, k) => last.filter((row) => row[k] !== undefined).length > last.length / 2);
       return full.filter(Boolean).length ** 2 / width;
     };
-    const best = tables.reduce((best, rows) => (worth(rows) > worth(best) ? rows : best)), first = best.findIndex((row) => row.some(Number.isFinite));
-    const words = first > 0 ? lines[first - 1].trim().split(MARKS[tables.indexOf(best)]).map((word) => word.replace(/["']/g, "").trim()) : [];
+    const mark = MARKS[tables.indexOf(tables.reduce((best, rows) => (worth(rows) > worth(best) ? rows : best)))], best = lines.map(cut(mark)), first = best.findIndex((row) => row.some(Number.isFinite));
+    const words = first > 0 ? lines[first - 1].trim().split(mark).map((word) => word.replace(/["']/g, "").trim()) : [];
     const width = best[Math.max(first, 0)].length;
     return { rows: best, names: words.length === width ? words : Array.from({ length: width }, (_, k) => `column ${k + 1}`), named: words.length === width };
   }

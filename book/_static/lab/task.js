@@ -12,7 +12,7 @@
   const FIELDS = {
     answer: ["", "", "Your answer"], kp: ["k", "p", "gain"], ti: ["t", "i", "integral time"], td: ["t", "d", "derivative time"],
     ta: ["t", "a", "acceleration, a time squared"], Tf: ["T", "f", "filter time"], Tt: ["T", "t", "tracking time"], h: ["h", "", "sample time"],
-    T: ["T", "", "lag"], L: ["L", "", "dead time"], sensor: ["T", "s", "lag of the sensor"], mks: ["", "", "noise limit"],
+    T: ["T", "", "lag"], L: ["L", "", "dead time"], sensor: ["T", "s", "lag of the sensor"], noise: ["", "", "largest relative noise gain"],
     K: ["K", "", "gain of the plant"], t1: ["T", "1", "first lag"], t2: ["T", "2", "second lag, or 0"], t3: ["T", "3", "third lag, or 0"],
   };
 

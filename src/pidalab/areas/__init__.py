@@ -1,6 +1,6 @@
-"""Characteristic areas of a process: all that a tuning by the magnitude optimum asks of it (vrancic2021).
+"""Characteristic areas of a process, from which the magnitude optimum computes a controller (vrancic2021).
 
-They come from a model (`from_process`), or from a record of its signals without one (`from_record`).
+`from_process` computes them from a model, `from_record` from measured signals.
 """
 
 from pidalab.areas.measured import MeasuredAreas, RecordWarning, from_record

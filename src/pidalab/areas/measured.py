@@ -1,10 +1,10 @@
-r"""Characteristic areas from a record: the way to a tuning without a model (vrancic2021).
+r"""Characteristic areas from a record, for tuning without a model (vrancic2021).
 
-The areas are those of `pidalab.areas.from_process`. The paper takes them from earlier work by integrating the record
-again and again: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here they come from the
-moments of the two signals about the time of the change, up to where the record has settled. On paper that is the same.
-A repeated integral runs to the end of the record, and gives the noise there the largest weights: with noise of 0.001 in
-50 time constants of 1/(s + 1)^4 it misses A_5 by half, the moments by 3 %.
+The areas are those of `pidalab.areas.from_process`. The paper uses repeated integration of the record, from earlier
+work: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here they are computed from the moments
+of the two signals about the time of the change, up to the time at which the record has settled. Without noise both are
+equal. Repeated integration runs to the end of the record, where noise has the largest weights. With noise of 0.001 in
+50 time constants of 1/(s + 1)^4 it gives A_5 with an error of 50 %, the moments with 3 %.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from scipy.special import bernoulli, factorial
 from pidalab import _check
 from pidalab._check import Array
 
-PIECES = 16  # of a steady state, whose means are compared; in four quarters of four
-LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # in pieces, of the transients that are looked for in it
-SHORTEST = 0.05  # share of the record that a steady state must hold
-SHORTER = 0.9  # each steady state that is tried is shorter than the one before by this factor
-DRIFT = 2.5  # up to how many of its standard deviations such a transient counts as noise
+PIECES = 16  # pieces of a steady state, whose means are compared; four quarters of four
+LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of transients in a steady state, in pieces
+SHORTEST = 0.05  # least length of a steady state, relative to the record
+SHORTER = 0.9  # ratio of the lengths of two steady states that are tried one after the other
+DRIFT = 2.5  # a transient up to this number of standard deviations counts as noise
 FADE = 5.0  # the same for the squares of the record, which scatter more
-LONGER = 1.1  # times what the transient takes to sink below the noise: from there on all counts as at rest
-ROUNDING = float(np.finfo(float).eps)  # share of a level that counts as no drift
-UNCERTAIN = 0.05  # share of an area beyond which its uncertainty is worth a warning
+LONGER = 1.1  # factor on the time after which no transient shows, to wait for what the noise hides
+ROUNDING = float(np.finfo(float).eps)  # relative to the level; a smaller drift is a rounding error
+UNCERTAIN = 0.05  # relative uncertainty of an area from which a warning is given
 
 
 class RecordWarning(UserWarning):
-    """A record that is too short or too noisy for what is asked of it."""
+    """The record is too short, too noisy or does not suit the model."""
 
 
 class StepRecord(Protocol):
-    """What areas and step experiments ask of a plant record; a `pidalab.Record` has it."""
+    """Interface of a plant record for areas and step experiments; `pidalab.Record` implements it."""
 
     @property
     def step(self) -> Any:
@@ -56,26 +56,26 @@ class StepRecord(Protocol):
 
 
 def is_record(given: Any) -> TypeGuard[StepRecord]:
-    """Whether a record was given in place of times."""
+    """Return True for a record, which may be given in place of times."""
     return hasattr(given, "after_step")
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredAreas:
-    """Areas from a record, and how far they can be trusted.
+    """Areas from a record, with their uncertainty.
 
     Attributes
     ----------
     values : ndarray, shape (count,)
         A_0, A_1, ..., in units of y per unit of u times time^k.
     covariance : ndarray, shape (count, count)
-        Of the errors of `values`, estimated from noise and drift in the steady state at the end.
+        Covariance of the errors of `values`, from noise and drift in the steady state at the end.
     input_levels, output_levels : tuple of float
         Levels before and after the change.
     span : tuple of float
-        Times of the record that count: when the input first moves, and when all is at rest again.
+        Times between which the record is used: the first move of the input, and the return to rest.
     settled : bool
-        Whether no drift shows beyond the noise after that.
+        True if no drift exceeds the noise after that.
     noise : float
         Standard deviation of the output after that.
     """
@@ -106,7 +106,7 @@ def from_record(
     count: int | None = None,
     start: tuple[float, float] | None = None,
 ) -> MeasuredAreas:
-    r"""Areas from a measured change of a process between steady states; any input does that ends where it stays.
+    r"""Compute the areas from a measured change between steady states; the input may be of any shape in between.
 
     With :math:`\tau` counted from the first move of the input, :math:`\Delta u` and :math:`\Delta y` the whole changes,
     and :math:`u_\infty, y_\infty` the levels at the end, the moments
@@ -125,10 +125,10 @@ def from_record(
         Input, held from each sample to the next, and output, at rest at the beginning (or see `start`) and at rest
         again at the end.
     count : int
-        How many areas, at least 1. A controller of order m needs 2m + 4.
+        Number of areas, at least 1. A controller of order m needs 2m + 4.
     start : tuple of float, optional
-        Levels (u, y) before the record, if the change begins with its first sample. By default the input rests until it
-        first moves, and the mean of y until then is its level. An input with noise needs this argument.
+        Levels (u, y) before the record, for a change that begins with the first sample. By default the input rests
+        until its first move, and the level of y is its mean until then. A noisy input needs this argument.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def from_record(
     ------
     TypeError, ValueError
         For an input that never moves, or ends where it began; signals of another length; fewer than 16 samples in the
-        steady state; signals beside a Record, which has its own.
+        steady state; a Record together with u or y.
 
     Warns
     -----
@@ -148,22 +148,21 @@ def from_record(
 
     Notes
     -----
-    Sampling with step h leaves only one error worth a name: if the slope of the output jumps by y', as that of a single
-    lag does, A_1 misses about h² y'/12.
+    Sampling with step h causes one error that matters. If the slope of the output jumps by y', as with a single lag,
+    the error of A_1 is about h² y'/12.
 
-    An end of the record counts as free of transients if none of five decaying exponentials, with time constants of 1/32
-    to 1/2 of its length, fits the means of its sixteen pieces by more than 2.5 standard deviations, or the means of its
-    squares by more than 5: an oscillation that decays shows there. Noise still hides
-    what is smaller, and all areas would come out too small. So a tenth of that time is waited in addition. In simulated
-    records of three processes that gave areas about as good as the best fixed time; none at all costs bias, a quarter
-    costs noise. The levels at the end are means from there on, and the integrals end there: what follows is noise, with
-    the largest weights.
+    The end of the record counts as a steady state if none of five decaying exponentials, with time constants of 1/32
+    to 1/2 of its length, is in the means of its sixteen pieces by more than 2.5 standard deviations, or in the means
+    of its squares (which show decaying oscillations) by more than 5. Noise hides smaller transients, which would make
+    all areas too small, so the steady state starts later by a tenth of that time. In simulated records of three
+    processes this gave areas about as good as the best fixed time. The levels at the end are means from there on, and
+    the integrals end there.
 
-    Four errors are estimated: noise on the way; noise in the level at the end, which enters :math:`A_k` with the
-    weight :math:`\tau_1^k/k!`; a slow tail that the steady state may hide, as large as the most by which the mean of
-    one of its quarters misses its mean; and what a converter of few digits rounds away. The noise may be coloured, if
-    it forgets within a sixteenth of the steady state. Of a record that ends on the way the estimate is too small, but
-    large. Nothing shows a load disturbance during the record, or that a few samples are wild.
+    Four errors are estimated: noise during the change; noise in the final level, which enters :math:`A_k` with the
+    weight :math:`\tau_1^k/k!`; a slow tail hidden in the steady state, as large as the largest deviation of the mean of
+    a quarter from the mean; and quantisation. The noise may be coloured, with a correlation time below a sixteenth of
+    the steady state. For a record that ends before it has settled, the estimate is large, but still too small. Load
+    disturbances and outliers are not detected.
 
     References
     ----------
@@ -209,7 +208,7 @@ def from_record(
 
 
 def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, Array, Array]:
-    """Check times, input and output, which a Record has on a uniform grid."""
+    """Check times, input and output; a Record has them on a uniform grid."""
     if is_record(t):
         if u is not None or y is not None:
             raise TypeError("u and y must be left out with a Record: it has its own")
@@ -223,7 +222,7 @@ def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, A
 
 
 def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[int, tuple[float, float], int]:
-    """Return the sample at which the change begins, both levels before it, and the samples that the latter took."""
+    """Return the sample at which the change begins, both levels before it, and the number of samples before it."""
     if start is not None:
         u0, y0 = _check.pair("start", "the levels of u and y", start)
         return 0, (_check.real("start[0]", u0), _check.real("start[1]", y0)), 0
@@ -237,7 +236,7 @@ def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[i
 
 
 def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
-    """Return the sample from which all is at rest again, and whether it is."""
+    """Return the sample at which the steady state begins, and True if it is steady."""
     length, least = t.size - first - 1, max(PIECES, math.ceil(SHORTEST * (t.size - first)))
     if length < least:
         raise ValueError(f"y must have more than {PIECES} samples after the first move of u, found {length}")
@@ -252,25 +251,25 @@ def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
 
 
 def _pieces(x: Array) -> tuple[Array, float]:
-    """Return the means of the pieces, about the last sample, and their standard deviation by noise alone."""
+    """Return the means of the pieces, relative to the last sample, and their standard deviation from noise."""
     size = x.size // PIECES
     means = np.mean((x[: size * PIECES] - x[-1]).reshape(PIECES, size), axis=1)
     return means, float(np.median(np.abs(np.diff(means))) / 0.954)  # of Gaussian noise
 
 
 def _noise(x: Array, h: float) -> tuple[float, float]:
-    """Return the spectral density of the noise at low frequencies, and by how much a quarter's mean misses the mean."""
+    """Return the spectral density of low-frequency noise, and the largest deviation of a quarter's mean."""
     means, spread = _pieces(x)
     quarters = np.mean(means.reshape(4, -1), axis=1)
     return spread**2 * (x.size // PIECES) * h, float(np.max(np.abs(quarters - np.mean(means))))
 
 
 def _steady(x: Array) -> bool:
-    """Tell whether a piece of record shows no more of a transient than its noise explains.
+    """Return True if the noise explains all transients in a piece of record.
 
-    An oscillation that decays, or a transient whose mean is 0 by chance, shows in the squares only.
+    A decaying oscillation, or a transient whose mean happens to be 0, shows in the squares only.
     """
-    # every piece may be off by some, and a projection adds them up
+    # every piece has a rounding error, and a projection adds them up
     rounding, room = 4 * ROUNDING * float(np.max(np.abs(x))), math.sqrt(PIECES)
     squares = (x - np.mean(x[x.size // 2 :])) ** 2
     means, power = _transients(x), _transients(squares)
@@ -279,7 +278,7 @@ def _steady(x: Array) -> bool:
 
 
 def _transients(x: Array) -> tuple[Array, float]:
-    """Return how much of each decaying exponential is in the means of the pieces, and its standard deviation."""
+    """Return the component of each decaying exponential in the means of the pieces, and its standard deviation."""
     means, spread = _pieces(x)
     shapes = np.exp(-np.arange(PIECES) / np.array(LAGS)[:, None])
     shapes -= np.mean(shapes, axis=1, keepdims=True)
@@ -289,8 +288,8 @@ def _transients(x: Array) -> tuple[Array, float]:
 def _of_samples(x: Array, weights: Array, h: float) -> Array:
     """Integrate a smooth x times tau^(k-1)/(k-1)!, k = 1, 2, ..., by the trapezoidal rule.
 
-    Between flat ends it is exact to all powers of h. At the beginning x is flat too, but not 0, and the weights are
-    powers: there the terms of Euler and Maclaurin are known.
+    With flat ends the rule is exact to all powers of h. At the beginning x is flat, but not 0, and the weights are
+    powers, so the correction of Euler and Maclaurin is known.
     """
     product = weights[:-2] * x
     k = np.arange(1, len(product) + 1)
@@ -299,16 +298,16 @@ def _of_samples(x: Array, weights: Array, h: float) -> Array:
 
 
 def _of_steps(x: Array, weights: Array) -> Array:
-    """Integrate the same for an x that is held from sample to sample."""
+    """Compute the same integrals for an x that is held from sample to sample."""
     return np.diff(weights[1:-1]) @ x[:-1]
 
 
 def _moment_covariance(
     values: Array, weights: Array, u: Array, y: Array, h: float, rest: int, unseen: float
 ) -> Array:
-    """Estimate the covariance of the moments of y, from what u and y do in the steady state at the end.
+    """Estimate the covariance of the moments of y from the steady state at the end.
 
-    An error of the moments of u counts as one of those of y that makes the same error in the areas.
+    An error of the moments of u counts as the error of the moments of y that has the same effect on the areas.
     """
     (density, drift), window, size = _noise(y, h), h * (y.size - 1), len(values)
     level = weights[:size, -1]
@@ -327,11 +326,11 @@ def _moment_covariance(
 
 
 def _quantisation(y: Array, end: Array) -> float:
-    """Return how far a level can be off that a converter rounds: half its step, and less where noise crosses the steps.
+    """Return the largest error of a level from quantisation: half a step, and less if noise exceeds the step.
 
-    The step is the smallest between two values of the record; of two in all, as after a dead time, nothing follows.
-    Gaussian noise of standard deviation sigma lowers the error of a mean by exp(-2 pi^2 sigma^2/step^2), the first
-    harmonic of the rounding error.
+    The step is the smallest difference of two values of the record. With two values in all it is unknown, and the
+    result is 0. Gaussian noise of standard deviation sigma reduces the error of a mean by the factor exp(-2 pi^2
+    sigma^2/step^2), the first harmonic of the rounding error.
     """
     steps = np.diff(np.unique(y))
     if steps.size < 2:
@@ -341,10 +340,10 @@ def _quantisation(y: Array, end: Array) -> float:
 
 
 def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
-    """Errors that a slow tail would make, per unit of its height, and that height per unit of the drift that it makes.
+    """Return the errors caused by a slow tail, per unit of its height, and its height per unit of the drift it causes.
 
-    It is taken to decay as a lag with the standard deviation of the impulse response, from which a dead time is absent.
-    Cut off, it is missing in the integrals, and lowers the mean that is taken for the last level.
+    The tail decays as a lag with the standard deviation of the impulse response, which a dead time does not affect. The
+    part that is cut off is missing in the integrals, and lowers the mean that is used as the final level.
     """
     gain, mean, square = values[:3]
     lag = math.sqrt(abs(2 * square / gain - (mean / gain) ** 2)) if gain else 0.0
@@ -356,7 +355,7 @@ def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
 
 
 def _over(a: Array) -> Array:
-    """Return the matrix that divides a power series by the series a, which begins with 1."""
+    """Return the matrix that divides a power series by the series a, which starts with 1."""
     inverse = np.zeros_like(a)
     inverse[0] = 1 / a[0]
     for k in range(1, a.size):
@@ -364,19 +363,19 @@ def _over(a: Array) -> Array:
     return np.tril(toeplitz(inverse))
 
 
-def _warn(found: MeasuredAreas) -> None:
-    """Warn of areas that the record does not support, with figures."""
+def _warn(areas: MeasuredAreas) -> None:
+    """Warn of areas that the record does not determine."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = found.uncertainty / np.abs(found.values)
+        share = areas.uncertainty / np.abs(areas.values)
     bad = np.flatnonzero(share > UNCERTAIN)
     if not bad.size:
         return
     listed = " and ".join(f"A_{k} by {100 * share[k]:.2g} %" for k in sorted({bad[0], bad[-1]}))
-    cause = f"noise of standard deviation {found.noise:.3g}"
-    if not found.settled:
-        cause = f"it still drifts at its end, after t = {found.span[1]:.4g}"
+    cause = f"noise of standard deviation {areas.noise:.3g}"
+    if not areas.settled:
+        cause = f"it still drifts at its end, after t = {areas.span[1]:.4g}"
     warn(
-        f"the record does not determine all {found.values.size} areas ({cause}): it leaves {listed} uncertain, and "
+        f"the record does not determine all {areas.values.size} areas ({cause}): it leaves {listed} uncertain, and "
         f"only those before A_{bad[0]} better than by {100 * UNCERTAIN:g} %; a controller of order m needs 2m + 4",
         RecordWarning,
         stacklevel=3,

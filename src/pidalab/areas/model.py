@@ -1,13 +1,12 @@
-r"""Characteristic areas: what a tuning by the magnitude optimum needs to know of a process (vrancic2021).
+r"""Characteristic areas of a model (vrancic2021).
 
 Areas :math:`A_k` are the alternating coefficients of the process about s = 0, eq. (6), and the moments of its impulse
 response h(t), eqs. (4) and (5):
 
 .. math:: P(s) = A_0 - A_1 s + A_2 s^2 - A_3 s^3 + \dots, \qquad A_k = \frac{1}{k!} \int_0^\infty t^k h(t)\,dt .
 
-So those of blocks in series are the convolution of theirs. Eq. (7), as read, has :math:`A_1` where the recursion needs
-:math:`A_i`; nothing here depends on it. The areas of a model are computed as exact fractions and rounded once: neither
-the recursion nor the powers of a dead time cost a digit. Those of a record come from `pidalab.areas.from_record`.
+The areas of blocks in series are the convolution of their areas. Eq. (7), as read, has :math:`A_1` where the recursion
+needs :math:`A_i`; nothing here depends on it. The areas are computed as exact fractions and rounded once.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ from pidalab.roots import roots
 
 
 def from_process(process: Process, count: int) -> Array:
-    """Areas of a model, exact but for one rounding each, dead time included (eqs. (2) to (7)).
+    """Compute the areas of a model, dead time included, each correctly rounded (eqs. (2) to (7)).
 
     Parameters
     ----------
     process : Process
         Stable; a common factor s is cancelled.
     count : int
-        How many areas, at least 1.
+        Number of areas, at least 1.
 
     Returns
     -------
@@ -43,7 +42,7 @@ def from_process(process: Process, count: int) -> Array:
     Raises
     ------
     TypeError, ValueError
-        For something else than a Process, an integrating or unstable process, and a count below 1.
+        For another type, an integrating or unstable process, and a count below 1.
 
     Examples
     --------
@@ -57,14 +56,14 @@ def from_process(process: Process, count: int) -> Array:
 
 
 def exact(process: Process, count: int) -> list[Fraction]:
-    """Areas of a model as exact fractions of its coefficients, which are floats and so fractions themselves.
+    """Compute the areas of a model as exact fractions of its coefficients.
 
     Parameters
     ----------
     process : Process
         Stable; a common factor s is cancelled.
     count : int
-        How many areas, at least 1.
+        Number of areas, at least 1.
 
     Returns
     -------
@@ -89,14 +88,14 @@ def exact(process: Process, count: int) -> list[Fraction]:
 
 
 def with_filter(areas: ArrayLike, block: Any) -> Array:
-    """Areas of a process in series with a rational block, such as a filter of any kind.
+    """Compute the areas of a process in series with a rational block, such as a filter.
 
     Parameters
     ----------
     areas : array_like, shape (count,)
         Areas of the process.
     block : control.TransferFunction or controller without integral action
-        Proper and stable, as the filter of eq. (47).
+        Proper and stable, such as the filter of eq. (47).
 
     Returns
     -------
@@ -106,8 +105,8 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
     Raises
     ------
     TypeError, ValueError
-        For a block that is no proper continuous transfer function with one input and output, and for an integrating or
-        unstable one.
+        For a block that is not a proper continuous transfer function with one input and output, and for an integrating
+        or unstable one.
 
     Examples
     --------
@@ -121,9 +120,9 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
 
 
 def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int) -> Array:
-    """Areas of a process in series with the filter 1/(filter_time s + 1)^filter_order, eq. (8).
+    """Compute the areas of a process in series with the filter 1/(filter_time s + 1)^filter_order, eq. (8).
 
-    Eq. (8) prints the matrix for one of the lags; it is applied once for each.
+    Eq. (8) prints the matrix for one lag; it is applied once for each lag.
 
     Parameters
     ----------

@@ -17,17 +17,17 @@ from pidalab._check import Array
 
 
 def fractions(values: Iterable[Any]) -> list[Fraction]:
-    """Return the same numbers as fractions."""
+    """Return numbers as fractions."""
     return [Fraction(value) if isinstance(value, Fraction) else Fraction(float(value)) for value in values]
 
 
 def floats(series: Sequence[Fraction]) -> Array:
-    """Return the same numbers in double precision, or raise where they leave it."""
+    """Return fractions as floats; raise on overflow."""
     try:
         return np.array(series, dtype=float)
     except OverflowError:
         raise ValueError(
-            "areas or gains leave double precision; take a longer unit of time, or lower orders"
+            "areas or gains overflow double precision; use a longer unit of time, or lower orders"
         ) from None
 
 
@@ -38,7 +38,7 @@ def product(first: Sequence[Fraction], second: Sequence[Fraction]) -> list[Fract
 
 
 def quotient(numerator: Sequence[Fraction], denominator: Sequence[Fraction]) -> list[Fraction]:
-    """Return the quotient of two series, as long as the shorter one; the divisor must not begin with 0."""
+    """Return the quotient of two series, as long as the shorter one; the divisor must not start with 0."""
     result: list[Fraction] = []
     for k in range(min(len(numerator), len(denominator))):
         known = sum((denominator[k - i] * result[i] for i in range(k)), Fraction(0))
@@ -47,7 +47,7 @@ def quotient(numerator: Sequence[Fraction], denominator: Sequence[Fraction]) -> 
 
 
 def polynomial(descending: Iterable[Any], count: int) -> list[Fraction]:
-    """Return the first `count` coefficients of a polynomial that is given in descending powers of s."""
+    """Return the first `count` coefficients of a polynomial given in descending powers of s."""
     ascending = [*fractions(descending)[::-1], *[Fraction(0)] * count]
     return [(-1) ** k * ascending[k] for k in range(count)]
 
@@ -70,7 +70,7 @@ def lagged(series: Sequence[Fraction], lag: float, order: int) -> list[Fraction]
 
 
 def solve(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction] | None:
-    """Solve a square system exactly; None if the matrix is singular."""
+    """Solve a square system exactly; return None if the matrix is singular."""
     rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
     size = len(rows)
     for i in range(size):

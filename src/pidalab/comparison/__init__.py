@@ -17,8 +17,8 @@ from pidalab.comparison.judging import DesignRow, html_table, measure_row, text_
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.requirements import Requirements
 from pidalab.rules import Design
+from pidalab.rules.models import StartingModels, time_scale
 from pidalab.rules.registry import RULES, Rule, find
-from pidalab.rules.starting_models import StartingModels, time_scale
 
 PERIODS = 12.0  # ultimate periods of a first response
 COMPARISON_COLUMNS = {

@@ -26,7 +26,7 @@ from pidalab.controllers.base import Controller
 from pidalab.process import Process
 from pidalab.relative_noise import SAMPLES, NoiseScale, noise_scale
 from pidalab.rules import Design
-from pidalab.rules.starting_models import StartingModels
+from pidalab.rules.models import StartingModels
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,7 +17,7 @@ from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.roots import border
 from pidalab.rules import Design
-from pidalab.rules.starting_models import time_scale
+from pidalab.rules.models import time_scale
 
 LONGEST_FILTER = 1e4  # that is tried, in sample times
 LEAST_SCALE = 0.01  # of the gains: with less of them nearly any loop is robust, and does nothing
@@ -107,7 +107,7 @@ def _filtered(gains: Array, time: float) -> HighOrderPID:
 
 def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, float], float]:
     """Return the function that gives the noise gain; infinite where the loop does not bear to be sampled."""
-    from pidalab.optimal.parts import Problem, SampledNoise
+    from pidalab.optimal.problem import Problem, SampledNoise
 
     problem = Problem(process, size - 2, (1.0, time_scale(process)))
     noise = SampledNoise(problem, sample_time, DENSITY)

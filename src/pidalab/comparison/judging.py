@@ -127,7 +127,7 @@ def measure_row(
 def _measure_loop(
     rule: str, kind: str, design: Design, process: Process, sample_time: float | None, horizon: float
 ) -> DesignRow:
-    from pidalab.robustness.control_sensitivity import max_control_sensitivity
+    from pidalab.robustness import max_control_sensitivity
     from pidalab.robustness.margins import margins
     from pidalab.simulation.exact import load_response, simulate_until_settled, step_response
 

@@ -1,7 +1,7 @@
 """Controllers in the forms of the papers, with filters.
 
-Every controller gives its unfiltered gains (`pidalab.forms.IdealGains`), which convert from form to form or say why
-they cannot, and prints itself in all forms. Filters carry over only between forms that share their structure.
+Every controller has unfiltered gains (`pidalab.forms.IdealGains`), which convert between the forms or raise an error
+that explains why not, and prints itself in all forms. Filters convert only between forms of the same structure.
 """
 
 from pidalab.controllers.base import AutomaticReset, Controller, Fraction

@@ -1,4 +1,4 @@
-"""What all controllers share: evaluation, products, other forms, and the digital controller."""
+"""The base class of controllers: evaluation, products, other forms, and the digital controller."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pidalab._check import Array
 from pidalab.forms import FilteredGains, IdealGains
 from pidalab.process import Block, fraction_at, quotient
 
-if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
+if TYPE_CHECKING:  # python-control is slow to import, and only transfer functions need it
     import control
 
     from pidalab.digital import DigitalController
@@ -26,14 +26,14 @@ Fraction = tuple[Array, Array]  # numerator and denominator, descending powers o
 
 
 class AutomaticReset(NamedTuple):
-    """Integral action as a lag behind the limited control signal, fed back positively around a stabilising controller.
+    """Integral action by positive feedback of the limited control signal through a lag.
 
     Attributes
     ----------
     time : float
         Time constant of the lag.
     stabiliser : ndarray
-        Polynomial of the stabilising controller, descending powers of s.
+        Numerator of the stabilising controller, descending powers of s.
     filter_time, filter_order : float, int
         Its binomial filter.
     """
@@ -45,19 +45,22 @@ class AutomaticReset(NamedTuple):
 
 
 class Controller(Block):
-    """What all controllers share: evaluation, products, and printing themselves in every form."""
+    """Base class of all controllers.
 
-    # attributes that a factor multiplies; limits are the actuator's, and stay
+    A subclass defines `gains`, `parts` and `fraction`. Multiplication by a number scales its `proportional` attributes,
+    or the transfer function if it has none; limits stay.
+    """
+
     proportional: tuple[str, ...] = ()
     limits: tuple[float, float] = (-math.inf, math.inf)  # of the control signal
 
     def automatic_reset(self) -> AutomaticReset | None:
-        """Return the reset that makes the integral action, None where an integrator does.
+        """Return the automatic reset of the controller, or None if an integrator makes the integral action.
 
         Returns
         -------
         AutomaticReset or None
-            What a simulation with limits has to run.
+            Its parameters, for a simulation with limits.
 
         Examples
         --------
@@ -75,7 +78,7 @@ class Controller(Block):
         Returns
         -------
         control.TransferFunction
-            From error to control; the factors of absent actions are left out.
+            From error to control, without common factors of absent actions.
 
         Examples
         --------
@@ -97,17 +100,17 @@ class Controller(Block):
         return self.transfer_function() * system
 
     def fraction(self) -> Fraction:
-        """Return the filtered controller, between its limits where it has any.
+        """Return numerator and denominator of the filtered controller, without limits.
 
         Returns
         -------
         num, den : ndarray
-            Descending powers of s; the factors of absent actions are left out.
+            Descending powers of s, without common factors of absent actions.
 
         Raises
         ------
         TypeError
-            For a class of controllers that does not define it.
+            For a subclass that does not define it.
 
         Examples
         --------
@@ -122,17 +125,17 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define fraction")
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return the parts whose sum is the filtered controller, each with gains and a filter.
+        """Return the parts whose sum is the filtered controller, each with its gains and its filter.
 
         Returns
         -------
         tuple of FilteredGains
-            Without absent actions; one part where all gains have the same filter.
+            Parts for the actions that are present; one part if all gains have the same filter.
 
         Raises
         ------
         TypeError
-            For a class of controllers that does not define it.
+            For a subclass that does not define it.
 
         Examples
         --------
@@ -145,25 +148,25 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define parts")
 
     def vendor_forms(self, time_unit: str = "s", full_output: float | None = None) -> VendorForms:
-        """Return the gains without filters as controllers on the market take them, or say where no form exists.
+        """Return the unfiltered gains as parameters of the blocks that vendors sell.
 
         Parameters
         ----------
         time_unit : {"s", "min", "h"}, optional
             Unit of the model's time.
         full_output : float, optional
-            u at full power, such as 1 or 100: then also as the firmware Klipper and Betaflight write their numbers, for
-            a y in °C and in degrees per second.
+            u at full power, such as 1 or 100. If given, the result includes the numbers of the firmware Klipper (y in
+            °C) and Betaflight (y in degrees per second).
 
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes.
+            Ideal, series and parallel form, with times in seconds and minutes, or the reason why one does not exist.
 
         Raises
         ------
         ValueError
-            For another unit, and for derivatives that no form of a PIDA holds.
+            For another unit, and for derivatives of order 3 or more.
 
         Examples
         --------
@@ -183,21 +186,21 @@ class Controller(Block):
     def discretise(
         self, sample_time: float, method: str = "backward", output_filter: Any = None, **options: Any
     ) -> DigitalController:
-        """Return the digital controller for a sample time: difference equations, and the code they write.
+        """Return the digital controller for a sample time.
 
         Parameters
         ----------
         sample_time : float
             Time from sample to sample, above 0.
         method : {"backward", "tustin", "zoh"}, optional
-            How integral and filters become differences; see `pidalab.digital.discretise`.
+            As in `pidalab.digital.discretise`.
         output_filter : OutputFilter or control.TransferFunction, optional
-            A filter behind the controller that becomes a part of it: equal lags of gain 1. `Design.discretise` gives
-            that of the design.
+            A filter of the control signal, which becomes a part of the controller: equal lags of gain 1.
+            `Design.discretise` passes that of the design.
         **options : optional
-            Weights of the set point, limits, rate limit, anti-windup, deadband and working point, as in
-            `pidalab.digital.discretise`. Limits of the controller hold unless others are given; with derivatives, but
-            without proportional action, the anti-windup is "clamping" unless another is given.
+            As in `pidalab.digital.discretise`: set-point weights, limits, anti-windup and more. By default the limits
+            are those of the controller, and the anti-windup of a controller with derivatives, but without proportional
+            action, is "clamping".
 
         Returns
         -------
@@ -207,8 +210,7 @@ class Controller(Block):
         Raises
         ------
         TypeError, ValueError
-            For a value outside its range, a sample time with which the method is of no use, and an output filter of
-            another kind.
+            For a value outside its range, a sample time too long for the method, and another kind of output filter.
 
         Examples
         --------
@@ -228,7 +230,7 @@ class Controller(Block):
             options["limits"] = tuple(bias + limit for limit in self.limits)
         proportional = any(any(part.gains[1:2]) for part in parts)
         higher = any(any(part.gains[2:]) for part in parts)
-        if reset is None and higher and not proportional:  # no integral time to go by
+        if reset is None and higher and not proportional:  # there is no integral time
             options.setdefault("anti_windup", "clamping")
         behind = "" if output_filter is None else f" and {output_filter!r}"
         options.setdefault("source", repr(self) + behind)
@@ -239,7 +241,7 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define gains")
 
     def __call__(self, s: ArrayLike) -> Any:
-        """Evaluate the filtered controller at complex s; ValueError if that leaves the range of numbers."""
+        """Evaluate the filtered controller at complex s; raise ValueError on overflow."""
         return quotient(*fraction_at(*self.fraction(), s))
 
     def __str__(self) -> str:
@@ -271,6 +273,6 @@ def coerce_floats(controller: Controller, names: Sequence[str], **bounds: float)
 
 
 def without_common_s(num: ArrayLike, den: ArrayLike) -> Fraction:
-    """Return num/den; without integral action both end in a zero, and the common s is dropped."""
+    """Return num and den without a common factor s, which they have without integral action."""
     num, den = _check.polynomial("gains", num), np.asarray(den, dtype=float)
     return (num[:-1], den[:-1]) if num.size > 1 and num[-1] == 0 else (num, den)

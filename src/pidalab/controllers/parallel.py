@@ -18,7 +18,7 @@ from pidalab.process import binomial
 def _separate(
     gains: IdealGains, derivative_filter: float, acceleration_filter: float
 ) -> tuple[FilteredGains, ...]:
-    """Return parts of which each derivative has a filter of its own, without absent ones."""
+    """Return the parts that are present, each derivative with its own filter."""
     ki, kp, kd, ka = gains
     parts = [FilteredGains("proportional", (ki, kp))]
     if kd:
@@ -29,7 +29,7 @@ def _separate(
 
 
 def _fraction(kp: float, ti: float, parts: tuple[FilteredGains, ...]) -> Fraction:
-    """Return kp (1 + 1/(ti s)) and the derivatives of the parts as one fraction; no factor is worth cancelling."""
+    """Return kp (1 + 1/(ti s)) and the derivatives of the parts as one fraction, over all denominators."""
     num: Any = np.array([kp])
     den: Any = np.ones(1)
     if math.isfinite(ti):
@@ -49,8 +49,8 @@ class PIDA(Controller):
               + \frac{t_a s^2}{\left(\frac{t_a}{m} s + 1\right)^2}\right)
 
     With ``ta = 0`` it is a PID, with ``td = ta = 0`` a PI controller. On a process of first order the filtered
-    acceleration makes a hump of \\|L\\| of about kp m/2 (unit gain and lag) at m/ta, far above the crossover: look at
-    `pidalab.margins`, which see it.
+    acceleration makes a second peak of \\|L\\| of about kp m/2 (unit gain and lag) at m/ta, far above the crossover.
+    `pidalab.margins` take it into account.
 
     ============  =======================
     haalman2024   argument
@@ -74,8 +74,8 @@ class PIDA(Controller):
     ta : float, optional
         Acceleration time constant, in squared time units; not negative; default 0.
     n, m : float, optional
-        Ratio of `td` and of `ta` to their filters' time constants, above 0. As printed in the paper, ``ta/m`` is used
-        as a time although `ta` is a time squared; so `m` has the unit of time, and 10 belongs to one near the lags.
+        Ratio of `td` and of `ta` to the time constants of their filters, above 0. As in the paper, ``ta/m`` is a time
+        although `ta` is a squared time, so `m` has the unit of time. The default 10 suits lags near 1.
 
     Raises
     ------
@@ -121,21 +121,21 @@ class PIDA(Controller):
         time_unit: str = "s",
         lag: float | None = None,
     ) -> PIDA:
-        """Return the PID controller that Klipper or Betaflight runs with its three numbers.
+        """Return the PID controller that the firmware Klipper or Betaflight runs.
 
         Parameters
         ----------
         firmware : {"klipper", "betaflight", "betaflight-yaw"}
-            Which; a heater has y in °C, an axis in degrees per second.
+            The firmware; y is in °C for Klipper, in degrees per second for Betaflight.
         p, i, d : float
-            Its numbers: pid_Kp, pid_Ki and pid_Kd of Klipper, P, I and D of Betaflight.
+            Its parameters: pid_Kp, pid_Ki and pid_Kd of Klipper, P, I and D of Betaflight.
         full_output : float, optional
-            u at full power, not 0: 1, or 100 where u is in per cent.
+            u at full power, not 0: 1, or 100 if u is in per cent.
         time_unit : {"s", "min", "h"}, optional
             Unit of time of the controller that is returned.
         lag : float, optional
-            Time constant of the derivative's filter, above 0; by default as the firmware comes: 1 s, Klipper's
-            ``smooth_time``, and 2.1 ms, Betaflight's first filter at 75 Hz.
+            Time constant of the derivative filter, above 0. The default is that of the firmware: 1 s, the
+            ``smooth_time`` of Klipper, or 2.1 ms, the first filter of Betaflight at 75 Hz.
 
         Returns
         -------
@@ -273,7 +273,7 @@ class HighOrderPID(Controller):
     Raises
     ------
     ValueError
-        For fewer than two gains, a filter order below m, a filter time that is not positive, and one without filter.
+        For fewer than two gains, a filter order below m, and a filter time that does not fit the order.
 
     Examples
     --------
@@ -309,7 +309,7 @@ class HighOrderPID(Controller):
         Raises
         ------
         ValueError
-            For derivatives of order 3 or more, which no PIDA form holds.
+            For derivatives of order 3 or more, which no PIDA form has.
 
         Examples
         --------

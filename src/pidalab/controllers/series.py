@@ -21,8 +21,8 @@ class SeriesPIDA(Controller):
 
     .. math:: C(s) = \frac{k_p + k_d s + k_a s^2}{(T_f s + 1)^n} \cdot \frac{1 + t_i s}{t_i s}
 
-    The reset is positive feedback of the limited control signal, so the linear transfer function holds while the limits
-    are not reached. `pidalab.simulate_sampled` and `pidalab.portrait` run the reset itself, with its limits.
+    The reset is positive feedback of the limited control signal, so the transfer function is valid within the limits.
+    `pidalab.simulate_sampled` and `pidalab.portrait` simulate the reset with its limits.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class SeriesPIDA(Controller):
         object.__setattr__(self, "limits", _check.limits(self.limits))
 
     def gains(self) -> IdealGains:
-        """Return the gains of the unfiltered, unlimited controller, eq. (5) multiplied out.
+        """Return the gains of the controller without filter and limits, from eq. (5).
 
         Returns
         -------
@@ -91,12 +91,12 @@ class SeriesPIDA(Controller):
         return without_common_s(np.convolve([self.ka, self.kd, self.kp], [self.ti, 1.0]), den)
 
     def automatic_reset(self) -> AutomaticReset:
-        """Return the reset: eqs. (3) and (4).
+        """Return the automatic reset, eqs. (3) and (4).
 
         Returns
         -------
         AutomaticReset
-            Of time constant ti around the PDA controller.
+            With the time constant ti, around the PDA controller.
 
         Examples
         --------
@@ -109,9 +109,9 @@ class SeriesPIDA(Controller):
         return AutomaticReset(self.ti, stabiliser, self.filter_time, self.filter_order)
 
     def reset_signal(self, u: ArrayLike, sample_time: float) -> Array:
-        """State of the automatic reset, a lag behind the limited control signal: eq. (3).
+        """Compute the state of the automatic reset from the limited control signal, eq. (3).
 
-        With an integrating process at rest it is the load with its sign changed, so its negative estimates the load.
+        With an integrating process at rest it is the negative of the load, so its negative estimates the load.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class SeriesPIDA(Controller):
         Returns
         -------
         ndarray, shape (n,)
-            The state at the samples, without error for a held signal.
+            The state at the samples, exact for a held signal.
 
         Raises
         ------

@@ -1,7 +1,6 @@
-"""From a plant record to a process model: three points, a tangent, a straight line.
+"""Identify a process model from a plant record: three points, a tangent, a ramp.
 
-The fit to all samples of a record is the engineer's, `pidalab.plant.fit`; it is handed on here, and loaded when it is
-used.
+`fit` uses all samples of a record. It belongs to `pidalab.plant`, and is imported on first use.
 """
 
 from typing import TYPE_CHECKING, Any

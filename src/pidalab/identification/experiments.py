@@ -1,4 +1,4 @@
-"""From a step experiment to a process model."""
+"""Identify a process model from a step experiment."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ from pidalab.areas import RecordWarning
 from pidalab.areas.measured import StepRecord, is_record
 from pidalab.process import Process, ipdt
 
-LEVELS = (0.05, 0.353, 0.853)  # shares of the change to which the formulas of the three-point model belong
-# the model has real poles: a record may exceed its final value by noise, not by more than this
-OVERSHOOT = 0.1
-MOST_ENDS = 400  # stretches of a record to which a ramp is fitted
+LEVELS = (0.05, 0.353, 0.853)  # of the change, in the formulas of the three-point model
+OVERSHOOT = 0.1  # largest overshoot, for noise: the model has real poles
+MOST_ENDS = 400  # intervals of a record to which a ramp is fitted
 # change of the mean between the last two tenths of a record, relative to the whole change
 STILL_MOVING = 0.01
-NOISY = 0.01  # noise of a record, relative to the whole change, beyond which single samples mislead
-# relative excess gain from which a loop tuned with the model has a clearly larger Ms with the process
+NOISY = 0.01  # noise of a record, relative to the whole change, above which single samples mislead
+# above it, a loop tuned with the model has a clearly larger Ms with the process
 MOST_EXCESS_GAIN = 0.25
 
 
 @dataclass(frozen=True)
 class ThreePointModel:
-    r"""Third-order model with dead time from three points of a step response (haalman2024, eqs. (4) and (5)).
+    r"""Third-order model with dead time, from three points of a step response (haalman2024, eqs. (4) and (5)).
 
     .. math:: \hat P(s) = \frac{K}{(1 + \tau s)\left(1 + \frac{(1 - \alpha) L}{2} s\right)^2} e^{-\alpha L s}
 
@@ -48,13 +47,13 @@ class ThreePointModel:
     gain : float
         Static gain.
     apparent_delay : float
-        L, the dead time of a first-order model of the same record.
+        L, apparent dead time.
     alpha : float
         Share of L that is true dead time, between 0 and 1; the rest becomes two equal lags.
     tau : float
         Dominant time constant.
     times : tuple of float
-        When the record reached the three levels.
+        Times at which the record reaches the three levels.
     excess_gain : float
         Largest relative amount by which the gain of the record exceeds that of the model at frequencies up to
         1/(αL), near which the rules place the crossover; nan if unknown.
@@ -86,15 +85,14 @@ def three_point(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times; the step of the input is at t = 0. Or a `Record`, which knows its output, its step and its level
-        of rest.
+        Uniform times; the step of the input is at t = 0. Or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
-        Output, from rest to rest. Its first sample is the rest value, the mean of its last tenth the final value.
+        Output, from rest to rest. The first sample is the rest value, the mean of the last tenth the final value.
     step : float, optional
         Change of the input, not 0; by default 1.
     crossing : {"interpolated", "sampled"}, optional
-        Time of a level (5 %, 35.3 % and 85.3 % of the change): linear interpolation between the samples around it, or
-        the first sample at or above it.
+        Time at which a level is reached (5 %, 35.3 % and 85.3 % of the change): interpolated linearly, or the first
+        sample at or above it.
 
     Returns
     -------
@@ -103,12 +101,12 @@ def three_point(
 
     Notes
     -----
-    A plant record is cut at its step, and resampled if its times are not uniform, by `pidalab.Record`::
+    `pidalab.Record` cuts a plant record at its step, and resamples it if its times are not uniform::
 
         model = three_point(pidalab.Record(t, u, y))
 
-    An offset of y does no harm. Noise does: of arrays the rest value is one sample, and each level is where the record
-    first reaches it. Up to about 1 % of the change the model stays useful; for a noisier record take
+    An offset of y has no effect. Noise has: the rest value of an array is one sample, and a level counts as reached at
+    the first sample above it. Up to a noise of about 1 % of the change the model is useful. For more noise use
     `pidalab.identification.fit`, which uses all samples.
 
     The formulas of eq. (5) lose dead times that are short against the dominant lag. With τ = 1, L = 0.25 and α = 0.9
@@ -120,7 +118,7 @@ def three_point(
     TypeError, ValueError
         For a record that never moves, still moves at its end, already moves at its beginning, or overshoots by more
         than 10 %; for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not
-        positive); for a Record without a step, or with arguments beside it that it has itself.
+        positive); for a Record without a step, or together with y or step.
 
     Warns
     -----
@@ -180,8 +178,8 @@ def ipdt_tangent(
 ) -> Process:
     r"""Approximate the steepest segment of a step response by an integrator with dead time.
 
-    The straight line through the segment has the slope K step, and meets the level of rest after the dead time L:
-    the model is :math:`K e^{-Ls}/s`. It says nothing of what comes later; the process may well settle.
+    The straight line through the segment has the slope K step, and meets the rest level after the dead time L. The
+    model is :math:`K e^{-Ls}/s`. It describes the beginning of the response; the process may settle later.
 
     ============  ===========================
     huba2018      result
@@ -193,19 +191,17 @@ def ipdt_tangent(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times; the step of the input is at t = 0. Or a `Record`, which knows its output, its step and its level
-        of rest.
+        Uniform times; the step of the input is at t = 0. Or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
-        Output; its first sample is the level of rest.
+        Output; its first sample is the rest level.
     step : float, optional
         Change of the input, not 0; by default 1.
     span : float, optional
-        Length of the segment in time. By default one sample interval, right for a clean record; the slope and the dead
-        time then miss those of the tangent by a share in the order of the squared sample time (of the sample time, if
-        the record is steepest at a corner). In a noisy record the
-        steepest short segment is noise: take a longer one, along which a line is fitted by least squares, such as a
-        third of the time in which the record rises, the default for a Record with noise. It is rounded to whole steps
-        of t.
+        Length of the segment in time, rounded to whole steps of t. The default is one sample interval, for a record
+        without noise. The relative errors of slope and dead time are then of the order of the squared sample time (of
+        the sample time if the record is steepest at a corner). In a noisy record the steepest short segment is noise:
+        use a longer one, to which a line is fitted by least squares. A third of the rise time is the default for a
+        Record with noise.
 
     Returns
     -------
@@ -215,8 +211,8 @@ def ipdt_tangent(
     Raises
     ------
     TypeError, ValueError
-        For a record that ends where it began, a span longer than the record, and a line that meets the level of rest
-        before the step; for a Record without a step, or with arguments beside it that it has itself.
+        For a record that ends where it began, a span longer than the record, and a line that meets the rest level
+        before the step; for a Record without a step, or together with y or step.
 
     References
     ----------
@@ -258,15 +254,15 @@ def ipdt_tangent(
 def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_order: int) -> Array:
     r"""Pass a record through the filter of a controller, :math:`1/(T_f s + 1)^n` (huba2024, eq. (9)).
 
-    A model identified from the filtered record contains the delay of the filter, and a controller computed for that
-    model has to use this filter (huba2024, sec. 3.1).
+    A model identified from the filtered record includes the delay of the filter, so a controller designed for it must
+    use this filter (huba2024, sec. 3.1).
 
     Parameters
     ----------
     t : array_like, shape (n,)
         Uniform times that start at 0.
     y : array_like, shape (n,)
-        Output, at rest before t = 0 at the level of its first sample; straight from sample to sample.
+        Output, linear between samples. Before t = 0 it rests at its first sample.
     filter_time : float
         Time constant of the filter, above 0.
     filter_order : int
@@ -275,7 +271,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     Returns
     -------
     ndarray, shape (n,)
-        The filtered record, exact at the times t for an output that is straight between them.
+        The filtered record, exact for an output that is linear between samples.
 
     Raises
     ------
@@ -292,7 +288,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     t, y = _check.signals(t, y=y)
     h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
     order = _check.order("filter_order", filter_order, at_least=1)
-    # the lags one after the other, in units of the filter time; `lsim` takes the input as straight between samples
+    # lags in series, in units of the filter time; `lsim` interpolates the input linearly
     lags = np.eye(order, k=-1) - np.eye(order)
     first, last = np.eye(order)[:, :1], np.eye(order)[-1:]
     _, filtered, _ = lsim((lags, first, last, [[0.0]]), y - y[0], h * np.arange(t.size))
@@ -304,9 +300,9 @@ def ipdt_least_squares(
 ) -> Process:
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
-    The model :math:`K e^{-Ls}/s` answers a step with a level line and, from L on, a ramp. Both are fitted together to
-    the record from 0 to t_1, and of all t_1 the one is taken that gives the largest gain K, the careful choice for the
-    tuning of a controller (huba2024, sec. 3.1). No derivative of the record is needed, so noise does little harm.
+    The step response of the model :math:`K e^{-Ls}/s` is constant up to L, and then a ramp. It is fitted to the record
+    from 0 to t_1. Of all t_1, the one with the largest gain K is chosen, the cautious choice for tuning (huba2024, sec.
+    3.1). The record is not differentiated, so noise has little effect.
 
     ============  ===========================
     huba2024      result
@@ -318,16 +314,15 @@ def ipdt_least_squares(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times; the step of the input is at t = 0. Or a `Record`, which knows its output, its step and its level
-        of rest.
+        Uniform times; the step of the input is at t = 0. Or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
-        Output; its first sample is the level of rest. Of a noisy record put the mean from before the step there.
+        Output; its first sample is the rest level. For a noisy record, set it to the mean before the step.
     step : float, optional
         Change of the input, not 0; by default 1.
     rise : float, optional
-        The shortest stretch 0 ... t_1 ends where the output has last been below this share of its whole change,
-        between 0 and 1. It must be large against the noise; a small one lets the gain come near to that of the
-        tangent where the output is steepest at its beginning.
+        The shortest interval from 0 to t_1 ends where the output was last below this fraction of its whole change,
+        between 0 and 1. It must be large compared with the noise. With a small value the gain may approach that of the
+        tangent, if the output is steepest at its beginning.
 
     Returns
     -------
@@ -337,13 +332,12 @@ def ipdt_least_squares(
     Raises
     ------
     TypeError, ValueError
-        For a record that ends where it began, one that is too short, a share outside its range, and a record in which
-        no ramp fits; for a Record without a step, or with arguments beside it that it has itself.
+        For a record that ends where it began, is too short, or that no ramp fits; for a rise outside its range; for a
+        Record without a step, or together with y or step.
 
     Notes
     -----
-    The paper does not print its criterion. The one above is that of its words: least squares, and the solution with the
-    largest gain.
+    The paper does not print its criterion. This one follows its words: least squares, and the largest gain.
 
     Examples
     --------
@@ -372,20 +366,26 @@ def ipdt_least_squares(
 
 
 def _hinge(t: Array, y: Array) -> tuple[float, float]:
-    """Slope k and beginning L of the ramp k max(t - L, 0) nearest to y by least squares."""
-    # sums over all samples from the i-th on, for a ramp that begins at or before it
+    """Return slope k and start L of the ramp k max(t - L, 0) that fits y best by least squares.
+
+    Notes
+    -----
+    For a start between two samples the sums over the later samples are constants, so the best start and slope are those
+    of a regression line, clipped to the interval. The best of all intervals and their ends is taken.
+    """
+    # sums over the samples from the i-th on
     count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))
     i = np.arange(1, t.size - 2)  # at least two samples on the ramp
     spread = count[i] * stt[i] - st[i] ** 2
     slope = (count[i] * sty[i] - st[i] * sy[i]) / spread
-    # where the line through the samples meets the level of rest
+    # start at which the regression line meets the rest level
     with np.errstate(divide="ignore", invalid="ignore"):
         free = (st[i] - sy[i] / slope) / count[i]
     inside = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
-    # the gain may have its only minimum between that line and the samples: then the other end is better
+    # the minimum may lie outside the interval: then one of its ends is best
     delay, i = np.concatenate([inside, t[i - 1], t[i]]), np.tile(i, 3)
     square, product = stt[i] - 2 * delay * st[i] + delay**2 * count[i], sty[i] - delay * sy[i]
-    best = int(np.argmax(product**2 / square))  # by how much the sum of squares is less
+    best = int(np.argmax(product**2 / square))  # the reduction of the sum of squares
     return float(product[best] / square[best]), float(delay[best])
 
 
@@ -401,18 +401,18 @@ def _whole_change(y: Array) -> float:
 def _experiment(
     t: ArrayLike | StepRecord, y: ArrayLike | None, step: float | None
 ) -> tuple[Array, Array, float]:
-    """Check a step experiment that is given as arrays or as a Record: times from the step on, output, change of u."""
+    """Check a step experiment; return the times from the step on, the output and the change of the input."""
     if is_record(t):
         if y is not None or step is not None:
             raise TypeError("y and step must be left out with a Record: it has its own")
         times, response = t.after_step()
-        response[0] = 0.0  # the level of rest is a mean, better than one sample
+        response[0] = 0.0  # the rest level of a Record is a mean, which is better than one sample
         change = abs(float(np.mean(response[-max(1, response.size // 10) :])))
         noise = t.noise.deviation / abs(t.step.after - t.step.before)
         if noise > NOISY * change:
             warn(
-                f"the noise of the record is {100 * noise / change:.2g} % of the whole change, and single samples of "
-                f"it decide; up to {100 * NOISY:g} % this does little harm, identification.fit uses all samples",
+                f"the noise of the record is {100 * noise / change:.2g} % of the whole change, and the result depends "
+                f"on single samples. Above {100 * NOISY:g} %, use identification.fit, which uses all samples",
                 RecordWarning,
                 stacklevel=3,
             )
@@ -422,21 +422,21 @@ def _experiment(
     times = _check.uniform_time("t", cast(ArrayLike, t))
     change = 1.0 if step is None else _check.real("step", step)
     if change == 0:
-        raise ValueError("step must not be 0: without a change of the input nothing can be identified")
+        raise ValueError("step must not be 0, found 0: it is the change of the input")
     return times, _check.signal("y", y, times.size), change
 
 
 def _rise_time(t: Array, y: Array) -> float:
-    """Time in which a record goes from a tenth to nine tenths of its whole change."""
+    """Return the time from a tenth to nine tenths of the whole change of a record."""
     share = (y - y[0]) / (np.mean(y[-max(1, y.size // 10) :]) - y[0])
     before, after = np.flatnonzero(share < 0.1), np.flatnonzero(share > 0.9)
-    return float(t[after[0]] - t[before[before < after[0]][-1]])  # a mean is reached by a sample at least
+    return float(t[after[0]] - t[before[before < after[0]][-1]])  # some sample reaches a mean
 
 
 def _excess_gain(t: Array, y: Array, model: Process, highest: float) -> float:
     """Return the largest relative excess of the gain of a unit-step record over that of its model up to a frequency.
 
-    The record is taken as straight between its samples; then its frequency response, the integral of y' e^{-jωt}, is a
+    The record is taken as linear between its samples, so its frequency response, the integral of y' e^{-jωt}, is a
     finite sum.
     """
     h = float(t[-1] / (t.size - 1))
@@ -449,7 +449,9 @@ def _levels_reached(t: Array, y: Array, crossing: str) -> tuple[tuple[float, flo
     """Check a step record; return the times at which it reaches the levels, and its whole change."""
     _check.choice("crossing", crossing, ("interpolated", "sampled"))
     if t.size < 30:
-        raise ValueError(f"y must have at least 30 samples to judge whether it settles, found {t.size}")
+        raise ValueError(
+            f"y must have at least 30 samples, found {t.size}: fewer do not show whether it settles"
+        )
     tenth = t.size // 10
     final, before = y[-tenth:].mean(), y[-2 * tenth : -tenth].mean()
     change = final - y[0]

@@ -1,4 +1,4 @@
-r"""The best controller: least IAE under limits of robustness and of what noise does to the actuator.
+r"""The best controller: least IAE under limits of robustness and noise.
 
 .. math:: C(s) = \frac{K_{-1} s^{-1} + K_0 + \dots + K_m s^m}{(1 + T_F s)^{m+1}}, \qquad K_k \ge 0,
 
@@ -6,11 +6,10 @@ with free filter time, so that controller and filter are designed at once. The I
 subject to :math:`\max |S| \le M_s` and to :math:`\max |C S| \le M_{ks}`, or to a standard deviation of u per unit of
 white measurement noise, over all frequencies and with exact dead time.
 
-The problem is not convex. A PIDA near the PID and a true PIDA with a slower filter can both be local optima, or the
-first a shelf above the second. The search goes down and up a ladder of filter times, once more without the highest
-derivative, and from the best rungs to the bottom: see `pidalab.optimal._walk`.
+The problem is not convex: a PIDA near the PID and a true PIDA with a slower filter can both be local optima. The search
+goes down and up a ladder of filter times, see `pidalab.optimal.design`.
 """
 
-from pidalab.optimal._design import least_iae, load
+from pidalab.optimal.design import least_iae, load
 
 __all__ = ["least_iae", "load"]

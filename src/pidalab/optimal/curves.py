@@ -15,12 +15,9 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.optimal._design import HIGHEST_ORDER, SAME_IAE, judge, least_iae, upright
-from pidalab.optimal._finish import finish
-from pidalab.optimal._solver import NEARLY
-from pidalab.optimal._starts import at_once
-from pidalab.optimal._walk import SearchResult
-from pidalab.optimal.parts import search_in
+from pidalab.optimal.design import HIGHEST_ORDER, SAME_IAE, SearchResult, judge, least_iae, upright
+from pidalab.optimal.polish import finish
+from pidalab.optimal.search import NEARLY, feasible_starts, search_in
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.requirements import Requirements
 from pidalab.rules import Design
@@ -40,8 +37,8 @@ class _Point:
 
     def descend(self, start: Array) -> None:
         """Keep the end of a descent, if it is better."""
-        value, x, missed = self.search.descend(start)
-        if missed <= NEARLY and value < self.value:
+        value, x, violation = self.search.descend(start)
+        if violation <= NEARLY and value < self.value:
             self.value, self.x = value, x
 
     def learn_from(self, others: Sequence[_Point]) -> None:
@@ -108,7 +105,7 @@ def find_curves(
     >>> [(key, f"{design.iae:.2f}") for key, design in found.items()]
     [((0, 1.6, 1.0), '4.56'), ((0, 1.6, 3.0), '4.56'), ((1, 1.6, 1.0), '3.38'), ((1, 1.6, 3.0), '3.04')]
     """
-    import scipy.optimize  # noqa: F401  # whose own BLAS is to be known when its threads are limited
+    import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
 
     require_no_zero_at_origin("process", process)
@@ -139,7 +136,7 @@ def find_curves(
 def _search(rows: list[list[_Point]], below: list[list[_Point]]) -> None:
     """Go from loose to tight limits and back, each point from those that are known, then to the ends."""
     loosest = rows[-1][-1]
-    for start in at_once(loosest.search, surely=False):
+    for start in feasible_starts(loosest.search, surely=False):
         loosest.descend(start)
     places = list(product(range(len(rows)), range(len(rows[0]))))
     for i, k in places[::-1]:

@@ -16,8 +16,8 @@ from pidalab.plant.tuning import plants_within, tune
 from pidalab.plant.writing import write_files
 from pidalab.process import Process
 from pidalab.rules import Design
+from pidalab.rules.models import time_scale
 from pidalab.rules.registry import ORDER
-from pidalab.rules.starting_models import time_scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

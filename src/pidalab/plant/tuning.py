@@ -347,7 +347,7 @@ def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: l
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:
     """Ms, mks and the IAE of a load step; nan and infinity for an unstable loop."""
-    from pidalab.robustness.control_sensitivity import max_control_sensitivity
+    from pidalab.robustness import max_control_sensitivity
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.robustness.poles import is_stable
     from pidalab.simulation.exact import load_iae

@@ -1,9 +1,10 @@
-"""Parameters in the forms of makers: ideal, series and parallel, and as the firmware of printers and drones has them.
+"""Controller parameters for vendor blocks (ideal, series, parallel form) and for two firmwares.
 
-Klipper, the firmware of 3D printers, divides its three numbers by 255 (klippy/extras/heaters.py); u is then the share
-of full power, y in °C, and the derivative is behind a lag of `smooth_time`. Betaflight, the firmware of drones, has a
-factor for each number (src/main/flight/pid.h), one more for the I of the yaw axis, and divides the sum by 1000
-(mixer.c); u is then the share of full thrust, y in degrees per second. Both count time in seconds.
+Klipper, the firmware of 3D printers, divides its three parameters by 255 (klippy/extras/heaters.py). Its u is a
+fraction of full power, y is in °C, and the derivative has a filter of `smooth_time`. Betaflight, the firmware of
+drones, has a factor for each parameter (src/main/flight/pid.h), another factor for the I of the yaw axis, and divides
+the sum by 1000 (mixer.c). Its u is a fraction of full thrust, y is in degrees per second. Both measure time in
+seconds.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ Form = dict[str, float] | str
 
 
 class Firmware(NamedTuple):
-    """Its numbers for gains of 1, with u from 0 to 1 and time in seconds, and the lag of its derivative in seconds."""
+    """Parameters for gains of 1, with u from 0 to 1 and time in seconds, and the derivative filter time in seconds."""
 
     p: float
     i: float
@@ -30,7 +31,7 @@ class Firmware(NamedTuple):
 
 
 FLIGHT = 1000 / 0.032029, 1000 / 0.244381, 1000 / 0.000529  # PTERM_SCALE, ITERM_SCALE and DTERM_SCALE
-FLIGHT_LAG = 1 / (2 * math.pi * 75)  # the slowest of its first filter of the derivative, as it comes: 75 Hz
+FLIGHT_LAG = 1 / (2 * math.pi * 75)  # first derivative filter at its default of 75 Hz
 FIRMWARE = {
     "klipper": Firmware(255.0, 255.0, 255.0, 1.0, ("pid_Kp", "pid_Ki", "pid_Kd")),
     "betaflight": Firmware(*FLIGHT, FLIGHT_LAG, ("P", "I", "D")),
@@ -39,7 +40,7 @@ FIRMWARE = {
 
 
 class VendorForms(NamedTuple):
-    """Parameters by name, or the reason why a form does not exist; ``print`` shows them.
+    """Parameters by name, or the reason why a form does not exist. ``print`` lists the forms that exist.
 
     Attributes
     ----------
@@ -50,9 +51,9 @@ class VendorForms(NamedTuple):
     parallel : dict or str
         Kp + Ki/s + Kd s: independent gains.
     filters : str
-        What the forms leave out: which part is behind which lags, with their time constants in seconds.
+        Filters of the controller, which the forms do not contain, with time constants in seconds.
     klipper, betaflight : dict or str
-        The numbers of that firmware; empty where the output at full power was not given.
+        The parameters of that firmware; empty if `full_output` was not given.
     """
 
     ideal: dict[str, float] | str
@@ -78,14 +79,14 @@ class VendorForms(NamedTuple):
 def vendor_forms(
     gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit: str, full_output: float | None
 ) -> VendorForms:
-    """Return the gains in the forms of vendors, and the filters beside them; `time_unit` is that of the model."""
+    """Return the gains as parameters of vendor blocks, with the filters; `time_unit` is that of the model."""
     _check.choice("time_unit", time_unit, SECONDS)
     unit = SECONDS[time_unit]
     ideal, series, parallel = _forms(gains, unit)
     found = VendorForms(ideal, series, parallel, _filters(parts, unit))
     if full_output is None:
         return found
-    if gains.ka:  # with the reason that the other forms give
+    if gains.ka:  # for the same reason as the other forms
         return found._replace(klipper=parallel, betaflight=parallel)
     flight = firmware_form(gains, "betaflight", full_output, time_unit)
     flight["I of yaw"] = firmware_form(gains, "betaflight-yaw", full_output, time_unit)["I"]
@@ -95,28 +96,28 @@ def vendor_forms(
 def firmware_form(
     gains: IdealGains, firmware: str, full_output: float = 1.0, time_unit: str = "s"
 ) -> dict[str, float]:
-    """Return the three numbers of a firmware.
+    """Return the three parameters of a firmware.
 
     Parameters
     ----------
     gains : IdealGains
-        In units of u per unit of y: °C for Klipper, degrees per second for Betaflight. They have no acceleration.
+        In units of u per unit of y (°C for Klipper, degrees per second for Betaflight), without acceleration.
     firmware : {"klipper", "betaflight", "betaflight-yaw"}
-        Which.
+        The firmware.
     full_output : float, optional
-        u at full power, not 0: 1, or 100 where u is in per cent.
+        u at full power, not 0: 1, or 100 if u is in per cent.
     time_unit : {"s", "min", "h"}, optional
         Unit of the model's time.
 
     Returns
     -------
     dict
-        The numbers by the firmware's own names.
+        The parameters by the names of the firmware.
 
     Raises
     ------
     ValueError
-        For an unknown firmware or unit, and for an acceleration, which would be lost.
+        For an unknown firmware or unit, and for gains with acceleration.
 
     Examples
     --------
@@ -136,14 +137,14 @@ def firmware_form(
 def firmware_gains(
     firmware: str, p: float, i: float, d: float = 0.0, full_output: float = 1.0, time_unit: str = "s"
 ) -> tuple[IdealGains, float]:
-    """Return the gains that three numbers of a firmware stand for, and the lag of its derivative as it comes.
+    """Return the gains for three parameters of a firmware, and the default time constant of its derivative filter.
 
     Parameters
     ----------
     firmware, full_output, time_unit : str, float, str
         As for `firmware_form`.
     p, i, d : float
-        The numbers.
+        The parameters.
 
     Returns
     -------
@@ -155,7 +156,7 @@ def firmware_gains(
     Raises
     ------
     ValueError
-        For an unknown firmware or unit, and numbers of different signs.
+        For an unknown firmware or unit, and parameters of different signs.
 
     Examples
     --------
@@ -212,7 +213,7 @@ def _with_units(gain: float, ti: float, td: float) -> dict[str, float]:
 
 
 def _filters(parts: tuple[FilteredGains, ...], unit: float) -> str:
-    """Say which part is behind how many lags, and of what time constant."""
+    """List the parts of a controller with the time constants and numbers of their lags."""
     said = []
     for part in parts:
         if part.filter_order:

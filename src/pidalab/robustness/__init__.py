@@ -4,9 +4,8 @@ Poles and margins have their names at the top of the library (`pidalab.is_stable
 absolute stability, and the largest gain from noise to control signal, have theirs here.
 """
 
-from pidalab.robustness._infimum import LinearPart
-from pidalab.robustness.control_sensitivity import max_control_sensitivity
-from pidalab.robustness.limits import Criterion, circle, linear_part, popov, smallest_filter_time
+from pidalab.robustness.limits import Criterion, LinearPart, circle, linear_part, popov, smallest_filter_time
+from pidalab.robustness.margins import max_control_sensitivity
 
 __all__ = [
     "Criterion",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.optimize import brentq
 
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop
-from pidalab.robustness._arrays import SENSITIVITY
-from pidalab.robustness.loops import explore
+from pidalab.robustness.axis import SENSITIVITY
+from pidalab.robustness.in_s import unit_axis
 from pidalab.robustness.poles import count_unstable
 
 QUIETEST_GIVEN = 0.1  # |L| of the given loop above which the turns of its dead time are followed
@@ -51,32 +53,36 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     >>> print(f"{k:.4f} {pidalab.max_sensitivity(pidalab.Loop(process, k * controller))[0]:.6f}")
     0.9232 1.600000
     """
-    open_loop(loop)  # complains about what is no continuous loop
+    open_loop(loop)  # raises for a loop that is not continuous
     ms = _check.real("ms", ms, above=1.0)
-    looked = explore(loop)
+    axis = unit_axis(loop)
 
     def excess(k: float) -> float:
-        return 1 / ms - 1 / looked.scaled(k).peak(SENSITIVITY)[0]
+        return 1 / ms - 1 / axis.scaled(k).peak(SENSITIVITY)[0]
 
     def stable(k: float) -> bool:
         try:
-            return count_unstable(looked.scaled(k)) == 0
+            return count_unstable(axis.scaled(k)) == 0
         except ArithmeticError:  # its phase turns too often to follow: it is far from stable
             return False
 
-    w = looked.follow(QUIETEST_GIVEN)
+    # at the ends of the axis L is real, and at infinity not 0 if process and controller are biproper
+    ends = [L for L in (axis.at_zero, axis.at_end) if math.isfinite(L)]
+    w = axis.follow(QUIETEST_GIVEN)
     w = w[w <= FAR_SHARE * w[-1]]
     for _ in range(MOST_LOOKS):
-        candidates = (k * (1 - MS_RTOL) for k in _reached_from_below(looked.L(w), ms))
-        found = next(filter(stable, candidates), None)
-        if found is None:
+        candidates = _reached_from_below(np.append(axis.L(w), ends), ms)
+        largest = next((k for c in candidates if stable(k := c * (1 - MS_RTOL))), None)
+        if largest is None:
             break
-        peak, at = looked.scaled(found).peak(SENSITIVITY)
+        peak, at = axis.scaled(largest).peak(SENSITIVITY)
         if peak <= ms * (1 + MS_RTOL):
-            low, high = found * (1 - 10 * MS_RTOL), found * (1 + 10 * MS_RTOL)
+            low, high = largest * (1 - 10 * MS_RTOL), largest * (1 + 10 * MS_RTOL)
             if not excess(low) < 0 <= excess(high):
-                return found
-            return float(brentq(excess, low, high, xtol=1e-15 * found, rtol=1e-14))
+                return largest
+            return float(brentq(excess, low, high, xtol=1e-15 * largest, rtol=1e-14))
+        if not 0 < at < math.inf:
+            break
         w = np.sort(np.append(w, at * AROUND_PEAK))
     raise ValueError(f"no gain of this controller gives a stable loop that reaches ms = {ms:g} from below")
 

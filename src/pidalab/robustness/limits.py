@@ -30,29 +30,67 @@ With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \th
 the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`; without derivative the
 circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is found from the grid of margins, with the turns of the dead time followed wherever they may matter: see
-`pidalab.robustness._infimum`.
+The infimum is found from the grid of margins. The turns of the dead time are followed wherever a value below the
+smallest that is known is possible.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
-from pidalab.robustness._infimum import LinearPart, infimum, line
+from pidalab.robustness.axis import Samples, lowest, most_between
+from pidalab.robustness.in_s import from_factors, from_roots
 from pidalab.roots import border, roots
 
+NO_LOWER = 1e-10  # by how much a value must be lower to be sought, relative to it if it is beyond 1
+GRID_STEPS = 60  # of the grid that are followed at a time
 TOLERANCE = 1e-6  # margin above which a criterion surely holds
 LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop
 BELOW_RESET = 1 - 1e-6  # largest multiplier, as a share of the time of a reset
 MARGIN_RTOL = 1e-9  # share of the margin that a better multiplier may add
 MOST_MULTIPLIERS, FURTHER = 60, 4.0  # that are tried at most, and how many times as far as before
+
+
+class LinearPart(NamedTuple):
+    """What a limited control signal drives on its way back: G = F - F_r.
+
+    Attributes
+    ----------
+    forward : Process
+        F, from the limited control signal through process, filter and controller, without the reset.
+    zeros, poles : ndarray of complex
+        Of its rational part; a pole at 0 is left out.
+    reset_time : float
+        T_i of the reset F_r = 1/(1 + T_i s); infinite where there is none.
+    """
+
+    forward: Process
+    zeros: Any
+    poles: Any
+    reset_time: float
+
+    def __call__(self, s: ArrayLike) -> Any:
+        """Evaluate G at complex s."""
+        rate = 1 / self.reset_time
+        return self.forward(s) - rate / (rate + np.asarray(s))
+
+    @property
+    def integrates(self) -> bool:
+        """Whether F has a pole at 0."""
+        return bool(self.forward.den[-1] == 0)
+
+    @property
+    def gain(self) -> float:
+        """Ratio of the leading coefficients of F."""
+        return float(self.forward.num[0] / self.forward.den[0])
 
 
 class Criterion(NamedTuple):
@@ -299,3 +337,91 @@ def smallest_filter_time(
             return 0.0
         high, low = low, max(0.9 * low, shortest)
     return border(lambda filter_time: holds(family(filter_time)), inside=high, outside=low)
+
+
+# --- the infimum ------------------------------------------------------------------------------------------------------
+
+
+def ends(part: LinearPart, theta: float) -> tuple[float, float]:
+    """Limits of Re[1 + (1 + jωθ) G] at zero and at infinite frequency, there with dead time the lower limit."""
+    forward = part.forward
+    den = forward.den[:-1] if part.integrates else forward.den
+    (n1, n0), (d1, d0) = (np.append([0.0, 0.0], p)[-2:] for p in (forward.num, den))
+    e = n0 / d0
+    slope = (n1 - e * d1) / d0 - e * forward.delay
+    at_zero = (slope + theta * e if part.integrates else e) - float(math.isfinite(part.reset_time))
+    constant = part.gain * theta if len(forward.den) == len(forward.num) + 1 else 0.0
+    at_infinity = -abs(constant) if forward.delay else constant
+    return float(1 + at_zero), 1 + at_infinity - theta / part.reset_time
+
+
+def _reset(part: LinearPart, w: Any, theta: float) -> Any:
+    """Real part of (1 + jωθ) F_r, which falls or rises without turning."""
+    if math.isinf(part.reset_time):
+        return 0.0 * w
+    share = theta / part.reset_time
+    return share + (1 - share) / (1 + (w * part.reset_time) ** 2)
+
+
+def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
+    """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and the frequency where it lies: 0 or inf where approached there.
+
+    F must be strictly proper, without poles on the axis but one at 0.
+
+    Notes
+    -----
+    The dead time turns only (1 + jωθ) F(jω). Its turns are followed wherever its size allows a value below the smallest
+    that is known. A pole of F at 0 would make its real part a small difference of large numbers at low frequencies. But
+    with F = E/s the real part is Im E/ω, and E has no such pole.
+    """
+    # of F, or of E where F = E/s
+    axis = from_factors(from_roots(part.gain, part.zeros, part.poles, part.forward.delay))
+
+    def function(samples: Samples) -> Any:
+        e = samples.num / samples.den
+        real = e.imag / samples.w + theta * e.real if part.integrates else e.real - samples.w * theta * e.imag
+        return 1 + real - _reset(part, samples.w, theta)
+
+    at_zero, at_infinity = ends(part, theta)
+    grid = axis.on_grid
+    best = min(at_zero, at_infinity, float(function(grid).min()))
+    size = axis.size * np.abs(1 + 1j * theta * grid.w) / (grid.w if part.integrates else 1.0)
+    reset = _reset(part, grid.w, theta)
+    bound = 1 - most_between(size[:-1], size[1:]) - np.fmax(reset[:-1], reset[1:])
+    followed = np.zeros(bound.size, dtype=bool)
+    while axis.delay:
+        steps = ~followed & (bound < _below(best))
+        steps &= np.cumsum(steps) <= GRID_STEPS
+        if not steps.any():
+            break
+        followed |= steps
+        best = min(best, float(function(axis.at(axis.points(steps))).min()))
+    samples = axis.at(axis.points(followed))
+    values = function(samples)
+    change = np.abs(np.diff(values))
+    inner = values[1:-1]
+    dips = (inner <= values[:-2]) & (inner <= values[2:]) & (inner - np.fmax(change[:-1], change[1:]) <= best)
+    at, least = lowest(lambda w: function(axis.at(w)), samples.w, 1 + np.flatnonzero(dips))
+    i = int(np.argmin(values))
+    found, where = min(
+        [(float(values[i]), float(samples.w[i])), *zip(least.tolist(), at.tolist(), strict=True)]
+    )
+    for value, end in ((at_zero, 0.0), (at_infinity, math.inf)):
+        if _below(value) <= found:
+            return value, end
+    return found, where
+
+
+def line(part: LinearPart, w: float) -> tuple[float, float]:
+    """Value at θ = 0 and slope of Re[1 + (1 + jωθ) G(jω)], linear in θ; of its limits where ω is 0 or infinite."""
+    if 0 < w < math.inf:
+        value = complex(part(1j * w))
+        return 1 + value.real, -w * value.imag
+    # at infinity θ = 0 is another function, whose limit is that of the line all the same
+    one, two = (ends(part, theta)[int(w > 0)] for theta in (1.0, 2.0))
+    return 2 * one - two, two - one
+
+
+def _below(best: float) -> float:
+    """What a value must not exceed to be lower."""
+    return best - NO_LOWER * max(1.0, abs(best))

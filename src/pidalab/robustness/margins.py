@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,17 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop
-from pidalab.robustness._arrays import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, TooManyTurns, height, zeros
-from pidalab.robustness.loops import explore
-from pidalab.robustness.peaks_and_crossovers import Explorer
+from pidalab.robustness.axis import (
+    COMPLEMENTARY,
+    DIFFERENCE,
+    SENSITIVITY,
+    Axis,
+    TooManyTurns,
+    height,
+    zeros,
+)
+from pidalab.robustness.in_s import axis_in_s, factors_of
+from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable
 
 QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
@@ -116,7 +125,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     >>> print(f"{ms:.6f} {w:.4f}")
     1.590490 1.1442
     """
-    return explore(loop).peak(SENSITIVITY)
+    return axis_of(loop).peak(SENSITIVITY)
 
 
 def max_complementary(loop: Loop) -> tuple[float, float]:
@@ -139,7 +148,7 @@ def max_complementary(loop: Loop) -> tuple[float, float]:
     >>> max_complementary(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))
     (1.0, 0.0)
     """
-    return explore(loop).peak(COMPLEMENTARY)
+    return axis_of(loop).peak(COMPLEMENTARY)
 
 
 def max_difference(loop: Loop) -> tuple[float, float]:
@@ -163,7 +172,46 @@ def max_difference(loop: Loop) -> tuple[float, float]:
     >>> print(f"{1 / half:.4f} {w:.3f}")
     0.8832 1.030
     """
-    return explore(loop).peak(DIFFERENCE)
+    return axis_of(loop).peak(DIFFERENCE)
+
+
+def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
+    r"""Largest gain Mks from measurement noise to control signal, and the frequency where it lies.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop, stable or not; its output filter is part of the controller.
+
+    Returns
+    -------
+    mks, wmks : float
+        The supremum of \|C/(1 + L)\| over all frequencies, in units of u per unit of y; ``wmks`` is 0 or inf where
+        it is only approached.
+
+    Raises
+    ------
+    ValueError
+        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.robustness import max_control_sensitivity
+    >>> controller = pidalab.HighOrderPID([0.3, 0.8, 0.4], filter_time=0.05, filter_order=2)
+    >>> mks, w = max_control_sensitivity(pidalab.Loop(pidalab.lags(3, delay=1.0), controller))
+    >>> print(f"{mks:.4f} {w:.2f}")
+    4.0109 19.75
+    """
+    axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
+    # at zero frequency C S is 1/P, or C where it does not integrate
+    (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
+    static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
+    if c_den[-1] == 0 or f_den[-1] == 0:
+        at_zero = abs(1 / static) if static else math.inf
+    if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant
+        at_end = abs(loop.transfer("u", "n", 1j * axis.grid[-1]))
+    return axis.supremum(partial(axis.highest, SENSITIVITY, weight=controller), at_zero, float(at_end))
 
 
 def gain_crossovers(loop: Loop) -> Array:
@@ -186,7 +234,7 @@ def gain_crossovers(loop: Loop) -> Array:
     >>> pidalab.gain_crossovers(pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 0.25)).round(9).tolist()
     [0.5]
     """
-    return explore(loop).gain_crossovers
+    return axis_of(loop).gain_crossovers
 
 
 def bandwidth(loop: Loop) -> float:
@@ -213,18 +261,18 @@ def bandwidth(loop: Loop) -> float:
     >>> print(f"{pidalab.bandwidth(pidalab.Loop(pidalab.ipdt(1.0, delay=0.0), 0.5)):.4f}")
     0.4988
     """
-    looked = explore(loop)
-    if count_unstable(looked):
+    axis = axis_of(loop)
+    if count_unstable(axis):
         raise ValueError("the closed loop is unstable: it has no bandwidth")
-    static = 1.0 if math.isinf(looked.at_zero) else abs(looked.at_zero / (1 + looked.at_zero))
+    static = 1.0 if math.isinf(axis.at_zero) else abs(axis.at_zero / (1 + axis.at_zero))
     if static == 0:
         raise ValueError("T is 0 at rest, found static gain 0: its bandwidth is not defined")
     level = static * 10 ** (-DROP / 20)
     # where |L| < level / (1 + level), |T| is below the level
-    w = looked.follow(0.9 * level / (1 + level))
+    w = axis.follow(0.9 * level / (1 + level))
 
     def excess(w: Any) -> Any:
-        _, num, den = looked.at(w)
+        _, num, den = axis.at(w)
         return height(COMPLEMENTARY, num, den) - level
 
     values = excess(w)
@@ -256,7 +304,7 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     >>> (w / np.pi).round(9).tolist()
     [0.5, 2.5]
     """
-    return explore(loop).phase_crossovers(_check.real("quietest", quietest, above=0.0))
+    return axis_of(loop).phase_crossovers(_check.real("quietest", quietest, above=0.0))
 
 
 def margins(loop: Loop) -> Margins:
@@ -290,15 +338,15 @@ def margins(loop: Loop) -> Margins:
     Ms = 1.59 at 1.144 rad/time, Mt = 1 at 0
     gain margin 3.142 at 1.571, lower 0, phase margin 61.35 deg at 0.5, delay margin 2.142, disk margin 0.8832
     """
-    looked = explore(loop)
-    count, wgc = count_unstable(looked), looked.gain_crossovers
-    at_crossovers = looked.L(wgc)
+    axis = axis_of(loop)
+    count, wgc = count_unstable(axis), axis.gain_crossovers
+    at_crossovers = axis.L(wgc)
     lag = np.mod(np.angle(at_crossovers) + np.pi, 2 * np.pi)  # what further dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
-    wpc, at, size = _phase_crossovers(looked, bool(count))
+    wpc, at, size = _phase_crossovers(axis, bool(count))
     small, large = np.where(size < 1, size, 0.0), size[size > 1]
-    (ms, wms), (mt, wmt), (difference, _) = map(looked.peak, (SENSITIVITY, COMPLEMENTARY, DIFFERENCE))
-    continuous, unknown = math.isinf(looked.end), bool(np.isnan(size).any())
+    (ms, wms), (mt, wmt), (difference, _) = map(axis.peak, (SENSITIVITY, COMPLEMENTARY, DIFFERENCE))
+    continuous, unknown = math.isinf(axis.end), bool(np.isnan(size).any())
     return Margins(
         stable=count == 0,
         unstable_poles=count,
@@ -306,7 +354,7 @@ def margins(loop: Loop) -> Margins:
         gm_low=math.nan if unknown else float(1 / large.min()) if large.size else 0.0,
         pm=float(np.degrees(rotation.min(initial=math.inf))),
         # with |L| >= 1 out to infinity, any extra dead time is too much
-        dm=0.0 if continuous and abs(looked.at_end) >= 1 else float(np.min(lag / wgc, initial=math.inf)),
+        dm=0.0 if continuous and abs(axis.at_end) >= 1 else float(np.min(lag / wgc, initial=math.inf)),
         disk=1 / difference if difference else math.inf,
         ms=ms,
         mt=mt,
@@ -315,24 +363,24 @@ def margins(loop: Loop) -> Margins:
         wms=wms,
         wmt=wmt,
         gain_crossovers=wgc,
-        phase_crossovers=wpc if continuous or looked.at_end >= 0 else at[1:],
+        phase_crossovers=wpc if continuous or axis.at_end >= 0 else at[1:],
     )
 
 
-def _phase_crossovers(looked: Explorer, unstable: bool) -> tuple[Array, Array, Array]:
+def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
     """Phase crossovers; the same with both ends of the axis, and |L| there, 0 where it is positive."""
     quietest = QUIETEST
     try:
-        wpc = looked.phase_crossovers(quietest)
-        L = np.abs(looked.L(wpc))
-        while looked.delay and quietest > 1e-12 and not np.any(L < 1):
+        wpc = axis.phase_crossovers(quietest)
+        L = np.abs(axis.L(wpc))
+        while axis.delay and quietest > 1e-12 and not np.any(L < 1):
             quietest /= 10
-            wpc = looked.phase_crossovers(quietest)
-            L = np.abs(looked.L(wpc))
+            wpc = axis.phase_crossovers(quietest)
+            L = np.abs(axis.L(wpc))
     except TooManyTurns:
         if not unstable:
             raise
         return np.zeros(0), np.zeros(1), np.full(1, math.nan)
     # at the ends of the axis L is real: these are phase crossovers too where it is negative
-    at = np.concatenate([[0.0], wpc, [looked.end]])
-    return wpc, at, np.concatenate([[max(-looked.at_zero, 0.0)], L, [max(-looked.at_end, 0.0)]])
+    at = np.concatenate([[0.0], wpc, [axis.end]])
+    return wpc, at, np.concatenate([[max(-axis.at_zero, 0.0)], L, [max(-axis.at_end, 0.0)]])

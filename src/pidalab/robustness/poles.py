@@ -11,8 +11,9 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import Process
-from pidalab.robustness.loops import explore, factors, from_factors, together
-from pidalab.robustness.peaks_and_crossovers import Explorer, LoopFactors
+from pidalab.robustness.axis import Axis
+from pidalab.robustness.in_s import LoopFactors, from_factors, from_roots, loop_factors
+from pidalab.robustness.in_z import axis_of
 
 MOST_NODES = 512  # of the collocation on the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
@@ -56,17 +57,17 @@ def unstable_poles(loop: Loop) -> float:
     >>> pidalab.unstable_poles(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 1.6))
     2
     """
-    return count_unstable(explore(loop))
+    return count_unstable(axis_of(loop))
 
 
-def count_unstable(looked: Explorer) -> float:
-    """Count the unstable poles of a loop that is looked at along the axis."""
-    if math.isinf(looked.end) and looked.delay and abs(looked.at_end) >= 1 - 1e-12:
+def count_unstable(axis: Axis) -> float:
+    """Count the unstable poles of a loop from its axis."""
+    if math.isinf(axis.end) and axis.delay and abs(axis.at_end) >= 1 - 1e-12:
         return math.inf
-    slowest = looked.grid[0]
-    # a contour that leans to the left takes in the roots on the axis; the last one passes 0 farther off, too
-    for lean, aside in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
-        count = looked.encirclements(lean, aside)
+    slowest = axis.grid[0]
+    # A contour that is tilted to the left takes in the roots on the axis. The last one also passes 0 farther off.
+    for slope, shift in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
+        count = axis.encirclements(slope, shift)
         if count is not None:
             return count
     raise ArithmeticError(
@@ -146,13 +147,13 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
             raise ArithmeticError(f"the {count} rightmost poles cannot be told from their neighbours")
         return found[:last]
     delay, nodes = loop.process.delay, 32
-    loop, of = _in_dead_times(loop), _factors_in_dead_times(loop)
+    loop, factors = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(from_factors(of).at_end))  # where the poles of a neutral loop gather
+        chain = np.log(abs(from_factors(factors).at_end))  # where the poles of a neutral loop gather
     while nodes <= MOST_NODES:
         found = _polished(loop, _collocation(loop, nodes))
         for last in range(count, min(count + CLUSTER, found.size) + 1):
-            if last == _whole_pairs(found, last) and _all_of_them(of, found, last, chain):
+            if last == _whole_pairs(found, last) and _all_of_them(factors, found, last, chain):
                 return found[:last] / delay
         nodes *= 2
     if found.size < count:
@@ -173,18 +174,18 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     solve the equation as the factors have it, they are brought there by Aberth's method. It may fail for a cluster, as
     around the poles of a fast filter; each pole of one that is not found has a true one within n steps of Newton.
     """
-    of, (num, den) = factors(loop), open_loop(loop)
+    factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):
-        return _sorted(np.array(of.poles)), np.zeros(len(of.poles))
+        return _sorted(np.array(factors.poles)), np.zeros(len(factors.poles))
     s = np.roots(np.polyadd(num, den))  # to begin with; scattered where `roots` would refuse
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
-            value, step = _newton(s, of)
+            value, step = _newton(s, factors)
             solved = (np.abs(1 + value) <= SOLVED * (1 + np.abs(value))) | (
                 np.abs(step) <= SOLVED * np.abs(s)
             )
             # a zero on a pole of L is a pole of the loop, where L is 0/0
-            cancelled = np.isin(s, of.zeros) & np.isin(s, of.poles)
+            cancelled = np.isin(s, factors.zeros) & np.isin(s, factors.poles)
             off = np.where(solved | cancelled | (s == 0), 0.0, s.size * np.abs(step))
             if not np.any(off):
                 break
@@ -194,25 +195,27 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     return s[order], off[order]
 
 
-def _newton(s: Any, of: LoopFactors) -> tuple[Any, Any]:
+def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
     """L, and the step of Newton's method on D + N, from the factors."""
-    from_zeros, from_poles = s[:, None] - of.zeros, s[:, None] - of.poles
+    from_zeros, from_poles = s[:, None] - factors.zeros, s[:, None] - factors.poles
     # factor by factor, since the products leave the range of numbers
-    pairs = min(of.zeros.size, of.poles.size)
-    value = of.gain * np.prod(from_zeros[:, :pairs] / from_poles[:, :pairs], axis=1)
+    pairs = min(factors.zeros.size, factors.poles.size)
+    value = factors.gain * np.prod(from_zeros[:, :pairs] / from_poles[:, :pairs], axis=1)
     value = value / np.prod(from_poles[:, pairs:], axis=1)
     slope = np.sum(1 / from_poles, axis=1) + value * np.sum(1 / from_zeros, axis=1)
     return value, (1 + value) / slope
 
 
-def _all_of_them(of: LoopFactors, found: Any, last: int, chain: float) -> bool:
+def _all_of_them(factors: LoopFactors, found: Any, last: int, chain: float) -> bool:
     """Whether the argument principle counts as many poles as the first `last`, right of a line behind these."""
     slowest = found[last - 1].real
     border = slowest - 1 if last == found.size else max(0.5 * (slowest + found[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
         return False
     try:
-        shifted = together(of.gain * math.exp(-border), of.zeros - border, of.poles - border, 1.0)
+        shifted = from_roots(
+            factors.gain * math.exp(-border), factors.zeros - border, factors.poles - border, 1.0
+        )
         return count_unstable(from_factors(shifted)) == last
     except ArithmeticError:
         return False
@@ -226,9 +229,9 @@ def _in_dead_times(loop: Loop) -> Loop:
 
 def _factors_in_dead_times(loop: Loop) -> LoopFactors:
     """Return the factors of the loop with its dead time as the unit of time."""
-    of, delay = factors(loop), loop.process.delay
-    gain = of.gain * delay ** (of.poles.size - of.zeros.size)
-    return together(gain, of.zeros * delay, of.poles * delay, 1.0)
+    factors, delay = loop_factors(loop), loop.process.delay
+    gain = factors.gain * delay ** (factors.poles.size - factors.zeros.size)
+    return from_roots(gain, factors.zeros * delay, factors.poles * delay, 1.0)
 
 
 def _collocation(loop: Loop, nodes: int) -> Any:

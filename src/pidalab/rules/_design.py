@@ -1,4 +1,4 @@
-"""What every rule returns from `tune`: one type for all of them."""
+"""The result of every rule's `tune`."""
 
 from __future__ import annotations
 
@@ -21,19 +21,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A controller with its filters, the model it was made for, and where it comes from.
+    """A controller with its filters, its model and its source.
 
-    Every rule returns one from its ``tune``. What else a rule knows of its design, such as a predicted IAE or the
-    time constants behind the gains, is in `info`, and each entry can be read as an attribute: ``design.iae``.
-    Whatever the rule, ``design.ms`` is the maximum sensitivity that its loop has, infinite where that is unstable; what
-    was asked for has another name, ``ms_asked``.
+    Every rule's ``tune`` returns one. Further results of the rule, such as a predicted IAE, are in `info`, and each
+    entry is an attribute, too: ``design.iae``. For every rule, ``design.ms`` is the maximum sensitivity of its loop,
+    infinite if the loop is unstable; a requested value is ``ms_asked``.
 
     Parameters
     ----------
     model : Process, MeasuredAreas or ndarray
-        What the rule was given. Areas take the place of a model with the magnitude optimum alone.
+        The model that the rule was given, or areas in the case of the magnitude optimum.
     controller : controller
-        From control error to control signal, its own filters included.
+        From control error to control signal, with its own filters.
     prefilter : control.TransferFunction, optional
         Filter of the set point; None for none.
     output_filter : OutputFilter or control.TransferFunction, optional
@@ -41,9 +40,9 @@ class Design:
     source : str
         Paper and equations of the rule.
     info : mapping, optional
-        What else is known, by name.
+        Further results, by name.
     sources : mapping, optional
-        Where single entries of `info` come from, by the same names.
+        Sources of single entries of `info`, by the same names.
 
     Examples
     --------
@@ -78,7 +77,7 @@ class Design:
 
     @cached_property
     def _ms(self) -> float:
-        """Maximum sensitivity of the loop with the model, computed when it is asked for."""
+        """Maximum sensitivity of the loop with the model, computed on first use."""
         from pidalab.robustness.margins import max_sensitivity
         from pidalab.robustness.poles import is_stable
 
@@ -108,7 +107,7 @@ class Design:
         Raises
         ------
         TypeError
-            Without a process, for a design that was made from areas: they are no model.
+            Without a process, for a design that was made from areas.
 
         Examples
         --------
@@ -119,16 +118,16 @@ class Design:
         """
         if process is None and not isinstance(self.model, Process):
             raise TypeError(
-                "process must be given, as in design.loop(process): this design was made from areas"
+                "process must be given for a design that was made from areas, as in design.loop(process)"
             )
         plant = self.model if process is None else process
         return Loop(plant, self.controller, self.output_filter, self.prefilter)
 
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
-        """Return the digital controller for a sample time, with output filter and prefilter as parts of it.
+        """Return the digital controller for a sample time, with output filter and prefilter.
 
-        The lag of a sensor that was given to `pidalab.tune` as an output filter is not part of the controller: take
-        ``design.controller.discretise`` then.
+        If the output filter describes a sensor (as in `pidalab.tune`), it is not part of the controller: use
+        ``design.controller.discretise``.
 
         Parameters
         ----------
@@ -137,7 +136,7 @@ class Design:
         method : {"backward", "tustin", "zoh"}, optional
             As in `pidalab.digital.discretise`.
         **options : optional
-            Limits, weights of the set point, and so on, as in `pidalab.digital.discretise`.
+            As in `pidalab.digital.discretise`.
 
         Returns
         -------
@@ -163,20 +162,19 @@ class Design:
         return self.controller.discretise(sample_time, method, self.output_filter, **options)
 
     def vendor_forms(self, time_unit: str = "s", full_output: float | None = None) -> VendorForms:
-        """Return the controller in the forms of vendors, and all filters of the design beside them.
+        """Return the controller as parameters of vendor blocks, with all filters of the design.
 
         Parameters
         ----------
         time_unit : {"s", "min", "h"}, optional
             Unit of the model's time.
         full_output : float, optional
-            u at full power, such as 1 or 100: then also as the firmware Klipper and Betaflight write their numbers, for
-            a y in °C and in degrees per second.
+            As in ``controller.vendor_forms``.
 
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes, or why they do not exist.
+            Ideal, series and parallel form, with times in seconds and minutes, or the reason why one does not exist.
 
         Raises
         ------
@@ -194,8 +192,10 @@ class Design:
         filters:  none; output filter OutputFilter(time=1.97752, order=1, wgc=0.0252842) in units of the model
         """
         forms = self.controller.vendor_forms(time_unit, full_output)
-        own = {"output filter": self.output_filter, "prefilter": self.prefilter}
-        beside = [f"; {name} {_block(x)} in units of the model" for name, x in own.items() if x is not None]
+        filters = {"output filter": self.output_filter, "prefilter": self.prefilter}
+        beside = [
+            f"; {name} {_block(x)} in units of the model" for name, x in filters.items() if x is not None
+        ]
         return forms._replace(filters=forms.filters + "".join(beside))
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""SIMC: PI and PID from lags, zeros, integrators and dead time, which the half rule brings to one lag or two."""
+"""SIMC: PI and PID for a model that the half rule reduces to one lag or two."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from pidalab.process import Process, require_process
 from pidalab.roots import roots
 from pidalab.rules._design import Design
 
-# share of imaginary part up to which poles count as real: a multiple lag splits by rounding
+# largest relative imaginary part of a real pole: rounding splits multiple poles
 OSCILLATING = 0.05
-# times that a zero's time may be longer than a lag which it is taken together with
+# largest ratio of the time constants of a zero and a shorter lag that are paired
 CLOSE_LAG = 1.6 * (1 - 1e-9)
-MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # of a model until its effective dead time stays, to such a share
+MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # iterations for the effective dead time, and their tolerance
 
 
 def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = None, n: float = 10) -> Design:
-    r"""SIMC: a PI or PID controller from lags, brought to one or two by the half rule.
+    r"""Design a PI or PID controller by SIMC, for a model reduced by the half rule.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \tau_2
 
-    in series form; an integrator counts as a lag without end. Half of the largest lag that is left out goes to the last
-    lag that is kept, the other half, all smaller lags and zeros in the right half-plane go to the dead time. A zero in
-    the left half-plane is taken together with a lag beside it (rules T1 to T3). A dead time alone gets an integral
-    controller, two integrators a PID controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and
+    in series form; an integrator counts as an infinite lag. Half of the largest neglected lag is added to the smallest
+    kept lag. The other half, all smaller lags and the zeros in the right half-plane are added to the dead time. A zero
+    in the left half-plane is cancelled against a lag near it (rules T1 to T3). A pure dead time gets an integral
+    controller, a double integrator a PID controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and
     :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     ==================  ==================
@@ -47,7 +47,7 @@ def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = Non
     kind : {"PI", "PID"}, optional
         Which controller.
     closed_loop_time : float, optional
-        Time constant that the closed loop should have, above 0; by default the effective dead time, as recommended.
+        Wanted time constant of the closed loop, above 0; by default the effective dead time, as recommended.
     n : float, optional
         Ratio of derivative time and its filter.
 
@@ -91,12 +91,12 @@ def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = Non
 
 
 def improved_simc(model: Process, closed_loop_time: float | None = None, n: float = 10) -> Design:
-    r"""Improved SIMC: the PI controller of SIMC with a derivative time of a third of the dead time, in series form.
+    r"""Design a controller by improved SIMC: SIMC's PI in series with a derivative time of a third of the dead time.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
 
-    A dead time alone gets a PI controller, :math:`k_i = 1/(K (\tau_c + \theta))` and :math:`k_p = k_i\,\theta/3`.
+    A pure dead time gets a PI controller, :math:`k_i = 1/(K (\tau_c + \theta))` and :math:`k_p = k_i\,\theta/3`.
 
     Parameters
     ----------
@@ -119,8 +119,8 @@ def improved_simc(model: Process, closed_loop_time: float | None = None, n: floa
 
     Notes
     -----
-    The rule is that of the abstract of Grimholt and Skogestad (2018); the rest of the paper was not at hand. The
-    default of τ_c is ours: without filter a lag with dead time then has Ms from 1.65 to 1.73, about as with `simc`.
+    The rule is from the abstract of Grimholt and Skogestad (2018); the paper itself was not available. The default of
+    τ_c is our choice: without filter, a lag with dead time then has Ms from 1.65 to 1.73, about as with `simc`.
 
     Examples
     --------
@@ -156,7 +156,7 @@ def _closed_loop_time(asked: float | None, usual: float) -> float:
 
 
 def _series_pi(reduced: Reduced, reach: float) -> tuple[float, float]:
-    """Gain and integral time of SIMC for one lag, or for an integrator: a lag without end, eq. (25)."""
+    """Return gain and integral time of SIMC for one lag or an integrator, an infinite lag, eq. (25)."""
     first, velocity = (math.inf, reduced.gain)
     if not reduced.integrators:
         first, velocity = reduced.lags[0], reduced.gain / reduced.lags[0]
@@ -164,27 +164,29 @@ def _series_pi(reduced: Reduced, reach: float) -> tuple[float, float]:
 
 
 def _from_series(kc: float, ti: float, td: float, n: float) -> PIDA:
-    """Controller in standard form of one in series form."""
+    """Return the controller in standard form for one in series form."""
     factor = 1 + td / ti
     return PIDA(kc * factor, ti * factor, td / factor, 0.0, n)
 
 
 class Reduced(NamedTuple):
-    """What the half rule leaves of a model."""
+    """A model reduced by the half rule."""
 
-    gain: float  # static, or that of so many integrators
+    gain: float  # static gain, or gain of the integrators
     lags: tuple[float, ...]
     delay: float
     integrators: int
 
 
 def _half_rule(model: Process, keep: int) -> Reduced:
-    """Bring a model to as many lags and integrators as are to be kept, and an effective dead time.
+    """Reduce a model to `keep` lags and integrators, and an effective dead time.
 
-    Which rule serves a zero in the left half-plane depends on the effective dead time, which depends on the rule: they
-    are gone through until it stays. More than one may stay, and the paper does not say where to begin: here with the
-    dead time of the model, or where it has none with that of its lags alone, which leads to its examples. Where it goes
-    round in a circle, the longest is taken, for the sake of caution.
+    Notes
+    -----
+    The rule for a zero in the left half-plane depends on the effective dead time, which depends on the rule. So the
+    reduction is repeated until the dead time stays the same. There may be several such dead times, and the paper does
+    not name a start. Here it is the dead time of the model or, without one, that of the lags alone; this start gives
+    the examples of the paper. If the iteration is periodic, the longest dead time is used, to be cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -213,9 +215,9 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 def _without_leads(
     gain: float, lags: list[float], leads: list[float], integrators: int, delay: float
 ) -> tuple[float, list[float], int]:
-    """Replace each zero in the left half-plane, and a lag beside it, by a gain and perhaps a shorter lag.
+    """Replace each zero in the left half-plane and a lag near it by a gain, and in rule T3 a shorter lag.
 
-    These are the rules T1 to T3 of Skogestad (2003), section 2.2. An integrator counts as a lag without end.
+    These are the rules T1 to T3 of Skogestad (2003), section 2.2. An integrator counts as an infinite lag.
     """
     lags = list(lags)
     for lead in leads:
@@ -226,7 +228,7 @@ def _without_leads(
             lags.remove(shorter)
             gain *= lead / shorter if shorter >= delay else max(lead / delay, 1.0)
             continue
-        kept = min(longer, max(5 * delay, lead))  # T3; it is the lead itself in T2
+        kept = min(longer, max(5 * delay, lead))  # T3; equal to the lead in T2
         rest = kept - lead
         if math.isinf(longer):
             integrators -= 1
@@ -239,11 +241,11 @@ def _without_leads(
 
 
 def _halved(gain: float, lags: list[float], integrators: int, dead: float, keep: int) -> Reduced:
-    """Give half of the largest lag left out to the smallest one kept, the rest and all others to the dead time."""
+    """Add half of the largest neglected lag to the smallest kept one, all the rest to the dead time."""
     split = max(keep - integrators, 0)
     kept, rest = lags[:split], lags[split:]
     if rest:
-        if kept:  # to an integrator it makes no difference
+        if kept:  # added to an integrator it has no effect
             kept[-1] += rest[0] / 2
         dead += sum(rest) - rest[0] / 2
     return Reduced(gain, tuple(kept), dead, integrators)

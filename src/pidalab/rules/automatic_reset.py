@@ -30,7 +30,7 @@ from pidalab.process import Process, binomial
 from pidalab.roots import roots
 from pidalab.rules import mrdp
 from pidalab.rules._design import Design
-from pidalab.rules._models import integrator
+from pidalab.rules.models import integrator
 
 if TYPE_CHECKING:
     import control
@@ -72,7 +72,7 @@ class Setting(NamedTuple):
 
 
 def multiple_pole(m: int) -> Setting:
-    """PI, PID and PIDA whose loop without filter has m + 3 equal poles: eqs. (14)-(19), Table 1.
+    """Return the setting of PI, PID or PIDA with m + 3 equal poles of the loop without filter, eqs. (14)-(19), Table 1.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def multiple_pole(m: int) -> Setting:
 
 
 def double_zero(ratio: float = 1.0) -> Setting:
-    """PIDA with the double real zero in place of the complex pair, and one of the two as reset: eqs. (26)-(31).
+    """Return the setting of a PIDA with a double real zero, one of which is the reset, eqs. (26)-(31).
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def tune(
     cancelled: int = 0,
     limits: tuple[float, float] = (-math.inf, math.inf),
 ) -> Design:
-    r"""Make a series controller and its prefilter from a dimensionless setting and an integrator with dead time.
+    r"""Design a series controller and its prefilter from a dimensionless setting and an integrator with dead time.
 
     The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`, in which
     :math:`T_e = n N T_f` represents the filter, eqs. (10) and (11).

@@ -1,8 +1,8 @@
-r"""The rules that everybody knows: SIMC, AMIGO, lambda tuning, both rules of Ziegler and Nichols, Chien-Hrones-Reswick.
+r"""Well-known rules: SIMC, AMIGO, lambda tuning, both rules of Ziegler and Nichols, Chien-Hrones-Reswick.
 
-Each starts from the model that its authors start from: a lag with dead time, an integrator with dead time, for SIMC's
-PID a second lag, or the ultimate gain and period. All of them give PI or PID controllers in standard form with a filter
-on the derivative, of a tenth of the derivative time; none knows the second derivative.
+Each starts from the model of its authors: a lag or an integrator with dead time, a second lag for SIMC's PID, or the
+ultimate gain and period. All give PI or PID controllers in standard form, with a derivative filter of a tenth of the
+derivative time.
 
 ==========================  =================================================================  ===========
 function                    source                                                             models
@@ -34,8 +34,8 @@ from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.rules._design import Design
-from pidalab.rules._models import integrator, lag_with_delay, lags, require_delay
 from pidalab.rules._simc import improved_simc, simc
+from pidalab.rules.models import integrator, lag_with_delay, lags, require_delay
 
 __all__ = [
     "amigo",
@@ -48,8 +48,8 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-INSIDE_BORDER = 0.999  # of the gain at the border, which is to be stable
-# of PI and PID: gain times a = K L/T, ti in units of L after a load and of T after a set point, td in units of L
+INSIDE_BORDER = 0.999  # fraction of the ultimate gain that must be stable
+# PI and PID: kp a with a = K L/T, ti/L for load and ti/T for setpoint, td/L
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),
@@ -59,7 +59,7 @@ CHIEN_HRONES_RESWICK = {
 
 
 def amigo(model: Process, kind: str = "PID") -> Design:
-    r"""AMIGO: PI or PID controller with a maximum sensitivity near 1.4, fitted by its authors to 134 processes.
+    r"""Design by AMIGO: PI or PID with a maximum sensitivity near 1.4, fitted by its authors to 134 processes.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def amigo(model: Process, kind: str = "PID") -> Design:
 
 
 def lambda_tuning(model: Process, kind: str = "PI", closed_loop_time: float | None = None) -> Design:
-    r"""Lambda tuning: the lag is cancelled, and the closed loop gets a time constant of one's choice.
+    r"""Design by lambda tuning: cancel the lag, and give the closed loop a chosen time constant.
 
     .. math:: \text{PI: } k_p = \frac{T}{K(\lambda + L)},\; t_i = T; \qquad
               \text{PID: } k_p = \frac{T + L/2}{K(\lambda + L/2)},\; t_i = T + \frac L2,\; t_d = \frac{TL}{2T + L}
@@ -144,7 +144,7 @@ def lambda_tuning(model: Process, kind: str = "PI", closed_loop_time: float | No
 
 
 def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
-    r"""Ziegler and Nichols' first rule, from the steepest tangent of a step response: fast, and little damped.
+    r"""Design by Ziegler and Nichols' first rule, from the steepest tangent of a step response: fast, little damped.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
 
 
 def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
-    r"""Ziegler and Nichols' second rule, from the gain and the period at the border of stability.
+    r"""Design by Ziegler and Nichols' second rule, from ultimate gain and period.
 
     Parameters
     ----------
@@ -194,8 +194,8 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
     Raises
     ------
     ValueError
-        For a process whose phase never reaches -180 degrees: no gain makes it oscillate. For an unstable one, and for
-        one that is unstable under every gain, such as a double integrator: there is no border of stability.
+        For a process without ultimate gain: its phase never reaches -180 degrees, it is unstable, or every gain makes
+        it unstable, as with a double integrator.
 
     Examples
     --------
@@ -212,7 +212,7 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
     except ValueError:
         if process.den[-1] != 0:
             raise
-        w = _oscillation(process)  # several integrators have borders of other turns
+        w = _oscillation(process)  # with several integrators the phase at the ultimate frequency differs
     ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, process.gain()), 2 * math.pi / w
     pi, pid = (0.45 * ultimate, period / 1.2, 0.0), (0.6 * ultimate, period / 2, period / 8)
     source = "Ziegler and Nichols (1942), ultimate sensitivity"
@@ -220,9 +220,9 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
 
 
 def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0, kind: str = "PID") -> Design:
-    r"""Chien, Hrones and Reswick's rule: the fastest response without overshoot, or with 20 % of it.
+    r"""Design by Chien, Hrones and Reswick's rule: the fastest response with an overshoot of 0 % or 20 %.
 
-    With :math:`a = K L/T`, as it is quoted after Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2:
+    With :math:`a = K L/T`, as quoted from Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2:
 
     ========  =========  ========  =====  =========  =====  ======
     step      overshoot  PI: a kp  ti     PID: a kp  ti     td
@@ -238,7 +238,7 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     model : Process
         `fopdt` with dead time L above 0, lag T and gain K.
     test : {"load", "setpoint"}, optional
-        Which step the response is to.
+        Step for which the rule was made.
     overshoot : {0, 20}, optional
         In per cent.
     kind : {"PI", "PID"}, optional
@@ -255,14 +255,15 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
 
     Notes
     -----
-    The original paper was not at hand. All eight settings are as an independent public program quotes the table, those
-    for the set point as several do. Copies with more digits have ti = 1.16 T (set point 0 %, PI), ti = 1.357 T and
-    td = 0.473 L (set point 20 %, PID), ti = 2.357 L (load 0 %, PID); German textbooks round 1.357 T to 1.35 T.
+    The original paper was not available. All eight settings are as an independent public program quotes the table;
+    several sources agree on those for the set point. Copies with more digits have ti = 1.16 T (set point 0 %, PI), ti
+    = 1.357 T and td = 0.473 L (set point 20 %, PID), ti = 2.357 L (load 0 %, PID); German textbooks round 1.357 T to
+    1.35 T.
 
-    The authors had an analogue computer and the model of a lag and a dead time. With that model, a filter of td/10, and
-    T/L from 4 to 50, exact simulation gives for 0 %: at most 2 % after the set point, and after the load 0 % (PI) and
-    up to 9 % (PID) of the largest deviation. For 20 %: 11.6 % (PI) and 27 to 39 % (PID) after the set point, and after
-    the load 9 to 40 % (PI) and 5 to 11 % (PID). So the percentages are names rather than promises.
+    The authors used an analogue computer and a lag with dead time. With that model, a filter of td/10 and T/L from 4 to
+    50, exact simulation gives the following overshoots. Settings for 0 %: at most 2 % after a set-point step; after a
+    load step 0 % (PI) and up to 9 % (PID) of the largest deviation. Settings for 20 %: 11.6 % (PI) and 27 to 39 % (PID)
+    after a set-point step; 9 to 40 % (PI) and 5 to 11 % (PID) after a load step. The percentages are only names.
 
     Examples
     --------
@@ -291,13 +292,13 @@ def _design(model: Process, kind: str, pi: Settings, pid: Settings, source: str,
 
 
 def _oscillation(process: Process) -> float:
-    """Return the frequency at which an integrating process oscillates at the border of stability, or raise."""
+    """Return the ultimate frequency of an integrating process, or raise."""
     from pidalab.robustness.margins import phase_crossovers
     from pidalab.robustness.poles import is_stable
 
     sign = math.copysign(1.0, process.gain())
     found = phase_crossovers(Loop(process, sign))
-    # at the border: a little less gain is stable
+    # at the ultimate gain, a slightly smaller gain is stable
     borders = [
         w for w in found.tolist() if is_stable(Loop(process, sign * INSIDE_BORDER / abs(process(1j * w))))
     ]

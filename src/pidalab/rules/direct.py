@@ -14,7 +14,7 @@ from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
 from pidalab.rules._design import Design
-from pidalab.rules._models import second_order
+from pidalab.rules.models import second_order
 
 
 def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
@@ -63,7 +63,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     """
     m = second_order(model)
     lag = _check.real("alpha_d", alpha_d, above=0.0) * m.tau / (2 * m.damping)
-    # below 0 for slow filters; a bound at 0 makes Ms large
+    # it is negative for slow filters; a lower bound of 0 would make Ms large
     lead = 0.36 * m.delay - 0.391 * lag * lag / m.delay
     ki, a1 = 0.722 / (m.gain * m.delay), 2 * m.damping * m.tau
     return _from_gains(
@@ -118,7 +118,7 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
 
 
 def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a: float = 0.025) -> Design:
-    """PIDA controller for one of two tests: `setpoint` or `load`.
+    """Design a PIDA controller for one of two tests, by `setpoint` or `load`.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
 def _from_gains(
     ki: float, kp: float, kd: float, ka: float, alpha_d: float, alpha_a: float
 ) -> NonInteractivePIDA:
-    """PIDA controller; the acceleration also makes up for the derivative filter, to second order in s."""
+    """Return the controller; the acceleration compensates the derivative filter, to second order in s."""
     alpha_d = _check.real("alpha_d", alpha_d, above=0.0)
     tau_d = kd / kp if kp / ki > 0 else math.nan
     acceleration = ka / kp + alpha_d * tau_d**2 if tau_d > 0 else math.nan

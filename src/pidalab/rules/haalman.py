@@ -13,22 +13,22 @@ from pidalab.process import Process, binomial
 from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import gain_crossovers
 from pidalab.rules._design import Design
-from pidalab.rules._models import lags
+from pidalab.rules.models import lags
 
 if TYPE_CHECKING:
     import control
 
     from pidalab.identification import ThreePointModel
 
-SLOWDOWN = 0.05  # output filter time constant times gain crossover, eq. (9)
+FILTER_RATIO = 0.05  # time constant of the output filter times gain crossover, eq. (9)
 
 
 def pida(model: Process, ms: float = 1.4, n: float = 10, m: float | None = None) -> PIDA:
-    """PIDA controller for a third-order model with dead time.
+    """Design a PIDA controller for a third-order model with dead time.
 
     The integral, derivative and acceleration times cancel the model's poles, eq. (8):
-    ``ti = a1``, ``td = a2/a1``, ``ta = a3/a1``. The gain is the smallest one with which the model and the filtered
-    controller, eq. (2), reach the maximum sensitivity; the output filter (9) is not part of that loop.
+    ``ti = a1``, ``td = a2/a1``, ``ta = a3/a1``. The gain is the smallest with which the model and the filtered
+    controller, eq. (2), reach the maximum sensitivity. That loop has no output filter (9).
 
     ============  ======================================
     haalman2024   here
@@ -38,21 +38,21 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float | None = None)
     N, M          `n`, `m`
     ============  ======================================
 
-    Use it with `output_filter`, or with a prefilter of the set point: alone, a set-point step kicks the control signal
-    to kp (1 + n + m²/ta). The output filter then raises Ms somewhat above `ms`.
+    Use it with `output_filter` or a prefilter of the set point. Without them, a set-point step moves the control signal
+    to kp (1 + n + m²/ta) at once. The output filter raises Ms somewhat above `ms`.
 
     Parameters
     ----------
     model : Process
         Constant numerator, three stable poles, dead time.
     ms : float, optional
-        Maximum sensitivity wanted, above 1; 1.4, the paper's, is cautious, 2.0 fast.
+        Wanted maximum sensitivity, above 1. The paper uses 1.4 (cautious) and 2.0 (fast).
     n : float, optional
-        Ratio of the derivative time and its filter's, above 0.
+        Ratio of the derivative time and the time constant of its filter, above 0.
     m : float, optional
-        The same of the acceleration, whose filter time is ``ta/m``, a squared time over this ratio: so it has the unit
-        of time. By default ``n td``, which makes the filter times a2/(n a1) and a3/(n a2), and the design the same in
-        every unit of time. The paper has 10 in a unit near the lags of its processes: ``m=10`` is what it prints.
+        The same for the acceleration, whose filter time constant is ``ta/m``; m has the unit of time. By default
+        ``n td``. Then the filter time constants are a2/(n a1) and a3/(n a2), and the design does not depend on the unit
+        of time. The paper uses 10, in a unit near the lags of its processes.
 
     Returns
     -------
@@ -78,14 +78,14 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float | None = None)
 
 
 def pid(model: Process, ms: float = 1.4, n: float = 10) -> PIDA:
-    """PID controller for a second-order model with dead time, by the same approach, eq. (10).
+    """Design a PID controller for a second-order model with dead time, by the same approach, eq. (10).
 
     Parameters
     ----------
     model : Process
         Constant numerator, two stable poles, dead time.
     ms : float, optional
-        Maximum sensitivity wanted, above 1; by default the paper's.
+        Wanted maximum sensitivity, above 1; by default as in the paper.
     n : float, optional
         Filter ratio of the derivative, above 0.
 
@@ -111,14 +111,14 @@ def pid(model: Process, ms: float = 1.4, n: float = 10) -> PIDA:
 
 
 def pi(model: Process, ms: float = 1.4) -> PIDA:
-    """PI controller for a first-order model with dead time, by the same approach; not in the paper.
+    """Design a PI controller for a first-order model with dead time, by the same approach; not in the paper.
 
     Parameters
     ----------
     model : Process
         Constant numerator, one stable pole, dead time: `fopdt`.
     ms : float, optional
-        Maximum sensitivity wanted, above 1; by default the paper's.
+        Wanted maximum sensitivity, above 1; by default as in the paper.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def tune(
     n: float = 10,
     m: float | None = None,
 ) -> Design:
-    """Controller with its output filter: `pida`, `pid` or `pi`, then `output_filter`.
+    """Design a controller with its output filter: `pida`, `pid` or `pi`, then `output_filter`.
 
     Parameters
     ----------
@@ -156,12 +156,12 @@ def tune(
         Constant numerator, dead time, and as many stable poles as the kind cancels: three, two or one. A
         `ThreePointModel` is refused if its `excess_gain` is above 0.25: the loop with the process might be unstable.
     ms : float, optional
-        Maximum sensitivity wanted, above 1, of the loop without the output filter, which raises it somewhat; by default
-        the paper's.
+        Wanted maximum sensitivity, above 1, of the loop without the output filter, which raises it somewhat; by default
+        as in the paper.
     kind : {"PIDA", "PID", "PI"}, optional
-        Which controller.
+        Type of controller.
     n, m : float, optional
-        Filter ratios of the derivative and of the acceleration, where the controller has them; see `pida`.
+        Filter ratios of the derivative and of the acceleration, as in `pida`.
 
     Returns
     -------
@@ -200,7 +200,7 @@ def tune(
 
 
 class OutputFilter(NamedTuple):
-    """Low-pass filter of the control signal, 1/(time s + 1)^order, and the gain crossover it was chosen from."""
+    """Low-pass filter of the control signal, 1/(time s + 1)^order, and the gain crossover that it follows from."""
 
     time: float
     order: int
@@ -242,25 +242,24 @@ class OutputFilter(NamedTuple):
 
 
 def output_filter(model: Process, controller: PIDA) -> OutputFilter:
-    """Low-pass filter for the control signal, 20 times faster than the gain crossover, eq. (9).
+    """Design a low-pass filter for the control signal, 20 times faster than the gain crossover, eq. (9).
 
     Parameters
     ----------
     model : Process
-        The model; its loop with the filtered controller gives the gain crossover.
+        The model.
     controller : PIDA
-        With acceleration the filter is of second order, without of first.
+        The filter is of second order for a controller with acceleration, and of first order without.
 
     Returns
     -------
     OutputFilter
-        Time constant ``0.05/wgc``, order, and ``wgc``; goes into a `Loop` as it is.
+        Time constant ``0.05/wgc``, order, and ``wgc``; a block for a `Loop`.
 
     Raises
     ------
     TypeError, ValueError
-        For another controller, and for a loop whose gain never crosses 1, or crosses it more than once: the rule does
-        not say which one counts.
+        For another controller, and for a loop whose gain crosses 1 never or more than once.
 
     Examples
     --------
@@ -277,7 +276,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
         raise ValueError(
             f"the loop must have one gain crossover, found {crossovers.size}: {crossovers.round(4).tolist()}"
         )
-    return OutputFilter(float(SLOWDOWN / crossovers[0]), 2 if controller.ta else 1, float(crossovers[0]))
+    return OutputFilter(float(FILTER_RATIO / crossovers[0]), 2 if controller.ta else 1, float(crossovers[0]))
 
 
 def _trusted(model: Process | ThreePointModel) -> Process:
@@ -296,5 +295,5 @@ def _trusted(model: Process | ThreePointModel) -> Process:
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
-    """The controller with the gain that gives Ms; `unit` has the inverse of the model's gain."""
+    """Scale a controller to the maximum sensitivity; its gain is the inverse of that of the model."""
     return gain_for_ms(Loop(model, unit), ms) * unit

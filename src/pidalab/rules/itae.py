@@ -33,18 +33,18 @@ from pidalab import _check
 from pidalab.controllers import NonInteractivePIDA
 from pidalab.process import Process
 from pidalab.rules._design import Design
-from pidalab.rules._models import SecondOrder, lag_with_delay, second_order
+from pidalab.rules.models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):
-    """Share f_d of the dead time that the acceleration makes up for, and acceleration by derivative time, f_a."""
+    """Fraction f_d of the dead time that the acceleration compensates, and acceleration by derivative time, f_a."""
 
     f_d: float
     f_a: float
 
 
 def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
-    r"""ITAE-2 PID controller for steps of the set point, Table 2.
+    r"""Design the ITAE-2 PID controller for steps of the set point, Table 2.
 
     .. math::
 
@@ -77,7 +77,7 @@ def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
 
 
 def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
-    r"""ITAE-2 PID controller for load disturbances, Table 3.
+    r"""Design the ITAE-2 PID controller for load disturbances, Table 3.
 
     .. math::
 
@@ -114,7 +114,7 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
 
 
 def factors(model: Process) -> Factors:
-    """Factors of the PIDA rule, Table 1; from the given model, not from the changed one.
+    """Compute the factors of the PIDA rule from the given (not the changed) model, Table 1.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def pida_setpoint(
     alpha_a: float = 0.025,
     factors: tuple[float, float] | None = None,
 ) -> NonInteractivePIDA:
-    r"""PIDA controller for steps of the set point: Table 2 for the changed model of eq. (9).
+    r"""Design a PIDA controller for steps of the set point: Table 2 for the changed model of eq. (9).
 
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
@@ -192,7 +192,7 @@ def pida_load(
     alpha_a: float = 0.025,
     factors: tuple[float, float] | None = None,
 ) -> NonInteractivePIDA:
-    r"""PIDA controller for load disturbances: as `pida_setpoint`, with Table 3.
+    r"""Design a PIDA controller for load disturbances: as `pida_setpoint`, with Table 3.
 
     The paper found the factors for the set point, and uses them for loads too. There the loop with the model itself is
     not always stable, although the model is in the range: for ξ = 0.3 not with r ≤ 0.35, for ξ = 0.7 not with r ≤ 0.2,
@@ -231,7 +231,7 @@ def pida_load(
 def tune(
     model: Process, test: str = "setpoint", kind: str = "PIDA", alpha_d: float = 0.05, alpha_a: float = 0.025
 ) -> Design:
-    """Controller of the paper for one of its two tests: `pida_setpoint`, `pida_load`, `pid_setpoint` or `pid_load`.
+    """Design a controller for a test, by `pida_setpoint`, `pida_load`, `pid_setpoint` or `pid_load`.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def tune(
 
 
 def setpoint_factors(model: Process) -> Factors:
-    r"""Factors fitted anew to the ITAE of set-point steps, for `pida_setpoint`; not from the paper.
+    r"""Compute factors fitted here to the ITAE of set-point steps, for `pida_setpoint`; not from the paper.
 
     .. math::
 
@@ -317,7 +317,7 @@ def setpoint_factors(model: Process) -> Factors:
 
 
 def load_factors(model: Process) -> Factors:
-    r"""Factors fitted anew to the ITAE of load steps with Ms up to about 2, for `pida_load`; not from the paper.
+    r"""Compute factors fitted here to the ITAE of load steps, Ms up to about 2, for `pida_load`; not from the paper.
 
     .. math:: f_d = 0, \qquad
               f_a = 0.717 - 0.088\,\ell + 0.190\,x + 0.065\,\ell x - 0.058\,\ell^2 + 0.009\,x^2,
@@ -353,7 +353,7 @@ def load_factors(model: Process) -> Factors:
 
 
 def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
-    r"""PID controller by internal model control for a first-order model with dead time, the one of Tables 4 to 6.
+    r"""Design a PID controller by internal model control for a first-order model with dead time, Tables 4 to 6.
 
     .. math:: k k_c = \frac{\tau + \theta/2}{1.25\,\theta}, \qquad \tau_i = \tau + \frac{\theta}{2}, \qquad
               \tau_d = \frac{\tau\theta}{2\tau + \theta}
@@ -415,7 +415,7 @@ def _pida(
 
 
 def _setpoint(model: SecondOrder) -> tuple[float, float, float]:
-    """Gain, integral and derivative time by Table 2."""
+    """Return gain, integral and derivative time by Table 2."""
     (gain, tau, xi, _), r = model, model.ratio
     low, high = -0.04 + (0.333 + 0.949 * r**-0.983) * xi, -0.544 + 0.308 * r + 1.408 * xi * r**-0.832
     integral = (2.055 + 0.072 * r) * xi if r <= 1 else (1.768 + 0.329 * r) * xi
@@ -424,7 +424,7 @@ def _setpoint(model: SecondOrder) -> tuple[float, float, float]:
 
 
 def _load(model: SecondOrder) -> tuple[float, float, float]:
-    """Gain, integral and derivative time by Table 3."""
+    """Return gain, integral and derivative time by Table 3."""
     (gain, tau, xi, _), r = model, model.ratio
     product = 2.189 * xi * r**-0.766 + (
         -0.67 + 0.297 * r**-2.001 if r < 0.9 else -0.365 + 0.26 * (r - 1.4) ** 2

@@ -36,14 +36,20 @@ from pidalab.roots import border
 from pidalab.rules._design import Design
 
 MIGO_KINDS = ("PI", "PID")
-BELOW, ABOVE = 1e-3, 1e3  # of the frequencies looked at, over that at which the process turns by half a turn
-SWEEP_POINTS, SWEEP_TURN = 6000, 0.02  # how many, and rad by which the dead time turns between two of them
-MOST_TURNS = 400.0  # rad of the dead time that are looked at
-SEARCHED = (1e-2, 2.0, 400)  # of the frequency of the PI controller, over the same, and how many are tried
-PACE, CLOSE = 1.01, 1e-9  # steps along the curve, and to its end
-STEP = 1e-4  # share of a frequency over which v is differentiated
-CIRCLE_TOUCH = 1e-6  # share of the radius that counts as a touch: v is differentiated to about that
-IDEAL = 1e6  # ratio of the derivative and its filter where the loop of the rule has none
+BELOW, ABOVE = (
+    1e-3,
+    1e3,
+)  # range of the frequencies, relative to that at which the phase of the process is -180 degrees
+SWEEP_POINTS, SWEEP_TURN = (
+    6000,
+    0.02,
+)  # number of frequencies, and largest phase of the dead time (rad) between two
+MOST_TURNS = 400.0  # largest phase of the dead time, rad
+SEARCHED = (1e-2, 2.0, 400)  # relative range and number of frequencies in the search for the PI controller
+PACE, CLOSE = 1.01, 1e-9  # relative step along the curve, and tolerance at its end
+STEP = 1e-4  # relative step of the numerical derivative of v
+CIRCLE_TOUCH = 1e-6  # tolerance of a touch, relative to the radius; v' is about as exact
+IDEAL = 1e6  # derivative filter ratio for a rule without filter
 
 
 class _Ridge(NamedTuple):
@@ -52,11 +58,11 @@ class _Ridge(NamedTuple):
     process: Process
     centre: float
     radius: float
-    w: Array  # where the loops are looked at
-    P: Array  # the process there
+    w: Array  # frequencies
+    P: Array  # values of the process
 
     def at(self, w: Any) -> tuple[Any, Any, Any]:
-        """Gains ki, kp, kd of the loop that touches at w."""
+        """Return the gains ki, kp, kd of the loop that touches the circle at w."""
         Q = 1 / self.process(1j * w)
         kd = (self._wv(w * (1 + STEP)) - self._wv(w * (1 - STEP))) / (2 * STEP * w) / (2 * w)
         return w * kd * w - self._wv(w), -self.centre * Q.real, kd
@@ -66,13 +72,13 @@ class _Ridge(NamedTuple):
         return w * (self.radius * np.abs(Q) - self.centre * Q.imag)
 
     def room(self, w: float) -> float:
-        """How far the loop that touches at w keeps outside of the circle, over its radius."""
+        """Return the least distance from the circle of the loop that touches it at w, relative to its radius."""
         ki, kp, kd = self.at(w)
         L = self.P * (kp + 1j * (kd * self.w - ki / self.w))
         return float(np.min(np.abs(L + self.centre))) / self.radius - 1
 
     def fits(self, w: float) -> bool:
-        """Whether it keeps outside, and integrates."""
+        """Return True if the loop stays outside the circle and has positive integral action."""
         return bool(self.at(w)[0] > 0) and self.room(w) >= -CIRCLE_TOUCH
 
 
@@ -141,7 +147,7 @@ def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> De
 
 
 def _ridge(process: Process, m: float, turned: float) -> _Ridge:
-    """The circle of M, and frequencies fine enough for the turns of the dead time."""
+    """Return the circle of M, and a grid of frequencies fine enough for the dead time."""
     both = 2 * m * (m - 1)
     w = turned * np.geomspace(BELOW, ABOVE, SWEEP_POINTS)
     if process.delay:
@@ -151,7 +157,7 @@ def _ridge(process: Process, m: float, turned: float) -> _Ridge:
 
 
 def _first(ridge: _Ridge, turned: float) -> float | None:
-    """The frequency of the PI controller: where the derivative gain passes 0 on its way up."""
+    """Return the frequency of the PI controller, at which the derivative gain rises through 0."""
     from scipy.optimize import brentq
 
     w = turned * np.geomspace(*SEARCHED)
@@ -164,10 +170,10 @@ def _first(ridge: _Ridge, turned: float) -> float | None:
 
 
 def _last(ridge: _Ridge, first: float) -> float | None:
-    """The frequency of the PID controller: the last one from there on at which the loop keeps outside elsewhere."""
+    """Return the frequency of the PID controller, the last one at which the loop still stays outside the circle."""
     good, bad = first, first * PACE
     while ridge.fits(bad):
         if ridge.at(bad)[2] <= ridge.at(good)[2] or bad > ridge.w[-1]:
-            return None  # it never touches again
+            return None  # the loop does not touch the circle again
         good, bad = bad, bad * PACE
     return border(ridge.fits, inside=good, outside=bad, share=CLOSE)

@@ -33,13 +33,13 @@ from pidalab.process import Process, ipdt
 from pidalab.robustness.poles import is_stable
 from pidalab.roots import border
 from pidalab.rules._design import Design
-from pidalab.rules._models import integrator
+from pidalab.rules.models import integrator
 
 if TYPE_CHECKING:
     import control
 
 
-HIGHEST_MRDP_ORDER = 100  # order of a controller or filter: beyond it factorials leave double precision
+HIGHEST_MRDP_ORDER = 100  # of a controller or filter; beyond it factorials overflow
 
 
 class Constants(NamedTuple):
@@ -69,7 +69,7 @@ class Constants(NamedTuple):
 
 
 def constants(m: int) -> Constants:
-    r"""Dimensionless parameters of the controller without filter, eq. (6) and Table I.
+    r"""Compute the dimensionless parameters of the controller without filter, eq. (6) and Table I.
 
     In the paper's symbols ``pole`` is p_o, the dominant pole times T_d, ``gain`` K_o = K_c K_s T_d, ``integral_time``
     τ_io = T_i/T_d, and ``derivative_times`` are τ_jo = T_Dj/T_d^j for j = 1 ... m.
@@ -102,7 +102,7 @@ def constants(m: int) -> Constants:
 
 
 def _coefficient(m: int, j: int) -> float:
-    """Coefficient of x^j in N(x)."""
+    """Return the coefficient of x^j in N(x)."""
     mu, rest = math.sqrt(m + 2), m + 1 - j
     a = mu**2 - mu
     head = (mu + j - 1) * a ** (rest + 1) / math.factorial(rest)
@@ -111,7 +111,7 @@ def _coefficient(m: int, j: int) -> float:
 
 
 def filter_ratio(m: int, n: int) -> float:
-    r"""Filter time constant per unit of equivalent dead time, T_f / T_e: eq. (11) and Table II.
+    r"""Compute the filter time constant per unit of equivalent dead time, T_f / T_e: eq. (11) and Table II.
 
     The filter and the dead time T_e are called equivalent if they put the dominant pole of the loop with a pure
     integrator at the same place. For n = m the loop with the filter has no such pole: the condition leaves a constant,
@@ -151,7 +151,7 @@ def _orders(m: int, n: int) -> tuple[int, int]:
 
 
 def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
-    r"""Weights b_0, b_1, ... of the prefilter that cancels some of the dominant poles, eq. (14) and Table III.
+    r"""Compute the weights b_0, b_1, ... of the prefilter that cancels dominant poles, eq. (14) and Table III.
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def _prefilter(weights: Sequence[float], zeros: list[float]) -> control.Transfer
 
 @cache
 def smallest_te(m: int, n: int) -> float:
-    r"""Shortest T_e, in dead times of the model, for which the tuned loop is stable with the model itself.
+    r"""Compute the shortest T_e, in dead times of the model, for which the tuned loop is stable with the model itself.
 
     For m = 0 and m = 1 every T_e is long enough: without filter \|L\| falls to 0, or to 0.21, at high frequencies. For
     m of 2 and more it rises without end, and it is the filter alone that brings it down. Far above the crossover

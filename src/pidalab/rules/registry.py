@@ -1,10 +1,10 @@
-"""The registry of rules: `tune`, `compare`, `report`, the command line and this page know a rule from its entry here.
+"""The registry of rules for `tune`, `compare`, `report`, the command line and this page.
 
-Each entry has a name, its source, and the kinds of controllers that it makes, each with the model that it starts from.
-`pidalab.tune` hands the process itself to a rule. `pidalab.compare` reads the model off the process first:
+An entry has a name, a source, and for each kind of controller the model that the rule starts from. `pidalab.tune`
+passes the process itself to a rule. `pidalab.compare` first derives the model from the process:
 
 ===============  =====================================================================================================
-model            what it is
+model            definition
 ===============  =====================================================================================================
 `process`        the process itself
 `reaction`       lag and dead time from the steepest tangent and 63 % of the step response; an integrator stays one
@@ -36,8 +36,8 @@ from pidalab.rules._design import Design
 
 DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
-TESTS = ("load", "setpoint")  # steps that a rule is made for
-# dead time that a filter may add, as a share of the model's, where the rule leaves it to the user
+TESTS = ("load", "setpoint")  # step for which a rule is made
+# dead time that a filter adds, relative to that of the model, if the rule leaves it to the user
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of an automatic reset
 IMC = "heo2023, rows IMC"
@@ -57,15 +57,15 @@ class Rule:
     source : str
         Paper and equations.
     models : mapping
-        The model that each kind of controller starts from: a name of the table above.
+        The model for each kind of controller: a name of the table above.
     design : callable
         Makes a `Design` of a model, a kind and `Requirements`.
     short : str
-        A second, shorter name.
+        A shorter name.
     compared : bool
-        Whether `pidalab.compare` judges it by default.
+        True if `pidalab.compare` includes it by default.
     knows_ms : bool
-        Whether it designs for the maximum sensitivity of its limits.
+        True if it designs for a given maximum sensitivity.
     """
 
     name: str
@@ -78,7 +78,7 @@ class Rule:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The kinds of controllers that it makes."""
+        """The kinds of controllers that the rule designs."""
         return tuple(self.models)
 
     def tune(
@@ -105,7 +105,7 @@ class Rule:
         Raises
         ------
         ValueError
-            For another kind, and what the rule itself refuses.
+            For another kind, and as the rule itself.
 
         Examples
         --------
@@ -122,14 +122,14 @@ class Rule:
 
 
 def find(name: str, *others: str) -> Rule:
-    """Return the rule of a name, in any case of its letters.
+    """Return the rule of a name, whatever the case of its letters.
 
     Parameters
     ----------
     name : str
         Name or short name of a rule.
     *others : str
-        What else may be asked for at this place, for the message.
+        Further words that the caller accepts, for the message.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def find(name: str, *others: str) -> Rule:
     Raises
     ------
     ValueError
-        For an unknown name, with all that are known.
+        For an unknown name; the message lists the known ones.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def find(name: str, *others: str) -> Rule:
 def _call_with_kind(
     tune: Callable[..., Design], *args: Any
 ) -> Callable[[Process, str, Requirements], Design]:
-    """Return the call of a rule that takes a model, fixed arguments, and the kind."""
+    """Return the call of a rule that takes a model, fixed arguments and the kind."""
     return lambda model, kind, limits: tune(model, *args, kind)
 
 
@@ -181,14 +181,14 @@ def _direct(test: str) -> Rule:
 
 
 def _short(name: str, test: str) -> str:
-    """A rule for two tests has its short name where it is meant for the load."""
+    """Return the short name of a rule for two tests, which is that for the load."""
     return name if test == "load" else ""
 
 
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
-    """With a limit of noise the filter is as short as the sample, longer where that is too loud.
+    """Design with the shortest filter, of at least a sample, that meets the noise limit.
 
-    Without one it is ten times faster than the process: a tenth of lags and dead time, the first area over the gain.
+    Without a limit the filter takes a tenth of the sum of lags and dead time, which is A_1/A_0.
     """
     m, noise_gain, sample_time = ORDER[kind], limits.noise_gain, limits.sample_time
     if noise_gain is None or sample_time is None:

@@ -11,7 +11,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab._compiled import compiled
 from pidalab.process import AsymmetricPlant, Process, rational
-from pidalab.robustness.sampled import require_later_answer
+from pidalab.robustness.in_z import require_later_answer
 from pidalab.simulation import operations as op
 from pidalab.statespace import StateSpace, held, pieces, realise
 

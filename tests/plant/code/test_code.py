@@ -16,8 +16,7 @@ from test_total import compiler
 import pidalab
 from pidalab import HighOrderPID
 from pidalab.digital.program import INPUTS, If, Set, program
-from pidalab.plant.code.files import vector
-from pidalab.plant.code.languages import LANGUAGES
+from pidalab.plant.code.files import LANGUAGES, vector
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
 EXPECTED = {name: reference(k, RECORDS[name]) for name, k in CASES.items()}

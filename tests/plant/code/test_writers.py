@@ -18,7 +18,7 @@ from test_total import GCC, compiler
 import pidalab
 from pidalab import PIDA
 from pidalab.digital import from_json
-from pidalab.plant.code.languages import LANGUAGES
+from pidalab.plant.code.files import LANGUAGES
 
 K = PIDA(2.0, 4.0).discretise(0.5, limits=(0.0, 100.0), bias=40.0)
 # what ends comments, strings and lines in some language, alone and so that taking one out makes another

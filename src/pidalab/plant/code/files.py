@@ -1,4 +1,7 @@
-"""Code that a digital controller writes: its head, its test vector, and its JSON."""
+"""Write a digital controller as C, structured text, Python and JSON: head, step, self-test.
+
+`LANGUAGES` holds how each language prints a statement; the folder ``templates`` holds the text around the step.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +9,66 @@ import hashlib
 import json
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
 from pidalab import _check
 from pidalab._text import comment_text, plain_text
 from pidalab._version import __version__
-from pidalab.digital.languages import function
+from pidalab.digital.languages import PYTHON, Language, function, method, statements
 from pidalab.digital.parameters import LARGEST_SIGNAL, Parameters
 from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
-from pidalab.plant.code import languages
 from pidalab.plant.code.words import identifier
 
 STEPS = 30  # samples of the test vector within the working range
-FAR = 5  # samples after them on either side of the set point
-DOUBLINGS = 24  # of the distance at most
-LEFT_OUT = (12, 15)  # samples whose measurement is no measurement, by hand and not
-NO_MEASUREMENT = 1e30  # single precision has it, too
-HEAD_WIDTH = 105  # characters of a line of the head
+FAR = 5  # further samples with the measurement far above the set point, and then far below
+DOUBLINGS = 24  # of the distance of these from the set point, at most
+INVALID = (12, 15)  # samples with an invalid measurement, in manual mode and not
+INVALID_MEASUREMENT = 1e30  # single precision can hold it, too
+HEAD_WIDTH, VALUES_WIDTH = 105, 95  # characters of a line
 MOST_NOTES, LONGEST_NOTE = 40, 500  # lines of a note and their characters
+OUTPUTS = ("control", "fault", "at_limit")  # states that are outputs of the function block
+PRECISIONS = ("double", "single")
+USAGE = (
+    "With manual, the control signal is manual_value, within the limits.",
+    "With tracking, track_value is the signal that acted since the last sample in place of the control signal.",
+    "At the first sample the controller starts from track_value, without a bump.",
+    "A sample with an input that is NaN, infinite or beyond 1e9 in size is skipped: fault is true, and the control",
+    "signal and all states keep their values. Manual mode works all the same.",
+    "at_limit is true while a limit cuts off a part of the control signal.",
+)
+FEEDFORWARD = "feedforward is added to the control signal, before the limits."
+RETUNED = (
+    "The gains are variables. To change them, write the new values and set retuned for one call. The control signal",
+    "keeps its value in that sample and continues from there.",
+)
+
+
+def _number_of_structured_text(value: float) -> str:
+    """Write a number with digits on both sides of the point, which the standard asks for."""
+    mantissa, _, exponent = repr(value).upper().partition("E")
+    if not exponent or isinstance(value, bool):
+        return repr(value).upper()
+    return f"{mantissa if '.' in mantissa else mantissa + '.0'}E{int(exponent)}"
+
+
+LANGUAGES = {
+    "c": Language(
+        ("/* {} */", "{} = {};", "if ({}) {{", "} else {", "}"),
+        {"and": "&&", "or": "||", "not ": "!"},
+        number=lambda value: repr(value).lower(),
+        state="s->{0}",
+        constant="{upper}_{0}",
+        literal="({name}_real){0}",
+    ),
+    "structured_text": Language(
+        ("(* {} *)", "{} := {};", "IF {} THEN", "ELSE", "END_IF;"),
+        {"and": "AND", "or": "OR", "not ": "NOT ", "true": "TRUE", "false": "FALSE"},
+        number=_number_of_structured_text,
+    ),
+    "python": PYTHON,
+}
 
 
 def head(
@@ -81,68 +124,75 @@ def _margins(margins: Any) -> str:
 
 
 def vector(k: Parameters) -> Vector:
-    """Return inputs and expected control signals: a set-point jump, a manual spell, a tracked signal, a disturbance.
+    """Return test inputs and the expected control signals.
 
-    Two measurements lie beyond what counts as one. Then the measurement goes to either side, as far as takes the
-    control signal over its whole range.
+    The inputs are a set-point step, a stretch in manual mode, a tracked signal, a disturbance and two invalid
+    measurements. At the end the measurement goes to either side, until the control signal reaches both its limits.
     """
     low, high = k.limits
-    # a manual signal within the limits, and another one that acts in between
     span = high - low if math.isfinite(high - low) else 2.0
     by_hand = round(min(max(k.bias + 0.1 * span, low), high), 6)
-    rows: Vector = {name: [] for name in program(k).inputs}
-    y = 0.0
+    rest = {"setpoint": k.y_offset, "manual": False, "manual_value": by_hand, "tracking": False}
+    rest |= {"track_value": by_hand, "feedforward": 0.0, "retuned": False}
+    samples, y = [], 0.0
     for i in range(STEPS):
         target = 0.0 if i < 2 else 0.2 if i < 24 else -0.1
         y += 0.25 * (target - y) + (0.02 if i == 20 else 0.0)
-        measured = NO_MEASUREMENT if i in LEFT_OUT else k.y_offset + round(y, 4)
-        values = (k.y_offset + target, measured)
-        more = {"feedforward": round(0.05 * span, 6) if 5 <= i < 8 else 0.0, "retuned": i == 26}
-        further = [more[name] for name in rows if name in more]
-        for name, value in zip(
-            rows, (*values, 10 <= i < 13, by_hand, i == 17, by_hand, *further), strict=True
-        ):
-            rows[name].append(value)
-    size = 0.25
-    for _ in range(DOUBLINGS):
-        far = _far(k, rows, size)
-        control = signals(k, [*far.values()])
-        reached = [not math.isfinite(end) or end in control for end in k.limits]
-        if all(reached):
+        measured = INVALID_MEASUREMENT if i in INVALID else k.y_offset + round(y, 4)
+        events: dict[str, Any] = {"manual": 10 <= i < 13, "tracking": i == 17, "retuned": i == 26}
+        events |= {"feedforward": round(0.05 * span, 6)} if 5 <= i < 8 else {}
+        samples.append({**rest, **events, "setpoint": k.y_offset + target, "measurement": measured})
+    for doublings in range(DOUBLINGS):
+        ends = [k.y_offset + side * 0.25 * 2**doublings for side in (1.0, -1.0) for _ in range(FAR)]
+        rows = [*samples, *({**rest, "measurement": end} for end in ends)]
+        inputs = {name: [row[name] for row in rows] for name in program(k).inputs}
+        control = signals(k, [*inputs.values()])
+        if all(not math.isfinite(end) or end in control for end in k.limits):
             break
-        size *= 2.0
-    return {**far, "control": control}
-
-
-def _far(k: Parameters, rows: Vector, size: float) -> Vector:
-    """Return the inputs with the measurement far on either side of the set point at the end, in units of the model."""
-    usual = {
-        "setpoint": k.y_offset,
-        "manual_value": rows["manual_value"][0],
-        "track_value": rows["track_value"][0],
-    }
-    longer: Vector = {
-        name: values + 2 * FAR * [usual.get(name, type(values[0])(0))] for name, values in rows.items()
-    }
-    ends = [k.y_offset + side * size for side in (1.0, -1.0) for _ in range(FAR)]
-    longer["measurement"] = rows["measurement"] + ends
-    return longer
+    return {**inputs, "control": control}
 
 
 def signals(k: Parameters, inputs: Sequence[Sequence[Any]]) -> list[float]:
-    """Return the control signals of a controller from its start, for a row of each input."""
+    """Return the control signals of a new controller, for a row of each input."""
     own = program(k)
     states, step = SimpleNamespace(**own.states), function(own)
     return [step(states, *row) for row in zip(*inputs, strict=True)]
 
 
 def written(k: Parameters, language: str, name: str, *, precision: str = "double", **about: Any) -> str:
-    """Write the code in one of the languages."""
-    _check.choice("precision", precision, languages.PRECISIONS)
+    """Write the code in one of the languages; `name` is the prefix in C, or names the block or class."""
+    import jinja2
+
+    _check.choice("precision", precision, PRECISIONS)
     own = program(k)
     taken = {*own.constants, *own.gains, *INPUTS, *MORE, *own.states, *own.variables, "TEST", "control"}
-    lines = head(k, **about)
-    return languages.written(own, language, lines, vector(k), identifier(name, taken), precision)
+    name, has = identifier(name, taken), LANGUAGES[language]
+    loader = jinja2.PackageLoader("pidalab.plant.code")
+    environment = jinja2.Environment(loader=loader, trim_blocks=True, keep_trailing_newline=True)
+    environment.filters |= {"number": has.number, "rows": _rows}
+    further = [FEEDFORWARD] * ("feedforward" in own.inputs) + [*RETUNED] * bool(own.gains)
+    step = method(own, "    ") if language == "python" else statements(own, has, name, "    ")
+    text = environment.get_template(f"{language}.j2").render(
+        program=own,
+        head=head(k, **about),
+        usage=USAGE,
+        further=further,
+        usual=[(x, value) for x, value in own.states.items() if x not in own.gains],
+        outputs=OUTPUTS,
+        vector=vector(k),
+        name=name,
+        upper=name.upper(),
+        real=f"{name}_real",
+        types=("float", "double") if precision == "single" else ("double", "float"),
+        kind="".join(word.capitalize() for word in name.split("_")),
+        step=step,
+    )
+    return "\n".join(line.rstrip() for line in text.split("\n"))
+
+
+def _rows(values: Iterable[str], indent: str) -> str:
+    """Wrap values that are separated by commas."""
+    return textwrap.fill(", ".join(values), VALUES_WIDTH, initial_indent=indent, subsequent_indent=indent)
 
 
 def as_json(k: Parameters, **about: Any) -> str:
@@ -152,7 +202,7 @@ def as_json(k: Parameters, **about: Any) -> str:
 
 
 def content(k: Parameters) -> dict[str, Any]:
-    """Return what makes the controller, with its coefficients and its test vector, as JSON has it."""
+    """Return the fields of the JSON: parameters, coefficients and test vector."""
     return {
         "controller": k.source,
         "sample_time": k.sample_time,
@@ -198,9 +248,9 @@ def _lists(value: Any) -> Any:
 
 
 def checksum(stored: dict[str, Any]) -> str:
-    """Return a sum over what a JSON says, whatever the order of its names and the way its numbers are written.
+    """Return a checksum over the fields of a JSON, independent of their order and of the format of numbers.
 
-    It is no secret: it finds what was changed by hand or by accident, in fields that the test vector cannot see.
+    It is not secret. It finds changes by hand or by accident in fields that the test vector does not cover.
     """
     text = json.dumps(_plain(stored), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""A digital controller read back from the JSON that it wrote: what the file says is data, and is checked."""
+"""Read a digital controller back from the JSON that it wrote. The file is data, and every field is checked."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pidalab.digital.filters import FilterChain, Prefilter
 from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP, MOST_PATH_LAGS, MOST_PATHS
 from pidalab.plant.code.files import checksum, content
 
-LONGEST_FILE = 2_000_000  # characters; the longest that is written has a tenth of it
-FIELD_NAMES = {  # of each object
+LONGEST_FILE = 2_000_000  # characters, ten times the longest file that is written
+FIELD_NAMES = {  # the names in each object
     "": "about version checksum controller sample_time method anti_windup setpoint_weights limits rate_limit deadband "
     "working_point largest_signal feedforward tunable paths prefilter integral coefficients test",
     "setpoint_weights": "b c",
@@ -26,8 +26,8 @@ FIELD_NAMES = {  # of each object
 def from_json(text: str) -> DigitalController:
     """Read a controller back from what its ``json()`` wrote.
 
-    Nothing in the file is run or becomes code. Every field is checked for its kind and its range, names and words
-    against those allowed. The coefficients and the test vector are computed anew, and what differs is refused.
+    Nothing in the file is run or becomes code. The type and range of every field are checked, and words must be among
+    those allowed. Coefficients and test vector are computed again; a file that differs is refused.
 
     Parameters
     ----------
@@ -37,15 +37,15 @@ def from_json(text: str) -> DigitalController:
     Returns
     -------
     DigitalController
-        The same, with its start at the first measurement.
+        The same controller, which starts at its first measurement.
 
     Raises
     ------
     TypeError
-        If text is no str.
+        If text is not a str.
     ValueError
-        For text that is no such file, and for one that somebody changed: the test vector does not come out, or the sum
-        over all fields is another.
+        For text that is not such a file, and for a file that was changed: its coefficients, test vector or checksum do
+        not match.
 
     Examples
     --------
@@ -61,20 +61,18 @@ def from_json(text: str) -> DigitalController:
         k = _controller(stored)
     except (LookupError, TypeError, ValueError, ArithmeticError, RecursionError) as wrong:
         raise ValueError(
-            f"text must be the JSON of a digital controller, which its json() wrote: {wrong!s:.300}"
+            f"text must be the JSON of a digital controller, as json() writes it: {wrong!s:.300}"
         ) from None
     for name, value in content(k).items():
         if not _same(stored[name], value):
-            raise ValueError(
-                f"text was changed by hand: {name!r} is not what the controller in it makes of it"
-            )
+            raise ValueError(f"text was changed by hand: {name!r} does not match the other fields")
     if stored["checksum"] != checksum(stored):
-        raise ValueError("text was changed by hand: its checksum is not that of its fields")
+        raise ValueError("text was changed by hand: its checksum does not match its fields")
     return k
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    """Return the object of a JSON, whose names come once and whose numbers are finite."""
+    """Return the object in a JSON; raise for repeated names and for numbers that are not finite."""
     if len(text) > LONGEST_FILE:
         raise ValueError(f"it must have at most {LONGEST_FILE} characters, found {len(text)}")
     stored = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number, parse_float=_finite)
@@ -82,14 +80,14 @@ def _parsed(text: str) -> dict[str, Any]:
 
 
 def _controller(stored: dict[str, Any]) -> DigitalController:
-    """Return the controller of an object; `DigitalController` checks the numbers."""
+    """Return the controller of a JSON object; `DigitalController` checks the numbers."""
     integral, weights, rest = (
         _object(stored[name], name) for name in ("integral", "setpoint_weights", "working_point")
     )
     if stored["anti_windup"] not in DISCRETE_ANTI_WINDUP:
-        raise ValueError("anti_windup must be a word that a controller writes")
+        raise ValueError(f"anti_windup must be one of {DISCRETE_ANTI_WINDUP}")
     if not isinstance(stored["controller"], str) or len(stored["controller"]) > LONGEST_FILE // 100:
-        raise ValueError("controller must be a text of usual length")
+        raise ValueError(f"controller must be a text of at most {LONGEST_FILE // 100} characters")
     about = _list("about", stored["about"], 1000)
     if not all(isinstance(x, str) for x in (*about, stored["version"], stored["checksum"])):
         raise ValueError("about, version and checksum must be texts")
@@ -130,7 +128,7 @@ def _prefilter(stored: dict[str, Any]) -> Prefilter:
 
 
 def _object(value: Any, name: str) -> dict[str, Any]:
-    """Check that a value is an object with exactly the names that are written."""
+    """Check that a value is an object with exactly the expected names."""
     if not isinstance(value, dict) or {*value} != {*FIELD_NAMES[name].split()}:
         found = sorted(value) if isinstance(value, dict) else type(value).__name__
         raise ValueError(
@@ -146,7 +144,7 @@ def _list(name: str, value: Any, most: int) -> tuple[Any, ...]:
 
 
 def _same(stored: Any, value: Any) -> bool:
-    """Whether a value of a file is the one expected, true and 1 being different."""
+    """Return True if a value of the file is as expected; true and 1 differ."""
     if isinstance(value, dict):
         return (
             isinstance(stored, dict)
@@ -161,7 +159,7 @@ def _same(stored: Any, value: Any) -> bool:
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError("a name comes twice in an object")
+        raise ValueError("a name occurs twice in an object")
     return found
 
 

@@ -1,7 +1,6 @@
-"""What machines read of a page: its canonical address, whom to cite, and its claims as JSON-LD.
+"""Tell machines the canonical address of a page and whom to cite.
 
-Only pages that open a ledger have claims. The address of the site is that of the repository's pages, unless
-``html_baseurl`` says another one.
+The address of the site is that of the repository's pages, unless ``html_baseurl`` says another one.
 """
 
 import re
@@ -9,11 +8,7 @@ from functools import cache
 from html import escape
 from pathlib import Path
 
-from paperledger import load_all
-from paperledger.publishing import linked, scholarly
 from pybtex.database import parse_file
-
-BOARD = "book/scoreboard.html"
 
 
 def site(repository):
@@ -27,9 +22,9 @@ def site(repository):
 
 
 @cache
-def account(folder):
-    """Return the ledgers of a book, and its bibliography, by paper."""
-    return load_all(folder / "ledger"), parse_file(folder / "references.bib").entries
+def bibliography(folder):
+    """Return the bibliography of a book."""
+    return parse_file(folder / "references.bib").entries
 
 
 def fields(entry):
@@ -40,14 +35,11 @@ def fields(entry):
 
 
 def head(folder, base, docname, title):
-    """Return what the head of a page says to machines."""
-    name = docname.removeprefix("book/")
-    paper = name.rpartition("/")[2].partition("-")[0]
-    books, bibliography = account(folder)
-    if paper not in books:
+    """Return what the head of a page of a paper says to machines."""
+    paper = docname.rpartition("/")[2].partition("-")[0]
+    if not (folder / "ledger" / f"{paper}.csv").is_file():
         return ""
-    rows = [row for row in books[paper].rows.values() if row.page == name]
-    entry = fields(bibliography[paper])
+    entry = fields(bibliography(folder)[paper])
     told = {
         "citation_title": title,
         "citation_author": "The pidalab developers",
@@ -55,9 +47,9 @@ def head(folder, base, docname, title):
         "citation_reference": f"citation_title={entry['title']}"
         + (f";citation_doi={entry['doi']}" if "doi" in entry else ""),
     }
-    metas = [f'<meta name="{key}" content="{escape(value)}" />' for key, value in told.items()]
-    data = linked(rows, base + BOARD, f"{base}{docname}.html", scholarly(entry))
-    return "\n".join([*metas, f'<script type="application/ld+json">{data}</script>', ""])
+    return "\n".join(
+        [*(f'<meta name="{key}" content="{escape(value)}" />' for key, value in told.items()), ""]
+    )
 
 
 def add(app, docname, templatename, context, doctree):

@@ -1,17 +1,18 @@
-"""Crossovers and peaks of a loop along the frequency axis, in array operations: for z, and without numba.
+"""A loop along the frequency axis: grid, crossovers and peaks, in array operations, for loops in s and in z.
 
-The grid, logarithmic and denser around lightly damped roots, is that of all loops. The magnitude of L is smooth on it,
-but the dead time turns the phase without end. So its steps are divided further where the dead time turns the phase
-quickly *and* L, or the peak that is sought, is large enough for it to matter. What lies between two points is left to
-SciPy.
+The grid is logarithmic and denser around lightly damped roots. The magnitude of L is smooth on it, but the dead time
+turns the phase without end. So its steps are divided further where the dead time turns the phase quickly *and* L, or
+the peak that is sought, is large enough for it to matter. SciPy finds what lies between two points.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from functools import partial
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq, elementwise, minimize_scalar
@@ -25,20 +26,21 @@ MOST_POINTS = 2_000_000  # along the axis: more would fill the memory
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # cosine of the angle to the positive axis below which the negative one may be crossed
 NEAR_POSITIVE_AXIS = 0.5
-REAL = 1e-12  # imaginary part, relative to the modulus, that is rounding; and logarithm of |L|
-TOUCHING = 0.1  # logarithm of |L| at an extremum, below which it may cross 0 unseen
-DETOUR = 1.5  # times that the way of L between two points may be longer than the straight line
+ROUNDING = 1e-12  # imaginary part, relative to the modulus, that is rounding; and logarithm of |L|
+TOUCHING = 0.1  # logarithm of |L| at an extremum, below which it may cross 0 between two points
+DETOUR = 1.5  # factor by which the way of L between two points may be longer than the straight line
 NO_HIGHER = 1e-11  # share by which a peak between two points must exceed the best to be sought
-TINIEST = 1e-300  # |L| that is not 0
+TINIEST = 1e-300  # smallest |L| that counts as other than 0
 HUGE = 1e9  # |L| beyond which a jump of the phase is that at a pole on the axis
-ONE_BY_ONE = 20  # crossovers or peaks that are found one by one
+ONE_BY_ONE = 20  # crossovers or peaks up to which each is found alone
 BRACKET_SHARE = 1e-8  # of the distance of two points, to which a peak between them is found
 PIECE = 64.0  # points of a step that are passed over, or followed, together
-FOLLOWED_AT_ONCE = 60  # steps of the grid, those first in which a peak may be highest
-# what has a peak
-SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2
+FOLLOWED_TOGETHER = 60  # steps of the grid, those first in which a peak may be highest
+TO_AN_END = 1e-7  # share by which a peak must exceed the limit at an end of the axis
+ON_CONTOUR = 1e-9  # share of its terms below which the characteristic function has a zero on the contour
+SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: of |S|, of |T|, of half of |S - T|
 # distances of points from a lightly damped root, in units of its damping
-BESIDE = np.outer([-1.0, 1.0], np.logspace(-2.0, 3.0, 40)).ravel()
+NEAR_ROOT = np.outer([-1.0, 1.0], np.logspace(-2.0, 3.0, 40)).ravel()
 
 At = Callable[[Any], tuple[Any, Any]]  # numerator and denominator of L at frequencies
 
@@ -67,19 +69,8 @@ def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
     if not light.size:
         return w
     width = np.maximum(np.abs(light.real), 1e-9 * np.abs(light))
-    close = (light.imag[:, None] + np.outer(width, BESIDE)).ravel()
+    close = (light.imag[:, None] + np.outer(width, NEAR_ROOT)).ravel()
     return np.unique(np.append(w, close[(close > low) & (close < high)]))
-
-
-def fraction(s: Any, of: Any) -> tuple[Any, Any]:
-    """Numerator and denominator of L, factor by factor over |s| plus a speed: their products stay in range."""
-    gain, zeros, poles, speeds, delay = of
-    size, num, den = abs(s), gain * np.exp(-s * delay), 1.0 + 0.0 * s
-    for i, (pole, speed) in enumerate(zip(poles.tolist(), speeds.tolist(), strict=True)):
-        scale = 1.0 / (size + speed)
-        den = den * ((s - pole) * scale)
-        num = num * ((s - complex(zeros[i])) * scale if i < zeros.size else scale)
-    return num, den
 
 
 def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Array:
@@ -146,7 +137,7 @@ def gain_crossings(at: At, w: Array, num: Any, den: Any) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         value = np.log(np.abs(num) / np.abs(den))
         # a gain of 1 all along has no crossover
-        seen = np.isfinite(value) & (np.abs(value) >= REAL)
+        seen = np.isfinite(value) & (np.abs(value) >= ROUNDING)
         w, value = w[seen], value[seen]
         touched = [np.zeros(0)]
         for sign in (-1.0, 1.0):
@@ -156,7 +147,7 @@ def gain_crossings(at: At, w: Array, num: Any, den: Any) -> tuple[Array, Array]:
             )
             where, least = lowest(partial(logarithm, sign=sign), w, low)
             touched.append(where)
-            beyond = least < -REAL
+            beyond = least < -ROUNDING
             w, value = np.append(w, where[beyond]), np.append(value, sign * least[beyond])
             order = np.argsort(w)
             w, value = w[order], value[order]
@@ -176,7 +167,7 @@ def phase_crossings(at: At, w: Array, num: Any, den: Any, floor: float, every: b
             w = divided(w, np.fmax(size[:-1], size[1:]) >= floor, delay, COARSE_STEP)
             num, den = at(w)
         product = num * np.conj(den)
-        seen = np.abs(product.imag) >= REAL * np.abs(product)
+        seen = np.abs(product.imag) >= ROUNDING * np.abs(product)
         w, value, L = w[seen], product.imag[seen], (num / den)[seen]
         # where L lies near the positive axis on both sides, it crosses that one
         ahead = L.real > NEAR_POSITIVE_AXIS * np.abs(L)
@@ -238,7 +229,7 @@ def highest(
             bound = _bound(kind, np.abs(num) / np.abs(den), weight(w))
             grid, followed = w, np.diff(w) * delay <= FINE_STEP
             while not np.all(followed):
-                order = np.argsort(np.where(followed, -np.inf, bound))[::-1][:FOLLOWED_AT_ONCE]
+                order = np.argsort(np.where(followed, -np.inf, bound))[::-1][:FOLLOWED_TOGETHER]
                 steps = np.zeros(followed.size, dtype=bool)
                 steps[order] = ~(bound[order] <= best * (1 + NO_HIGHER)) & ~followed[order]
                 if not steps.any():
@@ -251,7 +242,9 @@ def highest(
         best = max(least, known, float(np.nanmax(heights))) * (1 + NO_HIGHER)
         around = np.fmin(heights[:-2], heights[2:]), np.fmax(heights[:-2], heights[2:])
         # a difference of rounding makes no hill
-        hills = 1 + np.flatnonzero((heights[1:-1] >= around[1]) & (heights[1:-1] * (1 - REAL) > around[0]))
+        hills = 1 + np.flatnonzero(
+            (heights[1:-1] >= around[1]) & (heights[1:-1] * (1 - ROUNDING) > around[0])
+        )
         # beside a point L comes no closer to -1 than its way to the next one allows
         L = num / den
         way, distance = np.abs(np.diff(L)), np.abs(1 + L)
@@ -262,3 +255,121 @@ def highest(
     first = int(np.nanargmax(heights))
     candidates = zip([least, known, heights[first], *-top], [math.nan, place, w[first], *tops], strict=True)
     return max(((float(h), float(x)) for h, x in candidates), key=lambda pair: pair[0])
+
+
+# --- the axis of one loop ---------------------------------------------------------------------------------------------
+
+
+class Samples(NamedTuple):
+    """A loop at some frequencies: numerator and denominator of L."""
+
+    w: Any
+    num: Any
+    den: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Axis(ABC):
+    """A loop as a function of frequency, with the grid on which it is followed.
+
+    `pidalab.robustness.in_s.AxisInS` is a continuous loop, `pidalab.robustness.in_z.AxisInZ` a sampled one.
+
+    Attributes
+    ----------
+    grid : ndarray
+        Frequencies in rad per time unit, ascending.
+    delay : float
+        Time by which the phase turns in addition to that of the roots; 0 if it does not.
+    at_zero, at_end : float
+        L at the ends of the axis, where it is real. At infinite frequency a dead time gives it every phase: the worst.
+    end : float
+        The last frequency: infinite, or half the sampling frequency.
+    """
+
+    grid: Array
+    delay: float
+    at_zero: float
+    at_end: float
+    end: float = math.inf
+
+    @abstractmethod
+    def at(self, w: Any) -> Samples:
+        """Evaluate the loop at frequencies."""
+
+    @abstractmethod
+    def encirclements(self, slope: float, shift: float) -> int | None:
+        """Count the zeros of the characteristic function right of s = jω - slope ω - shift; None if one is on it."""
+
+    @abstractmethod
+    def highest(self, kind: int, least: float) -> tuple[float, float]:
+        """Return the highest peak of a kind that exceeds `least`, and where it lies; else `least`, at NaN."""
+
+    @abstractmethod
+    def _phase_crossings(self, samples: Samples, quietest: float, every: bool) -> Array:
+        """Frequencies where L is real and negative, followed where |L| is at least `quietest`, or everywhere."""
+
+    @cached_property
+    def on_grid(self) -> Samples:
+        """The loop at the points of the grid."""
+        return self.at(self.grid)
+
+    def L(self, w: Any) -> Any:
+        """Evaluate the loop transfer function at frequencies."""
+        _, num, den = self.at(w)
+        return num / den
+
+    @cached_property
+    def size(self) -> Array:
+        """|L| on the grid."""
+        with np.errstate(all="ignore"):
+            return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
+
+    def follow(self, loud: float) -> Array:
+        """Return points between which the dead time turns the phase little wherever \\|L\\| >= loud."""
+        return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
+
+    def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
+        """Divide some steps of the grid until the dead time turns the phase by `turn` at most."""
+        return divided(self.grid, steps, self.delay, turn)
+
+    @cached_property
+    def gain_crossovers(self) -> Array:
+        """All frequencies where |L| = 1, pairs included between which it only just passes 1."""
+        return gain_crossings(lambda w: self.at(w)[1:], *self.on_grid)[0]
+
+    def phase_crossovers(self, quietest: float) -> Array:
+        """Frequencies below the end where L is real and negative; with dead time where |L| is at least `quietest`."""
+        samples = Samples(*(part[self.grid < self.end] for part in self.on_grid))
+        # a dead time makes infinitely many of them, but not up to half a sampling frequency
+        crossovers = self._phase_crossings(samples, quietest, not self.delay or math.isfinite(self.end))
+        if np.isnan(crossovers).any():
+            raise too_many(COARSE_STEP)
+        return crossovers
+
+    def peak(self, kind: int) -> tuple[float, float]:
+        """Return the supremum of |S|, |T| or half of |S - T|, and where it lies."""
+        ends = (_height_at_an_end(kind, L) for L in (self.at_zero, self.at_end))
+        return self.supremum(partial(self.highest, kind), *ends)
+
+    def supremum(
+        self, highest: Callable[[float], tuple[float, float]], at_zero: float, at_end: float
+    ) -> tuple[float, float]:
+        """Return the larger of a highest peak and the limits at both ends of the axis, and where it lies."""
+        end = max(at_zero, at_end)
+        peak, where = highest(end / (1 - TO_AN_END))
+        if math.isnan(peak):
+            raise too_many(FINE_STEP)
+        if math.isnan(where):  # nothing is higher than the limit at an end
+            return end, 0.0 if at_zero >= end * (1 - TO_AN_END) else self.end
+        return peak, where
+
+
+def whole(count: float) -> int | None:
+    """Return a number of poles, which is whole but for rounding; None if it is not."""
+    return round(count) if math.isfinite(count) and abs(count - round(count)) < 0.2 else None
+
+
+def _height_at_an_end(kind: int, L: float) -> float:
+    """Return a height where L is real, or infinite: at an end of the axis."""
+    num, den = (1.0, 0.0) if math.isinf(L) else (L, 1.0)
+    return float(height(kind, num, den)) if den + num else math.inf

@@ -1,12 +1,12 @@
-"""The doors of `pidalab.optimal`: arguments checked, a search, and its result as a `Design`."""
+"""The controller with the least IAE: checks its arguments, searches, and returns a `Design`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,12 +14,18 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
-from pidalab.optimal._finish import PEAKS, finish
-from pidalab.optimal._problem import Problem
-from pidalab.optimal._solver import FASTEST, LARGEST_GAIN, Search
-from pidalab.optimal._starts import approached, at_once, stabilising
-from pidalab.optimal._units import search_in, unit_of_time
-from pidalab.optimal._walk import SearchResult, search
+from pidalab.optimal.polish import SUPREMA, VALLEY_GAP, Polished, finish
+from pidalab.optimal.problem import Problem, unit_of_time
+from pidalab.optimal.search import (
+    FASTEST,
+    LARGEST_GAIN,
+    NEARLY,
+    Search,
+    approached,
+    feasible_starts,
+    search_in,
+    stabilising,
+)
 from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
 from pidalab.relative_noise import noise_scale
 from pidalab.requirements import Requirements
@@ -34,6 +40,19 @@ UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # of time, since a limit of noise may mak
 SLOWEST_SAMPLING = 100.0  # largest sample time, in the shortest unit
 # relative difference between the IAE of the search and that of the simulation, above which the unit is too short
 SAME_IAE = 0.02
+VALLEY_REACH = 2.0  # factor by which the values of two valleys differ at most
+BEST = 3  # searches that are brought to the end
+SAME_END = 1e-4  # share by which values of descents differ that may have the same end
+# standard deviations of the logarithms of the gains and of the filter time, for the random starts of the last descents
+SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
+
+
+class SearchResult(NamedTuple):
+    """Result of a search."""
+
+    best: Polished
+    # the least value, and what other descents ended with up to VALLEY_REACH times it, in units of time of the problem
+    valleys: tuple[float, ...]
 
 
 def load(
@@ -55,7 +74,7 @@ def load(
     Parameters
     ----------
     process : Process
-        The plant, dead time exact; if it is unstable, one that a PI controller can hold.
+        The plant, dead time exact; if it is unstable, search that a PI controller can hold.
     order : int
         Highest derivative m: 0 for PI, 1 for PID, 2 for PIDA, at most 4. The filter has order m + 1.
     ms : float, optional
@@ -92,7 +111,7 @@ def load(
         limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
         shorter would be better) and ``valleys`` (the IAE at which descents from different starts ended: the least
-        first, then others up to twice of it, to two digits; with `start` there is one descent), and ``digits``: how
+        first, then others up to twice of it, to two digits; with `start` there is search descent), and ``digits``: how
         many digits of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
 
     Raises
@@ -179,15 +198,15 @@ def least_iae(
         )
     if any(sign_of_gain(plant) != sign_of_gain(process) for plant in limits.family):
         raise ValueError("family must have gains of the sign of the process: none stabilises both signs")
-    seen: list[Search] = []
-    best = _best(process, order, limits, seen, start)
-    if best is None and any(one.family for one in seen):
+    searches: list[Search] = []
+    best = _best(process, order, limits, searches, start)
+    if best is None and any(search.family for search in searches):
         raise ValueError(
             f"no controller of order {order} was found that keeps ms_worst <= {limits.ms_worst:g} with all of the "
             "family: allow more, or a narrower family"
         )
     if best is None:
-        raise ValueError(_refusal(seen))
+        raise ValueError(_refusal(searches))
     return best
 
 
@@ -195,63 +214,70 @@ def _best(
     process: Process,
     order: int,
     limits: Requirements,
-    seen: list[Search],
+    searches: list[Search],
     near: Design | None,
 ) -> Design | None:
-    """The best design over the units of time; first from starts at hand, and where none serves from approached ones."""
-    import scipy.optimize  # noqa: F401  # whose own BLAS is to be known when its threads are limited
+    """Return the best design over the units of time; if no candidate keeps the limits, from approached starts."""
+    import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
+
+    class Progress(tqdm):  # type: ignore[misc]
+        monitor_interval = 0  # no thread of its own, which some platforms refuse
 
     positive, *others = (upright(plant) for plant in (process, *limits.family))
     shortest, best = unit_of_time(positive, limits), None
     if limits.sample_time is not None and limits.sample_time > SLOWEST_SAMPLING * shortest:
         raise ValueError(
             f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, found "
-            f"{limits.sample_time:g}: no loop needs to be that slow"
+            f"{limits.sample_time:g}: with such a sample time the loop would be far slower than the process"
         )
-    # the matrices are small: handing them to other threads takes longer than the work, up to ten times in all
+    # the matrices are small: other threads would make the search up to ten times slower
     with (
         threadpool_limits(limits=1, user_api="blas"),
-        tqdm(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar,
+        Progress(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar,
     ):
-        ways: list[Any] = [at_once, approached] if near is None else [None, at_once, approached]
+        ways: list[Any] = [*([] if near is None else [None]), feasible_starts, approached]
         for start, factor in product(ways, UNITS_TRIED):
-            # where the family alone stood in the way, other starts lead to the same
-            if factor == UNITS_TRIED[0] and (best is not None or any(one.family for one in seen)):
+            # if only the family prevents a design, other starts lead to the same end
+            if factor == UNITS_TRIED[0] and (best is not None or any(search.family for search in searches)):
                 break
-            one = search_in(positive, order, limits, factor)
-            seen.append(one)
+            search = search_in(positive, order, limits, factor)
+            searches.append(search)
             if near is not None and start is None:
                 known: Any = near.controller
                 gains = sign_of_gain(process) * np.array(known.coefficients)
-                end = finish(one, one.problem.unknowns(gains, known.filter_time))
+                end = finish(search, search.problem.unknowns(gains, known.filter_time))
                 found = None if end is None else SearchResult(end, (end.value,))
             else:
-                starts = start(one)
-                found = search(one, starts, bar) if starts else None
+                starts = start(search)
+                found = descend_ladder(search, starts, bar) if starts else None
             if found is None:
                 continue
             if others:
-                one.guard(others)
-                end = finish(one, found.best.x)
+                search.guard(others)
+                end = finish(search, found.best.x)
                 if end is None:
                     continue
                 found = SearchResult(end, found.valleys)
-            design = judge(process, one, found)
+            design = judge(process, search, found)
             if best is None or design.iae < best.iae:
                 best = design
-            if design.iae - found.best.value * one.problem.time < SAME_IAE * design.iae:
-                break  # the search has seen all of the response
+            if design.iae - found.best.value * search.problem.time < SAME_IAE * design.iae:
+                break  # the response of the search is long enough
     return best
 
 
-def _refusal(seen: list[Search]) -> str:
-    """Say what prevents a design, from searches in several units of time none of which came to a design."""
-    first = seen[0]
+def _refusal(searches: list[Search]) -> str:
+    """Return the message that says what prevents a design, from searches that found none."""
+    first = searches[0]
     order, limits = first.problem.order, first.limits
     wanted = str(limits)
-    near = [(one.missed(one.nearest), _nearest(one, one.nearest)) for one in seen if one.nearest is not None]
+    near = [
+        (search.violation(search.nearest), _nearest(search, search.nearest))
+        for search in searches
+        if search.nearest is not None
+    ]
     if near:
         return (
             f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}; the nearest "
@@ -268,15 +294,15 @@ def _refusal(seen: list[Search]) -> str:
     )
 
 
-def _nearest(one: Search, x: Array) -> str:
-    """What the nearest controller makes of the quantities that are limited."""
-    values = {**_heights(one.loop(x)), "noise_gain": one.true_noise(x)}
-    return ", ".join(f"{name} = {values[name]:.4g}" for name in one.limits.limits())
+def _nearest(search: Search, x: Array) -> str:
+    """Return what the nearest controller reaches of the quantities that are limited."""
+    values = {**_peaks(search.loop(x)), "noise_gain": search.true_noise(x)}
+    return ", ".join(f"{name} = {values[name]:.4g}" for name in search.limits.limits())
 
 
-def _heights(loop: Loop) -> dict[str, float]:
-    """What a loop has of all that may be limited at all frequencies."""
-    found = {name: peak(loop)[0] for name, peak in PEAKS.items()}
+def _peaks(loop: Loop) -> dict[str, float]:
+    """Return all peaks of a loop that may be limited."""
+    found = {name: peak(loop)[0] for name, peak in SUPREMA.items()}
     return {**found, "disk": 1 / found["inverse_disk"]}
 
 
@@ -285,42 +311,42 @@ def upright(process: Process) -> Process:
     return process if sign_of_gain(process) > 0 else Process(-process.num, process.den, process.delay)
 
 
-def judge(process: Process, one: Search, found: SearchResult) -> Design:
+def judge(process: Process, search: Search, found: SearchResult) -> Design:
     """Make a design of what was found, judged on the process itself."""
-    problem, limits, x = one.problem, one.limits, found.best.x
+    problem, limits, x = search.problem, search.limits, found.best.x
     gains, time = problem.controller(x)
     # what an action amounts to at the corner of the filter tells whether there is any
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
     gains[1:] = np.where(amounts < NEGLIGIBLE_ACTION * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign_of_gain(process) * gains).tolist(), time, problem.order + 1)
     loop = Loop(process, controller)
-    heights, named = _heights(loop), limits.limits()
+    heights, named = _peaks(loop), limits.limits()
     info: dict[str, Any] = {"iae": _iae(loop, problem.time), "ms": heights["ms"], "mks": heights["mks"]}
     info |= {name: heights[name] for name in ("mt", "disk") if name in named}
-    if one.noise is not None:
-        info["noise_gain"] = one.true_noise(x)
-    if one.family:
-        loops = (Loop(plant, one.loop(x).controller) for plant in one.family)
+    if search.noise is not None:
+        info["noise_gain"] = search.true_noise(x)
+    if search.family:
+        loops = (Loop(plant, search.loop(x).controller) for plant in search.family)
         info["ms_worst"] = max(max_sensitivity(own)[0] for own in loops)
     reached = limits.reached(info, ACTIVE)
-    if one.family and info["ms_worst"] >= limits.ms_worst * (1 - ACTIVE):
+    if search.family and info["ms_worst"] >= limits.ms_worst * (1 - ACTIVE):
         reached.append("ms_worst")
-    if one.noise is not None:
-        info["sample_time"] = one.noise.h
-    if one.noise is not None and time <= one.noise.h * (1 + ACTIVE):
+    if search.noise is not None:
+        info["sample_time"] = search.noise.h
+    if search.noise is not None and time <= search.noise.h * (1 + ACTIVE):
         reached.append("sample_time")
     none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if gains[k] == 0]
     info["active"] = (*reached, *none)
-    info["edge"] = _edge(one, x)
+    info["edge"] = _edge(search, x)
     info["digits"] = int(-math.log10(max(found.best.step, 1e-9)))
     info["valleys"] = tuple(problem.time * value for value in found.valleys)
     return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)
 
 
-def _edge(one: Search, x: Array) -> tuple[str, ...]:
-    """What lies at the edge of the search, where no limit of the user's is the edge."""
-    at = one.problem.gains
-    slowest = one.bounds[at][1]
+def _edge(search: Search, x: Array) -> tuple[str, ...]:
+    """Return what lies at the edge of the search, where no limit of the user is the edge."""
+    at = search.problem.gains
+    slowest = search.bounds[at][1]
     found = ["filter_time"] if x[at] < FASTEST + 1e-3 or x[at] > slowest - 1e-3 else []
     return (*found, *(["gains"] if x[:at].max() > LARGEST_GAIN * (1 - 1e-3) else []))
 
@@ -333,3 +359,87 @@ def _iae(loop: Loop, time: float) -> float:
         raise ValueError(
             f"the limits leave only loops too slow to be followed for this process: {reason}"
         ) from None
+
+
+# --- the walk ---------------------------------------------------------------------------------------------------------
+
+
+def descend_ladder(search: Search, starts: list[Array], bar: Any) -> SearchResult | None:
+    """Find the best unknowns from starts that keep all limits; None where no descent keeps them.
+
+    Notes
+    -----
+    A PIDA near the PID, with hardly any acceleration, and a true PIDA with a slower filter can each be the best there
+    is nearby. On some plants the first is a local optimum, on others a shelf above the second. Along a ladder of
+    filter times, with the optimum of each rung as the start of the next, both are found: from above, from below, and
+    once more without the highest derivative, which keeps to the first. Descents with a free filter time follow from
+    every rung, and the best of them are finished. Descents from random starts around the best one come last.
+    """
+    first = starts[0]
+    x, rungs = first, []
+    down, up = search.rungs, search.rungs[::-1]
+    # down, up, and down once more without the highest derivative, to the optimum of the order below
+    for ladder, highest in ((down, LARGEST_GAIN), (up, LARGEST_GAIN), (down, 0.0)):
+        for time in ladder:
+            value, found, violation = search.descend(search.near(x, first, float(time)), float(time), highest)
+            if violation <= NEARLY:
+                x = found
+                rungs.append((value, found))
+            bar.update()
+    # the filter time set free: from every rung and the other starts, then to the end from the best
+    free = []
+    for start in [*(x for _, x in _distinct(rungs, len(rungs))), *starts[1:]]:
+        value, found, violation = search.descend(start)
+        if violation <= NEARLY:
+            free.append((value, found))
+        bar.update()
+    finished: list[Polished] = []
+    for ends in (free, rungs):
+        for _, start in _distinct(ends, BEST):
+            end = finish(search, start, finished)
+            finished += [] if end is None else [end]
+        if finished:
+            break
+    else:
+        return None
+    best = min(finished, key=lambda end: end.value)
+    # a last check: descents from random starts around the best
+    shaken = [search.descend(start) for start in _shaken(search, best.x)]
+    kept = [end for end in shaken if end[2] <= NEARLY]
+    value, start, _ = min(kept, default=(np.inf, x, 0.0), key=lambda end: end[0])
+    if value < search.iae(best.x)[0] * (1 + SAME_END):
+        last = finish(search, start, [best])
+        if last is not None and last.value < best.value:
+            best = last
+    return SearchResult(best, _valleys([best.value, *(other for other, _ in free)]))
+
+
+def _shaken(search: Search, x: Array) -> Iterator[Array]:
+    """Yield starts around a controller whose loops are stable, the same at each run."""
+    rng, at = np.random.default_rng(0), search.problem.gains
+    for gains, filter_time in SHAKES:
+        start = x.copy()
+        start[:at] *= np.exp(rng.normal(0.0, gains, at))
+        start[at] = np.clip(x[at] + rng.normal(0.0, filter_time), *search.bounds[at])
+        if not search.problem.unstable(start):
+            yield start
+
+
+def _valleys(values: list[float]) -> tuple[float, ...]:
+    """Return values that differ, each the least of those next to it."""
+    chosen: list[float] = []
+    for value in sorted(values):
+        if not chosen or chosen[-1] * (1 + VALLEY_GAP) < value < VALLEY_REACH * chosen[0]:
+            chosen.append(value)
+    return tuple(chosen)
+
+
+def _distinct(rungs: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
+    """Return the best rungs that are not the same point."""
+    chosen: list[tuple[float, Array]] = []
+    for rung in sorted(rungs, key=lambda pair: pair[0]):
+        if all(np.max(np.abs(rung[1] - other[1])) > 1e-3 for other in chosen):
+            chosen.append(rung)
+        if len(chosen) == most:
+            break
+    return chosen

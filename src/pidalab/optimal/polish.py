@@ -1,0 +1,426 @@
+r"""The last steps to an optimum: to the point that its own conditions fix.
+
+A descent stops where its tolerance is met, and in a flat valley rounding decides where that is. From there Newton's
+method goes on: limits that are reached become equations, each at the frequency of its own peak, and the Lagrangian is
+made stationary, with second derivatives from differences of exact first ones. Each step is a quadratic programme, so
+that limits join and leave by their multipliers (Nocedal and Wright, Numerical Optimization, 2006, ch. 18), solved as
+a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.loop import Loop
+from pidalab.optimal.problem import MS, PEAKS, Scaled, numerator, weights, with_turns
+from pidalab.optimal.search import FINE, NEARLY, Search, is_surely_stable
+from pidalab.robustness.margins import (
+    max_complementary,
+    max_control_sensitivity,
+    max_difference,
+    max_sensitivity,
+)
+
+MAX_FINISHES = 12  # rounds, each with the worst frequency of the one before
+VALLEY_GAP = 1e-2  # share by which the values of two valleys differ at least
+UNPOLISHED = 1e-2  # error of an end whose conditions were not reached
+ALIKE = 0.01  # what two ends of the same valley differ by at most
+BACK = 0.97  # factor that takes all gains back a little
+WORST_PLANTS = 2  # plants of the family that join at a time
+# factor of the gains, steps at most, and by how much a limit may then be missed
+SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
+# supremum of each of what may be limited at all frequencies, and where it lies
+SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
+    "ms": max_sensitivity,
+    "mks": max_control_sensitivity,
+    "mt": max_complementary,
+    "inverse_disk": max_difference,
+}
+ROOM = 1e-9  # share of a limit that is left for rounding
+NEAR_LIMIT = 0.05  # share of a limit within which a peak becomes a condition
+FREQUENCY_STEP, PEAK_STEPS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
+SPACING, LEAST_SPACING = 1e-4, 1e-6  # of the points that second derivatives come from, as a descent sees them
+# Newton steps at most; size of the last step, and the largest that is accepted as the last
+MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
+SMALL_STEP = 1e-3  # step after which second derivatives stay as they are
+# trust region: longest step, step near the end, shortest step
+LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
+LEAST_UNIT = 1e-9  # unit of a gain
+NOMINAL = len(PEAKS)  # kinds of peaks of the process itself: the first of those of other plants
+
+
+class Polished(NamedTuple):
+    """End of the last steps."""
+
+    value: float  # IAE, in units of time of the problem
+    x: Array
+    step: float  # size of the last step, in the units of a descent: the error that is left
+    w: Array  # frequencies of the peaks that come near their limits
+
+
+class Peaks:
+    """Heights of peaks of the process and of |S| with other plants, as smooth functions of the unknowns.
+
+    The kinds of peaks are numbers: those of `PEAKS` first, of which not all may be limited, then one for |S| with
+    each other plant.
+    """
+
+    def __init__(self, search: Search) -> None:
+        self.problem = problem = search.problem
+        limits, others = search.limits.peaks(ROOM), [search.family[k] for k in search.active]
+        worst = [search.limits.ms_worst * (1 - ROOM)] * len(others)
+        self.plants = [problem.process] * NOMINAL + others
+        self.log_limits = np.log([*(limits.get(name, np.inf) for name in PEAKS), *worst])
+        self.limited = [kind for kind, name in enumerate(PEAKS) if name in limits]
+        fastest = math.exp(search.bounds[problem.gains][0])
+        w = np.geomspace(1e-3, 30.0 / fastest, 700) / problem.time
+        w = with_turns(w, problem.process.delay, 0.3 * np.arange(1.0, 400.0))
+        self.w = np.unique(np.append(w, search.w))
+        s = 1j * self.w
+        self.at_grid = s, problem.process(s), problem._actions(s)
+        self.others_at_grid = np.array([plant(s) for plant in others]).reshape(-1, s.size)
+
+    def log_heights(self, x: Array) -> Array:
+        """Logarithms of all heights over their limits at the frequencies of the grid."""
+        s, plant, actions = self.at_grid
+        controller = self.problem._controller(x, s, actions)[0]
+        L = plant * controller
+        back = np.log(np.abs(1 + L))
+        found = np.full((NOMINAL, s.size), -np.inf)
+        for kind in self.limited:
+            found[kind] = np.log(np.abs(numerator(kind, controller, L))) - back - self.log_limits[kind]
+        others = -np.log(np.abs(1 + self.others_at_grid * controller)) - self.log_limits[NOMINAL:, None]
+        return np.vstack([found, others])
+
+    def _plant(self, s: Any, kinds: Array) -> tuple[Any, Any]:
+        """The plant of each peak, and s P'/P."""
+        value, turn = np.empty(s.size, dtype=complex), np.empty(s.size, dtype=complex)
+        owner = np.where(kinds < NOMINAL, 0, kinds)
+        for kind in np.unique(owner):
+            at, plant = owner == kind, self.plants[kind]
+            here = s[at]
+            value[at] = plant(here)
+            by_num, by_den = (
+                np.polyval(np.polyder(c), here) / np.polyval(c, here) for c in (plant.num, plant.den)
+            )
+            turn[at] = here * (by_num - by_den - plant.delay)
+        return value, turn
+
+    def near(self, x: Array) -> tuple[Any, Array]:
+        """Return kinds and frequencies of the peaks that come near their limits."""
+        heights = self.log_heights(x)
+        inner = heights[:, 1:-1]
+        kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR_LIMIT))
+        return kinds, self.w[i + 1]
+
+    def bend(self, x: Array, kinds: Array, w: Array) -> Array:
+        """Second derivatives of the logarithms of heights by that of the frequency, at peaks."""
+        above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
+        return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
+
+    def refine(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
+        """Frequencies of peaks, from the nearest points of the grid, by Newton's method on the slope."""
+        log = np.log(w)
+        for _ in range(PEAK_STEPS):
+            move = np.clip(-self._slope(x, kinds, np.exp(log)) / bend, -0.02, 0.02)
+            log = log + move
+            if np.max(np.abs(move), initial=0.0) < 1e-12:
+                break
+        return np.asarray(np.exp(log))
+
+    def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
+        """Slope of the logarithm of a height by that of the frequency."""
+        s = 1j * w
+        gains, time = self.problem.controller(x)
+        powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
+        terms, lag = gains[:, None] * s ** powers[:, None], 1 / (1 + time * s)
+        action = terms.sum(axis=0)
+        by_controller = (powers @ terms) / action + order * (lag - 1)  # s C'/C
+        plant, by_plant = self._plant(s, kinds)
+        _, a, b = _parts(kinds, action, plant * action * lag**order)
+        return np.asarray(np.real(a * by_controller + b * by_plant))
+
+    def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
+        """Heights of peaks, and their slopes by the unknowns."""
+        s = 1j * w
+        controller, slopes = self.problem._controller(x, s, self.problem._actions(s))
+        L = self._plant(s, kinds)[0] * controller
+        above, a, _ = _parts(kinds, controller, L)
+        heights = np.log(np.abs(above / (1 + L))) - self.log_limits[kinds]
+        return heights, np.real(a / controller * slopes()).T
+
+
+def _parts(kinds: Array, controller: Array, L: Array) -> Any:
+    """Numerators over 1 + L, and both weights, of peaks, of which there are few; with other plants it is |S|."""
+    own = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
+    each = zip(own, controller.tolist(), L.tolist(), strict=True)
+    found = [(numerator(kind, c, l), *weights(kind, l)) for kind, c, l in each]
+    return np.array(found, dtype=complex).reshape(-1, 3).T
+
+
+class Lagrangian:
+    """IAE and limits as a descent sees them, around a point."""
+
+    def __init__(self, search: Search, x: Array) -> None:
+        problem, self.search = search.problem, search
+        self.scaled = Scaled(x, problem.gains)
+        small = (x > 0) & (x < self.scaled.unit)
+        small[[0, -1]] = False
+        self.scaled.unit[small] = np.maximum(x[small], LEAST_UNIT)
+        low, high = np.transpose(search.bounds)
+        self.low, self.high = self.scaled(low), self.scaled(high)
+        self.peaks = Peaks(search)
+        self.most = math.log((search.limits.noise_gain or 1.0) * (1 - ROOM))
+
+    def end(self, z: Array) -> Array:
+        """Undo the scaling, within the bounds."""
+        return np.clip(self.scaled.back(z), *np.transpose(self.search.bounds))
+
+    def value(self, z: Array) -> tuple[float, Any]:
+        """Logarithm of the IAE, and the function of its slope."""
+        x = self.scaled.back(z)
+        value, slope = self.search.fine(x)
+        return math.log(value), lambda: self.scaled.slopes(x, slope() / value)
+
+    def margins(self, z: Array, kinds: Array, w: Array, noise: Any) -> tuple[Array, Array]:
+        """Return the slack of the limits of peaks and noise, and its slopes."""
+        x = self.scaled.back(z)
+        heights, slopes = self.peaks.rows(x, kinds, w)
+        slack, by_x = -heights, -slopes
+        if noise is not None:
+            variance, slope = noise(x)
+            slack = np.append(slack, self.most - 0.5 * math.log(variance))
+            by_x = np.vstack([by_x, -0.5 * slope() / variance])
+        return slack, self.scaled.slopes(x, by_x)
+
+    def refined_peaks(self, z: Array) -> tuple[Array, Array]:
+        """Return kinds and exact frequencies of the peaks near their limits."""
+        x = self.scaled.back(z)
+        kinds, w = self.peaks.near(x)
+        return kinds, self.peaks.refine(x, kinds, w, self.peaks.bend(x, kinds, w))
+
+    def violation(self, z: Array) -> tuple[float, float]:
+        """Return the value and the sum of all violations; infinite where the loop is unstable."""
+        x = self.scaled.back(z)
+        if not np.all(np.isfinite(x)) or self.search.problem.unstable(x):
+            return math.inf, math.inf
+        slack, _ = self.margins(z, *self.refined_peaks(z), self.search.exact_noise)
+        return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
+
+    def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
+        """Second derivatives of the Lagrangian, peaks followed to where they lie; of noise as in a descent."""
+        bend, found = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
+
+        def slope(z: Array) -> Array:
+            x = self.scaled.back(z)
+            value, by_x = iae_of(x)
+            moved = self.peaks.refine(x, kinds, w, bend)
+            by_limits = self.margins(z, kinds, moved, self.search.noise)[1]
+            return np.asarray(self.scaled.slopes(x, by_x() / value) - multipliers @ by_limits)
+
+        for k, way in enumerate(h * np.eye(z.size)):
+            found[k] = (slope(z + way) - slope(z - way)) / (2 * h)
+        return 0.5 * (found + found.T)
+
+
+def polish(search: Search, x: Array) -> Polished | None:
+    """Go from near an optimum to where its conditions are met; None where Newton's method does not converge.
+
+    Notes
+    -----
+    The state is the point z in the scaled variables of a descent, its value, and the sum of the violations of its
+    limits. Each step solves the quadratic programme of sequential quadratic programming (Nocedal and Wright,
+    Numerical Optimization, 2006, ch. 18), within a trust region. Far from the end a step is accepted only if it
+    lowers the value plus the price of violations, and the price is at least twice the largest multiplier. Near the
+    end a step is accepted if it is less than half of the one before, so that the steps shrink until one is below
+    `LAST_STEP`. Second derivatives are computed again while the steps are long. They come from the coarse response at
+    first, and from the fine one as soon as a step shrinks by less than a factor of three.
+    """
+    lagrangian = Lagrangian(search, x)
+    z = np.clip(lagrangian.scaled(x), lagrangian.low, lagrangian.high)
+    trust, price, stale = LARGEST_TRUST, 0.0, True
+    before, iae_of, spacing = math.inf, search.iae, SPACING
+    value, violation = lagrangian.violation(z)
+    eye, hessian = np.eye(z.size), np.zeros(0)
+    for _ in range(MOST_NEWTON_STEPS):
+        kinds, w = lagrangian.refined_peaks(z)
+        slack, slopes = lagrangian.margins(z, kinds, w, search.exact_noise)
+        slope = lagrangian.value(z)[1]()
+        rows = np.vstack([slopes, eye, -eye])
+        slack = np.concatenate([slack, z - lagrangian.low, lagrangian.high - z])
+        limits = slack.size - 2 * z.size
+        if stale:  # else the second derivatives of the last step serve
+            multipliers = estimate_multipliers(slope, rows, slack)
+            hessian = convex(
+                lagrangian.hessian(z, kinds, w, multipliers[:limits], iae_of, spacing), rows[multipliers > 0]
+            )
+        while True:
+            found = solve_qp(hessian, slope, rows, slack, trust)
+            if found is None:
+                return None
+            step, multipliers = found
+            length = float(np.max(np.abs(step)))
+            price = max(price, 2 * float(np.max(multipliers[:limits], initial=0.0)))
+            there, by = lagrangian.violation(z + step)
+            # near the end shrinking steps count, not values: a full step may miss curved limits by a little
+            near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
+            if near or there + price * by <= value + price * violation:
+                break
+            # the trust region shrinks even if rounding let the step pass it
+            trust = 0.3 * min(trust, length)
+            if trust < LEAST_TRUST:
+                return None
+        z, value, violation = np.clip(z + step, lagrangian.low, lagrangian.high), there, by
+        trust = max(trust, min(LARGEST_TRUST, 3 * length))
+        if length < LAST_STEP:
+            break
+        stale = length > SMALL_STEP or length > 0.1 * before
+        if length > 0.3 * before:
+            iae_of, spacing = search.fine, min(SPACING, max(0.1 * length, LEAST_SPACING))  # a closer look
+        before = length
+    return Polished(math.exp(value), lagrangian.end(z), length, w) if length < LARGEST_LAST_STEP else None
+
+
+# --- quadratic programmes ---------------------------------------------------------------------------------------------
+
+
+FLATTEST = 1e-9  # curvature that a direction has at least
+
+
+def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
+    """Return the non-negative multipliers of the limits that are reached which explain the slope best."""
+    from scipy.optimize import nnls
+
+    multipliers = np.zeros(slack.size)
+    reached = slack < 1e-3
+    if reached.any():
+        multipliers[reached] = nnls(rows[reached].T, slope)[0]
+    return multipliers
+
+
+def convex(hessian: Array, reached: Array) -> Array:
+    """Make second derivatives positive definite: along the reached limits as little as possible, off them freely."""
+    if reached.size:
+        _, sizes, turned = np.linalg.svd(reached)
+        free = turned[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
+    else:
+        free = np.eye(len(hessian))
+    values, vectors = np.linalg.eigh(free.T @ hessian @ free)
+    along = free @ vectors
+    wanted = np.maximum(np.abs(values), FLATTEST)
+    hessian = hessian + (along * (wanted - values)) @ along.T
+    heavy = max(1e-3, float(np.abs(hessian).max(initial=0.0)))
+    off = np.eye(len(hessian)) - free @ free.T
+    for factor in 10.0 ** np.arange(0, 8):
+        out = np.asarray(hessian + factor * heavy * off)
+        if np.linalg.eigvalsh(out)[0] > 0:
+            return out
+    return out
+
+
+def solve_qp(
+    hessian: Array, slope: Array, rows: Array, slack: Array, trust: float
+) -> tuple[Array, Array] | None:
+    """Return the step that makes a quadratic function least within limits and trust, and the multipliers of the limits.
+
+    It is solved as a least-distance programme [LaH95]_.
+    """
+    from scipy.optimize import nnls
+
+    size = slope.size
+    rows = np.vstack([rows, np.eye(size), -np.eye(size)])
+    slack = np.concatenate([slack, np.full(2 * size, trust)])
+    root = np.linalg.cholesky(hessian)  # lower: hessian = root root^T
+    best = np.asarray(-np.linalg.solve(hessian, slope), dtype=float)
+    turned = np.linalg.solve(root, rows.T)  # columns: limits in the metric of the function
+    wanted = -slack - rows @ best
+    if np.all(wanted <= 0):
+        return best, np.zeros(slack.size - 2 * size)
+    scale = np.linalg.norm(turned, axis=0)
+    system = np.vstack([turned / scale, wanted / scale])
+    target = np.append(np.zeros(size), 1.0)
+    weights, _ = nnls(system, target)
+    rest = system @ weights - target
+    if -rest[-1] < 1e-13:
+        return None
+    multipliers = weights / scale / -rest[-1]
+    step = np.asarray(best + np.linalg.solve(root.T, turned @ multipliers), dtype=float)
+    return step, multipliers[: slack.size - 2 * size]
+
+
+# --- the end ----------------------------------------------------------------------------------------------------------
+
+
+def finish(
+    search: Search, x: Array, known: Sequence[Polished] = (), last_steps: bool = True
+) -> Polished | None:
+    """Refine and verify an optimum: descend, polish if asked to, and add frequencies until the limits hold at all.
+
+    None if that fails, or ends at a known end or at a worse one.
+    """
+    for _ in range(MAX_FINISHES):
+        value, found, violation = search.descend(x, effort=FINE)
+        if violation > NEARLY or not search.sound(found):
+            # the descent diverged: again, with smaller gains
+            x = np.append(BACK * x[: search.problem.gains], x[-1])
+            continue
+        if any(
+            value > other.value * (1 + VALLEY_GAP) or np.allclose(found, other.x, ALIKE, ALIKE)
+            for other in known
+        ):
+            return None
+        x, end = found, polish(search, found) if last_steps else None
+        if end is None:
+            end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
+        for peak in end.w:  # for the descents that follow
+            search.look_at(peak, nearly=True)
+        if search.sound(end.x) and _keeps(search, end.x, search.true_noise(end.x)):
+            if _safe(search, end.x):
+                return end
+            x = _shrunk(search, x)
+    return None
+
+
+def _safe(search: Search, x: Array) -> bool:
+    """Return True if all plants of the family keep their limit; else let the descents see the worst two."""
+    loop, found = search.loop(x), []
+    for k, plant in enumerate(search.family):
+        other = Loop(plant, loop.controller)
+        ms, at = max_sensitivity(other)
+        found.append((ms if is_surely_stable(other) else np.inf, at, k))
+    worst = sorted(found, reverse=True)[:WORST_PLANTS]
+    over = [entry for entry in worst if entry[0] > search.limits.ms_worst]
+    for _, at, k in over:
+        search.see(k, at)
+    return not over
+
+
+def _shrunk(search: Search, x: Array) -> Array:
+    """Take gains back until the loops with the active plants of the family are stable and near their limits."""
+    x, gains = x.copy(), search.problem.gains
+    for _ in range(SHRINKS):
+        loops = (Loop(search.family[k], search.loop(x).controller) for k in search.active)
+        if search.violation(x) <= LARGEST_VIOLATION and all(is_surely_stable(loop) for loop in loops):
+            break
+        x[:gains] *= SHRINK
+        x[0] *= SHRINK**0.5
+    return x
+
+
+def _keeps(search: Search, x: Array, noise: float) -> bool:
+    """Return True if all limits hold; else add the frequencies where they do not."""
+    loop, kept = search.loop(x), True
+    for name, most in search.limits.peaks(0.0).items():
+        height, at = SUPREMA[name](loop)
+        if height > most:
+            kept = False
+            search.look_at(at)
+    if search.limits.noise_gain is not None and noise > search.limits.noise_gain:
+        kept = False
+        search.aim_below(noise)
+    return kept

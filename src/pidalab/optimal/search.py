@@ -1,0 +1,343 @@
+"""The search behind `pidalab.optimal`: descents under limits, and their starts.
+
+The first family of starts are PI and PID controllers behind filters of several speeds. The second has all its zeros in
+one place below a chosen crossover, as plants need that only a derivative or an acceleration stabilises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import islice, product
+from typing import Any
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.controllers import HighOrderPID
+from pidalab.loop import Loop
+from pidalab.optimal.problem import (
+    BARRIER,
+    CachedValueAndSlope,
+    Problem,
+    SampledNoise,
+    Scaled,
+    Slope,
+    unit_of_time,
+    with_turns,
+)
+from pidalab.process import Process
+from pidalab.requirements import Requirements
+from pidalab.robustness.poles import is_stable
+
+FINE_SAMPLES = 8192  # of the response whose IAE is made least
+TOP, BOTTOM, RUNGS = 1.0, -5.0, 13  # of the ladder: logarithms of filter times, in units of the process
+FASTEST, SLOWEST = -7.0, 3.0  # logarithms of filter times that are allowed
+LARGEST_GAIN = 1e6  # gain, in units of the process, that is allowed
+SEARCH_HORIZON = 80.0  # of a response, in units of the process
+VIOLATION_PRICE = 30.0  # price of a violation where starts are compared
+SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
+AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
+BETWEEN = 0.01  # share of a frequency within which another stands for it
+NEARLY = 1e-4  # share by which a limit may be missed on the way
+ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
+# descents one after the other at most; gain after which one is long, a logarithm
+AGAIN, LONG_DESCENT = 4, 0.2
+FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
+
+
+class Search:
+    """One problem and its limits, at frequencies that grow in number as peaks are found between them."""
+
+    nearest: Array | None = None  # what comes nearest to limits that nothing keeps
+    family: tuple[Process, ...] = ()  # plants, upright, that keep ms_worst at the end
+
+    def __init__(self, problem: Problem, limits: Requirements, spare: float = SPARE) -> None:
+        self.problem, self.limits, self.spare = problem, limits, spare
+        self.active: list[int] = []  # plants of the family that the descents see
+        time = problem.time
+        # dense where the loop crosses over, and fine enough for the turns of the dead time
+        far = np.geomspace(10.0, 2.0 / np.exp(BOTTOM), 16)[1:]
+        w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
+        self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
+        self.iae = problem.iae(SEARCH_HORIZON * time)
+        self.fine = problem.iae(SEARCH_HORIZON * time, FINE_SAMPLES)
+        # sampled noise has a size only behind a filter that is not faster than the sample
+        h = limits.sample_time
+        self.noise = self.exact_noise = None
+        if limits.noise_gain is not None and h is not None:
+            self.noise, self.exact_noise = (SampledNoise(problem, h, density) for density in (1, FINER))
+        fastest = FASTEST if h is None else max(FASTEST, float(np.log(h / time)))
+        self.aim = limits.noise_gain or 0.0  # for the quadrature of the noise
+        filters = (fastest, max(SLOWEST, fastest + 2.0))
+        self.rungs = np.linspace(max(TOP, fastest + 1.0), max(BOTTOM, fastest), RUNGS)
+        self.bounds = [(1e-6, LARGEST_GAIN)] + [(0.0, LARGEST_GAIN)] * (problem.order + 1) + [filters]
+
+    def sound(self, x: Array) -> bool:
+        """Return True if the loop is stable, with a sampled controller too where there is a limit of noise."""
+        return is_surely_stable(self.loop(x)) and np.isfinite(self.true_noise(x))
+
+    def near(self, x: Array, first: Array, filter_time: float) -> Array:
+        """Return the best start at another filter time: the last optimum, with less derivative or not, or the first."""
+        at, constraints = self.problem.gains, self.constraints()
+        best, least = first, np.inf
+        powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (np.arange(x.size) < at)  # of derivatives
+        for start in (first.copy(), *(x * share**powers for share in (1.0, 0.6, 0.3, 0.1))):
+            start[at] = filter_time
+            value = self.log_iae(start)[0] + np.log1p(VIOLATION_PRICE * self.violation(start, constraints))
+            if value < least:
+                best, least = start, value
+        return best
+
+    def log_iae(self, x: Array) -> tuple[float, Slope]:
+        """Logarithm of the IAE and the function of its gradient; a barrier where a step has left the stable loops."""
+        if self.problem.unstable(x):
+            return BARRIER, lambda: np.zeros(x.size)
+        value, slope = self.iae(x)
+        return float(np.log(value)), lambda: slope() / value
+
+    def violation(self, x: Array, constraints: list[CachedValueAndSlope] | None = None) -> float:
+        """Return the largest violation of a limit."""
+        return max(0.0, -min(float(np.min(one.value(x))) for one in constraints or self.constraints()))
+
+    def constraints(self) -> list[CachedValueAndSlope]:
+        """Return the slack of every limit, not negative where it is kept, at the frequencies so far."""
+        worst = {"ms": self.limits.ms_worst * (1 - self.spare)}
+        found = [self.problem.slack(self.w, self.limits.peaks(self.spare))]
+        found += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
+        if self.noise is not None:
+            noise, most = self.noise, self.aim
+
+            def margin(x: Array) -> tuple[float, Slope]:
+                variance, slope = noise(x)
+                deviation = np.sqrt(variance)
+                return 1 - deviation / most, lambda: -slope() / (2 * deviation * most)
+
+            found.append(margin)
+        return [CachedValueAndSlope(one) for one in found]
+
+    def descend(
+        self,
+        start: Array,
+        filter_time: float | None = None,
+        highest: float = LARGEST_GAIN,
+        effort: tuple[int, float] = ROUGH,
+    ) -> tuple[float, Array, float]:
+        """Run sequential quadratic programming from a start: value, unknowns, and the largest violation.
+
+        The filter time may be held, and the gain of the highest derivative bounded.
+        """
+        from scipy.optimize import minimize
+
+        bounds, x = list(self.bounds), start.copy()
+        at = self.problem.gains
+        if filter_time is not None:
+            x[at], bounds[at] = filter_time, (filter_time, filter_time)
+        x[at - 1], bounds[at - 1] = min(x[at - 1], highest), (0.0, highest)
+        low, high = np.transpose(bounds)
+        constraints, value = self.constraints(), self.log_iae(x)[0]
+        with np.errstate(all="ignore"):
+            for _ in range(AGAIN):
+                scaled = Scaled(x, at)
+                value_of, slope_of = scaled.functions(CachedValueAndSlope(self.log_iae))
+                limits = (
+                    dict(zip(("fun", "jac"), scaled.functions(one), strict=True)) for one in constraints
+                )
+                found = minimize(
+                    value_of, scaled(x), method="SLSQP", jac=slope_of,
+                    bounds=list(zip(scaled(low), scaled(high), strict=True)),
+                    constraints=[{"type": "ineq", **limit} for limit in limits],
+                    options=dict(zip(("maxiter", "ftol"), effort, strict=True)),
+                )  # fmt: skip
+                end = np.clip(scaled.back(found.x), low, high)
+                before, value = value, float(found.fun)
+                violation = self.violation(end, constraints)
+                # a long descent may have ended early, with the curvature of its start: begin again from its end
+                if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
+                    break
+                x = end
+        ok = value < BARRIER and np.isfinite(violation)
+        return (float(np.exp(value)), end, violation) if ok else (np.inf, start, np.inf)
+
+    def loop(self, x: Array) -> Loop:
+        """Close the loop of a vector of unknowns."""
+        gains, time = self.problem.controller(x)
+        return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
+
+    def look_at(self, peak: float, nearly: bool = False) -> None:
+        """Add frequencies around a peak; with `nearly` only if none is near."""
+        if 0 < peak < np.inf and not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
+            self.w = np.append(self.w, peak * AROUND)
+
+    def aim_below(self, noise: float) -> None:
+        """Lower the aim for the noise by the factor by which it is too large."""
+        assert self.limits.noise_gain is not None
+        self.aim *= self.limits.noise_gain / noise * (1 - self.spare)
+
+    def guard(self, family: Sequence[Process]) -> None:
+        """Keep the limit of Ms with other plants, too, from now on."""
+        self.family = tuple(family)
+
+    def see(self, k: int, peak: float) -> None:
+        """Let the descents see a plant of the family; if they do, add the frequencies of its peak."""
+        if k in self.active:
+            self.look_at(peak)
+        else:
+            self.active.append(k)
+
+    def true_noise(self, x: Array) -> float:
+        """Return the noise gain of the sampled loop: 0 without a limit, infinite if that loop is unstable."""
+        return 0.0 if self.exact_noise is None else self.exact_noise.gain(x)
+
+
+def is_surely_stable(loop: Loop) -> bool:
+    """Return True if a loop is stable; False if its poles cannot be counted."""
+    try:
+        return is_stable(loop)
+    except ArithmeticError:
+        return False
+
+
+def search_in(
+    process: Process, order: int, limits: Requirements, factor: float = 1.0, spare: float = SPARE
+) -> Search:
+    """Return a search in the unit of time that fits a process, times a factor.
+
+    Parameters
+    ----------
+    process : Process
+        With positive gain.
+    order : int
+        Highest derivative.
+    limits : Requirements
+        Requirements of the design.
+    factor : float, optional
+        Factor of the unit of time.
+    spare : float, optional
+        Share of a limit that is kept free, for peaks between the frequencies of the search.
+
+    Returns
+    -------
+    Search
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.optimal.search import search_in
+    >>> from pidalab.requirements import Requirements
+    >>> search_in(pidalab.lags(3, delay=1.0), 1, Requirements(ms=1.6)).problem.gains
+    3
+    """
+    unit = factor * unit_of_time(process, limits)
+    return Search(Problem(process, order, (abs(complex(process(1j / unit))), unit)), limits, spare)
+
+
+# --- starts -----------------------------------------------------------------------------------------------------------
+
+
+GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)  # proportional, in units of the process
+INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)  # integral over proportional gain
+DERIVATIVES = (0.0, 1.0, 5.0)  # over proportional gain
+FILTERS = (-4.0, -2.0, 0.0)  # logarithms of filter times
+CROSSOVERS = np.geomspace(0.02, 5.0, 9)  # of the second family, in units of the process
+# crossover over the zeros, and corner of the filter over the crossover, of the second family
+ZEROS_BELOW = (3.0, 8.0, 25.0)
+FILTER_ABOVE = (5.0, 30.0, 200.0)
+INSIDE = -1e-3  # share of the limits that an approach goes beyond keeping them
+TRIED = 60  # candidates whose stability is checked
+STARTS, START_GAP = 6, np.log(4.0)  # starts at most, and how far they are apart
+NEAREST = 4  # candidates from which the limits are approached
+
+
+def feasible_starts(search: Search, surely: bool = True) -> list[Array]:
+    """Return candidates that keep all limits and differ, the least IAE first; their stability is checked if asked."""
+    constraints = search.constraints()
+    kept = [x for x in _ranked(search) if search.violation(x, constraints) == 0]
+    chosen: list[Array] = []
+    for x in sorted(kept, key=lambda x: search.iae(x)[0]):
+        differs = all(_apart(x, other, search.problem.gains) for other in chosen)
+        if differs and (not surely or search.sound(x)):
+            chosen.append(x)
+        if len(chosen) == STARTS:
+            break
+    return chosen
+
+
+def _apart(one: Array, other: Array, gains: int) -> bool:
+    """Return True if integral gain, largest action or filter differ by more than a factor."""
+    differences = np.log([one[0] / other[0], one[:gains].max() / other[:gains].max()])
+    return bool(max(np.abs(differences).max(), abs(one[gains] - other[gains])) > START_GAP)
+
+
+def approached(search: Search) -> list[Array]:
+    """Return a start that keeps all limits, from candidates that do not; the search stores the nearest of all."""
+    least = np.inf
+    for start in islice(stabilising(search), NEAREST):
+        x = relax(search, start)
+        violation = search.violation(x)
+        if violation < least and search.sound(x):
+            search.nearest, least = x, violation
+        if least == 0:
+            return [x]
+    return []
+
+
+def stabilising(search: Search) -> Iterator[Array]:
+    """Yield candidates that stabilise the process, the nearest to the limits first, and of equals the quickest."""
+    return (x for x in _ranked(search)[:TRIED] if search.sound(x))
+
+
+def _ranked(search: Search) -> list[Array]:
+    """Return candidates whose loops turn as stable ones, the nearest to the limits first, then the quickest."""
+    problem, constraints = search.problem, search.constraints()
+    likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))
+    ranked = [(search.violation(x, constraints), -x[0], x) for x in likely]
+    ranked.sort(key=lambda entry: entry[:2])
+    return [x for _, _, x in ranked]
+
+
+def relax(search: Search, start: Array) -> Array:
+    """Go from a start to where the limits are kept, or missed by least."""
+    from scipy.optimize import minimize
+
+    constraints = search.constraints()
+    only_slack = np.append(np.zeros(start.size), 1.0)
+
+    def slack(z: Array) -> tuple[float, Array]:
+        unstable = search.problem.unstable(z[:-1])
+        return (BARRIER, np.zeros(z.size)) if unstable else (float(z[-1]), only_slack)
+
+    def with_slack(one: CachedValueAndSlope) -> dict[str, Any]:
+        def slope(z: Array) -> Array:
+            rows = np.atleast_2d(one.slope(z[:-1]))
+            return np.hstack([rows, np.ones((rows.shape[0], 1))])
+
+        return {"type": "ineq", "fun": lambda z: np.atleast_1d(one.value(z[:-1])) + z[-1], "jac": slope}
+
+    with np.errstate(all="ignore"):
+        found = minimize(
+            slack, np.append(start, search.violation(start, constraints)), jac=True, method="SLSQP",
+            bounds=[*search.bounds, (INSIDE, None)], constraints=[with_slack(one) for one in constraints],
+            options={"maxiter": 80, "ftol": 1e-7},
+        ).x[:-1]  # fmt: skip
+        better = search.violation(found, constraints) < search.violation(start, constraints)
+    return found if better else start
+
+
+def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Array]:
+    """Both families, each with every filter that is allowed."""
+    for action, filters in _families(problem):
+        for time in np.unique(np.clip(filters, fastest, slowest)):
+            x = np.zeros(problem.size)
+            x[: action.size], x[problem.gains] = action, time
+            x[0] = max(x[0], 1e-6)
+            yield x
+
+
+def _families(problem: Problem) -> Iterator[tuple[Array, Any]]:
+    """Some of the gains, and logarithms of filter times."""
+    for gain, share, derivative in product(GAINS, INTEGRAL_SHARES, DERIVATIVES if problem.order else (0.0,)):
+        yield np.array([gain * share, gain, derivative * gain])[: problem.gains], FILTERS
+    for w, below, zeros in product(CROSSOVERS, ZEROS_BELOW, range(1, problem.gains)):
+        action = np.poly(np.full(zeros, -w / below))[::-1]
+        action = action / abs(np.polyval(action[::-1], 1j * w) * problem.process(1j * w / problem.time))
+        yield action * (w * problem.gain), [-np.log(w * above) for above in FILTER_ABOVE]

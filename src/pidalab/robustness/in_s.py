@@ -1,0 +1,261 @@
+"""A continuous loop along the frequency axis, by its factors, whose derivatives are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.loop import Loop, open_loop, require_well_posed
+from pidalab.process import static_gain
+from pidalab.robustness import walk
+from pidalab.robustness.axis import (
+    COARSE_STEP,
+    FINE_STEP,
+    ON_CONTOUR,
+    ROUNDING,
+    Axis,
+    Samples,
+    frequencies,
+    whole,
+)
+from pidalab.roots import roots
+
+# rad that a dead time turns the phase by, of which rounding leaves no more than whole turns
+UNCERTAIN_TURNS = 1e12
+QUICK = 12.0  # rad that a dead time turns the phase by, from where on it does so within a step of the grid
+MOST_PROBED = 20  # gain crossovers around which a peak is looked for first
+FAR_PER_DECADE = 12  # points of the grid far from all corners
+CLEAR = 10.0  # |L|, or one over it, up to which the grid goes on
+
+
+class LoopFactors(NamedTuple):
+    """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay), as the walk takes it.
+
+    The speeds, one for each pole and above 0, keep the products of factors within the range of numbers.
+    """
+
+    gain: float
+    zeros: Any
+    poles: Any
+    speeds: Any
+    delay: float
+
+
+NO_ROOTS = np.zeros(0, dtype=complex)
+UNWEIGHTED = LoopFactors(1.0, NO_ROOTS, NO_ROOTS, np.zeros(0), 0.0)
+
+
+def factors_of(loop: Loop, *names: str) -> LoopFactors:
+    """Factor some blocks of a loop, without the dead time; nothing is cancelled.
+
+    Raises
+    ------
+    ValueError
+        For a gain beyond the range of numbers, and for roots that cannot be found.
+    """
+    open_loop(loop)  # raises for a loop that is not continuous
+    gain, zeros, poles = 1.0, [], []
+    for name in names:
+        num, den = loop.blocks[name]
+        gain *= float(num[0]) / float(den[0])
+        zeros.append(roots(num))
+        poles.append(roots(den))
+    if not math.isfinite(gain):
+        raise ValueError("the gain of the loop leaves the range of numbers (about 1e308)")
+    return from_roots(gain, np.concatenate(zeros), np.concatenate(poles))
+
+
+def loop_factors(loop: Loop) -> LoopFactors:
+    """Factor a whole loop, with its dead time."""
+    factors = factors_of(loop, "process", "controller", "output_filter")
+    return factors._replace(delay=float(loop.process.delay))
+
+
+def from_roots(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopFactors:
+    """Put the factors of a loop together, with a speed for each pole: its own, or the slowest where that is 0."""
+    speeds = np.abs(poles)
+    moving = [speed for speed in speeds.tolist() if speed > 0]
+    speeds[speeds == 0] = min(moving) if moving else 1 / delay if delay else 1.0
+    return LoopFactors(gain, zeros.astype(complex), poles.astype(complex), speeds, delay)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AxisInS(Axis):
+    """A continuous loop along the axis; see `pidalab.robustness.walk`.
+
+    Attributes
+    ----------
+    factors : LoopFactors
+        The loop.
+    samples : Samples
+        Its values at the points of the grid.
+    """
+
+    factors: LoopFactors
+    samples: Samples
+
+    @property
+    def on_grid(self) -> Samples:
+        """The loop at the points of the grid."""
+        return self.samples
+
+    def scaled(self, factor: float) -> AxisInS:
+        """Return the loop with its gain times a factor above 0."""
+        return replace(
+            self,
+            at_zero=factor * self.at_zero,
+            at_end=factor * self.at_end,
+            factors=self.factors._replace(gain=factor * self.factors.gain),
+            samples=self.samples._replace(num=factor * self.samples.num),
+        )
+
+    def at(self, w: Any) -> Samples:
+        """Evaluate the loop at frequencies."""
+        num, den = walk.along(np.ravel(np.asarray(w, dtype=float)), 0.0, 0.0, tuple(self.factors))
+        return Samples(w, np.reshape(num, np.shape(w)), np.reshape(den, np.shape(w)))
+
+    @cached_property
+    def gain_crossovers(self) -> Array:
+        """All frequencies where |L| = 1, pairs included between which it only just passes 1."""
+        return self._gain_crossings[0]
+
+    @cached_property
+    def _gain_crossings(self) -> tuple[Array, Array]:
+        """Gain crossovers, and extrema of |L| near 1."""
+        return walk.gain_crossings(*self.samples, 0.0, 0.0, tuple(self.factors))
+
+    def _phase_crossings(self, samples: Samples, quietest: float, every: bool) -> Array:
+        return walk.phase_crossings(*samples, quietest, every, tuple(self.factors))
+
+    def highest(self, kind: int, least: float, weight: LoopFactors = UNWEIGHTED) -> tuple[float, float]:
+        """Return the highest peak of a kind, times the modulus of a weight, that exceeds `least`, and where it lies."""
+        return walk.highest(
+            kind, *self.samples, self._probes, float(least), tuple(weight), tuple(self.factors)
+        )
+
+    @cached_property
+    def _probes(self) -> Array:
+        """Frequencies of one turn around gain crossovers where the dead time turns quickly: L comes near -1 there."""
+        quick = self.grid.searchsorted(QUICK / self.delay) if self.delay else self.grid.size
+        if not (np.abs(self.samples.num[quick:]) >= np.abs(self.samples.den[quick:])).any():
+            return np.zeros(0)
+        edges = self.gain_crossovers
+        edges = edges[edges > QUICK / self.delay][-MOST_PROBED:]
+        return (edges[:, None] + np.arange(-np.pi, np.pi, FINE_STEP) / self.delay).ravel()
+
+    def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
+        r"""Count zeros of the characteristic function f right of s = jω - slope ω - shift; None if one is on this line.
+
+        Notes
+        -----
+        With L = N/D the function is D (1 + L), or N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary
+        axis, and f turns as D does, but for the difference of that angle at the ends; where \|L\| > 1 it turns as N
+        does in the same way. Factors turn along a straight line by less than half a turn each, and a dead time by its
+        product with the frequency. So only the gain crossovers need to be known: the turns of a dead time between them
+        are not followed, however many there are.
+        """
+        factors, w = self.factors, self.grid
+        direction = 1j - contour_slope
+        if contour_slope == contour_shift == 0.0:
+            (_, num, den), (edges, touched) = self.samples, self._gain_crossings
+        else:
+            num, den = walk.along(w, contour_slope, contour_shift, tuple(factors))
+            edges, touched = walk.gain_crossings(w, num, den, contour_slope, contour_shift, tuple(factors))
+        with np.errstate(all="ignore"):
+            level = np.log(np.abs(num) / np.abs(den))
+            flat = np.abs(level) <= ON_CONTOUR
+            # a pole of L there is one of the loop if a zero, or the gain 0, cancels it
+            off = np.abs(factors.poles.real + contour_slope * factors.poles.imag + contour_shift)
+            poles = np.abs(factors.poles[off <= ON_CONTOUR * np.abs(factors.poles)].imag)
+            points = np.concatenate([[0.0], edges, touched, w[flat], poles])
+            n, d = walk.fraction_in_arrays(direction * points - contour_shift, tuple(factors))
+            if np.any(~(np.abs(n + d) > ON_CONTOUR * (np.abs(n) + np.abs(d)))):
+                return None
+            if np.any(flat) and self._may_pass_unseen(flat, num / den):
+                return None
+            levels = level[np.abs(level) >= ROUNDING]
+            loud = (np.arange(edges.size + 1) % 2 == 1) ^ bool(levels.size and levels[0] > 0)
+            total = 0.0
+            # half the angle of L is the angle of 1 + L where |L| = 1
+            half = np.concatenate([[0.0], 0.5 * np.angle(n / d)[1 : edges.size + 1], [0.0]])
+            for active, zeros, sign in ((~loud, factors.poles, 1.0), (loud, factors.zeros, -1.0)):
+                k = np.flatnonzero(active)
+                start = direction * np.append(0.0, edges)[k] - contour_shift
+                stop = np.append(direction * edges - contour_shift, np.nan)[k]
+                # far out all roots lie in one place
+                reach = np.where(np.isnan(stop.real)[:, None], direction, stop[:, None] - zeros[None, :])
+                total += float(np.angle(reach * np.conj(start[:, None] - zeros[None, :])).sum())
+                total += sign * float((half[k + 1] - half[k]).sum())
+            if factors.delay:
+                k = np.flatnonzero(loud)
+                turned = np.append(edges, np.inf)[k] - np.append(0.0, edges)[k]
+                total -= factors.delay * float(turned.sum())
+        count = 0.5 * factors.poles.size - total / np.pi
+        if factors.delay * edges.max(initial=0.0) > UNCERTAIN_TURNS and math.isfinite(count) and count > 0.5:
+            return round(count)
+        return whole(count)
+
+    def _may_pass_unseen(self, flat: Any, L: Any) -> bool:
+        """Return True if L may pass -1 between two points at both of which its modulus is 1."""
+        pairs = flat[:-1] & flat[1:]
+        left = (L.real[:-1] < 0) & (L.real[1:] < 0) & (L.imag[:-1] * L.imag[1:] <= 0)
+        return bool(np.any(pairs & (left | (np.diff(self.grid) * self.delay > COARSE_STEP))))
+
+
+@lru_cache(maxsize=64)
+def axis_in_s(loop: Loop) -> AxisInS:
+    """Return the axis of a continuous loop; that of the last loops is kept.
+
+    Raises
+    ------
+    ValueError
+        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+    """
+    require_well_posed(loop)
+    return unit_axis(loop)
+
+
+def unit_axis(loop: Loop) -> AxisInS:
+    """Return the axis of a continuous loop that may be ill-posed, to be scaled."""
+    return from_factors(loop_factors(loop), static_gain(*open_loop(loop)))
+
+
+def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
+    """Return the axis of a continuous loop by its factors."""
+    at_infinity = factors.gain if factors.zeros.size == factors.poles.size else 0.0
+    w = frequencies(np.concatenate([factors.zeros, factors.poles]), factors.delay)
+    num, den = walk.along(w, 0.0, 0.0, tuple(factors))
+    more = _towards_far_crossovers(factors, w, num, den)
+    if more:
+        w = np.concatenate([more[0], w, more[1]])
+        num, den = walk.along(w, 0.0, 0.0, tuple(factors))
+    return AxisInS(
+        grid=w,
+        delay=factors.delay,
+        at_zero=at_zero,
+        at_end=-abs(at_infinity) if factors.delay else at_infinity,
+        factors=factors,
+        samples=Samples(w, num, den),
+    )
+
+
+def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
+    """Return more of the grid at both ends, up to where |L|, a power of the frequency there, has crossed 1."""
+    at_zero = factors.poles.tolist().count(0) - factors.zeros.tolist().count(0)
+    at_infinity = factors.poles.size - factors.zeros.size
+    parts = []
+    for side, k, power in ((-1, 0, at_zero), (1, -1, at_infinity)):
+        end, part, size = float(w[k]), np.zeros(0), abs(complex(num[k])) / (abs(complex(den[k])) or math.nan)
+        beyond = CLEAR if side * power < 0 else 1 / CLEAR  # |L| on its way to infinity, or to 0
+        if power and size > 0 and (size < beyond) == (beyond > 1):
+            far = math.exp(math.log(end) + math.log(size / beyond) / power)
+            if 0 < far < math.inf:
+                count = 2 + int(FAR_PER_DECADE * abs(math.log10(far / end)))
+                part = np.geomspace(end, far, count)[1:][::side]
+        parts.append(part)
+    return parts if any(part.size for part in parts) else []

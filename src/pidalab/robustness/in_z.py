@@ -1,0 +1,216 @@
+r"""A sampled loop along the unit circle, exact with its dead time.
+
+Across a sample interval h the input of the plant has one or two pieces in which it is constant (see `statespace`), so
+that with :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}` the plant is, from sample to sample,
+
+.. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0},
+
+and :math:`L(z) = G(z) K(z)` is all that stability and margins at the samples need. Nothing is approximated. What the
+output does between two samples does not show here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import schur
+
+from pidalab._check import Array
+from pidalab.digital import DigitalController
+from pidalab.loop import Loop, require_loop
+from pidalab.process import Process
+from pidalab.robustness.axis import (
+    COARSE_STEP,
+    ON_CONTOUR,
+    Axis,
+    Samples,
+    frequencies,
+    highest,
+    most_between,
+    phase_crossings,
+    whole,
+)
+from pidalab.robustness.in_s import axis_in_s
+from pidalab.roots import roots
+from pidalab.statespace import ALIGNED, held, pieces, realise
+
+LARGEST_TURN = 0.8  # largest turn of the characteristic function between two points, in rad
+HALVINGS = 70  # of a step, at most, until it turns no more than that
+LONGEST_DELAY = 1e6  # samples of a dead time; of half a sample more nothing can be seen
+
+
+def require_later_answer(plant: Any, direct: float, h: float) -> None:
+    """Raise for a plant whose output at a sample shows the input that is set there."""
+    if direct and plant.delay < h * ALIGNED:
+        raise ValueError(
+            "the plant answers within the sample (direct feedthrough without dead time): the controller would read "
+            f"what it has not set yet; found {plant!r}"
+        )
+
+
+class SampledPlant(NamedTuple):
+    """A process between a hold and a sampler, in the coordinates in which its transition is triangular."""
+
+    transition: Any  # (n, n), upper triangular
+    inputs: list[tuple[Any, int]]  # influence of an input, and how many samples ago it was set
+    output: Any  # (n,)
+    direct: float
+
+    def __call__(self, z: Any) -> Any:
+        """Evaluate G at points z, of any shape."""
+        rows: list[Any] = []  # of output (z - transition)^-1
+        for j in range(self.output.size):
+            before = sum(
+                (row * t for row, t in zip(rows, self.transition[:j, j], strict=True)), self.output[j]
+            )
+            rows.append(before / (z - self.transition[j, j]))
+        value = self.direct * z ** -self.inputs[0][1]
+        for gamma, lag in self.inputs:
+            value = value + sum(row * g for row, g in zip(rows, gamma, strict=True)) * z**-lag
+        return value
+
+
+def sampled_plant(process: Process, h: float) -> SampledPlant:
+    """Discretise a process for an input that is held, dead time exact."""
+    A, b, c, d = realise(process.num, process.den)
+    if process.delay > LONGEST_DELAY * h:
+        raise ValueError(
+            f"the dead time must be at most {LONGEST_DELAY:g} samples for the margins of a sampled loop, found "
+            f"{process.delay:.4g} with a sample time of {h:.4g}: so fast a sampling costs nothing, take the continuous "
+            "controller"
+        )
+    parts = pieces(process.delay, h)
+    require_later_answer(process, d, h)
+    phi, inputs = np.eye(c.size), []
+    for piece in reversed(parts):
+        transition, gamma = held(A, b, piece.time)
+        inputs.append((phi @ gamma, piece.ago))
+        phi = phi @ transition
+    triangular, basis = schur(phi, output="complex") if c.size else (phi, phi)
+    return SampledPlant(
+        triangular, [(basis.conj().T @ gamma, lag) for gamma, lag in reversed(inputs)], c @ basis, d
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AxisInZ(Axis):
+    """A sampled loop along the upper half of the unit circle, z = e^(jωh).
+
+    Attributes
+    ----------
+    transfer : callable
+        Numerator and denominator of L at s = jω or nearby, with the unstable poles of L moved inside the circle.
+    """
+
+    transfer: Callable[[Any], tuple[Any, Any]]
+
+    def at(self, w: Any) -> Samples:
+        """Evaluate the loop at frequencies."""
+        return Samples(w, *self.transfer(1j * w))
+
+    def _phase_crossings(self, samples: Samples, quietest: float, every: bool) -> Array:
+        return phase_crossings(lambda w: self.at(w)[1:], *samples, quietest, every, self.delay)
+
+    def highest(self, kind: int, least: float) -> tuple[float, float]:
+        """Return the highest peak of a kind that exceeds `least`, and where it lies."""
+        at, one, nowhere = (lambda w: self.at(w)[1:]), (lambda w: 1.0 + 0.0 * w), np.zeros(0)
+        return highest(kind, at, one, *self.on_grid, self.delay, nowhere, least)
+
+    def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
+        """Count zeros of the characteristic function outside of the circle or spiral z = e^(s h).
+
+        There s is jω - slope ω - shift. None if one is on this line.
+
+        Notes
+        -----
+        The function is D + N for L = N/D. Between two points of the grid it turns as D does where |L| stays below 1,
+        and as N does where |L| stays above 1. Only other steps are halved, until it turns by less than `LARGEST_TURN`.
+        """
+
+        def characteristic(w: Any) -> Any:
+            num, den = self.transfer(1j * w - (contour_slope * w + contour_shift))
+            value = den + num
+            return np.where(np.abs(value) > ON_CONTOUR * (np.abs(den) + np.abs(num)), value, np.nan)
+
+        w = self.grid
+        with np.errstate(all="ignore"):
+            num, den = self.transfer(1j * w - (contour_slope * w + contour_shift))
+            f = characteristic(w)
+            first, last = f[0], f[-1]
+            if np.any(np.isnan(f)):
+                return None
+            # where |L| stays below 1 the function turns as den does; where it stays above, as num
+            L, size = num / den, np.abs(num) / np.abs(den)
+            quiet, loud = (
+                most_between(*pair) < 1 for pair in ((size[:-1], size[1:]), (1 / size[:-1], 1 / size[1:]))
+            )
+            turned = num * np.exp(1j * w * self.delay)
+            by_den, by_num = (np.angle(part[1:] * np.conj(part[:-1])) for part in (den, turned))
+            known = (quiet & (np.abs(by_den) <= LARGEST_TURN)) | (loud & (np.abs(by_num) <= LARGEST_TURN))
+            in_quiet = by_den + np.diff(np.angle(1 + L))
+            in_loud = by_num - np.diff(w) * self.delay + np.diff(np.angle(1 + 1 / L))
+            total = float(np.where(quiet, in_quiet, in_loud)[known].sum())
+            w = self.points(~known, COARSE_STEP)
+            inside = ~known[np.searchsorted(self.grid, w[1:]) - 1]
+            f = characteristic(w)
+            a, b, fa, fb = w[:-1][inside], w[1:][inside], f[:-1][inside], f[1:][inside]
+            for _ in range(HALVINGS):
+                turn = np.angle(fb * np.conj(fa))
+                if np.any(np.isnan(turn)):
+                    return None
+                wide = np.abs(turn) > LARGEST_TURN
+                total += float(turn[~wide].sum())
+                if not wide.any():
+                    break
+                a, b, fa, fb = a[wide], b[wide], fa[wide], fb[wide]
+                middle = 0.5 * (a + b)
+                fm = characteristic(middle)
+                a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
+                fa, fb = np.concatenate([fa, fm]), np.concatenate([fm, fb])
+            else:
+                return None
+        # it is real at both ends
+        total += float(np.angle(first / first.real)) - float(np.angle(last / last.real))
+        return whole(-total / np.pi)
+
+
+def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:
+    h, process = controller.sample_time, loop.process
+    plant = sampled_plant(process, h)
+    poles = roots(process.den)
+    z_poles = np.append(np.exp(poles * h), np.ones(int(controller.integrates)))
+    unstable = z_poles[np.abs(z_poles) > 1 - 1e-9].tolist()
+
+    def transfer(s: Any) -> tuple[Any, Any]:
+        z, moved = np.exp(s * h), 1.0
+        for pole in unstable:
+            moved = moved * ((z - pole) / (z - 0.5 * pole / abs(pole)))
+        return plant(z) * controller(z) * moved, moved + 0.0 * z
+
+    def L(w: float) -> float:
+        num, den = transfer(1j * w)
+        return float((num / den).real)
+
+    grid, end = frequencies(poles, process.delay, math.pi / h), math.pi / h
+    integrates = controller.integrates or process.den[-1] == 0
+    # an integrator makes L infinite at zero frequency, unless the plant's zero there cancels it
+    at_zero = math.inf if integrates and process.num[-1] != 0 else L(grid[0] if integrates else 0.0)
+    return AxisInZ(
+        grid=grid, delay=process.delay + h, at_zero=at_zero, at_end=L(end), end=end, transfer=transfer
+    )
+
+
+def axis_of(loop: Loop) -> Axis:
+    """Return the axis of a loop; from sample to sample if its controller is digital.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else than a Loop, for an ill-posed loop, and for a dead time of more than a million samples.
+    """
+    require_loop(loop)
+    return axis_in_s(loop) if loop.digital is None else _axis_in_z(loop, loop.digital)

@@ -1,0 +1,159 @@
+"""Models that rules start from: checks of their structure, and models read from a process."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from pidalab._check import Array
+from pidalab.process import Process, fopdt, require_process
+from pidalab.reduction import to_fopdt, to_sopdt
+from pidalab.roots import roots
+
+
+class SecondOrder(NamedTuple):
+    """Parameters of a second-order model with dead time, within the range of a rule."""
+
+    gain: float
+    tau: float
+    damping: float
+    delay: float
+
+    @property
+    def ratio(self) -> float:
+        return round(self.delay / self.tau, 12)  # rounding makes 0.3/3 equal to 0.1, a break point
+
+
+def lags(model: Process, order: int) -> tuple[float, list[float]]:
+    """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), stable, or raise."""
+    require_process("model", model)
+    fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0
+    if not fits or np.any(roots(model.den).real >= 0):
+        poles = {1: "one stable pole (pidalab.fopdt)", 2: "two stable poles (pidalab.sopdt)"}
+        raise ValueError(
+            f"model must have a constant numerator (not 0) and {poles.get(order, f'{order} stable poles')}, "
+            f"found {model!r}; reduce or fit a model of that order first, see pidalab.reduction"
+        )
+    return float(model.num[0] / model.den[-1]), (model.den[:-1] / model.den[-1]).tolist()
+
+
+def require_delay(model: Process) -> None:
+    """Raise for a model without dead time."""
+    if model.delay == 0:
+        raise ValueError(f"model must have a dead time above 0: this rule divides by it; found {model!r}")
+
+
+def lag_with_delay(model: Process) -> tuple[float, float, float]:
+    """Return gain, lag and dead time of a first-order model with dead time, or raise."""
+    gain, (lag,) = lags(model, 1)
+    require_delay(model)
+    return gain, lag, model.delay
+
+
+def second_order(model: Process) -> SecondOrder:
+    """Return the parameters of a second-order model inside the range of the rule, or raise."""
+    gain, (a2, a1) = lags(model, 2)
+    tau = math.sqrt(a2)
+    damping = round(a1 / (2 * tau), 12)
+    if not 0.3 <= damping <= 2:
+        raise ValueError(f"damping of the model must be from 0.3 to 2, found {damping:.6g}")
+    result = SecondOrder(gain, tau, damping, model.delay)
+    if not 0.1 <= result.ratio <= 2:
+        raise ValueError(
+            f"dead time / time constant of the model must be from 0.1 to 2, found {result.ratio:.6g}"
+        )
+    return result
+
+
+def integrator(model: Process) -> tuple[float, float]:
+    """Return velocity gain and dead time of an integrator, or raise."""
+    require_process("model", model)
+    if len(model.num) != 1 or len(model.den) != 2 or model.den[1] != 0 or model.num[0] == 0:
+        raise ValueError(f"model must be an integrator with dead time (pidalab.ipdt), found {model!r}")
+    return float(model.num[0] / model.den[0]), model.delay
+
+
+class StartingModels:
+    """Models of one process, each computed on first use, with a ValueError if it does not exist."""
+
+    def __init__(self, process: Process) -> None:
+        self.process = process
+
+    @cached_property
+    def reaction(self) -> Process:
+        """Dead time from the steepest tangent, lag from the 63 % point; an integrator for a process that integrates."""
+        if not self._settles():
+            return self.integrator
+        if len(self.process.den) == 2 and len(self.process.num) == 1:
+            return self.process
+        t, y = self._response(self._undelayed)
+        gain, delay = self.process.gain(), self.integrator.delay
+        excess = y / gain - (1 - math.exp(-1))
+        i = int(np.argmax(excess >= 0))
+        # interpolate between samples; a process with a jump may be beyond 63 % at once
+        reached = float(np.interp(0.0, excess[i - 1 : i + 1], t[i - 1 : i + 1])) if i else 0.0
+        return fopdt(gain, reached + self.process.delay - delay, delay)
+
+    @cached_property
+    def first_order(self) -> Process:
+        return self.process if len(self.process.den) == 2 else to_fopdt(self.process).process
+
+    @cached_property
+    def second_order(self) -> Process:
+        return to_sopdt(self.process).process
+
+    @cached_property
+    def third_order(self) -> Process:
+        from pidalab.areas import RecordWarning
+        from pidalab.identification import three_point
+
+        if not self._settles():
+            raise ValueError("process must be stable: three_point needs a step response that settles")
+        with warnings.catch_warnings():
+            # the process is known, so the measures of the loop with it show what the model loses
+            warnings.simplefilter("ignore", RecordWarning)
+            return three_point(*self._response(self.process)).process
+
+    @cached_property
+    def integrator(self) -> Process:
+        from pidalab.identification import ipdt_tangent
+
+        itself = len(self.process.den) == 2 and self.process.den[-1] == 0
+        if not itself and np.any(roots(self.process.den).real > 0):
+            raise ValueError("process must not be unstable: the integrator is read from its step response")
+        if itself:
+            return self.process
+        # the largest lag hardly affects the initial slope
+        lags = np.sort(_lags(self.process))[: -1 if self._settles() else None]
+        tangent = ipdt_tangent(*self._response(self._undelayed, 10 * float(np.sum(lags))))
+        return Process(tangent.num, tangent.den, tangent.delay + self.process.delay)
+
+    @cached_property
+    def _undelayed(self) -> Process:
+        """The process without its dead time, which only shifts the response: short lags get a fine grid."""
+        return Process(self.process.num, self.process.den)
+
+    @staticmethod
+    def _response(process: Process, end: float = 0.0) -> tuple[Array, Array]:
+        from pidalab.simulation.exact import open_loop_step
+
+        t = np.linspace(0.0, end or 15 * time_scale(process), 8001)
+        return t, open_loop_step(process, t).y
+
+    def _settles(self) -> bool:
+        return bool(np.all(roots(self.process.den).real < 0))
+
+
+def time_scale(process: Process) -> float:
+    """Return the sum of time constants and dead time, or 1 if it is 0."""
+    return float(np.sum(_lags(process))) + process.delay or 1.0
+
+
+def _lags(process: Process) -> Array:
+    """Return the time constants of the poles, without integrators."""
+    poles = np.abs(roots(process.den).real)
+    return 1 / poles[poles > 0]
