@@ -1,4 +1,4 @@
-"""What a change in the book's lab costs: the time that the page's one thread works until the change is drawn.
+"""Measure what a change in the lab costs: the time until the change is drawn, on the page's one thread.
 
 The built page in Chromium, as it is and slowed down to a quarter of its speed, as the browser's tools for developers do
 it to stand for a slow laptop. The time is processor time of the thread, with style, layout and painting.

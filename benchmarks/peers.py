@@ -149,7 +149,7 @@ def runge_kutta(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
 
 
 def _runge_kutta_step(A: Array, step: float, x: Array, first: Array, middle: Array, last: Array) -> Array:
-    """One step of x' = A x + forcing, for the forcing at the start, in the middle and at the end of the step."""
+    """Take one step of x' = A x + forcing, given at the start, in the middle and at the end of the step."""
     k1 = A @ x + first
     k2 = A @ (x + step / 2 * k1) + middle
     k3 = A @ (x + step / 2 * k2) + middle

@@ -93,7 +93,7 @@ def value(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, end: 
 
 
 def excess(plant: Plant, controller: pidalab.NonInteractivePIDA, bound: float) -> float:
-    """By what share Ms exceeds its bound."""
+    """Return the share by which Ms exceeds its bound."""
     if bound == math.inf:
         return 0.0
     return max(0.0, pidalab.max_sensitivity(pidalab.Loop(unit(plant), controller))[0] / bound - 1)

@@ -1,4 +1,4 @@
-"""How the rules for second-order models do all over their range: book/data/itae_rules.csv.
+"""Evaluate the rules for second-order models over their range: book/data/itae_rules.csv.
 
 Ms on a grid of models, and every rule on the models whose optimum is known: ITAE over the least ITAE, Ms, overshoot in
 per cent and u(0+) of a set-point step. The rules and the measures are those of book/papers/heo2023.py; the audit of

@@ -94,7 +94,7 @@ class Judge:
 
     @staticmethod
     def stable(loop: Loop) -> bool:
-        """Whether a loop is stable; one that turns too often to be followed is of no use."""
+        """Return True if a loop is stable; one whose phase turns too often to be followed counts as unstable."""
         try:
             return pidalab.is_stable(loop)
         except ArithmeticError:
@@ -137,7 +137,7 @@ def second(process: Process, mks: float, seed: int) -> tuple[float, int]:
 
 
 def rows() -> list[dict]:
-    """What is in the table so far."""
+    """Read the rows that are already in the table."""
     if not RESULTS.exists():
         return []
     with RESULTS.open(encoding="utf-8") as file:

@@ -32,7 +32,7 @@ kappa,td,ta,ti,iae,ms
 
 
 def mesh(*axes):
-    """All combinations of the values on four axes."""
+    """Return all combinations of the values on four axes."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 

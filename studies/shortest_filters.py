@@ -1,4 +1,4 @@
-"""How short the filter of the controllers of huba2024 may be, for absolute stability and for stability.
+"""Find the shortest filters of the controllers of huba2024 for absolute stability and for stability.
 
 Run it from the root of the project; it writes book/data/shortest_filters.csv in about ten seconds. The audit of the
 paper computes some of its entries again.

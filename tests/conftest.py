@@ -1,4 +1,4 @@
-"""What all tests share: which modules are imported by name, and what runs first."""
+"""Shared by all tests: modules that are imported by name, and the order of tests."""
 
 import gc
 import os
@@ -73,12 +73,12 @@ def pytest_report_header():
 
 
 def place(item):
-    """Where a test stands among the long ones, or after them."""
+    """Return the place of a test among the long ones, or after them."""
     return next((k for k, path in enumerate(LONG) if item.nodeid.startswith(path)), len(LONG))
 
 
 def drawn(item):
-    """Whether a test is run: a long one if it is drawn, a notebook with all of its cells or not at all."""
+    """Return True if a test runs: a long one if it is drawn, a notebook with all of its cells or not at all."""
     one = item.nodeid.partition("::Cell")[0]
     seed = f"{os.environ['DRAW_SEED']} {one}"
     return place(item) == len(LONG) or random.Random(seed).randrange(DRAW) == 0

@@ -27,7 +27,7 @@ def test_code_runs(page, capsys):
 
 
 def test_short_answers_run(capsys):
-    """One after the other, as a reader would type them."""
+    """They run one after the other, as a reader would type them."""
     space = {}
     with plt.rc_context():
         plt.rcdefaults()  # another test may have taken the looks of the book

@@ -1,4 +1,4 @@
-"""What is published is whole and agrees with itself; `make release` also installs it and uses it."""
+"""Published metadata agree with each other; `make release` also installs the wheel and uses it."""
 
 import importlib.util
 import json

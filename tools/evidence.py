@@ -1,6 +1,6 @@
-"""Fill the tables of the page *How we know* while the site is built, from the files that the evidence leaves behind.
+"""Fill the tables of the page *How we know* from data files while the site is built.
 
-A line ``<!-- evidence: name -->`` becomes the table of that name. Nothing of it is stored, so no figure grows old.
+A line ``<!-- evidence: name -->`` becomes the table of that name. Nothing is stored, so the tables are always current.
 """
 
 import json
@@ -35,7 +35,7 @@ def read(name: str) -> pd.DataFrame:
 
 
 def oracles() -> str:
-    """Reference values by file; the list beside them says what they are."""
+    """List the files of reference values."""
     readme = (ROOT / "oracles" / "README.md").read_text("utf-8")
     content = dict(re.findall(r"^\| `(\S+)` \| (.+?) \|", readme, re.MULTILINE))
     lines = []
@@ -47,7 +47,7 @@ def oracles() -> str:
 
 
 def engine() -> str:
-    """Largest error of each method at its best setting, over the loops of the comparison that have digits."""
+    """List the largest error of each method at its best setting, over all loops."""
     rows = read("engine_comparison").query("error != ''").astype({"error": float})
     best = rows.groupby(["m", "n", "te", "method"], sort=False)["error"].min()
     worst = best.groupby("method", sort=False).max()
@@ -57,7 +57,7 @@ def engine() -> str:
 
 
 def optima() -> str:
-    """How the optimiser compares with a search that shares nothing with it but the engine."""
+    """Compare the optimiser with a search that shares only the engine with it."""
     ratios = read("optimal_check")["ratio"].astype(float)
     found = [
         ("plants", ratios.size),

@@ -17,7 +17,7 @@ COMMAND = [str(Path(sys.executable).with_name("pidalab"))]
 
 
 def package() -> str:
-    """It is the installed one, typed, with its licence."""
+    """Check that the installed package is used, typed, with its licence."""
     home = Path(pidalab.__file__).parent
     assert "site-packages" in home.parts, f"{home} is no installed package"
     assert (home / "py.typed").is_file()
@@ -40,7 +40,7 @@ def loop() -> str:
 
 
 def command_line() -> str:
-    """From a record in a file to code in four languages, and what is wrong in one line."""
+    """Write code in four languages from a record; a wrong argument gives one line."""
     t = np.arange(0.0, 60.0, 0.25)
     y = np.interp(t - 5.0, t, pidalab.open_loop_step(pidalab.fopdt(1.0, 4.0, 1.0), t).y, left=0.0)
     table = np.column_stack([t, np.where(t < 5.0, 0.0, 1.0), y])

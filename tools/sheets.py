@@ -106,6 +106,8 @@ def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
             soup.head.append(script.extract())
         else:
             script.decompose()
+    for link in soup.select("link[rel=next], link[rel=prev]"):
+        link.decompose()
     soup.head.append(_with_text(soup, "style", STYLE))
     soup.html["data-theme"] = "light"
     soup.title.string = f"pidalab: {title}"

@@ -46,7 +46,7 @@ class Block(NamedTuple):
 
 
 def markdown() -> MarkdownIt:
-    """A reader of the lectures' Markdown that leaves formulas to MathJax."""
+    """Return a Markdown parser that leaves formulas to MathJax."""
 
     def formula(tex: str, options: dict) -> str:
         return (r"\[{}\]" if options["display_mode"] else r"\({}\)").format(escape(tex))
@@ -69,7 +69,7 @@ def title(path: Path) -> str:
 
 
 def plain(text: str, folder: Path) -> str:
-    """Text without links and citations: a slide leads nowhere."""
+    """Return text without links and citations."""
     text = LINK.sub(lambda link: link[1] or f"*{title(folder / link[2])}*", text)
     return ROLE.sub("", text).replace(" .", ".")
 
@@ -224,7 +224,7 @@ def section(heading: str, pile: list[Block]) -> Iterator[str]:
 
 
 def announcement(group: list[Block]) -> int:
-    """Where the words begin that end with a colon just before a figure, code apart; the end where there are none."""
+    """Return where the sentence that announces a figure begins, or the end if there is none."""
     last = next((k for k in reversed(range(len(group))) if group[k].kind in SHOWN), len(group))
     announces = last < len(group) and group[last].html.rstrip().endswith(":</p>")
     return last if announces else len(group)
@@ -256,7 +256,7 @@ def ready(heading: str, pile: list[Block]) -> list[Block]:
 
 
 def length(block: Block) -> int:
-    """How many characters of text a block has; code is never shown beside it."""
+    """Return the number of characters of a block; code counts as none."""
     return (
         0 if block.kind == "code" else len(re.sub(r"<style.*?</style>|<[^>]*>", "", block.html, flags=re.S))
     )

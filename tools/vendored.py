@@ -1,4 +1,4 @@
-"""What the built site carries of others: a bill of materials and a notice, from the files that are found.
+"""Write a bill of materials and a notice of the third-party files in the built site.
 
 `vendored.toml` says which files belong to which project, and under which licence. A file of the site that nobody claims
 is an error, and so is a project without files.
@@ -84,7 +84,7 @@ def components(rows: list[dict[str, Any]], site: Path) -> list[Component]:
 
 
 def claims(row: dict[str, Any], name: str) -> bool:
-    """Whether a file belongs to a project; a star stands for any characters, folders among them."""
+    """Return True if a file belongs to a project; a star stands for any characters, folders included."""
     return any(fnmatchcase(name, pattern) for pattern in row["files"])
 
 

@@ -1,11 +1,7 @@
-"""Serve MathJax from the site itself: formulas without a network.
+"""Serve MathJax from the site itself, so that formulas need no network.
 
-The package ``sphinx-mathjax-offline`` carries a whole MathJax distribution.
-The book needs one of its combined scripts and the fonts that this script
-loads, about 1.6 MB.
-
-A formula in a line is a box, beside which a browser may break the line: the
-mark that follows, and a bracket before it, are tied to it.
+The package ``sphinx-mathjax-offline`` has a whole MathJax distribution. The book needs one script and fonts, 1.6 MB.
+A browser may break the line after a formula, so a punctuation mark after it and a bracket before it are tied to it.
 """
 
 import re

@@ -1,7 +1,7 @@
-"""What makes Sphinx quicker, with the same pages.
+"""Make Sphinx faster, with the same pages.
 
-It holds millions of nodes and lets few go: looking among them for garbage takes a sixth of its time. And several
-processes write the pages. One reads them, since not all extensions can put together what several have read.
+Sphinx holds millions of nodes and frees few, so garbage collection takes a sixth of its time. Several processes write
+the pages. One process reads them, since not all extensions can merge what several have read.
 """
 
 import gc
@@ -9,7 +9,7 @@ import os
 
 
 def write_in_parallel(app, env):
-    """All pages have been read."""
+    """Write in parallel, now that all pages have been read."""
     app.parallel = os.cpu_count()
 
 

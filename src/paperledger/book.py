@@ -47,7 +47,7 @@ class Ledger:
     fresh : dict of str to Row
         What has been handed over so far, as rows.
     refused : list of str
-        What failed so far; `close` says it again, so that nothing that is swallowed is lost.
+        The failures so far. `close` raises them again, so that a page cannot swallow them.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            If the file is missing or is no table.
+            If the file is missing or not a table.
 
         Examples
         --------
@@ -150,8 +150,8 @@ class Ledger:
         Raises
         ------
         LedgerError
-            Listing every value that is unknown or no finite number, has drifted from the stored one, no longer has the
-            verdict of the file, or agrees although it was declared not to.
+            Listing every value that is unknown or not a finite number, has drifted from the stored one, no longer has
+            the verdict of the file, or agrees although it was declared not to.
 
         Examples
         --------
@@ -206,7 +206,7 @@ class Ledger:
         return ", ".join(self.words.get(part, part) for part in parts)
 
     def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
-        """Decide a statement by numbers of this run; its row says what is compared, and how.
+        """Decide a statement by numbers of this run, by the relation in its row.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            If a side is no number of the kind that the relation compares, and as in `compare`.
+            If a side is not a number of the kind that the relation compares, and as in `compare`.
 
         Examples
         --------
@@ -277,7 +277,7 @@ class Ledger:
             return replace(row, computed=write(number, floor, digits))
 
     def _take(self, fresh: Row) -> Row:
-        """Note down what was handed over, unless it does not fit the file; return the row to show.
+        """Store a row that was handed over, unless it disagrees with the file; return the row to show.
 
         While it agrees, what is stored is shown and decides the verdict, so that noise never flips one.
         """
@@ -538,7 +538,7 @@ class Ledger:
 
 @contextmanager
 def recording() -> Iterator[list[Ledger]]:
-    """Let every ledger that is opened take what it is given, compared with nothing; yields these ledgers.
+    """Let ledgers that are opened store what they are given without comparing it; yield these ledgers.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])

@@ -31,7 +31,7 @@ _WIDE = Context(prec=700)  # room for any double beside any printed place
 
 
 class LedgerError(ValueError):
-    """What the ledger says and what was computed do not fit; the message has one line for each finding.
+    """Raised if a ledger and the computed numbers disagree; the message has one line for each finding.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a reader sees of rows: tables of claims and scores, as HTML for a page and as text for a terminal.
+"""Show rows as tables of claims and scores: HTML for a page, text for a terminal.
 
 The HTML carries classes and no styles except the widths of a bar; the colours of ``verdict-…`` are the site's.
 """
@@ -212,7 +212,7 @@ def _kind(row: Row) -> str:
 
 
 def score_line(name: str, counts: Mapping[str, int]) -> str:
-    """Say a score in one line.
+    """Return a score as one line.
 
     >>> score_line("demo", {"reproduced": 3, "print-agrees": 1, "differs": 0})
     'demo: 4 claims, 3 reproduced, 1 agree with other print'
@@ -251,7 +251,7 @@ OUTCOMES = {  # of one row, and of several, where the word of the verdict would 
 
 
 def outcome(rows: Sequence[Row]) -> str:
-    """Say in a few words what came out.
+    """Summarise the verdicts of rows in a few words.
 
     >>> rows = [Row("demo.a", "Table 1", "gain", "1.3", verdict=verdict) for verdict in ("reproduced", "misprint")]
     >>> outcome(rows), outcome(rows[:1]), outcome(rows[:1] * 3)

@@ -1,4 +1,4 @@
-"""All ledgers together: the pages *Scoreboard* and *Errata*, the score of the front pages, the manifest."""
+"""Show and freeze all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, the manifest."""
 
 import csv
 import re
@@ -182,7 +182,7 @@ def every_row(folder: Path | str | None = None) -> Display:
 
 
 def errata(folder: Path | str | None = None) -> Display:
-    """Show where a print, or our reading of it, does not hold: by verdict and paper, each with what speaks against it.
+    """Show misprints, and prints that do not hold as read, by verdict and paper, with the evidence.
 
     Parameters
     ----------

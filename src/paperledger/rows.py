@@ -1,4 +1,4 @@
-"""The rows of a ledger, what can be wrong with one, and the files that hold them: ``book/ledger/<paper>.csv``."""
+"""Read, check and write the rows of a ledger: ``book/ledger/<paper>.csv``."""
 
 import csv
 import io
@@ -34,7 +34,7 @@ _FIT = re.compile(r"(\d{1,9}) settings? from (\d{1,9}) numbers?: (.+)", re.ASCII
 
 @contextmanager
 def naming(id: str) -> Iterator[None]:
-    """Say in which row an error happened."""
+    """Prefix an error with the id of its row."""
     try:
         yield
     except LedgerError as error:
@@ -43,7 +43,7 @@ def naming(id: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Making:
-    """What the column ``made`` of a row says.
+    """The content of the column ``made``: how a value came about.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Making:
 
 @dataclass(frozen=True)
 class Row:
-    """One printed number or statement of a paper, beside what was computed. All entries are strings.
+    """One printed number or statement of a paper, and its computed value. All entries are strings.
 
     Parameters
     ----------
@@ -174,17 +174,17 @@ class Row:
 
     @property
     def is_statement(self) -> bool:
-        """Whether the paper prints words, not a number; the quantity is then called ``statement``."""
+        """True if the paper prints words, not a number. The quantity is then called ``statement``."""
         return self.quantity == "statement"
 
     @property
     def is_number(self) -> bool:
-        """Whether a number was computed, so that differences make sense."""
+        """True if a number was computed, so that there is a difference."""
         return not self.is_statement and self.computed != ""
 
     @property
     def found(self) -> str:
-        """What was computed: a number, or the evidence of a statement."""
+        """The computed number, or the evidence of a statement."""
         return self.evidence if self.is_statement else self.computed
 
     @property
@@ -330,7 +330,7 @@ class Row:
         return [*found, disagreement] if disagreement else found
 
     def _malformed(self) -> Iterator[str]:
-        """Say which entries are missing, or there without reason."""
+        """List entries that are missing, malformed or not allowed."""
         reading, statement = self.basis == "reading", ("relation", "evidence")
         computing = ("computed", "page", *(statement if self.is_statement else ()))
         needed = ("where", "quantity", "printed", *(() if reading else computing))
@@ -362,12 +362,12 @@ class Row:
                 if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
                     yield f"a tolerance above {IDENTITY:g} needs a note that says why"
                 if relation.is_identity and float(relation.right) > ROUGHEST:
-                    yield f"a residual above {ROUGHEST:g} is no rounding; compare two sides by another relation"
+                    yield f"a residual above {ROUGHEST:g} is not rounding; compare two sides by another relation"
         if self.is_statement and not reading and self.evidence and not self.relation.endswith(ROUNDING):
             yield from self._undecided()
 
     def _undecided(self) -> Iterator[str]:
-        """Say where both sides are one real number, which no other outcome of the page would have told apart."""
+        """List inequalities whose sides are the same real number, which compare nothing."""
         try:
             kept = Evidence.parse(self.evidence)
         except LedgerError:  # `derived` says so
@@ -377,7 +377,7 @@ class Row:
                 yield f"both sides are {one.left}, so nothing was compared"
 
     def _badly_made(self) -> Iterator[str]:
-        """Say what is wrong with the column ``made``."""
+        """List what is wrong with the column ``made``."""
         try:
             made = Making.parse(self.made)
         except LedgerError as error:
@@ -435,7 +435,7 @@ def book_title(paper: str, book: Path) -> str:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
-    """Read a csv file that has these columns; one row is one line of characters that can be seen in a diff."""
+    """Read a csv file that has these columns, one row a line, of printable characters."""
     with path.open(encoding="utf-8", newline="") as file:
         try:
             header, *lines = [*csv.reader(file, strict=True)] or [[]]
@@ -448,7 +448,7 @@ def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
     for line in lines:
         if len(line) != len(columns) or not all(map(str.isprintable, line)):
             raise LedgerError(
-                f"{path.name}: expected {len(columns)} entries on one line, without characters that nobody sees, "
+                f"{path.name}: expected {len(columns)} entries on one line, of printable characters, "
                 f"found {line}"
             )
     return lines
@@ -526,7 +526,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file in UTF-8, whole or not at all: the one before stays until the last character is on the disk."""
+    """Write a file in UTF-8, completely or not at all."""
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with beside.open("w", encoding="utf-8", newline="") as file:

@@ -1,4 +1,4 @@
-"""Running the pages of a paper, and storing what they hand over."""
+"""Run the pages of a paper, store what they hand over, and start a new paper."""
 
 import ast
 import contextlib
@@ -71,7 +71,7 @@ def execute(path: Path) -> Iterator[str]:
 
 
 class Update(NamedTuple):
-    """What an update did to a ledger.
+    """The result of an update.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
-"""Shake a library at its doors: every number that leaves it is off by a few parts in 100,000.
+"""Change every number that a library returns by a few parts in 100,000, and see which rows of a ledger change.
 
 A page that takes a number from a paper, or from a ledger, still has the same number then. A page that takes it from the
 library has another one. `Shaker` changes the modules of a package while they are imported; their files stay.
 
-Only the outermost call is off. What functions of the package give to each other is exact, so that searches converge as
-always, and so is compiled code. The change is not a common factor: quotients of two results are off as well.
+Only the result of the outermost call is changed. Calls within the package are exact, so that searches converge, and so
+is compiled code. The change is not a common factor: quotients of two results change as well.
 
-Then the pages of a book run with it: does each row move, and if not, does it say why?
+A row that does not change was copied, or its column ``made`` says why.
 """
 
 import ast
@@ -50,7 +50,7 @@ Handed = dict[str, tuple[Row, int]]  # by id: the row, and the cell that handed 
 
 @dataclass
 class Shaker:
-    """What to shake, and what to leave.
+    """A package to shake, and what to leave exact.
 
     Parameters
     ----------
@@ -178,14 +178,14 @@ class Shaker:
         return found
 
     def _part(self, key: str, place: Any) -> Any:
-        """How far off, relative; nobody's factor, and for no two doors the same."""
+        """Return a relative perturbation, different for each function."""
         phase = crc32(key.encode()) % 6283 / 1000
         return self.size * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
 
     # ------------------------------------------------------------------------------------------------ doors
 
     def door(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function whose result is off where the outermost call leaves the package."""
+        """Return a function whose result is changed if it is the outermost call."""
         key = f"{function.__module__}.{function.__qualname__}"
 
         @wraps(function)
@@ -195,7 +195,7 @@ class Shaker:
         return through
 
     def wall(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function behind which all is exact, and whose result is: a constructor, an operator."""
+        """Return a function that is exact, and so are all calls within it: a constructor, an operator."""
 
         @wraps(function)
         def within(*args: Any, **options: Any) -> Any:
@@ -234,7 +234,7 @@ class Shaker:
 
 
 class _CachedDoor:
-    """A cached property whose stored value is exact, and off where it leaves the package."""
+    """A cached property that stores the exact value and returns a changed one outside the package."""
 
     def __init__(self, shaker: Shaker, function: Callable[[Any], Any]) -> None:
         self.shaker, self.function, self.name = shaker, function, function.__name__
@@ -282,7 +282,7 @@ class _Doors(ast.NodeTransformer):
 
 
 class _Loader(SourceFileLoader):
-    """Loads a module with doors; nothing is written beside it."""
+    """Load a module with doors, without writing byte code."""
 
     shaker: Shaker
 
@@ -326,7 +326,7 @@ class _Finder(MetaPathFinder):
 
 @dataclass(frozen=True)
 class Run:
-    """What one page handed over.
+    """The rows that one page handed over.
 
     Parameters
     ----------
@@ -349,7 +349,7 @@ class Run:
 
 
 class _Print(str):
-    """What a paper prints, as text exact, as a number slightly off."""
+    """A printed number: exact as text, slightly off as a number."""
 
     shaken: float
 
@@ -431,7 +431,7 @@ def _account() -> dict[tuple[str, str], Any]:
 
 
 def _plain(row: Row) -> Row:
-    """The row without the print that is off; it travels between processes."""
+    """Return the row with its print as plain text, to send it between processes."""
     return replace(row, printed=str(row.printed))
 
 
@@ -439,7 +439,7 @@ def _plain(row: Row) -> Row:
 
 
 def distance(old: Row, new: Row) -> float:
-    """Tell how far a row moved, relative; of a statement the side of its inequality that moved further.
+    """Return the relative change of a row; for a statement that of the side that changed more.
 
     >>> one = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
     >>> f"{distance(one, replace(one, computed='1.309812999')):.1e}"
@@ -466,7 +466,7 @@ def _apart(old: str, new: str) -> float:
 
 
 def _rounded(old: Row, new: Row) -> bool:
-    """Whether a number moved, and ends in zeros as before: no result of a computation does so twice."""
+    """Return True if a number changed and still ends in zeros, so that it is rounded."""
     pairs = [(old.computed, new.computed)]
     if old.is_statement:
         was, now = Evidence.parse(old.evidence), Evidence.parse(new.evidence)
@@ -477,7 +477,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Whether what was handed over is the row's own print, as the page could read it."""
+    """Return True if a row was handed its own print, as the page could read it."""
     if row.is_statement:
         return False
     read = float(_with_print(row, shaker).printed)
@@ -490,12 +490,12 @@ def _digits(text: str) -> int:
 
 
 def _starts_clean(row: Row) -> bool:
-    """Whether nothing that is printed may go into a row; a statement may be about a printed number."""
+    """Return True if no printed number may enter a row. A statement may be about one."""
     return row.basis == "computed" and not row.is_statement
 
 
 def judge(row: Row, new: Row, shaker: Shaker) -> str:
-    """Say what is wrong with a row that was handed over as another one; empty if nothing is.
+    """Return what is wrong with a row that was handed over under a shaken library; empty if nothing is.
 
     Parameters
     ----------
@@ -545,7 +545,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
 
 @dataclass(frozen=True)
 class Report:
-    """What the rows of one paper did.
+    """The outcome for the rows of one paper.
 
     Parameters
     ----------
@@ -581,7 +581,7 @@ def _computed(paper: str, folder: Path) -> list[Row]:
 
 
 def judged(row: Row, run: Run | None, shaker: Shaker) -> str:
-    """Say what is wrong with a row, and where; empty if nothing is."""
+    """Return what is wrong with a row, and where; empty if nothing is."""
     if run is None or row.id not in run.handed:
         return f"{row.id}: never handed over"
     new, cell = run.handed[row.id]
@@ -613,7 +613,7 @@ def report(
 def _all_runs(
     paths: Sequence[Path], book: Path, shaker: Shaker, told: Callable[[Run, str], None]
 ) -> list[Run]:
-    """Run each page in a process of its own, which has inherited what is imported; a few at a time."""
+    """Run each page in a forked process, which inherits the imports; a few at a time."""
     fork, waiting = get_context("fork"), [*enumerate(paths)]
     running: dict[Any, tuple[int, Any]] = {}
     found: dict[int, Run] = {}
@@ -641,7 +641,7 @@ def _all_runs(
 
 
 def _elsewhere(function: Callable[[], list[Run]]) -> list[Run]:
-    """Call a function in a process of its own, so that what it imports is not imported here."""
+    """Call a function in another process, so that its imports do not reach this one."""
     fork = get_context("fork")
     here, there = fork.Pipe(duplex=False)
     child = fork.Process(target=lambda: there.send(function()))

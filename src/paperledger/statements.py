@@ -88,7 +88,7 @@ _BOUNDS |= {"": {sign: sign for sign in SIGNS if sign != "≈"}, ROUNDING: {"<="
 
 @dataclass(frozen=True)
 class Relation:
-    """What a statement asks for, as the column ``relation`` of its row says it.
+    """The relation that a statement asks for, from the column ``relation`` of its row.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """Whether a residual is compared with rounding; only its decade is kept, as it depends on the machine."""
+        """True if a residual is compared with rounding. Only its decade is kept; the rest depends on the machine."""
         return self.convention == ROUNDING
 
     @property
@@ -254,7 +254,7 @@ class Relation:
         return replace(found[0], but=found[1])
 
     def _slack(self, left: float, right: float) -> tuple[float, tuple[str, str]]:
-        """How far a case is from turning, relative, and the bound that is nearest; what fails is negative."""
+        """Return the relative distance of a case from its nearest bound, negative if it fails, and that bound."""
         if self.sign == "==" and not (isinstance(left, int) and isinstance(right, int)):
             raise LedgerError(
                 f"{self.sign!r} is for integers, found {left!r} and {right!r}; a residual takes <="
@@ -360,7 +360,7 @@ class Evidence:
 
     @property
     def verdict(self) -> str:
-        """One of ``holds``, ``holds-in-part`` and ``fails``, decided by the numbers as written."""
+        """The verdict of the numbers as written: ``holds``, ``holds-in-part`` or ``fails``."""
         if self.but:
             verdicts = tuple(one.verdict for one in self.inequalities)
             return "holds-in-part" if verdicts == ("holds", "fails") else "fails"

@@ -1,4 +1,4 @@
-"""What the random tests draw: processes of every kind, controllers, loops, records; and how many of them.
+"""Draw random processes, controllers, loops and records.
 
 `make test` draws a few of each, always the same; `make fuzz` sets ``FUZZ`` to the number of cases of each property and
 draws new ones at every run.

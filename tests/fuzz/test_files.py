@@ -80,7 +80,7 @@ def test_any_file(tmp_path_factory, content):
 
 
 def _in_one_line(done):
-    """Whether a command ended well, or with a status and one line of ours; a traceback is neither."""
+    """Check that a command ended well, or with a status and one line of ours."""
     assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
     if done.exit_code:
         said = [line for line in done.stderr.splitlines() if line and not re.match("Usage|Try", line)]

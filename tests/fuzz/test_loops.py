@@ -13,7 +13,7 @@ NEAR = 1e-3  # share of the largest value by which a response may differ from th
 
 
 def characteristic_turns(loop, gain=1.0, later=0.0):
-    """Whether the loop is stable with its gain changed and its dead time longer, by the second method."""
+    """Return True if the loop is stable with its gain changed and its dead time longer, by the second method."""
     p = loop.process
     count = second.unstable_poles(pidalab.Process(gain * p.num, p.den, p.delay + later), loop.controller)
     assume(count is not None)

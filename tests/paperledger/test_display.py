@@ -1,4 +1,4 @@
-"""What tables and bars show."""
+"""Tables and bars."""
 
 from dataclasses import replace
 

@@ -15,7 +15,7 @@ LEDGERS = Path(__file__).parents[2] / "book" / "ledger"
 
 
 def verified(folder):
-    """What claims-cli says of each claim of a folder; it shares no code with the ledger."""
+    """Return the verdict of claims-cli on each claim of a folder; it shares no code with the ledger."""
     command = [sys.executable, "-m", "claims", "verify", "--format", "json"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     return json.loads(done.stdout)["assessment"]

@@ -1,4 +1,4 @@
-"""What can be wrong with a row, and the file that holds the rows."""
+"""Validation of rows and of their file."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ def test_validation(project, change, message):
         ({"relation": ""}, "'relation' is empty"),
         ({"relation": "A faster than B"}, "relation 'A faster than B' does not read like"),
         ({"relation": "residual <= 1e-8 | rounding"}, "needs a note that says why"),
-        ({"relation": "residual <= 0.5 | rounding", "note": REASON}, "above 1e-06 is no rounding"),
+        ({"relation": "residual <= 0.5 | rounding", "note": REASON}, "above 1e-06"),
         (
             {"relation": "A <= B", "evidence": "1.400 <= 1.400"},
             "both sides are 1.400, so nothing was compared",

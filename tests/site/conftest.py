@@ -1,4 +1,4 @@
-"""What the tests of the book share: where the built site is, a browser, and which pages the table of contents names."""
+"""Fixtures of the tests of the site: the built site, a browser, the table of contents."""
 
 import os
 import shutil
@@ -83,7 +83,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def tab(browser):
-    """Where the tests of a file open their pages, one after the other: a new tab takes longer than a page."""
+    """One tab for all tests of a file; opening a tab takes longer than loading a page."""
     context = browser.new_context()
     yield context.new_page()
     context.close()

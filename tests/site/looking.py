@@ -1,4 +1,4 @@
-"""What is wrong with an open page, as its reader meets it, and the screens it is read on."""
+"""Find what is wrong with an open page, on wide and narrow screens."""
 
 from collections.abc import Iterable
 
@@ -208,7 +208,7 @@ IN_THEME = "(theme) => { document.documentElement.dataset.theme = theme }"
 
 
 def problems(page: Page) -> list[str]:
-    """What a reader would stumble over on an open page."""
+    """List raw formulas, images without words, nameless folds and overflow."""
     wrong = [f"maths left raw: {text}" for text in page.evaluate(RAW_MATHS)]
     wrong += [f"image without alt text: {source}" for source in page.evaluate(WORDLESS)]
     wrong += page.evaluate(HINDRANCES)
@@ -223,7 +223,7 @@ def mark_kinds(page: Page, judged: Iterable[str] = ()) -> list[str]:
 
 
 def barriers(page: Page, **options) -> list[str]:
-    """What axe-core finds on an open page, less what is accepted; of colours, only those of marked texts."""
+    """List the findings of axe-core, less the accepted ones; colours are judged on marked texts alone."""
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate(Axe().axe_script)
         page.evaluate(ONLY_MARKED)
@@ -239,7 +239,7 @@ def barriers(page: Page, **options) -> list[str]:
 
 
 def looked_over(page: Page) -> list[str]:
-    """What is wrong with a page that was opened in light, narrow and wide; its formulas become boxes."""
+    """List what is wrong with a page, narrow and wide; its formulas become boxes."""
     page.add_style_tag(content=STILL)
     page.set_viewport_size(NARROW)
     wrong = [

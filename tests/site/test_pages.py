@@ -24,7 +24,7 @@ FOLDS = {"hide-input", "hide-cell"}
 
 
 def shows(output) -> bool:
-    """Whether a reader sees an output; what is only kept for another page is not seen."""
+    """Return True if a reader sees an output; one that is kept for another page is not seen."""
     return "scrapbook" not in output.get("metadata", {})
 
 

@@ -1,4 +1,4 @@
-"""What makes the book readable on a phone: figures of one theme, and commas that stay at their formulas."""
+"""Reading on a phone: figures of one theme, and commas that stay at their formulas."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What the search looks through: the sections of a page, each with its own words."""
+"""The index of the search: the sections of a page, each with its own words."""
 
 import importlib.util
 import re

@@ -25,7 +25,7 @@ def made(tmp_path_factory):
 
 
 def missing(text):
-    """What the slides of a lecture lack, and what they would load."""
+    """List parts that the slides of a lecture lack, and files that they would load."""
     text = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
     wanted = {  # by its mark
         "a question": "The question.",

@@ -1,4 +1,4 @@
-"""What a lecture and a method chapter owe their reader: its parts, answers that are worded and run, the lab at hand."""
+"""Parts of lectures and chapters: answers in words that were run, and links to the lab."""
 
 import re
 from pathlib import Path
@@ -88,7 +88,7 @@ def test_every_lecture_and_chapter_leads_to_the_lab(root):
 
 
 def test_every_fold_of_code_says_what_it_shows(root):
-    """By a name of its own on its page."""
+    """Names are unique on a page."""
     for path in sorted((root / "book").rglob("*.ipynb")):
         hidden = [c for c in cells_of(path) if {"hide-input", "hide-cell"} & set(c.metadata.get("tags", []))]
         names = [c.metadata.get("mystnb", {}).get("code_prompt_show") for c in hidden]

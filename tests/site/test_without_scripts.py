@@ -1,4 +1,4 @@
-"""What readers without JavaScript see where a live figure or the lab would be."""
+"""Pages without JavaScript show a picture for each live figure."""
 
 import pytest
 

@@ -60,7 +60,7 @@ def undrawn(page):
 
 
 def told(path):
-    """What the live figures of a built page are told, from its source."""
+    """Read the settings of the live figures of a built page."""
     found = re.findall(
         r'class="pidalab-live".*?<script type="application/json">(.*?)</script>',
         path.read_text(encoding="utf-8"),
@@ -112,7 +112,7 @@ def turn(page, host, knob):
 
 
 def astray(page, path):
-    """What goes wrong where each knob of each live figure of an open page is turned, one after the other."""
+    """Turn each knob of each live figure of an open page, and list what goes wrong."""
     figures, wrong = told(path), undrawn(page)
     if page.locator(".pidalab-live").count() != len(figures):
         wrong.append(f"{len(figures)} live figures in the source, not so many on the page")
