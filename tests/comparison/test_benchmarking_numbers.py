@@ -111,7 +111,7 @@ def test_the_figure_has_each_rule_of_the_same_kinds_from_a_tenth_to_nine_and_the
 def test_the_text_has_what_the_rule_does_as_published(found):
     text = str(found)
     assert text.startswith("mi_ne: 3 plants, Ms = 1.4;")
-    assert "1.5 ultimate gains" in text
+    assert "a relative noise gain of 1.5" in text
     own = found.rows[(found.rows.terms == "own") & found.rows.ms.notna()]
     (line,) = re.findall(r"^PI +(.*)$", text.split("at equal")[0], flags=re.MULTILINE)
     by_hand = [2, np.median(own.ms), np.quantile(own.ms, 0.9), np.median(own.noise_gain)]

@@ -45,6 +45,7 @@ def test_rows_are_measured_on_the_process_itself():
     assert (found.iae_load, found.iae_setpoint) == pytest.approx((load.iae(), setpoint.iae()), rel=1e-4)
     assert (found.ms, found.delay_margin) == pytest.approx((margins.ms, margins.dm))
     assert found.noise_gain == pytest.approx(pidalab.noise_gain(loop, 0.05))
+    assert found.relative_noise == pytest.approx(pidalab.relative_noise_gain(loop))
     assert found.tv == pytest.approx(load.tv("u"), rel=1e-3)
     # a filter faster than the sample is judged as a PLC runs it, and that is said; with its output filter, too
     assert "backward" in row(table, "itae setpoint", "PIDA").reason
@@ -52,6 +53,18 @@ def test_rows_are_measured_on_the_process_itself():
     assert "backward" in filtered.reason
     digital = pidalab.Loop(process, filtered.design.discretise(0.05))
     assert filtered.noise_gain == pytest.approx(pidalab.noise_gain(digital, 0.05))
+
+
+def test_the_table_shows_the_relative_noise_gain_whatever_the_sample_time():
+    process, tables = pidalab.lags(3, delay=1.0), []
+    for limits in ({}, {"noise_gain": 2.0, "sample_time": 0.1}):
+        tables.append(pidalab.compare(process, **limits, rules=["simc"]))
+        assert "relative noise gain" in str(tables[-1]).splitlines()[1]
+    scale = pidalab.noise_scale(process)
+    assert (tables[0].noise_gain, tables[0].sample_time) == (1.5 * scale.gain, scale.sample_time)
+    rows = [row(table, "simc", "PI") for table in tables]
+    assert rows[0].relative_noise == rows[1].relative_noise
+    assert rows[0].noise_gain != rows[1].noise_gain
 
 
 @pytest.mark.parametrize("wrong", [{"ms": 1.0}, {"noise_gain": 0.0}, {"sample_time": -1.0}])

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import pidalab
 from pidalab import HighOrderPID, Loop
+from pidalab.optimal.curves import find_curves
 from pidalab.optimal.design import _edge, _valleys
 from pidalab.optimal.polish import polish
 from pidalab.optimal.problem import Problem, SampledNoise, _other_side, unit_of_time
@@ -462,3 +463,30 @@ def test_the_last_steps_come_to_rest_with_every_kind_of_limit():
     """Second derivatives that come from points too far apart left the end open, at five digits."""
     process = pidalab.Process([1.0], [1.0, -1.0], 0.1)
     assert pidalab.optimal.load(process, 1, ms=2.0, mks=30.0, disk=0.9).digits == 9
+
+
+def test_a_curve_searches_again_only_where_its_response_was_too_short(monkeypatch):
+    """The descents of a curve and the simulation agree on the IAE here, so that no full search is made."""
+    searched, full = [], pidalab.optimal.least_iae
+
+    def least_iae(*arguments, **options):
+        searched.append(arguments)
+        return full(*arguments, **options)
+
+    monkeypatch.setattr("pidalab.optimal.curves.least_iae", least_iae)
+    limits = {"ms": [1.6], "noise_gains": [3.0], "sample_time": 0.05}
+    (design,) = find_curves(THIRD, 0, **limits).values()
+    assert (design.digits, searched) == (2, [])
+    monkeypatch.setattr("pidalab.optimal.curves.SAME_IAE", -math.inf)
+    (design,) = find_curves(THIRD, 0, **limits).values()
+    assert (design.digits, len(searched)) == (9, 1)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_progress_bar_starts_no_thread(monkeypatch):
+    def refuse(*_):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("tqdm.std.TMonitor", refuse)
+    monkeypatch.setattr("tqdm.std.tqdm.monitor", None)
+    pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0)

@@ -85,7 +85,7 @@ def test_the_questions_of_the_guided_lab_come_one_at_a_time(site, visit):
     link = page.locator("#task-lab-3 .task-actions a").get_attribute("href")
     assert "book/lab.html#lab-" in link
     page.get_by_role("button", name="Question 2").click()
-    page.locator("#task-lab-2-mks").fill("10")
+    page.locator("#task-lab-2-noise").fill("1.5")
     page.locator("#task-lab-2 button[type=submit]").click()
     assert "Searching" in verdict(page, "task-lab-2").text_content()
     page.wait_for_function(

@@ -920,8 +920,8 @@
   }
 
   /* The plant behind a hold from sample to sample, at frequencies up to half that of sampling. */
-  function sampledPlant(process, h, w) {
-    const { np, dy, out, steps } = prepared({ process, controller: { gains: [] } }).held(h);
+  function sampledPlant({ process, controller = { gains: [] } }, h, w) {
+    const { np, dy, out, steps } = prepared({ process, controller }).held(h);
     const rows = ({ matrix }) => Array.from({ length: np }, (_, i) => Array.from(matrix.subarray(i * (np + 1), (i + 1) * (np + 1))));
     const [first, second] = steps.map(rows), last = second ?? first;
     // over a whole sample, A and b; of two pieces the second goes on where the first ends
@@ -943,7 +943,7 @@
      sampling frequency, or at the frequencies `w` that are asked for. */
   function sampledResponse(asked) {
     const loop = readLoop(asked), h = asked.sampleTime, { row } = controllerBlock(loop), newest = h / (loop.time + h);
-    const grid = asked.w ?? [...frequencyResponse(asked).w.filter((x) => x < Math.PI / h), Math.PI / h], plant = sampledPlant(asked.process, h, grid);
+    const grid = asked.w ?? [...frequencyResponse(asked).w.filter((x) => x < Math.PI / h), Math.PI / h], plant = sampledPlant(asked, h, grid);
     const found = Array.from(grid, (x, k) => {
       const back = [Math.cos(x * h), -Math.sin(x * h)], lag = over([newest, 0], [1 - (1 - newest) * back[0], -(1 - newest) * back[1]]);
       let control = over([loop.ki * h, 0], [1 - back[0], -back[1]]), power = [1, 0];

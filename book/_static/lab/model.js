@@ -107,12 +107,12 @@
     return time ? { sampleTime: time / NOISE_SAMPLES, gain: 1 / (Math.abs(gainOf(process)) * Math.pow(time, integratorsOf(process))) } : { sampleTime: NaN, gain: NaN };
   });
 
-  const FIRST_TAIL = 4096, LONGEST_TAIL = 1 << 20, FADED = 1e-12; // samples, and share of the squares in their second half
+  const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-7; // samples, and share of the squares in their second half
 
   /* Standard deviation of u for white measurement noise of standard deviation 1 that is held for a sample: the root of the
      sum of squares of what one sample of it does. NaN where that does not fade. */
   function noiseGainOf(process, own, sampleTime, method) {
-    for (let samples = Math.max(FIRST_TAIL, Math.ceil((4 * process.delay) / sampleTime)); samples <= LONGEST_TAIL; samples *= 4) {
+    for (let samples = Math.max(FIRST_TAIL, Math.ceil((4 * process.delay) / sampleTime)); samples <= LONGEST_TAIL; samples *= 2) {
       const noise = new Float64Array(samples);
       noise[0] = 1;
       const { u } = simulateSampled({ process, controller: { ...own, limits: null }, sampleTime, end: (samples - 1) * sampleTime, noise, method });
@@ -128,7 +128,7 @@
      the loop does not bear to be sampled so, its differences. */
   function noiseGainAt(process, design, sampleTime) {
     if (!(sampleTime > 0) || atOnce(process)) return NaN;
-    const own = controller(design), held = own.filterTime < sampleTime && own.filterOrder ? NaN : noiseGainOf(process, own, sampleTime, "held");
+    const own = controller(design), held = own.filterTime > 0 && own.filterTime < sampleTime ? NaN : noiseGainOf(process, own, sampleTime, "held");
     return Number.isNaN(held) ? noiseGainOf(process, own, sampleTime, "backward") : held;
   }
 

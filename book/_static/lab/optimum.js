@@ -122,7 +122,7 @@
   function sampledNoise(process, order, h) {
     const n = order + 1, top = Math.PI / h, turns = process.delay ? Array.from({ length: 200 }, (_, k) => (0.3 * (k + 1)) / process.delay).filter((w) => w < top) : [];
     const w = Float64Array.from([...span(1e-5 * top, top, DECADES), ...Array.from({ length: PLAIN }, (_, k) => (top * (k + 1)) / (PLAIN + 1)), ...turns]).sort(), count = w.length;
-    const cos = w.map((x) => Math.cos(x * h)), sin = w.map((x) => Math.sin(x * h)), plant = sampledPlant(process, h, w);
+    const cos = w.map((x) => Math.cos(x * h)), sin = w.map((x) => Math.sin(x * h)), plant = sampledPlant({ process }, h, w);
     const weight = w.map((_, k) => (0.5 * ((w[k + 1] ?? w[k]) - (k ? w[k - 1] : -w[0])) * h) / Math.PI);
     const column = () => Array.from({ length: n + 2 }, () => [new Float64Array(count), new Float64Array(count)]), lags = column();
     const choose = (m, k) => (k ? (choose(m - 1, k - 1) * m) / k : 1);

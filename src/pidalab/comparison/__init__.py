@@ -1,4 +1,4 @@
-"""Every rule of the library on one process, and how far each stays from the best.
+"""Compare every rule of the library with the optima on one process.
 
 A rule gets the model that its authors start from: the process itself, its reduction of first or second order, the three
 points of its step response, or an integrator with dead time. All are judged on the process itself.
@@ -6,7 +6,6 @@ points of its step response, or an integrator with dead time. All are judged on 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -15,18 +14,19 @@ from pidalab._names import KINDS
 from pidalab.comparison.fairness import at_equal_terms
 from pidalab.comparison.judging import DesignRow, html_table, measure_row, text_table
 from pidalab.process import Process, require_no_zero_at_origin
+from pidalab.relative_noise import noise_scale
 from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.rules.models import StartingModels, time_scale
 from pidalab.rules.registry import RULES, Rule, find
 
-PERIODS = 12.0  # ultimate periods of a first response
+PERIODS = 12.0  # of the plant, in a first response
+RELATIVE_NOISE_GAIN = 1.5  # default limit
 COMPARISON_COLUMNS = {
     "IAE load": "iae_load",
     "IAE set pt": "iae_setpoint",
     "Ms": "ms",
-    "max |CS|": "mks",
-    "noise gain": "noise_gain",
+    "relative noise gain": "relative_noise",
     "TV(u) load": "tv",
     "delay m.": "delay_margin",
 }
@@ -54,7 +54,7 @@ class Comparison:
     rows: tuple[DesignRow, ...]
 
     def keeps(self, row: DesignRow) -> bool:
-        """Whether a row keeps both limits, to 0.1 %.
+        """Return True if a row keeps both limits, to 0.1 %.
 
         Parameters
         ----------
@@ -78,7 +78,8 @@ class Comparison:
         return row.ms <= self.ms * 1.001 and row.noise_gain <= self.noise_gain * 1.001
 
     def __str__(self) -> str:
-        head = f"{self.process!r}: limits Ms = {self.ms:g}, noise gain = {self.noise_gain:g}"
+        noise = f"noise gain = {self.noise_gain:.4g}, with a sample every {self.sample_time:.4g}"
+        head = f"{self.process!r}: limits Ms = {self.ms:g}, {noise}"
         return "\n".join([head, *text_table(self.rows, TEXT_WIDTHS, COMPARISON_COLUMNS, 11, self._note)])
 
     def _note(self, row: DesignRow) -> str:
@@ -92,8 +93,8 @@ def compare(
     process: Process,
     *,
     ms: float = 1.6,
-    noise_gain: float = 10.0,
-    sample_time: float = 0.01,
+    noise_gain: float | None = None,
+    sample_time: float | None = None,
     rules: Iterable[str] | None = None,
 ) -> Comparison:
     """Judge every rule of the library on a process, beside the best PI, PID and PIDA.
@@ -105,10 +106,12 @@ def compare(
     ms : float, optional
         Largest maximum sensitivity of the optima, above 1; haalman and the optima use it, other rules do not know it.
     noise_gain : float, optional
-        Largest standard deviation of u per unit of that of white measurement noise; the magnitude optimum and the
-        optima use it.
+        Largest standard deviation of u per unit of that of white measurement noise, in units of u per unit of y; the
+        magnitude optimum and the optima use it. By default 1.5 times the ``gain`` of `pidalab.noise_scale`, that is, a
+        relative noise gain of 1.5.
     sample_time : float, optional
-        Sample time of that noise, above 0.
+        Sample time of that noise, above 0; by default that of `pidalab.noise_scale`. The table shows the
+        relative noise gain, which does not depend on it.
     rules : iterable of str, optional
         Names of the registry, `pidalab.rules.registry`, and "optimal". By default the optima and all rules but those of
         Chien, Hrones and Reswick; the entry of a rule says whether it is compared by default.
@@ -126,14 +129,18 @@ def compare(
     Examples
     --------
     >>> import pidalab
-    >>> table = pidalab.compare(pidalab.ipdt(0.1, delay=1.0), noise_gain=10.0, sample_time=0.05)
+    >>> table = pidalab.compare(pidalab.ipdt(0.1, delay=1.0))
     >>> print(min((row for row in table.rows if table.keeps(row)), key=lambda row: row.iae_load).kind)
     PIDA
     """
     require_no_zero_at_origin("process", process)
+    if noise_gain is None or sample_time is None:
+        scale = noise_scale(process)
+        noise_gain = RELATIVE_NOISE_GAIN * scale.gain if noise_gain is None else noise_gain
+        sample_time = scale.sample_time if sample_time is None else sample_time
     limits = Requirements(ms=ms, noise_gain=noise_gain, sample_time=sample_time)
     horizon = first_horizon(process)
-    rows = [measure_row(*one, process, sample_time, horizon) for one in designs(process, limits, rules)]
+    rows = [measure_row(*design, process, sample_time, horizon) for design in designs(process, limits, rules)]
     return Comparison(process, limits.ms, noise_gain, sample_time, tuple(rows))
 
 
@@ -183,10 +190,8 @@ def designs(
 
 
 def first_horizon(process: Process) -> float:
-    """Return the end of the first response that is tried: at the pace of a good loop, perhaps not the plant's own."""
-    from pidalab.reduction import ultimate_frequency
-
+    """Return the end of the first response that is tried, at the pace of a good loop."""
     try:
-        return PERIODS * 2 * math.pi / ultimate_frequency(process)
-    except ValueError:  # no gain makes it oscillate
-        return 20.0 * time_scale(process)
+        return PERIODS * noise_scale(process).period
+    except ValueError:
+        return PERIODS * time_scale(process)

@@ -1,4 +1,4 @@
-"""A rule, given as a function, judged on 134 plants beside all rules of the library and the best there is.
+"""Judge a rule, given as a function, on 134 plants, with all rules of the library and the optima.
 
 The rule of a user and those of the library go through the same judge, `judge`: first as published, then scaled to the
 same maximum sensitivity and the same noise (`pidalab.comparison.at_equal_terms`). What the library's rules and the
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # of all that is compared at equal terms
-NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gains in ultimate gains: about two and ten times what a PI makes
-PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "noise gain")  # columns of what is as published
+NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gains: about two and ten times that of a PI
+PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")  # columns of what is as published
 RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
 Rule = Callable[[Process], Design | Controller]
@@ -164,7 +164,7 @@ class Benchmark:
         Parameters
         ----------
         terms : {"loud", "quiet"}, optional
-            How much noise is allowed: 1.5 or 0.3 ultimate gains.
+            How much noise is allowed: a relative noise gain of 1.5 or 0.3.
 
         Returns
         -------
@@ -226,7 +226,7 @@ class Benchmark:
         Returns
         -------
         pandas.DataFrame
-            Plants, Ms, the Ms that nine of ten stay below, noise gain.
+            Plants, Ms, the Ms that nine of ten stay below, relative noise gain.
 
         Examples
         --------
@@ -249,7 +249,7 @@ class Benchmark:
             f"{self.name}: {plants} plants, Ms = {EQUAL_MS:g}; IAE of a load step over the least there is",
             "as published:",
             self.as_published().round(2).to_string(),
-            f"at equal Ms and noise, {NOISE['loud']:g} ultimate gains:",
+            f"at equal Ms and a relative noise gain of {NOISE['loud']:g}:",
             self.ranking().round(2).to_string(),
         ]
         if len(refused := self.refusals()):

@@ -1,4 +1,4 @@
-"""The judge of a design: its loop with a plant, measured, as a row; and rows as a table of text or HTML."""
+"""Measure the loop of a design with a plant, as a row; set rows out as a table of text or HTML."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from pidalab._table import set_out
+from pidalab.loop import Loop
 from pidalab.process import Process
-from pidalab.relative_noise import sampled_noise
+from pidalab.relative_noise import noise_scale, sampled_noise
 from pidalab.response import Response
 from pidalab.rules import Design
 
@@ -47,6 +48,8 @@ class DesignRow(NamedTuple):
         How many times the IAE is that of the design without a limit for the worst Ms.
     ms_sampled : float
         Maximum sensitivity of the digital loop with the model.
+    relative_noise : float
+        Relative noise gain, as `pidalab.relative_noise_gain` has it.
     """
 
     rule: str
@@ -68,15 +71,16 @@ class DesignRow(NamedTuple):
     ms_worst: float = math.nan
     price: float = math.nan
     ms_sampled: float = math.nan
+    relative_noise: float = math.nan
 
     @property
     def applies(self) -> bool:
-        """Whether there is a design and its loop with the plant is stable."""
+        """Return True if there is a design and its loop with the plant is stable."""
         return math.isfinite(self.ms)
 
     @property
     def iae(self) -> float:
-        """The IAE of the load step."""
+        """IAE of the load step."""
         return self.iae_load
 
 
@@ -137,7 +141,7 @@ def _measure_loop(
     if not found.stable:
         return DesignRow(rule, kind, reason="the loop with the process is unstable", design=design)
     load, setpoint = (settled(simulate, loop, horizon) for simulate in (load_response, step_response))
-    noise, reason = (math.nan, "") if sample_time is None else sampled_noise(loop, sample_time)
+    noise, relative, reason = _noise(loop, sample_time)
     return DesignRow(
         rule,
         kind,
@@ -154,7 +158,20 @@ def _measure_loop(
         overshoot=setpoint.overshoot(),
         load=load,
         setpoint=setpoint,
+        relative_noise=relative,
     )
+
+
+def _noise(loop: Loop, sample_time: float | None) -> tuple[float, float, str]:
+    """Return noise gain, relative noise gain, and a remark on the noise."""
+    noise, reason = (math.nan, "") if sample_time is None else sampled_noise(loop, sample_time)
+    try:
+        scale = noise_scale(loop.process)
+    except ValueError:  # the plant has no time scale
+        return noise, math.nan, reason
+    if sample_time == scale.sample_time:
+        return noise, noise / scale.gain, reason
+    return noise, sampled_noise(loop, scale.sample_time)[0] / scale.gain, reason
 
 
 def one_line(refusal: object) -> str:
@@ -175,15 +192,15 @@ def text_table(
     notes: Notes = lambda row: "",
 ) -> list[str]:
     """Return head and rows as lines: names (attribute: width) on the left, numbers (heading: attribute), and a note."""
-    widths = [*names.values(), *([width] * len(columns))]
+    widths = [*names.values(), *(max(width, len(heading) + 2) for heading in columns)]
     left = [name if len(names) > 1 else "" for name in names]
     lines = [set_out([*left, *columns], widths, len(names))]
     for row in rows:
-        own = [getattr(row, name) for name in names]
+        labels = [getattr(row, name) for name in names]
         cells, note = (_cells(row, columns), notes(row)) if row.applies else ([], row.reason)
-        line = set_out([*own, *cells], widths, len(names))
+        line = set_out([*labels, *cells], widths, len(names))
         if note:
-            line = f"{line:<{sum(widths[: len(own) + len(cells)])}}  {note}"
+            line = f"{line:<{sum(widths[: len(names) + len(cells)])}}  {note}"
         lines.append(line)
     return lines
 
