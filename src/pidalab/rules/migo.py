@@ -82,7 +82,7 @@ class _Ridge(NamedTuple):
         return bool(self.at(w)[0] > 0) and self.room(w) >= -CIRCLE_TOUCH
 
 
-def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> Design:
+def tune(model: Process, kind: str = "PID", *, m: float = 1.4, n: float = 10) -> Design:
     """Return the PI or PID controller of MIGO.
 
     Parameters

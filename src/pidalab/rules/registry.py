@@ -253,7 +253,7 @@ RULES: dict[str, Rule] = {
             "migo",
             "Åström and Hägglund (2004), MIGO",
             dict.fromkeys(("PI", "PID"), "process"),
-            lambda model, kind, limits: migo.tune(model, kind, limits.ms),
+            lambda model, kind, limits: migo.tune(model, kind, m=limits.ms),
             compared=False,
             knows_ms=True,
         ),
