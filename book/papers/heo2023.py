@@ -11,8 +11,8 @@ from scipy.optimize import minimize
 
 import pidalab
 from pidalab import plots
+from pidalab.roots import succeeded
 from pidalab.rules import direct, itae
-from pidalab.search import succeeded
 
 EXAMPLES = {  # eqs. (17), (18) and (19)
     "ex1": pidalab.lags(3, delay=0.2),
