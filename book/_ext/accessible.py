@@ -5,8 +5,10 @@ import re
 EMPTY_HEADER = re.compile(r"<th(\s[^>]*)?>\s*(<p>\s*</p>)?\s*</th>")
 SAME_NAME = ' aria-label="Toggle hidden content"'
 FRAME = re.compile(r'<table[^>]*\bclass="[^"]*\bdataframe\b[^"]*"[^>]*>.*?</table>', re.DOTALL)
-# M_s, ω_gc, PIDA_1: a letter or capitals with an index, as a cell of a table of numbers has them
-INDEX = re.compile(r"(?<![\w.])([^\W\d_][\u0300-\u036f]?|[A-Z]{2,5})_(-?\w+)(?=[^<>]*</t[hd]>)")
+# M_s, ω_gc, PIDA_1: a letter or capitals with an index in a cell of a table of numbers; the name of a file goes on
+INDEX = re.compile(
+    r"(?<![\w.])([^\W\d_][\u0300-\u036f]?|[A-Z]{2,5})_(-?\w{1,5})(?!\w|[.-]\w)(?=[^<>]*</t[hd]>)"
+)
 
 
 def repaired(body: str) -> str:

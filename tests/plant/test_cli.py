@@ -15,8 +15,6 @@ from test_total import compiler
 import pidalab
 from pidalab.digital import from_json
 from pidalab.plant.cli import main
-from pidalab.plant.cli.recorded import FIRMWARE_NAMES
-from pidalab.plant.vendor import FIRMWARE
 
 ROOT = Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("plant_record", ROOT / "studies" / "plant_record.py")
@@ -50,16 +48,16 @@ def test_a_messy_record_becomes_code_whose_loop_with_the_true_plant_is_as_robust
         "tune", record, *columns, "--kind", "PIDA", "--ms", 1.6, "--sample-time", 0.2, *limits, "--out", tmp_path
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    for said in ("Record", "Model", "Controller", "Margins, continuous", "Margins, sampled every 0.2"):
+    for said in ("Safe?", "Gains", "Before the start", "Margins, sampled every 0.2", "Model", "Record"):
         assert said in result.stdout
     assert "klipper, betaflight (these blocks have no acceleration term" in result.stdout
     worst = float(re.search(r"worst Ms: (\S+)", result.stdout)[1])
     controller = from_json((tmp_path / "controller.json").read_text(encoding="utf-8"))
     assert pidalab.margins(pidalab.Loop(TRUE, controller)).ms <= worst <= 2.0
-    assert "Ms sampled: 1.6\n" in result.stdout or "Ms sampled: 1.59" in result.stdout
+    assert "Ms sampled: 1.6 " in result.stdout or "Ms sampled: 1.59" in result.stdout
     assert "price: 1" in result.stdout
     doubts = re.findall(r"Doubt (.*)", (tmp_path / "controller.c").read_text(encoding="utf-8"))
-    assert any(doubt.startswith("noise_gain ") for doubt in doubts)
+    assert "noise gain at most" in result.stdout  # an assumption, and no doubt
     for file in ("controller.st", "controller.py", "controller.json"):
         assert (tmp_path / file).read_text(encoding="utf-8").count("Doubt ") == len(doubts)
     compiler()
@@ -180,7 +178,6 @@ def test_check_judges_the_gains_of_a_log(tmp_path, gains):
         r"^  (now|faster) .*pid_Kp = \S+, pid_Ki = \S+, pid_Kd", result.stdout, re.MULTILINE
     )
     assert firmware == (["now", "faster"] if "klipper" in gains else [])
-    assert tuple(FIRMWARE) == FIRMWARE_NAMES
     both = run("check", path, "--firmware", "klipper", "--kp", 0.6, "--ti", 12)
     assert both.exit_code == 2
     assert "or --firmware with --kp, --ki" in both.output

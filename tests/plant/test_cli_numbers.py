@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 import pidalab
 from pidalab.plant import vendor
-from pidalab.plant.cli import checking, main
+from pidalab.plant.cli import main, recorded
 from pidalab.plant.cli.dialogue import csv_of
 from pidalab.plant.cli.recorded import _no_limits
 from pidalab.plant.heater import Lab
@@ -77,7 +77,7 @@ def test_defaults_are_as_promised_and_those_of_the_library(command):
 
 
 def test_every_command_is_there_and_has_help_on_one_page():
-    assert sorted(main.commands) == sorted([*DEFAULTS, "rules"])
+    assert sorted(main.commands) == sorted([*DEFAULTS, "rule", "rules"])
     for command in main.commands:
         for flag in ("-h", "--help"):
             text = run(command, flag).stdout
@@ -235,9 +235,9 @@ def test_what_tune_prints_is_what_the_library_says(log, reported):
     row = reported.rows[0]
     digital = row.design.discretise(2.0, limits=(0.0, np.inf), bias=40.0, b=0.7)
     for text in (
-        str(reported.fit.record),
+        reported.fit.record.described(),
         repr(reported.process),
-        str(reported.fit),
+        reported.fit.described(),
         str(row.design.controller),
         str(pidalab.margins(row.design.loop())),
         str(pidalab.margins(pidalab.Loop(reported.process, digital))),
@@ -245,7 +245,7 @@ def test_what_tune_prints_is_what_the_library_says(log, reported):
     ):
         assert " ".join(text.split()) in " ".join(result.stdout.split())
     for name, x in REPORT_COLUMNS.items():
-        (said,) = re.findall(rf"^  {re.escape(name)}: (\S+)$", result.stdout, re.MULTILINE)
+        (said,) = re.findall(rf"^  {re.escape(name)}: (\S+)", result.stdout, re.MULTILINE)
         assert float(said) == pytest.approx(getattr(row, x), rel=1e-3, nan_ok=True)
     assert "--u-max not given" in result.stdout
     assert "--u-min" not in result.stdout
@@ -258,10 +258,9 @@ def test_what_report_prints_and_writes_is_what_the_library_says(log, reported, t
     out = tmp_path / "new" / "page.html"
     result = run("report", log, *READ, *RULE, "--model", "fopdt", "--ms", 1.5, "--out", out)
     assert result.exit_code == 0, result.output
-    for row in reported.rows:
-        (line,) = re.findall(rf"^  {row.kind} +([\d.].*)$", result.stdout, re.MULTILINE)
-        expected = [value for x in REPORT_COLUMNS.values() if not np.isnan(value := getattr(row, x))]
-        assert numbers(line) == pytest.approx(expected, rel=1e-3)
+    for name, x in REPORT_COLUMNS.items():
+        (line,) = re.findall(rf"^  {re.escape(name)} +([\d.].*)$", result.stdout, re.MULTILINE)
+        assert numbers(line) == pytest.approx([getattr(row, x) for row in reported.rows], rel=1e-3)
     assert " ".join(str(reported.fit).split()) in " ".join(result.stdout.split())
     assert reported.verdict in result.stdout.replace("\n  ", "\n")
     assert "log.csv" in out.read_text(encoding="utf-8")
@@ -289,10 +288,11 @@ def test_gains_are_times_or_numbers_of_a_firmware_and_no_mixture(log, options):
 
 def test_gains_that_run_are_those_that_are_given():
     times = {"td": 0.5, "ta": 0.1, "n": 7.0, "m": 6.0}
-    own = checking._running(None, 1.0, 2.0, 5.0, None, 0.0, **times)
+    own = recorded._running(None, 1.0, {"kp": 2.0, "ti": 5.0, "ki": None, "kd": 0.0, **times})
     assert own == pidalab.PIDA(2.0, 5.0, **times)
     none = dict.fromkeys(times, 0.0)
-    klipper = checking._running("klipper", 100.0, 22.2, None, 1.08, 114.0, **none)
+    numbers = {"kp": 22.2, "ti": None, "ki": 1.08, "kd": 114.0}
+    klipper = recorded._running("klipper", 100.0, numbers | none)
     assert klipper == pidalab.PIDA.from_firmware("klipper", 22.2, 1.08, 114.0, 100.0)
 
 
@@ -302,7 +302,7 @@ def test_sets_to_try_are_numbers_of_the_firmware_where_it_has_them():
         SimpleNamespace(rule=rule, design=one and pidalab.rules.Design(PROCESS, one))
         for rule, one in zip(("now", "PIDA", "refused"), designs, strict=True)
     ]
-    (line,) = checking._as_firmware(SimpleNamespace(rows=rows), "klipper", 100.0).splitlines()
+    (line,) = recorded._as_firmware(SimpleNamespace(rows=rows), "klipper", 100.0).splitlines()
     assert line.startswith("now ")
     form = vendor.firmware_form(designs[0].gains(), "klipper", 100.0)
     assert numbers(line) == pytest.approx(list(form.values()), rel=1e-3)

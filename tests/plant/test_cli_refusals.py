@@ -1,6 +1,8 @@
 """Whatever a file or an argument says: one line of ours, which a terminal only prints."""
 
 import json
+import math
+import re
 
 import pytest
 from click.testing import CliRunner
@@ -8,6 +10,7 @@ from click.testing import CliRunner
 import pidalab
 from pidalab.plant.cli import main
 from pidalab.plant.code.files import checksum
+from pidalab.plant.ultimate import relay_oscillation
 
 K = pidalab.PIDA(2.0, 4.0).discretise(0.5)
 LOOP = ("simulate", "--den", "1,1", "--until", "9")
@@ -162,10 +165,11 @@ def step(tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--u-min", 50, "--u-max", 100), "at rest, 40, between them, found 50 and 100"),
-        (("--u-min", 100, "--u-max", 0), "at rest, 40, between them, found 100 and 0"),
+        (("--u-min", 50, "--u-max", 100), "runs from 40 to 47, found 50 and 100"),
+        (("--u-min", 100, "--u-max", 0), "runs from 40 to 47, found 100 and 0"),
         (("--u-min", 40, "--u-max", 40), "found 40 and 40"),
         (("--u-min", "nan"), "found nan and inf"),
+        (("--u-max", 45), "runs from 40 to 47, found -inf and 45"),
         (("--full-output", 0), "--full-output must not be 0"),
         (("--full-output", "nan"), "--full-output must be finite"),
     ],
@@ -207,3 +211,93 @@ def test_an_empty_name_is_no_place_to_write_to(step, tmp_path, monkeypatch):
 def test_gains_of_a_running_loop_are_checked_by_name(step, options, said):
     done = run("check", step, "--kp", 1, *options)
     assert (done.exit_code, said in done.stderr) == (1, True), done.output
+
+
+PI = ("--kind", "PI", "--sample-time", 1)
+ROWS = [(k, 40 if k < 30 else 47, round(20 + 10 * (1 - 0.9 ** max(0, k - 32)), 3)) for k in range(120)]
+
+
+def text(rows, head="time,u,y", form="{},{},{}"):
+    return "\n".join([head, *(form.format(*row) for row in rows)])
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "said"),
+    {
+        "another period": (text(ROWS), ("--period", 2), "period = 2 contradicts the file's own times"),
+        "a clock for u": (text([(k, 21 * k, y) for k, _, y in ROWS]), (), "u rises or falls evenly"),
+        "a counter for u": (text([(k**1.2, k, y) for k, _, y in ROWS]), (), "number of the sample"),
+        "the output for u": (text([(k, 2 * y + 1, y) for k, _, y in ROWS]), (), "u is a copy of y"),
+        "two runs": (text(ROWS + ROWS), (), "at row 122, from 119 to 0: the file holds 2 runs"),
+        "no such run": (text(ROWS + ROWS), ("--run", 3), "run must be at most 2"),
+        "a large Ms": (text(ROWS), ("--ms", 50), "ms must be at most 5"),
+        "a word": (text(ROWS).replace("\n50,47", "\n50,open"), (), "row 52, column 1"),
+    }.values(),
+)
+def test_what_a_log_cannot_mean_is_refused_with_the_remedy(tmp_path, content, options, said):
+    path = tmp_path / "log.csv"
+    path.write_text(content, encoding="utf-8")
+    done = run("tune", path, *PI, "--rule", "simc", "--model", "fopdt", *options)
+    assert (done.exit_code, said in done.stderr) == (1, True), done.output
+
+
+@pytest.mark.parametrize(
+    ("content", "options"),
+    {
+        "unavailable": (text(ROWS).replace("\n50,47,28.499", "\n50,47,unavailable"), ()),
+        "states": (text([(k, "on" if u > 40 else "off", y) for k, u, y in ROWS]), ()),
+        "blanks after thousands": (
+            text([(k, u, f"1 {100 + y:.3f}".replace(".", ",")) for k, u, y in ROWS], form="{};{};{}"),
+            ("--delimiter", ";"),
+        ),
+        "brackets": (
+            text(ROWS, " Sample Time   Command  Encoder 1 Pos", "{}  {}  {};")
+            .replace("\n0 ", "\n[ 0 ")
+            .replace(" Sample Time", "Sample Time")
+            + "]",
+            ("--time", 0, "--y", "Encoder 1 Pos"),
+        ),
+        "second run": (text(ROWS + ROWS), ("--run", 2)),
+        "not in order": (text([*ROWS[:60], ROWS[61], ROWS[60], *ROWS[62:]]), ()),
+        "a counter beside a period": (text(ROWS, "sample,u,y"), ("--period", 2, "--sample-time", 2)),
+    }.values(),
+)
+def test_logs_are_read_as_they_are(tmp_path, content, options):
+    path = tmp_path / "log.csv"
+    path.write_text(content, encoding="utf-8")
+    done = run("tune", path, *PI, "--rule", "simc", "--model", "fopdt", "--ms-worst", 4, *options)
+    assert done.exit_code == 0, done.output
+    assert "Safe?" in done.stdout
+
+
+def test_hold_out_at_or_below_0_is_no_model(tmp_path, monkeypatch):
+    """In tune and check alike."""
+    monkeypatch.setattr("pidalab.plant.fitting.Fit.holdout", -0.09)
+    path = tmp_path / "log.csv"
+    path.write_text(text(ROWS), encoding="utf-8")
+    for command in (("tune", path, *PI), ("check", path, "--kp", 1, "--ti", 10)):
+        done = run(*command, "--model", "fopdt")
+        assert (done.exit_code, "the hold-out data" in done.stderr) == (1, True), done.output
+
+
+def test_rules_from_ultimate_gain_and_period(tmp_path):
+    done = run("rule", "--ku", 8.502, "--tu", 3.721)
+    (line,) = (line for line in done.stdout.splitlines() if re.match("Ziegler-Nichols +PID", line))
+    assert [float(x) for x in line.split()[2:5]] == pytest.approx([5.101, 1.8605, 0.4651], rel=1e-3)
+    assert float(line.split()[6]) > 2
+    assert run("rule", "--ku", 2).exit_code == 2
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 1.0), (-0.7, 1.3)])
+def test_a_relay_record_is_measured_right_with_its_bias(low, high):
+    h, lag = 0.01, 5.0
+    y, u, x, waiting = [], [], 0.0, [0.0] * 100
+    for _ in range(6000):
+        y.append(x)
+        u.append(high if x < 0 else low)
+        waiting.append(u[-1])
+        x += (waiting.pop(0) - x) * -math.expm1(-h / lag)
+    wave = relay_oscillation([h * k for k in range(6000)], u, y)
+    plant = pidalab.fopdt(1.0, lag, 1.0)(2j * math.pi / wave.tu)
+    assert wave.ku == pytest.approx(1 / abs(plant), rel=5e-3)
+    assert (wave.bias == pytest.approx(0.5, abs=0.01)) is (low == -high)

@@ -19,7 +19,9 @@ def test_every_kind_keeps_the_limits_and_a_derivative_helps(both):
     assert [row.kind for row in both.rows] == ["PI", "PID"]
     for row in both.rows:
         assert 1.5 * 0.999 <= row.ms_sampled <= 1.5 * (1 + 1e-6) or row.ms_worst >= 2.0 * 0.999
-        assert row.noise_gain <= 4.0 * 1.001
+        loop = row.design.loop(THIRD)
+        assert pidalab.noise_gain(loop, 0.2) <= 4.0 * 1.001
+        assert row.noise_gain == pytest.approx(pidalab.relative_noise_gain(loop))
         assert row.ms_sampled < row.ms_worst <= 2.0 * (1 + 1e-6)
     errors = [row.iae for row in both.rows]
     assert errors == sorted(errors, reverse=True)

@@ -10,19 +10,21 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab._names import KINDS
+from pidalab._text import KINDS
 from pidalab.comparison.judging import DesignRow, one_line, text_table
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
 from pidalab.loop import Loop
+from pidalab.plant.doubts import doubt
 from pidalab.plant.fitting import Fit, fit
-from pidalab.plant.fitting.uncertainty import samples_per_error
+from pidalab.plant.fitting.uncertainty import rough, samples_per_error
 from pidalab.plant.record import Record
-from pidalab.plant.record.cleaning import FOLLOWER
+from pidalab.plant.record.cleaning import FEWEST
 from pidalab.plant.reporting import measure_candidate
 from pidalab.plant.safety import LoopEvaluator
 from pidalab.plant.tuning import tune
 from pidalab.process import Process, sign_of_gain
+from pidalab.relative_noise import sampled_noise
 from pidalab.rules import Design
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
@@ -30,12 +32,14 @@ PLANTS_JUDGED = 60  # plants by which Ms gets its interval; of fewer the worst i
 CLEARER = 0.8  # times the residuals: a load that explains more than a third of their variance is there
 CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output has to move
 COLOURED = 3.0  # samples that share one error, from which on a residual is no white noise
+MADE = 0.8  # share of the movement of u that the gains which made it explain
+MOST_STEPPED = 5000  # samples over which the controller runs
 FED_BACK = 0.05  # share of the variance of u that may answer to it
 CHECK_COLUMNS = {
     "IAE load": "iae_load",
     "Ms": "ms_sampled",
     "worst Ms": "ms_worst",
-    "noise gain": "noise_gain",
+    "rel. noise": "noise_gain",
 }
 
 
@@ -77,9 +81,12 @@ class Check:
         """The gains that run, the best of their kind with the same Ms and noise gain, and three sets to try."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
-        now = measure_candidate(self.design, "now", kind, self.fit, self.sample_time)
+        now = measure_candidate(self.design, "now", kind, self.fit)
         now = now._replace(ms_worst=self.interval[1], ms_sampled=self.ms)
-        rows, quiet = [now], None if math.isnan(now.noise_gain) else now.noise_gain
+        rows, quiet = [now], None
+        if now.applies:
+            gain = sampled_noise(self.design.loop(self.fit.process), self.sample_time)[0]
+            quiet = None if math.isnan(gain) else gain
         if now.applies and quiet is not None and math.isfinite(self.ms):
             rows.append(self._row("best like it", kind, self.fit.process, self.ms, quiet, self.ms_worst))
         for name, (ms, share) in SETS.items():
@@ -94,7 +101,7 @@ class Check:
             design = tune(plant, kind, ms=ms, noise_gain=noise, sample_time=self.sample_time, ms_worst=worst)
         except ValueError as refusal:
             return DesignRow(name, kind, reason=one_line(refusal))
-        found = measure_candidate(design, name, kind, self.fit, self.sample_time)
+        found = measure_candidate(design, name, kind, self.fit)
         return found._replace(ms_worst=LoopEvaluator(self.sample_time, None).worst(design, self.plants).ms)
 
     @property
@@ -192,18 +199,29 @@ def check(
         raise ValueError(
             "controller must have integral action: without it a load leaves a steady-state error"
         )
+    worst = _check.real("ms_worst", ms_worst, above=1.0)
     fitted = record if isinstance(record, Fit) else _fitted(record)
-    process, doubts = fitted.process, [*fitted.record.doubts, *fitted.doubts]
+    process, log = fitted.process, fitted.record
+    doubts = [*log.doubts, *fitted.doubts]
+    share, near = explained_by(controller, output_filter, log)
     if gains.ki * sign_of_gain(process) < 0:
-        found = f"found kp = {gains.kp:.4g} for a plant of gain {fitted.parameters['gain']:.3g}"
-        other = "; or, since u follows the output, the log shows the controller and not the plant: move the set point"
+        why = "the output would run away"
+        if share > MADE:
+            why = (
+                f"they explain {100 * share:.0f} % of the movement of u between samples, and the output did not run "
+                "away: so the u of the log is not what reached the plant"
+            )
         raise ValueError(
-            f"controller must have gains of the sign of the plant's, {found}: the output would run away"
-            + (other if fitted.record.experiment == FOLLOWER else "")
+            f"controller must have gains of the sign of the plant's, found kp = {gains.kp:.4g} for a plant of gain "
+            f"{fitted.parameters['gain']:.3g}: {why}. If the sign is right, the log does not show the plant: log u "
+            "behind the limits of the actuator, and move the set point"
         )
+    if share < MADE:
+        said = f"; a proportional gain near {near:.3g} explains it better" if near * gains.kp > 0 else ""
+        doubts.append(doubt("other gains", share=100 * share, better=said))
     if sample_time is None:
-        sample_time = fitted.record.sampling
-        doubts.append(f"the controller is taken to have the sample time of the log, {sample_time:.4g}")
+        sample_time = log.sampling
+        doubts.append(doubt("log's sample time", sample_time=sample_time))
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     running = Design(process, controller, output_filter=output_filter, source="the gains that run")
     evaluator, plants = LoopEvaluator(sample_time, None), tuple(fitted.spread(PLANTS_JUDGED))
@@ -211,35 +229,74 @@ def check(
     sizes = [one.ms for one in judged]
     doubts += sorted({one.reason for one in judged if one.reason})
     if math.isinf(sizes[0]):
-        doubts.append(
-            "the loop of the model is unstable: if the log shows this loop, other gains ran, or other units"
-        )
+        doubts.append(doubt("unstable"))
     else:
         doubts += _biased(fitted, running.loop(process))
-    worst = _check.real("ms_worst", ms_worst, above=1.0)
     return Check(
         fitted, running, sample_time, sizes[0], (min(sizes), max(sizes)), plants, worst, tuple(doubts)
     )
 
 
+def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
+    """Return how much of the movement of u between samples a controller explains, and a gain that explains it best.
+
+    Returns
+    -------
+    share : float
+        From 0 to 1; nan where the log does not tell: u rests at most samples, as in open loop.
+    gain : float
+        Least-squares proportional gain.
+
+    Notes
+    -----
+    The controller runs over the output of the log. The change of its signal from sample to sample differs from that of
+    u by what the set point adds, which is constant between steps of it. So both changes are taken less their running
+    median; what is left of their difference has to be small. Samples at which u is at its largest or least value may be
+    clipped, and are left out. A log may hold the u of the sample before: both ways are tried.
+    """
+    u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
+    free = (u > log.u.min()) & (u < log.u.max())
+    free = free[1:] & free[:-1]
+    du = rough(np.diff(u))
+    size = float(np.median(np.abs(du[free]))) if free.sum() > FEWEST else 0.0
+    if size == 0:
+        return math.nan, math.nan
+    try:
+        digital = controller.discretise(log.sampling, "backward", output_filter)
+    except ValueError:  # a log of so few samples says nothing of this controller
+        return math.nan, math.nan
+    answer = np.array([digital.step(float(y[0]), float(value)) for value in y])
+    made, dy = rough(np.diff(answer)), rough(np.diff(y))
+    shares, gains = [], []
+    for later in (0, 1):
+        end = du.size - later
+        now, then = free[later:], du[later:]
+        left = np.median(np.abs(then[now] - made[:end][now]))
+        shares.append(max(0.0, 1.0 - float(left / size) ** 2))
+        square = float(dy[:end][now] @ dy[:end][now])
+        gains.append(-float(then[now] @ dy[:end][now]) / square if square else math.nan)
+    best = int(np.argmax(shares))
+    return shares[best], gains[best]
+
+
 def _fitted(record: Record) -> Fit:
     """Fit the plant, with a step of the load where it explains much of what u does not."""
-    found: list[Fit] = []
+    fits: list[Fit] = []
     refusal = None
     for load in (False, True):
-        if found and samples_per_error(found[0].residuals) < COLOURED:
+        if fits and samples_per_error(fits[0].residuals) < COLOURED:
             break  # nothing is left that a load would explain
         try:
-            found.append(fit(record, load=load))
+            fits.append(fit(record, load=load))
         except ValueError as failed:
             refusal = refusal or failed
-    if not found:
+    if not fits:
         moved = f" by {CLEAR_MOVE * record.noise.deviation:.2g} or more" if record.noise.deviation else ""
         raise ValueError(
             f"the log does not show the plant: {refusal}. For a check it needs a change of the set point, a step of "
             f"the load or a bump of u that moves the output{moved}, and the time to settle"
         )
-    plain, loaded = found[0], found[-1]
+    plain, loaded = fits[0], fits[-1]
     return loaded if loaded.deviation < CLEARER * plain.deviation else plain
 
 
@@ -247,14 +304,9 @@ def _biased(fitted: Fit, loop: Loop) -> list[str]:
     """Say whether slow disturbances, fed back by the controller, make up much of the movement of u."""
     from pidalab.simulation.exact import simulate
 
-    record, rest = fitted.record, fitted.residuals
-    if samples_per_error(rest) < COLOURED:
+    record, residuals = fitted.record, fitted.residuals
+    if samples_per_error(residuals) < COLOURED:
         return []
-    t = np.linspace(0.0, float(np.ptp(record.t)), rest.size)
-    share = float(np.var(simulate(loop, t, noise=rest).u) / np.var(record.u))
-    if share < FED_BACK:
-        return []
-    return [
-        f"slow disturbances make up about {100 * min(share, 1.0):.0f} % of the movement of u, through the controller, "
-        "and pull the model towards -1/C: Ms may lie outside its interval; a larger change of the set point would help"
-    ]
+    t = np.linspace(0.0, float(np.ptp(record.t)), residuals.size)
+    share = float(np.var(simulate(loop, t, noise=residuals).u) / np.var(record.u))
+    return [doubt("slow disturbances", share=100 * min(share, 1.0))] if share >= FED_BACK else []

@@ -57,6 +57,6 @@ DOUBTS = {
 }
 
 
-def doubt(name: str, **values: Any) -> str:
+def doubt(name: str, /, **values: Any) -> str:
     """Return a doubt of the table with its values."""
     return DOUBTS[name].format(**values)

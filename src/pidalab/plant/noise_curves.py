@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import product
+from typing import Any, NamedTuple
 
 from pidalab import _check
-from pidalab._names import KINDS
-from pidalab._table import set_out
+from pidalab._text import KINDS, set_out
 from pidalab.comparison import designs, first_horizon
 from pidalab.comparison.judging import DesignRow, measure_row
 from pidalab.process import Process, require_no_zero_at_origin
@@ -28,7 +28,7 @@ class TradeOffPoint(NamedTuple):
     ----------
     kind : str
         "PI", "PID" or "PIDA".
-    ms, noise_gain : float
+    ms, relative_noise_gain : float
         The limits.
     iae : float
         Of a unit step of the load.
@@ -38,7 +38,7 @@ class TradeOffPoint(NamedTuple):
 
     kind: str
     ms: float
-    noise_gain: float
+    relative_noise_gain: float
     iae: float
     design: Design
 
@@ -51,17 +51,14 @@ class TradeOff:
     ----------
     process : Process
         The plant.
-    sample_time : float
-        Of the noise.
     points : tuple of TradeOffPoint
         The curves: by Ms, by kind, from the least noise to the most. Where no controller keeps both limits, there is
         none.
     rules : tuple of DesignRow
-        Rules as they come; one that does not apply says why.
+        Rules as they come, with their relative noise gain; one that does not apply says why.
     """
 
     process: Process
-    sample_time: float
     points: tuple[TradeOffPoint, ...]
     rules: tuple[DesignRow, ...]
 
@@ -82,7 +79,7 @@ class TradeOff:
         Examples
         --------
         >>> import pidalab
-        >>> found = pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], noise_gains=[1.0, 3.0], kinds=["PI"], rules=[])
+        >>> found = pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], limits=[0.2, 0.6], kinds=["PI"], rules=[])
         >>> [f"{point.iae:.2f}" for point in found.curve("PI", 1.6)]
         ['4.60', '4.60']
         """
@@ -90,12 +87,12 @@ class TradeOff:
 
     def __str__(self) -> str:
         kinds = list(dict.fromkeys(point.kind for point in self.points))
-        found = {(point.ms, point.noise_gain, point.kind): point.iae for point in self.points}
+        found = {(point.ms, point.relative_noise_gain, point.kind): point.iae for point in self.points}
         lines = [
-            f"{self.process!r}: least IAE of a load step",
+            f"{self.process!r}: least IAE of a load step, by Ms and relative noise gain",
             set_out(["Ms", "noise gain", *kinds], [8, 12, *[10] * len(kinds)]),
         ]
-        for ms, noise in dict.fromkeys((point.ms, point.noise_gain) for point in self.points):
+        for ms, noise in dict.fromkeys((point.ms, point.relative_noise_gain) for point in self.points):
             cells = [f"{found[ms, noise, kind]:.4g}" if (ms, noise, kind) in found else "-" for kind in kinds]
             lines.append(set_out([f"{ms:g}", f"{noise:.4g}", *cells], [8, 12, *[10] * len(kinds)]))
         return "\n".join(lines)
@@ -105,8 +102,7 @@ def trade_off(
     process: Process,
     ms: Sequence[float] = (1.4, 2.0),
     *,
-    noise_gains: Sequence[float] | None = None,
-    sample_time: float | None = None,
+    limits: Sequence[float] = NOISE_SHARES,
     kinds: Sequence[str] = KINDS,
     rules: Iterable[str] = DRAWN_RULES,
 ) -> TradeOff:
@@ -118,11 +114,8 @@ def trade_off(
         The plant.
     ms : sequence of float, optional
         Limits of Ms, each above 1.
-    noise_gains : sequence of float, optional
-        Limits of the standard deviation of u per unit of that of white measurement noise; by default from a tenth to
-        three times the ultimate gain.
-    sample_time : float, optional
-        Of that noise; by default a hundredth of the ultimate period.
+    limits : sequence of float, optional
+        Of the relative noise gain, see `pidalab.relative_noise_gain`.
     kinds : sequence of str, optional
         Which controllers.
     rules : iterable of str, optional
@@ -135,8 +128,7 @@ def trade_off(
     Raises
     ------
     TypeError, ValueError
-        For limits out of range, and where a process that no gain makes oscillate leaves the noise or its sample time
-        open.
+        For limits out of range, and for a process without any time constant or dead time.
 
     Notes
     -----
@@ -146,7 +138,7 @@ def trade_off(
     Examples
     --------
     >>> import pidalab
-    >>> print(pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], noise_gains=[1.0, 3.0], kinds=["PI"], rules=[]))
+    >>> print(pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], limits=[0.2, 0.6], kinds=["PI"], rules=[]))
     Process(num=[1], den=[1, 3, 3, 1], delay=1): least IAE of a load step
     Ms        noise gain        PI
     1.6                1     4.596
@@ -158,32 +150,22 @@ def trade_off(
     for kind in kinds:
         _check.choice("kinds", kind, KINDS)
     levels = sorted(_check.real("ms", one, above=1.0) for one in ms)
-    limits, sample_time = _noise(process, noise_gains, sample_time)
+    allowed = sorted(_check.real("limits", one, above=0.0) for one in limits)
+    scale = noise_scale(process)
+    gains = {limit * scale.gain: limit for limit in allowed}
     wanted = sorted(dict.fromkeys(kinds), key=ORDER.__getitem__)
     found = {}
     if wanted:
-        found = find_curves(
-            process, ORDER[wanted[-1]], ms=levels, noise_gains=limits, sample_time=sample_time
-        )
-    places = [(k, m, n) for m in levels for k in wanted for n in limits]
+        noise: dict[str, Any] = {"noise_gains": list(gains), "sample_time": scale.sample_time}
+        found = find_curves(process, ORDER[wanted[-1]], ms=levels, **noise)
     points = [
-        TradeOffPoint(*place, design.iae, design)
-        for place in places
-        if (design := found.get((ORDER[place[0]], *place[1:]))) is not None
+        TradeOffPoint(kind, level, limit, design.iae, design)
+        for level, kind, (gain, limit) in product(levels, wanted, gains.items())
+        if (design := found.get((ORDER[kind], level, gain))) is not None
     ]
-    asked = Requirements(ms=levels[0], noise_gain=limits[len(limits) // 2], sample_time=sample_time)
+    middle = list(gains)[len(gains) // 2]
+    asked = Requirements(ms=levels[0], noise_gain=middle, sample_time=scale.sample_time)
     horizon = first_horizon(process)
-    rows = [measure_row(*one, process, sample_time, horizon) for one in designs(process, asked, rules)]
-    return TradeOff(process, sample_time, tuple(points), tuple(row for row in rows if row.kind in wanted))
-
-
-def _noise(
-    process: Process, noise_gains: Sequence[float] | None, sample_time: float | None
-) -> tuple[list[float], float]:
-    """Limits of noise in ascending order, and its sample time, in ultimate gains and periods where none are given."""
-    if noise_gains is None or sample_time is None:
-        scale = noise_scale(process)
-        noise_gains = [share * scale.gain for share in NOISE_SHARES] if noise_gains is None else noise_gains
-        sample_time = scale.sample_time if sample_time is None else sample_time
-    limits = sorted(_check.real("noise_gains", one, above=0.0) for one in noise_gains)
-    return limits, _check.real("sample_time", sample_time, above=0.0)
+    rows = [measure_row(*one, process, scale.sample_time, horizon) for one in designs(process, asked, rules)]
+    rows = [row._replace(noise_gain=row.noise_gain / scale.gain) for row in rows if row.kind in wanted]
+    return TradeOff(process, tuple(points), tuple(rows))

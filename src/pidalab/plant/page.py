@@ -38,9 +38,9 @@ CAPTION = (
     "Ms requested; faint curves belong to plants within the spread."
 )
 TRADED = (
-    "The trade-off: the least IAE of a unit step of the load over the noise gain that is allowed, for PI, PID and PIDA "
-    "at each limit of Ms. Markers are rules as they come, in the colour of their kind, each in the panel of the least "
-    "limit that it keeps."
+    "More noise in u buys less error: the least IAE of a unit step of the load over the limit of the relative noise "
+    "gain, for PI, PID and PIDA at each limit of Ms. Markers are rules as they come, in the colour of their kind, each "
+    "in the panel of the least limit that it keeps."
 )
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
@@ -48,14 +48,15 @@ PAGE = """<!doctype html>
 <style>body{font:16px/1.5 system-ui,sans-serif;max-width:52rem;margin:2rem auto;padding:0 1rem;background:#fff;
 color:#111}div{overflow-x:auto}pre{background:#f3f3f3;padding:.7rem;white-space:pre-wrap}svg{max-width:100%;height:auto}
 table{border-collapse:collapse}th,td{padding:.2rem .6rem;text-align:right;border-bottom:1px solid #ccc}
-th:first-child,td:first-child{text-align:left}figure{margin:1rem 0}</style></head>
+th:first-child,td:first-child,td:last-child{text-align:left}figure{margin:1rem 0}</style></head>
 <body><h1>{{ title }}</h1>
-<h2>Measures and responses, simulated with the model</h2>
-<div tabindex="0">{{ table }}</div>
+{% for head, text in sections %}<h2>{{ head }}</h2><pre>{{ text }}</pre>
+{% endfor %}
 {% for drawn, caption in figures %}
 <figure><div role="img" aria-label="{{ caption }}">{{ drawn }}</div><figcaption>{{ caption }}</figcaption></figure>
 {% endfor %}
-{% for head, text in sections %}<h2>{{ head }}</h2><pre>{{ text }}</pre>
+<details><summary>Measures, simulated with the model</summary><div tabindex="0">{{ table }}</div></details>
+{% for head, text in folded %}<details><summary>{{ head }}</summary><pre>{{ text }}</pre></details>
 {% endfor %}</body></html>
 """
 
@@ -65,14 +66,17 @@ def page(
     table: str,
     drawn: Figure,
     sections: Sequence[tuple[str, str]],
+    folded: Sequence[tuple[str, str]] = (),
     traded: TradeOff | None = None,
 ) -> str:
-    """Return a page with a table of HTML, a figure or two and sections of text."""
+    """Return a page with sections of text, a figure or two, a table of HTML and folded sections."""
     template = jinja2.Environment(autoescape=True, trim_blocks=True).from_string(PAGE)
     figures = [(Markup(svg(drawn)), CAPTION)]
     if traded is not None:
         figures.append((Markup(svg(trade_off_figure(traded))), TRADED))
-    return template.render(title=title, sections=sections, table=Markup(table), figures=figures)
+    return template.render(
+        title=title, sections=sections, table=Markup(table), figures=figures, folded=folded
+    )
 
 
 def svg(drawn: Figure) -> str:
@@ -101,7 +105,7 @@ def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Seque
 
 
 def trade_off_figure(found: TradeOff) -> Figure:
-    """Draw the least IAE over the noise gain, a panel for each limit of Ms, and each rule in the panel that it fits."""
+    """Draw the least IAE over the relative noise gain, a panel for each limit of Ms, with the rules that keep it."""
     levels = list(dict.fromkeys(point.ms for point in found.points))
     kinds = list(dict.fromkeys(point.kind for point in found.points))
     if not levels:
@@ -116,12 +120,14 @@ def trade_off_figure(found: TradeOff) -> Figure:
         for ax, ms, calmer in zip(axes, levels, [0.0, *levels], strict=False):
             for kind in kinds:
                 curve = found.curve(kind, ms)
-                ax.loglog([p.noise_gain for p in curve], [p.iae for p in curve], **LOOKS[kind], label=kind)
+                ax.loglog(
+                    [p.relative_noise_gain for p in curve], [p.iae for p in curve], **LOOKS[kind], label=kind
+                )
             for row in found.rules:
                 if row.applies and calmer * FITS < row.ms <= ms * FITS and not math.isnan(row.noise_gain):
                     look = {"color": LOOKS[row.kind]["color"], "marker": marks[row.rule], "linestyle": ""}
                     ax.plot([row.noise_gain], [row.iae], markersize=6, **look)
-            ax.set(title=f"Ms at most {ms:g}", xlabel="noise gain")
+            ax.set(title=f"Ms at most {ms:g}", xlabel="relative noise gain")
         axes[0].set(ylabel="IAE of a load step")
         handles, labels = axes[0].get_legend_handles_labels()
         handles += [Line2D([], [], color=GREY, marker=mark, linestyle="") for mark in marks.values()]

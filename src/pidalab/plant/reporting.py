@@ -1,7 +1,8 @@
-"""Three candidates for one plant, PI, PID and PIDA, side by side: a table, a figure, a page to hand on."""
+"""Set PI, PID and PIDA for one plant side by side: a table, a figure, a page to hand on."""
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +10,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pidalab.comparison.judging import DesignRow, html_table, measure_row, one_line, text_table
+from pidalab._text import set_out
+from pidalab.comparison.judging import DesignRow, measure_row, one_line
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.record import Record
 from pidalab.plant.tuning import plants_within, tune
 from pidalab.plant.writing import write_files
 from pidalab.process import Process
+from pidalab.relative_noise import noise_scale
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale
 from pidalab.rules.registry import ORDER
@@ -24,20 +27,25 @@ if TYPE_CHECKING:
 
     from pidalab.plant.noise_curves import TradeOff
 
+SAFE = 2.001  # worst Ms of a loop that is called safe
 REPORT_HORIZON = 20.0  # of the first responses, in time scales of the process
-REPORT_COLUMNS = {
-    "IAE load": "iae_load",
-    "worst IAE": "iae_worst",
-    "price": "price",
-    "peak": "peak",
-    "overshoot %": "overshoot",
-    "Ms": "ms",
-    "worst Ms": "ms_worst",
-    "Ms sampled": "ms_sampled",
-    "max |CS|": "mks",
-    "noise gain": "noise_gain",
-    "delay margin": "delay_margin",
+MEASURES = {  # of a row: its name and what it means
+    "ms": ("Ms", "maximum sensitivity: by how much the loop amplifies disturbances at worst"),
+    "ms_sampled": ("Ms sampled", "the same of the digital controller"),
+    "ms_worst": ("worst Ms", "the largest Ms with any plant that the model allows"),
+    "delay_margin": ("delay margin", "additional dead time at which the loop becomes unstable"),
+    "iae_load": ("IAE load", "integral of the absolute error after a unit step of the load"),
+    "iae_worst": ("worst IAE", "the same with the plant of the worst Ms"),
+    "price": ("price", "IAE over that of the design for the model alone: what robustness costs"),
+    "peak": ("peak", "largest error after that step"),
+    "overshoot": ("overshoot %", "after a step of the set point"),
+    "mks": ("max |CS|", "largest gain from measurement noise to u, over all frequencies"),
+    "noise_gain": (
+        "relative noise gain",
+        "standard deviation of u over that of the noise and the ultimate gain",
+    ),
 }
+REPORT_COLUMNS = {name: x for x, (name, _) in MEASURES.items()}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,7 +81,7 @@ class Report:
         for row in designs:
             for doubt in row.design.info.get("doubts", ()) if row.design else ():
                 kinds.setdefault(doubt, []).append(row.kind)
-            if row.reason:
+            if row.reason and (not row.applies or math.isnan(row.noise_gain)):
                 kinds.setdefault(row.reason, []).append(row.kind)
         # what is true of all is said once
         alike = {0, len(designs)}
@@ -84,35 +92,57 @@ class Report:
     @property
     def verdict(self) -> str:
         """What each kind buys over the one before it, and what it costs, in a sentence each."""
-        able = [row for row in self.rows if row.applies]
         return "\n".join(
-            f"{new.kind} against {old.kind}: IAE {new.iae / old.iae:.2f} times, largest gain from noise to u "
-            f"{new.mks / old.mks:.2f} times" + self._worst(old, new)
-            for old, new in pairwise(able)
+            f"{new.kind} against {old.kind}: IAE {new.iae / old.iae:.2f} times, relative noise gain "
+            f"{new.noise_gain / old.noise_gain:.2f} times"
+            + ("" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} after {old.ms_worst:.2f}")
+            for old, new in pairwise(row for row in self.rows if row.applies)
         )
 
-    def _worst(self, old: DesignRow, new: DesignRow) -> str:
-        return "" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} after {old.ms_worst:.2f}"
+    @property
+    def safety(self) -> str:
+        """For each kind: whether its loop is safe, and why."""
+        return "\n".join(f"{row.kind}: {self._safe(row)}" for row in self.rows)
+
+    def _safe(self, row: DesignRow) -> str:
+        if not row.applies:
+            return f"no controller, since {row.reason}"
+        model = f"Ms {row.ms:.2f} with the model"
+        if not self.plants:
+            return f"{model}; nothing is known of other plants (give a spread)"
+        word = (
+            "safe"
+            if row.ms_worst <= SAFE
+            else "not safe"
+            if math.isinf(row.ms_worst)
+            else "close to instability"
+        )
+        return f"{word}, worst Ms {row.ms_worst:.2f} with {len(self.plants)} plants that the model allows, {model}"
 
     def __repr__(self) -> str:
         return f"Report({', '.join(row.kind for row in self.rows)}; Ms at most {self.ms:g})"
 
     def __str__(self) -> str:
-        columns = self._columns()
-        lines = [f"{self.process!r}: Ms at most {self.ms:g}"]
-        lines += text_table(self.rows, {"kind": 5}, columns, 13)
+        lines = [f"{self.process!r}: Ms at most {self.ms:g}", *self.safety.splitlines()]
+        kinds, *table = self._table()
+        lines += [set_out(row[:-1], (20, *[11] * (len(kinds) - 2))) for row in (kinds, *table)]
         return "\n".join([*lines, *self.verdict.splitlines(), *(f"doubt: {doubt}" for doubt in self.doubts)])
 
     def _repr_html_(self) -> str:
-        return html_table(self.rows, ("kind",), self._columns())
+        head, *rows = ([html.escape(cell) for cell in row] for row in self._table())
+        lines = ["<tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
+        lines += ["<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows]
+        reasons = (f"<p>{html.escape(f'{row.kind}: {row.reason}')}</p>" for row in self.rows if row.reason)
+        return "<table>" + "\n".join(lines) + "</table>" + "".join(reasons)
 
-    def _columns(self) -> dict[str, str]:
-        """Columns in which any candidate has a number."""
-        return {
-            name: x
-            for name, x in REPORT_COLUMNS.items()
-            if any(not math.isnan(getattr(r, x)) for r in self.rows)
-        }
+    def _table(self) -> list[list[str]]:
+        """Rows of a table: a measure each, with a value for each kind and the meaning."""
+        lines = [["", *(row.kind for row in self.rows), ""]]
+        for x, (name, meaning) in MEASURES.items():
+            values = [getattr(row, x) for row in self.rows]
+            if not all(map(math.isnan, values)):
+                lines.append([name, *("-" if math.isnan(v) else f"{v:.4g}" for v in values), meaning])
+        return lines
 
     def plot(self) -> Figure:
         """Draw load and set-point responses with their control signals, the gain from noise to u, and Nyquist curves.
@@ -143,6 +173,7 @@ class Report:
         path: str | Path,
         title: str = "PI, PID and PIDA",
         sections: Sequence[tuple[str, str]] | None = None,
+        folded: Sequence[tuple[str, str]] | None = None,
     ) -> Path:
         """Write a page that needs no other file.
 
@@ -152,8 +183,9 @@ class Report:
             Where to.
         title : str, optional
             Its heading.
-        sections : sequence of (str, str), optional
-            Headings and texts before the table; by default record, model, controllers, verdict and doubts.
+        sections, folded : sequence of (str, str), optional
+            Headings and texts before the figure, and folded ones after it. By default safety, gains and doubts come
+            first, model and record last.
 
         Returns
         -------
@@ -168,19 +200,20 @@ class Report:
         True
         """
         path = Path(path)
-        return write_files(path.parent, {path.name: self.page(title, sections)}, replace=True)[0]
+        return write_files(path.parent, {path.name: self.page(title, sections, folded)}, replace=True)[0]
 
     def page(
         self,
         title: str = "PI, PID and PIDA",
         sections: Sequence[tuple[str, str]] | None = None,
+        folded: Sequence[tuple[str, str]] | None = None,
         traded: TradeOff | None = None,
     ) -> str:
         """Return the page that `html` writes.
 
         Parameters
         ----------
-        title, sections : optional
+        title, sections, folded : optional
             As for `html`.
         traded : TradeOff, optional
             The trade-off of the plant, of `pidalab.trade_off`, as a second figure.
@@ -198,8 +231,9 @@ class Report:
         """
         from pidalab.plant.page import page
 
-        shown = self._sections() if sections is None else sections
-        return page(title, self._repr_html_(), self.plot(), shown, traded)
+        usual = self.sections()
+        first, last = (usual[k] if own is None else own for k, own in enumerate((sections, folded)))
+        return page(title, self._repr_html_(), self.plot(), first, last, traded)
 
     def plot_trade_off(self, traded: TradeOff | None = None) -> Figure:
         """Draw the least IAE over the noise gain at two limits of Ms, for PI, PID and PIDA, with rules as dots.
@@ -232,12 +266,23 @@ class Report:
 
         return trade_off_figure(trade_off(self.process) if traded is None else traded)
 
-    def _sections(self) -> list[tuple[str, str]]:
-        found = [("Record", str(self.fit.record))] if self.fit else []
-        found.append(("Model", f"{self.process!r}" + (f"\n{self.fit}" if self.fit else "")))
-        found += [(row.kind, str(row.design.controller)) for row in self.rows if row.design is not None]
-        found += [(f"No {row.kind}", row.reason) for row in self.rows if not row.applies]
-        return [("Verdict", self.verdict or "-"), *found, ("Doubts", "\n".join(self.doubts) or "none found")]
+    def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+        """Headings and texts of the page: those before the figure, and folded ones after it.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> report = pidalab.report(pidalab.lags(3, delay=1.0), kinds=("PI",), rule="simc")
+        >>> [head for head, text in report.sections()[0]]
+        ['Safe?', 'PI', 'Doubts']
+        """
+        first = [("Safe?", self.safety)]
+        first += [(row.kind, str(row.design.controller)) for row in self.rows if row.design is not None]
+        if self.verdict:
+            first.append(("What each kind buys", self.verdict))
+        first.append(("Doubts", "\n".join(self.doubts) or "none found"))
+        last = [("Model", f"{self.process!r}" + (f"\n{self.fit}" if self.fit else ""))]
+        return first, last + ([("Record", str(self.fit.record))] if self.fit else [])
 
 
 def report(
@@ -295,24 +340,27 @@ def report(
         except ValueError as refusal:
             rows.append(DesignRow(rule, kind, reason=one_line(refusal)))
         else:
-            rows.append(measure_candidate(design, rule, kind, fitted, sample_time))
+            rows.append(measure_candidate(design, rule, kind, fitted))
     if all(row.design is None for row in rows):
         raise ValueError(rows[0].reason)
     process, known = (fitted.process, fitted) if isinstance(fitted, Fit) else (fitted, None)
     return Report(process, known, ms, tuple(rows), tuple(plants_within(fitted, process, spread)))
 
 
-# --- judging ----------------------------------------------------------------------------------------------------------
-
 TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # what `tune` has measured of a design already
 
 
-def measure_candidate(
-    design: Design, rule: str, kind: str, model: Process | Fit, sample_time: float | None
-) -> DesignRow:
-    """Measure a design of `tune` with the model; the worst, and Ms of the digital controller, are in its `info`."""
+def measure_candidate(design: Design, rule: str, kind: str, model: Process | Fit) -> DesignRow:
+    """Measure a design of `tune` with the model; its noise gain is the relative one."""
     process = model.process if isinstance(model, Fit) else model
+    try:
+        scale = noise_scale(process)
+    except ValueError:  # of an integrator alone
+        scale = None
+    sample_time = scale.sample_time if scale else None
     row = measure_row(rule, kind, lambda: design, process, sample_time, REPORT_HORIZON * time_scale(process))
     if not row.applies:
         return row
+    if scale:
+        row = row._replace(noise_gain=row.noise_gain / scale.gain)
     return row._replace(**{name: design.info.get(name, math.nan) for name in TUNED})

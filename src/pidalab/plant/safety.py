@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from pidalab.loop import Loop
 from pidalab.process import Process, rational
 from pidalab.requirements import Requirements
 from pidalab.rules import Design
-from pidalab.simulation.settling import load_iae
+from pidalab.simulation.exact import load_iae
 
 TOO_DEAR = 3.0  # price of robustness in IAE that is refused
 MET, STILL_KEPT = 1e-3, 1e-6  # shares of a limit: below it what meets it, and above it what still keeps it
@@ -53,6 +53,7 @@ class LoopEvaluator:
 
     sample_time: float | None
     output_filter: Any
+    _known: dict[tuple[int, int], tuple[LoopMs, Any]] = field(default_factory=dict, repr=False)
 
     def loop(self, design: Design, plant: Process) -> Loop:
         """Close the continuous loop."""
@@ -62,14 +63,20 @@ class LoopEvaluator:
 
     def ms(self, design: Design, plant: Process) -> LoopMs:
         """Return Ms with a plant; that of the continuous loop where the sampled one has none, with the reason."""
+        key = id(design), id(plant)
+        if key not in self._known:  # kept with both, whose numbers are then not given again
+            self._known[key] = self._ms(design, plant), (design, plant)
+        return self._known[key][0]
+
+    def _ms(self, design: Design, plant: Process) -> LoopMs:
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:
                 sampled = design.controller.discretise(self.sample_time, "backward", loop.output_filter)
-                return LoopMs(_ms_or_infinite(Loop(plant, sampled)))
+                return LoopMs(ms_or_infinite(Loop(plant, sampled)))
             except (ValueError, ArithmeticError) as refusal:
                 reason = f"Ms is that of the continuous loop: {refusal}"
-        return LoopMs(_ms_or_infinite(loop), reason)
+        return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
         """Return the largest Ms over plants, in whatever order, 0 without any; and the first reason by the alphabet."""
@@ -78,7 +85,8 @@ class LoopEvaluator:
         return LoopMs(max((one.ms for one in found), default=0.0), reasons[0] if reasons else "")
 
 
-def _ms_or_infinite(loop: Loop) -> float:
+def ms_or_infinite(loop: Loop) -> float:
+    """Return the maximum sensitivity, infinite for an unstable loop."""
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.robustness.poles import is_stable
 

@@ -61,6 +61,7 @@ def corner_frequencies(process: Process) -> Array:
 # default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
 LOUDEST = 10.0
 QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
+MOST_MS = 5.0
 UNSEEN = 1e-3  # phase in rad that no model is known to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 DEAR = 1.5  # price of robustness in IAE that is doubted
@@ -114,10 +115,10 @@ def tune(
     Returns
     -------
     Design
-        Its `info`: ``iae``, that of a load step in units of y times time; ``ms``; ``mks``, the largest gain from noise
-        to u; with a sample time ``ms_sampled``; over the spread, if there is one, ``ms_worst`` (of the sampled loop,
-        with a sample time), ``iae_worst``, and ``price``: how many times the IAE is that of the design without
-        `ms_worst`; ``doubts``, what a user should know.
+        Its `info` has ``iae``, that of a load step in units of y times time; ``ms``; ``mks``, the largest gain from
+        noise to u; with a sample time ``ms_sampled``. Over the spread, if there is one: ``ms_worst`` (of the sampled
+        loop, with a sample time); ``iae_worst``, the IAE with the plant that has it; and ``price``, the IAE over that
+        of the design without `ms_worst`. ``doubts`` is what a user should know, ``notes`` what was assumed.
 
     Raises
     ------
@@ -136,6 +137,11 @@ def tune(
     """
     _check.choice("kind", kind, ORDER)
     ms, ms_worst = _check.real("ms", ms, above=1.0), _check.real("ms_worst", ms_worst, above=1.0)
+    if ms > MOST_MS:
+        raise ValueError(
+            f"ms must be at most {MOST_MS:g}, found {ms:g}: 1.4 is cautious, 2 is fast, and a larger one leaves a loop "
+            "close to instability"
+        )
     named = None if rule == "optimal" else find(rule, "optimal")
     if sample_time is not None:
         sample_time = _check.real("sample_time", sample_time, above=0.0)
@@ -146,11 +152,17 @@ def tune(
     if sample_time is not None:
         require_sampling(process, sample_time)
     doubts: list[str] = []
+    notes: list[str] = []
     if isinstance(model, Fit) and sample_time is not None:
         doubts += doubt_unit(sample_time, model.record.sampling)
     process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, so that a spread out of range is refused at once
     plants = plants_within(model, process, spread)
+    if plants and ms > ms_worst:
+        raise ValueError(
+            f"ms must be at most ms_worst, {ms_worst:g}, found {ms:g}: with the model, as with any other plant of the "
+            "spread"
+        )
     limits, remedy = Requirements(ms=ms, family=tuple(plants), ms_worst=ms_worst), _remedy(model)
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
@@ -162,7 +174,7 @@ def tune(
     _known_dynamics(model, designed, kind, doubts)
     evaluator = LoopEvaluator(sample_time, output_filter)
     if named is None:
-        noise = _noise_limits(model, designed, noise_gain, sample_time, doubts)
+        noise = _noise_limits(model, designed, noise_gain, sample_time, notes)
         made, price = make_safe(
             _optimal(designed, others, kind), evaluator, process, replace(limits, **noise), remedy
         )
@@ -186,8 +198,11 @@ def tune(
     if plants:
         info["ms_worst"], reason = evaluator.worst(made, plants)
         reasons.append(reason)
-        info["iae_worst"] = max(_iae_ms_mks(evaluator.loop(made, plant))["iae"] for plant in plants)
+        # of one plant: to simulate all twenty would take longer than the search
+        worst = max(plants, key=lambda plant: evaluator.ms(made, plant).ms)
+        info["iae_worst"] = _iae_ms_mks(evaluator.loop(made, worst))["iae"]
         info["price"] = price
+    info["notes"] = tuple(notes)
     info["doubts"] = (*doubts, *dict.fromkeys(filter(None, reasons)))
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
 
@@ -253,18 +268,20 @@ def _noise_limits(
     designed: Process,
     noise_gain: float | None,
     sample_time: float | None,
-    doubts: list[str],
+    notes: list[str],
 ) -> dict[str, Any]:
     """Return the limits of noise; without one given, a default, which is reported."""
     if noise_gain is None and isinstance(model, Fit) and model.noise > 0 and model.record.steps:
         moved = abs(model.record.steps[0].after - model.record.steps[0].before)
         noise_gain, sample_time = QUIET * moved / model.noise, sample_time or model.record.sampling
-        doubts.append(
-            f"noise_gain = {noise_gain:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
+        notes.append(
+            f"noise gain at most {noise_gain:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
         )
     elif noise_gain is None:
         mks = LOUDEST * _asked_of_u(designed)
-        doubts.append(f"no limit for noise was given: mks = {mks:.3g} is allowed")
+        notes.append(
+            f"gain from noise to u at most {mks:.3g} at any frequency (mks), since no limit was given"
+        )
         return {"mks": mks}  # without noise the half sample in `designed` is enough
     elif sample_time is None:
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
@@ -350,7 +367,7 @@ def _iae_ms_mks(loop: Loop) -> dict[str, float]:
     from pidalab.robustness import max_control_sensitivity
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.robustness.poles import is_stable
-    from pidalab.simulation.settling import load_iae
+    from pidalab.simulation.exact import load_iae
 
     if not is_stable(loop):
         return {"iae": math.inf, "ms": math.inf, "mks": math.inf}

@@ -27,6 +27,7 @@ def main() -> None:
       pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  one loop
     Without a plant:
       pidalab rules                                            the rules by name
+      pidalab rule --ku 250 --tu 7200                          gains from ultimate gain and period
       pidalab benchmark rule.py:tune --out folder              a rule of yours on 134 plants
       pidalab tclab                                            a board on the desk, simulated
     """

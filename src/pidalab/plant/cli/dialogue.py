@@ -5,8 +5,11 @@ from __future__ import annotations
 import functools
 import io
 import math
+import sys
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +33,19 @@ def one_line(command: Callable[..., None]) -> Callable[..., None]:
             raise click.ClickException(visible(" ".join(str(refusal).split()))) from refusal
 
     return guarded
+
+
+@contextmanager
+def progress(text: str) -> Iterator[None]:
+    """Say what takes long, after a second, on a terminal; a pipe is not told."""
+    timer = threading.Timer(1.0, click.echo, [f"{text} …"], {"err": True})
+    timer.daemon = True
+    if sys.stderr.isatty():
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 class Place(click.Path):

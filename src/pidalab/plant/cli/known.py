@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pidalab._names import KINDS, STARTING_MODELS
-from pidalab._table import set_out
+from pidalab._text import KINDS, STARTING_MODELS, set_out
 from pidalab.plant.cli.dialogue import (
     Place,
+    column,
     csv_of,
     force,
     limits,
@@ -74,6 +74,50 @@ def rules_command() -> None:
 
     for rule in RULES.values():
         click.echo(set_out([rule.name, ", ".join(rule.kinds), rule.source], (27, 15, 0), left=3))
+
+
+@click.command("rule")
+@click.argument("relay", required=False, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--ku", type=float, help="Ultimate gain, in units of u per unit of y.")
+@click.option("--tu", type=float, help="Ultimate period; every time is in its unit.")
+@click.option(
+    "--time", default="0", callback=column, help="Column of a RELAY record: name, or number from 0."
+)
+@click.option("--u", default="1", callback=column, help="Column of the relay's output.")
+@click.option("--y", default="2", callback=column, help="Column of the measured output.")
+@one_line
+def rule_command(
+    relay: Path | None, ku: float | None, tu: float | None, time: str | int, u: str | int, y: str | int
+) -> None:
+    """List what rules make of an ultimate gain and period, or of a RELAY record, and their Ms on models that fit.
+
+    \b
+    Examples:
+      pidalab rule --ku 250 --tu 7200
+      pidalab rule relay.csv --time time --u heater --y temperature
+    """
+    from pidalab.plant.record.reading import read_columns
+    from pidalab.plant.ultimate import models_of, relay_oscillation, rule_table
+
+    lines = []
+    if relay is not None and ku is None and tu is None:
+        wave = relay_oscillation(*read_columns(relay, [time, u, y]).values)
+        ku, tu = wave.ku, wave.tu
+        lines = [
+            f"oscillation over {wave.cycles} cycles: amplitude {wave.amplitude:.4g}, period {tu:.5g}, u at its upper "
+            f"level for {100 * wave.bias:.0f} % of the time; ultimate gain {ku:.4g}",
+            *(f"doubt: {said}" for said in wave.doubts),
+        ]
+    elif relay is not None or ku is None or tu is None:
+        raise click.UsageError("give --ku and --tu, or a RELAY record")
+    widths = (18, 5, 11, 11, 11, *[18] * 4)
+    lines.append(
+        set_out(["rule", "kind", "kp", "ti", "td", *(f"Ms {name}" for name in models_of(ku, tu))], widths)
+    )
+    for rule, kind, k, sizes in rule_table(ku, tu):
+        values = ["unstable" if math.isinf(value) else f"{value:.2f}" for value in sizes]
+        lines.append(set_out([rule, kind, f"{k.kp:.4g}", f"{k.ti:.4g}", f"{k.td:.4g}", *values], widths))
+    click.echo("\n".join(lines))
 
 
 @click.command("simulate")

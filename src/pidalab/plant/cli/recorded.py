@@ -1,4 +1,4 @@
-"""Commands that start from a plant record: three candidates side by side, or one with its code."""
+"""Commands that start from a record of a plant: three candidates, one with its code, or gains that already run."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pidalab._names import KINDS
-from pidalab._text import plain_text
+from pidalab._text import KINDS, plain_text
 from pidalab.plant.cli.dialogue import (
     Place,
     add_options,
@@ -20,10 +19,12 @@ from pidalab.plant.cli.dialogue import (
     ms_worst,
     one_line,
     out,
+    progress,
     show,
     times,
     write,
 )
+from pidalab.plant.doubts import doubt
 
 if TYPE_CHECKING:
     from pidalab.controllers import PIDA
@@ -34,14 +35,20 @@ if TYPE_CHECKING:
 MODEL_WORDS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
 ANTI_WINDUP_WORDS = ("reset", "back-calculation", "clamping", "none")
 WEIGHT = click.FloatRange(0.0, 1.0)  # of a set point: beyond 1 it would be another one
+ABOVE = click.FloatRange(0.0, min_open=True)
 READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers", "run")
+TUNING = ("rule", "ms", "ms_worst", "noise_gain", "spread", "sample_time")
 CODE = {
     "controller.c": "c",
     "controller.st": "structured_text",
     "controller.py": "python",
     "controller.json": "json",
 }
-
+START = """\
+1. Units: u, y and time of the record are those of your controller, and its sample time is {sample_time:g}.
+2. Direction: by hand, move u {way} a little; y must rise.
+3. First step: a small step of the set point, ready to switch to manual. Expect {overshoot:.2g} % of overshoot, and more
+   than {twice:.2g} % only if the plant has changed since the record."""
 
 record = add_options(
     click.argument("record", type=click.Path(exists=True, dir_okay=False, path_type=Path)),
@@ -53,11 +60,7 @@ record = add_options(
     click.option("--skip", default=0, help="Lines to leave out at the beginning."),
     click.option("--step", type=float, help="Time of the step that matters, if there are several."),
     click.option("--u-before", type=float, help="Input before the record, if that begins with its step."),
-    click.option(
-        "--outliers",
-        type=click.Choice(["drop", "keep"]),
-        help="What becomes of outputs far from their neighbours.",
-    ),
+    click.option("--outliers", type=click.Choice(["drop", "keep"]), help="What becomes of wild outputs."),
     click.option("--run", type=int, help="Which of several runs, from 1, where the time restarts."),
     click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
 )
@@ -68,12 +71,19 @@ design = add_options(
     click.option(
         "--noise-gain", type=float, help="Largest gain from noise to u; by default from the record."
     ),
-    click.option(
-        "--spread", type=float, help="Share by which the model may be wrong; by default from the record."
-    ),
-    click.option(
-        "--sample-time", type=float, required=True, help="Of the controller, in the record's unit of time."
-    ),
+    click.option("--spread", type=float, help="Share of doubt in the model; by default from the record."),
+    click.option("--sample-time", type=float, required=True, help="Of the controller, in the record's time."),
+)
+code = add_options(
+    limits,
+    click.option("--b", type=WEIGHT, help="Weight of the set point in P; 0.5, or 1 if it is shaped already."),
+    click.option("--c", type=WEIGHT, help="Weight of the set point in D and A; 0, or 1 as for --b."),
+    click.option("--rate-limit", type=ABOVE, default=math.inf, help="Largest change of u in a unit of time."),
+    click.option("--deadband", type=click.FloatRange(0.0), default=0.0, help="Error in y that is ignored."),
+    click.option("--anti-windup", type=click.Choice(ANTI_WINDUP_WORDS), help="What a limit does to I."),
+    click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal."),
+    click.option("--float", "single", is_flag=True, help="C code in single precision."),
+    click.option("--tunable", is_flag=True, help="Code with gains that may change while it runs."),
 )
 
 
@@ -84,99 +94,44 @@ design = add_options(
 @click.option("--out", type=Place(dir_okay=False), help="HTML file to write.")
 @force
 @one_line
-def report_command(out: Path | None, force: bool, model: str, trade_off: bool, **options: Any) -> None:
+def report_command(out: Path | None, force: bool, trade_off: bool, **options: Any) -> None:
     """Set PI, PID and PIDA for the plant of a RECORD side by side, with the same limits.
 
     \b
     Example:
       pidalab report step.csv --time time --u valve --y level --sample-time 0.2 --out report.html
     """
-    from pidalab.plant.fitting import fit
     from pidalab.plant.reporting import report
 
-    name = plain_text(options["record"].name)
-    read = read_record(options)
-    found = report(fit(read, model), **options)
-    sections, traded = [("Record", str(read)), ("Model", str(found.fit)), ("Candidates", str(found))], None
+    read, fitted = fitted_record(options)
+    with progress("searching for a PI, a PID and a PIDA"):
+        found = report(fitted, **{name: options[name] for name in TUNING})
+    sections, traded = [("Candidates", str(found)), ("Model", str(fitted)), ("Record", str(read))], None
     if trade_off:
         from pidalab.plant.noise_curves import trade_off as find_trade_off
 
-        traded = find_trade_off(found.process, sample_time=options["sample_time"])
-        sections.append(("Trade-off", str(traded)))
+        with progress("searching for the trade-off"):
+            traded = find_trade_off(found.process)
+        sections.insert(1, ("Trade-off", str(traded)))
     show(sections)
     if out is not None:
-        write(out.parent, {out.name: found.page(f"PI, PID and PIDA for {name}", traded=traded)}, force)
+        title = f"PI, PID and PIDA for {plain_text(options['record'].name)}"
+        write(out.parent, {out.name: found.page(title, traded=traded)}, force)
 
 
 @click.command("tune")
 @record
 @click.option("--kind", default="PIDA", type=click.Choice(KINDS))
 @design
-@limits
-@click.option(
-    "--b",
-    type=WEIGHT,
-    show_default="0.5, or 1 with a prefilter or automatic reset",
-    help="Weight of the set point in the proportional part.",
-)
-@click.option(
-    "--c",
-    type=WEIGHT,
-    show_default="0, or 1 with a prefilter or automatic reset",
-    help="Weight of the set point in the derivatives.",
-)
-@click.option(
-    "--rate-limit",
-    type=click.FloatRange(0.0, min_open=True),
-    default=math.inf,
-    help="Largest change of u in a unit of time.",
-)
-@click.option(
-    "--deadband",
-    type=click.FloatRange(0.0),
-    default=0.0,
-    help="Error, in units of y, that counts as none.",
-)
-@click.option(
-    "--anti-windup",
-    type=click.Choice(ANTI_WINDUP_WORDS),
-    show_default="reset; without proportional action clamping",
-    help="What a limit does to the integral.",
-)
-@click.option("--float", "single", is_flag=True, help="C in single precision.")
-@click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal.")
-@click.option(
-    "--tunable", is_flag=True, help="Code with gains that may change while it runs, without a bump."
-)
-@click.option(
-    "--full-output",
-    type=float,
-    help="u at full power: prints the gains as Klipper and Betaflight write them, too.",
-)
+@code
+@click.option("--full-output", type=float, help="u at full power: prints the gains of firmware, too.")
 @out
 @one_line
-def tune_command(
-    out: Path | None,
-    model: str,
-    kind: str,
-    u_min: float,
-    u_max: float,
-    b: float | None,
-    c: float | None,
-    rate_limit: float,
-    deadband: float,
-    anti_windup: str | None,
-    single: bool,
-    feedforward: bool,
-    tunable: bool,
-    full_output: float | None,
-    force: bool,
-    **options: Any,
-) -> None:
+def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> None:
     """Tune a controller from a plant RECORD, a text file with an input that moves: a step, best from rest.
 
-    Prints the model, the controller, margins and doubts; with --out also writes controller.c, controller.st,
-    controller.py, controller.json and report.html.
+    Prints whether it is safe, the gains, what to check before the start, doubts and the model. With --out also writes
+    controller.c, controller.st, controller.py, controller.json and report.html.
 
     \b
     Example:
@@ -184,100 +139,56 @@ def tune_command(
     """
     from pidalab import _check
     from pidalab.loop import Loop
-    from pidalab.plant.fitting import fit
-    from pidalab.plant.reporting import REPORT_COLUMNS, report
+    from pidalab.plant.reporting import MEASURES, report
     from pidalab.robustness.margins import margins
 
-    called = options["record"].name
-    title = f"{kind} controller for {plain_text(called)}"
+    full_output, h = options["full_output"], options["sample_time"]
     if full_output is not None and not _check.real("--full-output", full_output):
         raise ValueError("--full-output must not be 0: it is u at full power")
-    read = read_record(options)
-    # the working point of the record: model and controller count from there
-    rest = float(read.steps[0].before) if read.steps else read.u_before
-    if not u_min <= rest <= u_max or u_min == u_max:
-        raise ValueError(
-            f"--u-min and --u-max must be limits with u of the record at rest, {rest:g}, between them, found "
-            f"{u_min:g} and {u_max:g}"
-        )
-    fitted = fit(read, model)
-    found = report(fitted, kinds=kind, **options)
-    design, sample_time = found.rows[0].design, options["sample_time"]
-    assert design is not None
-    # a prefilter shapes the set point already, and automatic reset is written as such with both weights 1
-    shaped = design.prefilter is not None or design.controller.automatic_reset() is not None
-    usual = (1.0, 1.0) if shaped else (0.5, 0.0)
-    further: dict[str, Any] = {
-        "b": usual[0] if b is None else b,
-        "c": usual[1] if c is None else c,
-        "rate_limit": rate_limit,
-        "deadband": deadband,
-        "feedforward": feedforward,
-        "tunable": tunable,
-    }
-    if anti_windup is not None:
-        further["anti_windup"] = anti_windup
-    digital = design.discretise(
-        sample_time, "backward", limits=(u_min, u_max), bias=rest, y_offset=read.rest, **further
-    )
+    read, fitted = fitted_record(options)
+    with progress(f"searching for a {kind}"):
+        found = report(fitted, kinds=kind, **{name: options[name] for name in TUNING})
+    row = found.rows[0]
+    assert row.design is not None
+    digital = _digital(row.design, read, options)
     sampled = margins(Loop(fitted.process, digital))
-    doubts = [*fitted.doubts, *design.doubts, *_no_limits(u_min, u_max)]
-    sections = [
-        ("Record", str(read)),
-        ("Model", f"{fitted.process!r}\n{fitted}"),
-        ("Controller", f"{design.controller}\n{_vendors(design, full_output)}"),
-        ("Margins, continuous", str(margins(design.loop(fitted.process)))),
-        (f"Margins, sampled every {sample_time:g}", str(sampled)),
-        (
-            "Expected",
-            "\n".join(f"{name}: {getattr(found.rows[0], x):.4g}" for name, x in REPORT_COLUMNS.items()),
-        ),
-        ("Doubts", "\n".join(doubts) or "none found"),
+    measured = [
+        f"{name}: {value:.4g}" + f" ({meaning})" * (name != "worst Ms")
+        for x, (name, meaning) in MEASURES.items()
+        if not math.isnan(value := getattr(row, x))
     ]
-    show(sections)
+    start = START.format(
+        sample_time=h,
+        way="up" if fitted.parameters["gain"] > 0 else "down",
+        overshoot=row.overshoot,
+        twice=2 * max(row.overshoot, 5.0),
+    )
+    doubts = [*row.design.doubts, *_no_limits(options["u_min"], options["u_max"])]
+    sections = [
+        ("Safe?", found.safety),
+        ("Gains", f"{row.design.controller}\n{_vendors(row.design, full_output)}"),
+        ("Limits and units", _limits(read, digital, h, options, row.design.info["notes"])),
+        ("Before the start", start),
+        ("Doubts", "\n".join([*read.doubts, *fitted.doubts, *doubts]) or "none found"),
+    ]
+    folded = [
+        ("Expected", "\n".join(measured)),
+        ("Margins, continuous", str(margins(row.design.loop(fitted.process)))),
+        (f"Margins, sampled every {h:g}", str(sampled)),
+        ("Model", f"{fitted.process!r}\n{fitted.described()}"),
+        ("Record", read.described()),
+    ]
+    show(sections + folded)
     if out is None:
         return
-    note = "\n".join(f"Doubt: {doubt}" for doubt in (*read.doubts, *doubts))
-    head = {
-        "record": called,
-        "time_unit": "unit of the record",
-    }
-    texts = {
-        name: getattr(digital, language)(margins=sampled, note=note, **head)
-        for name, language in CODE.items()
-    }
-    if single:
-        texts["controller.c"] = digital.c(precision="single", margins=sampled, note=note, **head)
-    write(out, texts | {"report.html": found.page(title, sections)}, force)
-
-
-def read_record(options: dict[str, Any]) -> Record:
-    """Read the record, and take what says how out of the options."""
-    from pidalab.plant.record import Record
-
-    path = options.pop("record")
-    return Record.read_csv(path, **{name: options.pop(name) for name in READING})
-
-
-def _no_limits(low: float, high: float) -> list[str]:
-    """Say which limits of u are missing."""
-    lacking = [name for name, limit in (("--u-min", low), ("--u-max", high)) if math.isinf(limit)]
-    if not lacking:
-        return []
-    return [
-        f"{' and '.join(lacking)} not given: the code does not know where the actuator ends, and may wind up"
-    ]
-
-
-def _vendors(design: Design, full_output: float | None) -> str:
-    """Return the parameters of vendor blocks, or why there are none."""
-    try:
-        return f"as vendor blocks, if the record's unit of time is the second:\n{design.vendor_forms('s', full_output)}"
-    except ValueError as refusal:
-        return f"no vendor block: {refusal}"
-
-
-FIRMWARE_NAMES = ("klipper", "betaflight", "betaflight-yaw")
+    called = options["record"].name
+    note = "\n".join(f"Doubt: {said}" for said in (*read.doubts, *fitted.doubts, *doubts))
+    head = {"record": called, "time_unit": "unit of the record", "margins": sampled, "note": note}
+    texts = {name: getattr(digital, language)(**head) for name, language in CODE.items()}
+    if options["single"]:
+        texts["controller.c"] = digital.c(precision="single", **head)
+    title = f"{kind} controller for {plain_text(called)}"
+    write(out, texts | {"report.html": found.page(title, sections, folded)}, force)
 
 
 @click.command("check")
@@ -289,7 +200,7 @@ FIRMWARE_NAMES = ("klipper", "betaflight", "betaflight-yaw")
 @times
 @click.option(
     "--firmware",
-    type=click.Choice(FIRMWARE_NAMES),
+    type=click.Choice(("klipper", "betaflight", "betaflight-yaw")),
     help="The gains are its numbers --kp, --ki, --kd, in place of times; the log is in seconds.",
 )
 @click.option("--ki", type=float, help="I of that firmware.")
@@ -297,10 +208,10 @@ FIRMWARE_NAMES = ("klipper", "betaflight", "betaflight-yaw")
 @click.option("--full-output", default=1.0, help="u of the log at full power of that firmware.")
 @click.option("--filter", "lag", default=0.0, help="Time constant of the measurement's filter.")
 @click.option("--sample-time", type=float, help="Of the controller; by default that of the log.")
+@limits
 @ms_worst
 @one_line
 def check_command(
-    model: str,
     lag: float,
     sample_time: float | None,
     ms_worst: float,
@@ -318,43 +229,104 @@ def check_command(
       pidalab check log.csv --time time --u valve --y level --kp 0.6 --ti 12 --sample-time 0.5
       pidalab check hotend.csv --firmware klipper --kp 22.2 --ki 1.08 --kd 114 --sample-time 0.3
     """
-    import control
-
     from pidalab import _check
     from pidalab.plant.checking import check
-    from pidalab.plant.fitting import fit
 
-    read = read_record(options)
-    lags = control.TransferFunction([1.0], [lag, 1.0]) if _check.real("--filter", lag, at_least=0.0) else None
-    running = _running(firmware, full_output, **options)
-    found = check(
-        read if model == "auto" else fit(read, model),
-        running,
-        output_filter=lags,
-        sample_time=sample_time,
-        ms_worst=ms_worst,
-    )
-    sections = [("Log", str(read)), ("Model", f"{found.fit.process!r}\n{found.fit}"), ("Gains", str(found))]
+    lags = None
+    if _check.real("--filter", lag, at_least=0.0):
+        import control
+
+        lags = control.TransferFunction([1.0], [lag, 1.0])
+    running = _running(firmware, full_output, options)
+    read, fitted = fitted_record(options, fit_auto=False)
+    with progress("fitting the plant and searching for three sets of gains"):
+        found = check(fitted or read, running, output_filter=lags, sample_time=sample_time, ms_worst=ms_worst)
+        said = str(found)
+    sections = [
+        ("Gains", said),
+        ("Model", f"{found.fit.process!r}\n{found.fit.described()}"),
+        ("Log", read.described()),
+    ]
     if firmware is not None:
-        sections.append((f"The sets as {firmware} writes them", _as_firmware(found, firmware, full_output)))
+        sections.insert(
+            1, (f"The sets as {firmware} writes them", _as_firmware(found, firmware, full_output))
+        )
     show(sections)
 
 
-def _running(
-    firmware: str | None,
-    full_output: float,
-    kp: float,
-    ti: float | None,
-    ki: float | None,
-    kd: float,
-    **times: float,
-) -> PIDA:
+def fitted_record(options: dict[str, Any], fit_auto: bool = True) -> tuple[Record, Any]:
+    """Read and fit the record that the options describe, and compare it with the limits."""
+    from pidalab.plant.fitting import fit
+    from pidalab.plant.record import Record
+
+    with progress("reading and fitting"):
+        read = Record.read_csv(options["record"], **{name: options[name] for name in READING})
+        low, high = options.get("u_min", -math.inf), options.get("u_max", math.inf)
+        least, most = min(read.u.min(), read.u_before), max(read.u.max(), read.u_before)
+        if not low <= least <= most <= high:
+            raise ValueError(
+                f"--u-min and --u-max must contain u of the record, which runs from {least:.6g} to {most:.6g}, found "
+                f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it "
+                "behind the limits of the actuator"
+            )
+        return read, fit(read, options["model"]) if fit_auto or options["model"] != "auto" else None
+
+
+def _digital(design: Design, read: Record, options: dict[str, Any]) -> Any:
+    """Return the controller as code runs it, around the working point of the record."""
+    # a prefilter shapes the set point already, and automatic reset is written as such with both weights 1
+    shaped = design.prefilter is not None or design.controller.automatic_reset() is not None
+    further = {name: options[name] for name in ("rate_limit", "deadband", "feedforward", "tunable")}
+    for name, usual in (("b", 1.0 if shaped else 0.5), ("c", 1.0 if shaped else 0.0)):
+        further[name] = usual if options[name] is None else options[name]
+    if options["anti_windup"] is not None:
+        further["anti_windup"] = options["anti_windup"]
+    rest = float(read.steps[0].before) if read.steps else read.u_before
+    return design.discretise(
+        options["sample_time"],
+        "backward",
+        limits=(options["u_min"], options["u_max"]),
+        bias=rest,
+        y_offset=read.rest,
+        **further,
+    )
+
+
+def _limits(read: Record, digital: Any, h: float, options: dict[str, Any], notes: tuple[str, ...]) -> str:
+    return "\n".join(
+        [
+            f"u from {options['u_min']:g} to {options['u_max']:g}; {digital.bias:.6g} at y = {read.rest:.6g}, the rest "
+            "of the record",
+            f"sample time {h:g}; every time in the unit of the record, which is sampled every {read.sampling:.4g}",
+            *notes,
+        ]
+    )
+
+
+def _no_limits(low: float, high: float) -> list[str]:
+    """Say which limits of u are missing."""
+    lacking = [name for name, limit in (("--u-min", low), ("--u-max", high)) if math.isinf(limit)]
+    return [doubt("no limits", options=" and ".join(lacking))] if lacking else []
+
+
+def _vendors(design: Design, full_output: float | None) -> str:
+    """Return the parameters of vendor blocks, or why there are none."""
+    try:
+        forms = design.vendor_forms("s", full_output)
+    except ValueError as refusal:
+        return f"no vendor block: {refusal}"
+    return f"as vendor blocks, if the record's unit of time is the second:\n{forms}"
+
+
+def _running(firmware: str | None, full_output: float, options: dict[str, Any]) -> PIDA:
     """Return the controller that runs, of times or of the numbers of a firmware."""
     from pidalab.controllers import PIDA
 
+    kp, ti, ki, kd = (options.pop(name) for name in ("kp", "ti", "ki", "kd"))
+    own = {name: options.pop(name) for name in ("td", "ta", "n", "m")}
     if firmware is None and ti is not None and ki is None and not kd:
-        return PIDA(kp, ti, **times)
-    if firmware is not None and ki is not None and ti is None and not times["td"] and not times["ta"]:
+        return PIDA(kp, ti, **own)
+    if firmware is not None and ki is not None and ti is None and not own["td"] and not own["ta"]:
         return PIDA.from_firmware(firmware, kp, ki, kd, full_output)
     raise click.UsageError(
         "give --kp, --ti and perhaps --td and --ta, or --firmware with --kp, --ki and perhaps --kd"

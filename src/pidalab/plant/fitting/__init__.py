@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from pidalab import _check
 from pidalab._check import Array
@@ -30,6 +30,7 @@ from pidalab.plant.fitting.searching import (
 )
 from pidalab.plant.fitting.uncertainty import (
     DRIFTS,
+    closed_loop_factor,
     covariance,
     drifts,
     noise_of,
@@ -94,6 +95,7 @@ class Fit:
     _covariance: Array
     _data: FitData
     _found: FitResult
+    _times: float
 
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return plants that the record does not rule out: other parameters, and a lag that the model does not have.
@@ -136,8 +138,8 @@ class Fit:
         scale[-1] = np.sum(np.abs(values[1:])) or 1.0
         covariance = self._covariance / np.outer(scale, scale)
         # samples, if each had an error of its own
-        worth = self._data.t.size / samples_per_error(self._found.residuals)
-        room = 1.0 + float(chi2.ppf(TRIMMED, values.size)) / worth
+        worth = self._data.t.size / samples_per_error(self._found.residuals) / self._times**2
+        room = 1.0 + float(chdtri(values.size, 1 - TRIMMED)) / worth
         limits = [room * self._squares(shape, centre) for shape, centre in models]
         rng = np.random.default_rng(seed)
         plants: list[Process] = []
@@ -249,6 +251,8 @@ class Fit:
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
             found.append(doubt("model error", error=self.model_error, noise=self.noise, share=share))
+        if self._times > 1:
+            found.append(doubt("closed loop", times=self._times))
         if self._data.free:
             found.append(doubt("initial state"))
         if self.holdout < self.nrmse - 0.2:
@@ -283,6 +287,10 @@ class Fit:
         ax.legend()
 
     def __str__(self) -> str:
+        return "\n".join([self.described(), *(f"doubt: {said}" for said in self.doubts)])
+
+    def described(self) -> str:
+        """Return the text of ``print`` without the doubts."""
         values = ", ".join(
             f"{name} = {value:.4g} ± {self.uncertainty[name]:.2g}" for name, value in self.parameters.items()
         )
@@ -296,7 +304,7 @@ class Fit:
             f"NRMSE {self.nrmse:.3f}, {holdout}",
             self.reason,
         ]
-        return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
+        return "\n".join(lines)
 
 
 def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
@@ -408,7 +416,8 @@ def _require_settled(data: FitData, found: FitResult) -> None:
 
 def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit:
     names = ("gain", "level", *found.shape.parameters, "delay")
-    spread = covariance(found)
+    times = closed_loop_factor(record, found)
+    spread = times**2 * covariance(found)
     sigma = np.sqrt(np.diag(spread))
     parameters = dict(zip(names, found.values.tolist(), strict=True))
     uncertainty = dict(zip(names, sigma.tolist(), strict=False))  # beyond these: of the initial state
@@ -424,7 +433,7 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
             f"by {np.std(data.y):.3g} (standard deviation), and its noise is {noise:.3g}; step the input by itself, "
             "from rest, with nothing else moving the output"
         )
-    return Fit(
+    fitted = Fit(
         process=process,
         model=found.shape.name,
         parameters=MappingProxyType(parameters),
@@ -437,4 +446,12 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
         _covariance=spread[np.ix_(keep, keep)],
         _data=found.data,
         _found=found,
+        _times=times,
     )
+    if fitted.holdout <= 0:
+        raise ValueError(
+            f"{found.shape.name} does not describe this plant: it predicts the hold-out data, the end of the record, "
+            f"no better than their mean does (NRMSE {fitted.holdout:.2f}); step the input by itself, from rest, with "
+            "nothing else moving the output"
+        )
+    return fitted

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import next_fast_len
+from scipy.linalg import solve_banded
 from scipy.optimize import least_squares
-from scipy.signal import fftconvolve, lfilter
 from scipy.special import gammainc
 
 from pidalab._check import Array
@@ -92,7 +93,10 @@ def behind_lag(shape: Shape, lag: float) -> Shape:
         # exact for an input that is straight between the times: y_k = a y_{k-1} + (1 - b) u_k + (b - a) u_{k-1}
         a = np.exp(-x)
         b = -np.expm1(-x) / x
-        table = lfilter([1.0 - b, b - a], [1.0, -a], shape.step(times, p))
+        inner = shape.step(times, p)
+        driven = (1.0 - b) * inner + (b - a) * np.append(0.0, inner[:-1])
+        # the recursion as equations: one on the diagonal, -a below it
+        table = solve_banded((1, 0), np.vstack([np.ones(TABLE), np.full(TABLE, -a)]), driven)
         return np.asarray(np.interp(t, times, table), dtype=float)
 
     def process(gain: float, p: Sequence[float], delay: float) -> Process:
@@ -158,8 +162,11 @@ class FitData(NamedTuple):
         """Response of the shape with gain 1 and dead time to the recorded input."""
         if self.grid:
             response = shape.step(self.t - self.t[0] - delay, p)
-            convolve = np.convolve if self.t.size <= SUMMED_SAMPLES else fftconvolve
-            return convolve(self.changes, response)[: self.t.size]
+            if self.t.size <= SUMMED_SAMPLES:
+                return np.convolve(self.changes, response)[: self.t.size]
+            length = next_fast_len(2 * self.t.size)
+            product = np.fft.rfft(self.changes, length) * np.fft.rfft(response, length)
+            return np.asarray(np.fft.irfft(product, length)[: self.t.size], dtype=float)
         since = self.t[:, None] - self.change_times - delay
         return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
 

@@ -383,6 +383,10 @@ class Record:
         return found
 
     def __str__(self) -> str:
+        return "\n".join([self.described(), *(f"doubt: {said}" for said in self.doubts)])
+
+    def described(self) -> str:
+        """Return the text of ``print`` without the doubts."""
         lines = [
             f"{self.t.size} samples over {np.ptp(self.t):.6g}, every {self.sampling:.4g}",
             f"input: {self._moves()}",
@@ -390,7 +394,7 @@ class Record:
             f"standard deviation of the noise {self.noise.deviation:.3g}"
             + (f", correlation {self.noise.correlation:.2f}" if self.noise.deviation else ""),
         ]
-        return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
+        return "\n".join(lines)
 
     def _moves(self) -> str:
         if len(self.steps) == 1:

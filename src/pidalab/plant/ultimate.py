@@ -1,0 +1,172 @@
+"""Turn an ultimate gain and period, given or of an oscillation that a relay keeps up, into gains."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from pidalab import _check
+from pidalab.controllers import PIDA
+from pidalab.plant.record.cleaning import column
+from pidalab.process import Process, fopdt, ipdt, lags
+
+# kp over Ku, ti and td over Tu
+RULES = {
+    ("Ziegler-Nichols", "PI"): (0.45, 1 / 1.2, 0.0),
+    ("Ziegler-Nichols", "PID"): (0.6, 0.5, 0.125),
+    ("Tyreus-Luyben", "PI"): (1 / 3.2, 2.2, 0.0),
+    ("Tyreus-Luyben", "PID"): (1 / 2.2, 2.2, 1 / 6.3),
+    ("little overshoot", "PID"): (1 / 3, 0.5, 1 / 3),
+    ("no overshoot", "PID"): (0.2, 0.5, 1 / 3),
+}
+SHARES = (0.2, 1.0)  # dead time over lag of the first-order models
+FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
+SETTLED = 0.05  # share by which the last periods may differ
+OFF_PHASE = 10.0  # degrees
+
+
+class Oscillation(NamedTuple):
+    """An oscillation that a relay keeps up.
+
+    Attributes
+    ----------
+    ku, tu : float
+        The gain of a proportional controller that would keep it up, and the period.
+    amplitude : float
+        Of the fundamental of the output.
+    phase : float
+        Of the plant at the frequency, in degrees; -180 for a relay without hysteresis.
+    bias : float
+        Share of the time that u spends at its upper level: 0.5 without bias.
+    cycles : int
+        How many were measured.
+    """
+
+    ku: float
+    tu: float
+    amplitude: float
+    phase: float
+    bias: float
+    cycles: int
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What a user should know."""
+        found = []
+        if abs(self.phase + 180.0) > OFF_PHASE:
+            found.append(
+                f"the plant's phase at this period is {self.phase:.0f} degrees, not -180: hysteresis, or a biased "
+                "relay; the gain holds at this period, and the true ultimate period is another one"
+            )
+        return tuple(found)
+
+
+def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
+    r"""Measure the oscillation of a plant with a relay.
+
+    Parameters
+    ----------
+    t, u, y : array_like, shape (n,)
+        Times, the output of the relay, held from each sample to the next, and the output of the plant.
+
+    Returns
+    -------
+    Oscillation
+
+    Raises
+    ------
+    ValueError
+        For an input that does not switch between two levels, fewer than three cycles, and cycles that still change.
+
+    Notes
+    -----
+    Over whole periods the first Fourier coefficients of u and y are those of a steady oscillation, for which
+    :math:`P(j\omega) = Y_1/U_1` whatever the form and the bias of u. So :math:`K_u = |U_1/Y_1|`, where the usual
+    :math:`4 d/(\pi a)` takes u for a square wave and y for a sine.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pidalab.plant.ultimate import relay_oscillation
+    >>> t = np.arange(0.0, 60.0, 0.01)
+    >>> wave = relay_oscillation(t, np.sign(np.sin(t) + 1e-9), -0.5 * 4 / np.pi * np.sin(t))
+    >>> f"{wave.ku:.3f} {wave.tu:.3f} {wave.phase:.0f}"
+    '2.000 6.280 -180'
+    """
+    t, u, y = column("t", t), column("u", u), column("y", y)
+    middle = 0.5 * (np.nanmin(u) + np.nanmax(u))
+    high = u > middle
+    between = np.abs(u - middle) < 0.4 * float(np.ptp(u))
+    if np.ptp(u) == 0 or np.mean(between) > SETTLED:
+        raise ValueError(
+            "u must switch between two levels, as a relay makes it: name the relay's output (--u)"
+        )
+    rises = np.flatnonzero(high[1:] & ~high[:-1]) + 1
+    cycles = min(rises.size - 1, 5)
+    if cycles < FEWEST_CYCLES:
+        raise ValueError(f"record {FEWEST_CYCLES} cycles of the relay or more, found {max(cycles, 0)}")
+    rises = rises[-cycles - 1 :]
+    periods = np.diff(t[rises])
+    if np.ptp(periods) > 2 * SETTLED * np.mean(periods) + 2 * np.median(np.diff(t)):
+        raise ValueError(
+            f"the last periods are {', '.join(f'{x:.4g}' for x in periods)}: let the oscillation settle"
+        )
+    part = slice(rises[0], rises[-1])
+    now, tu = t[part], float(np.mean(periods))
+    if now.size < FEWEST_IN_CYCLE * cycles:
+        raise ValueError(f"sample {FEWEST_IN_CYCLE} times or more in a period, found {now.size / cycles:.1f}")
+    held = np.diff(t[rises[0] : rises[-1] + 1])
+    # u is held: its coefficient is exact; of y each sample counts for half the interval on either side
+    w = 2j * np.pi / tu
+    edges = np.exp(-w * t[rises[0] : rises[-1] + 1])
+    first_u = np.sum(u[part] * np.diff(edges)) / (-w * np.sum(held))
+    weights = 0.5 * (held + np.append(held[-1], held[:-1]))
+    first_y = np.sum((y[part] - y[part].mean()) * np.exp(-w * now) * weights) / np.sum(held)
+    plant = complex(first_y / first_u)
+    phase = math.degrees(math.atan2(plant.imag, plant.real))
+    bias = float(np.sum(held[high[part]]) / np.sum(held))
+    return Oscillation(1 / abs(plant), tu, 2 * abs(first_y), phase - 360.0 * (phase > 0), bias, cycles)
+
+
+def models_of(ku: float, tu: float) -> dict[str, Process]:
+    """Return simple plants that have an ultimate gain and period.
+
+    Examples
+    --------
+    >>> from pidalab.plant.ultimate import models_of
+    >>> list(models_of(2.0, 10.0))
+    ['integrator', 'delay/lag 0.2', 'delay/lag 1', 'three lags']
+    """
+    ku, w = _check.real("ku", ku), 2 * math.pi / _check.real("tu", tu, above=0.0)
+    if ku == 0:
+        raise ValueError("ku must not be 0")
+    models = {"integrator": ipdt(w / ku, tu / 4)}
+    for share in SHARES:
+        x = brentq(lambda x, share=share: share * x + math.atan(x) - math.pi, 1e-6, math.pi / share)
+        models[f"delay/lag {share:g}"] = fopdt(math.hypot(1.0, x) / ku, x / w, share * x / w)
+    return models | {"three lags": lags(3, math.sqrt(3) / w, 8 / ku)}
+
+
+def rule_table(ku: float, tu: float) -> list[tuple[str, str, PIDA, list[float]]]:
+    """Return rule, kind, controller, and its Ms with each of `models_of`; infinite where the loop is unstable.
+
+    Examples
+    --------
+    >>> from pidalab.plant.ultimate import rule_table
+    >>> rule, kind, controller, ms = rule_table(2.0, 10.0)[2]
+    >>> rule, kind, round(controller.kp, 3), controller.ti
+    ('Tyreus-Luyben', 'PI', 0.625, 22.0)
+    """
+    from pidalab.loop import Loop
+    from pidalab.plant.safety import ms_or_infinite
+
+    models = models_of(ku, tu).values()
+    table = []
+    for (rule, kind), (kp, ti, td) in RULES.items():
+        controller = PIDA(kp * ku, ti * tu, td * tu)
+        table.append((rule, kind, controller, [ms_or_infinite(Loop(model, controller)) for model in models]))
+    return table
