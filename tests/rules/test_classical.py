@@ -1,7 +1,7 @@
 """SIMC, AMIGO, lambda tuning and Ziegler-Nichols: published examples, closed forms, what is refused."""
 
 import math
-from functools import reduce
+from functools import partial, reduce
 
 import numpy as np
 import pytest
@@ -223,7 +223,7 @@ SKOGESTAD = {  # the fifteen examples of Skogestad (2003)
 def test_simc_takes_all_examples_of_its_author(name, kind):
     """With a closed-loop time where two lags are all there is: then there is no effective dead time."""
     wanted = 0.1 if (name, kind) == ("E1", "PID") else None
-    design = simc(SKOGESTAD[name], kind, wanted, n=1e4)
+    design = simc(SKOGESTAD[name], kind, closed_loop_time=wanted, n=1e4)
     # of the PID for E13, which he does not print, 2.9: its model is a rough one
     assert 1.0 < design.ms < (3.0 if (name, kind) == ("E13", "PID") else 2.01)
 
@@ -310,7 +310,7 @@ ONE, CHR = pidalab.fopdt(1.0, 1.0, 1.0), classical.chien_hrones_reswick
         (simc, (pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]),), "no zero at 0"),
         (simc, (pidalab.fopdt(1, 1, 0), "PI"), "closed_loop_time"),
         (classical.amigo, (pidalab.fopdt(1, 1, 0),), "dead time above 0"),
-        (classical.lambda_tuning, (ONE, "PI", 0.0), "closed_loop_time must be above 0"),
+        (partial(classical.lambda_tuning, closed_loop_time=0.0), (ONE,), "closed_loop_time must be above 0"),
         (classical.ziegler_nichols_ultimate, (pidalab.lags(2),), "process"),
         (classical.ziegler_nichols_ultimate, (pidalab.Process([1.0], [1.0, 1.0, 0.0]),), "never reaches -180"),
         (classical.ziegler_nichols_ultimate, (pidalab.Process([1.0], [1.0, -1.0, 0.0], 1.0),), "no gain"),

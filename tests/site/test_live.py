@@ -70,7 +70,7 @@ def responses(loop, **how):
     own = loop.controller if isinstance(loop.controller, DigitalController) else None
     t = np.arange(0.0, END + 1e-9, own.sample_time if own else 0.01)
     simulate = pidalab.simulate_sampled if own or how else pidalab.simulate
-    setpoint, load = simulate(loop, t, 1.0, 0.0, **how), simulate(loop, t, 0.0, 1.0, **how)
+    setpoint, load = simulate(loop, t, 1.0, load=0.0, **how), simulate(loop, t, 0.0, load=1.0, **how)
     numbers = {
         "iae": load.iae(),
         "iaeSetpoint": setpoint.iae(),

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pidalab import _check
-from pidalab._names import KINDS, STARTING_MODELS
 from pidalab._parts import done, require_executor
+from pidalab._text import KINDS, STARTING_MODELS
 from pidalab.comparison import first_horizon
 from pidalab.comparison.fairness import at_equal_terms, gains_of
 from pidalab.comparison.judging import DesignRow, measure_row, one_line

@@ -15,9 +15,9 @@ from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import max_sensitivity
+from pidalab.roots import border
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale
-from pidalab.search import border
 
 LONGEST_FILTER = 1e4  # that is tried, in sample times
 LEAST_SCALE = 0.01  # of the gains: with less, nearly any loop is robust and does nothing

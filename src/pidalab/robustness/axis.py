@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq, elementwise, minimize_scalar
 
 from pidalab._check import Array
-from pidalab.search import succeeded
+from pidalab.roots import succeeded
 
 PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 2_000_000  # along the axis: more would fill the memory

@@ -48,8 +48,7 @@ from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
 from pidalab.robustness.axis import Samples, lowest, most_between
 from pidalab.robustness.in_s import from_factors, from_roots
-from pidalab.roots import roots
-from pidalab.search import border
+from pidalab.roots import border, roots
 
 NO_LOWER = 1e-10  # by how much a value must be lower to be sought, relative to it if it is beyond 1
 GRID_STEPS = 60  # of the grid that are followed at a time
