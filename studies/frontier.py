@@ -24,7 +24,7 @@ import pidalab
 from pidalab import Process
 
 MS = 1.4
-NOISE = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # limits of the frontier, in ultimate gains
+NOISE = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # limits of the relative noise gain
 SPENT = (0.1, 0.3, 1.0, 3.0)  # limits of the map
 PLANTS: dict[str, Process] = {
     "lag-dominated": pidalab.fopdt(1.0, 20.0, 1.0),

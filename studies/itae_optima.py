@@ -32,8 +32,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 import pidalab
+from pidalab.roots import succeeded
 from pidalab.rules import direct, itae
-from pidalab.search import succeeded
 
 DATA = Path(__file__).parents[1] / "book" / "data"
 COLUMNS = (

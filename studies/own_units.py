@@ -28,7 +28,7 @@ from pidalab import NoiseScale, Process, noise_scale
 from pidalab.comparison.benchmarking import TABLES
 from pidalab.comparison.judging import one_line
 from pidalab.plant.tuning import perturbed_plants
-from pidalab.simulation import noise
+from pidalab.simulation import sampled
 
 DATA = Path(__file__).parents[1] / "book" / "data"
 OFF = 0.2  # what the model may be wrong by: gain, time scale, dead time
@@ -38,7 +38,7 @@ DIGITS = 5
 
 def five_digits() -> None:
     """Let a process of a study follow noise no longer than five digits need: slow loops take long."""
-    noise.FADED = 1e-7  # of the squares of a response
+    sampled.FADED = 1e-7  # of the squares of a response
 
 
 OPTIMUM = ("plant", "order", "ms_limit", "noise_limit", "iae", "ms", "mks", "noise_gain", "filter_time")
@@ -98,9 +98,9 @@ def off(loop: pidalab.Loop, process: Process) -> list[pidalab.Loop]:
 
 def load_iae(loop: pidalab.Loop, own: NoiseScale) -> float:
     """IAE of a load step."""
-    from pidalab.simulation.settling import settled
+    from pidalab.simulation.exact import simulate_until_settled
 
-    return settled(pidalab.load_response, loop, HORIZON * own.period).iae(horizon=math.inf)
+    return simulate_until_settled(pidalab.load_response, loop, HORIZON * own.period).iae(horizon=math.inf)
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------

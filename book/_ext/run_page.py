@@ -3,7 +3,7 @@
 import os
 import re
 
-PAGES = re.compile(r"book/(learn/[\w-]+|design|[a-z]+\d{4})")
+PAGES = re.compile(r"book/(learn/[\w-]+|noise-limit|design|[a-z]+\d{4})")
 
 
 def add_button(app, pagename, templatename, context, doctree):

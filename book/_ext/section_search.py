@@ -33,7 +33,7 @@ WEIGHTS = (
 # What readers type where the section itself says it in other words, by the section that answers. Such a section counts
 # as a whole page does, though it may be one of the reference.
 ALSO = {
-    "book/heo2023.html#prediction-is-dead-time-taken-back": "dead time",
+    "book/heo2023.html#the-idea": "dead time",
     "book/how-do-i.html#install-pidalab": "install installation setup download pip PyPI Binder Colab",
     "book/how-do-i.html#cite-the-book-or-one-of-its-numbers": "cite citation DOI BibTeX licence license copyright",
     "book/how-do-i.html#weigh-the-set-point-b-and-c": "set point weighting derivative kick proportional kick "

@@ -10,7 +10,7 @@ import pandas as pd
 import pidalab
 from pidalab.comparison import designs
 from pidalab.requirements import Requirements
-from pidalab.simulation.settling import settled
+from pidalab.simulation.exact import simulate_until_settled
 
 import tables
 
@@ -55,7 +55,7 @@ def stored(row: Any, plant: Any) -> float:
 
 def load_iae(loop: pidalab.Loop, plant: Any) -> float:
     """IAE of a load step, in units of the plant."""
-    response = settled(pidalab.load_response, loop, 24 * plant.ultimate_period)
+    response = simulate_until_settled(pidalab.load_response, loop, 24 * plant.ultimate_period)
     return response.iae(horizon=math.inf) * plant.ultimate_gain / plant.ultimate_period
 
 

@@ -11,8 +11,8 @@ from scipy.optimize import minimize
 
 import pidalab
 from pidalab import plots
+from pidalab.roots import succeeded
 from pidalab.rules import direct, itae
-from pidalab.search import succeeded
 
 EXAMPLES = {  # eqs. (17), (18) and (19)
     "ex1": pidalab.lags(3, delay=0.2),
@@ -66,7 +66,7 @@ def run(case, until=200):
 
 def draw(ex, until, first):
     """Draw Figs 2 to 4 with the control signal, which the paper does not show, below."""
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.8))
+    figure, axes = plt.subplots(2, 2, figsize=(5.6, 4.4))
     for (y, u), test, end in zip(axes.T, TESTS, (first, until), strict=True):
         for method, label in LABELS.items():
             one = run((ex, method, test), until)
@@ -77,7 +77,7 @@ def draw(ex, until, first):
     axes[0, 0].set_ylabel("output y")
     axes[1, 0].set_ylabel("control u")
     axes[1, 0].set_yscale("symlog", linthresh=10, linscale=2)
-    axes[1, 0].set_yticks([s * x for x in (10, 100, 1000) for s in (-1, 1)] + [0])
+    axes[1, 0].set_yticks([-1000, -100, 0, 100, 1000])
     axes[1, 0].yaxis.set_major_formatter("{x:g}")
     plots.legend(figure)
 
@@ -87,8 +87,9 @@ def draw_late(ex, start, until):
     figure, axes = plt.subplots(1, 2, figsize=(6.4, 2.4))
     for ax, test, level in zip(axes, TESTS, (1.0, 0.0), strict=True):
         for method, label in LABELS.items():
-            one = run((ex, method, test), until).between(start, until)
-            ax.plot(*plots.thin(one.t, one.y - level, 120), label=label)
+            one = run((ex, method, test), until)
+            shown = one.t >= start
+            ax.plot(*plots.thin(one.t[shown], one.y[shown] - level, 120), label=label)
         ax.set(
             xlabel="time units", title=f"{test.replace('setpoint', 'set-point')} step"
         )

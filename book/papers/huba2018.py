@@ -5,12 +5,16 @@ structure, and gives the printed model (17) when it is identified as the paper
 identifies its plant. It shows what a plausible plant of that kind would do.
 """
 
+from itertools import product
+
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from control import TransferFunction, ss
 from scipy.optimize import brentq
 
 import pidalab
+from pidalab import plots
 from pidalab.identification import ipdt_tangent
 from pidalab.rules import mrdp
 
@@ -101,6 +105,30 @@ def measures(run, hold=200.0):
     return pd.DataFrame(found).T
 
 
+def tried(designs, plant, hold=200.0):
+    """Runs of designs without protection and with clamping, and their overshoot and settling."""
+    runs, tables = {}, {}
+    for (name, design), way in product(designs.items(), ("none", "clamping")):
+        protection = None if way == "none" else way
+        run = runs[name, way] = experiment(design, plant, protection, hold)
+        tables[name, way] = measures(run, hold)
+    table = pd.concat(tables, names=["", "anti-windup", "step"]).unstack()
+    table = table[["overshoot, %", "settled after, s"]]
+    return runs, table.map("{:.1f}".format).replace("nan", "–")
+
+
+def drawn(runs):
+    """Temperature above lamp power of several runs, with their set point."""
+    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.0), sharex=True)
+    for name, run in runs.items():
+        axes[0].plot(*plots.thin(run.t, run.y, 600), label=name)
+        axes[1].plot(*plots.thin(run.t, run.u, 600), label=name)
+    axes[0].step(*plots.thin(run.t, run.r, 100), "-", color=plots.GREY, linewidth=1.0)
+    axes[0].set(ylabel="temperature, K", xlim=(0, run.t[-1]))
+    axes[1].set(ylabel="lamp power, %", xlabel="time, s")
+    plots.legend(figure)
+
+
 # Dormand and Prince: places, weights, and the difference of both orders
 PLACES = 0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1
 WEIGHTS = [
@@ -157,3 +185,14 @@ def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
             out.append(x[0])
         h *= min(5.0, max(0.1, 0.8 * (error + 1e-300) ** -0.2))
     return times[: k + 1], np.array(out)
+
+
+# How the paper writes what the ledger calls so
+WORDS = {"ko": "K_o", "tau_i": "τ_io", "table4": "IAE_s/T_d"}
+WORDS |= {f"tau{j}": f"τ_{j}o" for j in range(1, 5)} | {
+    f"n{n}": f"n = {n}" for n in range(7)
+}
+WORDS |= {f"b{k}": f"b_{k}" for k in range(5)} | {f"m{m}": f"m = {m}" for m in ORDERS}
+for m in ORDERS:
+    WORDS |= {f"table{k}.m{m}": f"m = {m}" for k in (1, 2)}
+    WORDS |= {f"table3.m{m}.p{p}": f"m = {m}, p = {p}" for p in range(1, m + 2)}

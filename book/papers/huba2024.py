@@ -1,14 +1,15 @@
-"""The loop of Paper Fig. 3, in which huba2024 tries its controllers: designs, limits, runs and measures."""
+"""The loop of the paper's Fig. 3, in which huba2024 tries its controllers, and a simulated dryer."""
 
 from dataclasses import dataclass
 from itertools import product
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import pidalab
+from pidalab import identification, plots
 from pidalab.controllers import AutomaticReset, Controller
 from pidalab.forms import FilteredGains
-from pidalab.identification import ipdt_tangent
 from pidalab.process import binomial
 from pidalab.rules import automatic_reset as ar, mrdp
 
@@ -180,7 +181,7 @@ def dryer(gain, delay, rise=4.0, sensor=10.0, transport=5.0):
         den = np.convolve([slow, 1.0], [sensor, 1.0])
         late = np.convolve(den, pidalab.lags(4, filter_time).den)
         step = pidalab.open_loop_step(pidalab.Process([rise], late, delay=transport), t)
-        found = ipdt_tangent(t, step.y)
+        found = identification.ipdt_tangent(t, step.y)
         slow *= found.num[0] / gain
         filter_time += (delay - found.delay) / 4
     return pidalab.Process([rise], den, delay=transport), filter_time
@@ -212,3 +213,39 @@ def dryer_runs(process, filter_time, gain, delay):
         clean[name] = pidalab.simulate_sampled(*given, limits=(0.0, 24.0))
         noisy[name] = pidalab.simulate_sampled(*given, limits=(0.0, 24.0), **real)
     return clean, noisy
+
+
+def draw_dryer(process, filter_time, gain, delay):
+    """A step to 12 V with its model, as Fig. 5; heating and a load, as Fig. 6."""
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.8))
+    (first, *views), spans = axes.flat, ((0, 10000), (3400, 5000), (5900, 7400))
+    t, y = dryer_record(process, seed=2024)
+    smooth = identification.binomial_filtered(t, y, filter_time, 4)
+    model = identification.ipdt_least_squares(t, smooth, 12.0)
+    ramp = 12.0 * model.num[0] * np.maximum(t - model.delay, 0.0)
+    lines = {"record": (y, 400), "behind $Q_4$": (smooth, 100), "model": (ramp, 100)}
+    for name, (line, points) in lines.items():
+        first.plot(*plots.thin(t[t <= 600], line[t <= 600], points), label=name)
+    first.set(title="Fig. 5: step to 12 V", ylabel="rise, K", xlim=(0, 600))
+    first.legend(loc="upper left")
+    for name, r in dryer_runs(process, filter_time, gain, delay)[1].items():
+        for ax, (low, high) in zip(views, spans, strict=True):
+            part = (r.t >= low) & (r.t <= high)
+            line = plots.thin(r.t[part], 25 + r.y[part], 200)
+            ax.plot(*line, label=label(name), linewidth=1.2)
+            ax.set(xlim=(low, high), xlabel="time, s")
+    views[0].set(title="Fig. 6: temperature, °C", xlabel="")
+    views[1].set(title="end of heating", ylim=(75, 82), ylabel="temperature, °C")
+    views[2].set(title="after the load", ylim=(78.8, 80.8))
+    views[0].legend(loc="lower right")
+    return figure
+
+
+# how the paper writes what the ledger calls so
+WORDS = {"tau0": "τ_0", "kappa": "κ", "tau_i": "τ_i", "tau_d": "τ_D", "tau_a": "τ_A"}
+WORDS |= {"s0": "s_0 T_d", "kp": "K_p K_s T_d", "ti": "T_i/T_d", "td": "T_D/T_d"}
+WORDS |= {"kd": "K_d K_s", "ka": "K_a K_s/T_d", "ta2": "T_A²/T_d²", "re": "real part"}
+WORDS |= {"im": "imaginary part", "pole": "double zero", "denominator": "T_d/T_2"}
+WORDS |= {"t2": "T_2/T_d", "te": "T_e", "tf": "T_f", "fig3": "Fig. 3"}
+WORDS |= {f"eq{n}": f"({n})" for n in (11, *range(15, 32))}
+WORDS |= {f"table1.m{m}": f"m = {m}" for m in range(3)}

@@ -31,8 +31,14 @@ from .plant import (
     trade_off as trade_off,
     tune as tune,
 )
-from .plants import AsymmetricPlant as AsymmetricPlant
-from .process import Process as Process, fopdt as fopdt, ipdt as ipdt, lags as lags, sopdt as sopdt
+from .process import (
+    AsymmetricPlant as AsymmetricPlant,
+    Process as Process,
+    fopdt as fopdt,
+    ipdt as ipdt,
+    lags as lags,
+    sopdt as sopdt,
+)
 from .relative_noise import (
     NoiseScale as NoiseScale,
     noise_scale as noise_scale,
@@ -61,6 +67,9 @@ from .simulation.exact import (
     simulate_ensemble as simulate_ensemble,
     step_response as step_response,
 )
-from .simulation.noise import noise_gain as noise_gain, uniform_noise as uniform_noise
 from .simulation.portrait import Portrait as Portrait, portrait as portrait
-from .simulation.sampled import simulate_sampled as simulate_sampled
+from .simulation.sampled import (
+    noise_gain as noise_gain,
+    simulate_sampled as simulate_sampled,
+    uniform_noise as uniform_noise,
+)

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 NO_NUMBERS = (str, bytes, bool, np.bool_, np.datetime64, np.timedelta64)  # though float() takes some of them
 
 LARGEST = 1e150  # size whose square is still a number
+BLOCK = 4096  # numbers that are checked at a time
+INDICES = np.arange(BLOCK)
 HIGHEST = 400  # order of a lag, a filter or an expansion: beyond it polynomials leave double precision
 
 
@@ -107,11 +109,17 @@ def _finite(name: str, found: Array) -> Array:
     """Return an array, or raise if it is empty or holds what is no number."""
     if not found.size:
         raise ValueError(f"{name} must hold at least one number, found shape {found.shape}")
-    if not np.isfinite(found).all():
+    if not all_finite(found):
         where = tuple(np.argwhere(~np.isfinite(found))[0].tolist())
         at = f" at index {where[0] if len(where) == 1 else where}" if where else ""
         raise ValueError(f"{name} must be finite, found {found[where]}{at}")
     return found
+
+
+def all_finite(values: Array) -> bool:
+    """Return True if all numbers are finite; their sum tells without another array, unless it overflows."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(np.add.reduce(values, axis=None)) or np.isfinite(values).all())
 
 
 def complex_array(name: str, value: ArrayLike) -> Any:
@@ -164,34 +172,39 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
         raise ValueError(
             f"{name} must start at 0, found {t[0]:g}; cut the record there and subtract that time"
         )
-    step = t[-1] / (t.size - 1)
+    step = float(t[-1]) / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
-    grid = step * np.arange(t.size)
-    off = np.abs(t - grid)
-    if off.max() > 1e-6 * step:  # times stored in single precision are off by a share of themselves
-        far = np.flatnonzero(off > 1e-6 * (step + grid))
-        if far.size:
-            i = int(far[0])
-            raise ValueError(
-                f"{name} must be uniform with step {step:g}, found {t[i]:.12g} at index {i} instead of "
-                f"{step * i:.12g}; resample first, for instance with np.interp"
-            )
+    for start in range(0, t.size, BLOCK):  # block by block, since new memory costs more than the arithmetic
+        block = t[start : start + BLOCK]
+        grid = step * (start + INDICES[: block.size])
+        off = np.abs(block - grid)
+        if off.max() > 1e-6 * step:  # times stored in single precision are off by a share of themselves
+            far = np.flatnonzero(off > 1e-6 * (step + grid))
+            if far.size:
+                i = int(far[0])
+                raise ValueError(
+                    f"{name} must be uniform with step {step:g}, found {block[i]:.12g} at index {start + i} instead of "
+                    f"{grid[i]:.12g}; resample first, for instance with np.interp"
+                )
     return t
 
 
 def signal(name: str, value: ArrayLike, size: int) -> Array:
-    """Return a held signal of `size` samples; a number becomes a step at t = 0."""
-    if isinstance(value, (int, float)):  # the most frequent case, and the quick one
-        return np.full(size, real(name, value))
-    array = _real_array(name, value)
+    """Return a held signal of `size` samples; a number becomes a step at t = 0, which takes no memory."""
+    array = np.zeros(()) if isinstance(value, (int, float)) else _real_array(name, value)
     if array.ndim == 0:
-        return np.full(size, real(name, value))
+        return np.broadcast_to(real(name, value), size)
     if array.shape != (size,):
         raise ValueError(
             f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}"
         )
     return _finite(name, array)
+
+
+def is_constant(signal: Array) -> bool:
+    """Return True if a held signal never changes; that of a number is known to."""
+    return signal.strides == (0,) or bool((signal[1:] == signal[:-1]).all())
 
 
 def signals(t: ArrayLike, **given: ArrayLike) -> tuple[Array, ...]:

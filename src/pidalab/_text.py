@@ -10,7 +10,14 @@ of a table.
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Iterable, Sequence
 from typing import Final
+
+KINDS = ("PI", "PID", "PIDA")  # of controllers, by their highest derivative
+WITHOUT_ACCELERATION = KINDS[:2]
+# models that rules start from, as `pidalab.rules.models` makes them of a process
+STARTING_MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
+
 
 MARKS: Final = ".,_-+°%"  # beside letters, digits and blanks
 LONGEST_LINE: Final = 200  # characters
@@ -79,3 +86,30 @@ def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> st
 def _passes(character: str, marks: str) -> bool:
     """Return True for a letter of any alphabet, a decimal digit, and one of the marks."""
     return character in marks or character.isalpha() or unicodedata.category(character) == "Nd"
+
+
+def set_out(cells: Iterable[str], widths: Sequence[int], left: int = 1) -> str:
+    """Return cells as a line of a table: the first ones to the left of their columns, the others to the right.
+
+    Parameters
+    ----------
+    cells : iterable of str
+        The line may end before the last column.
+    widths : sequence of int
+        Of the columns.
+    left : int, optional
+        How many are set to the left: names, where the others are numbers.
+
+    Returns
+    -------
+    str
+        Without blanks at its end.
+
+    Examples
+    --------
+    >>> from pidalab._text import set_out
+    >>> set_out(["PI", "1.5", "20"], [5, 6, 6])
+    'PI      1.5    20'
+    """
+    columns = enumerate(zip(cells, widths, strict=False))
+    return "".join(x.ljust(width) if k < left else x.rjust(width) for k, (x, width) in columns).rstrip()

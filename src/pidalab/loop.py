@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from pidalab import _check
 from pidalab.controllers import AutomaticReset, Controller, Fraction
 from pidalab.digital import DigitalController
-from pidalab.plants import AsymmetricPlant
-from pidalab.process import Process, fraction_at, quotient, rational
+from pidalab.process import AsymmetricPlant, Process, fraction_at, quotient, rational
 from pidalab.roots import roots
 
 if TYPE_CHECKING:  # only who asks for a frequency response waits for python-control

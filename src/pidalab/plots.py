@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab._names import KINDS
+from pidalab._text import KINDS
 from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process

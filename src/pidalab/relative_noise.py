@@ -18,7 +18,7 @@ from pidalab.loop import Loop, require_loop
 from pidalab.process import Process, require_no_zero_at_origin
 from pidalab.reduction import ultimate_frequency
 from pidalab.roots import roots
-from pidalab.simulation.noise import noise_gain
+from pidalab.simulation.sampled import noise_gain
 
 SAMPLES = 100  # of the noise in an ultimate period
 

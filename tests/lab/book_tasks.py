@@ -54,7 +54,7 @@ def texts(path: Path) -> Iterator[str]:
 def tasks_of_the_book() -> list[Task]:
     """Every task, in the order of the pages."""
     found = []
-    for path in sorted([*ROOT.glob("book/*.ipynb"), *ROOT.glob("book/*.md"), *ROOT.glob("book/learn/*.*")]):
+    for path in sorted(each for end in ("ipynb", "md") for each in ROOT.glob(f"book/**/*.{end}")):
         for text in texts(path):
             for block in BLOCK.finditer(text):
                 parts = parts_of(block["content"])

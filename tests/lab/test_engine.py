@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from engine import SCRIPT, Engine, asked
+from engine import Engine, asked
 from engine_errors import oracle
 from make_between import loops
 
@@ -132,7 +132,7 @@ def test_digital_controller_with_limits_and_noise(engine, way):
     t = 0.05 * np.arange(601)
     noise, limits = pidalab.uniform_noise(t, 0.02, seed=1), (-0.2, 1.3)
     true = pidalab.simulate_sampled(
-        pidalab.Loop(process, controller), t, 1.0, -0.3, noise, limits=limits, anti_windup=way
+        pidalab.Loop(process, controller), t, 1.0, load=-0.3, noise=noise, limits=limits, anti_windup=way
     )
     assert true.u.max() == limits[1]
     more = {"noise": noise.tolist(), "antiWindup": way or "none"}
@@ -168,7 +168,7 @@ def test_backward_differences(engine, h, way, names):
     process, controller = pidalab.lags(3, delay=0.777), pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
     t, limits = h * np.arange(round(30 / h) + 1), (-0.2, 1.1)
     digital = controller.discretise(h, limits=limits, **names)
-    true = pidalab.simulate_sampled(pidalab.Loop(process, digital), t, 1.0, -0.3)
+    true = pidalab.simulate_sampled(pidalab.Loop(process, digital), t, 1.0, load=-0.3)
     assert true.u.max() == 1.1
     more = {"method": "backward", "antiWindup": way, "trackingTime": names.get("tracking_time")}
     assert off(engine, true, process, controller, limits, **more) < 1e-9
@@ -190,7 +190,7 @@ def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
     process, controller = pidalab.Process(num, den, delay), pidalab.HighOrderPID([0.2, 0.3], 0.0, 0)
     # without a filter they differ by a sample of the integral
     for method, own in (("backward", controller.discretise(0.2)), ("held", controller)):
-        true = pidalab.simulate_sampled(pidalab.Loop(process, own), 0.2 * np.arange(101), 1.0, -0.3)
+        true = pidalab.simulate_sampled(pidalab.Loop(process, own), 0.2 * np.arange(101), 1.0, load=-0.3)
         assert off(engine, true, process, controller, method=method) < 1e-9
 
 
@@ -328,13 +328,3 @@ def test_bad_input_is_named(engine, change, message):
     case = asked(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.HighOrderPID([0.5, 1.0], 0.0, 0), end=10.0, points=11)
     with pytest.raises(ValueError, match=message):
         engine.simulate(**{**case, **change})
-
-
-def test_a_broken_engine_is_noticed():
-    """The same tests fail for an engine whose dead time is 1 % off."""
-    source = SCRIPT.read_text(encoding="utf-8")
-    broken = Engine(source.replace('real("process.delay", process.delay ?? 0, 0)', "1.01 * process.delay"))
-    with pytest.raises(AssertionError):
-        test_responses_and_margins_of_random_loops(broken)
-    with pytest.raises(AssertionError):
-        test_closed_form_of_an_integrator_with_dead_time(broken)

@@ -15,7 +15,6 @@ from pidalab.rules import automatic_reset, haalman
 TASKS = tasks_of_the_book()
 BY_LABEL = {task.label: task for task in TASKS}
 QUICK = [task for task in TASKS if not task.data.get("search")]
-LEAST = 24
 
 
 def named(tasks):
@@ -120,13 +119,10 @@ def test_the_page_computes_what_the_library_does(page, asked, given, loop):
 # --- keys and wrong answers ------------------------------------------------------------------------------------------
 
 
-def test_there_are_enough_of_every_kind():
-    assert len(TASKS) >= LEAST
+def test_every_lecture_has_two_tasks():
     assert len(BY_LABEL) == len(TASKS)
-    assert {task.data["kind"] for task in TASKS} == {"number", "design", "choice", "order"}
-    lectures = {task.page for task in TASKS if re.match(r"task-\d", task.label)}
-    assert len(lectures) == 6
-    assert all(len([task for task in TASKS if task.page == page]) >= 2 for page in lectures)
+    lectures = [task.page for task in TASKS if re.match(r"task-\d", task.label)]
+    assert sorted(map(lectures.count, set(lectures))) == [2] * 6
 
 
 @named(TASKS)
@@ -208,29 +204,10 @@ def test_numbers_are_those_of_the_derivation(page, label):
     assert answer_of(page, label) == pytest.approx(BY_HAND[label](), rel=2e-3, abs=1e-3)
 
 
-def test_every_number_task_is_derived_here():
-    assert set(BY_HAND) == {task.label for task in TASKS if task.data["kind"] == "number"}
-
-
-def test_the_double_pole_is_double():
-    poles = pidalab.rightmost_poles(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), np.exp(-1)))
-    assert poles[:2] == pytest.approx([-1, -1], abs=1e-4)
-
-
 def test_the_cancelled_lags_are_those_of_the_rule(page):
     C = haalman.tune(plant_of("unequal", {}), ms=1.6).controller
     near = BY_LABEL["task-haalman2024-1"].data["near"]
     assert [near[name] for name in ("ti", "td", "ta")] == pytest.approx([C.ti, C.td, C.ta], rel=1e-4)
-
-
-def test_the_shortest_filter_is_on_the_edge_for_the_library_too():
-    data = BY_LABEL["task-4-1"].data
-
-    def stable(share):
-        loop = {**data["loop"], "Tf": share * data["key"]["Tf"]}
-        return pidalab.is_stable(pidalab.Loop(plant_of(data["plant"], {}), controller_of(loop)))
-
-    assert [stable(0.97), stable(1.03)] == [False, True]
 
 
 def test_the_digital_loop_is_that_of_the_library(page):
@@ -319,10 +296,6 @@ def test_a_number_that_no_slip_explains_is_told_where_to_begin(page, task):
         said = page.judge(task.data, {"answer": answer})["say"]
         assert word in said
         assert task.data["first"] in said
-
-
-def test_a_fraction_is_a_number(page):
-    assert page.judge(BY_LABEL["task-1-1"].data, {"answer": "5/2"})["right"]
 
 
 def test_a_filter_may_be_too_long_as_well(page):

@@ -22,7 +22,7 @@ def test_identification_gives_the_printed_model(changes):
     assert model.delay == pytest.approx(5.56, rel=1e-4)
 
 
-def test_twin_is_its_equations():
+def test_twin_matches_its_equations():
     """Heating and cooling of the documented differential equations by an ODE solver, for a lamp switched on and off."""
     plant = setup.thermal_plant(delay=0.0)
     gain, lag = -plant.direct.num[0][0][0] / 0.05, plant.direct.den[0][0][0] ** (1 / 3)
@@ -74,7 +74,7 @@ def test_experiment_and_its_measures():
 
 
 @pytest.mark.parametrize("step", ["setpoint", "load"])
-def test_the_imitated_solver_converges(step):
+def test_imitated_solver_converges(step):
     """Short steps bring it to the exact engine; with its usual ones it errs, but by little."""
     design = pidalab.rules.mrdp.tune(setup.UNIT, 2, 4, 0.5)
     t = np.linspace(0, 10, 10_001)

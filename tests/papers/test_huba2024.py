@@ -12,7 +12,7 @@ from pidalab.rules import automatic_reset as ar, mrdp
 @pytest.mark.parametrize(
     ("m", "name", "real"), [(0, "PI", False), (1, "PID", False), (2, "PIDA_1", False), (2, "MRDP-PIDA", True)]
 )
-def test_two_derivatives_are_the_library_s(m, name, real):
+def test_low_orders_match_tune(m, name, real):
     """The same loop, prefilter and reset as `automatic_reset.tune` makes, at the limits."""
     loop, own = setup.higher(m, 4, real=real), setup.DESIGNS[name]
     s = np.array([0.1j, 1j, 3 + 5j])
@@ -24,7 +24,7 @@ def test_two_derivatives_are_the_library_s(m, name, real):
 
 
 @pytest.mark.parametrize("m", [3, 5])
-def test_more_derivatives_are_the_multiple_pole(m):
+def test_higher_orders_match_multiple_pole(m):
     """With the fastest zero real the loop without limits is that of mrdp's gains."""
     total, numerator = 1.8, mrdp.constants(m).numerator
     gains = [c * total ** (j - 2) for j, c in enumerate(numerator[::-1])]
@@ -33,7 +33,7 @@ def test_more_derivatives_are_the_multiple_pole(m):
     np.testing.assert_allclose(setup.higher(m, 6).L(s), parallel.L(s), rtol=1e-10)
 
 
-def test_a_portrait_is_its_runs():
+def test_portrait_matches_simulated_runs():
     """One setting of a portrait, and the excess that `worst` takes from it, against the response itself."""
     for step in setup.STEPS:
         r = setup.sampled(setup.DESIGNS["PIDA_2"].loop(), step, h=0.01)
@@ -43,14 +43,14 @@ def test_a_portrait_is_its_runs():
     assert setup.setting_at(setup.point(ar.PIDA_2))[3:] == pytest.approx(ar.PIDA_2[3:])
 
 
-def test_excess_is_nothing_for_the_ideal_shapes():
+def test_excess_is_zero_for_ideal_shapes():
     for step in setup.STEPS:
         r = setup.sampled(setup.DESIGNS["PID"].loop(), step, h=0.01)
         assert setup.excess(r, step) == pytest.approx((0.0, 0.0), abs=1e-9)
         assert setup.beyond(r, step) == 0.0
 
 
-def test_the_dryer_gives_its_model():
+def test_dryer_gives_printed_model():
     """Behind the filter that was found, the tangent is the model; other sensors give other filters."""
     t, found = np.linspace(0, 1500, 15001), []
     for sensor in (10.0, 20.0):

@@ -8,7 +8,7 @@ import pytest
 
 import pidalab
 from pidalab import Record, lags
-from pidalab._names import KINDS
+from pidalab._text import KINDS
 from pidalab.comparison.judging import DesignRow
 from pidalab.plant.fitting import fit
 from pidalab.plant.noise_curves import TradeOff, TradeOffPoint

@@ -21,7 +21,7 @@ def log(setpoint=0.0, load=0.0, noise=0.02, seed=0, slow=0.0):
     for k in range(1, T.size):
         disturbed[k] += slow * (disturbed[k - 1] - disturbed[k]) if slow else 0.0
     loop = pidalab.Loop(PLANT, RUNNING.discretise(H))
-    run = pidalab.simulate_sampled(loop, T, setpoint, load, disturbed)
+    run = pidalab.simulate_sampled(loop, T, setpoint, load=load, noise=disturbed)
     return pidalab.Record(T, 40 + run.u, 300 + run.y + disturbed)
 
 

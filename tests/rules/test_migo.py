@@ -48,7 +48,7 @@ def test_no_nearby_controller_integrates_more(name, m):
     """Outside of the circle, with less derivative gain: beside the PID of the rule, and beside its PI with none."""
     rng = np.random.default_rng(0)
     for kind in ("PI", "PID"):
-        ki, kp, kd, _ = migo.tune(PLANTS[name], kind, m).controller.gains()
+        ki, kp, kd, _ = migo.tune(PLANTS[name], kind, m=m).controller.gains()
         assert abs(distance(name, kp, ki, kd, m)) < 1e-4
         for _ in range(15):
             nearby = (

@@ -170,7 +170,7 @@ def test_ensemble_is_simulate_row_by_row():
     noise = np.stack([held(seed, every=1) for seed in range(3)] + [np.zeros(TIME.size)])
     records = pidalab.simulate_ensemble(LOOPS["delay"], TIME, noise, setpoint=held(7), load=-0.4)
     for row, record in zip(noise, records, strict=True):
-        single = simulate(LOOPS["delay"], TIME, held(7), -0.4, row)
+        single = simulate(LOOPS["delay"], TIME, held(7), load=-0.4, noise=row)
         for key in ("t", "r", "d", "n", "y", "u", "area"):
             np.testing.assert_allclose(getattr(record, key), getattr(single, key), atol=1e-12)
 
@@ -178,7 +178,9 @@ def test_ensemble_is_simulate_row_by_row():
 def test_signals_that_are_not_given_are_zero():
     noise = held(3, every=1)
     (record,) = pidalab.simulate_ensemble(LOOPS["delay"], TIME, noise[None])
-    np.testing.assert_allclose(record.y, simulate(LOOPS["delay"], TIME, 0.0, 0.0, noise).y, atol=1e-12)
+    np.testing.assert_allclose(
+        record.y, simulate(LOOPS["delay"], TIME, 0.0, load=0.0, noise=noise).y, atol=1e-12
+    )
     assert not simulate(LOOPS["delay"], TIME).y.any()
 
 

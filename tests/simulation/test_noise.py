@@ -9,7 +9,7 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop
-from pidalab.simulation.noise import FADED, TAIL_SAMPLES
+from pidalab.simulation.sampled import FADED, TAIL_SAMPLES
 
 TIME = np.arange(241) * 0.05
 

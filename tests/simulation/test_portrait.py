@@ -139,7 +139,7 @@ def test_a_prefilter_follows_a_set_point_that_moves_late_and_ignores_a_load():
         Loop(LOOP.process, PDA, prefilter=control.tf([1.0], [0.8, 1.0])),
         np.where(T < 5.0, 0.0, 1.0),
     )
-    found, record = portrait(filtered, {"kp": PDA.kp}, T, late), simulate_sampled(filtered, T, late)
+    found, record = portrait(filtered, {"kp": PDA.kp}, T, setpoint=late), simulate_sampled(filtered, T, late)
     assert found.iae == pytest.approx(record.iae(), rel=1e-9)
     assert_same_bits(portrait(filtered, GRID, T, load=1.0), portrait(LOOP, GRID, T, load=1.0))
 

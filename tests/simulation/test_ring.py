@@ -309,7 +309,7 @@ def test_what_cannot_be_followed_is_refused_with_its_numbers(monkeypatch, status
 def test_work_is_followed_to_the_last_multiplication_that_is_allowed(n, step, td):
     """All multiplications of stacks, or of states at the multiples of the dead time, are counted as they are made."""
     cut = cut_at_delay(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(0.5, 2.0, td, n=100)), "rd")
-    given = (*cut, step, n, ladder._intervals(cut, n, step), ladder.norm_over(cut, n, step))
+    given = (cut, step, n, ladder._intervals(cut, n, step), ladder.norm_over(cut, n, step))
     run, made = as_loops(ladder._responses, {}), {"inside": 0, "across": 0}
     names = run.__globals__
     advanced, transition, climb = names["advanced"], names["transition"], names["ladder"]

@@ -23,7 +23,7 @@ def errors_against_the_oracle(case, h):
     times = np.array(RECORD["times"])
     each = round((times[1] - times[0]) / h)
     t = np.arange(each * (times.size - 1) + 1) * h
-    r = simulate_sampled(loop, t, case["setpoint"], case["load"])
+    r = simulate_sampled(loop, t, case["setpoint"], load=case["load"])
     return np.array([np.max(np.abs(r.y[::each] - case["y"])), np.max(np.abs(r.u[::each] - case["u"]))])
 
 
@@ -66,7 +66,7 @@ def test_reset_by_hand():
         v[k] = u[k] + d[k]
         position += v.get(k - 3, 0.0) * (delay - 2 * h) + v.get(k - 2, 0.0) * (3 * h - delay)
     loop = Loop(pidalab.ipdt(1.0, delay), SeriesPIDA(kp, kd, ka, ti, time, 3, limits=limits))
-    out = simulate_sampled(loop, h * np.arange(n), r, d, noise, quanta=quanta)
+    out = simulate_sampled(loop, h * np.arange(n), r, load=d, noise=noise, quanta=quanta)
     np.testing.assert_allclose(out.y, y, atol=1e-11)
     np.testing.assert_allclose(out.u, u, atol=1e-11)
     assert {limits[0], limits[1]} <= set(out.u)  # limits are no multiples of the quantum, and stay
@@ -169,7 +169,9 @@ def test_pulses_by_hand(delay):
     h, n, widths, limits, rng = 0.2, 40, 5, (-0.4, 1.1), np.random.default_rng(5)
     load, r = 0.3 * rng.normal(size=n), rng.uniform(-1.0, 2.0, size=n)
     plant = Process([1.0], np.convolve([1.0, 1.0], [0.5, 1.0]), delay)
-    out = simulate_sampled(Loop(plant, 0.9), h * np.arange(n), r, load, limits=limits, pulse_widths=widths)
+    out = simulate_sampled(
+        Loop(plant, 0.9), h * np.arange(n), r, load=load, limits=limits, pulse_widths=widths
+    )
     states = pulses_by_hand(widths, limits, h, delay, load, 0.9 * (r - out.y))
     np.testing.assert_allclose(out.y, states[:, 1], atol=1e-9)
     np.testing.assert_allclose(out.area, states[:, 2], atol=1e-9)

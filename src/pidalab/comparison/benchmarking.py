@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pidalab import _check
-from pidalab._names import KINDS, STARTING_MODELS
 from pidalab._parts import done, require_executor
+from pidalab._text import KINDS, STARTING_MODELS
 from pidalab.comparison import first_horizon
 from pidalab.comparison.fairness import at_equal_terms, gains_of
 from pidalab.comparison.judging import DesignRow, measure_row, one_line
@@ -97,7 +97,7 @@ def judge(
 
 
 def in_units(row: DesignRow, own: NoiseScale) -> dict[str, Any]:
-    """Return what was measured, in the plant's units; what could not be had stays away."""
+    """Return the measures in the units of the plant; those that are not known are left out."""
     if not row.applies:
         return {"reason": row.reason}
     found = {
@@ -202,7 +202,7 @@ class Benchmark:
         return pd.concat([others, mine]).dropna(subset=["of_best"])
 
     def refusals(self) -> pd.Series:
-        """Return on how many plants the rule refused, or made an unstable loop, by reason.
+        """Count the plants on which the rule refused or made an unstable loop, by reason.
 
         Returns
         -------
@@ -453,5 +453,5 @@ def _with_least(rows: list[dict[str, Any]]) -> pd.DataFrame:
 
 
 def _escape(text: str) -> str:
-    """Letters that mean something to LaTeX, as themselves."""
+    """Escape the special characters of LaTeX."""
     return "".join(f"\\{one}" if one in "&%$#_{}" else one for one in text)

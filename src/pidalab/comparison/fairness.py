@@ -1,4 +1,4 @@
-"""A design at the robustness and the noise of others: only then do their errors compare."""
+"""Scale a design to the robustness and the noise of others, so that their errors compare."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.robustness.gain import gain_for_ms
 from pidalab.robustness.margins import max_sensitivity
+from pidalab.roots import border
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale
-from pidalab.search import border
 
 LONGEST_FILTER = 1e4  # that is tried, in sample times
-LEAST_SCALE = 0.01  # of the gains: with less of them nearly any loop is robust, and does nothing
+LEAST_SCALE = 0.01  # of the gains: with less, nearly any loop is robust and does nothing
 TIME_RTOL = 1e-7  # share to which the filter time is found
-DENSITY = 4  # of the frequencies over which noise is summed: good for six digits
+DENSITY = 4  # factor of the number of frequencies for the noise: good for six digits
 
 
 def at_equal_terms(
@@ -106,7 +106,7 @@ def _filtered(gains: Array, time: float) -> HighOrderPID:
 
 
 def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, float], float]:
-    """Return the function that gives the noise gain; infinite where the loop does not bear to be sampled."""
+    """Return the function that gives the noise gain; infinite where the sampled loop is unstable."""
     from pidalab.optimal.problem import Problem, SampledNoise
 
     problem = Problem(process, size - 2, (1.0, time_scale(process)))

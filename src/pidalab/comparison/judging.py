@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from pidalab._table import set_out
+from pidalab._text import set_out
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.relative_noise import noise_scale, sampled_noise
@@ -133,14 +133,15 @@ def _measure_loop(
 ) -> DesignRow:
     from pidalab.robustness import max_control_sensitivity
     from pidalab.robustness.margins import margins
-    from pidalab.simulation.exact import load_response, step_response
-    from pidalab.simulation.settling import settled
+    from pidalab.simulation.exact import load_response, simulate_until_settled, step_response
 
     loop = design.loop(process)
     found = margins(loop)
     if not found.stable:
         return DesignRow(rule, kind, reason="the loop with the process is unstable", design=design)
-    load, setpoint = (settled(simulate, loop, horizon) for simulate in (load_response, step_response))
+    load, setpoint = (
+        simulate_until_settled(simulate, loop, horizon) for simulate in (load_response, step_response)
+    )
     noise, relative, reason = _noise(loop, sample_time)
     return DesignRow(
         rule,

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.algebra import Block
 from pidalab.forms import FilteredGains, IdealGains
-from pidalab.process import fraction_at, quotient
+from pidalab.process import Block, fraction_at, quotient
 
 if TYPE_CHECKING:  # python-control is slow to import, and only transfer functions need it
     import control

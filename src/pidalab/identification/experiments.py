@@ -78,6 +78,7 @@ def three_point(
     t: ArrayLike | StepRecord,
     y: ArrayLike | None = None,
     step: float | None = None,
+    *,
     crossing: Literal["interpolated", "sampled"] = "interpolated",
 ) -> ThreePointModel:
     """Fit a third-order model with dead time through three points of an open-loop step response.
@@ -174,6 +175,7 @@ def ipdt_tangent(
     t: ArrayLike | StepRecord,
     y: ArrayLike | None = None,
     step: float | None = None,
+    *,
     span: float | None = None,
 ) -> Process:
     r"""Approximate the steepest segment of a step response by an integrator with dead time.
@@ -296,7 +298,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
 
 
 def ipdt_least_squares(
-    t: ArrayLike | StepRecord, y: ArrayLike | None = None, step: float | None = None, rise: float = 0.2
+    t: ArrayLike | StepRecord, y: ArrayLike | None = None, step: float | None = None, *, rise: float = 0.2
 ) -> Process:
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 

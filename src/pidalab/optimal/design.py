@@ -31,8 +31,7 @@ from pidalab.relative_noise import noise_scale
 from pidalab.requirements import Requirements
 from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
-from pidalab.simulation.exact import load_response
-from pidalab.simulation.settling import settled
+from pidalab.simulation.exact import load_response, simulate_until_settled
 
 HIGHEST_ORDER = 4  # order of a controller
 ACTIVE = 1e-3  # share of a limit within which it is called active
@@ -355,7 +354,7 @@ def _edge(search: Search, x: Array) -> tuple[str, ...]:
 def _iae(loop: Loop, time: float) -> float:
     """IAE of a unit step of the load, until it has settled."""
     try:
-        return settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
+        return simulate_until_settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
     except ValueError as reason:
         raise ValueError(
             f"the limits leave only loops too slow to be followed for this process: {reason}"

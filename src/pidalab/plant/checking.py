@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab._names import KINDS
+from pidalab._text import KINDS
 from pidalab.comparison.judging import DesignRow, one_line, text_table
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller

@@ -8,8 +8,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from pidalab import _check
-from pidalab._names import KINDS
-from pidalab._table import set_out
+from pidalab._text import KINDS, set_out
 from pidalab.comparison import designs, first_horizon
 from pidalab.comparison.judging import DesignRow, measure_row
 from pidalab.process import Process, require_no_zero_at_origin

@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pidalab._table import set_out
+from pidalab._text import set_out
 from pidalab.comparison.judging import DesignRow, measure_row, one_line
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.record import Record

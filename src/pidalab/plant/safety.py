@@ -13,7 +13,7 @@ from pidalab.loop import Loop
 from pidalab.process import Process, rational
 from pidalab.requirements import Requirements
 from pidalab.rules import Design
-from pidalab.simulation.settling import load_iae
+from pidalab.simulation.exact import load_iae
 
 TOO_DEAR = 3.0  # price of robustness in IAE that is refused
 MET, STILL_KEPT = 1e-3, 1e-6  # shares of a limit: below it what meets it, and above it what still keeps it

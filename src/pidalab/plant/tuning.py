@@ -367,7 +367,7 @@ def _iae_ms_mks(loop: Loop) -> dict[str, float]:
     from pidalab.robustness import max_control_sensitivity
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.robustness.poles import is_stable
-    from pidalab.simulation.settling import load_iae
+    from pidalab.simulation.exact import load_iae
 
     if not is_stable(loop):
         return {"iae": math.inf, "ms": math.inf, "mks": math.inf}

@@ -1,4 +1,4 @@
-"""How far a loop is from instability, and whether limits of its control signal can keep it from coming to rest.
+"""Margins and poles of a loop, and its absolute stability with a limited control signal.
 
 Poles and margins have their names at the top of the library (`pidalab.is_stable`, `pidalab.margins`); the criteria of
 absolute stability, and the largest gain from noise to control signal, have theirs here.

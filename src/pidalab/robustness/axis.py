@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq, elementwise, minimize_scalar
 
 from pidalab._check import Array
-from pidalab.search import succeeded
+from pidalab.roots import succeeded
 
 PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 2_000_000  # along the axis: more would fill the memory
@@ -58,7 +58,7 @@ def too_many(turn: float, points: float = MOST_POINTS) -> TooManyTurns:
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Every decade in which something happens, four more on both sides up to the end, and what is narrower."""
+    """Return the grid: all decades with roots, four more on both sides up to the end, and points near light damping."""
     speeds = [speed for speed in np.abs(roots).tolist() if speed > 0] + ([1 / delay] if delay else [])
     low, high = min(speeds, default=1.0), max(speeds, default=1.0)
     low, high = 1e-4 * min(low, end), min(1e4 * high, end)
@@ -86,13 +86,13 @@ def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Arra
 
 
 def most_between(*neighbours: Any) -> Any:
-    """Largest value of a smooth function between points: as much more as it changes from point to point."""
+    """Return an upper bound of a smooth function between points: it exceeds them by as much as they differ."""
     low, high = np.fmin.reduce(neighbours), np.fmax.reduce(neighbours)
     return high * np.where(low > 0, high / low, 1.0)
 
 
 def least_between(*neighbours: Any) -> Any:
-    """Smallest value of a smooth function between points: as much less as it changes from point to point."""
+    """Return a lower bound of a smooth function between points: it is below them by as much as they differ."""
     low, high = np.fmin.reduce(neighbours), np.fmax.reduce(neighbours)
     return low * np.where(high > 0, low / high, 1.0)
 
@@ -110,7 +110,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 
 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
-    """Where a function is least between the neighbours of some points, and its values there."""
+    """Return where a function is least between the neighbours of some points, and its values there."""
     below, at, above = w[i - 1] - w[i], w[i], w[i + 1] - w[i]
     away, least, rest = np.zeros(i.size), np.zeros(i.size), np.arange(i.size)
     if i.size > ONE_BY_ONE:
@@ -190,7 +190,7 @@ def height(kind: int, num: Any, den: Any) -> Any:
 
 
 def _bound(kind: int, size: Array, weight: Any) -> Array:
-    """What a height does not exceed between neighbours, from |L| and the weight there: infinite where |L| may be 1.
+    """Return a bound of a height between neighbours, from |L| and the weight there: infinite where |L| may be 1.
 
     Between two points |1 + L| is at least the distance of |L| from 1, whatever the dead time turns.
     """

@@ -48,8 +48,7 @@ from pidalab.loop import Loop, open_loop
 from pidalab.process import Process, binomial
 from pidalab.robustness.axis import Samples, lowest, most_between
 from pidalab.robustness.in_s import from_factors, from_roots
-from pidalab.roots import roots
-from pidalab.search import border
+from pidalab.roots import border, roots
 
 NO_LOWER = 1e-10  # by how much a value must be lower to be sought, relative to it if it is beyond 1
 GRID_STEPS = 60  # of the grid that are followed at a time
@@ -85,7 +84,7 @@ class LinearPart(NamedTuple):
 
     @property
     def integrates(self) -> bool:
-        """Whether F has a pole at 0."""
+        """Return True if F has a pole at 0."""
         return bool(self.forward.den[-1] == 0)
 
     @property
@@ -113,7 +112,7 @@ class Criterion(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the margin is surely positive."""
+        """Return True if the margin is surely positive."""
         return self.margin > TOLERANCE
 
 
@@ -267,7 +266,7 @@ def popov(loop: Loop) -> Criterion:
 
 
 def _best_multiplier(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
-    """Where the least of some lines, each by its value at 0 and its slope, is largest between 0 and `most`."""
+    """Return where the least of some lines, each by its value at 0 and its slope, is largest between 0 and `most`."""
     start, slope = np.transpose(lines)
     with np.errstate(divide="ignore", invalid="ignore"):
         meet = np.subtract.outer(start, start) / -np.subtract.outer(slope, slope)
@@ -424,5 +423,5 @@ def line(part: LinearPart, w: float) -> tuple[float, float]:
 
 
 def _below(best: float) -> float:
-    """What a value must not exceed to be lower."""
+    """Return the level below which a value counts as lower."""
     return best - NO_LOWER * max(1.0, abs(best))

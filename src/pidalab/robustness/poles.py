@@ -76,7 +76,7 @@ def count_unstable(axis: Axis) -> float:
 
 
 def is_stable(loop: Loop) -> bool:
-    """Whether all closed-loop poles lie in the open left half-plane, with exact dead time.
+    """Return True if all closed-loop poles lie in the open left half-plane, with exact dead time.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, found: Any, last: int, chain: float) -> bool:
-    """Whether the argument principle counts as many poles as the first `last`, right of a line behind these."""
+    """Return True if the argument principle counts as many poles as the first `last` right of a line behind them."""
     slowest = found[last - 1].real
     border = slowest - 1 if last == found.size else max(0.5 * (slowest + found[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
@@ -278,7 +278,7 @@ def _polished(loop: Loop, approximate: Any) -> Any:
         still = np.abs(step) <= 1e-9 * np.abs(s)
         near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
-        # in a cluster it goes astray, once rounding is all that is left of value and slope
+        # in a cluster it diverges once only rounding is left of value and slope
         s = np.where(near & (np.abs(value) <= 10 * least), s, best)
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))

@@ -122,7 +122,7 @@ def _gain(w, contour_slope, contour_shift, factors):
 
 @compiled
 def _extremum(sign, low, at, high, contour_slope, contour_shift, factors):
-    """Where sign times ln |L| is least between two points, and ln |L| there."""
+    """Return where sign times ln |L| is least between two points, and ln |L| there."""
     w, value = at, 0.0
     for _ in range(MOST_STEPS):
         value, slope, bend = _gain(w, contour_slope, contour_shift, factors)
@@ -141,7 +141,7 @@ def _extremum(sign, low, at, high, contour_slope, contour_shift, factors):
 
 @compiled
 def _crossing(real, low, high, rises, contour_slope, contour_shift, factors):
-    """Where ln |L| is 0 between two points, or L real; `rises` tells that it, or Im L, is above 0 at the second."""
+    """Return where ln |L| is 0 between two points, or L real; `rises` if it, or Im L, is above 0 at the second."""
     w, wide, last = 0.5 * (low + high), high - low, np.inf
     for _ in range(MOST_STEPS):
         if real:
@@ -176,7 +176,7 @@ def _crossing(real, low, high, rises, contour_slope, contour_shift, factors):
 )
 def gain_crossings(w, num, den, contour_slope, contour_shift, factors):
     """As `axis.gain_crossings`, at s = jw - contour_slope w - contour_shift."""
-    # what is seen: a gain of 1 all along has no crossover
+    # a gain of 1 along the whole axis has no crossover
     place, value, seen = np.empty(w.size), np.empty(w.size), 0
     for i in range(w.size):
         level = np.log(abs(num[i]) / abs(den[i]))
@@ -250,7 +250,16 @@ def _append(found, count, w):
     )
 )
 def phase_crossings(w, num, den, floor, every, factors):
-    """As `axis.phase_crossings`; NaN alone where the dead time turns the phase too often."""
+    """Return the phase crossovers, as `axis.phase_crossings`; NaN alone where the dead time turns too often.
+
+    Notes
+    -----
+    The state is the last point that is not on the real axis: its frequency, its side of the axis, and whether L is near
+    the positive axis or loud there. A change of side between it and the next point is a crossover, unless both lie near
+    the positive axis. A step in which the dead time turns the phase by more than `COARSE_STEP` is divided where L is
+    loud. If the dead time alone decides how L turns in such a step, the number of crossovers is known from both ends,
+    and each is found from its own guess.
+    """
     delay, found, count, points = factors[4], np.empty(64), 0, 0.0
     kept = TINIEST if every else floor
     started, w0, side0, ahead0, loud0 = False, 0.0, 0.0, False, False
@@ -322,7 +331,7 @@ def _height(kind, num, den):
 
 @compiled
 def _bound(kind, a, f0, b, f1):
-    """What a height does not exceed between two points, from |L| and the weight there: infinite where |L| may be 1.
+    """Return a bound of a height between two points, from |L| and the weight there: infinite where |L| may be 1.
 
     There |1 + L| is at least the distance of |L| from 1, whatever the dead time turns.
     """
@@ -338,7 +347,7 @@ def _bound(kind, a, f0, b, f1):
 
 @compiled
 def _may_exceed(best, h0, h1, h2, n0, d0, n1, d1, n2, d2):
-    """Whether between three points, the middle one of which is the highest, a value may exceed the best."""
+    """Return True if a value may exceed the best between three points, of which the middle one is the highest."""
     before, here, after = n0 * inverse(d0), n1 * inverse(d1), n2 * inverse(d2)
     # beside a point L comes no closer to -1 than its way to the next one allows
     closest = abs(1.0 + here) - DETOUR * max(abs(here - before), abs(after - here))
@@ -410,7 +419,15 @@ def _modulus(w: Any, factors: Any) -> Any:
     )
 )
 def highest(kind, w, num, den, probes, least, weight, factors):
-    """As `axis.highest`; NaN where the dead time turns the phase too often."""
+    """Return the highest peak, as `axis.highest`; NaN where the dead time turns the phase too often.
+
+    Notes
+    -----
+    `best` is the highest value so far, at `where`. It starts from probes near gain crossovers, since a known high peak
+    saves steps. A step of the grid is divided only if the bound between its ends exceeds `best`: first into
+    pieces, then each piece until the dead time turns the phase by `FINE_STEP` from point to point. The last two points
+    (indices 0 and 1) and the present one show a hill. It is climbed by Newton's method if it may exceed `best`.
+    """
     delay, size, points = factors[4], w.size, 0.0
     best, where = least, np.nan
     for probe in probes:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pidalab import _check
-from pidalab._names import WITHOUT_ACCELERATION
+from pidalab._text import WITHOUT_ACCELERATION
 from pidalab.controllers import PIDA, HighOrderPID
 from pidalab.process import Process, require_process
 from pidalab.roots import roots
@@ -21,7 +21,9 @@ CLOSE_LAG = 1.6 * (1 - 1e-9)
 MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # iterations for the effective dead time, and their tolerance
 
 
-def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = None, n: float = 10) -> Design:
+def simc(
+    model: Process, kind: str = "PID", *, closed_loop_time: float | None = None, n: float = 10
+) -> Design:
     r"""Design a PI or PID controller by SIMC, for a model reduced by the half rule.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
@@ -90,7 +92,7 @@ def simc(model: Process, kind: str = "PID", closed_loop_time: float | None = Non
     return Design(model, controller, source=source, info=info)
 
 
-def improved_simc(model: Process, closed_loop_time: float | None = None, n: float = 10) -> Design:
+def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: float = 10) -> Design:
     r"""Design a controller by improved SIMC: SIMC's PI in series with a derivative time of a third of the dead time.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad

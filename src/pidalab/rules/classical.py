@@ -29,7 +29,7 @@ import math
 from typing import Any
 
 from pidalab import _check
-from pidalab._names import WITHOUT_ACCELERATION
+from pidalab._text import WITHOUT_ACCELERATION
 from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
@@ -103,7 +103,7 @@ def amigo(model: Process, kind: str = "PID") -> Design:
     return _design(model, kind, pi, pid, "Åström and Hägglund (2004), AMIGO")
 
 
-def lambda_tuning(model: Process, kind: str = "PI", closed_loop_time: float | None = None) -> Design:
+def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float | None = None) -> Design:
     r"""Design by lambda tuning: cancel the lag, and give the closed loop a chosen time constant.
 
     .. math:: \text{PI: } k_p = \frac{T}{K(\lambda + L)},\; t_i = T; \qquad

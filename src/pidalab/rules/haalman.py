@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FILTER_RATIO = 0.05  # time constant of the output filter times gain crossover, eq. (9)
 
 
-def pida(model: Process, ms: float = 1.4, n: float = 10, m: float | None = None) -> PIDA:
+def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = None) -> PIDA:
     """Design a PIDA controller for a third-order model with dead time.
 
     The integral, derivative and acceleration times cancel the model's poles, eq. (8):
@@ -77,7 +77,7 @@ def pida(model: Process, ms: float = 1.4, n: float = 10, m: float | None = None)
     return _with_gain(model, PIDA(1 / gain, a1, a2 / a1, a3 / a1, n, ratio), ms)
 
 
-def pid(model: Process, ms: float = 1.4, n: float = 10) -> PIDA:
+def pid(model: Process, ms: float = 1.4, *, n: float = 10) -> PIDA:
     """Design a PID controller for a second-order model with dead time, by the same approach, eq. (10).
 
     Parameters
@@ -145,6 +145,7 @@ def tune(
     model: Process | ThreePointModel,
     ms: float = 1.4,
     kind: str = "PIDA",
+    *,
     n: float = 10,
     m: float | None = None,
 ) -> Design:
@@ -184,9 +185,9 @@ def tune(
     _check.choice("kind", kind, ("PIDA", "PID", "PI"))
     model = _trusted(model)
     if kind == "PIDA":
-        controller, equations = pida(model, ms, n, m), "eqs. (2), (8) and (9)"
+        controller, equations = pida(model, ms, n=n, m=m), "eqs. (2), (8) and (9)"
     else:
-        controller = pid(model, ms, n) if kind == "PID" else pi(model, ms)
+        controller = pid(model, ms, n=n) if kind == "PID" else pi(model, ms)
         equations = {"PID": "eqs. (9) and (10)", "PI": "eqs. (8) and (9), for one lag"}[kind]
     smooth = output_filter(model, controller)
     return Design(

@@ -32,8 +32,8 @@ from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.process import Process, require_no_zero_at_origin, sign_of_gain
 from pidalab.reduction import ultimate_frequency
+from pidalab.roots import border
 from pidalab.rules._design import Design
-from pidalab.search import border
 
 MIGO_KINDS = ("PI", "PID")
 BELOW, ABOVE = (
@@ -82,7 +82,7 @@ class _Ridge(NamedTuple):
         return bool(self.at(w)[0] > 0) and self.room(w) >= -CIRCLE_TOUCH
 
 
-def tune(model: Process, kind: str = "PID", m: float = 1.4, n: float = 10) -> Design:
+def tune(model: Process, kind: str = "PID", *, m: float = 1.4, n: float = 10) -> Design:
     """Return the PI or PID controller of MIGO.
 
     Parameters

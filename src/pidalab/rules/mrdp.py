@@ -31,9 +31,9 @@ from pidalab.controllers import HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, ipdt
 from pidalab.robustness.poles import is_stable
+from pidalab.roots import border
 from pidalab.rules._design import Design
 from pidalab.rules.models import integrator
-from pidalab.search import border
 
 if TYPE_CHECKING:
     import control

@@ -26,7 +26,7 @@ from itertools import product
 from typing import Any
 
 from pidalab import _check
-from pidalab._names import KINDS
+from pidalab._text import KINDS
 from pidalab.areas import from_process
 from pidalab.process import Process
 from pidalab.relative_noise import sampled_noise
@@ -253,7 +253,7 @@ RULES: dict[str, Rule] = {
             "migo",
             "Åström and Hägglund (2004), MIGO",
             dict.fromkeys(("PI", "PID"), "process"),
-            lambda model, kind, limits: migo.tune(model, kind, limits.ms),
+            lambda model, kind, limits: migo.tune(model, kind, m=limits.ms),
             compared=False,
             knows_ms=True,
         ),

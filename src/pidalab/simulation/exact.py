@@ -11,17 +11,19 @@ So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi
 without any approximation as long as no multiple of h lies strictly between t and t + tau. The simulation takes four
 steps:
 
-1. a ladder of :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p, by squaring (kept without the 1, so that slow
+1. compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring (without the 1, so that slow
    states keep their digits next to fast ones);
-2. the states at the multiples of h, one after the other;
-3. from there to the first requested time in each interval: by the ladder, and a Taylor series for the rest;
-4. all other requested times as matrix products: rows for a run of times, applied to the stacks of all intervals at
-   once.
+2. compute the states at the multiples of h, one after the other;
+3. carry each stack to the first requested time in its interval, by powers and a Taylor series for the rest;
+4. compute all other requested times as matrix products of rows for a run of times and stacks.
 """
 
 from __future__ import annotations
 
-from functools import partial
+import math
+from collections.abc import Callable
+from functools import lru_cache, partial
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,12 +32,152 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, require_loop
 from pidalab.process import Process
-from pidalab.response import REFINEMENT, Response, apply_to_finer
+from pidalab.response import Response
 from pidalab.roots import roots
+from pidalab.signals import REFINEMENT, apply_to_finer
+from pidalab.simulation.ladder import ManyDeadTimes, norm_over, responses
+from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
+
+# Digits may cancel where a dead time, or t, spans more than this many time constants of the fastest state.
+CHECKED_FROM = 3e3
+OTHER_UNITS = (1.3, 0.6, 2.2)  # of time and u: for the second response, and for others if that leaves doubts
+FEWEST_COMPARED = 64  # times at which two responses are compared
+DENSE = 10_000  # times that show the size of a response before it is refused
+AGREEMENT = 1e-10  # allowed difference, relative to the largest value of a signal: nine digits are promised
+CERTAIN = 1e-12  # difference below which two responses are enough, since they seldom err alike so closely
+BESIDE_KICKS = 1e-6  # allowed difference relative to values outside kicks, and at requested times
+KICK_DURATION = 60.0  # in time constants of the fastest state
+# Time constants after which a time, known to 1e-16, no longer tells its place within a kick.
+KICK_UNRESOLVED = 1e5
+
+
+# loops, and the grids on which their responses were found to have their digits
+AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary()
+
+
+def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
+    """Return y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n).
+
+    Raises
+    ------
+    ValueError
+        If too many digits were lost, and as `pidalab.simulation.ladder.responses`.
+
+    Notes
+    -----
+    No bound on the speeds of a loop tells how many digits cancel. A stiff loop is therefore computed again in other
+    units. If these are not powers of 2, every coefficient, state and power rounds anew, and the powers begin at half
+    the time. Two responses that agree to ten digits cannot have lost seven of sixteen.
+    """
+    cut, norm, may_cancel = _prepared(loop, inputs, n, step)
+    if not may_cancel:
+        return responses(cut, n, step, norm)
+    # the requested times may miss those at which digits are lost
+    finer = -(-FEWEST_COMPARED // (n - 1))
+    steps, step = (n - 1) * finer, step / finer
+    values = responses(cut, steps + 1, step, norm)
+    if not _check.all_finite(values):  # the caller reports the overflow
+        numbers = np.isfinite(values).all(axis=(0, 1))
+        values[:, :, np.argmin(numbers) :] = np.nan
+    elif (inputs, steps, step) not in (agreed := AGREED.setdefault(loop, set())):
+        _require_agreement(loop, inputs, cut, norm, values, step, finer)
+        agreed.add((inputs, steps, step))
+    return values[:, :, ::finer]
+
+
+@lru_cache(maxsize=64)
+def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float, bool]:
+    """Return the cut loop, its norm, and whether digits may cancel."""
+    cut = cut_at_delay(loop, inputs)
+    norm = norm_over(cut, n, step)
+    # without dead time the loop is closed, and its blocks may be faster than its poles
+    speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
+    return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
+
+
+def _require_agreement(
+    loop: Loop, inputs: str, cut: Cut, norm: float, values: Array, step: float, finer: int
+) -> None:
+    """Raise if responses in other units differ; one time in `finer` is requested."""
+    steps = values.shape[2] - 1
+    every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
+    size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
+    # either all times are requested, or all are compared
+    shown = _sizes(cut, values[:, :, ::finer], step * finer, every) if finer > 1 else size
+    uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
+    for unit in OTHER_UNITS:
+        other = _in_other_units(loop, inputs, unit, steps // every + 1, step * every)
+        difference = np.minimum(np.nan_to_num(np.abs(values[:, :, ::every] - other), nan=np.inf), 1e300)
+        share = np.max(difference / size, axis=2)
+        if share.max() > AGREEMENT and not all_seen:  # the requested times may miss the largest values
+            more, all_seen = -(-DENSE // steps), True
+            dense = responses(cut, steps * more + 1, step / more, norm)
+            size = _sizes(cut, dense, step / more, every * more) if np.isfinite(dense).all() else size
+            share = np.max(difference / size, axis=2)
+        uncertain = np.maximum(uncertain, share)
+        beside_shown = np.maximum(beside_shown, np.max(difference[:, :, ::finer] / shown, axis=2))
+        if not CERTAIN <= uncertain.max() <= AGREEMENT:
+            break
+    # the digits may suffice for the largest values, which lie between the requested times
+    hidden = uncertain.max() <= AGREEMENT
+    share, allowed = (beside_shown, BESIDE_KICKS) if hidden else (uncertain, AGREEMENT)
+    if share.max() <= allowed:
+        return
+    where = " at the requested times" if hidden else ""
+    remedy = "between them are far larger ones; ask for more times, or shorten t"
+    if not hidden:
+        fastest = 1 / np.max(_speeds(cut))
+        remedy = (
+            f"the fastest filter or lag of the loop has a time constant of {fastest:.3g}, too short beside the others; "
+            "take a longer one, or leave it out"
+        )
+    _, signal = np.unravel_index(np.argmax(share), share.shape)
+    raise ValueError(
+        f"rounding leaves {min(1.0, share.max()):.1g} of the largest value of "
+        f"{('y', 'the integral of y', 'u')[signal]}{where} uncertain, and {allowed:.0e} is allowed: {remedy}"
+    )
+
+
+def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -> Array:
+    """Return the responses computed in other units, converted back."""
+    cut = cut_at_delay(loop, inputs, unit)
+    values = responses(cut, n, step / unit, 2.0 * norm_over(cut, n, step / unit))
+    for i, key in enumerate(inputs):
+        values[i] *= unit if key == "d" else 1.0  # the load has the unit of u
+        values[i, 2] /= unit
+    return values
+
+
+def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
+    """Return the size that a difference is compared with, for each signal at some of the times: (inputs, 3, times).
+
+    Notes
+    -----
+    This is the largest value up to a dead time later: a response that grows must have its digits from the start, and
+    one that begins with zeros need not have them there. Compared with a kick of 1e13, any error after it would be
+    negligible; so values outside kicks are compared with each other, too, to fewer digits. Times within the fastest
+    kick, just after a multiple of the dead time, do not count: a value there is only as exact as its time.
+    """
+    t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
+    fastest = np.max(speeds)
+    stiff = np.min(speeds[speeds * (cut.delay or t[-1]) > CHECKED_FROM], initial=fastest)
+    offset, early = np.mod(t, cut.delay) if cut.delay else t, (t > 0.0) & (t < KICK_UNRESOLVED / fastest)
+    compared, outside = (early | (offset > KICK_DURATION / speed) for speed in (fastest, stiff))
+    later = np.minimum(np.searchsorted(t, t[::every] + (cut.delay or t[-1] / FEWEST_COMPARED)), t.size - 1)
+    values = np.abs(values)
+    with_kicks, without = (
+        np.maximum.accumulate(sizes, axis=2)[:, :, later] for sizes in (values, values * outside)
+    )
+    after = np.where(outside[::every], without * (BESIDE_KICKS / AGREEMENT), np.inf)
+    return np.where(compared[::every], np.maximum(np.minimum(with_kicks, after), 1e-300), np.inf)
+
+
+def _speeds(cut: Cut) -> Array:
+    return np.maximum(np.abs(np.linalg.eigvals(cut.A)), 1e-300)
 
 
 def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
-    """Exact responses of y, the running integral of y, and u to unit steps at t = 0.
+    """Compute exact responses of y, the running integral of y, and u to unit steps at t = 0.
 
     Parameters
     ----------
@@ -65,10 +207,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     >>> unit_step_responses(square, np.arange(6) * 0.5, "r")[0, 0].tolist()
     [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     """
-    from pidalab.simulation.digits import checked_responses  # compiled code: loaded when it is needed
-
     unit = checked_responses(loop, inputs, t.size, t[-1] / (t.size - 1))
-    if not np.isfinite(unit).all():
+    if not _check.all_finite(unit):
         lost = ~np.isfinite(unit).all(axis=(0, 1))
         raise ValueError(
             f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}"
@@ -77,7 +217,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
 
 
 def simulate(
-    loop: Loop, t: ArrayLike, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0, noise: ArrayLike = 0.0
+    loop: Loop, t: ArrayLike, setpoint: ArrayLike = 0.0, *, load: ArrayLike = 0.0, noise: ArrayLike = 0.0
 ) -> Response:
     """Simulate a linear loop exactly, dead time included.
 
@@ -118,9 +258,9 @@ def simulate(
 
 
 def simulate_ensemble(
-    loop: Loop, t: ArrayLike, noise: ArrayLike, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0
+    loop: Loop, t: ArrayLike, noise: ArrayLike, *, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0
 ) -> list[Response]:
-    """Simulate the same experiment under several records of noise, for the cost of little more than one.
+    """Simulate the same experiment under several records of noise, at little more than the cost of one.
 
     Parameters
     ----------
@@ -163,19 +303,18 @@ def simulate_ensemble(
 
 
 def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> list[Response]:
-    """Responses to set point and load under each record of noise; the arrays have been checked."""
+    """Simulate set point and load under each record of noise; the arrays have been checked."""
     require_loop(loop)
-    noisy = any(record.any() for record in records)
-    driven = "r" * bool(r.any()) + "d" * bool(d.any()) + "n" * noisy
+    noisy = any(_acts(record) for record in records)
+    driven = "r" * _acts(r) + "d" * _acts(d) + "n" * noisy
     unit = unit_step_responses(loop, t, driven) if driven else np.zeros((0, 3, t.size))
-    common = np.zeros((3, t.size)) if driven in ("", "n") else None
-    for key, response in zip(driven, unit, strict=True):
-        if key != "n":
-            added = _superpose(response, r if key == "r" else d, t)
-            common = added if common is None else common + added
+    added = [
+        _superpose(unit[driven.index(key)], held, t) for key, held in (("r", r), ("d", d)) if key in driven
+    ]
+    common: Array = sum(added[1:], start=added[0]) if added else np.zeros((3, t.size))
     responses = []
     for n in records:
-        quiet = not n.any()
+        quiet = not (noisy and _acts(n))
         y, area, u = common if quiet else common + _superpose(unit[-1], n, t)
         # noise is defined by its samples: there is no finer grid
         finer, speed = (
@@ -186,10 +325,20 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
     return responses
 
 
+def _acts(signal: Array) -> bool:
+    """Return True if a held signal is not 0 throughout."""
+    return bool(signal[0]) if signal.strides == (0,) else bool(signal.any())
+
+
 def _respond_finer(loop: Loop, t: Array, r: Array, d: Array) -> Response:
     """Repeat an experiment without noise on a grid that is finer by `REFINEMENT`."""
     finer = np.linspace(0.0, t[-1], REFINEMENT * (t.size - 1) + 1)
-    r, d = (np.append(np.repeat(held[:-1], REFINEMENT), held[-1]) for held in (r, d))
+    r, d = (
+        np.broadcast_to(held[0], finer.size)
+        if _check.is_constant(held)
+        else np.append(np.repeat(held[:-1], REFINEMENT), held[-1])
+        for held in (r, d)
+    )
     return respond(loop, finer, r, d, [np.broadcast_to(0.0, finer.size)])[0]
 
 
@@ -201,13 +350,13 @@ def _speed(loop: Loop) -> float:
 
 def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     """Add up unit step responses, one for each change of a held signal."""
-    if (signal[1:] == signal[:-1]).all():
+    if _check.is_constant(signal):
         return unit if signal[0] == 1.0 else unit * signal[0]
     changes = np.diff(signal, prepend=0.0)
     from scipy.signal import fftconvolve
 
-    # FFT convolution rounds relative to its largest value; damping a growing response first (and undoing it after)
-    # makes that the largest value up to each time, so that an unstable loop keeps its digits from the start.
+    # FFT convolution rounds relative to its largest value. A growing response is damped before it and restored after,
+    # so that rounding is relative to the largest value up to each time.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
     middle = (t.size - 1) // 2
     rate = max(0.0, (growth[-1] - growth[middle]) / (t[-1] - t[middle]))
@@ -232,7 +381,7 @@ def _require_within_limits(loop: Loop, response: Response) -> None:
 
 
 def step_response(loop: Loop, t: ArrayLike) -> Response:
-    """Response to a unit step of the set point.
+    """Simulate a unit step of the set point.
 
     Parameters
     ----------
@@ -256,7 +405,7 @@ def step_response(loop: Loop, t: ArrayLike) -> Response:
 
 
 def load_response(loop: Loop, t: ArrayLike) -> Response:
-    """Response to a unit step of the load disturbance at the process input.
+    """Simulate a unit step of the load disturbance at the process input.
 
     Parameters
     ----------
@@ -280,7 +429,7 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
 
 
 def open_loop_step(process: Process, t: ArrayLike) -> Response:
-    """Experiment for identification: the input of the process steps from 0 to 1 at t = 0, without feedback.
+    """Simulate an experiment for identification: the input of the process steps from 0 to 1, without feedback.
 
     Parameters
     ----------
@@ -312,3 +461,95 @@ def _as_input(final: float | None, record: Response) -> Response:
     """Return a load response as one to the input of the process."""
     finer = partial(apply_to_finer, record, partial(_as_input, final))
     return record._derived(finer, u=record.d, d=np.zeros_like(record.d), final=final)
+
+
+SETTLING_POINTS = 4001  # of the response
+HORIZON_DOUBLINGS = 13  # so that a loop ten thousand times slower than expected still settles
+
+
+def simulate_until_settled(
+    simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: float
+) -> Response:
+    """Simulate a step until the response has settled, so that its integrals are those to infinity.
+
+    Parameters
+    ----------
+    simulate : callable
+        `load_response` or `step_response`.
+    loop : Loop
+        A stable loop.
+    horizon : float
+        First end of the simulation, above 0. It is doubled until the error has died away. Ends within twice the dead
+        time are skipped, since nothing of the loop's answer can be seen there.
+
+    Returns
+    -------
+    Response
+        Its ``iae(horizon=math.inf)`` exists.
+
+    Raises
+    ------
+    ValueError
+        For a horizon that is not above 0, for a response that has not settled after all doublings, and for one that
+        needs too many dead times.
+
+    Examples
+    --------
+    >>> import math, pidalab
+    >>> from pidalab.simulation.exact import simulate_until_settled
+    >>> loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(kp=0.8, ti=1.0))
+    >>> print(f"{simulate_until_settled(pidalab.load_response, loop, 4.0).iae(horizon=math.inf):.4f}")
+    1.2500
+    """
+    horizon = _check.real("horizon", horizon, above=0.0)
+    while horizon <= 2 * loop.process.delay:
+        horizon *= 2
+    for doubling in range(HORIZON_DOUBLINGS + 1):
+        end = horizon * 2.0**doubling
+        try:
+            response = simulate(loop, np.linspace(0.0, end, SETTLING_POINTS))
+        except ManyDeadTimes:
+            raise ValueError(
+                f"the loop needs {end:.3g} to come to rest, {end / loop.process.delay:.3g} times the dead time of its "
+                "process: too many to follow one after the other; leave out such a short dead time"
+            ) from None
+        try:
+            response.iae(horizon=math.inf)
+        except ValueError:
+            continue
+        return response
+    raise ValueError(f"the response does not settle within {horizon * 2**HORIZON_DOUBLINGS:.3g}")
+
+
+def load_iae(loop: Loop) -> float:
+    """Return the IAE of a unit step of the load, over a horizon that fits the loop.
+
+    Parameters
+    ----------
+    loop : Loop
+        A stable loop.
+
+    Returns
+    -------
+    float
+        IAE to infinity, in units of y times time.
+
+    Raises
+    ------
+    ValueError
+        As `simulate_until_settled`.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> from pidalab.simulation.exact import load_iae
+    >>> loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(kp=0.8, ti=1.0))
+    >>> print(f"{load_iae(loop):.4f}")
+    1.2500
+    """
+    from pidalab.robustness.poles import rightmost_poles
+
+    slowest = -float(np.max(rightmost_poles(loop).real))
+    return simulate_until_settled(load_response, loop, 12.0 / slowest + 10.0 * loop.process.delay).iae(
+        horizon=math.inf
+    )

@@ -7,23 +7,203 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import expm
 
 from pidalab import _check
 from pidalab._check import Array
 from pidalab._parts import done, require_executor
-from pidalab.loop import Loop
-from pidalab.simulation.bank import Bank
-from pidalab.simulation.sampled import limits_at_rest
-from pidalab.simulation.sampled_lanes import LANES, MEASURES
-from pidalab.simulation.sampled_plant import Actuator, plant_steps
+from pidalab.controllers import SeriesPIDA
+from pidalab.digital.filters import held_gains
+from pidalab.digital.program import part_name, program
+from pidalab.loop import Loop, require_loop
+from pidalab.simulation import sampled_lanes
+from pidalab.simulation.operations import operations
+from pidalab.simulation.sampled import limits_at_rest, require_fine_enough
+from pidalab.simulation.sampled_lanes import LANES, MEASURES, Controllers
+from pidalab.simulation.sampled_step import Actuator, Steps, plant_steps
+
+PARAMETER_NAMES = ("kp", "kd", "ka", "ti", "filter_time")
+MOST_SETS = 10**7  # whose measures take about 2 GB
+
+
+class Bank(NamedTuple):
+    """Parameters and prefilter coefficients of many loops; every array has the shape of the grid."""
+
+    own: SeriesPIDA  # whose other values hold for all
+    values: dict[str, Array]  # of `PARAMETER_NAMES`
+    num: tuple[Array, ...]  # of the prefilter, as long as den
+    den: tuple[Array, ...]
+
+    @staticmethod
+    def of(
+        loop: Loop, parameters: Mapping[str, ArrayLike], prefilter: tuple[Any, Any] | None, h: float
+    ) -> Bank:
+        """Collect the parameters of a loop and what differs; complain about what cannot be run with sample time h."""
+        require_loop(loop)
+        own = loop.controller
+        if not isinstance(own, SeriesPIDA) or loop.output_filter is not None:
+            raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
+        values = {name: np.asarray(getattr(own, name)) for name in PARAMETER_NAMES}
+        values |= _differing(own, parameters)
+        num, den = ([np.asarray(x) for x in part] for part in loop.blocks["prefilter"])
+        if prefilter is not None:
+            num, den = _coefficients(loop, prefilter)
+        num = [np.zeros(())] * (len(den) - len(num)) + num
+        shapes = [x.shape for x in (*values.values(), *num, *den)]
+        try:
+            shape = np.broadcast_shapes(*shapes)
+        except ValueError:
+            raise ValueError(
+                f"parameters must have shapes that can be broadcast together, found {sorted(set(shapes))}"
+            ) from None
+        sets = math.prod(shape)
+        if sets > MOST_SETS:
+            raise MemoryError(
+                f"a grid of shape {shape} has {sets:.3g} sets, and {MOST_SETS:.0e} are allowed; take one portrait "
+                "after the other"
+            )
+        require_fine_enough(h, float(values["filter_time"].min()) if own.filter_order else math.inf)
+        _require_stable(den)
+        values = {name: np.broadcast_to(x, shape) for name, x in values.items()}
+        return Bank(own, values, *(tuple(np.broadcast_to(x, shape) for x in part) for part in (num, den)))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the grid."""
+        return self.den[0].shape
+
+    def static_gain(self) -> Array:
+        """Return the static gain of the prefilters."""
+        return np.asarray(self.num[-1] / self.den[-1])
+
+    def part(self, places: Any) -> Bank:
+        """Return the sets at some places in flat order."""
+        values = {name: x.flat[places] for name, x in self.values.items()}
+        return Bank(self.own, values, *(tuple(x.flat[places] for x in part) for part in (self.num, self.den)))
+
+    def measures(
+        self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
+    ) -> Array:
+        """Run the sets, one-dimensional here and whole groups of lanes, and measure them: shape (measures, sets)."""
+        groups = [sampled_lanes.run(own, plant, h, r, d, n) for own in controllers(self, limits, h)]
+        return np.concatenate(groups, axis=1)
+
+
+def _differing(own: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    """Check the parameters that differ, by the controller's own checks."""
+    if not hasattr(parameters, "keys"):
+        raise TypeError(
+            f"parameters must be a mapping or a DataFrame of arrays by name, found {type(parameters).__name__}"
+        )
+    values = {}
+    # not what iterates: a Series of pandas has its values there
+    for name, given in dict(parameters).items():
+        if name not in PARAMETER_NAMES:
+            raise ValueError(f"parameters must be among {', '.join(PARAMETER_NAMES)}, found {name!r}")
+        values[name] = _check.array(f"parameters[{name!r}]", given)
+        for extreme in (values[name].min(), values[name].max()):
+            changed: dict[str, Any] = {name: float(extreme)}
+            replace(own, **changed)
+    return values
+
+
+def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], list[Array]]:
+    """Check the prefilters that differ."""
+    if loop.prefilter is not None:
+        raise ValueError(f"prefilter must be given once: the loop has one already, found {loop.prefilter!r}")
+    # iterating over a transfer function is an error of its own kind
+    two = isinstance(prefilter, (tuple, list)) and len(prefilter) == 2
+    if not (two and all(map(np.iterable, prefilter))):
+        raise TypeError(f"prefilter must be two sequences of coefficients, found {prefilter!r}")
+    num, den = ([_check.array("prefilter", x) for x in part] for part in prefilter)
+    if not 0 < len(num) <= len(den):
+        raise ValueError(f"prefilter must be proper, found {len(num)} and {len(den)} coefficients")
+    return num, den
+
+
+def _require_stable(den: list[Array]) -> None:
+    """Raise for a prefilter that is unstable, or of lower order than its coefficients are many."""
+    if np.any(den[0] == 0) or np.any(den[-1] == 0):
+        raise ValueError(
+            "prefilter must have a denominator whose first and last coefficients are not 0, found 0"
+        )
+    if len(den) > 1:
+        each = np.stack(np.broadcast_arrays(*den), axis=-1)
+        poles = np.linalg.eigvals(_companion(each / each[..., :1]))
+        if np.any(poles.real >= 0):
+            raise ValueError(f"prefilter must be stable, found a pole at {poles[poles.real >= 0][0]:.4g}")
+
+
+def _companion(den: Array) -> Array:
+    """Return companion matrices of monic polynomials, shape (..., degree + 1)."""
+    q = den.shape[-1] - 1
+    A = np.zeros((*den.shape[:-1], q, q))
+    A[..., 0, :] = -den[..., 1:]
+    A[..., 1:, :-1] += np.eye(q - 1)
+    return A
+
+
+def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[Controllers]:
+    """Discretise the sets for the sample time h, in groups of lanes.
+
+    The step is that of a `DigitalController`, exact for held inputs; its numbers differ.
+    """
+    kp, kd, ka, ti, time = bank.values.values()
+    n = bank.own.filter_order
+    gains = np.stack([kp, kd / time, ka / time**2, *np.zeros((n, kp.size))][: n + 1], axis=-1)
+    if n:
+        gains = held_gains(gains, np.repeat(time[:, None], n, axis=1), h)
+    any_gains = SeriesPIDA(1.0, 0.0, 0.0, ti=1.0, filter_time=1.0, filter_order=n).discretise(
+        min(h, 1.0), "zoh", limits=limits
+    )
+    path = any_gains.paths[0]._replace(gains=(1.0,) * (n + 1))
+    made = program(replace(any_gains, paths=(path,)))
+    code, places, numbers = operations(made, {**made.states, "started": True})
+    table = np.repeat(numbers[:, None], kp.size, axis=1)
+    name = part_name(0).upper()
+    table[[places[f"{name}_GAIN_{k}"] for k in range(n + 1)]] = gains.T
+    table[places["INTEGRAL_OLD"]] = -np.expm1(-h / ti)
+    if n:
+        table[places[f"{name}_OLD"]] = -np.expm1(-h / time)
+    whole = (table, *_prefilter(bank, h))
+    # cut into groups that lie together in memory
+    for start in range(0, kp.size, sampled_lanes.LANES):
+        yield Controllers(
+            code, *(np.ascontiguousarray(x[..., start : start + sampled_lanes.LANES]) for x in whole)
+        )
+
+
+def _prefilter(bank: Bank, h: float) -> tuple[Array, Array, Array, Array]:
+    """Discretise the prefilters in controllable form, in a time unit of their own; the sets are the last axis."""
+    q = len(bank.den) - 1
+    # monic denominators, one row for each set
+    num, den = np.stack(bank.num, axis=-1), np.stack(bank.den, axis=-1)
+    num, den = num / den[:, :1], den / den[:, :1]
+    # a unit of time in which s is about 1 at the poles, so that the companion matrix is well scaled
+    unit = np.abs(den[:, -1:]) ** (-1 / max(q, 1))
+    scale = unit ** np.arange(q + 1)
+    num, den = num * scale, den * scale
+    # the held input as a further state: one exponential gives both its transition and its influence
+    augmented = np.zeros((len(den), q + 1, q + 1))
+    if q:
+        augmented[:, :q, :q] = _companion(den)
+        augmented[:, 0, q] = 1.0
+    transition = expm(augmented * (h / unit)[:, :, None])
+    phi, gamma = transition[:, :q, :q], transition[:, :q, q]
+    # output: what is left of the numerator when the direct share is taken out
+    d = num[:, 0]
+    c = num[:, 1:] - d[:, None] * den[:, 1:]
+    return tuple(np.moveaxis(x, 0, -1) for x in (phi, gamma, c, d))  # type: ignore[return-value]
+
 
 TASKS = 64  # for the workers, about
 
@@ -70,6 +250,7 @@ def portrait(
     loop: Loop,
     parameters: Mapping[str, Any],
     t: ArrayLike,
+    *,
     setpoint: ArrayLike = 0.0,
     load: ArrayLike = 0.0,
     noise: ArrayLike = 0.0,
@@ -132,7 +313,8 @@ def portrait(
 
     With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
-    t, r, d, n = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
+    t, *held = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
+    r, d, n = map(np.ascontiguousarray, held)  # as kernels read them
     h = float(t[-1] / (t.size - 1))
     bank = Bank.of(loop, parameters, prefilter, h)
     at_rest = limits_at_rest(loop.limits, limits)

@@ -13,28 +13,111 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgebal
+from scipy.linalg.lapack import dgebal, zgetrf, zgetrs
 
 from pidalab._check import Array
 from pidalab.controllers import Fraction
 from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
-from pidalab.simulation.matrix_functions import AGES, times_function, times_ring_function, without_slow_parts
-from pidalab.statespace import Part, StateSpace, parallel, realise
+from pidalab.statespace import Part, StateSpace, monic, numerator, parallel, realise
 
-# A part of the controller is decoupled if its slowest pole is so many times faster than all states that drive it,
-# and if the loop is not louder than this there: to a far faster loop the plant is a chain of integrators.
-# At 100 the kick of a filter 50 times faster than its plant, 1e5 times y, was a difference of nearly equal states, and
-# u after a step of the load off by up to 5e-8 of its largest value.
-FASTER, LOUD = 10.0, 100.0
-# But where a part beyond STIFF times is kept out of the process, what is slower than that stays with the slow parts.
+AGES = 8  # of the states that a fast part reads: each older one has passed its filter once more
+
+
+def without_slow_parts(
+    slow: tuple[Part, ...], first: tuple[Array, Array], second: tuple[Array, Array], fast: tuple[Part, ...]
+) -> tuple[Any, Any]:
+    """Return numerator and poles of two fractions in series without their slow parts.
+
+    The division by the slow poles runs from the highest power down, where the fast terms are, so that no small
+    difference of large numbers is formed.
+    """
+    num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
+    poles = np.concatenate([part.poles for part in fast])
+    taken: Any = np.zeros(1)
+    under: Any = np.ones(1)
+    for part in slow:
+        den = np.array([1.0, *monic(part.poles.tolist())[::-1]])
+        taken = np.polyadd(np.convolve(taken, den), np.convolve(numerator(part), under))
+        under = np.convolve(under, den)
+    fast_den = np.array([1.0, *monic(poles.tolist())[::-1]])
+    rest = [0.0] * (fast_den.size - 1 + under.size - num.size) + num.tolist()
+    shared = np.convolve(taken, fast_den).tolist()
+    for i in range(-len(shared), 0):
+        rest[i] -= shared[i]
+    quotient = []
+    for i in range(fast_den.size):
+        quotient.append(rest[i])
+        for j, coefficient in enumerate(under.tolist()):
+            rest[i + j] -= quotient[i] * coefficient
+    return np.array(quotient), poles
+
+
+def times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
+    """Return row @ H(matrix) for a fraction H, by Horner's rule and by its poles one by one."""
+    value = np.zeros(row.size, dtype=complex)
+    for coefficient in num:
+        value = value @ matrix + coefficient * row
+    for pole in poles:
+        value = np.linalg.solve(matrix.T - pole * np.eye(row.size), value)
+    return value.real
+
+
+def times_ring_function(
+    row: Array,
+    direct: Array,
+    delayed: tuple[Array, Array, Array, Array],
+    num: Array,
+    poles: Any,
+    dead_time: bool,
+) -> Array:
+    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: what a far faster block makes of a signal.
+
+    As `times_function`, for the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop with its past.
+    """
+    A, B, Cv, D = delayed
+    if not dead_time:
+        W = np.linalg.solve(np.eye(len(D)) - D, Cv)
+        return times_function(row + direct @ W, A + B @ W, num, poles)[None]
+    signal = np.vstack([row, _delayed_row(direct, Cv, D)])
+    value = np.zeros(signal.shape, dtype=complex)
+    for coefficient in num:
+        late = np.zeros(len(D), dtype=complex)
+        for age in range(AGES):
+            now = value[age].copy()
+            value[age] = now @ A + late @ Cv + coefficient * signal[age]
+            late = late @ D + now @ B
+    for pole in poles:
+        factors, pivots, _ = zgetrf(A.T - pole * np.eye(len(A)))
+        late = np.zeros(len(D), dtype=complex)
+        for age in range(AGES):
+            value[age] = zgetrs(factors, pivots, value[age] - late @ Cv)[0]
+            late = late @ D + value[age] @ B
+    return value.real
+
+
+def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
+    """Return what direct W reads of x(t - delay), x(t - 2 delay), ..."""
+    read = []
+    for _ in range(AGES - 1):
+        read.append(direct @ Cv)
+        direct = direct @ D
+    return np.array(read)
+
+
+# A part of the controller is decoupled if its slowest pole is FASTER times as fast as all states that drive it and the
+# loop gain there is below HIGH_GAIN; to a much faster loop the plant is a chain of integrators. With FASTER = 100, u
+# after a step of the load was off by up to 5e-8 of its largest value: the kick of a filter 50 times faster than its
+# plant, 1e5 times y, was a difference of nearly equal states.
+FASTER, HIGH_GAIN = 10.0, 100.0
+# If a part beyond STIFF times is kept out of the process, slower parts stay with the slow ones.
 STIFF = 100.0
-# Beyond this factor u is no longer read of the states of a settled fast part, whose rounding grows with the factor, but
-# of the states that drive it, past and present; what the fast part sends through the process, as little as the square
-# of the factor, is left out there.
+# Beyond this factor u is read from the states that drive a settled fast part, past and present, and no longer from the
+# states of that part, whose rounding grows with the factor. What the fast part sends through the process, which falls
+# with the square of the factor, is left out.
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
-# time constants after which nothing is left of a mode, not even of one that began as 1e7 times u
+# Time constants after which a mode is negligible, even one that began as 1e7 times u.
 FADED_AWAY = 60.0
 
 
@@ -59,22 +142,22 @@ class Cut(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """What of a loop is realised, in units of its own."""
+    """The fractions of a loop, in the units of a cut."""
 
     blocks: Mapping[str, Fraction]
     open_loop: Fraction
     delay: float
 
 
-# Channels of the dead time. The first is the process input, but for what fast parts of the controller add to it; where
-# there are such parts, the error that drives them is the second, and what of them comes through the process the third.
+# Channels of the dead time. The first is the process input without what fast parts of the controller add to it. If
+# there are such parts, the second is the error that drives them, and the third is what they send through the process.
 INPUT, ERROR, RUSH = range(3)
 
 
 class _States:
     """States x of the cut loop, block by block: x' = A x + B W, with the signals W that come out of the dead time.
 
-    A signal of the loop is what it reads of x and W: an array of that length.
+    A signal of the loop is a row: its coefficients of x and W.
     """
 
     def __init__(self, size: int, inputs: int, channels: int) -> None:
@@ -83,33 +166,33 @@ class _States:
         self.x0 = np.eye(size, inputs)  # of the constants behind the step inputs
         self.used = inputs
 
-    def signal(self, at: int) -> Array:
-        """Return the signal that is one of x and W, or the signal 0 where there is none, at -1."""
+    def signal(self, place: int) -> Array:
+        """Return the signal that is one of x and W, or the signal 0 for -1."""
         row = np.zeros(self.moves.shape[1])
-        if at >= 0:
-            row[at] = 1.0
+        if place >= 0:
+            row[place] = 1.0
         return row
 
     def append_series(self, block: StateSpace | Part, source: Array, direct: float = 0.0) -> Array:
         """Append a block that is driven by a signal, and return its output."""
         if not block.b.size:
             return source if direct == 1.0 else direct * source
-        own = slice(self.used, self.used + block.b.size)
-        self.moves[own] = block.b[:, None] * source
-        self.moves[own, own] = block.A
-        self.used = own.stop
+        places = slice(self.used, self.used + block.b.size)
+        self.moves[places] = block.b[:, None] * source
+        self.moves[places, places] = block.A
+        self.used = places.stop
         row = direct * source
-        row[own] = block.c
+        row[places] = block.c
         return row
 
     def append_decoupled(self, part: Part, source: Array, driving: int) -> tuple[slice, Array]:
         """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row.
 
-        The states x are the first `driving` ones, which drive the part. Returns the places of the distances, and X:
-        what the part does is c (X x + distance). Jumps drive the distance, and what comes out of the dead time.
+        The states x are the first `driving` ones, which drive the part. Returns the places of the distances, and X. The
+        output of the part is c (X x + distance). Only jumps and the signals out of the dead time drive the distance.
         """
-        x, own = slice(driving), slice(self.used, self.used + part.b.size)
-        # by one large system, since a Schur form of parts as far apart as these would lose digits
+        x, places = slice(driving), slice(self.used, self.used + part.b.size)
+        # one large linear system, since a Schur form would lose digits for speeds so far apart
         n = part.b.size
         sylvester = np.zeros((driving, n, driving, n))
         for i in range(driving):
@@ -118,18 +201,18 @@ class _States:
             sylvester[:, i, :, i] -= self.A[x, x].T
         target = -np.outer(source[x], part.b)
         X: Any = np.linalg.solve(sylvester.reshape(target.size, -1), target.ravel()).reshape(target.shape).T
-        self.A[own, own] = part.A
-        self.B[own] = part.b[:, None] * source[self.size :] - X @ self.B[x]
-        self.x0[own] = -X @ self.x0[x]
-        self.used = own.stop
-        return own, X
+        self.A[places, places] = part.A
+        self.B[places] = part.b[:, None] * source[self.size :] - X @ self.B[x]
+        self.x0[places] = -X @ self.x0[x]
+        self.used = places.stop
+        return places, X
 
 
 @lru_cache(maxsize=64)
 def cut_at_delay(loop: Loop, inputs: str, unit: float = 1.0) -> Cut:
     """Open the loop at its dead time; `inputs` names the step inputs to keep, out of "r", "d", "n".
 
-    The cut has its own units: its time is counted in `unit` times that of the loop, and its u is `unit` times as large.
+    The unit of time of the cut is `unit` times that of the loop, and its u is `unit` times as large.
 
     Raises
     ------
@@ -159,14 +242,33 @@ def _in_unit(loop: Loop, unit: float) -> _Blocks:
 
 
 def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
+    """Realise a loop that is cut at its dead time.
+
+    Notes
+    -----
+    States are appended in the order in which they drive each other: step inputs, process, integral of y, prefilter,
+    slow parts of the controller, fast parts. Each signal is a row over states and delayed signals, so that what is
+    appended next can read it.
+
+    Three cases differ in the fast parts of the controller, those whose poles are much faster than all that drives them:
+
+    * none: u is the direct part of the error and the sum of the slow parts;
+    * decoupled: the states of a fast part are their distances from X x, and u reads the rest at once, as the part's
+      transfer function at the matrix of the slow states, H(A_x);
+    * kept out of the process: the kicks of a very stiff part, up to 1e8 times what comes through the process, would
+      cancel there. The dead time then has three channels, and the third carries what the part sends through the
+      process in the long run.
+
+    Without dead time the loop is closed at the end: W = Cv x + D W.
+    """
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
     parts, direct = parallel(*control)
     driving_poles = _poles(loop, "prefilter").tolist() + _poles(loop, "process").tolist()
     fastest = max(map(abs, driving_poles), default=0.0)
-    loud, beside = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
+    above, below = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
     slow, apart = len(parts), False
-    if loud < LOUD * beside:
+    if above < HIGH_GAIN * below:
         speeds = [abs(part.poles[0]) for part in parts]
         slow = sum(speed <= STIFF * fastest for speed in speeds)
         apart = slow < len(parts) and _sends_little(loop, parts[slow:], direct, fastest)
@@ -179,25 +281,25 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     r, d, n = (inputs.find(key) for key in "rdn")
 
     y = states.append_series(process, states.signal(size + INPUT), process.d)
-    rest: tuple[Any, Any] = (
+    fast_fraction: tuple[Any, Any] = (
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
-        # what the fast part does to the process in the long run: that part, evaluated at the matrix of the process
-        states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *rest)
+        # the effect of the fast part on the process in the long run: its transfer function at the process's matrix
+        states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
         y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
     filtered = states.append_series(prefilter, states.signal(r), prefilter.d)
     error, driving = filtered - y - states.signal(n), states.used
     u = direct * error
-    if fast:  # what it makes of the error at once is read off the slow states, below
+    if fast:  # its direct effect is read from the slow states, below
         u[:size] = 0.0
     for part in parts[:slow]:
         u += states.append_series(part, error)
     rows, A, B, slow_states = np.array([y, area, u]), states.A, states.B, states.used
     if fast:
         u_row, rush = rows[2, :size], np.zeros(size)  # a view
-        u_row[:driving] += times_function(error[:driving], A[:driving, :driving], *rest)
+        u_row[:driving] += times_function(error[:driving], A[:driving, :driving], *fast_fraction)
         num, poles = loop.blocks["process"][0] / loop.blocks["process"][1][0], _poles(loop, "process")
         for part in fast:
             place, X = states.append_decoupled(part, error, driving)
@@ -205,16 +307,20 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
             if apart:
                 rush[place] = times_function(part.c, part.A, num, poles)
                 rush[:driving] += rush[place] @ X
-    # what a fast part that is kept apart adds to the process input comes by its own channel
+    # a fast part that is kept apart adds to the process input by its own channel
     v = (u if apart else rows[2]) + states.signal(d)
     Cv, D, settled, settling = v[None, :size], v[None, size:], np.zeros((0, size)), np.inf
     if apart:
         Cv, D = np.stack([v[:size], error[:size], rush]), np.zeros((channels, channels))
         D[ERROR] = error[size:]
-        own = slice(slow_states)
+        slow_places = slice(slow_states)
         settled = np.zeros((AGES if loop.delay else 1, size))
-        settled[:, own] = times_ring_function(
-            error[own], error[size:], (A[own, own], B[own], Cv[:, own], D), *rest, bool(loop.delay)
+        settled[:, slow_places] = times_ring_function(
+            error[slow_places],
+            error[size:],
+            (A[slow_places, slow_places], B[slow_places], Cv[:, slow_places], D),
+            *fast_fraction,
+            bool(loop.delay),
         )
         settled[0] += u[:size]
         settling = FADED_AWAY / float(np.min(np.abs(fast[0].poles)))
@@ -229,32 +335,28 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
 
 
 def _balanced(cut: Cut) -> Cut:
-    """Change the units of the states by powers of 2, so that rows and columns of |A| + |B| |Cv| are alike.
+    """Change the units of the states so that rows and columns of |A| + |B| |Cv| are of similar size.
 
-    Powers of 2, so that nothing is rounded; and alike, so that a share of the largest coefficient means something.
+    The units are powers of 2, so that nothing is rounded. With similar sizes a share of the largest coefficient is
+    negligible for every state.
     """
-    A, B, Cv, D, C, direct, x0, delay, settled, settling = cut
-    scale = dgebal(np.abs(A) + np.abs(B) @ np.abs(Cv), scale=1)[3]
-    return Cut(
-        A * scale / scale[:, None],
-        B / scale[:, None],
-        Cv * scale,
-        D,
-        C * scale,
-        np.ascontiguousarray(direct),
-        x0 / scale[:, None],
-        delay,
-        settled * scale,
-        settling,
+    scale = dgebal(np.abs(cut.A) + np.abs(cut.B) @ np.abs(cut.Cv), scale=1)[3]
+    return cut._replace(
+        A=cut.A * scale / scale[:, None],
+        B=cut.B / scale[:, None],
+        Cv=cut.Cv * scale,
+        C=cut.C * scale,
+        direct=np.ascontiguousarray(cut.direct),
+        x0=cut.x0 / scale[:, None],
+        settled_u=cut.settled_u * scale,
     )
 
 
 def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
-    """Whether what fast parts make of a jump sends little through the process: a kick, and then nothing.
+    """Return True if the kicks of fast parts have almost no effect on the output of the process.
 
-    Then their kicks are kept out of the process: as far as 1e8 times its answer they would cancel there. The height of
-    a kick is the direct part, or behind a filter what the controller makes of a signal as fast as the parts. `driving`
-    is the speed of the fastest state that drives them.
+    The height of a kick is the direct part, or, behind a filter, the gain of the controller for a signal as fast as the
+    parts. `driving` is the speed of the fastest state that drives them.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])
@@ -273,7 +375,7 @@ def _poles(loop: _Blocks, block: str) -> Array:
 
 
 def _value(polynomial: Array, s: complex) -> Any:
-    """Value of a polynomial; for one number Python is faster than array operations."""
+    """Return the value of a polynomial; for one number Python is faster than array operations."""
     value = 0j
     for coefficient in polynomial.tolist():
         value = value * s + coefficient

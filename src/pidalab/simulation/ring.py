@@ -1,10 +1,18 @@
 r"""Exponentials of the block Toeplitz matrix of a loop with dead time: see `pidalab.simulation.exact`.
 
-An element of the ring is an array (order, powers of z times order): the transposed coefficients :math:`\Phi_k^T`
-side by side, as far as they matter. States are rows, and elements act on them from the right; all are power series of
-one matrix, so they commute. The number of its powers is the reach of an element: how many ages of states it reads.
+An element of the ring is an array (order, reach times order): the transposed coefficients :math:`\Phi_k^T` of the
+powers of z side by side. States are rows, and elements act on them from the right. All elements are power series of
+one matrix, so they commute. The reach of an element is the number of its coefficients, that is, of the ages of states
+that it reads.
 
-Sums run in one order, term by term, whatever the processor: no library call, no reduction in several accumulators.
+Notes
+-----
+Elements stand for exponentials less 1, so that a slow state keeps its digits next to a fast one:
+:math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients below `DROPPED` of the largest are left out at the end of an
+element, and nowhere else. Scaling and squaring is that of Higham, *Functions of Matrices*, 2008, ch. 10, with a Taylor
+series for a norm of at most 1/2.
+
+Sums run term by term in one order on every processor: without library calls and without several accumulators.
 """
 
 from __future__ import annotations
@@ -35,7 +43,7 @@ def add_rows(out, factors, rows, first, column):
     for i in range(0, fours, 4):
         p, q, r, s = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
         at = first + i
-        # views, whose index begins at 0: an offset in the index would be tested for its sign at each number
+        # Views begin at index 0; an offset in the index would be tested for its sign at each number.
         a, b, c, d = rows[at, column:], rows[at + 1, column:], rows[at + 2, column:], rows[at + 3, column:]
         for j in range(size):
             out[j] = out[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
@@ -64,20 +72,20 @@ def add_product(out, place, factors, column, count, rows, first):
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
     for k in range(0, pairs, 2):
-        one, other = out[k, at:], out[k + 1, at:]
+        upper, lower = out[k, at:], out[k + 1, at:]
         f, g = factors[k, column:], factors[k + 1, column:]
         for i in range(0, count - count % 4, 4):
             p, q, r, s = f[i], f[i + 1], f[i + 2], f[i + 3]
             t, u, v, w = g[i], g[i + 1], g[i + 2], g[i + 3]
             a, b, c, d = rows[first + i], rows[first + i + 1], rows[first + i + 2], rows[first + i + 3]
             for j in range(size):
-                one[j] = one[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
-                other[j] = other[j] + t * a[j] + u * b[j] + v * c[j] + w * d[j]
+                upper[j] = upper[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
+                lower[j] = lower[j] + t * a[j] + u * b[j] + v * c[j] + w * d[j]
         for i in range(count - count % 4, count):
             p, t, a = f[i], g[i], rows[first + i]
             for j in range(size):
-                one[j] = one[j] + p * a[j]
-                other[j] = other[j] + t * a[j]
+                upper[j] = upper[j] + p * a[j]
+                lower[j] = lower[j] + t * a[j]
     if pairs < factors.shape[0]:
         add_rows(out[pairs, at : at + size], factors[pairs, column : column + count], rows, first, 0)
 
@@ -89,33 +97,33 @@ def _tops_of_array(block):
 
 @plain(_tops_of_array)
 def tops(block):
-    """Return the largest modulus in each column: one column beside the other, as processors like it."""
-    found = np.zeros(block.shape[1])
+    """Return the largest modulus in each column, row by row, which compiles to vector instructions."""
+    largest_yet = np.zeros(block.shape[1])
     for i in range(block.shape[0]):
         row = block[i]
-        for j in range(found.size):
+        for j in range(largest_yet.size):
             size = abs(row[j])
-            found[j] = size if size > found[j] else found[j]
-    return found
+            largest_yet[j] = size if size > largest_yet[j] else largest_yet[j]
+    return largest_yet
 
 
 @compiled
 def sizes(element):
     """Return the largest modulus in each coefficient of a ring element."""
     order = element.shape[0]
-    columns, found = tops(element), np.zeros(element.shape[1] // order)
+    columns, result = tops(element), np.zeros(element.shape[1] // order)
     for j in range(columns.size):
-        found[j // order] = max(found[j // order], columns[j])
-    return found
+        result[j // order] = max(result[j // order], columns[j])
+    return result
 
 
 @compiled
 def largest(values):
     """Return the largest of some sizes."""
-    found = 0.0
+    result = 0.0
     for j in range(values.size):
-        found = max(found, values[j])
-    return found
+        result = max(result, values[j])
+    return result
 
 
 def _add_arrays(out, element):
@@ -149,7 +157,7 @@ def shortened(element, share):
 
 @compiled
 def taylor(tau, most, A, B, Cv, D):
-    """Power series of the exponential less 1, over a time that is no longer than the lowest rung."""
+    """Return the exponential less 1 by its power series, over a time no longer than the lowest power."""
     order, channels = B.shape
     term = np.eye(order)  # transposed here: columns are states, since A has many zeros
     total = np.zeros((order, order))
@@ -206,12 +214,12 @@ def _width(first, second, most):
     add_product(start, (0, order), first, 0, order, second, 0)
     least = DROPPED * largest(sizes(start))
     others = second.shape[1] // order
-    one, other = sizes(first), sizes(second)
+    left, right = sizes(first), sizes(second)
     while width > order:
         age = width // order - 1
-        size = (one[age] if age < ages else 0.0) + (other[age] if age < others else 0.0)
-        for at in range(max(0, age - others + 1), min(ages, age + 1)):
-            size += order * one[at] * other[age - at]
+        size = (left[age] if age < ages else 0.0) + (right[age] if age < others else 0.0)
+        for k in range(max(0, age - others + 1), min(ages, age + 1)):
+            size += order * left[k] * right[age - k]
         if not size <= least:
             return width
         width -= order
@@ -220,7 +228,7 @@ def _width(first, second, most):
 
 @compiled
 def product(first, second, most):
-    """(1 + first) (1 + second) - 1, for ring elements."""
+    """Return (1 + first) (1 + second) - 1 for two elements."""
     order, width = first.shape[0], _width(first, second, most)
     out = np.zeros((order, width))
     add(out, first)
@@ -233,36 +241,36 @@ def product(first, second, most):
 
 @compiled
 def ladder(A, B, Cv, D, norm, step, top, most):
-    """Exponentials less 1 over step 2^p, from a short one by doubling up to p = top, and the lowest p."""
-    rungs = [np.zeros((1, 1)) for _ in range(0)]
+    """Return the powers, exponentials less 1 over step 2^p up to p = top, and the lowest p; none if they overflow."""
+    powers = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
-        return rungs, 0
+        return powers, 0
     low = min(top, 0)
     while norm * step * 2.0**low > 0.5:
         low -= 1
-    rungs.append(taylor(step * 2.0**low, most, A, B, Cv, D))
+    powers.append(taylor(step * 2.0**low, most, A, B, Cv, D))
     for _ in range(low, top):
-        rungs.append(product(rungs[-1], rungs[-1], most))
-    return rungs, low
+        powers.append(product(powers[-1], powers[-1], most))
+    return powers, low
 
 
 @compiled
-def transition(rungs, step, low, tau, most, A, B, Cv, D):
-    """The exponential over tau, less 1."""
+def transition(powers, step, low, tau, most, A, B, Cv, D):
+    """Return the exponential less 1 over tau, as a product of powers and one Taylor series."""
     dust = 8.0 * 2.0**-52 * tau  # what rounding leaves of a multiple of the step
-    times = np.zeros(len(rungs), dtype=np.int64)
-    for p in range(len(rungs) - 1, -1, -1):
+    times = np.zeros(len(powers), dtype=np.int64)
+    for p in range(len(powers) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
-        if duration <= dust:  # so short a rung would take back dust without end
+        if duration <= dust:  # shorter powers would only subtract what rounding left, without end
             break
         while tau > duration - dust:
             times[p] += 1
             tau -= duration
-    # from the shortest, which is least work
+    # from the shortest, which is the least work
     begun = tau > dust
     out = taylor(tau, most, A, B, Cv, D) if begun else np.zeros(A.shape)
-    for p in range(len(rungs)):
+    for p in range(len(powers)):
         for _ in range(times[p]):
-            out = product(rungs[p], out, most) if begun else rungs[p]
+            out = product(powers[p], out, most) if begun else powers[p]
             begun = True
     return out

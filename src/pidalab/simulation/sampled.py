@@ -19,22 +19,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pidalab import _check
+from pidalab._check import Array
+from pidalab.controllers import AutomaticReset, Controller
 from pidalab.digital import DigitalController
 from pidalab.digital.parameters import anti_windup_word
 from pidalab.digital.program import program
 from pidalab.loop import Loop, require_loop
-from pidalab.plants import AsymmetricPlant
-from pidalab.process import Process
+from pidalab.process import AsymmetricPlant, Process, binomial
 from pidalab.response import Response
+from pidalab.robustness.poles import is_stable
+from pidalab.roots import roots
 from pidalab.simulation.operations import operations
-from pidalab.simulation.sampled_controller import sampled_controller
-from pidalab.simulation.sampled_plant import Actuator, plant_steps
-from pidalab.simulation.sampled_step import filtered, run
+from pidalab.simulation.sampled_step import Actuator, filtered, plant_steps, run
 from pidalab.statespace import StateSpace, discretise
 
 NO_BLOCK = StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)
@@ -44,6 +46,7 @@ def simulate_sampled(
     loop: Loop,
     t: ArrayLike,
     setpoint: ArrayLike = 0.0,
+    *,
     load: ArrayLike = 0.0,
     noise: ArrayLike = 0.0,
     limits: tuple[float, float] = (-math.inf, math.inf),
@@ -135,7 +138,8 @@ def simulate_sampled(
     conditioning: overshoot 12.4 %
     """
     require_loop(loop)
-    t, r, d, n = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
+    t, *held = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
+    r, d, n = map(np.ascontiguousarray, held)  # as kernels read them
     h = float(t[-1] / (t.size - 1))
     at_rest = limits_at_rest(loop.limits, limits)
     fineness, actuator = _conversion(*at_rest, quanta, pulse_widths)
@@ -199,3 +203,226 @@ def _conversion(low: float, high: float, quanta: tuple[float, float], widths: in
             f"pulse_widths needs finite limits to switch between, found limits ({low:g}, {high:g})"
         )
     return measurement, Actuator(low, high, control, widths)
+
+
+def sampled_controller(
+    loop: Loop, h: float, limits: tuple[float, float], anti_windup: str | None
+) -> tuple[StateSpace, DigitalController]:
+    """Discretise the controller of a loop, its output filter included, for held inputs and the sample time h.
+
+    Returns the fraction, and what is behind it: the integral and the limits.
+    """
+    require_fine_enough(h, shortest_filter(loop))
+    if loop.automatic_reset is not None:
+        kind = type(loop.controller).__name__
+        anti_windup_word(anti_windup, (None, "reset"), f"for a {kind}, which has an automatic reset")
+        return _with_reset(loop, loop.automatic_reset, h, limits)
+    available = (None, "clamping", "conditioning")
+    anti_windup = anti_windup_word(anti_windup, available, "for a continuous controller")
+    num, den = map(np.convolve, loop.blocks["controller"], loop.blocks["output_filter"])
+    if anti_windup is None:
+        return discretise(num, den, h), _behind(h, limits)
+    if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:
+        raise ValueError(
+            f"anti_windup={anti_windup!r} needs a controller with integral action (one pole at 0), found "
+            f"{loop.controller!r}"
+        )
+    ki = num[-1] / den[-2]
+    rest, den = np.polysub(num, ki * den[:-1]), den[:-1]
+    num = rest[:-1] if rest.size > 1 else np.zeros(1)
+    tracking = _tracking(ki, num[-1] / den[-1], h) if anti_windup == "conditioning" else 0.0
+    way = "clamping ahead" if anti_windup == "clamping" else None
+    return discretise(num, den, h), _behind(h, limits, integral=ki * h, gain=tracking, anti_windup=way)
+
+
+def _behind(
+    h: float, limits: tuple[float, float], integral: float = 0.0, gain: float = 0.0, **more: Any
+) -> DigitalController:
+    """Return the digital controller that adds an integral, where it grows, to a given signal, and limits the sum."""
+    rest: dict[str, Any] = {"from_signal": False, "tracking_gain": 0.0, "anti_windup": None}
+    return DigitalController(
+        sample_time=h,
+        method="zoh",
+        paths=(),
+        integrates=integral != 0.0,
+        growth=(0.0, integral),
+        back_calculation_gain=gain,
+        weights=(1.0, 1.0),
+        limits=limits,
+        **rest | more,
+    )
+
+
+def _tracking(ki: float, kp: float, h: float) -> float:
+    """Return how much of u - w the integral of a conditioned controller takes up in a sample."""
+    if kp == 0 or not 0 < ki * h / kp < 1:
+        raise ValueError(
+            "anti_windup='conditioning' is unstable unless kp/ki is above the sample time: found ki = "
+            f"{ki:.4g}, kp = {kp:.4g} (what C(s) - ki/s is at s = 0) and a sample time of {h:.4g}"
+        )
+    return ki * h / kp
+
+
+def require_fine_enough(h: float, filter_time: float) -> None:
+    """Raise for a sample time above the filter's time constant: derivatives would see single steps only."""
+    if h > filter_time * (1 + 1e-6):
+        raise ValueError(
+            f"the sample time must be at most the time constant of the controller's filter ({filter_time:.6g}), found "
+            f"{h:.6g}: between two samples such a filter forgets, and a derivative behind it acts on single steps; "
+            "sample faster, filter longer, or close the loop with controller.discretise(sample_time, 'backward'), "
+            "which serves at any sample time"
+        )
+
+
+def shortest_filter(loop: Loop) -> float:
+    """Shortest time constant of the filters in the controller and behind it, infinite without any."""
+    own = isinstance(loop.controller, Controller)
+    found = [part.filter_time for part in loop.controller.parts() if part.filter_order] if own else []
+    for block in ("output_filter",) if own else ("output_filter", "controller"):
+        # the poles of a transfer function are its filters, but for those at 0, the integrators
+        poles = roots(loop.blocks[block][1])
+        found += (1 / np.abs(poles[poles != 0])).tolist()
+    return float(min(found, default=math.inf))
+
+
+def _with_reset(
+    loop: Loop, reset: AutomaticReset, h: float, limits: tuple[float, float]
+) -> tuple[StateSpace, DigitalController]:
+    """Discretise the stabilising controller with its filters; the reset is the integral."""
+    num, den = loop.blocks["output_filter"]
+    filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
+    fraction = discretise(np.convolve(num, reset.stabiliser), filters, h)
+    # share of the control signal that the lag of the reset takes up in a sample
+    share = -math.expm1(-h / reset.time)
+    return fraction, _behind(h, limits, integral=share, from_signal=True)
+
+
+TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # samples of a response to noise, at first and at most
+# Share of the squares that the second half of such a response may hold. What comes later is left out: of a tail that
+# falls by e in N samples at most FADED N / TAIL_SAMPLES of the squares, so the gain is low by at most half of that,
+# 1e-10 of itself for a tail of a million samples, 1e-7 for one of a thousand millions.
+FADED = 1e-12
+# dead times that such a response covers at least: what comes back of the noise comes after the first
+ECHOES = 4
+
+
+def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None = None) -> Array:
+    """Uniformly distributed noise in [-amplitude, amplitude], held for a fixed time.
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Uniform times that start at 0.
+    amplitude : float
+        Largest absolute value, not negative.
+    seed : int
+        Seed of the generator; the same seed gives the same record.
+    hold : float, optional
+        Time for which a value is held, a multiple of the step of t; by default one step.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The record.
+
+    Raises
+    ------
+    ValueError
+        For a negative amplitude or a hold that is not a multiple of the step.
+
+    Examples
+    --------
+    >>> import numpy as np, pidalab
+    >>> pidalab.uniform_noise(np.arange(4) * 0.5, amplitude=0.1, seed=0, hold=1.0).round(4).tolist()
+    [0.0274, 0.0274, -0.046, -0.046]
+    """
+    t = _check.uniform_time("t", t)
+    amplitude = _check.real("amplitude", amplitude, at_least=0.0)
+    step = t[-1] / (t.size - 1)
+    each = 1.0 if hold is None else _check.real("hold", hold, above=0.0) / step
+    repeats = round(each)
+    if repeats < 1 or abs(each - repeats) > 1e-6:
+        raise ValueError(f"hold must be a multiple of the step of t ({step:g}), found {hold!r}")
+    values = np.random.default_rng(_check.integer("seed", seed, at_least=0)).uniform(
+        -amplitude, amplitude, -(-t.size // repeats)
+    )
+    return np.repeat(values, min(repeats, t.size))[: t.size]
+
+
+def noise_gain(loop: Loop, sample_time: float) -> float:
+    r"""Standard deviation of the control signal per unit of that of white measurement noise, in the sampled loop.
+
+    The noise n is held for a sample, the controller is digital as in `simulate_sampled`, and set point and load rest.
+    Limits, a limit of rate and a deadband are left out: the ratio is that of the linear loop.
+    By Parseval the ratio is the root of the sum of squares of the control signal after a single sample of noise of
+    height 1, that is, the H2 norm from n to u; no random number takes part.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop, stable, and stable also with this sample time.
+    sample_time : float
+        Sample time of controller and noise, above 0.
+
+    Returns
+    -------
+    float
+        The ratio, in units of u per unit of y: σ_rel of vrancic2021, eq. (35).
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `simulate_sampled`; for an unstable loop; and if a million samples do not hold four dead times, or the
+        response to the noise does not fade within them.
+
+    Examples
+    --------
+    >>> import pidalab
+    >>> loop = pidalab.Loop(pidalab.Process([1.0], [1.0, 1.0]), pidalab.PIDA(kp=2.0, ti=1.0))
+    >>> pidalab.noise_gain(loop, sample_time=0.01)
+    2.002
+    """
+    h = _check.real("sample_time", sample_time, above=0.0)
+    loop = _linear(loop)
+    for samples in _lengths(loop, h):
+        pulse = np.zeros(samples)
+        pulse[0] = 1.0
+        u = simulate_sampled(loop, h * np.arange(samples), setpoint=0.0, noise=pulse).u
+        largest = float(np.max(np.abs(u))) or 1.0
+        squares = (u / largest) ** 2
+        total, late = float(np.sum(squares)), float(np.sum(squares[samples // 2 :]))
+        if late <= FADED * total:
+            return largest * math.sqrt(total)
+    raise ValueError(
+        f"loop must be stable with sample_time = {h:g}, and fade sooner: {100 * late / total:.3g} % of the squares of "
+        f"u after one pulse of noise come in the second half of {samples} samples"
+    )
+
+
+def _linear(loop: Loop) -> Loop:
+    """Return the loop without limits and deadband."""
+    require_loop(loop)
+    own, none = loop.controller, (-math.inf, math.inf)
+    if loop.digital is not None:
+        own = replace(loop.digital, limits=none, rate_limit=math.inf, deadband=0.0)
+    elif loop.limits != none:
+        own = replace(own, limits=none)
+    return loop if own is loop.controller else Loop(loop.process, own, loop.output_filter, loop.prefilter)
+
+
+def _lengths(loop: Loop, h: float) -> list[int]:
+    """Return the numbers of samples to try, or raise for a loop whose noise comes back later, or ever stronger."""
+    if not is_stable(loop):
+        border = "in the closed right half-plane, or arbitrarily near it"
+        where = border if loop.digital is None else "on or outside the unit circle"
+        raise ValueError(f"loop must be stable, found poles {where}")
+    shortest = ECHOES * loop.process.delay / h
+    if shortest > LONGEST_TAIL:
+        raise ValueError(
+            f"sample_time must be at least {ECHOES * loop.process.delay / LONGEST_TAIL:.3g}, for {ECHOES} dead "
+            f"times in {LONGEST_TAIL} samples, found {h:g}"
+        )
+    lengths = [max(TAIL_SAMPLES, math.ceil(shortest))]
+    while 4 * lengths[-1] <= LONGEST_TAIL:
+        lengths.append(4 * lengths[-1])
+    return lengths

@@ -15,8 +15,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab._compiled import compiled, inlined
 from pidalab.simulation import operations as op
-from pidalab.simulation.sampled_plant import Steps
-from pidalab.simulation.sampled_step import stepper
+from pidalab.simulation.sampled_step import Steps, stepper
 
 LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0

@@ -1,4 +1,4 @@
-"""What outputs read of a stack of states, and how a stack moves on: see `pidalab.simulation.ladder`."""
+"""Kernels that read outputs from a stack of states and carry a stack on: see `pidalab.simulation.ladder`."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from pidalab.simulation.ring import DROPPED, add_product, add_rows, sizes, tops
 
 
 @compiled
-def advanced(stack, order, rung, keep):
-    """Carry a stack over the duration of a rung, and keep its youngest ages."""
-    ages, reach = stack.size // order, rung.shape[1] // order
+def advanced(stack, order, power, keep):
+    """Carry a stack over the duration of a power, and keep its youngest ages."""
+    ages, reach = stack.size // order, power.shape[1] // order
     after = np.zeros(keep * order)
     before = stack.size - after.size
     for j in range(after.size):
         after[j] = stack[before + j]
-    # the states of each age add a row of the rung to their own age and to all younger ones
+    # The states of each age add rows of the power to their own age and to all younger ones.
     for age in range(ages - 1, -1, -1):
         least, end = max(0, age - keep + 1), min(reach, age + 1)
         if least < end:
-            at, source = (keep - 1 - age + least) * order, (ages - 1 - age) * order
+            place, source = (keep - 1 - age + least) * order, (ages - 1 - age) * order
             add_rows(
-                after[at : at + (end - least) * order],
+                after[place : place + (end - least) * order],
                 stack[source : source + order],
-                rung,
+                power,
                 0,
                 least * order,
             )
@@ -48,11 +48,11 @@ def _reads(rows, outputs, order, wide):
 
 @compiled
 def _read_ages(size):
-    """Return the number of ages that an output reads: the oldest ones count for nothing in any."""
+    """Return the number of ages that any output reads by more than `DROPPED` of what it reads most."""
     ages = size.shape[0] - 1
     largest = size[ages]
     while ages > 1:
-        # of each output its own share: u may be read by numbers far larger than those of y
+        # a share of each output alone, since u may be read by numbers far larger than those of y
         for q in range(largest.size):
             if size[ages - 1, q] > DROPPED * largest[q]:
                 return ages
@@ -61,19 +61,19 @@ def _read_ages(size):
 
 
 @compiled
-def _longest(size, ages, rung, order, most):
-    """Bound the ages that outputs read one rung later, before it is known: older ones would count for nothing.
+def _longest(size, ages, power, order, most):
+    """Bound the ages that outputs read one power later, before these reads are computed.
 
-    No number is larger than the order times the largest numbers of both factors, and the reads up to now stay.
+    No number of a product is larger than the order times the largest numbers of both factors.
     """
-    reach, largest = rung.size, size[size.shape[0] - 1]
+    reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
     while new > ages:
         age = new - 1
         for q in range(size.shape[1]):
             total = 0.0
-            for at in range(max(0, age - ages + 1), min(reach, age + 1)):
-                total += order * rung[at] * size[age - at, q]
+            for k in range(max(0, age - ages + 1), min(reach, age + 1)):
+                total += order * power[k] * size[age - k, q]
             if not total <= DROPPED * largest[q]:
                 return new
         new -= 1
@@ -81,8 +81,14 @@ def _longest(size, ages, rung, order, most):
 
 
 @compiled
-def output_rows(C, direct, Cv, D, settled, most, run, rungs, base):
-    """What the outputs at `run` times in succession read of a stack: (its states, times and outputs)."""
+def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
+    """Return what the outputs at `run` times in succession read of a stack: (its states, times and outputs).
+
+    Notes
+    -----
+    Rows for one time are what the outputs read themselves. Rows for twice as many times follow by a product with the
+    next power: the same reads, one power later. In between ages are dropped that no output reads.
+    """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
     ages = min(most, max(1, settled.shape[0]))
@@ -94,13 +100,13 @@ def output_rows(C, direct, Cv, D, settled, most, run, rungs, base):
             rows[(ages - 1) * order + j, q] = C[q, j]
         reading = direct[q].copy()
         for age in range(1, ages):  # the direct part of an output reads all older process inputs
-            at = (ages - 1 - age) * order
-            read, on = np.zeros(order), np.zeros(reading.size)
+            place = (ages - 1 - age) * order
+            read, passed = np.zeros(order), np.zeros(reading.size)
             add_rows(read, reading, Cv, 0, 0)
-            add_rows(on, reading, D, 0, 0)
+            add_rows(passed, reading, D, 0, 0)
             for j in range(order):
-                rows[at + j, q] = read[j]
-            reading = on
+                rows[place + j, q] = read[j]
+            reading = passed
     for age in range(min(ages, settled.shape[0])):
         for j in range(order):
             rows[(ages - 1 - age) * order + j, 3] = settled[age, j]
@@ -108,11 +114,11 @@ def output_rows(C, direct, Cv, D, settled, most, run, rungs, base):
     kept = _read_ages(size)
     rows, ages = rows[(ages - kept) * order :], kept
     have, p = outputs, base
-    while have < wide:  # as many again, one rung later
-        rung = rungs[p]
-        reach = rung.shape[1] // order
+    while have < wide:  # as many again, one power later
+        power = powers[p]
+        reach = power.shape[1] // order
         more = min(have, wide - have)
-        new = _longest(size, ages, sizes(rung), order, most)
+        new = _longest(size, ages, sizes(power), order, most)
         longer = np.zeros((new * order, wide))
         shift = (new - ages) * order
         for i in range(ages * order):
@@ -121,10 +127,10 @@ def output_rows(C, direct, Cv, D, settled, most, run, rungs, base):
             for m in range(more):
                 longer[shift + i, have + m] = rows[i, m]
         for age in range(new):
-            least, end = max(0, age - ages + 1), min(reach, age + 1)  # ages that the rung adds
+            least, end = max(0, age - ages + 1), min(reach, age + 1)  # ages that the power adds
             first = (ages - 1 - age + least) * order
             here, count = (new - 1 - age) * order, max(0, end - least) * order
-            add_product(longer[here:], (have, more), rung, least * order, count, rows, first)
+            add_product(longer[here:], (have, more), power, least * order, count, rows, first)
         have, p = have + more, p + 1
         size = _reads(longer, outputs, order, have)
         ages = _read_ages(size)
@@ -146,7 +152,7 @@ def nonzero(matrix):
 
 
 @compiled
-def derive(terms, at, delta, A, places, numbers, B, Cv, D, delayed):
+def derive(terms, place, delta, A, places, numbers, B, Cv, D, delayed):
     """Fill in the derivatives of the states at one multiple of the dead time: (delta A(z))^m / m! of them.
 
     `delayed` holds, for each derivative, the delayed signals on their way to the next multiple.
@@ -154,11 +160,11 @@ def derive(terms, at, delta, A, places, numbers, B, Cv, D, delayed):
     order, channels = B.shape
     after = np.zeros(channels)
     for m in range(1, terms.shape[0]):
-        before, now = terms[m - 1, at : at + order], terms[m, at : at + order]
+        before, now = terms[m - 1, place : place + order], terms[m, place : place + order]
         share = delta / m
         for i in range(order):
             total = 0.0
-            for p in range(numbers[i]):  # few are not 0
+            for p in range(numbers[i]):
                 total += A[i, places[i, p]] * before[places[i, p]]
             for q in range(channels):
                 total += B[i, q] * delayed[m, q]
@@ -205,20 +211,20 @@ def summed(terms, start, end, share):
 
 
 @compiled
-def ages_needed(read, rungs, order, base, most):
+def ages_needed(read, powers, order, base, most):
     """Return the ages that a stack needs from which outputs are read up to so many runs later, from 0 to `most` runs.
 
-    So many runs are a product of rungs, by binary digits, whose reach bounds what outputs read of the stack now. What
-    lies beyond counts for nothing in any of them: it may be cut off, though each run by itself would still move it.
+    The binary digits of a number of runs say which powers have the same product; their reaches bound what outputs read
+    of the stack now. Older ages are negligible in all of these outputs and may be cut off.
     """
     needed = np.full(most + 1, read)
     for runs in range(1, most + 1):
-        ages, p, rest = read, base, runs
-        while rest > 0:
-            # above the highest rung are runs without a dead time alone, and there is one age
-            if rest % 2 == 1 and p < len(rungs):
-                ages += rungs[p].shape[1] // order - 1
-            rest //= 2
+        ages, p, digits = read, base, runs
+        while digits > 0:
+            # above the highest power there is no dead time, and one age
+            if digits % 2 == 1 and p < len(powers):
+                ages += powers[p].shape[1] // order - 1
+            digits //= 2
             p += 1
         needed[runs] = max(needed[runs - 1], ages)
     return needed
@@ -244,6 +250,6 @@ def distance_after(k, i, step, delay):
 
 
 @compiled
-def is_digit(count, power):
-    """Return whether a number is written with this power of 2: a whole number, perhaps beyond the largest integer."""
+def bit_is_set(count, power):
+    """Return True if the binary form of a count has this power of 2; the count may exceed the largest integer."""
     return np.floor(count * 2.0**-power) % 2.0 == 1.0

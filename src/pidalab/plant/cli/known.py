@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pidalab._names import KINDS, STARTING_MODELS
-from pidalab._table import set_out
+from pidalab._text import KINDS, STARTING_MODELS, set_out
 from pidalab.plant.cli.dialogue import (
     Place,
     column,

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pidalab._names import KINDS
-from pidalab._text import plain_text
+from pidalab._text import KINDS, plain_text
 from pidalab.plant.cli.dialogue import (
     Place,
     add_options,

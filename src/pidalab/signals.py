@@ -1,0 +1,398 @@
+"""Records of experiments on a loop, which know how far their samples can be trusted."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from operator import methodcaller
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from pidalab import _check
+from pidalab._check import Array
+
+REFINEMENT = 4  # steps that take the place of one on the next finer grid
+SETTLED_SHARE = 1e-6  # of the largest error: allowed in the last tenth of a settled record
+FEWEST_JUDGED = 20  # samples of a movement that show whether it diverges
+FINEST_GRID = 150_000  # of a finer grid
+INTEGRALS = ("iae", "ise", "itae")
+SAME_SHARE = 2e-4  # difference of a measure on two grids that counts as none
+DOUBT_SHARE = 1e-3  # doubt beyond which a measure warns
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Signals of one experiment, what is done to them, and how far they are trusted: see `pidalab.Response`."""
+
+    t: Array
+    r: Array
+    d: Array
+    n: Array
+    y: Array
+    u: Array
+    area: Any = None
+    held: Any = 0.0
+    final: float | None = None
+
+    _finer: ClassVar[Any] = None  # returns the experiment on a grid finer by `REFINEMENT`
+    _speed: ClassVar[Any] = None  # returns the modulus of the fastest pole of the loop
+    _exact: ClassVar[bool] = False  # an engine, or the caller, gave the area
+
+    def __post_init__(self) -> None:
+        fields = vars(self)
+        fields["t"] = _check.uniform_time("t", self.t)
+        for name in ("r", "d", "n", "y", "u", "held"):
+            fields[name] = _check.signal(name, fields[name], self.t.size)
+        if self.final is not None:
+            fields["final"] = _check.real("final", self.final)
+        fields["_exact"] = self.area is not None
+        if self.area is None:
+            steps = 0.5 * self.step * (self.y[1:] + self.y[:-1])
+            fields["area"] = np.concatenate([[0.0], np.cumsum(steps)])
+        else:
+            fields["area"] = _check.signal("area", self.area, self.t.size)
+
+    @classmethod
+    def _of_engine(
+        cls,
+        finer: Callable[[], Self] | None,
+        speed: Callable[[], float] | None,
+        **signals: Array,
+    ) -> Self:
+        """Make a record of checked arrays: all fields but `held` and `final`."""
+        response = cls.__new__(cls)
+        held = np.broadcast_to(0.0, signals["t"].size)
+        vars(response).update(signals, held=held, final=None, _finer=finer, _speed=speed, _exact=True)
+        return response
+
+    def _derived(self, finer: Callable[[], Self] | None, **changes: Any) -> Self:
+        """Return a record with other fields that knows as much about its grid."""
+        response = replace(self, **changes)
+        vars(response).update(_finer=self._finer and finer, _speed=self._speed, _exact=self._exact)
+        return response
+
+    def _refined(self) -> Self:
+        """Return the same experiment on a finer grid, simulated once."""
+        fields = vars(self)
+        if "_next" not in fields:
+            fields["_next"] = fields["_finer"]()
+        return fields["_next"]
+
+    def _thinned(self) -> Self | None:
+        """Return the record at every second time, None where held signals change in between."""
+        if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
+            return None
+        if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):
+            return None
+        names = ("t", "r", "d", "n", "y", "u", "area")
+        thinned = type(self)._of_engine(None, None, **{name: getattr(self, name)[::2] for name in names})
+        vars(thinned).update(held=self.held[::2], final=self.final)
+        return thinned
+
+    def _settle(
+        self,
+        name: str,
+        measure: Callable[[Any], float],
+        signal: str = "y",
+        missed: Callable[[Any], float] | None = None,
+        least: float = 0.0,
+    ) -> float:
+        """Return a measure that a finer grid does not change, or warn with the size of the doubt.
+
+        Parameters
+        ----------
+        name : str
+            Of the measure, for the warning.
+        measure : callable
+            Computes the measure of a record, without complaints about it.
+        signal : {"y", "u"}
+            What is measured.
+        missed : callable, optional
+            Bounds what the samples of a record miss of a measure of extremes.
+        least : float, optional
+            Size beside which a difference counts where the value is smaller.
+
+        Notes
+        -----
+        Grids are compared in succession: every second sample, the samples, and finer ones. One agreement ends this
+        where the samples see the fastest pole, for an integral and for extremes that miss little. Otherwise two do, and
+        three for a time, since grids can share the sample that counts. Where no finer grid is needed nothing is
+        simulated. The value of the record itself stands if the first finer one agrees: a measure of a fine grid is that
+        of its samples.
+        """
+        value = measure(self)
+        if self._finer is None and (not self._exact or signal == "u" or self.n.any()):
+            return value
+        integral, thinned = name in INTEGRALS, self._thinned()
+
+        def size() -> float:
+            return max(abs(value), least, 1e-300)
+
+        doubt = math.inf if thinned is None else abs(measure(thinned) - value) / size()
+        if self._finer is None:
+            if thinned is not None:
+                # extremes can share a sample, so the integral of e^2 is compared, too
+                square, other = self._integral_of_square(), thinned._integral_of_square()
+                doubt = max(doubt, abs(other - square) / max(square, 1e-300))
+                if doubt > 3 * DOUBT_SHARE:
+                    _warn(name, doubt / 3, self)
+            return value
+        agreements, record, first = 0, self, value
+        while True:
+            agreements = agreements + 1 if doubt <= SAME_SHARE else 0
+            seen = self._speed is None or self._speed() * record.step <= 1.0
+            inside = missed(record) / size() if missed else 0.0
+            enough = 1 if seen and (integral or missed) else 2 if integral or missed else 3
+            if agreements >= enough and (seen or integral) and inside <= SAME_SHARE:
+                return first if record in (self, vars(self).get("_next")) else value
+            if record.t.size * REFINEMENT > FINEST_GRID:
+                break
+            try:
+                record = record._refined()
+            except ValueError:  # the engine refuses so many times
+                break
+            other, value = value, measure(record)
+            doubt = abs(other - value) / size()
+        # the difference of the last two grids is at least three times the error of the last one
+        if (doubt := max(doubt / 3, inside / 1.2)) > DOUBT_SHARE:
+            _warn(name, doubt, record)
+        return value
+
+    def __repr__(self) -> str:
+        return f"Response({self.t.size} samples, t = 0 to {self.t[-1]:g})"
+
+    @property
+    def step(self) -> float:
+        """Sample time."""
+        return float(self.t[-1] / (self.t.size - 1))
+
+    @property
+    def e(self) -> Array:
+        """Control error r - y, shape (k,)."""
+        return self.r - self.y
+
+    def measured(self) -> Self:
+        """Return the experiment as a recorder at the sensor sees it: y + n in place of y.
+
+        Returns
+        -------
+        Response
+            With y + n as its y, held as n is, and no noise left to add.
+
+        Examples
+        --------
+        >>> from pidalab import Response
+        >>> record = Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=[0.1, -0.1, 0.1], y=1.0, u=0.0)
+        >>> print(f"{record.iae():.3f} {record.measured().iae():.3f}")
+        0.000 0.200
+        """
+        noise_area = self.step * np.concatenate([[0.0], np.cumsum(self.n[:-1])])
+        return self._derived(
+            partial(apply_to_finer, self, methodcaller("measured")),
+            y=self.y + self.n,
+            n=np.zeros_like(self.n),
+            area=self.area + noise_area,
+            held=self.held + self.n,
+        )
+
+    def against(self, reference: Self) -> Self:
+        """Return the experiment with its error counted from another response, such as that of the wanted behaviour.
+
+        Parameters
+        ----------
+        reference : Response
+            At the same times. Its output takes the place of the set point: `open_loop_step` of a prefilter gives the
+            filtered set point.
+
+        Returns
+        -------
+        Response
+            With the difference of both outputs as its y, and 0 as its set point: ``e`` is ``reference.y - y``.
+
+        Raises
+        ------
+        ValueError
+            For other times.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = np.linspace(0.0, 20.0, 2001)
+        >>> wanted = pidalab.open_loop_step(pidalab.lags(2), t)
+        >>> loop = pidalab.Loop(pidalab.ipdt(1.0, delay=0.0), 1.0)
+        >>> print(f"{pidalab.step_response(loop, t).against(wanted).ie():.4f}")
+        -1.0000
+        """
+        if not np.array_equal(self.t, reference.t):
+            raise ValueError(
+                f"the reference must have the same times (0 to {self.t[-1]:g} in {self.t.size} samples), found 0 to "
+                f"{reference.t[-1]:g} in {reference.t.size}"
+            )
+        return self._derived(
+            partial(_finer_difference, self, reference) if reference._finer else None,
+            r=np.zeros_like(self.r),
+            y=self.y - reference.y,
+            area=self.area - reference.area,
+            held=self.held - reference.held,
+            final=None,
+        )
+
+    def between(self, start: float, stop: float) -> Self:
+        """Return a stretch of the record as an experiment of its own, such as one of several set-point steps.
+
+        Time counts from `start`. Set point, load and control signal are deviations from their values just before, and
+        so is y, from the set point before: the control error stays what it is, and every measure reads as after a step
+        from rest.
+
+        Parameters
+        ----------
+        start, stop : float
+            Beginning and end, to the nearest sample; the last sample is held until one sample time after the record.
+
+        Returns
+        -------
+        Response
+            The stretch. What changes at `stop` is no longer in it.
+
+        Raises
+        ------
+        ValueError
+            For a stretch that does not lie in order in the record.
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = 0.1 * np.arange(401)
+        >>> r = pidalab.simulate(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5), t, np.where(t < 20, 1.0, 3.0))
+        >>> second = r.between(20.0, 40.0)
+        >>> print(f"{second.overshoot():.2f} % {second.settling_time(0.05):.2f} {second.tv():.3f}")
+        4.05 % 3.36 2.084
+        """
+        first, last = self._samples(start, stop)
+        last = min(last, self.t.size - 1)
+        if last == first:
+            raise ValueError(f"start and stop must be at least a sample apart, found {start!r} and {stop!r}")
+        span = slice(first, last + 1)
+        before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in "rdu"} | {"n": 0.0}
+        # what is held jumps at stop: its value just before belongs to the stretch
+        signals: dict[str, Any] = {}
+        for name, rest in before.items():
+            held = getattr(self, name)
+            signals[name] = np.append(held[first:last], held[last - 1]) - rest
+        t = self.t[span] - self.t[first]
+        return self._derived(
+            partial(apply_to_finer, self, methodcaller("between", first * self.step, last * self.step)),
+            t=t,
+            **signals,
+            y=self.y[span] - before["r"],
+            area=self.area[span] - self.area[first] - before["r"] * t,
+            held=self.held[span],
+            final=None,
+        )
+
+    def _samples(self, start: float, stop: float) -> tuple[int, int]:
+        """Return the samples nearest to two times that lie in order in the record; the last one is held for a while."""
+        start, stop = _check.real("start", start), _check.real("stop", stop)
+        first, last = round(start / self.step), round(stop / self.step)
+        if not 0 <= first < last <= self.t.size:
+            raise ValueError(
+                f"start and stop must lie in order in the record (0 to {self.t[-1]:g}), found {start:g} and {stop:g}"
+            )
+        return first, last
+
+    def _require_integrable(self, horizon: float | None) -> float | None:
+        """Return a checked horizon, None for the end of the record, or raise if the integral does not belong to it."""
+        if horizon is None:
+            self._require_bounded("the error", self.e)
+            return None
+        if horizon == math.inf:
+            self._require_settled()
+            return None
+        return self._horizon(horizon)
+
+    def _horizon(self, horizon: float | None) -> float:
+        """Return a finite horizon, by default the end of the record."""
+        if horizon is None:
+            return float(self.t[-1])
+        horizon = _check.real("horizon", horizon, above=0.0)
+        if horizon > self.t[-1] * (1 + 1e-12):
+            raise ValueError(f"horizon must be within the record (up to {self.t[-1]:g}), found {horizon:g}")
+        return horizon
+
+    def _require_settled(self) -> None:
+        tail, largest = np.max(np.abs(self.e[-max(2, self.t.size // 10) :])), np.max(np.abs(self.e))
+        if tail > SETTLED_SHARE * largest:
+            raise ValueError(
+                f"horizon=inf needs a settled record: the error is still {tail:.3g} in the last tenth before "
+                f"t = {self.t[-1]:g}, and {SETTLED_SHARE * largest:.3g} is allowed; simulate longer or give a finite "
+                "horizon"
+            )
+
+    def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
+        """Raise for a signal that still grows at the end of the record, which alone would decide the measure.
+
+        Growth is looked for within the last movement: since the signal first moved, and since set point and load last
+        changed, unless they change all the time. A movement of few samples has only begun and is not judged.
+        """
+        if not self._grows(signal, 0):
+            return
+        start = int(np.argmax(signal != signal[0])) - 1
+        changes = np.flatnonzero((np.diff(self.r) != 0) | (np.diff(self.d) != 0))
+        if 0 < changes.size <= self.t.size // FEWEST_JUDGED:
+            start = max(start, int(changes[-1]))
+        start = max(start, 0)
+        if self._grows(signal, start):
+            late, early = self._movements(signal, start)
+            raise ValueError(
+                f"{measure} needs a response that does not diverge: {name} moves over {late:.3g} in the last tenth "
+                f"before t = {self.t[-1]:g}, and over {early:.3g} since t = {self.t[start]:g}; give a horizon where "
+                "there is one, or simulate a stable loop for longer"
+            )
+
+    def _grows(self, signal: Array, start: int) -> bool:
+        late, early = self._movements(signal, start)
+        return self.t.size - start >= FEWEST_JUDGED and late > early
+
+    @staticmethod
+    def _movements(signal: Array, start: int) -> tuple[float, float]:
+        """Return the ranges of a signal in the last tenth of the time since a sample, and before."""
+        moving = signal[start:]
+        tenth = max(2, moving.size // 10)
+        return float(np.ptp(moving[-tenth:])), float(np.ptp(moving[: moving.size - tenth + 1]))
+
+    def _pieces(self, horizon: float | None) -> tuple[Array, Array, Array]:
+        """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
+        horizon = self._horizon(horizon)
+        first, last = self.r[:-1] - self.y[:-1], self.r[:-1] - self.y[1:] + np.diff(self.held)
+        mean = self.r[:-1] - np.diff(self.area) / self.step
+        curve = 3 * (first + last) - 6 * mean
+        ends = np.clip((horizon - self.t[:-1]) / self.step, 0.0, 1.0)
+        return np.stack([first, last - first - curve, curve]), ends, self.t[:-1]
+
+    def _integral_of_square(self, horizon: float | None = None) -> float:
+        """Integrate the square of the error, without complaints about the record."""
+        (c0, c1, c2), s, _ = self._pieces(horizon)
+        square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
+        return float(self.step * np.sum(s * square))
+
+
+def apply_to_finer(record: Any, change: Callable[[Any], Any]) -> Any:
+    """Return a change of the same experiment on a finer grid."""
+    return change(record._refined())
+
+
+def _finer_difference(record: Any, reference: Any) -> Any:
+    return record._refined().against(reference._refined())
+
+
+def _warn(measure: str, doubt: float, record: Signals) -> None:
+    warnings.warn(
+        f"{measure} is uncertain by about {100 * doubt:.2g} %: the samples are too far apart for it, with a step of "
+        f"{record.step:.3g}; take a smaller step",
+        RuntimeWarning,
+        stacklevel=4,
+    )
