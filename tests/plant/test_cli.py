@@ -225,7 +225,7 @@ def test_designs_with_an_output_filter_and_with_a_prefilter_become_code(record, 
     loose = ("--rule", "mrdp", "--ms-worst", 4)
     filtered = run("tune", rising, *options, "--model", "ipdt", *loose, "--out", tmp_path)
     assert filtered.exit_code == 0, filtered.output
-    assert "Prefilter of the set point: [" in (tmp_path / "controller.c").read_text(encoding="utf-8")
+    assert "Set-point prefilter: " in (tmp_path / "controller.c").read_text(encoding="utf-8")
     assert (
         pidalab.digital.from_json((tmp_path / "controller.json").read_text(encoding="utf-8")).prefilter
         is not None
