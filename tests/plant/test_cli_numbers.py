@@ -42,7 +42,7 @@ DEFAULTS = {  # scripts of users rest on them
         "y": "2",
         "skip": 0,
     },
-    "compare": {"num": "1", "delay": 0, "noise_gain": 10, "sample_time": 0.01},
+    "compare": {"num": "1", "delay": 0},
     "simulate": {"num": "1", "delay": 0, "td": 0, "ta": 0, "setpoint": 1, "load": 0},
     "tclab": {"power": 50, "setpoint": 40, "load": 60, "duration": 900, "cooling": 1200, "sample_time": 1},
     "benchmark": {"model": "process", "workers": 2},
@@ -50,7 +50,7 @@ DEFAULTS = {  # scripts of users rest on them
 LIBRARY = {  # defaults of the same name in the library
     "tune": (pidalab.tune, ("ms", "ms_worst")),
     "report": (pidalab.report, ("ms", "ms_worst")),
-    "compare": (pidalab.compare, ("ms", "noise_gain", "sample_time")),
+    "compare": (pidalab.compare, ("ms",)),
     "tclab": (pidalab.report, ("ms",)),
     "simulate": (pidalab.PIDA, ("n", "m")),
     "check": (pidalab.PIDA, ("n", "m")),

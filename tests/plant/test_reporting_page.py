@@ -160,7 +160,7 @@ def test_the_trade_off_has_each_curve_and_each_rule_in_the_panel_of_the_least_li
         for line, kind in zip(curves, ("PI", "PID"), strict=True):
             assert kind_of(line) == line.get_label() == kind
             expected = [point for point in found.points if (point.kind, point.ms) == (kind, ms)]
-            assert line.get_xdata().tolist() == [point.noise_gain for point in expected]
+            assert line.get_xdata().tolist() == [point.relative_noise_gain for point in expected]
             assert line.get_ydata().tolist() == [point.iae for point in expected]
         dots = [line for line in ax.get_lines() if line.get_marker() != "None"]
         assert all(line.get_markersize() > 2 * line.get_linewidth() for line in dots)

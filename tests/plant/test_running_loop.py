@@ -128,7 +128,7 @@ def test_gains_that_did_not_make_the_log_are_named(share, doubted):
     given = pidalab.PIDA(kp=share * RUNNING.kp, ti=RUNNING.ti)
     explained, gain = explained_by(given, None, log(setpoint=steps((20, 1.0))))
     assert (explained < 0.8) is doubted
-    assert gain == pytest.approx(RUNNING.kp, rel=0.1)
+    assert gain == pytest.approx(RUNNING.kp, rel=0.3)
     assert np.isnan(explained_by(given, None, bumped())[0])  # in open loop the controller made nothing
 
 
@@ -141,7 +141,7 @@ def test_intervals_of_closed_loops_contain_the_plant(seed):
 
 
 def test_slow_disturbances_widen_the_interval_of_a_closed_loop():
-    found = fit(log(setpoint=steps((20, 0.5)), noise=0.1, slow=0.9, seed=3), "fopdt")
+    found = fit(log(setpoint=steps((20, 1.0), (150, -1.0)), noise=0.1, slow=0.9, seed=3), "fopdt")
     assert any("closed loop" in doubt for doubt in found.doubts)
     assert abs(found.parameters["gain"] - 2.0) < 1.96 * found.uncertainty["gain"]
 

@@ -221,6 +221,8 @@ class Fit:
         moved = np.abs(level - level[-1]) > MOVED * np.ptp(np.append(level, 0.0))
         last = float(data.change_times[int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0])
         cut = min(data.t[0] + 2 / 3 * np.ptp(data.t), last - 1e-9 * np.ptp(data.t))
+        if data.loaded and cut < data.t[0] + 0.5 * np.ptp(data.t):
+            return math.nan  # so short a part does not tell the load from the input
         early = data.until(cut)
         seen = np.append(np.cumsum(early.changes), 0.0)
         if np.ptp(seen) <= MOVED * np.ptp(np.append(level, 0.0)) or early.t.size < 20:
@@ -231,7 +233,8 @@ class Fit:
         late = data.t > cut
         if not found.converged or np.std(data.y[late]) < max(3 * self.noise, 0.1 * float(np.std(data.y))):
             return math.nan
-        error = (data.y - data.basis(shape, p) @ projected(early, shape, p)[1])[late]
+        whole = data._replace(load=found.data.load)  # the load where the early part has it
+        error = (data.y - whole.basis(shape, p) @ projected(found.data, shape, p)[1])[late]
         return 1.0 - float(np.sqrt(np.mean(error**2)) / np.std(data.y[late]))
 
     @property

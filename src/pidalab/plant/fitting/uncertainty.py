@@ -15,7 +15,7 @@ SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its
 # share of the variance of the output that a model has to explain: with less, most of the movement came from elsewhere,
 # and what is called noise may as well be the plant's answer, with another sign
 EXPLAINED = 0.5
-FED_BACK = 0.5  # correlation of the changes of u and y, from which on a controller makes u
+FED_BACK = 0.3  # mean agreement of the signs of the changes of u and y, from which on a controller makes u
 COLOURED = 1.5  # samples that share one error, from which on residuals are no white noise
 CLOSED_LOOP = 7.0
 CHANCE = 0.003  # that a drift alone makes an answer look as large
@@ -117,9 +117,9 @@ def closed_loop_factor(record: Record, found: FitResult) -> float:
     controller. Of 100 simulated loops of a first-order plant with white noise and a load that wanders, the errors
     were up to this factor larger than from white noise alone.
     """
-    du, dy = rough(np.diff(record.u)), rough(np.diff(record.y))
-    size = float(np.linalg.norm(du) * np.linalg.norm(dy))
-    fed_back = size > 0 and max(abs(float(du @ dy)), abs(float(du[1:] @ dy[:-1]))) > FED_BACK * size
+    du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
+    # by their signs, so that a step of the set point counts as one sample
+    fed_back = max(abs(float(np.mean(du * dy))), abs(float(np.mean(du[1:] * dy[:-1])))) > FED_BACK
     return CLOSED_LOOP if fed_back and samples_per_error(found.residuals) > COLOURED else 1.0
 
 
