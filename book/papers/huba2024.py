@@ -209,9 +209,10 @@ def dryer_runs(process, filter_time, gain, delay):
         own = ar.tune(
             model, ar.SETTINGS[name], n=4, filter_time=filter_time, weight=0.0
         )
-        given = own.loop(process), CLOCK, 55.0, LID
-        clean[name] = pidalab.simulate_sampled(*given, limits=(0.0, 24.0))
-        noisy[name] = pidalab.simulate_sampled(*given, limits=(0.0, 24.0), **real)
+        given = own.loop(process), CLOCK, 55.0
+        limited = {"load": LID, "limits": (0.0, 24.0)}
+        clean[name] = pidalab.simulate_sampled(*given, **limited)
+        noisy[name] = pidalab.simulate_sampled(*given, **limited, **real)
     return clean, noisy
 
 

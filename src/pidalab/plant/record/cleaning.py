@@ -60,7 +60,7 @@ def cleaned(
         doubts.append(doubt("missing", count=(~usable).sum(), total=t.size))
     places = np.flatnonzero(usable)
     u, y = u[usable], y[usable]
-    t = _clock(t[usable], [where[k] for k in places], doubts)
+    t = _clock(t[usable], [where[int(k)] for k in places], doubts)
     refuse_no_input(t, u, y)
     order = np.argsort(t, kind="stable")
     times, first, count = np.unique(t[order], return_index=True, return_counts=True)

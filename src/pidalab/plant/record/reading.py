@@ -120,8 +120,8 @@ def read_columns(
     if timed and 2 * columns[0][1].sum() > numbers.size:
         columns[0] = _stamps(entries[0], columns[0], doubts)
     if timed:
-        name = header[places[0]] if places[0] < len(header) else ""
-        columns[0] = _in_seconds(columns[0], name, doubts)
+        title = header[places[0]] if places[0] < len(header) else ""
+        columns[0] = _in_seconds(columns[0], title, doubts)
     if any(entry.lower() in STATES for column in entries for entry in column[:LOOKED_AT]):
         doubts.append("true or on was read as 1, false or off as 0")
     good = ~np.any([wrong for _, wrong in columns], axis=0)
