@@ -90,7 +90,7 @@ def as_read(row):
 def idle_ends(page, host, knob):
     """Ends of a knob's range where nothing moves; the knob is left as it was."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
-    box = row.locator("input[type=number]")
+    box = row.locator("input[type=text]")
     before = box.input_value()
     ends = row.locator("input[type=range]").evaluate(IDLE_ENDS)
     box.fill(before)
@@ -106,7 +106,7 @@ def turn(page, host, knob):
     bar.press("PageUp")
     page.wait_for_function("([bar, before]) => bar.ariaValueText !== before", arg=before, timeout=20_000)
     page.evaluate(DRAWN)
-    value = row.locator("input[type=number]").input_value()
+    value = row.locator("input[type=text]").input_value()
     assert bar.get_attribute("aria-valuetext").startswith(f"{knob['label']} ")
     return float(value)
 
