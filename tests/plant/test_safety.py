@@ -71,11 +71,15 @@ def test_the_worst_ms_does_not_depend_on_the_order_of_the_plants():
     assert evaluator.worst(PI, []) == LoopMs(0.0)
 
 
-def test_the_judge_keeps_nothing():
-    values = vars(LoopEvaluator(1.0, None))
-    assert not [name for name, value in values.items() if isinstance(value, (list, dict, set))]
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        LoopEvaluator(1.0, None).sample_time = 2.0
+def test_the_judge_measures_a_design_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr(LoopEvaluator, "_ms", lambda self, design, plant: calls.append(plant) or LoopMs(1.5))
+    evaluator, plants = LoopEvaluator(1.0, None), [pidalab.fopdt(1.0, lag, 1.0) for lag in (2.0, 3.0)]
+    for _ in range(2):
+        assert evaluator.worst(PI, plants) == LoopMs(1.5)
+    assert calls == plants
+    evaluator.ms(dataclasses.replace(PI), plants[0])
+    assert len(calls) == 3
 
 
 LIMITS = Requirements(ms=1.6, ms_worst=2.0)

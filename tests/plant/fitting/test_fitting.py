@@ -202,7 +202,7 @@ def test_a_fit_is_its_own_and_says_what_it_found():
     assert lines[1:] == [
         f"residuals {fitted.deviation:.3g} (root mean square): noise {fitted.noise:.3g}, "
         f"error of the model {fitted.model_error:.3g}",
-        f"NRMSE {fitted.nrmse:.3f}, no part left to test it on, since nothing moves at the end",
+        f"NRMSE {fitted.nrmse:.3f}, no hold-out data",
         "fopdt was requested.",
     ]
     assert fitted.deviation == pytest.approx(np.sqrt(np.mean(fitted.residuals**2)))

@@ -14,6 +14,7 @@ from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
 FEWEST = 20  # samples from which something can be concluded
+LONGEST_WRAP = 10  # usual intervals from the last sample before a counter begins anew to the next one
 OVERLAP = 3  # usual intervals by which the time may go back for samples that are merely out of order
 # where clocks begin anew
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
@@ -85,7 +86,8 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
         doubts.append(doubt("newest first"))
         return t
     counter = float(COUNTERS[min(np.searchsorted(COUNTERS, t.max(), side="right"), COUNTERS.size - 1)])
-    if t.min() >= 0 and back.sum() < t.size / FEWEST and np.all(steps[back] < -counter / 2):
+    usual = float(np.median(np.abs(steps)))
+    if t.min() >= 0 and np.all(np.abs(steps[back] + counter) <= LONGEST_WRAP * usual):
         doubts.append(doubt("counter", count=back.sum(), counter=counter))
         return t + counter * np.append(0, np.cumsum(back))
     starts = run_starts(t)
