@@ -32,7 +32,7 @@ DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimatio
 CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
 # What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
 EXPECTED = """([told, turned]) => {
-  const { PLANTS, RULES, study, noiseTimeOf } = pidalabModel, { NUMBERS } = pidalabLab;
+  const { PLANTS, RULES, study } = pidalabModel, { NUMBERS } = pidalabLab;
   const plant = structuredClone(PLANTS[told.plant] ?? told.plant), conditions = { end: plant.end, ...told.conditions };
   const rule = RULES[told.rule ?? "hand"], designs = structuredClone(told.designs);
   for (const [{ key, design }, value] of turned) {
@@ -44,9 +44,8 @@ EXPECTED = """([told, turned]) => {
     else for (const one of designs.filter((_, k) => design === undefined || k === design)) one[key] = value;
   }
   const made = designs.map((design) => rule.apply(plant, design, design[rule.knob] ?? told[rule.knob]));
-  const noiseTime = noiseTimeOf(made, conditions.end); // the same for all rows
   return designs.map((design, k) => {
-    const found = study(plant, made[k], { ...conditions, noiseTime, ...design.conditions });
+    const found = study(plant, made[k], { ...conditions, ...design.conditions });
     const known = (key) => found.stable || ["first", "hump"].includes(key);
     return told.numbers.map((key) => (known(key) ? String(NUMBERS[key][1](found)) : null));
   });
