@@ -145,6 +145,7 @@ def check(
     output_filter: Any = None,
     sample_time: float | None = None,
     ms_worst: float = 2.0,
+    model: str = "auto",
 ) -> Check:
     r"""Judge the gains of a running loop by a log of it, or of an experiment with its plant.
 
@@ -163,6 +164,8 @@ def check(
         Of the controller, above 0; by default that of the log.
     ms_worst : float, optional
         For the sets to try: the largest Ms with any plant that the log does not rule out.
+    model : str, optional
+        To fit to a Record, as for `pidalab.identification.fit`.
 
     Returns
     -------
@@ -200,7 +203,7 @@ def check(
             "controller must have integral action: without it a load leaves a steady-state error"
         )
     worst = _check.real("ms_worst", ms_worst, above=1.0)
-    fitted = record if isinstance(record, Fit) else _fitted(record)
+    fitted = record if isinstance(record, Fit) else _fitted(record, model)
     process, log = fitted.process, fitted.record
     doubts = [*log.doubts, *fitted.doubts]
     share, near = explained_by(controller, output_filter, log)
@@ -279,7 +282,7 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
     return shares[best], gains[best]
 
 
-def _fitted(record: Record) -> Fit:
+def _fitted(record: Record, model: str) -> Fit:
     """Fit the plant, with a step of the load where it explains much of what u does not."""
     fits: list[Fit] = []
     refusal = None
@@ -287,7 +290,7 @@ def _fitted(record: Record) -> Fit:
         if fits and samples_per_error(fits[0].residuals) < COLOURED:
             break  # nothing is left that a load would explain
         try:
-            fits.append(fit(record, load=load))
+            fits.append(fit(record, model, load=load))
         except ValueError as failed:
             refusal = refusal or failed
     if not fits:

@@ -29,6 +29,7 @@ from pidalab.plant.doubts import doubt
 if TYPE_CHECKING:
     from pidalab.controllers import PIDA
     from pidalab.plant.checking import Check
+    from pidalab.plant.fitting import Fit
     from pidalab.plant.record import Record
     from pidalab.rules import Design
 
@@ -238,9 +239,10 @@ def check_command(
 
         lags = control.TransferFunction([1.0], [lag, 1.0])
     running = _running(firmware, full_output, options)
-    read, fitted = fitted_record(options, fit_auto=False)
+    read = read_record(options)
     with progress("fitting the plant and searching for three sets of gains"):
-        found = check(fitted or read, running, output_filter=lags, sample_time=sample_time, ms_worst=ms_worst)
+        asked = {"sample_time": sample_time, "ms_worst": ms_worst, "model": options["model"]}
+        found = check(read, running, output_filter=lags, **asked)
         said = str(found)
     sections = [
         ("Gains", said),
@@ -254,22 +256,30 @@ def check_command(
     show(sections)
 
 
-def fitted_record(options: dict[str, Any], fit_auto: bool = True) -> tuple[Record, Any]:
-    """Read and fit the record that the options describe, and compare it with the limits."""
+def fitted_record(options: dict[str, Any]) -> tuple[Record, Fit]:
+    """Read and fit the record that the options describe."""
     from pidalab.plant.fitting import fit
+
+    read = read_record(options)
+    with progress("fitting the plant"):
+        return read, fit(read, options["model"])
+
+
+def read_record(options: dict[str, Any]) -> Record:
+    """Read the record that the options describe, and compare it with the limits of u."""
     from pidalab.plant.record import Record
 
-    with progress("reading and fitting"):
+    with progress("reading"):
         read = Record.read_csv(options["record"], **{name: options[name] for name in READING})
-        low, high = options.get("u_min", -math.inf), options.get("u_max", math.inf)
-        least, most = min(read.u.min(), read.u_before), max(read.u.max(), read.u_before)
-        if not low <= least <= most <= high:
-            raise ValueError(
-                f"--u-min and --u-max must contain u of the record, which runs from {least:.6g} to {most:.6g}, found "
-                f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it "
-                "behind the limits of the actuator"
-            )
-        return read, fit(read, options["model"]) if fit_auto or options["model"] != "auto" else None
+    low, high = options.get("u_min", -math.inf), options.get("u_max", math.inf)
+    least, most = min(read.u.min(), read.u_before), max(read.u.max(), read.u_before)
+    if not low <= least <= most <= high:
+        raise ValueError(
+            f"--u-min and --u-max must contain u of the record, which runs from {least:.6g} to {most:.6g}, found "
+            f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it behind "
+            "the limits of the actuator"
+        )
+    return read
 
 
 def _digital(design: Design, read: Record, options: dict[str, Any]) -> Any:

@@ -254,7 +254,7 @@ class Fit:
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
             found.append(doubt("model error", error=self.model_error, noise=self.noise, share=share))
-        if self._times > 1:
+        if self._times > 2:
             found.append(doubt("closed loop", times=self._times))
         if self._data.free:
             found.append(doubt("initial state"))

@@ -8,6 +8,7 @@ from scipy.special import chdtri
 from pidalab._check import Array
 from pidalab.plant.fitting.searching import FIRST_ORDER, MOST_DAMPED, FitData, FitResult
 from pidalab.plant.record import Record
+from pidalab.plant.record.cleaning import FEWEST
 
 # condition number of the parameters' sensitivities, scaled, above which the input tells too little
 BLIND = 1e7
@@ -17,7 +18,7 @@ SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its
 EXPLAINED = 0.5
 FED_BACK = 0.3  # mean agreement of the signs of the changes of u and y, from which on a controller makes u
 COLOURED = 1.5  # samples that share one error, from which on residuals are no white noise
-CLOSED_LOOP = 7.0
+CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # times the uncertainties, by coloured residuals and by white ones
 CHANCE = 0.003  # that a drift alone makes an answer look as large
 
 DRIFTS = (
@@ -117,10 +118,17 @@ def closed_loop_factor(record: Record, found: FitResult) -> float:
     controller. Of 100 simulated loops of a first-order plant with white noise and a load that wanders, the errors
     were up to this factor larger than from white noise alone.
     """
-    du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
     # by their signs, so that a step of the set point counts as one sample
-    fed_back = max(abs(float(np.mean(du * dy))), abs(float(np.mean(du[1:] * dy[:-1])))) > FED_BACK
-    return CLOSED_LOOP if fed_back and samples_per_error(found.residuals) > COLOURED else 1.0
+    du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
+    if max(_agreement(du, dy), _agreement(du[1:], dy[:-1])) < FED_BACK:
+        return 1.0
+    return CLOSED_LOOP if samples_per_error(found.residuals) > COLOURED else CLOSED_LOOP_WHITE
+
+
+def _agreement(a: Array, b: Array) -> float:
+    """Return how much signs agree or disagree where neither is 0: 0 for chance, 1 for always."""
+    both = np.count_nonzero(a * b)
+    return abs(float(a @ b)) / both if both > FEWEST else 0.0
 
 
 def samples_per_error(r: Array) -> float:
