@@ -143,13 +143,15 @@ def answer(call):
     print(json.dumps({"cells": cells, "run": run}[name](*arguments)))
 
 
-display = types.ModuleType("IPython.display")
-display.display = show
-ipython = types.ModuleType("IPython")
-ipython.get_ipython, ipython.display, ipython.version_info = (
-    lambda: None,
-    display,
-    (9, 0),
-)
-sys.modules |= {"IPython": ipython, "IPython.display": display}
-namespace["display"] = show
+def install():
+    """Stand in for the parts of IPython that pages import."""
+    display = types.ModuleType("IPython.display")
+    display.display = show
+    ipython = types.ModuleType("IPython")
+    ipython.get_ipython, ipython.display, ipython.version_info = (
+        lambda: None,
+        display,
+        (9, 0),
+    )
+    sys.modules |= {"IPython": ipython, "IPython.display": display}
+    namespace["display"] = show

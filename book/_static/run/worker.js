@@ -71,6 +71,6 @@ async function start({ base, module, packages, pack }) {
     if (status !== 0) throw new Error(text || `the interpreter returned ${status}`);
     return { text, memory: memory.buffer.byteLength };
   }
-  run("import sys; sys.path.insert(0, '/site'); import session");
+  run("import sys; sys.path.insert(0, '/site'); import session; session.install()");
   return run;
 }

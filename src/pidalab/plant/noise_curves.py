@@ -139,10 +139,10 @@ def trade_off(
     --------
     >>> import pidalab
     >>> print(pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], limits=[0.2, 0.6], kinds=["PI"], rules=[]))
-    Process(num=[1], den=[1, 3, 3, 1], delay=1): least IAE of a load step
+    Process(num=[1], den=[1, 3, 3, 1], delay=1): least IAE of a load step, by Ms and relative noise gain
     Ms        noise gain        PI
-    1.6                1     4.596
-    1.6                3     4.596
+    1.6              0.2     4.596
+    1.6              0.6     4.596
     """
     from pidalab.optimal.curves import find_curves
 

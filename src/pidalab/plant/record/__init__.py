@@ -341,9 +341,9 @@ class Record:
         --------
         >>> import numpy as np, pidalab
         >>> t = np.arange(0.0, 30.0)
-        >>> record = pidalab.Record(t, np.where(t < 5, 0.0, 2.0), np.where(t < 5, 1.0, 5.0))
-        >>> record.after_step()[1][:3].tolist()
-        [2.0, 2.0, 2.0]
+        >>> record = pidalab.Record(t, np.where(t < 5, 0.0, 2.0), 5 - 4 * np.exp(-np.maximum(t - 5, 0) / 3))
+        >>> record.after_step()[1][:3].round(2).tolist()
+        [0.0, 0.57, 0.97]
         """
         first = self.step
         span = self.t[-1] - first.time
@@ -386,7 +386,21 @@ class Record:
         return "\n".join([self.described(), *(f"doubt: {said}" for said in self.doubts)])
 
     def described(self) -> str:
-        """Return the text of ``print`` without the doubts."""
+        """Return the text of ``print`` without the doubts.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import numpy as np, pidalab
+        >>> t = np.linspace(0.0, 20.0, 201)
+        >>> response = pidalab.open_loop_step(pidalab.fopdt(2.0, 3.0, 1.0), t)
+        >>> record = pidalab.Record(t - 1.0, np.where(t < 1.0, 0.0, 1.0), np.interp(t - 1.0, t, response.y))
+        >>> record.described().splitlines()[0]
+        '201 samples over 20, every 0.1'
+        """
         lines = [
             f"{self.t.size} samples over {np.ptp(self.t):.6g}, every {self.sampling:.4g}",
             f"input: {self._moves()}",
