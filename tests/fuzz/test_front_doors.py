@@ -26,7 +26,7 @@ def answer(call, *words):
 def test_a_design_keeps_what_it_promises(process, kind, ms, sampled):
     limits = {"sample_time": 0.1, "noise_gain": 5.0} if sampled else {}
     design = answer(
-        lambda: pidalab.tune(process, kind, ms, **limits),
+        lambda: pidalab.tune(process, kind, ms=ms, **limits),
         "no stable controller",
         "too slow to be followed",
         "nothing else limits",

@@ -35,7 +35,7 @@ def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
         page.keyboard.type(entered)
         page.keyboard.press("Enter")
         said.append((verdict(page, label).text_content(), page.evaluate(FOLDS, label)))
-    assert "is to be a number" in said[0][0]
+    assert "must be a number" in said[0][0]
     assert "its inverse" in said[1][0]
     assert [folds for _, folds in said] == [[False, False], [False, False], [True, False], [True, True]]
 

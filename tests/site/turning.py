@@ -32,7 +32,7 @@ DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimatio
 CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
 # What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
 EXPECTED = """([told, turned]) => {
-  const { PLANTS, RULES, study, noiseTimeOf } = pidalabModel, { NUMBERS } = pidalabLab;
+  const { PLANTS, RULES, study } = pidalabModel, { NUMBERS } = pidalabLab;
   const plant = structuredClone(PLANTS[told.plant] ?? told.plant), conditions = { end: plant.end, ...told.conditions };
   const rule = RULES[told.rule ?? "hand"], designs = structuredClone(told.designs);
   for (const [{ key, design }, value] of turned) {
@@ -44,9 +44,8 @@ EXPECTED = """([told, turned]) => {
     else for (const one of designs.filter((_, k) => design === undefined || k === design)) one[key] = value;
   }
   const made = designs.map((design) => rule.apply(plant, design, design[rule.knob] ?? told[rule.knob]));
-  const noiseTime = noiseTimeOf(made, conditions.end); // the same for all rows
   return designs.map((design, k) => {
-    const found = study(plant, made[k], { ...conditions, noiseTime, ...design.conditions });
+    const found = study(plant, made[k], { ...conditions, ...design.conditions });
     const known = (key) => found.stable || ["first", "hump"].includes(key);
     return told.numbers.map((key) => (known(key) ? String(NUMBERS[key][1](found)) : null));
   });
@@ -90,7 +89,7 @@ def as_read(row):
 def idle_ends(page, host, knob):
     """Ends of a knob's range where nothing moves; the knob is left as it was."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
-    box = row.locator("input[type=number]")
+    box = row.locator("input[type=text]")
     before = box.input_value()
     ends = row.locator("input[type=range]").evaluate(IDLE_ENDS)
     box.fill(before)
@@ -106,7 +105,7 @@ def turn(page, host, knob):
     bar.press("PageUp")
     page.wait_for_function("([bar, before]) => bar.ariaValueText !== before", arg=before, timeout=20_000)
     page.evaluate(DRAWN)
-    value = row.locator("input[type=number]").input_value()
+    value = row.locator("input[type=text]").input_value()
     assert bar.get_attribute("aria-valuetext").startswith(f"{knob['label']} ")
     return float(value)
 

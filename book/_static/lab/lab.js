@@ -186,7 +186,7 @@
   /* What noise the relative noise gains of a table are of: the same for all rows. */
   function noiseMeant(shown, process) {
     const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " – stands where it is not defined." : "", { gain } = noiseScale(process);
-    return `Relative noise gain: standard deviation of u over that of white measurement noise with a new value every ${digits(shown[0]?.noiseTime)}, divided by the ultimate gain of the plant, ${digits(gain)}.${none}`;
+    return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, over the ultimate gain ${digits(gain)}.${none}`;
   }
 
   /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */

@@ -92,7 +92,8 @@
       for (const knob of this.knobs) knob.refresh();
       drawPlots(this.plots, this.process, shown, { ms: shown.map((s) => s.design.ms ?? (rule.knob === "ms" ? state.ms : s.ms)) });
       const keys = state.numbers ?? ["iae", "ms", "sigma"];
-      drawTable(this.table, "loop", this.process, shown, keys);
+      if (shown.length) drawTable(this.table, "loop", this.process, shown, keys);
+      else this.table.replaceChildren();
       if (this.link && shown[0]) this.link.href = `${this.root()}book/lab.html#${write(this.forLab(shown))}`;
       clearTimeout(this.speaking);
       const words = shown.map((s) => `${s.name}: ${s.stable ? "" : `${verdict(s)}, `}${known(s, keys).map(([name, get]) => `${name} ${digits(get(s))}`).join(", ")}.`);
