@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -54,6 +55,10 @@ UNSETTLED = 1.05  # times the least residual: a model that the record settles se
 MOVED = 0.05  # share of its span by which the input moves, if it does
 MOST_UNEXPLAINED = 0.5  # share of the movement of the output that no model may leave beyond noise
 TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
+
+
+class NoPredictionError(ValueError):
+    """A model predicts the hold-out data no better than their mean does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,7 +396,17 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         best = min(tried, key=lambda found: found.cost)
         _require_settled(data, best)
         return _result(record, data, best, f"{model} was requested.")
-    return _result(record, data, *_choice(data, tried))
+    chosen, reason = _choice(data, tried)
+    try:
+        return _result(record, data, chosen, reason)
+    except NoPredictionError as refusal:
+        settled = [found for found in tried if not unsettled(data, found)]
+        for other in sorted(settled, key=lambda found: found.cost):
+            if other.shape.name != chosen.shape.name:
+                with suppress(ValueError):
+                    why = f"{chosen.shape.name} fits better, and does not predict the hold-out data."
+                    return _result(record, data, other, why)
+        raise refusal from None
 
 
 def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> bool:
@@ -466,7 +481,7 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
         _times=times,
     )
     if fitted.holdout <= 0:
-        raise ValueError(
+        raise NoPredictionError(
             f"{found.shape.name} does not describe this plant: it predicts the hold-out data, the end of the record, "
             f"no better than their mean does (NRMSE {fitted.holdout:.2f}); step the input by itself, from rest, with "
             "nothing else moving the output"

@@ -8,7 +8,7 @@ from scipy.special import chdtri
 from pidalab._check import Array
 from pidalab.plant.fitting.searching import FIRST_ORDER, MOST_DAMPED, FitData, FitResult
 from pidalab.plant.record import Record
-from pidalab.plant.record.cleaning import FEWEST
+from pidalab.plant.record.cleaning import FEWEST, FOLLOWER, MANY_LEVELS, MOVING
 
 # condition number of the parameters' sensitivities, scaled, above which the input tells too little
 BLIND = 1e7
@@ -120,7 +120,8 @@ def closed_loop_factor(record: Record, found: FitResult) -> float:
     """
     # by their signs, so that a step of the set point counts as one sample
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
-    if max(_agreement(du, dy), _agreement(du[1:], dy[:-1])) < FED_BACK:
+    by_hand = record.experiment not in (FOLLOWER, MANY_LEVELS, MOVING)
+    if by_hand or max(_agreement(du, dy), _agreement(du[1:], dy[:-1])) < FED_BACK:
         return 1.0
     return CLOSED_LOOP if samples_per_error(found.residuals) > COLOURED else CLOSED_LOOP_WHITE
 

@@ -158,7 +158,7 @@ class Record:
         where = [f"{word} {k}" for k in numbers]
         if outliers == "drop":
             doubts += _left_out(given[2], where)
-        times, inputs, outputs, earlier, kept = cleaned(*given, where, doubts)
+        times, inputs, outputs, earlier, kept = cleaned(*given, where, u_before is not None, doubts)
         note = _outliers(outputs, [where[k] for k in kept]) if outliers is None else ""
         before = earlier if u_before is None else _check.real("u_before", u_before)
         _check.squarable("u_before", np.array([before]))

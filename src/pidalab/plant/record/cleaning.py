@@ -43,7 +43,7 @@ def column(name: str, value: Any) -> Array:
 
 
 def cleaned(
-    t: Array, u: Array, y: Array, where: Sequence[str], doubts: list[str]
+    t: Array, u: Array, y: Array, where: Sequence[str], ramp: bool, doubts: list[str]
 ) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time, average what has the same time; also return the input before, and places.
 
@@ -62,7 +62,7 @@ def cleaned(
     places = np.flatnonzero(usable)
     u, y = u[usable], y[usable]
     t = _clock(t[usable], [where[int(k)] for k in places], doubts)
-    refuse_no_input(t, u, y)
+    refuse_no_input(t, u, y, ramp)
     order = np.argsort(t, kind="stable")
     times, first, count = np.unique(t[order], return_index=True, return_counts=True)
     if times.size < FEWEST:
@@ -123,20 +123,20 @@ def run_starts(t: Array) -> list[int]:
     return starts
 
 
-def refuse_no_input(t: Array, u: Array, y: Array) -> None:
-    """Refuse an input that is a clock, a counter or a copy of the output."""
+def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
+    """Refuse an input that is a clock or a counter, unless it is known for a ramp, or a copy of the output."""
     if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
         return
     remedy = "name the column of the plant's input (--u); a record without one shows no plant"
     order = np.argsort(t, kind="stable")
     moved = np.diff(u[order])
-    if np.all(moved > 0) or np.all(moved < 0):
+    if not ramp and (np.all(moved > 0) or np.all(moved < 0)):
         for name, axis in (("the time", t[order]), ("the number of the sample", np.arange(t.size))):
             line = np.polynomial.Polynomial.fit(axis, u[order], 1)
             if np.max(np.abs(u[order] - line(axis))) < STRAIGHT * np.ptp(u):
                 raise ValueError(
                     f"u rises or falls evenly with {name} throughout, as a clock or a counter "
-                    f"does: {remedy}. A ramp needs a rest before it"
+                    f"does: {remedy}. For a ramp give the input before it (--u-before)"
                 )
     line = np.polynomial.Polynomial.fit(y, u, 1)
     if np.max(np.abs(u - line(y))) < COPY * np.ptp(u):
@@ -202,6 +202,7 @@ SHORTEST_LEVEL = 4  # samples that a level of the input takes at least
 MANY = 12  # levels of the input, in steps of a hundredth of its span
 FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
+MANY_LEVELS = "steps to many levels"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"
 
 
@@ -280,7 +281,7 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     lags = range(1, t.size // 4, t.size // 40 or 1)
     if left(0) < min((1 - FOLLOWS) * float(np.mean(rest**2)), *map(left, lags)):
         return FOLLOWER
-    return "steps to many levels" if steps else MOVING
+    return MANY_LEVELS if steps else MOVING
 
 
 def described(steps: tuple[Step, ...]) -> str:
