@@ -243,7 +243,8 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                found = relation.decide(cases, digits)
+                # a run that only records, such as one with the library slightly off, may tip a case
+                found = relation.decide(cases, digits, strict=not self.records)
             kept = Evidence.parse(
                 self._take(replace(row, computed=found.verdict, evidence=str(found))).evidence
             )

@@ -180,7 +180,7 @@ class Relation:
         said = (" ".join(filter(None, sides)), self.convention, "in some case" * self.some)
         return ", ".join(filter(None, said))
 
-    def decide(self, cases: Cases, digits: int = DIGITS) -> "Evidence":
+    def decide(self, cases: Cases, digits: int = DIGITS, strict: bool = True) -> "Evidence":
         """Find the case that decides: the worst one, or the best where one is enough.
 
         Parameters
@@ -189,6 +189,8 @@ class Relation:
             Both sides by case, or of the only case; for an identity residuals by case, or the only one.
         digits : int, optional
             Significant digits to keep of real numbers; integers stay exact.
+        strict : bool, optional
+            Whether each case of a statement that holds in part must be as declared.
 
         Returns
         -------
@@ -215,7 +217,7 @@ class Relation:
         if self.convention in ("settled", "identical"):  # how far off, to either side
             pairs = {name: (abs(left), abs(right)) for name, (left, right) in pairs.items()}
         if self.parts:
-            return self._in_part(pairs, digits)
+            return self._in_part(pairs, digits, strict)
         best = "best" if self.some else "worst"
         which = f"{best} of {len(pairs)}: {{}}" if named is cases else ""
         return self._evidence(pairs, digits, which)
@@ -229,15 +231,15 @@ class Relation:
         left, right = (_side(side, scale, digits) for side in pairs[name])
         return Evidence(left, *slack[name][1], right, remark)
 
-    def _in_part(self, pairs: dict[str, Pair], digits: int) -> "Evidence":
-        """Keep the weakest part that holds and the part that fails by least; each case is as declared."""
+    def _in_part(self, pairs: dict[str, Pair], digits: int, strict: bool) -> "Evidence":
+        """Keep the weakest part that holds and the part that fails by least; if strict, each case is as declared."""
         if idle := [part for part in self.parts if not any(_belongs(name, part) for name in pairs)]:
             raise LedgerError(f"no case is called {' or '.join(idle)}; there are {'; '.join(pairs)}")
         declared = {
             name: any(_belongs(name, part) for part in self.parts) == self.parts_hold for name in pairs
         }
         for name, pair in pairs.items():
-            if (self._evidence({name: pair}, digits, "").verdict == "holds") != declared[name]:
+            if strict and (self._evidence({name: pair}, digits, "").verdict == "holds") != declared[name]:
                 raise LedgerError(
                     f"{name} is declared to {'hold' if declared[name] else 'fail'}, and does not"
                 )

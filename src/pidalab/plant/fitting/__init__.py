@@ -399,14 +399,14 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     chosen, reason = _choice(data, tried)
     try:
         return _result(record, data, chosen, reason)
-    except NoPredictionError as refusal:
+    except NoPredictionError:
         settled = [found for found in tried if not unsettled(data, found)]
         for other in sorted(settled, key=lambda found: found.cost):
             if other.shape.name != chosen.shape.name:
                 with suppress(ValueError):
                     why = f"{chosen.shape.name} fits better, and does not predict the hold-out data."
                     return _result(record, data, other, why)
-        raise refusal from None
+        raise
 
 
 def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> bool:
