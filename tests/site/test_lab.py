@@ -726,7 +726,7 @@ def test_the_noise_of_a_design_does_not_depend_on_its_company(lab):
     page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
     page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 3")
     assert page.evaluate(COLUMNS)[2][4] == alone
-    assert "ultimate gain of the plant, 2.5." in page.locator(".lab-table p").inner_text()
+    assert "over the ultimate gain 2.5." in page.locator(".lab-table p").inner_text()
 
 
 def test_an_unstable_loop_beyond_all_numbers_has_axes(lab):
