@@ -74,27 +74,3 @@ def test_the_pid_touches_at_two_frequencies(name):
     half_of_pi, touch = max_difference(pidalab.Loop(PLANTS[name], migo.tune(PLANTS[name], "PI").controller))
     assert half_of_pi == pytest.approx(0.9, rel=1e-5)
     assert touch == pytest.approx(migo.tune(PLANTS[name], "PI").touch, rel=1e-3)
-
-
-def test_units_and_sign():
-    """A gain of -4 and a unit of time of its own leave the same loop."""
-    own = migo.tune(pidalab.lags(3, delay=1.0)).controller
-    other = migo.tune(pidalab.Process([-4.0], [0.125, 0.75, 1.5, 1.0], 0.5), n=5.0).controller
-    assert (other.kp, other.ti, other.td) == pytest.approx((-own.kp / 4, own.ti / 2, own.td / 2), rel=1e-6)
-    assert (own.n, other.n) == (10.0, 5.0)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: migo.tune(pidalab.lags(2)), "phase never|-180|half a turn|ultimate"),
-        (lambda: migo.tune(pidalab.Process([1.0], [1.0, 0.0, 0.0], 1.0)), "at most one integrator"),
-        (lambda: migo.tune(pidalab.Process([1.0], [1.0, -1.0], 0.1)), "stable"),
-        (lambda: migo.tune(pidalab.lags(3), "PIDA"), "kind must be 'PI' or 'PID', found 'PIDA'"),
-        (lambda: migo.tune(pidalab.lags(3), m=1.0), "m must be above 1"),
-        (lambda: migo.tune(pidalab.Process([1.0], [1.0, 0.1, 1.0], 0.5)), "n must be larger .* found 10"),
-    ],
-)
-def test_it_refuses(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
