@@ -7,19 +7,14 @@ import pandas as pd
 import pytest
 
 import pidalab
-from pidalab import NoiseScale
-from pidalab.comparison import benchmarking
 from pidalab.comparison.benchmarking import (
     TABLES,
-    at_all_terms,
-    at_terms,
     judge,
     kind_of,
 )
 from pidalab.controllers import HighOrderPID
 from pidalab.rules import Design
 from pidalab.rules.classical import simc
-from pidalab.style import STYLE
 
 PLANTS = ["P2 T=1", "P4 n=4", "P8 a=0.5"]
 QUANTILES = (0.1, 0.5, 0.9)
@@ -81,33 +76,6 @@ def test_the_table_for_a_paper_has_the_numbers_of_the_ranking(found, terms):
     assert "%" not in rows[0][0]
 
 
-@pytest.mark.parametrize("terms", ["loud", "quiet"])
-def test_the_figure_has_each_rule_of_the_same_kinds_from_a_tenth_to_nine_and_the_own_stands_out(
-    found, expected, terms
-):
-    figure = found.plot(terms)
-    (axes,) = figure.axes
-    labels = [label.get_text() for label in axes.get_yticklabels()]
-    bars, medians = axes.get_lines()[::2], axes.get_lines()[1::2]
-    own = {f"{key[1]} {key[2]}": x[:, 1] for key, x in expected.items() if (key[0], key[2]) == (terms, "PI")}
-    assert set(labels) == set(own)
-    for place, (label, bar, median) in enumerate(zip(labels, bars, medians, strict=True)):
-        low, middle, high = np.quantile(own[label], QUANTILES)
-        assert bar.get_xdata() == pytest.approx([low, high])
-        assert [*bar.get_ydata(), *median.get_ydata(), axes.get_yticks()[place]] == [place] * 4
-        assert median.get_xdata() == pytest.approx([middle])
-    ours = labels.index("mi_ne PI")
-    for lines, size in ((bars, "get_linewidth"), (medians, "get_markersize")):
-        sizes = [getattr(line, size)() for line in lines]
-        assert sizes[ours] > 1.5 * max(x for place, x in enumerate(sizes) if place != ours) > 0
-        assert [line.get_color() == "C0" for line in lines] == [place == ours for place in range(len(labels))]
-    assert np.all(np.diff([median.get_xdata()[0] for median in medians]) <= 0)  # the best is at the top
-    assert axes.get_xscale() == "log"
-    width, height = figure.get_size_inches()
-    assert width == STYLE["figure.figsize"][0]
-    assert 72 * (height - 0.8) / len(labels) > 12  # points: a line of text for each
-
-
 def test_the_text_has_what_the_rule_does_as_published(found):
     text = str(found)
     assert text.startswith("mi_ne: 3 plants, Ms = 1.4;")
@@ -152,38 +120,8 @@ def test_a_plant_in_other_units_has_the_same_rows():
     assert [row["terms"] for row in rows[0]] == ["own", "loud", "quiet"]
     for one, two in zip(*rows, strict=True):
         assert one.keys() == two.keys()
-        assert (
-            (one["rule"], one["kind"], one["reason"])
-            == (two["rule"], two["kind"], two["reason"])
-            == ("simc", "PI", "")
-        )
-        for name in one.keys() - {"rule", "kind", "reason", "terms"}:
-            assert two[name] == pytest.approx(one[name], rel=1e-4), name
-
-
-@pytest.mark.parametrize(
-    ("filter_time", "noise", "again"), [(0.01, 0.2, False), (0.01, 0.4, True), (0.02, 0.2, True)]
-)
-def test_quiet_terms_are_those_of_loud_ones_only_where_the_filter_is_the_shortest_and_quiet(
-    monkeypatch, filter_time, noise, again
-):
-    asked = []
-
-    def measured(design, limit, process, own):
-        asked.append(limit)
-        return {"filter_time": filter_time, "noise_gain": noise}
-
-    monkeypatch.setattr(benchmarking, "at_terms", measured)
-    rows = at_all_terms(simc(PLAIN), PLAIN, NoiseScale(0.01, 1.0))
-    assert [row["terms"] for row in rows] == ["loud", "quiet"]
-    assert asked == [1.5, 0.3][: 1 + again]
-
-
-def test_what_cannot_be_had_at_equal_terms_is_a_reason():
-    never = Design(PLAIN, pidalab.PIDA(1.0, 1.0))
-    found = at_terms(never, 1.5, pidalab.ipdt(1.0, 1.0), NoiseScale(0.04, 1.0))
-    assert set(found) == {"reason"}
-    assert found["reason"]
+        for name, value in one.items():
+            assert two[name] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-4)), name
 
 
 @pytest.mark.parametrize(
@@ -199,3 +137,16 @@ def test_what_cannot_be_had_at_equal_terms_is_a_reason():
 def test_a_kind_is_read_off_the_highest_derivative(controller, kind):
     assert kind_of(Design(PLAIN, controller)) == kind
     assert kind_of(None) == ""
+
+
+@pytest.mark.parametrize("terms", ["loud", "quiet"])
+def test_figure_draws_quantiles_of_each_rule_best_first(found, expected, terms):
+    (axes,) = found.plot(terms).axes
+    labels = [label.get_text() for label in axes.get_yticklabels()]
+    bars, medians = axes.get_lines()[::2], axes.get_lines()[1::2]
+    own = {f"{key[1]} {key[2]}": x[:, 1] for key, x in expected.items() if (key[0], key[2]) == (terms, "PI")}
+    assert set(labels) == set(own)
+    for label, bar, median in zip(labels, bars, medians, strict=True):
+        low, middle, high = np.quantile(own[label], (0.1, 0.5, 0.9))
+        assert (*bar.get_xdata(), *median.get_xdata()) == pytest.approx((low, high, middle))
+    assert np.all(np.diff([median.get_xdata()[0] for median in medians]) <= 0)  # the best is at the top
