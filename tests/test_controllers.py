@@ -124,21 +124,6 @@ def test_repr_makes_the_same_controller_and_nothing_changes_it(C):
             setattr(C, field.name, getattr(C, field.name))
 
 
-def test_reset_signal_is_a_lag_behind_the_limited_signal():
-    """Against the recursion by hand, and at the end of a limited loop it is the load with its sign changed."""
-    C = pidalab.SeriesPIDA(0.05, 0.24, 0.09, ti=0.42, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
-    t = 0.01 * np.arange(6001)
-    u = pidalab.simulate_sampled(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), C), t, setpoint=0.0, load=1.0).u
-    state, expected = 0.0, []
-    for value in u:
-        expected.append(state)
-        state += (1 - np.exp(-0.01 / 0.42)) * (value - state)
-    found = C.reset_signal(u, 0.01)
-    assert found == pytest.approx(expected, abs=1e-12)
-    assert found[-1] == pytest.approx(-1.0, abs=1e-4)
-    assert found.min() > -1.1
-
-
 def test_without_integral_action_the_fraction_is_the_same_controller():
     """The s that numerator and denominator share is dropped from both, once."""
     controller = pidalab.HighOrderPID([0.0, 2.0, 3.0], filter_time=0.1, filter_order=2)

@@ -149,22 +149,6 @@ def test_closed_forms_at_the_ends(name):
     )
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_against_python_control_without_delay(seed):
-    rng = np.random.default_rng(200 + seed)
-    system = control.tf([rng.uniform(0.5, 20.0)], np.poly(-rng.uniform(0.1, 3.0, 3 + seed % 3)))
-    result, loop = margins(Loop(system, 0.3)), 0.3 * system
-    if not np.all(control.feedback(loop).poles().real < 0):
-        assert not result.stable
-        return
-    gm, pm, _, wpc, wgc, _ = control.stability_margins(loop, returnall=True)
-    assert result.gm == pytest.approx(gm.min(), rel=1e-6)
-    assert result.wpc == pytest.approx(wpc[np.argmin(gm)], rel=1e-6)
-    if wgc.size:
-        assert result.pm == pytest.approx(np.abs(pm).min(), rel=1e-6)
-        assert result.wgc == pytest.approx(wgc[np.argmin(np.abs(pm))], rel=1e-6)
-
-
 @pytest.mark.parametrize(
     "loop",
     [

@@ -25,23 +25,6 @@ def random_loop(seed, delay=True):
     return Loop(process, PIDA(*rng.uniform([0.05, 0.5, 0.0, 0.0], [0.8, 8.0, 1.0, 0.3]).tolist()))
 
 
-def test_the_trap_of_the_acceleration_filter():
-    """Over a lag, kp ta s^2 makes |L| about kp m/2 at its filter's corner m/ta, three decades above crossover."""
-    process = pidalab.fopdt(1.0, 1.0, 0.5)
-    for kp, stable in ((0.02, True), (0.2, False), (0.6, False)):
-        loop = Loop(process, PIDA(kp, 1.0, 0.3, 0.05, n=10, m=10))
-        low = np.geomspace(1e-3, 10.0, 2000)
-        assert np.abs(loop.S(1j * low)).max() < 1.3  # comfortable, as far as the plant's own frequencies go
-        assert pidalab.is_stable(loop) is stable
-        if not stable:
-            assert (
-                pidalab.gain_crossovers(loop).max() > 10 * kp
-                if kp > 0.2
-                else pidalab.max_sensitivity(loop)[1] > 100 * kp
-            )
-    assert unstable_poles(Loop(process, PIDA(0.2, 1.0, 0.3, 0.05))) == 4
-
-
 @pytest.mark.parametrize("delay", [1e-6, 0.5, 1.0, 7.0, 1e6])
 def test_critical_gain_of_integrator_and_dead_time(delay):
     critical = np.pi / 2 / delay
@@ -143,25 +126,6 @@ def test_rightmost_poles_too_far_left():
     loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=0, n=1, te=1000.0).loop()
     with pytest.raises(ArithmeticError, match=r"count = 5: only . poles lie right of -20"):
         pidalab.rightmost_poles(loop, count=5)
-
-
-@pytest.mark.parametrize("delay", [1e-3, 1e-6, 1e-9, 1e-12])
-@pytest.mark.parametrize("seed", range(6))
-def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
-    """All poles of the loop without dead time, each once, also where the dead time's own lie out of reach."""
-    loop = random_loop(seed, delay=False)
-    short = Loop(Process(loop.process.num, loop.process.den, delay * 1e-2), loop.controller)
-    expected = pidalab.rightmost_poles(loop, count=4)
-    assert pidalab.rightmost_poles(short, count=4) == pytest.approx(
-        expected, abs=1e-9 + 5 * delay, rel=1e-6 + delay
-    )
-
-
-@pytest.mark.parametrize("delay", [10.0, 30.0, 50.0, 300.0])
-def test_rightmost_pole_of_an_unstable_process_that_feedback_cannot_reach(delay):
-    """s^2 - 1 + 2 e^{-s delay}: the pole is 1 less e^{-delay}, right of which only rounding is left of the feedback."""
-    loop = Loop(Process([2.0], [1.0, 0.0, -1.0], delay), 1.0)
-    assert pidalab.rightmost_poles(loop) == pytest.approx([1 - math.exp(-delay)], abs=1e-7)
 
 
 @pytest.mark.parametrize("process", [pidalab.lags(4), pidalab.lags(4, delay=1.0)])

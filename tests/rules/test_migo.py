@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.robustness.margins import max_difference
 from pidalab.rules import migo
 
 APART = pidalab.Process([1.0], np.poly([-1.0, -10.0, -100.0, -1000.0]) / 1e6)
@@ -57,20 +56,3 @@ def test_no_nearby_controller_integrates_more(name, m):
                 kd * rng.uniform(0.97, 1.0),
             )
             assert distance(name, *nearby, m) < 0
-
-
-@pytest.mark.parametrize("name", ["apart", "four lags", "integrator"])
-def test_the_pid_touches_at_two_frequencies(name):
-    """A little further along the curve the second one is inside."""
-    design = migo.tune(PLANTS[name], "PID")
-    loop = pidalab.Loop(PLANTS[name], pidalab.PIDA(*design.controller.gains().standard(), n=1e6))
-    margins = pidalab.margins(loop)
-    assert margins.stable
-    assert margins.disk == pytest.approx(2 / 1.8, rel=1e-4)
-    w = design.touch * np.geomspace(0.05, 20.0, 100_001)
-    half = np.abs((1 - loop.L(1j * w)) / (1 + loop.L(1j * w))) / 2
-    tops = half[1:-1][(half[1:-1] > half[:-2]) & (half[1:-1] > half[2:])]
-    assert np.sort(tops)[-2:] == pytest.approx([0.9, 0.9], rel=1e-4)
-    half_of_pi, touch = max_difference(pidalab.Loop(PLANTS[name], migo.tune(PLANTS[name], "PI").controller))
-    assert half_of_pi == pytest.approx(0.9, rel=1e-5)
-    assert touch == pytest.approx(migo.tune(PLANTS[name], "PI").touch, rel=1e-3)

@@ -104,16 +104,6 @@ def test_prefilters_that_differ():
     np.testing.assert_array_equal(portrait(fixed, GRID, T, setpoint=1.0).iae, same.iae)
 
 
-def test_a_prefilter_follows_a_set_point_that_moves_late_and_ignores_a_load():
-    filtered, late = (
-        Loop(LOOP.process, PDA, prefilter=control.tf([1.0], [0.8, 1.0])),
-        np.where(T < 5.0, 0.0, 1.0),
-    )
-    found, record = portrait(filtered, {"kp": PDA.kp}, T, setpoint=late), simulate_sampled(filtered, T, late)
-    assert found.iae == pytest.approx(record.iae(), rel=1e-9)
-    assert_same_bits(portrait(filtered, GRID, T, load=1.0), portrait(LOOP, GRID, T, load=1.0))
-
-
 @pytest.mark.parametrize(
     "c", [(1.0, -1.9, 1.0), (1.0, -2.1, 1.0), (-0.2, 1.1, 0.0), (0.3, -0.2, -0.9), (0.1, -1.0, 1.9)]
 )

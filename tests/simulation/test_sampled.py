@@ -139,19 +139,6 @@ def test_closed_loop_event_by_event(samples, limits):
                 x = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + slope(x + step * k3, w))
 
 
-def test_a_warm_state_of_rest_is_a_shift():
-    """Warm up, then step: the same as a step from rest whose limits count from there, also for the asymmetric plant."""
-    plant, h = asymmetric(1.0, 4.0, delay=0.17), 0.1
-    loop = Loop(Process([1.0], [1.0, 1.0]), PIDA(0.6, 3.0, 0.0, 0.0), prefilter=control.tf([1.0], [1.0, 1.0]))
-    t = h * np.arange(4001)
-    r = simulate_sampled(loop, t, np.where(t < 200.0, 0.9, 0.5), limits=(0.0, 0.8), plant=plant)
-    rest = 0.9 / (2.0 - 0.2)
-    assert r.u[1999] == pytest.approx(rest, abs=1e-9)
-    step = simulate_sampled(loop, t[:2001], -0.4, limits=(0.0 - rest, 0.8 - rest), plant=plant)
-    np.testing.assert_allclose(r.y[2000:], 0.9 + step.y, atol=1e-8)
-    np.testing.assert_allclose(r.u[2000:], rest + step.u, atol=1e-8)
-
-
 def test_paths_keep_their_own_poles_and_share_a_common_one():
     lag = [120.0, 1.0]
     plant = AsymmetricPlant(control.tf([1.0], lag), 60.0, 180.0, control.tf([0.5], lag))
