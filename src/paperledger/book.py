@@ -19,7 +19,9 @@ from paperledger.statements import Cases, Evidence, Relation
 if TYPE_CHECKING:
     import pandas as pd
 
-MARKS = {"last-digit": " °", "approximate": " ~", "differs": " †", "misprint": " *", "as-read": " *"}
+# each after a no-break space, so that a mark stays beside its number
+MARKS = {"last-digit": "\N{NO-BREAK SPACE}°", "approximate": "\N{NO-BREAK SPACE}~", "differs": "\N{NO-BREAK SPACE}†"}
+MARKS |= dict.fromkeys(("misprint", "as-read"), "\N{NO-BREAK SPACE}*")
 
 
 class Ledger:
