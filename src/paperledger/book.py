@@ -19,9 +19,7 @@ from paperledger.statements import Cases, Evidence, Relation
 if TYPE_CHECKING:
     import pandas as pd
 
-# each after a no-break space, so that a mark stays beside its number
-MARKS = {"last-digit": "\N{NO-BREAK SPACE}°", "approximate": "\N{NO-BREAK SPACE}~", "differs": "\N{NO-BREAK SPACE}†"}
-MARKS |= dict.fromkeys(("misprint", "as-read"), "\N{NO-BREAK SPACE}*")
+MARKS = {"last-digit": "°", "approximate": "~", "differs": "†", "misprint": "*", "as-read": "*"}
 
 
 class Ledger:
@@ -176,8 +174,8 @@ class Ledger:
                 continue
             verdict = row.verdict if row.verdict in DECLARED else row.derived() or "differs"
             group, _, key = id.rpartition(".")
-            entry = f"{row.printed} / {row.shown()}{MARKS.get(verdict, '')}"
-            shown.setdefault(group or self.paper, {})[key] = entry
+            entry = f"{row.printed} / {row.shown()}\N{NO-BREAK SPACE}{MARKS.get(verdict, '')}"
+            shown.setdefault(group or self.paper, {})[key] = entry.rstrip()
         if failures:
             self.refused += failures
             raise LedgerError("\n".join(failures))

@@ -107,13 +107,14 @@ BROKEN = r"""() => {
   return found;
 }"""
 
-# Tables, those in folds too, that a reader has to scroll sideways on a wide screen.
+# Tables, those in folds too, that do not fit a wide screen.
 WIDE_TABLES = """() => {
   const shut = [...document.querySelectorAll("main details:not([open])")];
   shut.forEach((fold) => { fold.open = true; });
-  const boxes = [...document.querySelectorAll("main :is(.text_html, .pst-scrollable-table-container):has(table)")];
-  const wide = boxes.filter((box) => box.scrollWidth > box.clientWidth + 1);
-  const found = wide.map((box) => `a table wider than the page: ${box.textContent.trim().slice(0, 60)}`);
+  const wide = [...document.querySelectorAll("main table")].filter(
+    (table) => table.offsetWidth > table.closest(".text_html, div, article").clientWidth + 1,
+  );
+  const found = wide.map((table) => `wider than the page: ${table.textContent.trim().slice(0, 60)}`);
   shut.forEach((fold) => { fold.open = false; });
   return found;
 }"""
