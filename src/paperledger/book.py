@@ -18,7 +18,7 @@ from paperledger.verdicts import DECLARED, DIGITS, Cases, Evidence, LedgerError,
 if TYPE_CHECKING:
     import pandas as pd
 
-MARKS = {"last-digit": " °", "approximate": " ~", "differs": " †", "misprint": " *", "as-read": " *"}
+MARKS = {"last-digit": "°", "approximate": "~", "differs": "†", "misprint": "*", "as-read": "*"}
 
 
 class Ledger:
@@ -174,8 +174,8 @@ class Ledger:
                 continue
             verdict = row.verdict if row.verdict in DECLARED else row.derived() or "differs"
             group, _, key = id.rpartition(".")
-            entry = f"{row.printed} / {row.shown()}{MARKS.get(verdict, '')}"
-            shown.setdefault(group or self.paper, {})[key] = entry
+            entry = f"{row.printed} / {row.shown()}\N{NO-BREAK SPACE}{MARKS.get(verdict, '')}"
+            shown.setdefault(group or self.paper, {})[key] = entry.rstrip()
         if failures:
             self.refused += failures
             raise LedgerError("\n".join(failures))

@@ -61,12 +61,12 @@ def test_numbers_nested_by_the_parts_of_their_ids():
     assert table.columns.name == "printed / computed"
     assert table.loc["t1"].to_dict() == {
         "kp": "1.31 / 1.3098",
-        "ti": "2.88 / 2.8680 °",
-        "ta": "12 / 0.120 *",
-        "td": "0.50 / 0.5100 ~",
+        "ti": "2.88 / 2.8680\N{NO-BREAK SPACE}°",
+        "ta": "12 / 0.120\N{NO-BREAK SPACE}*",
+        "td": "0.50 / 0.5100\N{NO-BREAK SPACE}~",
         "ms": "",
     }
-    assert table.loc["t2", "ms"] == "1.40 / 1.9000 †"
+    assert table.loc["t2", "ms"] == "1.40 / 1.9000\N{NO-BREAK SPACE}†"
     same = ledger().compare({id.removeprefix("demo."): value for id, value in NUMBERS.items()})
     assert set(same.columns) == {"kp", "ti", "td", "ta", "tf", "ms"}
 
