@@ -111,8 +111,8 @@ def load(
         limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
         shorter would be better) and ``valleys`` (the IAE at which descents from different starts ended: first that of
-        the design, then others up to twice of it, to two digits; with `start` there is one descent), and ``digits``:
-        how many digits of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
+        the design, then others up to twice of it, to two digits; with `start` there is one), and ``digits``: how
+        many digits of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
 
     Raises
     ------
