@@ -54,7 +54,7 @@ def test_foreign_names_reach_a_terminal_as_text(tmp_path):
 def files(tmp_path, monkeypatch):
     """A record of a step from 40 to 47, and a controller, in the current folder."""
     monkeypatch.chdir(tmp_path)
-    rows = (f"{k},{40 if k < 10 else 47},{20 + min(max(0, k - 12), 9)}" for k in range(40))
+    rows = (f"{k},{40 if k < 10 else 47},{20 + 10 * (1 - 0.8 ** max(0, k - 12)):.3f}" for k in range(60))
     (tmp_path / "step.csv").write_text("\n".join(["t,u,y", *rows]), encoding="utf-8")
     (tmp_path / "k.json").write_bytes(K.json().encode("utf-8-sig"))  # as some editors save it
     return tmp_path

@@ -341,7 +341,7 @@ def test_noise_and_model_error():
     single, double = (fit(Record(T, U, y), model) for model in ("fopdt", "sopdt"))
     assert single.noise == pytest.approx(0.005, rel=0.3)
     assert single.model_error > 2 * single.noise > 4 * double.model_error
-    assert any("beyond the noise" in doubt for doubt in single.doubts)
+    assert any("the model error is" in doubt for doubt in single.doubts)
     assert double.doubts == ()
 
 
