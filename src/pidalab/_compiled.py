@@ -30,7 +30,7 @@ import numpy as np
 
 LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
-FOLDERS = ("robustness", "simulation")  # of the package, with kernels
+KERNELS = PACKAGE / "simulation"  # the folder with all kernels
 LARGE = 50_000  # numbers in the arguments of a call that waits for compiled code
 PLAIN_SECONDS = 1.0  # spent in plain forms before compiled code is looked for, and looked for again
 RETRY_SECONDS = 600.0  # before a second attempt to compile; each later attempt waits four times as long
@@ -64,7 +64,7 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The compiled form; its code is kept in a folder that changes with the sources beside it."""
+        """The compiled form; its code is kept in a folder that changes with the sources of all kernels."""
         import numba
 
         config: Any = numba.config
@@ -72,7 +72,7 @@ class Kernel:
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)
-        chosen, folder = config.CACHE_DIR, code_folder(Path(self.function.__code__.co_filename).parent)
+        chosen, folder = config.CACHE_DIR, code_folder()
         config.CACHE_DIR = str(folder or chosen)
         try:
             return numba.njit(cache=True, **options)(self.function)
@@ -116,7 +116,7 @@ class Kernel:
 def compiled(function: Callable[..., Any]) -> Any:
     """Make a function a kernel; the compiled form releases the interpreter's lock.
 
-    A kernel calls only kernels of its own folder: a change of that folder's sources compiles them all again.
+    All kernels are in `pidalab.simulation`: a change of its sources compiles them all again.
     """
     return Kernel(function, function, {})
 
@@ -200,12 +200,6 @@ class Tier:
 TIER = Tier()
 
 
-def _file_states(folder: Path) -> list[tuple[str, float, int]]:
-    """Return names, times and sizes of the sources that decide the code of a folder's kernels."""
-    paths = [Path(__file__), *sorted(folder.glob("*.py"))]
-    return [(path.name, path.stat().st_mtime, path.stat().st_size) for path in paths]
-
-
 def _cache_folder() -> Path | None:
     """Return the folder that keeps compiled code, None if there is none that can be written to."""
     home = os.path.expanduser("~")  # remains "~" for a user without a home
@@ -218,47 +212,33 @@ def _cache_folder() -> Path | None:
     return None
 
 
-def _folder_for(sources: list[Path]) -> Path | None:
-    """Return the cache folder for sources, this Python, this numba, its options and the machine."""
+def code_folder() -> Path | None:
+    """Return the folder for the code of these sources, this Python, numba, its options and the machine, if any."""
     cache = _cache_folder()
     if cache is None:
         return None
     options = sorted(
         (k, v) for k, v in os.environ.items() if k.startswith("NUMBA_") and k != "NUMBA_CACHE_DIR"
     )
-    states = [_file_states(folder) for folder in sources]
+    paths = [Path(__file__), *sorted(KERNELS.glob("*.py"))]
+    states = [(path.name, path.stat().st_mtime, path.stat().st_size) for path in paths]
     key = (sys.version, version("numba"), platform.machine(), options, states)
     return cache / f"compiled-{sha256(repr(key).encode()).hexdigest()[:16]}"
 
 
-def code_folder(sources: Path) -> Path | None:
-    """Return the folder with the compiled code of one folder of sources, None without a writable cache."""
-    return _folder_for([sources])
-
-
-def state_folder() -> Path | None:
-    """Return the folder that says how far the compilation of all kernels is, None without a writable cache."""
-    return _folder_for([PACKAGE / name for name in FOLDERS])
-
-
 def is_complete() -> bool:
     """Return True if the code of all kernels is kept for these sources, this Python, numba and machine."""
-    folder = state_folder()
+    folder = code_folder()
     return folder is not None and (folder / "complete").is_file()
 
 
 def declare_complete() -> None:
-    """Record that all kernels are compiled; raise OSError if a folder of code is empty."""
-    state = state_folder()
-    if state is None:
-        raise OSError("no folder for compiled code can be written to")
-    for name in FOLDERS:
-        code = code_folder(PACKAGE / name)
-        if code is None or not any(code.rglob("*.nbi")):
-            raise OSError(f"no compiled code of pidalab.{name} was kept in {code}")
-    state.mkdir(parents=True, exist_ok=True)
-    (state / "complete").touch()
-    for attempt in state.glob("attempt-*"):
+    """Record that all kernels are compiled; raise OSError if no code was kept."""
+    folder = code_folder()
+    if folder is None or not any(folder.rglob("*.nbi")):
+        raise OSError(f"no compiled code of pidalab was kept in {folder or 'any folder'}")
+    (folder / "complete").touch()
+    for attempt in folder.glob("attempt-*"):
         attempt.unlink(missing_ok=True)
 
 
@@ -268,7 +248,7 @@ def compile_in_background() -> None:
     Each attempt leaves a numbered file that success removes. Only one process can create a file of a given number, so
     two processes never start the same attempt; and an attempt that failed, or was killed, delays the next one.
     """
-    state = state_folder()
+    state = code_folder()
     if state is None or not sys.executable:
         return
     # detached on Windows, in a group of its own and below normal priority; elsewhere the process lowers its priority

@@ -8,23 +8,15 @@ from __future__ import annotations
 import os
 
 
-def respond() -> None:
-    """Compute the margins and a response of a loop."""
+def use_all() -> None:
+    """Compute a response, a sampled response, a portrait and a noise gain."""
     import numpy as np
 
     import pidalab
 
-    loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
-    pidalab.margins(loop)
-    pidalab.load_response(loop, np.arange(3.0))
-
-
-def sample() -> None:
-    """Run a sampled loop and a portrait."""
-    import numpy as np
-
-    import pidalab
-
+    pidalab.load_response(
+        pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3)), [0.0, 1.0, 2.0]
+    )
     controller = pidalab.SeriesPIDA(0.1, 0.4, 0.2, ti=0.6, filter_time=0.2, filter_order=2)
     loop, t = pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), controller), 0.01 * np.arange(3)
     pidalab.simulate_sampled(loop, t)
@@ -42,8 +34,7 @@ def main() -> None:
     TIER.begin()
     if not TIER.ready:
         raise ImportError("numba must be installed and not switched off to compile")
-    respond()
-    sample()
+    use_all()
     declare_complete()
 
 

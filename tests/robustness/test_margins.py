@@ -10,8 +10,7 @@ import pytest
 
 import pidalab
 from pidalab import PIDA, Loop, Process, margins, unstable_poles
-from pidalab.robustness import walk
-from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, Axis, height
+from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, Axis, bound, height
 from pidalab.robustness.in_z import axis_of
 
 
@@ -312,12 +311,12 @@ def test_margins_stay_as_they_were_found_and_are_themselves_alone():
 @pytest.mark.parametrize("size", [0.3, 0.8, 1.25, 1.5, 3.0])
 def test_the_bound_between_two_points_holds_for_every_phase(kind, size):
     L = size * np.exp(1j * np.linspace(0.0, 2 * np.pi, 721))
-    bound = walk._bound(kind, size, 1.0, size, 1.0)
-    assert np.max(height(kind, L, 1.0)) <= bound * (1 + 1e-12) < np.inf
+    (most,) = bound(kind, np.full(2, size))
+    assert np.max(height(kind, L, 1.0)) <= most * (1 + 1e-12) < np.inf
 
 
 def test_where_the_gain_passes_1_a_peak_has_no_bound():
-    assert walk._bound(SENSITIVITY, 0.9, 1.0, 1.2, 1.0) == np.inf
+    assert bound(SENSITIVITY, np.array([0.9, 1.2])) == np.inf
 
 
 def test_the_axes_in_s_and_in_z_count_the_poles_of_their_loop():

@@ -1,8 +1,9 @@
-"""A loop along the frequency axis: grid, crossovers and peaks, in array operations, for loops in s and in z.
+"""A loop along the frequency axis: grid, crossovers and peaks, for loops in s and in z.
 
 The grid is logarithmic and denser around lightly damped roots. The magnitude of L is smooth on it, but the dead time
-turns the phase without end. So its steps are divided further where the dead time turns the phase quickly *and* L, or
-the peak that is sought, is large enough for it to matter. SciPy finds what lies between two points.
+turns the phase without end. So steps are divided further only where the dead time turns the phase quickly *and* L, or
+the peak that is sought, is large enough for it to matter. Between two points all crossovers, or all peaks, are refined
+at once, in array operations.
 """
 
 from __future__ import annotations
@@ -15,10 +16,8 @@ from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq, elementwise, minimize_scalar
 
 from pidalab._check import Array
-from pidalab.roots import succeeded
 
 PER_DECADE = 120  # points of the logarithmic grid
 MOST_POINTS = 2_000_000  # along the axis: more would fill the memory
@@ -32,29 +31,33 @@ DETOUR = 1.5  # factor by which the way of L between two points may be longer th
 NO_HIGHER = 1e-11  # share by which a peak between two points must exceed the best to be sought
 TINIEST = 1e-300  # smallest |L| that counts as other than 0
 HUGE = 1e9  # |L| beyond which a jump of the phase is that at a pole on the axis
-ONE_BY_ONE = 20  # crossovers or peaks up to which each is found alone
-BRACKET_SHARE = 1e-8  # of the distance of two points, to which a peak between them is found
+MOST_STEPS = 60  # of the refinement between two points: each step at least halves a bracket
+SAME_CROSSING = (
+    1e-8  # share of its first bracket by which the last step to a crossover moves: its square is rounding
+)
+# share of its first bracket by which the last step to a peak moves at most, and the distance of points for differences
+SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
 PIECE = 64.0  # points of a step that are passed over, or followed, together
 FOLLOWED_TOGETHER = 60  # steps of the grid, those first in which a peak may be highest
+QUICK = 12.0  # rad that a dead time turns the phase by, from where on it does so within a step of the grid
+MOST_PROBED = 20  # gain crossovers around which a peak is looked for first
 TO_AN_END = 1e-7  # share by which a peak must exceed the limit at an end of the axis
 ON_CONTOUR = 1e-9  # share of its terms below which the characteristic function has a zero on the contour
 SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: of |S|, of |T|, of half of |S - T|
 # distances of points from a lightly damped root, in units of its damping
 NEAR_ROOT = np.outer([-1.0, 1.0], np.logspace(-2.0, 3.0, 40)).ravel()
 
-At = Callable[[Any], tuple[Any, Any]]  # numerator and denominator of L at frequencies
-
 
 class TooManyTurns(ArithmeticError):
     """The dead time turns the phase too often to be followed point by point."""
 
 
-def too_many(turn: float, points: float = MOST_POINTS) -> TooManyTurns:
-    """Return the error for so many points at which the dead time turns the phase by `turn`."""
-    return TooManyTurns(
-        f"the dead time turns the phase {points * turn / (2 * np.pi):.2g} times where it matters: too often to follow; "
-        "is the loop far from stable, or the sample much shorter than the dead time?"
-    )
+class Samples(NamedTuple):
+    """A loop at some frequencies: numerator and denominator of L."""
+
+    w: Any
+    num: Any
+    den: Any
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
@@ -75,11 +78,15 @@ def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
 
 def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Array:
     """Divide some steps between frequencies until the dead time turns the phase by `turn` at most."""
-    if not delay:
-        return w
     parts = np.where(steps, np.maximum(np.ceil(np.diff(w) * delay / turn), 1.0), 1.0)
-    if not parts.sum() <= MOST_POINTS:
-        raise too_many(turn, parts.sum())
+    points = float(parts.sum())
+    if not points <= MOST_POINTS:
+        raise TooManyTurns(
+            f"the dead time turns the phase {points * turn / (2 * np.pi):.2g} times where it matters: too often to "
+            "follow; is the loop far from stable, or the sample much shorter than the dead time?"
+        )
+    if points < w.size:  # nothing is divided
+        return w
     parts = parts.astype(np.intp)
     within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     return np.append(np.repeat(w[:-1], parts) + within * np.repeat(np.diff(w) / parts, parts), w[-1])
@@ -91,93 +98,89 @@ def most_between(*neighbours: Any) -> Any:
     return high * np.where(low > 0, high / low, 1.0)
 
 
-def least_between(*neighbours: Any) -> Any:
-    """Return a lower bound of a smooth function between points: it is below them by as much as they differ."""
-    low, high = np.fmin.reduce(neighbours), np.fmax.reduce(neighbours)
-    return low * np.where(high > 0, low / high, 1.0)
-
-
 def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any = True) -> Array:
-    """Zeros of a function between points of allowed steps at which its values have different signs."""
+    """Return the zeros of a function between points of allowed steps at which its values have different signs.
+
+    Notes
+    -----
+    Ridders' method, for all zeros at once. `low` and `high` are two places at which the function has different signs,
+    in either order; each step halves their distance at least, and doubles the digits of a simple zero. A place where
+    the function is exactly 0 becomes both ends.
+    """
     i = np.flatnonzero((values[:-1] * values[1:] < 0) & allowed)
-    if i.size > ONE_BY_ONE:
-        many = elementwise.find_root(function, (w[i], w[i + 1]))
-        if not np.all(many.success):
-            raise ArithmeticError(f"{np.sum(~many.success)} of {i.size} crossovers were not found")
-        return np.asarray(many.x)
-    brackets = zip(w[i].tolist(), w[i + 1].tolist(), strict=True)
-    return np.array([brentq(function, a, b, xtol=1e-15 * b, rtol=1e-14) for a, b in brackets])
+    low, high, at_low, at_high, place = w[i], w[i + 1], values[i], values[i + 1], w[i]
+    near = SAME_CROSSING * (high - low)
+    for _ in range(MOST_STEPS if i.size else 0):
+        middle = 0.5 * (low + high)
+        at_middle = function(middle)
+        with np.errstate(invalid="ignore"):
+            share = np.sign(at_low) * at_middle / np.sqrt(at_middle**2 - at_low * at_high)
+        last, place = place, middle + (middle - low) * np.where(at_middle == 0, 0.0, share)
+        here = function(place)
+        inner, lower, exact = at_middle * here < 0, at_low * here < 0, here == 0
+        high, at_high = (
+            np.where(inner, a, np.where(lower | exact, b, c))
+            for a, b, c in ((middle, place, high), (at_middle, here, at_high))
+        )
+        low, at_low = (np.where(inner | exact | ~lower, b, c) for b, c in ((place, low), (here, at_low)))
+        if np.all(np.abs(place - last) <= near):
+            break
+    if not np.isfinite(place).all():
+        raise ArithmeticError(f"{np.sum(~np.isfinite(place))} of {i.size} crossovers were not found")
+    return place
 
 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
-    """Return where a function is least between the neighbours of some points, and its values there."""
-    below, at, above = w[i - 1] - w[i], w[i], w[i + 1] - w[i]
-    away, least, rest = np.zeros(i.size), np.zeros(i.size), np.arange(i.size)
-    if i.size > ONE_BY_ONE:
-        many = elementwise.find_minimum(lambda x, own: function(own + x), (below, away, above), args=(at,))
-        away, least, rest = many.x, many.f_x, np.flatnonzero(~many.success)
-    for k in rest:
-        found = minimize_scalar(
-            lambda x, own=float(at[k]): function(own + x),
-            bounds=(below[k], above[k]),
-            method="bounded",
-            options={"xatol": BRACKET_SHARE * (above[k] - below[k])},
-        )
-        away[k], least[k] = succeeded(found, "a peak").x, found.fun
-    return at + away, least
+    """Return where a function is least between the neighbours of some points, and its values there.
+
+    Notes
+    -----
+    Newton's method on the slope, for all places at once, kept between `low` and `high`: the function falls at the first
+    and rises at the second. Slope and bend come from differences, which are wide, since near a lightly damped pole the
+    values lose many digits. The value returned is that at the vertex of the last parabola.
+    """
+    low, place, high = w[i - 1], w[i], w[i + 1]
+    wide, apart = high - low, DIFFERENCE_STEP * np.fmin(place - low, high - place)
+    three = np.multiply.outer([-1.0, 0.0, 1.0], apart)
+    least = np.zeros(i.size)
+    for _ in range(MOST_STEPS if i.size else 0):
+        before, least, after = function(place + three)
+        slope, bend = after - before, after - 2 * least + before
+        low, high = np.where(slope < 0, place, low), np.where(slope < 0, high, place)
+        with np.errstate(divide="ignore", invalid="ignore"):  # the function may be constant
+            last, place = place, place - 0.5 * apart * slope / bend
+        newton = (bend > 0) & (low <= place) & (place <= high)
+        place = np.where(newton, place, 0.5 * (low + high))
+        if np.all(np.abs(place - last) <= SAME_PEAK * wide):
+            return place, least - np.where(newton, slope**2 / (8 * np.where(newton, bend, 1.0)), 0.0)
+    return place, least
 
 
-def gain_crossings(at: At, w: Array, num: Any, den: Any) -> tuple[Array, Array]:
-    """Frequencies where |L| = 1, ascending, and the extrema beside 1 between which no two points lie."""
+def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Array, Array]:
+    """Return the frequencies where |L| = 1, ascending, and the extrema beside 1 between which no two points lie."""
 
     def logarithm(w: Any, sign: float = 1.0) -> Any:
-        num, den = at(w)
+        _, num, den = at(w)
         return sign * np.log(abs(num / den))
 
     with np.errstate(all="ignore"):
-        value = np.log(np.abs(num) / np.abs(den))
+        w, value = samples.w, np.log(np.abs(samples.num) / np.abs(samples.den))
         # a gain of 1 all along has no crossover
-        seen = np.isfinite(value) & (np.abs(value) >= ROUNDING)
-        w, value = w[seen], value[seen]
+        clear = np.isfinite(value) & (np.abs(value) >= ROUNDING)
+        w, value = w[clear], value[clear]
         touched = [np.zeros(0)]
         for sign in (-1.0, 1.0):
             v = sign * value
             low = 1 + np.flatnonzero(
                 (v[1:-1] <= v[:-2]) & (v[1:-1] < v[2:]) & (v[1:-1] > 0) & (v[1:-1] < TOUCHING)
             )
-            where, least = lowest(partial(logarithm, sign=sign), w, low)
-            touched.append(where)
-            beyond = least < -ROUNDING
-            w, value = np.append(w, where[beyond]), np.append(value, sign * least[beyond])
-            order = np.argsort(w)
-            w, value = w[order], value[order]
+            if low.size:
+                where, least = lowest(partial(logarithm, sign=sign), w, low)
+                touched.append(where)
+                beyond = least < -ROUNDING
+                places = np.searchsorted(w, where[beyond])
+                w, value = np.insert(w, places, where[beyond]), np.insert(value, places, sign * least[beyond])
         return zeros(logarithm, w, value), np.concatenate(touched)
-
-
-def phase_crossings(at: At, w: Array, num: Any, den: Any, floor: float, every: bool, delay: float) -> Array:
-    """Frequencies where L is real and negative; followed, and kept, where |L| is at least `floor`, or everywhere."""
-
-    def imaginary(w: Any) -> Any:
-        num, den = at(w)
-        return (num * den.conjugate()).imag
-
-    with np.errstate(all="ignore"):
-        if delay:
-            size = np.abs(num) / np.abs(den)
-            w = divided(w, np.fmax(size[:-1], size[1:]) >= floor, delay, COARSE_STEP)
-            num, den = at(w)
-        product = num * np.conj(den)
-        seen = np.abs(product.imag) >= ROUNDING * np.abs(product)
-        w, value, L = w[seen], product.imag[seen], (num / den)[seen]
-        # where L lies near the positive axis on both sides, it crosses that one
-        ahead = L.real > NEAR_POSITIVE_AXIS * np.abs(L)
-        floor = TINIEST if every else floor
-        loud = np.abs(L) >= floor
-        found = zeros(imaginary, w, value, ~(ahead[:-1] & ahead[1:]) & (loud[:-1] | loud[1:]))
-        num, den = at(found)
-        L = num / den
-    # the phase also jumps at poles and zeros on the axis
-    return found[(L.real < 0) & (np.abs(L) >= floor) & (np.abs(L) < HUGE)]
 
 
 def height(kind: int, num: Any, den: Any) -> Any:
@@ -189,83 +192,17 @@ def height(kind: int, num: Any, den: Any) -> Any:
     return 0.5 * abs(den - num) / abs(den + num)
 
 
-def _bound(kind: int, size: Array, weight: Any) -> Array:
-    """Return a bound of a height between neighbours, from |L| and the weight there: infinite where |L| may be 1.
+def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
+    """Return a bound of a height between neighbours, from |L| and a weight there: infinite where |L| may be 1.
 
     Between two points |1 + L| is at least the distance of |L| from 1, whatever the dead time turns.
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
-    pairs = size[:-1], size[1:]
-    apart = np.fmax(least_between(*pairs) - 1, 1 - most_between(*pairs))
+    below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
+    least = below * np.where(above > 0, below / above, 1.0)
+    most = above * np.where(below > 0, above / below, 1.0)
+    apart = np.fmax(least - 1, 1 - most)
     return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
-
-
-def highest(
-    kind: int, at: At, weight: Any, w: Array, num: Any, den: Any, delay: float, probes: Array, least: float
-) -> Any:
-    """Highest peak of |S|, |T| or half of |S - T|, times the modulus of `weight`, and where it lies.
-
-    The weight is a smooth function of frequency. At the probes one is looked for first: a high peak that is known
-    saves others from being followed. Where nothing exceeds `least`, it is that, at NaN.
-    """
-
-    def values(w: Any, num: Any, den: Any) -> Any:
-        return height(kind, num, den) * weight(w)
-
-    with np.errstate(all="ignore"):
-        size, heights = np.abs(num) / np.abs(den), values(w, num, den)
-        known, place = -math.inf, 0.0
-        if probes.size:
-            top = probes[int(np.argmax(values(probes, *at(probes))))]
-            near = top + np.array([-FINE_STEP, 0.0, FINE_STEP]) / delay
-            (place,), (known,) = lowest(lambda w: -values(w, *at(w)), near, np.array([1]))
-            known = -known
-        best = max(least, known, float(np.nanmax(heights)))
-        if delay:
-            # long steps are taken in pieces, of which few may hold a peak
-            w = divided(w, _bound(kind, size, weight(w)) > best, delay, PIECE * FINE_STEP)
-            num, den = at(w)
-            heights = values(w, num, den)
-            bound = _bound(kind, np.abs(num) / np.abs(den), weight(w))
-            grid, followed = w, np.diff(w) * delay <= FINE_STEP
-            while not np.all(followed):
-                order = np.argsort(np.where(followed, -np.inf, bound))[::-1][:FOLLOWED_TOGETHER]
-                steps = np.zeros(followed.size, dtype=bool)
-                steps[order] = ~(bound[order] <= best * (1 + NO_HIGHER)) & ~followed[order]
-                if not steps.any():
-                    break
-                followed |= steps
-                w = divided(grid, followed, delay)
-                num, den = at(w)
-                heights = values(w, num, den)
-                best = max(best, float(np.nanmax(heights)))
-        best = max(least, known, float(np.nanmax(heights))) * (1 + NO_HIGHER)
-        around = np.fmin(heights[:-2], heights[2:]), np.fmax(heights[:-2], heights[2:])
-        # a difference of rounding makes no hill
-        hills = 1 + np.flatnonzero(
-            (heights[1:-1] >= around[1]) & (heights[1:-1] * (1 - ROUNDING) > around[0])
-        )
-        # beside a point L comes no closer to -1 than its way to the next one allows
-        L = num / den
-        way, distance = np.abs(np.diff(L)), np.abs(1 + L)
-        closest = distance[hills] - DETOUR * np.fmax(way[hills - 1], way[hills])
-        bound = most_between(*((heights * distance)[hills + k] for k in (-1, 0, 1))) / closest
-        hills = hills[~((bound <= best) & (closest > 0))]
-        tops, top = lowest(lambda w: -values(w, *at(w)), w, hills)
-    first = int(np.nanargmax(heights))
-    candidates = zip([least, known, heights[first], *-top], [math.nan, place, w[first], *tops], strict=True)
-    return max(((float(h), float(x)) for h, x in candidates), key=lambda pair: pair[0])
-
-
-# --- the axis of one loop ---------------------------------------------------------------------------------------------
-
-
-class Samples(NamedTuple):
-    """A loop at some frequencies: numerator and denominator of L."""
-
-    w: Any
-    num: Any
-    den: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,19 +231,11 @@ class Axis(ABC):
 
     @abstractmethod
     def at(self, w: Any) -> Samples:
-        """Evaluate the loop at frequencies."""
+        """Evaluate the loop at frequencies, of any shape."""
 
     @abstractmethod
-    def encirclements(self, slope: float, shift: float) -> int | None:
+    def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
         """Count the zeros of the characteristic function right of s = jω - slope ω - shift; None if one is on it."""
-
-    @abstractmethod
-    def highest(self, kind: int, least: float) -> tuple[float, float]:
-        """Return the highest peak of a kind that exceeds `least`, and where it lies; else `least`, at NaN."""
-
-    @abstractmethod
-    def _phase_crossings(self, samples: Samples, quietest: float, every: bool) -> Array:
-        """Frequencies where L is real and negative, followed where |L| is at least `quietest`, or everywhere."""
 
     @cached_property
     def on_grid(self) -> Samples:
@@ -333,40 +262,150 @@ class Axis(ABC):
         return divided(self.grid, steps, self.delay, turn)
 
     @cached_property
+    def gain_crossings(self) -> tuple[Array, Array]:
+        """Gain crossovers, and extrema of |L| near 1."""
+        return gain_crossings(self.at, self.on_grid)
+
+    @property
     def gain_crossovers(self) -> Array:
         """All frequencies where |L| = 1, pairs included between which it only just passes 1."""
-        return gain_crossings(lambda w: self.at(w)[1:], *self.on_grid)[0]
+        return self.gain_crossings[0]
 
     def phase_crossovers(self, quietest: float) -> Array:
-        """Frequencies below the end where L is real and negative; with dead time where |L| is at least `quietest`."""
-        samples = Samples(*(part[self.grid < self.end] for part in self.on_grid))
-        # a dead time makes infinitely many of them, but not up to half a sampling frequency
-        crossovers = self._phase_crossings(samples, quietest, not self.delay or math.isfinite(self.end))
-        if np.isnan(crossovers).any():
-            raise too_many(COARSE_STEP)
-        return crossovers
+        """Return frequencies below the end where L is real and negative; with dead time where |L| >= `quietest`."""
+
+        def angle(w: Any) -> Any:
+            _, num, den = self.at(w)
+            return np.angle(-num * np.conj(den))
+
+        grid, size = self.grid[self.grid < self.end], self.size[self.grid < self.end]
+        # a dead time makes infinitely many crossovers, but not up to half a sampling frequency
+        floor = quietest if self.delay and math.isinf(self.end) else TINIEST
+        with np.errstate(all="ignore"):
+            loud_steps = np.fmax(size[:-1], size[1:]) >= quietest
+            w, num, den = self.at(divided(grid, loud_steps, self.delay, COARSE_STEP))
+            product = num * np.conj(den)
+            clear = np.abs(product.imag) >= ROUNDING * np.abs(product)
+            w, product, size = w[clear], product[clear], (np.abs(num) / np.abs(den))[clear]
+            # where L lies near the positive axis on both sides, it crosses that one
+            ahead, loud = product.real > NEAR_POSITIVE_AXIS * np.abs(product), size >= floor
+            allowed = ~(ahead[:-1] & ahead[1:]) & (loud[:-1] | loud[1:])
+            crossovers = zeros(angle, w, np.angle(-product), allowed)
+            L = self.L(crossovers)
+        # the phase also jumps at poles and zeros on the axis
+        return crossovers[(L.real < 0) & (np.abs(L) >= floor) & (np.abs(L) < HUGE)]
 
     def peak(self, kind: int) -> tuple[float, float]:
         """Return the supremum of |S|, |T| or half of |S - T|, and where it lies."""
-        ends = (_height_at_an_end(kind, L) for L in (self.at_zero, self.at_end))
-        return self.supremum(partial(self.highest, kind), *ends)
+        return self.supremum(kind, *(_height_at_an_end(kind, L) for L in (self.at_zero, self.at_end)))
 
     def supremum(
-        self, highest: Callable[[float], tuple[float, float]], at_zero: float, at_end: float
+        self, kind: int, at_zero: float, at_end: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the larger of a highest peak and the limits at both ends of the axis, and where it lies."""
+        """Return the larger of a highest peak, times a weight, and the limits at both ends, and where it lies."""
         end = max(at_zero, at_end)
-        peak, where = highest(end / (1 - TO_AN_END))
-        if math.isnan(peak):
-            raise too_many(FINE_STEP)
+        peak, where = self.highest(kind, end / (1 - TO_AN_END), weight)
         if math.isnan(where):  # nothing is higher than the limit at an end
             return end, 0.0 if at_zero >= end * (1 - TO_AN_END) else self.end
         return peak, where
 
+    @cached_property
+    def _probes(self) -> Array:
+        """Frequencies of one turn around gain crossovers where the dead time turns quickly: L comes near -1 there."""
+        if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
+            return np.zeros(0)
+        edges = self.gain_crossovers
+        edges = edges[edges > QUICK / self.delay][-MOST_PROBED:]
+        return (edges[:, None] + np.arange(-np.pi, np.pi, FINE_STEP) / self.delay).ravel()
 
-def whole(count: float) -> int | None:
+    def highest(
+        self, kind: int, least: float, weight: Callable[[Any], Any] | None = None
+    ) -> tuple[float, float]:
+        """Return the highest peak of |S|, |T| or half of |S - T|, times a weight, and where it lies.
+
+        Parameters
+        ----------
+        kind : int
+            `SENSITIVITY`, `COMPLEMENTARY` or `DIFFERENCE`.
+        least : float
+            Value that a peak must exceed; where none does, the result is this value, at NaN.
+        weight : callable, optional
+            A smooth positive function of frequency.
+
+        Notes
+        -----
+        `best` is the highest value so far. A step of the grid is divided only if the bound of what lies within exceeds
+        `best`, the most promising steps first, and a hill of three points is refined only if its bound does. A probe
+        near a gain crossover, where the dead time turns quickly, makes `best` high early.
+        """
+
+        def values(samples: Samples) -> Any:
+            heights = height(kind, samples.num, samples.den)
+            return heights if weight is None else heights * weight(samples.w)
+
+        def depths(w: Any) -> Any:
+            # smooth even where the loop is nearly unstable: there a parabola in the frequency
+            return values(self.at(w)) ** -2.0
+
+        def limits(samples: Samples) -> Array:
+            size = self.size if samples is self.on_grid else np.abs(samples.num) / np.abs(samples.den)
+            return bound(kind, size, 1.0 if weight is None else weight(samples.w))
+
+        with np.errstate(all="ignore"):
+            samples, heights = self.on_grid, values(self.on_grid)
+            most, best, where = limits(samples), *max((least, math.nan), _top(samples.w, heights), key=_first)
+            if self._probes.size:
+                probe = self._probes[np.argmin(depths(self._probes))]
+                around = probe + np.array([-FINE_STEP, 0.0, FINE_STEP]) / self.delay
+                place, depth = lowest(depths, around, np.array([1]))
+                best, where = max((best, where), (float(depth[0] ** -0.5), float(place[0])), key=_first)
+            # long steps are taken in pieces, of which few may hold a peak
+            pieces = divided(samples.w, most > best, self.delay, PIECE * FINE_STEP)
+            if pieces is not samples.w:
+                samples = self.at(pieces)
+                heights, most = values(samples), limits(samples)
+            turning, followed = (
+                np.diff(pieces) * self.delay > FINE_STEP,
+                np.zeros(pieces.size - 1, dtype=bool),
+            )
+            promise = most
+            while (more := turning & ~followed & ~(promise <= best * (1 + NO_HIGHER))).any():
+                first = np.argsort(np.where(more, promise, -np.inf))[::-1][:FOLLOWED_TOGETHER]
+                followed[first[more[first]]] = True
+                samples = self.at(divided(pieces, followed, self.delay))
+                heights, most = values(samples), limits(samples)
+                best, where = max((best, where), _top(samples.w, heights), key=_first)
+            inner, before, after = heights[1:-1], heights[:-2], heights[2:]
+            # a difference of rounding makes no hill
+            hills = 1 + np.flatnonzero(
+                (inner >= np.fmax(before, after))
+                & (inner * (1 - ROUNDING) > np.fmin(before, after))
+                & ~(np.fmax(most[:-1], most[1:]) <= best * (1 + NO_HIGHER))
+            )
+            # beside a point L comes no closer to -1 than its way to the next one allows
+            three = hills + np.array([[-1], [0], [1]])
+            L = samples.num[three] / samples.den[three]
+            distance = np.abs(1 + L)
+            closest = distance[1] - DETOUR * np.fmax(*np.abs(np.diff(L, axis=0)))
+            most = most_between(*(heights[three] * distance)) / closest
+            hills = hills[~((most <= best * (1 + NO_HIGHER)) & (closest > 0))]
+            places, depth = lowest(depths, samples.w, hills)
+        return max([(best, where), *zip((depth**-0.5).tolist(), places.tolist(), strict=True)], key=_first)
+
+
+def _first(pair: tuple[float, float]) -> float:
+    return pair[0]
+
+
+def _top(w: Array, heights: Array) -> tuple[float, float]:
+    """Return the highest of some heights, and where it lies."""
+    i = int(np.argmax(np.fmax(heights, -1.0)))  # NaN, at a pole on the axis, is not the highest
+    return float(heights[i]), float(w[i])
+
+
+def round_to_count(number: float) -> int | None:
     """Return a number of poles, which is whole but for rounding; None if it is not."""
-    return round(count) if math.isfinite(count) and abs(count - round(count)) < 0.2 else None
+    return round(number) if math.isfinite(number) and abs(number - round(number)) < 0.2 else None
 
 
 def _height_at_an_end(kind: int, L: float) -> float:

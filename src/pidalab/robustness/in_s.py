@@ -1,10 +1,10 @@
-"""A continuous loop along the frequency axis, by its factors, whose derivatives are known."""
+"""A continuous loop along the frequency axis, by its factors."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,29 +12,26 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop, require_well_posed
 from pidalab.process import static_gain
-from pidalab.robustness import walk
 from pidalab.robustness.axis import (
     COARSE_STEP,
-    FINE_STEP,
     ON_CONTOUR,
     ROUNDING,
     Axis,
     Samples,
     frequencies,
-    whole,
+    gain_crossings,
+    round_to_count,
 )
 from pidalab.roots import roots
 
 # rad that a dead time turns the phase by, of which rounding leaves no more than whole turns
 UNCERTAIN_TURNS = 1e12
-QUICK = 12.0  # rad that a dead time turns the phase by, from where on it does so within a step of the grid
-MOST_PROBED = 20  # gain crossovers around which a peak is looked for first
 FAR_PER_DECADE = 12  # points of the grid far from all corners
 CLEAR = 10.0  # |L|, or one over it, up to which the grid goes on
 
 
 class LoopFactors(NamedTuple):
-    """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay), as the walk takes it.
+    """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
     The speeds, one for each pole and above 0, keep the products of factors within the range of numbers.
     """
@@ -45,9 +42,20 @@ class LoopFactors(NamedTuple):
     speeds: Any
     delay: float
 
+    def fraction(self, s: Any) -> tuple[Any, Any]:
+        """Evaluate numerator and denominator of L, factor by factor over |s| plus a speed: they stay in range."""
+        flat, few = np.ravel(s), self.zeros.size
+        with np.errstate(all="ignore"):
+            scale = 1.0 / (np.abs(flat) + self.speeds[:, None])
+            num = np.multiply.reduce((flat - self.zeros[:, None]) * scale[:few])
+            num *= self.gain * np.exp(-flat * self.delay) * np.multiply.reduce(scale[few:])
+            den = np.multiply.reduce((flat - self.poles[:, None]) * scale)
+        return num.reshape(np.shape(s)), den.reshape(np.shape(s))
 
-NO_ROOTS = np.zeros(0, dtype=complex)
-UNWEIGHTED = LoopFactors(1.0, NO_ROOTS, NO_ROOTS, np.zeros(0), 0.0)
+    def modulus(self, w: Any) -> Any:
+        """Evaluate |L| at frequencies."""
+        num, den = self.fraction(1j * w)
+        return abs(num / den)
 
 
 def factors_of(loop: Loop, *names: str) -> LoopFactors:
@@ -86,7 +94,7 @@ def from_roots(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopF
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AxisInS(Axis):
-    """A continuous loop along the axis; see `pidalab.robustness.walk`.
+    """A continuous loop along the axis.
 
     Attributes
     ----------
@@ -115,38 +123,8 @@ class AxisInS(Axis):
         )
 
     def at(self, w: Any) -> Samples:
-        """Evaluate the loop at frequencies."""
-        num, den = walk.along(np.ravel(np.asarray(w, dtype=float)), 0.0, 0.0, tuple(self.factors))
-        return Samples(w, np.reshape(num, np.shape(w)), np.reshape(den, np.shape(w)))
-
-    @cached_property
-    def gain_crossovers(self) -> Array:
-        """All frequencies where |L| = 1, pairs included between which it only just passes 1."""
-        return self._gain_crossings[0]
-
-    @cached_property
-    def _gain_crossings(self) -> tuple[Array, Array]:
-        """Gain crossovers, and extrema of |L| near 1."""
-        return walk.gain_crossings(*self.samples, 0.0, 0.0, tuple(self.factors))
-
-    def _phase_crossings(self, samples: Samples, quietest: float, every: bool) -> Array:
-        return walk.phase_crossings(*samples, quietest, every, tuple(self.factors))
-
-    def highest(self, kind: int, least: float, weight: LoopFactors = UNWEIGHTED) -> tuple[float, float]:
-        """Return the highest peak of a kind, times the modulus of a weight, that exceeds `least`, and where it lies."""
-        return walk.highest(
-            kind, *self.samples, self._probes, float(least), tuple(weight), tuple(self.factors)
-        )
-
-    @cached_property
-    def _probes(self) -> Array:
-        """Frequencies of one turn around gain crossovers where the dead time turns quickly: L comes near -1 there."""
-        quick = self.grid.searchsorted(QUICK / self.delay) if self.delay else self.grid.size
-        if not (np.abs(self.samples.num[quick:]) >= np.abs(self.samples.den[quick:])).any():
-            return np.zeros(0)
-        edges = self.gain_crossovers
-        edges = edges[edges > QUICK / self.delay][-MOST_PROBED:]
-        return (edges[:, None] + np.arange(-np.pi, np.pi, FINE_STEP) / self.delay).ravel()
+        """Evaluate the loop at frequencies, of any shape."""
+        return Samples(w, *self.factors.fraction(1j * np.asarray(w)))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
         r"""Count zeros of the characteristic function f right of s = jω - slope ω - shift; None if one is on this line.
@@ -162,10 +140,14 @@ class AxisInS(Axis):
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope
         if contour_slope == contour_shift == 0.0:
-            (_, num, den), (edges, touched) = self.samples, self._gain_crossings
+            (_, num, den), (edges, touched) = self.samples, self.gain_crossings
         else:
-            num, den = walk.along(w, contour_slope, contour_shift, tuple(factors))
-            edges, touched = walk.gain_crossings(w, num, den, contour_slope, contour_shift, tuple(factors))
+
+            def at(w: Any) -> Samples:
+                return Samples(w, *factors.fraction(direction * w - contour_shift))
+
+            _, num, den = samples = at(w)
+            edges, touched = gain_crossings(at, samples)
         with np.errstate(all="ignore"):
             level = np.log(np.abs(num) / np.abs(den))
             flat = np.abs(level) <= ON_CONTOUR
@@ -173,7 +155,7 @@ class AxisInS(Axis):
             off = np.abs(factors.poles.real + contour_slope * factors.poles.imag + contour_shift)
             poles = np.abs(factors.poles[off <= ON_CONTOUR * np.abs(factors.poles)].imag)
             points = np.concatenate([[0.0], edges, touched, w[flat], poles])
-            n, d = walk.fraction_in_arrays(direction * points - contour_shift, tuple(factors))
+            n, d = factors.fraction(direction * points - contour_shift)
             if np.any(~(np.abs(n + d) > ON_CONTOUR * (np.abs(n) + np.abs(d)))):
                 return None
             if np.any(flat) and self._may_pass_unseen(flat, num / den):
@@ -198,7 +180,7 @@ class AxisInS(Axis):
         count = 0.5 * factors.poles.size - total / np.pi
         if factors.delay * edges.max(initial=0.0) > UNCERTAIN_TURNS and math.isfinite(count) and count > 0.5:
             return round(count)
-        return whole(count)
+        return round_to_count(count)
 
     def _may_pass_unseen(self, flat: Any, L: Any) -> bool:
         """Return True if L may pass -1 between two points at both of which its modulus is 1."""
@@ -229,11 +211,11 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
     """Return the axis of a continuous loop by its factors."""
     at_infinity = factors.gain if factors.zeros.size == factors.poles.size else 0.0
     w = frequencies(np.concatenate([factors.zeros, factors.poles]), factors.delay)
-    num, den = walk.along(w, 0.0, 0.0, tuple(factors))
+    num, den = factors.fraction(1j * w)
     more = _towards_far_crossovers(factors, w, num, den)
     if more:
         w = np.concatenate([more[0], w, more[1]])
-        num, den = walk.along(w, 0.0, 0.0, tuple(factors))
+        num, den = factors.fraction(1j * w)
     return AxisInS(
         grid=w,
         delay=factors.delay,

@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import schur
 
-from pidalab._check import Array
 from pidalab.digital import DigitalController
 from pidalab.loop import Loop, require_loop
 from pidalab.process import Process
@@ -29,10 +28,8 @@ from pidalab.robustness.axis import (
     Axis,
     Samples,
     frequencies,
-    highest,
     most_between,
-    phase_crossings,
-    whole,
+    round_to_count,
 )
 from pidalab.robustness.in_s import axis_in_s
 from pidalab.roots import roots
@@ -112,14 +109,6 @@ class AxisInZ(Axis):
         """Evaluate the loop at frequencies."""
         return Samples(w, *self.transfer(1j * w))
 
-    def _phase_crossings(self, samples: Samples, quietest: float, every: bool) -> Array:
-        return phase_crossings(lambda w: self.at(w)[1:], *samples, quietest, every, self.delay)
-
-    def highest(self, kind: int, least: float) -> tuple[float, float]:
-        """Return the highest peak of a kind that exceeds `least`, and where it lies."""
-        at, one, nowhere = (lambda w: self.at(w)[1:]), (lambda w: 1.0 + 0.0 * w), np.zeros(0)
-        return highest(kind, at, one, *self.on_grid, self.delay, nowhere, least)
-
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
         """Count zeros of the characteristic function outside of the circle or spiral z = e^(s h).
 
@@ -175,7 +164,7 @@ class AxisInZ(Axis):
                 return None
         # it is real at both ends
         total += float(np.angle(first / first.real)) - float(np.angle(last / last.real))
-        return whole(-total / np.pi)
+        return round_to_count(-total / np.pi)
 
 
 def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -211,7 +210,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
         at_zero = abs(1 / static) if static else math.inf
     if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant
         at_end = abs(loop.transfer("u", "n", 1j * axis.grid[-1]))
-    return axis.supremum(partial(axis.highest, SENSITIVITY, weight=controller), at_zero, float(at_end))
+    return axis.supremum(SENSITIVITY, at_zero, float(at_end), controller.modulus)
 
 
 def gain_crossovers(loop: Loop) -> Array:
