@@ -145,7 +145,8 @@ def draw(
 
 def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
     """Draw both steps of the rows of a table, enlarged, with noise of 0.01."""
-    loops = {WORDS[f"{number}.{row}"]: loop for row, loop in rows.items()}
+    words = {row: WORDS[f"{number}.{row}"].replace("K_HF", "$K_{HF}$") for row in rows}
+    loops = {words[row]: loop for row, loop in rows.items()}
     columns, spans = {"set-point step": loops, "load step": loops}, ((0, 5), (15, 20))
     return draw(columns, noise=0.01, spans=spans)
 
