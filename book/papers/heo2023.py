@@ -117,7 +117,7 @@ def measured():
 
 
 def live_actuator():
-    """Live figure: Example 1 with a limit on u, PID and PIDA by the rules of the paper."""
+    """Return a live figure: Example 1 with a limit on u, PID and PIDA by the rules of the paper."""
     model, controllers = SECOND["ex1"].process, {}
     for kind, order in (("PID", 2), ("PIDA", 3)):
         gains = itae.tune(model, "setpoint", kind).controller.gains()
