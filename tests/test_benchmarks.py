@@ -51,14 +51,6 @@ def test_the_reference_of_the_costs_is_the_exact_engine():
         np.testing.assert_allclose(loops.extrapolated(loop, HORIZON, 100), y, rtol=0, atol=1e-11)
 
 
-def test_the_labs_engine_is_told_the_same_loop():
-    _, y = peers.lab(loops.family(3, 1.0), HORIZON, None, 25)()
-    _, exact = peers.exact(loops.family(3, 1.0), HORIZON, None, 25)()
-    np.testing.assert_allclose(y, exact, rtol=0, atol=1e-7)
-    with pytest.raises(ValueError, match="no such controller"):
-        peers.lab_loop(STIFF)
-
-
 def test_stored_errors_of_the_exact_engine():
     with (measure.DATA / f"{dead_time.RESULTS}.csv").open(encoding="utf-8") as file:
         assert file.readline().startswith("# Made by `make bench` with Python ")

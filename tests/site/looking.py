@@ -45,9 +45,11 @@ HINDRANCES = """() => {
     if (/cell (source|output)/.test(fold.textContent)) found.push("a fold that only names a cell");
   }
   const index = /(^|[^\\w.\\p{L}])(\\p{L}\\p{M}?|[A-Z]{2,5})_[-\\p{L}\\d]/u;
-  for (const cell of all("main table.dataframe :is(th, td), main .cell_output :is(p, li)"))
-    if (!/\\.(txt|csv|mat|dat|\\.\\.)$/.test(cell.textContent) && index.test(cell.textContent))
-      found.push(`an index left raw: ${cell.textContent}`);
+  for (const cell of all("main table.dataframe :is(th, td), main .cell_output :is(p, li)")) {
+    const words = cell.cloneNode(true);
+    words.querySelectorAll("code").forEach((one) => one.remove());
+    if (index.test(words.textContent)) found.push(`an index left raw: ${cell.textContent}`);
+  }
   for (const table of all(".pidalab-live .lab-table"))
     if (table.scrollWidth > table.clientWidth) found.push(`numbers out of sight: ${table.textContent}`);
   return found;
@@ -103,6 +105,18 @@ BROKEN = r"""() => {
       }
     }
   }
+  shut.forEach((fold) => { fold.open = false; });
+  return found;
+}"""
+
+# Tables, those in folds too, that do not fit a wide screen.
+WIDE_TABLES = """() => {
+  const shut = [...document.querySelectorAll("main details:not([open])")];
+  shut.forEach((fold) => { fold.open = true; });
+  const wide = [...document.querySelectorAll("main table")].filter(
+    (table) => table.offsetWidth > table.closest(".text_html, div, article").clientWidth + 1,
+  );
+  const found = wide.map((table) => `wider than the page: ${table.textContent.trim().slice(0, 60)}`);
   shut.forEach((fold) => { fold.open = false; });
   return found;
 }"""
@@ -247,7 +261,7 @@ def looked_over(page: Page) -> list[str]:
         f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES) + page.evaluate(BROKEN)
     ]
     page.set_viewport_size(WIDE)
-    wrong += problems(page)
+    wrong += problems(page) + page.evaluate(WIDE_TABLES)
     page.evaluate(PLAINER)
     wrong += barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
     page.evaluate(COLOURED)
