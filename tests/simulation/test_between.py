@@ -37,23 +37,34 @@ def test_each_time_ends_a_grid(case, points):
 
 
 @pytest.mark.parametrize(
-    ("process", "controller", "time"),
+    ("process", "controller", "time", "grids"),
     [
         # a kick of 1e4 to 3e5 times y, 50 to 280 times faster than the plant
-        (Process([3.6], [1, 1, 0], 0.0625), PIDA(3.72, 0.905, 0.349, 0.0489, n=32.7, m=13.7), 0.61),
+        (
+            Process([3.6], [1, 1, 0], 0.0625),
+            PIDA(3.72, 0.905, 0.349, 0.0489, n=32.7, m=13.7),
+            0.61,
+            (2, 23, 301),
+        ),
         (
             Process([0.177], [0.121, 1.121, 1, 0], 0.0904),
             PIDA(66.3, 3.7, 0.187, 0.104, n=21.2, m=56.1),
             0.773,
+            (2, 23, 301),
         ),
         # a share of a dead time of which there are more than integers
-        (Process([-0.163, 0.323], [1, 1], 4.937), PIDA(-0.0569, 19.9, 0.304, 2.59, n=173.0, m=65.2), 43.0),
+        (
+            Process([-0.163, 0.323], [1, 1], 4.937),
+            PIDA(-0.0569, 19.9, 0.304, 2.59, n=173.0, m=65.2),
+            43.0,
+            (201,),
+        ),
     ],
 )
-def test_fast_and_loud_controllers_keep_their_digits(process, controller, time):
+def test_fast_and_loud_controllers_keep_their_digits(process, controller, time, grids):
     loop = Loop(process, controller)
     true = exact(loop, time)
-    for points in (2, 23, 301):
+    for points in grids:
         assert_exact(loop, time, points, true, abs_=1.0)
 
 
