@@ -72,8 +72,7 @@ def _require_plain(name: str, value: Any, what: str) -> None:
     kind = getattr(value, "dtype", None)
     if isinstance(kind, np.dtype) and kind.kind in "mM":
         raise TypeError(
-            f"{name} must be {what}, found {kind}, whose unit would be lost; for seconds divide the time since the "
-            "first one by np.timedelta64(1, 's')"
+            f"{name} must be {what}, found {kind}, which has a unit; divide time differences by np.timedelta64(1, 's')"
         )
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise ValueError(f"{name} must be {what}, found masked values; fill them first, or leave them out")
@@ -139,9 +138,7 @@ def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
 def _one_dimensional(name: str, found: Array, minimum_length: int = 1) -> Array:
     """Return a finite array of one dimension, or raise."""
     if found.ndim != 1 or found.size < minimum_length:
-        raise ValueError(
-            f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {found.shape}"
-        )
+        raise ValueError(f"{name} must be a vector of at least {minimum_length}, found shape {found.shape}")
     return _finite(name, found)
 
 
@@ -160,8 +157,8 @@ def proper(what: str, num: Array, den: Array) -> None:
         raise ValueError(f"{what}: den must not be the zero polynomial")
     if len(num) > len(den):
         raise ValueError(
-            f"{what} must be proper (degree of num at most degree of den), "
-            f"found degrees {len(num) - 1} and {len(den) - 1}; add a filter of order {len(num) - len(den)} or more"
+            f"{what} must be proper, found degrees {len(num) - 1} and {len(den) - 1}; "
+            f"add a filter of order {len(num) - len(den)} or more"
         )
 
 
@@ -169,9 +166,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     """Return a uniform time grid that starts at 0, or raise naming the first place where it fails."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
-        raise ValueError(
-            f"{name} must start at 0, found {t[0]:g}; cut the record there and subtract that time"
-        )
+        raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract that time")
     step = float(t[-1]) / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
@@ -196,9 +191,7 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
     if array.ndim == 0:
         return np.broadcast_to(real(name, value), size)
     if array.shape != (size,):
-        raise ValueError(
-            f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}"
-        )
+        raise ValueError(f"{name} must be a number or as long as t ({size}), found shape {array.shape}")
     return _finite(name, array)
 
 

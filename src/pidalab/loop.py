@@ -87,22 +87,15 @@ class Loop:
             raise TypeError("controller must not be a Process; the order is Loop(process, controller)")
         if isinstance(process, AsymmetricPlant):
             raise TypeError(
-                f"process must be linear, found {type(process).__name__}; close the loop with a model or with its "
-                "rising part, and give it to simulate_sampled as plant"
+                "process must be linear, found an AsymmetricPlant; use its rising, and simulate_sampled with plant"
             )
         if not isinstance(process, Process):
             process = Process(*_rational("process", process, Process))
         digital = isinstance(controller, DigitalController)
         if digital and output_filter is not None:
-            raise ValueError(
-                "output_filter must be None with a digital controller: a filter behind its hold is a part of the "
-                f"process, found {output_filter!r}"
-            )
+            raise ValueError(f"output_filter must be None with a digital controller, found {output_filter!r}")
         if digital and controller.prefilter is not None and prefilter is not None:
-            raise ValueError(
-                f"prefilter must be None with a digital controller that has one, {controller.prefilter}, found "
-                f"{prefilter!r}"
-            )
+            raise ValueError(f"prefilter must be None: the digital controller has one, found {prefilter!r}")
         blocks = {} if digital else {"controller": _rational("controller", controller, Controller)}
         blocks |= {
             "process": (process.num, process.den),
@@ -147,9 +140,8 @@ class Loop:
         """
         if self.digital is not None:
             raise TypeError(
-                f"the controller of this loop is digital with sample time {self.digital.sample_time:g}: it has no "
-                "transfer function in s. Use simulate_sampled, noise_gain, margins and is_stable, which take it, or "
-                "the loop of the continuous controller"
+                "controller must be continuous, found a digital one; use simulate_sampled, noise_gain, margins, "
+                "is_stable, or the loop of the continuous controller"
             )
         return self._open_loop
 

@@ -26,7 +26,6 @@ from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.robustness import LinearPart
 from pidalab.style import GREY, STYLE, BookAxes
 
 LINE_POINTS = 4000  # of a line; a vector file keeps only those that can be seen
@@ -179,9 +178,7 @@ def comparison(
         _require_by_label(name, runs, Mapping)
         for label, run in runs.items():
             if missing := {"setpoint", "load"} - set(run):
-                raise ValueError(
-                    f"{name}[{label!r}] must have 'setpoint' and 'load', {missing.pop()!r} is missing"
-                )
+                raise ValueError(f"{name}[{label!r}] lacks {missing.pop()!r}")
     figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.0))
     for column, (experiment, end) in enumerate((("setpoint", u_until), ("load", until))):
         lines, faint = ({label: run[experiment] for label, run in runs.items()} for runs in (clean, noisy))
@@ -230,9 +227,7 @@ def experiment(
     first = next(iter(runs.values()))
     for label, run in runs.items():
         if not np.array_equal(run.t, first.t) or not np.array_equal(run.r, first.r):
-            raise ValueError(
-                f"runs must have the same times and the same set point, found others in {label!r}"
-            )
+            raise ValueError(f"runs must have the same times and set point, found others in {label!r}")
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True)
     axes[0].plot(*thin(first.t, first.r), "-", color=GREY, linewidth=1.0, drawstyle="steps-post")
     for ax, name, label in zip(axes, "yu", (y_label, u_label), strict=True):
@@ -412,7 +407,11 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     >>> pidalab.plots.nyquist(ax, {"P": loop}, np.logspace(-1, 1, 100), ms=1.6)
     """
     radius = None if ms is None else 1 / _check.real("ms", ms, at_least=1.0)
-    for label, (_, value) in _loci(ax, "loops", loops, Loop, frequencies).items():
+    _require_axes(ax)
+    _require_by_label("loops", loops, Loop)
+    w = _check.vector("frequencies", frequencies)
+    for label, loop in loops.items():
+        value = loop.L(1j * w)
         ax.plot(value.real, value.imag, label=label)
     if radius is not None:
         angle = np.linspace(0, 2 * np.pi, 200)
@@ -452,93 +451,6 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     for label, values in curves.items():
         ax.loglog(*thin(frequencies, np.abs(values)), label=label)
     ax.set(xlabel="frequency, rad per time unit", ylabel="magnitude")
-
-
-def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) -> None:
-    """Draw G(jw) of limited loops with the line that the circle criterion forbids them to reach.
-
-    Parameters
-    ----------
-    ax : Axes
-        Where to draw.
-    parts : mapping of str to LinearPart
-        Curves by their labels, from `pidalab.robustness.linear_part`.
-    frequencies : ndarray, shape (n,)
-        In rad per time unit.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For anything but axes, frequencies and parts by their labels.
-
-    Examples
-    --------
-    >>> import numpy as np, pidalab
-    >>> import matplotlib.pyplot as plt
-    >>> figure, ax = plt.subplots()
-    >>> part = pidalab.robustness.linear_part(pidalab.Loop(pidalab.lags(3), 3.0))
-    >>> pidalab.plots.circle_locus(ax, {"lags": part}, np.logspace(-2, 2, 200))
-    """
-    for label, (_, value) in _loci(ax, "parts", parts, LinearPart, frequencies).items():
-        ax.plot(value.real, value.imag, label=label)
-    ax.axvline(-1.0, linestyle=":", color=GREY, linewidth=1.2, zorder=1)
-    ax.plot([-1], [0], "+", color=GREY, markersize=9)
-    ax.set(xlabel="real part of G", ylabel="imaginary part of G")
-
-
-def popov_plot(
-    ax: Axes,
-    parts: Mapping[str, LinearPart],
-    frequencies: Array,
-    multipliers: Mapping[str, float] | None = None,
-) -> None:
-    """Draw Popov plots: w Im G(jw) over Re G(jw), with the line that a curve must stay to the right of.
-
-    Parameters
-    ----------
-    ax : Axes
-        Where to draw.
-    parts : mapping of str to LinearPart
-        Curves by their labels, from `pidalab.robustness.linear_part`.
-    frequencies : ndarray, shape (n,)
-        In rad per time unit.
-    multipliers : mapping of str to float, optional
-        θ by label, as `pidalab.robustness.popov` finds it: a thin line in the colour of the curve passes
-        through -1 with the slope 1/θ.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For anything but axes, frequencies and parts by their labels.
-
-    Examples
-    --------
-    >>> import numpy as np, pidalab
-    >>> import matplotlib.pyplot as plt
-    >>> figure, ax = plt.subplots()
-    >>> loop = pidalab.Loop(pidalab.lags(3), 7.0)
-    >>> parts = {"lags": pidalab.robustness.linear_part(loop)}
-    >>> theta = {"lags": pidalab.robustness.popov(loop).multiplier}
-    >>> pidalab.plots.popov_plot(ax, parts, np.logspace(-2, 2, 200), theta)
-    >>> len(ax.lines)
-    3
-    """
-    for label, (w, value) in _loci(ax, "parts", parts, LinearPart, frequencies).items():
-        (curve,) = ax.plot(value.real, w * value.imag, label=label)
-        if multipliers and label in multipliers:
-            through = (multipliers[label] - 1.0, 1.0)
-            thin_line: dict[str, Any] = {"linestyle": ":", "linewidth": 1.0, "zorder": 1}
-            ax.axline((-1.0, 0.0), through, color=curve.get_color(), **thin_line)
-    ax.plot([-1], [0], "+", color=GREY, markersize=9)
-    ax.set(xlabel="real part of G", ylabel="frequency times imaginary part of G")
-
-
-def _loci(ax: Axes, name: str, things: Mapping[str, Any], kind: type, frequencies: Array) -> dict[str, Any]:
-    """Return frequencies and values of loops or linear parts by their labels, once all is checked."""
-    _require_axes(ax)
-    _require_by_label(name, things, kind)
-    w = _check.vector("frequencies", frequencies)
-    return {label: (w, (thing.L if kind is Loop else thing)(1j * w)) for label, thing in things.items()}
 
 
 class _LiveFigure:
@@ -603,9 +515,7 @@ def _design(name: str, controller: Any) -> dict[str, Any]:
     """Write a controller as the lab does: standard form and binomial filter."""
     gains = controller.coefficients
     if not 2 <= len(gains) <= 4 or gains[0] == 0 or gains[1] == 0:
-        raise ValueError(
-            f"controllers[{name!r}] must have 2 to 4 gains, the first two not 0, found {list(gains)}"
-        )
+        raise ValueError(f"controllers[{name!r}] must be a PI, PID or PIDA, found gains {list(gains)}")
     values = {**controller.gains().standard()._asdict(), "filterTime": controller.filter_time}
     rounded = {key: _six_digits(value) for key, value in values.items()}
     return {"kind": KINDS[len(gains) - 2], **rounded, "filterOrder": controller.filter_order}

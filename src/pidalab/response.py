@@ -300,8 +300,7 @@ class Response(Signals):
         self._require_bounded("y", self.y, measure)
         if target == 0:
             raise ValueError(
-                f"{measure} needs a final value other than 0, and the set point ends at 0; give final=, such as the "
-                "static gain for the step response of a process, or use peak() for a disturbance"
+                f"{measure} needs a final value other than 0, found one of the set point; give final, or use peak()"
             )
         return target
 
@@ -370,10 +369,7 @@ class Response(Signals):
         """
         target = self._passed_peak(final, "peak_time")
         if (share := self._top(target)[1]) <= 1:
-            raise ValueError(
-                f"peak_time needs a response that passes its final value, found {share:.6g} of it at most; "
-                "without an overshoot there is no peak"
-            )
+            raise ValueError(f"peak_time needs an overshoot, found {share:.6g} of the final value at most")
         return self._settle("peak_time", lambda record: record._top(target)[0])
 
     def _passed_peak(self, final: float | None, measure: str) -> float:
@@ -384,9 +380,8 @@ class Response(Signals):
         ends_early = share < 1 or time >= self.t[-1] - self.step
         if self.t.size >= FEWEST_JUDGED and missing > ARRIVED_SHARE and ends_early:
             raise ValueError(
-                f"{measure} needs a response that has passed its peak or come within {100 * ARRIVED_SHARE:g} % of its "
-                f"final value; found one that ends at t = {self.t[-1]:g} with {100 * missing:.3g} % left; simulate "
-                "longer"
+                f"{measure} needs a record that passes the peak or comes within {100 * ARRIVED_SHARE:g} % of the final "
+                f"value, found {100 * missing:.3g} % left at t = {self.t[-1]:g}; simulate longer"
             )
         return target
 
@@ -535,15 +530,12 @@ class Response(Signals):
         1.60
         """
         if not 0 < _check.real("low", low) < _check.real("high", high) < 1:
-            raise ValueError(
-                f"low and high must be shares with 0 < low < high < 1, found {low!r} and {high!r}"
-            )
+            raise ValueError(f"low and high must be 0 < low < high < 1, found {low!r} and {high!r}")
         target = self._final(final, "rise_time")
         highest = float(np.max(self.y / target))
         if highest < high:
             raise ValueError(
-                f"the output reaches {highest:.6g} of the final value in this record (up to t = {self.t[-1]:g}), not "
-                f"{high:g}; simulate longer"
+                f"y must reach {high:g} of its final value, found {highest:.6g} at most; simulate longer"
             )
 
         def duration(record: Response) -> float:
@@ -596,8 +588,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"the error is {tail:.3g} in the last tenth of the record (up to t = {self.t[-1]:g}), outside the "
-                f"band of {limit:.3g}; simulate longer or widen the band"
+                f"band must hold the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
             )
 
         def entry(record: Response) -> float:

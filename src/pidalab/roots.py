@@ -66,9 +66,7 @@ def _of_nonzero(coefficients: Array) -> Any:
         scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
         scaled = monic / scale ** np.arange(degree + 1.0)
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
-        raise ValueError(
-            f"the coefficients {coefficients[:4]}... lie too far apart: their roots leave double precision"
-        )
+        raise ValueError(f"the coefficients {coefficients[:4]}... lie too far apart for their roots")
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
@@ -97,8 +95,8 @@ def _of_nonzero(coefficients: Array) -> Any:
         least = 1.0  # the product may be near, and yet a response made of them is lost in rounding
     if not least <= ALLOWED:
         raise ValueError(
-            f"the roots of a polynomial of degree {degree} cannot be found from its coefficients: their product is "
-            f"another polynomial by {least:.1g}; take fewer lags, or another model"
+            f"the roots of a polynomial of degree {degree} are lost in rounding: their product differs from it by "
+            f"{least:.1g}; take fewer lags, or another model"
         )
     return _in_pairs(best * scale)
 

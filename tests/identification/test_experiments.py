@@ -136,16 +136,16 @@ BAD = {
     "constant": ({"y": np.full(T.size, 3.0)}, r"y never moves: it starts at 3 and ends at 3"),
     "second-order": (
         {"y": SECOND},
-        r"y does not fit a third-order model with dead time: alpha = -?\d.* is outside \[0, 1\]",
+        r"y does not fit a third-order model with dead time: alpha must be .* found -?\d",
     ),
-    "sluggish": (
+    "alpha": (
         {"y": 1 - 0.7 * np.exp(-2 * T) - 0.3 * np.exp(-T / 8)},
-        r"it reaches .* which gives L = -.* both must be positive",
+        r"L and tau must be above 0, found -",
     ),
     "crossing": ({"crossing": "nearest"}, "crossing must be 'interpolated' or 'sampled', found 'nearest'"),
     "convex": (
         {"y": np.clip((T - 10.0) / 0.05, 0.0, 1.0)},
-        r"y does not fit a third-order model .* alpha = 1\.\d+ is outside \[0, 1\]",
+        r"y does not fit a third-order model .* alpha must be .* found 1\.\d+",
     ),
 }
 
@@ -172,7 +172,7 @@ EARLY = {"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0}
         ("ramps", {"y": np.full(T.size, 2.0)}, STILL),
         ("tangent", {"span": 0.0}, "span must be above 0"),
         ("tangent", {"span": 50.0}, r"span must be shorter than the record \(40\), found 50"),
-        ("tangent", EARLY, "meets the level of rest at t = -.*, before the step"),
+        ("tangent", EARLY, "before the step, at t = -"),
         ("squares", {"rise": 0.0}, "rise must be above 0"),
         ("squares", {"rise": 1.0}, "rise must be below 1, found 1"),
         ("squares", {"t": np.arange(4.0), "y": np.arange(4.0)}, "y must have at least 5 samples, found 4"),
@@ -388,7 +388,7 @@ def settled(moved=0.0, first=0.04, top=1.0, count=40):
         ({"moved": 0.0099}, None),
         ({"moved": 0.0101}, "y has not settled: its mean still changes by 1 % of the whole change"),
         ({"first": 0.0499}, None),
-        ({"first": 0.0501}, r"y already moves at its beginning \(5\.01 % of the change in one sample\)"),
+        ({"first": 0.0501}, r"y already moves by 5\.01 %"),
         ({"top": 1.099}, None),
         ({"top": 1.101}, r"y overshoots its final value by 10\.1 % of the change, and 10 % is allowed"),
         ({"count": 30}, None),

@@ -124,7 +124,7 @@ def _plant(given: dict[str, Any] | None, gain: float) -> pidalab.Process | None:
         return None
     if "a" in given:
         states = control.ss(*(given[name] for name in "abcd"))
-        return pidalab.Process.from_control(gain * states)
+        return pidalab.Process.from_control(gain * control.tf(states))
     num, den = _polynomial(given["num"]), _polynomial(given["den"])
     return pidalab.Process(gain * given.get("gain", 1.0) * num, den, given.get("delay", 0.0))
 
@@ -300,12 +300,6 @@ def simc(plant: Any, controller: Any, table: Table) -> Answers:
     return {"kc": found.kp * longer / found.ti, "tau_i": longer, "tau_d": shorter}
 
 
-def migo(plant: Any, controller: Any, table: Table) -> Answers:
-    """MIGO with M = 1.4."""
-    found = pidalab.rules.migo.tune(plant, table["kind"]).controller
-    return {"kp": found.kp, "ti": found.ti, "td": found.td}
-
-
 QUESTIONS: dict[str, Callable[[Any, Any, Table], Answers]] = {
     one.__name__: one
     for one in (
@@ -318,6 +312,5 @@ QUESTIONS: dict[str, Callable[[Any, Any, Table], Answers]] = {
         amigo_coefficients,
         padula_visioli,
         simc,
-        migo,
     )
 }

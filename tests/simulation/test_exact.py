@@ -193,7 +193,7 @@ def limited(low, high):
 def test_limits_are_respected_or_refused():
     free = simulate(limited(-math.inf, math.inf), TIME, setpoint=1.0)
     np.testing.assert_array_equal(simulate(limited(-1e-9, free.u.max() + 1e-9), TIME, setpoint=1.0).y, free.y)
-    with pytest.raises(ValueError, match=r"leaves the controller's limits \(-1, 0\.5\): u = 0\.5.* at t = "):
+    with pytest.raises(ValueError, match=r"the controller's limits \(-1, 0\.5\), found 0\.5.* at t = "):
         simulate(limited(-1.0, 0.5), TIME, setpoint=1.0)
     with pytest.raises(ValueError, match=r"limits \(-0\.2, 1\): u = -0\.2"):
         pidalab.simulate_ensemble(limited(-0.2, 1.0), TIME, np.zeros((2, TIME.size)), load=1.0)

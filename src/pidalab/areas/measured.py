@@ -228,9 +228,7 @@ def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[i
         return 0, (_check.real("start[0]", u0), _check.real("start[1]", y0)), 0
     moved = np.flatnonzero(np.abs(u - u[0]) > 1e-9 * np.ptp(u))
     if not moved.size:
-        raise ValueError(
-            f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, say from where with start"
-        )
+        raise ValueError(f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, give start")
     rest = int(moved[0])
     return rest, (float(u[0]), float(np.mean(y[:rest]))), rest
 
@@ -375,8 +373,8 @@ def _warn(areas: MeasuredAreas) -> None:
     if not areas.settled:
         cause = f"it still drifts at its end, after t = {areas.span[1]:.4g}"
     warn(
-        f"the record does not determine all {areas.values.size} areas ({cause}): it leaves {listed} uncertain, and "
-        f"only those before A_{bad[0]} better than by {100 * UNCERTAIN:g} %; a controller of order m needs 2m + 4",
+        f"the record leaves {listed} uncertain ({cause}); use only the areas before A_{bad[0]}, of which a controller "
+        "of order m needs 2m + 4",
         RecordWarning,
         stacklevel=3,
     )

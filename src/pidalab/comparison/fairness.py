@@ -83,9 +83,7 @@ def at_equal_terms(
         time = shortest * math.exp(log_time)
         factor = gain_for_ms(Loop(process, _filtered(gains, time)), limit)
         if factor < LEAST_SCALE:
-            raise ValueError(
-                f"Ms = {limit:g} leaves this design a factor of {factor:.2g} of its gains, below {LEAST_SCALE:g}"
-            )
+            raise ValueError(f"ms = {limit:g} needs gains times {factor:.2g}, below {LEAST_SCALE:g}")
         return noise_of(factor * gains, time), factor, _filtered(factor * gains, time)
 
     noise, factor, controller = _quiet_enough(scaled, most)
@@ -128,8 +126,6 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
     while not quiet(high):
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
-            raise ValueError(
-                f"no filter time keeps noise_gain = {most:g} with the proportions of this design"
-            )
+            raise ValueError(f"no filter time of this design keeps noise_gain = {most:g}")
     # by halves, and from above: the noise jumps where the gain does, from one range of allowed gains to another
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

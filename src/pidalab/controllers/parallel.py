@@ -293,8 +293,7 @@ class HighOrderPID(Controller):
         time = _check.real("filter_time", filter_time, at_least=0.0)
         if bool(time) != bool(order):
             raise ValueError(
-                f"filter_time must be {f'above 0 for a filter of order {order}' if order else '0 without a filter'}, "
-                f"found {filter_time!r}"
+                f"filter_time must be above 0 with filter_order, and 0 without, found {filter_time!r}"
             )
         vars(self).update(coefficients=tuple(coefficients.tolist()), filter_time=time, filter_order=order)
 
@@ -318,9 +317,7 @@ class HighOrderPID(Controller):
         IdealGains(ki=0.5, kp=2.0, kd=0.0, ka=0.0)
         """
         if any(self.coefficients[4:]):
-            raise ValueError(
-                f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}"
-            )
+            raise ValueError(f"no PIDA form: derivatives go up to order {len(self.coefficients) - 2}")
         return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
 
     def named_gains(self) -> dict[str, float]:

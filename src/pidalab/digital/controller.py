@@ -230,8 +230,7 @@ class DigitalController(Parameters):
         alike = gains.keys() == self._program.gains.keys() and other.sample_time == self.sample_time
         if not (self.tunable and alike):
             raise ValueError(
-                "other must be a tunable controller of the same kind and sample time as this tunable one, found "
-                f"{other!r} for {self!r}"
+                f"other must be tunable, of the kind and sample time of {self!r}, found {other!r}"
             )
         vars(self._states).update(gains)
         self.__dict__["_retuned"] = True
@@ -290,8 +289,7 @@ class DigitalController(Parameters):
         further: list[float] = [_signal("feedforward", feedforward)] * self.feedforward
         if feedforward and not self.feedforward:
             raise ValueError(
-                f"feedforward must be 0 for a controller without it, found {feedforward!r}; "
-                "use discretise(..., feedforward=True)"
+                f"feedforward must be 0 unless discretised with feedforward=True, found {feedforward!r}"
             )
         further += [self.__dict__.pop("_retuned", False)] * self.tunable
         return self._run(self._states, r, y, *acts[0], *acts[1], *further)

@@ -314,8 +314,7 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
     n = den.size - 1
     if den[-1] == 0 or abs(num[-1] / den[-1] - 1) > UNIT:
         raise ValueError(
-            "prefilter must have the static gain 1, or the output would rest beside the set point, found "
-            f"{num[-1] / den[-1] if den[-1] else np.inf:.10g}"
+            f"prefilter must have the static gain 1, found {num[-1] / den[-1] if den[-1] else np.inf:.10g}"
         )
     if not n:
         return None
@@ -325,9 +324,8 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
     fastest = float(np.abs(poles).max())
     if method == "tustin" and h * fastest > 2.0 * (1 + 1e-9):
         raise ValueError(
-            f"sample_time must be at most {2 / fastest:.6g} with method='tustin', found {h:.6g}: the prefilter has the "
-            f"time constant {1 / fastest:.6g}, and would ring, with a pole at z below 0; take method='backward' or "
-            "sample faster"
+            f"sample_time must be at most {2 / fastest:.6g} with method='tustin', found {h:.6g}: the prefilter would "
+            "ring; take method='backward' or sample faster"
         )
     tau = float((den[0] / den[-1]) ** (1 / n))
     d, out = (_in_powers_of_p(part / part[-1], tau, n) for part in (den, num))

@@ -69,9 +69,7 @@ class Parameters:
         if not isinstance(self.source, str):
             raise TypeError(f"source must be a text, found {type(self.source).__name__}")
         if not isinstance(self.paths, tuple) or len(self.paths) > MOST_PATHS:
-            raise TypeError(
-                f"paths must be a tuple of at most {MOST_PATHS} FilterChain, found {self.paths!r:.60}"
-            )
+            raise TypeError(f"paths must be at most {MOST_PATHS} FilterChain, found {self.paths!r:.60}")
         checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
         if (lags := sum(path.order for path in checked["paths"])) > MOST_CODE_LAGS:
             raise ValueError(f"paths must have at most {MOST_CODE_LAGS} lags together, found {lags}")
@@ -96,9 +94,7 @@ class Parameters:
         if self.tunable:
             largest = max([*map(abs, self.growth), *(abs(g) for p in self.paths for g in p.gains)])
             if largest > LARGEST_PARAMETER:
-                raise ValueError(
-                    f"gains must be at most {LARGEST_PARAMETER:g} to be tunable, found {largest:g}; take other units"
-                )
+                raise ValueError(f"gains must be at most {LARGEST_PARAMETER:g} if tunable, found {largest:g}")
 
     @property
     def limited(self) -> bool:
@@ -144,9 +140,7 @@ def _path(name: str, path: Any) -> FilterChain:
         raise TypeError(f"{name} must be a FilterChain, found {type(path).__name__}")
     plain = isinstance(path.name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", path.name)
     if not plain or len(path.name) > 60:
-        raise ValueError(
-            f"the name of a path must be a plain identifier of small letters, found {path.name!r:.60}"
-        )
+        raise ValueError(f"{name}.name must be an identifier of small letters, found {path.name!r:.60}")
     parts = {}
     for part in ("new", "old", "gains"):
         values = getattr(path, part)
@@ -155,9 +149,7 @@ def _path(name: str, path: Any) -> FilterChain:
         parts[part] = tuple(_constant(f"{name}.{part}[{i}]", x) for i, x in enumerate(values))
     new, old, gains = parts.values()
     if not len(new) == len(old) == len(gains) - 1:
-        raise ValueError(
-            f"{name} must have a gain more than lags, found {len(new)}, {len(old)} and {len(gains)}"
-        )
+        raise ValueError(f"{name} must have a gain more than lags, found {len(gains)} and {len(new)}")
     for pair in zip(new, old, strict=True):
         if not (min(pair) >= 0.0 and 0.0 < sum(pair) <= 1.0 + SHARE_ROUNDING):
             raise ValueError(f"{name} must have shares of lags from 0 to 1, found {pair}")

@@ -86,7 +86,7 @@ def load(
         Largest allowed maximum of \|T\|, above 1; by default none.
     disk : float, optional
         Smallest allowed disk margin, between 0 and 2, as `pidalab.margins` has it; by default none. The circle that
-        encloses those of Ms = M and Mt = M, which MIGO designs for, is that of the disk margin 2/(2M - 1).
+        encloses those of Ms = M and Mt = M is that of the disk margin 2/(2M - 1).
     noise_gain : float, optional
         Largest allowed standard deviation of u per unit of that of white measurement noise, sampled and held, as
         `pidalab.noise_gain` has it, in units of u per unit of y; by default none.
@@ -192,18 +192,14 @@ def least_iae(
         limits = replace(limits, sample_time=noise_scale(process).sample_time)
     static = process.gain()
     if limits.mks is not None and math.isfinite(static) and limits.mks * abs(static) <= 1:
-        raise ValueError(
-            f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, which integral action makes of |C S| at zero "
-            f"frequency, found {limits.mks:g}"
-        )
+        raise ValueError(f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, found {limits.mks:g}")
     if any(sign_of_gain(plant) != sign_of_gain(process) for plant in limits.family):
         raise ValueError("family must have gains of the sign of the process: none stabilises both signs")
     searches: list[Search] = []
     best = _best(process, order, limits, searches, start)
     if best is None and any(search.family for search in searches):
         raise ValueError(
-            f"no controller of order {order} was found that keeps ms_worst <= {limits.ms_worst:g} with all of the "
-            "family: allow more, or a narrower family"
+            f"no controller of order {order} was found that keeps ms_worst = {limits.ms_worst:g} with all of the family"
         )
     if best is None:
         raise ValueError(_refusal(searches))
@@ -229,8 +225,8 @@ def _best(
     shortest, best = unit_of_time(positive, limits), None
     if limits.sample_time is not None and limits.sample_time > SLOWEST_SAMPLING * shortest:
         raise ValueError(
-            f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, found "
-            f"{limits.sample_time:g}: with such a sample time the loop would be far slower than the process"
+            f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, "
+            f"found {limits.sample_time:g}"
         )
     # the matrices are small: other threads would make the search up to ten times slower
     with (
@@ -356,9 +352,7 @@ def _iae(loop: Loop, time: float) -> float:
     try:
         return simulate_until_settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
     except ValueError as reason:
-        raise ValueError(
-            f"the limits leave only loops too slow to be followed for this process: {reason}"
-        ) from None
+        raise ValueError(f"the limits leave only loops too slow to be followed: {reason}") from None
 
 
 # --- the walk ---------------------------------------------------------------------------------------------------------

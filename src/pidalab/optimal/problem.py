@@ -462,8 +462,7 @@ def _by_noise(process: Process, integrators: int, limits: Requirements) -> float
     loudest = limits.mks or limits.noise_gain
     if not integrators or loudest is None:
         raise ValueError(
-            "process must have a lag or a dead time: a gain alone has no best controller, and integrators alone have "
-            "one only under a limit of noise (mks, or noise_gain with sample_time)"
+            "process must have a lag or a dead time, or be an integrator under a limit of noise (mks or noise_gain)"
         )
     gain = abs(float(process.num[-1] / process.den[0]))
     return float((gain * QUIET_SHARE * loudest) ** (-1 / integrators))

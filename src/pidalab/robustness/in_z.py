@@ -44,8 +44,7 @@ def require_later_answer(plant: Any, direct: float, h: float) -> None:
     """Raise for a plant whose output at a sample shows the input that is set there."""
     if direct and plant.delay < h * ALIGNED:
         raise ValueError(
-            "the plant answers within the sample (direct feedthrough without dead time): the controller would read "
-            f"what it has not set yet; found {plant!r}"
+            f"plant must have a dead time or no direct feedthrough in a sampled loop, found {plant!r}"
         )
 
 
@@ -76,9 +75,8 @@ def sampled_plant(process: Process, h: float) -> SampledPlant:
     A, b, c, d = realise(process.num, process.den)
     if process.delay > LONGEST_DELAY * h:
         raise ValueError(
-            f"the dead time must be at most {LONGEST_DELAY:g} samples for the margins of a sampled loop, found "
-            f"{process.delay:.4g} with a sample time of {h:.4g}: so fast a sampling costs nothing, take the continuous "
-            "controller"
+            f"delay must be at most {LONGEST_DELAY:g} samples in a sampled loop, found {process.delay:.4g} with a "
+            f"sample time of {h:.4g}; take the continuous controller"
         )
     parts = pieces(process.delay, h)
     require_later_answer(process, d, h)

@@ -169,15 +169,11 @@ def _check_assumptions(part: LinearPart, integrators: int) -> None:
     bad = part.poles[part.poles.real >= 0]
     if bad.size or integrators > 1:
         found = f"one at {bad[0]:.4g}" if bad.size else f"{integrators} at 0"
-        raise ValueError(
-            f"poles of the forward path must lie left of the imaginary axis, but for one at 0; found {found}"
-        )
+        raise ValueError(f"poles of the forward path must be stable, but for one at 0; found {found}")
     if integrators:
         residue = float(part.forward.num[-1] / part.forward.den[-2])
         if residue <= 0:
-            raise ValueError(
-                f"the pole at 0 must have a positive residue, or no small gain stabilises; found {residue:.4g}"
-            )
+            raise ValueError(f"the pole at 0 must have a positive residue, found {residue:.4g}")
 
 
 def circle(loop: Loop) -> Criterion:

@@ -70,9 +70,7 @@ def count_unstable(axis: Axis) -> float:
         count = axis.encirclements(slope, shift)
         if count is not None:
             return count
-    raise ArithmeticError(
-        "the closed loop has a pole so close to the limit of stability that it cannot be counted"
-    )
+    raise ArithmeticError("the closed loop has a pole too close to the limit of stability to be counted")
 
 
 def is_stable(loop: Loop) -> bool:
@@ -158,8 +156,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         nodes *= 2
     if found.size < count:
         raise ArithmeticError(
-            f"count = {count}: only {found.size} poles lie right of {-FARTHEST / delay:.4g}, beyond which rounding "
-            "hides them"
+            f"count must be at most {found.size}, the poles right of {-FARTHEST / delay:.4g}, found {count}"
         )
     near = "their neighbours"
     if chain > -math.inf:

@@ -79,9 +79,7 @@ def simc(
     source = "Skogestad (2003), eqs. (10), (11), (23) to (25)"
     if reduced.integrators == 2:
         if kind == "PI":
-            raise ValueError(
-                f"kind must be 'PID' for two integrators, found 'PI': none is stable with {model!r}"
-            )
+            raise ValueError(f"kind must be 'PID' for two integrators, found 'PI' with {model!r}")
         controller: Any = _from_series(1 / (4 * reduced.gain * reach**2), 4 * reach, 4 * reach, n)
     elif not lags and not reduced.integrators:
         controller = HighOrderPID([1 / (reduced.gain * reach), 0.0], filter_time=0.0, filter_order=0)
@@ -133,9 +131,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     """
     reduced = _half_rule(model, 1)
     if reduced.integrators > 1:
-        raise ValueError(
-            f"model must have at most one integrator for classical.improved_simc, found {model!r}"
-        )
+        raise ValueError(f"model must have at most one integrator, found {model!r}")
     wanted = _closed_loop_time(closed_loop_time, reduced.delay / 2)
     reach, third = wanted + reduced.delay, reduced.delay / 3
     info = {"gain": reduced.gain, "lags": reduced.lags, "delay": reduced.delay, "closed_loop_time": wanted}
@@ -151,8 +147,7 @@ def _closed_loop_time(asked: float | None, usual: float) -> float:
         return _check.real("closed_loop_time", asked, above=0.0)
     if usual == 0:
         raise ValueError(
-            "closed_loop_time must be given to classical.simc: the model has no effective dead time to take it from; "
-            "in pidalab.tune give the sample_time, half of which is dead time"
+            "closed_loop_time must be given: the model has no effective dead time; in pidalab.tune give sample_time"
         )
     return usual
 

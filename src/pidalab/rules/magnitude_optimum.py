@@ -285,8 +285,7 @@ def tune_for_noise(
             return tune(model, m, n, time)
     if updates is None:
         raise ValueError(
-            f"noise_gain = {noise_gain:g} gives no filter time with PID_{n}^{m}: from {start:.3g} it came to "
-            f"{time:.3g} without settling" + NO_LIMIT * (n == m)
+            f"noise_gain = {noise_gain:g} gives no filter time with PID_{n}^{m}" + NO_LIMIT * (n == m)
         )
     return tune(model, m, n, time)
 
@@ -352,8 +351,7 @@ def tune_for_filter_noise(
     low, high = _bracket(excess, math.log(_time_scale(plain) / 20))
     if high is None:
         raise ValueError(
-            f"no filter time for noise_gain = {noise_gain:g} with PID_{n}^{m}: at {math.exp(low):.3g} it is "
-            f"{noise_gain * math.exp(excess(low)):.4g}, and nearly constant" + NO_LIMIT * (n == m)
+            f"noise_gain = {noise_gain:g} gives no filter time with PID_{n}^{m}" + NO_LIMIT * (n == m)
         )
     return tune(model, m, n, math.exp(brentq(excess, low, high, xtol=1e-13)))
 
@@ -392,8 +390,8 @@ def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
         found = f"may be unstable ({reason})"
     if found:
         raise ValueError(
-            f"the loop of PID_{n}^{m} with T_F = {filter_time:.4g} and {loop.process!r} {found}: the magnitude optimum "
-            "shapes low frequencies only; take a lower m or a longer filter (areas as model give the gains anyway)"
+            f"the loop of PID_{n}^{m} with T_F = {filter_time:.4g} and {loop.process!r} {found}; take a lower m "
+            "or a longer filter (areas as model give the gains anyway)"
         )
 
 
@@ -402,8 +400,8 @@ def _require_sure(share: Array, m: int) -> None:
     if not np.max(share) < UNSURE:
         worst = int(np.argmax(share))
         raise ValueError(
-            f"model: the record does not support m = {m}; it leaves K_{worst - 1} uncertain by "
-            f"{100 * share[worst]:.3g} %, and {100 * UNSURE:g} % is allowed; take a lower m, or a better record"
+            f"model: the record leaves K_{worst - 1} uncertain by {100 * share[worst]:.3g} % with m = {m}, and "
+            f"{100 * UNSURE:g} % is allowed; take a lower m, or a better record"
         )
 
 
@@ -412,8 +410,7 @@ def _require_sign(controller: HighOrderPID, model: MeasuredAreas) -> None:
     integral = controller.coefficients[0]
     if integral * model.gain <= 0:
         raise ValueError(
-            f"model: with m = {len(controller.coefficients) - 2} the record gives K_-1 = {integral:.4g}, whose sign is "
-            f"not that of the gain A_0 = {model.gain:.4g}: the loop would be unstable; take another m or another filter"
+            f"model: K_-1 = {integral:.4g} must have the sign of A_0 = {model.gain:.4g}; take another m or filter"
         )
 
 
@@ -454,8 +451,7 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
     result = series.solve(matrix, [Fraction(-1, 2), *[Fraction(0)] * (size - 1)])
     if result is None:
         raise ValueError(
-            f"the areas leave the gains for m = {m} undetermined (singular matrix): a controller of this order can "
-            "cancel all poles of process and filter, so its gain has no optimum; take a lower m or a higher n"
+            f"the areas leave the gains for m = {m} undetermined (singular matrix); take a lower m or a higher n"
         )
     return result
 
@@ -484,8 +480,8 @@ def _require_digits(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> Non
     error = float(np.max(whole.sum(axis=1))) * np.finfo(float).eps / 2
     if not error < LOST:
         raise ValueError(
-            f"the areas leave the gains for m = {m} ill-conditioned: rounding them in the 16th digit may change a gain "
-            f"by {100 * error:.2g} %, and {100 * LOST:g} % is allowed; take a lower m or a higher n"
+            f"the areas leave the gains for m = {m} ill-conditioned: rounding may change one by {100 * error:.2g} %, "
+            f"and {100 * LOST:g} % is allowed; take a lower m or a higher n"
         )
 
 

@@ -375,8 +375,8 @@ def _require_within_limits(loop: Loop, response: Response) -> None:
     if outside.size:
         i = int(outside[0])
         raise ValueError(
-            f"the exact engine is linear, and the control signal leaves the controller's limits ({low:g}, {high:g}): "
-            f"u = {response.u[i]:.4g} at t = {response.t[i]:.4g}"
+            f"u must stay within the controller's limits ({low:g}, {high:g}), found {response.u[i]:.4g} "
+            f"at t = {response.t[i]:.4g}; use simulate_sampled"
         )
 
 
@@ -510,8 +510,7 @@ def simulate_until_settled(
             response = simulate(loop, np.linspace(0.0, end, SETTLING_POINTS))
         except ManyDeadTimes:
             raise ValueError(
-                f"the loop needs {end:.3g} to come to rest, {end / loop.process.delay:.3g} times the dead time of its "
-                "process: too many to follow one after the other; leave out such a short dead time"
+                f"the loop needs {end / loop.process.delay:.3g} dead times to settle, too many; leave out the dead time"
             ) from None
         try:
             response.iae(horizon=math.inf)

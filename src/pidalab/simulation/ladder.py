@@ -78,16 +78,15 @@ def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
         For too many dead times, for a loop that remembers too many of them, and for numbers that overflow.
     """
     intervals = _intervals(cut, n, step)
-    result, depth, status = _responses(cut, step, n, intervals, norm)
+    result, _, status = _responses(cut, step, n, intervals, norm)
     if status == TOO_LARGE:
         raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
     if status == TOO_MANY:
         raise ManyDeadTimes(_too_many((n - 1) * step / cut.delay))
     if status == TOO_DEEP:
         raise ValueError(
-            f"the loop still remembers what happened {depth} dead times ago (|L| is near 1 or above at "
-            f"infinite frequency), which can be followed over {MAX_STACK // cut.x0.shape[0]} dead times and not "
-            f"over {(n - 1) * step / cut.delay:.0f}; shorten t"
+            f"t must span at most {MAX_STACK // cut.x0.shape[0]} dead times for a loop with |L| near 1 at infinite "
+            f"frequency, found {(n - 1) * step / cut.delay:.0f}; shorten t"
         )
     return result
 

@@ -63,13 +63,12 @@ class Bank(NamedTuple):
             shape = np.broadcast_shapes(*shapes)
         except ValueError:
             raise ValueError(
-                f"parameters must have shapes that can be broadcast together, found {sorted(set(shapes))}"
+                f"parameters must broadcast together, found shapes {sorted(set(shapes))}"
             ) from None
         sets = math.prod(shape)
         if sets > MOST_SETS:
             raise MemoryError(
-                f"a grid of shape {shape} has {sets:.3g} sets, and {MOST_SETS:.0e} are allowed; take one portrait "
-                "after the other"
+                f"parameters must have at most {MOST_SETS:.0e} sets, found shape {shape}; take several portraits"
             )
         require_fine_enough(h, float(values["filter_time"].min()) if own.filter_order else math.inf)
         _require_stable(den)
@@ -101,9 +100,7 @@ class Bank(NamedTuple):
 def _differing(own: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """Check the parameters that differ, by the controller's own checks."""
     if not hasattr(parameters, "keys"):
-        raise TypeError(
-            f"parameters must be a mapping or a DataFrame of arrays by name, found {type(parameters).__name__}"
-        )
+        raise TypeError(f"parameters must be a mapping of arrays by name, found {type(parameters).__name__}")
     values = {}
     # not what iterates: a Series of pandas has its values there
     for name, given in dict(parameters).items():
@@ -133,9 +130,7 @@ def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], 
 def _require_stable(den: list[Array]) -> None:
     """Raise for a prefilter that is unstable, or of lower order than its coefficients are many."""
     if np.any(den[0] == 0) or np.any(den[-1] == 0):
-        raise ValueError(
-            "prefilter must have a denominator whose first and last coefficients are not 0, found 0"
-        )
+        raise ValueError("prefilter must have a denominator without 0 at its ends, found 0")
     if len(den) > 1:
         each = np.stack(np.broadcast_arrays(*den), axis=-1)
         poles = np.linalg.eigvals(_companion(each / each[..., :1]))
@@ -346,8 +341,7 @@ def _state_of_rest(
     low, high = limits
     if np.any((u < low) | (u > high)):
         raise ValueError(
-            f"no state of rest: a set point of {r:g} and a load of {d:g} need u from {np.min(u):.4g} to "
-            f"{np.max(u):.4g}, and the limits are ({low:g}, {high:g})"
+            f"limits must hold the final u from {np.min(u):.4g} to {np.max(u):.4g}, found ({low:g}, {high:g})"
         )
     return y, u
 
