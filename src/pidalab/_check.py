@@ -19,8 +19,10 @@ INDICES = np.arange(BLOCK)
 HIGHEST = 400  # order of a lag, a filter or an expansion: beyond it polynomials leave double precision
 
 
-def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf) -> float:
-    """Return `value` as a finite float above (or at least) a bound, or raise naming the argument."""
+def real(
+    name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf, at_most: float = math.inf
+) -> float:
+    """Return `value` as a finite float within bounds, or raise naming the argument."""
     try:
         if isinstance(value, NO_NUMBERS):
             raise TypeError
@@ -30,10 +32,10 @@ def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -
     except OverflowError:
         raise ValueError(f"{name} must be finite, found a number beyond double precision") from None
     finite = math.isfinite(number)
-    if finite and number > above and number >= at_least:
+    if finite and above < number and at_least <= number <= at_most:
         return number
-    bounds = (("above", above), ("at least", at_least))
-    allowed = ["finite"] * (not finite) + [f"{word} {x:g}" for word, x in bounds if x > -math.inf]
+    bounds = (("above", above), ("at least", at_least), ("at most", at_most))
+    allowed = ["finite"] * (not finite) + [f"{word} {x:g}" for word, x in bounds if math.isfinite(x)]
     raise ValueError(f"{name} must be {' and '.join(allowed)}, found {value!r}")
 
 

@@ -385,24 +385,15 @@ def require_well_posed(loop: Loop) -> None:
 
 
 def require_loop(loop: Loop) -> None:
-    """Raise for what is not a loop, and say what to do with it."""
+    """Raise unless it is a loop."""
     if not isinstance(loop, Loop):
-        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}; {_instead_of_loop(loop)}")
+        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}")
 
 
 def open_loop(loop: Loop) -> Fraction:
     """Return (num, den) of the loop transfer function without its dead time; nothing is cancelled."""
     require_loop(loop)
     return loop.open_loop
-
-
-def _instead_of_loop(value: Any) -> str:
-    """Return what to do with something that is no loop."""
-    if callable(getattr(value, "loop", None)):
-        return "pass its .loop()"
-    if isinstance(value, Process):
-        return "for a process alone use open_loop_step"
-    return "close one with pidalab.Loop(process, controller)"
 
 
 def _rational(name: str, block: Any, kind: type) -> Fraction:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -227,14 +228,7 @@ class Response(Signals):
         >>> record.tv("u"), record.tv("u", 1.0), record.tv("u", final=0.0)
         (6.0, 5.0, 8.0)
         """
-        self._require_path(signal, horizon)
-
-        return self._settle(
-            "tv",
-            lambda record: _variation(record._path(signal, horizon, final)),
-            signal,
-            missed=lambda record: 2 * float(np.sum(_missed(record._path(signal, horizon)))),
-        )
+        return self._variation("tv", signal, horizon, final, lambda path: 0.0)
 
     def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
@@ -267,19 +261,32 @@ class Response(Signals):
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv1("u")
         2.0
         """
+
+        def pulse(path: Array) -> float:
+            return float(np.max(np.abs(2 * path - path[0] - path[-1])))
+
+        return self._variation("tv1", signal, horizon, final, pulse)
+
+    def _variation(
+        self,
+        name: str,
+        signal: str,
+        horizon: float | None,
+        final: float | None,
+        less: Callable[[Array], float],
+    ) -> float:
+        """Return the total variation of a signal, less a function of its path."""
         self._require_path(signal, horizon)
 
         def excess(record: Response) -> float:
             path = record._path(signal, horizon, final)
-            return _variation(path) - float(np.max(np.abs(2 * path - path[0] - path[-1])))
+            return _variation(path) - less(path)
 
-        whole = _variation(self._path(signal, horizon, final))
+        def missed(record: Response) -> float:
+            return 2 * float(np.sum(_missed(record._path(signal, horizon))))
+
         return self._settle(
-            "tv1",
-            excess,
-            signal,
-            missed=lambda record: 2 * float(np.sum(_missed(record._path(signal, horizon)))),
-            least=whole,
+            name, excess, signal, missed, least=_variation(self._path(signal, horizon, final))
         )
 
     def _require_path(self, signal: str, horizon: float | None) -> None:
@@ -338,7 +345,7 @@ class Response(Signals):
         def missed(record: Response) -> float:
             path = record.y / target
             # the exact area shows most of it
-            return float(25 * (np.max(path + _missed(path)) - np.max(path))) if np.max(path) > 1 else 0.0
+            return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
 
@@ -426,7 +433,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = -record._path("y") / target
-            return float(100 * (np.max(path + _missed(path)) - np.max(path)))
+            return 100 * _missed_top(path, path)
 
         return self._settle("undershoot", share, missed=missed, least=1.0)
 
@@ -495,7 +502,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record._path(signal, horizon)
-            return float(np.max(np.abs(path) + _missed(path)) - np.max(np.abs(path)))
+            return _missed_top(np.abs(path), path)
 
         return self._settle("peak", extreme, signal, missed)
 
@@ -608,6 +615,11 @@ class Response(Signals):
 
 def _variation(path: Array) -> float:
     return float(np.sum(np.abs(np.diff(path))))
+
+
+def _missed_top(size: Array, path: Array) -> float:
+    """Estimate how far the largest of some sizes of a path lies below that between the samples."""
+    return float(np.max(size + _missed(path)) - np.max(size))
 
 
 def _missed(path: Array) -> Array:

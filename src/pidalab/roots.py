@@ -189,42 +189,6 @@ def quadratic_roots(c0: Array, c1: Array, c2: Array) -> Array:
         return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def succeeded(result: Any, what: str) -> Any:
-    """Return the result of an optimiser or a root finder of SciPy, once it says that it succeeded.
-
-    Parameters
-    ----------
-    result : scipy.optimize.OptimizeResult or scipy.optimize.RootResults
-        What the search returned.
-    what : str
-        What was searched, for the message.
-
-    Returns
-    -------
-    object
-        The same result.
-
-    Raises
-    ------
-    ArithmeticError
-        If the search failed: with its own reason, where it ended and how many values it took.
-
-    Examples
-    --------
-    >>> from scipy.optimize import minimize
-    >>> from pidalab.roots import succeeded
-    >>> found = succeeded(minimize(lambda x: (x[0] - 2) ** 2, [0.0]), "the least square")
-    >>> print(f"{found.x[0]:.4f}")
-    2.0000
-    """
-    if getattr(result, "success", getattr(result, "converged", False)):
-        return result
-    reason = getattr(result, "message", getattr(result, "flag", "it does not say why"))
-    end = getattr(result, "x", getattr(result, "root", None))
-    asked = getattr(result, "nfev", getattr(result, "function_calls", "an unknown number of"))
-    raise ArithmeticError(f"{what} was not found: {reason} (at {end}, after {asked} values)")
-
-
 def border(holds: Callable[[float], bool], inside: float, outside: float, share: float = 1e-7) -> float:
     """Bisect between a value where a property holds and one where it does not.
 

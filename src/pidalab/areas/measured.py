@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeGuard
+from typing import Any
 from warnings import warn
 
 import numpy as np
@@ -37,26 +37,8 @@ class RecordWarning(UserWarning):
     """The record is too short, too noisy or does not suit the model."""
 
 
-class StepRecord(Protocol):
-    """Interface of a plant record for areas and step experiments; `pidalab.Record` implements it."""
-
-    @property
-    def step(self) -> Any:
-        """The change of the input, with `before` and `after`."""
-
-    @property
-    def noise(self) -> Any:
-        """Its standard deviation is `noise.deviation`."""
-
-    def uniform(self) -> tuple[Array, Array, Array]:
-        """Times, input and output on a uniform grid."""
-
-    def after_step(self) -> tuple[Array, Array]:
-        """Times and output as the response to a unit step from rest."""
-
-
-def is_record(given: Any) -> TypeGuard[StepRecord]:
-    """Return True for a record, which may be given in place of times."""
+def is_record(given: Any) -> bool:
+    """Return True for a plant record, such as `pidalab.Record`, which may be given in place of times."""
     return hasattr(given, "after_step")
 
 
@@ -100,7 +82,7 @@ class MeasuredAreas:
 
 
 def from_record(
-    t: ArrayLike | StepRecord,
+    t: ArrayLike | Any,
     u: ArrayLike | None = None,
     y: ArrayLike | None = None,
     count: int | None = None,

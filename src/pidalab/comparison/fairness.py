@@ -13,8 +13,7 @@ from pidalab._check import Array
 from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
-from pidalab.robustness.gain import gain_for_ms
-from pidalab.robustness.margins import max_sensitivity
+from pidalab.robustness.margins import gain_for_ms, max_sensitivity
 from pidalab.roots import border
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale

@@ -338,13 +338,10 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
         move = expm(np.block([[A, A], [np.zeros((n, 2 * n))]]))[:n, n:]
     else:
         move = np.linalg.solve(np.eye(n) - A * METHOD_WEIGHTS[method][0], A)
-    return prefilter_of_arrays(num, den, *METHOD_WEIGHTS[method], move, out[:-1] - out[-1] * d[:-1] / d[-1])
-
-
-def prefilter_of_arrays(num: Array, den: Array, new: float, old: float, move: Array, out: Array) -> Prefilter:
-    """Return a prefilter with tuples of floats for arrays."""
-    fraction, rows = (tuple(num.tolist()), tuple(den.tolist())), tuple(map(tuple, move.tolist()))
-    return Prefilter(*fraction, new, old, rows, tuple(out.tolist()))
+    rows, out = tuple(map(tuple, move.tolist())), out[:-1] - out[-1] * d[:-1] / d[-1]
+    return Prefilter(
+        tuple(num.tolist()), tuple(den.tolist()), *METHOD_WEIGHTS[method], rows, tuple(out.tolist())
+    )
 
 
 def _in_powers_of_p(polynomial: Array, tau: float, n: int) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import Any, Literal, cast
 from warnings import warn
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.signal import lsim
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.areas import RecordWarning
-from pidalab.areas.measured import StepRecord, is_record
+from pidalab.areas.measured import is_record
 from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)  # of the change, in the formulas of the three-point model
@@ -75,7 +75,7 @@ class ThreePointModel:
 
 
 def three_point(
-    t: ArrayLike | StepRecord,
+    t: ArrayLike | Any,
     y: ArrayLike | None = None,
     step: float | None = None,
     *,
@@ -169,7 +169,7 @@ def three_point(
 
 
 def ipdt_tangent(
-    t: ArrayLike | StepRecord,
+    t: ArrayLike | Any,
     y: ArrayLike | None = None,
     step: float | None = None,
     *,
@@ -295,7 +295,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
 
 
 def ipdt_least_squares(
-    t: ArrayLike | StepRecord, y: ArrayLike | None = None, step: float | None = None, *, rise: float = 0.2
+    t: ArrayLike | Any, y: ArrayLike | None = None, step: float | None = None, *, rise: float = 0.2
 ) -> Process:
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
@@ -393,9 +393,7 @@ def _whole_change(y: Array) -> float:
     return change
 
 
-def _experiment(
-    t: ArrayLike | StepRecord, y: ArrayLike | None, step: float | None
-) -> tuple[Array, Array, float]:
+def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> tuple[Array, Array, float]:
     """Check a step experiment; return the times from the step on, the output and the change of the input."""
     if is_record(t):
         if y is not None or step is not None:

@@ -251,7 +251,7 @@ def _best(
             if found is None:
                 continue
             if others:
-                search.guard(others)
+                search.family = tuple(others)
                 end = finish(search, found.best.x)
                 if end is None:
                     continue

@@ -422,5 +422,5 @@ def _keeps(search: Search, x: Array, noise: float) -> bool:
             search.look_at(at)
     if search.limits.noise_gain is not None and noise > search.limits.noise_gain:
         kept = False
-        search.aim_below(noise)
+        search.aim *= search.limits.noise_gain / noise * (1 - search.spare)
     return kept

@@ -6,7 +6,7 @@ one place below a chosen crossover, as plants need that only a derivative or an 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice, product
 from typing import Any
 
@@ -167,15 +167,6 @@ class Search:
         """Add frequencies around a peak; with `nearly` only if none is near."""
         if 0 < peak < np.inf and not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
             self.w = np.append(self.w, peak * AROUND)
-
-    def aim_below(self, noise: float) -> None:
-        """Lower the aim for the noise by the factor by which it is too large."""
-        assert self.limits.noise_gain is not None
-        self.aim *= self.limits.noise_gain / noise * (1 - self.spare)
-
-    def guard(self, family: Sequence[Process]) -> None:
-        """Keep the limit of Ms with other plants, too, from now on."""
-        self.family = tuple(family)
 
     def see(self, k: int, peak: float) -> None:
         """Let the descents see a plant of the family; if they do, add the frequencies of its peak."""

@@ -353,12 +353,12 @@ class Axis(ABC):
 
         with np.errstate(all="ignore"):
             samples, heights = self.on_grid, values(self.on_grid)
-            most, best, where = limits(samples), *max((least, math.nan), _top(samples.w, heights), key=_first)
+            most, best, where = limits(samples), *max((least, math.nan), _top(samples.w, heights))
             if self._probes.size:
                 probe = self._probes[np.argmin(depths(self._probes))]
                 around = probe + np.array([-FINE_STEP, 0.0, FINE_STEP]) / self.delay
                 place, depth = lowest(depths, around, np.array([1]))
-                best, where = max((best, where), (float(depth[0] ** -0.5), float(place[0])), key=_first)
+                best, where = max((best, where), (float(depth[0] ** -0.5), float(place[0])))
             # long steps are taken in pieces, of which few may hold a peak
             pieces = divided(samples.w, most > best, self.delay, PIECE * FINE_STEP)
             if pieces is not samples.w:
@@ -374,7 +374,7 @@ class Axis(ABC):
                 followed[first[more[first]]] = True
                 samples = self.at(divided(pieces, followed, self.delay))
                 heights, most = values(samples), limits(samples)
-                best, where = max((best, where), _top(samples.w, heights), key=_first)
+                best, where = max((best, where), _top(samples.w, heights))
             inner, before, after = heights[1:-1], heights[:-2], heights[2:]
             # a difference of rounding makes no hill
             hills = 1 + np.flatnonzero(
@@ -390,11 +390,7 @@ class Axis(ABC):
             most = most_between(*(heights[three] * distance)) / closest
             hills = hills[~((most <= best * (1 + NO_HIGHER)) & (closest > 0))]
             places, depth = lowest(depths, samples.w, hills)
-        return max([(best, where), *zip((depth**-0.5).tolist(), places.tolist(), strict=True)], key=_first)
-
-
-def _first(pair: tuple[float, float]) -> float:
-    return pair[0]
+        return max([(best, where), *zip((depth**-0.5).tolist(), places.tolist(), strict=True)])
 
 
 def _top(w: Array, heights: Array) -> tuple[float, float]:

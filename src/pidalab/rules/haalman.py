@@ -10,8 +10,7 @@ from pidalab import _check
 from pidalab.controllers import PIDA, Fraction
 from pidalab.loop import Loop
 from pidalab.process import Process, binomial
-from pidalab.robustness.gain import gain_for_ms
-from pidalab.robustness.margins import gain_crossovers
+from pidalab.robustness.margins import gain_crossovers, gain_for_ms
 from pidalab.rules._design import Design
 from pidalab.rules.models import lags
 

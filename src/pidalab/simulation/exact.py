@@ -318,7 +318,7 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
         y, area, u = common if quiet else common + _superpose(unit[-1], n, t)
         # noise is defined by its samples: there is no finer grid
         finer, speed = (
-            (partial(_respond_finer, loop, t, r, d), partial(_speed, loop)) if quiet else (None, None)
+            (partial(_respond_finer, loop, t, r, d), partial(fastest_pole, loop)) if quiet else (None, None)
         )
         responses.append(Response._of_engine(finer, speed, t=t, r=r, d=d, n=n, y=y, u=u, area=area))
         _require_within_limits(loop, responses[-1])
@@ -340,12 +340,6 @@ def _respond_finer(loop: Loop, t: Array, r: Array, d: Array) -> Response:
         for held in (r, d)
     )
     return respond(loop, finer, r, d, [np.broadcast_to(0.0, finer.size)])[0]
-
-
-def _speed(loop: Loop) -> float:
-    from pidalab.simulation.realisation import fastest_pole
-
-    return fastest_pole(loop)
 
 
 def _superpose(unit: Array, signal: Array, t: Array) -> Array:

@@ -80,10 +80,6 @@ class Bank(NamedTuple):
         """Shape of the grid."""
         return self.den[0].shape
 
-    def static_gain(self) -> Array:
-        """Return the static gain of the prefilters."""
-        return np.asarray(self.num[-1] / self.den[-1])
-
     def part(self, places: Any) -> Bank:
         """Return the sets at some places in flat order."""
         values = {name: x.flat[places] for name, x in self.values.items()}
@@ -336,7 +332,7 @@ def _state_of_rest(
     num, den = loop.process.num[-1], loop.process.den[-1]
     if num == 0:
         raise ValueError(f"the process must have a static gain other than 0, found {loop.process!r}")
-    y = r * bank.static_gain()
+    y = r * np.asarray(bank.num[-1] / bank.den[-1])
     u = y * den / num - d
     low, high = limits
     if np.any((u < low) | (u > high)):
