@@ -82,7 +82,7 @@ REFUSED = {
     ),
     "comparison without load": (
         lambda: plots.comparison({"a": {"setpoint": ANSWER}}, {}, 10, 5),
-        r"clean\['a'\] must have 'setpoint' and 'load', 'load' is missing",
+        r"clean\['a'\] lacks 'load'",
     ),
 }
 

@@ -83,7 +83,7 @@ def test_repr_names_what_is_there():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"controller": "PI"}, TypeError, "controller must be a number, a pidalab controller or .* found str"),
+        ({"controller": "PI"}, TypeError, "controller must be a number, .* found str"),
         ({"controller": np.nan}, ValueError, "controller.num must be finite, found nan"),
         ({"prefilter": control.tf([1.0], [1.0, -2.0])}, ValueError, "prefilter must be stable, found a pole at 2"),
         ({"prefilter": control.tf([1.0], [1.0, 0.0])}, ValueError, "prefilter must be stable, found a pole at 0"),

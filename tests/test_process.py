@@ -63,13 +63,13 @@ TWO = control.tf([[[1.0], [1.0]]], [[[1.0, 1.0], [1.0, 2.0]]])
     ("system", "message"),
     [
         (control.tf([1.0], [1.0, 0.5], 0.1), r"sys must be continuous in time, found sample time 0\.1"),
-        (TWO, "sys must have one input and one output, found 2"),
+        (TWO, "sys must have one input and output, found"),
         (
             control.tf([1.0, 0.0], [1.0]),
             "sys must be proper, found degrees 1 and 0; add a filter of order 1",
         ),
         (control.ss([], [], [], [[2.0]]), "sys must be a transfer function"),
-        ("1/s", "sys must be a number, a pidalab controller or a control.TransferFunction, found str"),
+        ("1/s", "sys must be a number, a controller or a transfer function, found str"),
     ],
 )
 def test_from_control_complains(system, message):

@@ -103,7 +103,7 @@ def test_infinite_horizon_needs_a_settled_record(name):
         ),
         (
             lambda: SINE.rise_time(0.9, 0.1),
-            r"low and high must be shares with 0 < low < high < 1, found 0\.9 and 0\.1",
+            r"low and high must be 0 < low < high < 1, found 0\.9 and 0\.1",
         ),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
         (lambda: DECAY.settling_time(2.0), "band must be a share between 0 and 1"),

@@ -91,9 +91,9 @@ def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> 
             raise TypeError
         return array.astype(kind, copy=False)
     except (TypeError, ValueError, OverflowError):
-        found = repr(value)
-        found = found if len(found) < 80 else f"{type(value).__name__} {found[:60]}..."
-        raise TypeError(f"{name} must be {what}, found {found}") from None
+        shown = repr(value)
+        shown = shown if len(shown) < 80 else f"{type(value).__name__} {shown[:60]}..."
+        raise TypeError(f"{name} must be {what}, found {shown}") from None
 
 
 def _real_array(name: str, value: ArrayLike) -> Array:
@@ -106,15 +106,15 @@ def array(name: str, value: ArrayLike) -> Array:
     return _finite(name, _real_array(name, value))
 
 
-def _finite(name: str, found: Array) -> Array:
+def _finite(name: str, values: Array) -> Array:
     """Return an array, or raise if it is empty or holds what is no number."""
-    if not found.size:
-        raise ValueError(f"{name} must hold at least one number, found shape {found.shape}")
-    if not all_finite(found):
-        where = tuple(np.argwhere(~np.isfinite(found))[0].tolist())
+    if not values.size:
+        raise ValueError(f"{name} must hold at least one number, found shape {values.shape}")
+    if not all_finite(values):
+        where = tuple(np.argwhere(~np.isfinite(values))[0].tolist())
         at = f" at index {where[0] if len(where) == 1 else where}" if where else ""
-        raise ValueError(f"{name} must be finite, found {found[where]}{at}")
-    return found
+        raise ValueError(f"{name} must be finite, found {values[where]}{at}")
+    return values
 
 
 def all_finite(values: Array) -> bool:
@@ -137,11 +137,11 @@ def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
     return _one_dimensional(name, _real_array(name, value), minimum_length)
 
 
-def _one_dimensional(name: str, found: Array, minimum_length: int = 1) -> Array:
+def _one_dimensional(name: str, values: Array, minimum_length: int = 1) -> Array:
     """Return a finite array of one dimension, or raise."""
-    if found.ndim != 1 or found.size < minimum_length:
-        raise ValueError(f"{name} must be a vector of at least {minimum_length}, found shape {found.shape}")
-    return _finite(name, found)
+    if values.ndim != 1 or values.size < minimum_length:
+        raise ValueError(f"{name} must be a vector of at least {minimum_length}, found shape {values.shape}")
+    return _finite(name, values)
 
 
 def polynomial(name: str, value: ArrayLike) -> Array:

@@ -314,7 +314,7 @@ class Loop:
         forward, back = self._fraction(s)
         p, q = fraction_at(*self.blocks["process"], s, self.process.delay)
         controller, output_filter = (fraction_at(*self.blocks[name], s) for name in BLOCKS[1:3])
-        c, d = (of * by for of, by in zip(controller, output_filter, strict=True))
+        c, d = (first * second for first, second in zip(controller, output_filter, strict=True))
         # each over the same denominator: at a pole of a block, such as 0 with integral action, none is 0 times infinity
         if source == "d":
             y, u = quotient(p * d, back + forward), quotient(-forward, back + forward)

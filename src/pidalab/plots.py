@@ -372,10 +372,10 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
         here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
         up = -1 if label in below else 1
-        lean = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up  # away from the slope
-        place: dict[str, Any] = {"ha": ("center", "left", "right")[lean], "va": "bottom" if up > 0 else "top"}
+        side = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up  # away from the slope
+        place: dict[str, Any] = {"ha": ("center", "left", "right")[side], "va": "bottom" if up > 0 else "top"}
         x, y = ax.transData.inverted().transform((here, y))
-        away: dict[str, Any] = {"xytext": (3 * lean, 3 * up), "textcoords": "offset points"}
+        away: dict[str, Any] = {"xytext": (3 * side, 3 * up), "textcoords": "offset points"}
         ax.annotate(label, (x, y), **away, **place, color=lines[label].get_color())
 
 

@@ -131,8 +131,8 @@ def turned_phase(process: Process, w: Array) -> Array:
     [0.0, -3.3562]
     """
     total = -process.delay * w
-    for sign, found in ((1, roots(process.num)), (-1, roots(process.den))):
-        away = found[found != 0]
+    for sign, factors in ((1, roots(process.num)), (-1, roots(process.den))):
+        away = factors[factors != 0]
         away = np.where(away.real == 0, away - 1e-9 * np.abs(away), away)
         # each factor stays in one half-plane, so its angle is continuous
         total = total + sign * np.angle(1 - 1j * w[:, None] / away).sum(axis=1)

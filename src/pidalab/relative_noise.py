@@ -123,10 +123,10 @@ def relative_noise_gain(loop: Loop) -> float:
     """
     require_loop(loop)
     scale = noise_scale(loop.process)
-    found, remark = sampled_noise(loop, scale.sample_time)
-    if math.isnan(found):
+    gain, remark = sampled_noise(loop, scale.sample_time)
+    if math.isnan(gain):
         raise ValueError(remark)
-    return found / scale.gain
+    return gain / scale.gain
 
 
 def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:

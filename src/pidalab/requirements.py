@@ -76,10 +76,10 @@ class Requirements:
 
     def peaks(self, slack: float = 0.0) -> dict[str, float]:
         """Return the largest values over all frequencies, less a share: see `pidalab.optimal.problem.PEAKS`."""
-        found = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
+        limits = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
         if self.disk is not None:
-            found["inverse_disk"] = 1 / self.disk
-        return {name: value * (1 - slack) for name, value in found.items()}
+            limits["inverse_disk"] = 1 / self.disk
+        return {name: value * (1 - slack) for name, value in limits.items()}
 
     def reached(self, values: dict[str, float], share: float) -> list[str]:
         """Return the names of the limits that values come up to within a share."""

@@ -144,10 +144,10 @@ class Signals:
         agreements, record, first = 0, self, value
         while True:
             agreements = agreements + 1 if doubt <= SAME_SHARE else 0
-            seen = self._speed is None or self._speed() * record.step <= 1.0
+            resolved = self._speed is None or self._speed() * record.step <= 1.0
             inside = missed(record) / size() if missed else 0.0
-            enough = 1 if seen and (integral or missed) else 2 if integral or missed else 3
-            if agreements >= enough and (seen or integral) and inside <= SAME_SHARE:
+            enough = 1 if resolved and (integral or missed) else 2 if integral or missed else 3
+            if agreements >= enough and (resolved or integral) and inside <= SAME_SHARE:
                 return first if record in (self, vars(self).get("_next")) else value
             if record.t.size * REFINEMENT > FINEST_GRID:
                 break
@@ -277,9 +277,9 @@ class Signals:
         before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in "rdu"} | {"n": 0.0}
         # what is held jumps at stop: its value just before belongs to the stretch
         signals: dict[str, Any] = {}
-        for name, rest in before.items():
+        for name, level in before.items():
             held = getattr(self, name)
-            signals[name] = np.append(held[first:last], held[last - 1]) - rest
+            signals[name] = np.append(held[first:last], held[last - 1]) - level
         t = self.t[span] - self.t[first]
         return self._derived(
             partial(apply_to_finer, self, methodcaller("between", first * self.step, last * self.step)),

@@ -155,9 +155,9 @@ def _side_by_side(parts: Sequence[Part], moves: Sequence[tuple[Array, Array]], d
     """Put parts together, with how the states of each move by themselves and with the input."""
     A = np.zeros((sum(part.b.size for part in parts),) * 2)
     at = 0
-    for own, _ in moves:
-        A[at : at + len(own), at : at + len(own)] = own
-        at += len(own)
+    for block, _ in moves:
+        A[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
     b, c = (np.concatenate([np.zeros(0), *x]) for x in ([b for _, b in moves], [part.c for part in parts]))
     return StateSpace(A, b, c, direct)
 
@@ -178,18 +178,18 @@ class Piece(NamedTuple):
     """A part of a sample interval in which a held, delayed input is constant."""
 
     time: float
-    ago: int  # how many samples ago the input was set
-    since: float  # how long after a pulse it begins
+    lag_samples: int  # how many samples ago the input was set
+    offset: float  # how long after a pulse it begins
 
 
 def pieces(delay: float, h: float) -> list[Piece]:
     """Return the one or two pieces of a sample: until the odd part of the dead time is over, an older input acts."""
     samples = delay / h
-    whole = math.floor(samples + ALIGNED)
-    part = h * (samples - whole)
+    samples_passed = math.floor(samples + ALIGNED)
+    part = h * (samples - samples_passed)
     if part < h * ALIGNED:
-        return [Piece(h, whole, 0.0)]
-    return [Piece(part, whole + 1, h - part), Piece(h - part, whole, 0.0)]
+        return [Piece(h, samples_passed, 0.0)]
+    return [Piece(part, samples_passed + 1, h - part), Piece(h - part, samples_passed, 0.0)]
 
 
 def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:

@@ -244,7 +244,7 @@ WIDE = np.ones(3000)
         ({"prefilter": ([np.nan], [1.0, 1.0])}, ValueError, "prefilter must be finite, found nan"),
         ({"prefilter": 1.0}, TypeError, "prefilter must be two sequences of coefficients, found 1.0"),
         ({"prefilter": (1.0, [1.0])}, TypeError, "prefilter must be two sequences of coefficients"),
-        ({"executor": 4}, TypeError, "executor must be a concurrent.futures.Executor or None, found int"),
+        ({"executor": 4}, TypeError, "executor must be an Executor or None, found int"),
         ({"prefilter": ([1.0], [np.ones(3), 1.0])}, ValueError, r"broadcast together, found .*\(3,\)"),
         ({"parameters": {"kp": WIDE[:, None, None], "kd": WIDE[:, None], "ti": WIDE}}, MemoryError,
          r"at most 1e\+07 sets, found shape \(3000, 3000, 3000\)"),

@@ -162,7 +162,7 @@ def from_record(
     t, u, y = _signals(t, u, y)
     count = _check.order("count", count, at_least=1)
     h = float(t[-1] / (t.size - 1))
-    first, (u0, y0), rest = _beginning(u, y, start)
+    first, (u0, y0), before = _beginning(u, y, start)
     last, settled = _end(t, u, y, first)
     u1, y1 = float(np.mean(u[last:])), float(np.mean(y[last:]))
     step = u1 - u0
@@ -175,7 +175,7 @@ def from_record(
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
     quotient = _over(a_u)
     values = quotient @ a_y
-    errors = _moment_covariance(values, weights, u[last:], y[last:], h, rest, _quantisation(y, y[last:]))
+    errors = _moment_covariance(values, weights, u[last:], y[last:], h, before, _quantisation(y, y[last:]))
     result = MeasuredAreas(
         values=values[:count],
         covariance=(quotient @ errors @ quotient.T / step**2)[:count, :count],
@@ -211,8 +211,8 @@ def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[i
     moved = np.flatnonzero(np.abs(u - u[0]) > 1e-9 * np.ptp(u))
     if not moved.size:
         raise ValueError(f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, give start")
-    rest = int(moved[0])
-    return rest, (float(u[0]), float(np.mean(y[:rest]))), rest
+    before = int(moved[0])
+    return before, (float(u[0]), float(np.mean(y[:before]))), before
 
 
 def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
@@ -283,7 +283,7 @@ def _of_steps(x: Array, weights: Array) -> Array:
 
 
 def _moment_covariance(
-    values: Array, weights: Array, u: Array, y: Array, h: float, rest: int, unseen: float
+    values: Array, weights: Array, u: Array, y: Array, h: float, before: int, unseen: float
 ) -> Array:
     """Estimate the covariance of the moments of y from the steady state at the end.
 
@@ -294,7 +294,7 @@ def _moment_covariance(
     tail, per_drift = _tail(values, level, window)
     errors = np.zeros((size, size))
     errors[1:, 1:] = density * h * weights[: size - 1] @ weights[: size - 1].T
-    errors[0, 0] = density / (h * rest) if rest else 0.0
+    errors[0, 0] = density / (h * before) if before else 0.0
     for source in (
         level * math.sqrt(density / window),
         tail * (per_drift * (drift + ROUNDING * np.max(np.abs(y))) + unseen),
@@ -330,8 +330,8 @@ def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
     lag = min(max(lag, 1e-3 * window), 1e3 * window)
     average = lag / window * -math.expm1(-window / lag)
     drift = 4 * lag / window * -math.expm1(-window / (4 * lag)) - average
-    rest = np.convolve(level, lag ** np.arange(level.size))[: level.size] - level
-    return average * level + rest, 1 / drift
+    tail = np.convolve(level, lag ** np.arange(level.size))[: level.size] - level
+    return average * level + tail, 1 / drift
 
 
 def _over(a: Array) -> Array:

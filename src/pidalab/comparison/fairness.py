@@ -93,8 +93,8 @@ def at_equal_terms(
 
 def gains_of(controller: Controller) -> Array:
     """Return the gains from the integral upwards, without absent derivatives."""
-    own = controller.coefficients if isinstance(controller, HighOrderPID) else controller.gains()
-    gains = np.trim_zeros(np.array(own), "b")
+    values = controller.coefficients if isinstance(controller, HighOrderPID) else controller.gains()
+    gains = np.trim_zeros(np.array(values), "b")
     return np.append(gains, np.zeros(max(0, 2 - gains.size)))
 
 

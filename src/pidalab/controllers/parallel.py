@@ -35,9 +35,9 @@ def _fraction(kp: float, ti: float, parts: tuple[FilteredGains, ...]) -> Fractio
     if math.isfinite(ti):
         num, den = np.array([kp * ti, kp]), np.array([ti, 0.0])
     for part in parts[1:]:
-        own = binomial(part.filter_time, part.filter_order)
-        num = np.polyadd(np.convolve(num, own), np.convolve(part.gains[:0:-1], den))
-        den = np.convolve(den, own)
+        lags = binomial(part.filter_time, part.filter_order)
+        num = np.polyadd(np.convolve(num, lags), np.convolve(part.gains[:0:-1], den))
+        den = np.convolve(den, lags)
     return _check.polynomial("num", num), den
 
 

@@ -111,7 +111,7 @@ def anti_windup_word(word: str | None, available: tuple[str | None, ...], where:
 
 def _numbers(k: Parameters) -> dict[str, Any]:
     """Check the numbers and the pairs of numbers."""
-    found: dict[str, Any] = {
+    checked: dict[str, Any] = {
         "sample_time": _check.real("sample_time", k.sample_time, above=0.0),
         "deadband": _check.real("deadband", k.deadband, at_least=0.0),
         "bias": _check.real("bias", k.bias),
@@ -119,15 +119,15 @@ def _numbers(k: Parameters) -> dict[str, Any]:
         "limits": _check.limits(k.limits),
     }
     endless = isinstance(k.rate_limit, float) and k.rate_limit == math.inf
-    found["rate_limit"] = math.inf if endless else _check.real("rate_limit", k.rate_limit, above=0.0)
+    checked["rate_limit"] = math.inf if endless else _check.real("rate_limit", k.rate_limit, above=0.0)
     for name in ("back_calculation_gain", "tracking_gain"):
-        found[name] = _check.real(name, getattr(k, name), at_least=0.0, at_most=1.0)
+        checked[name] = _check.real(name, getattr(k, name), at_least=0.0, at_most=1.0)
     for name in ("growth", "weights"):
         pair = getattr(k, name)
         if not isinstance(pair, tuple) or len(pair) != 2:
             raise TypeError(f"{name} must be a tuple of two numbers, found {pair!r:.60}")
-        found[name] = tuple(_constant(f"{name}[{i}]", x) for i, x in enumerate(pair))
-    return found
+        checked[name] = tuple(_constant(f"{name}[{i}]", x) for i, x in enumerate(pair))
+    return checked
 
 
 def _path(name: str, path: Any) -> FilterChain:

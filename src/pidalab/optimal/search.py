@@ -97,13 +97,15 @@ class Search:
 
     def violation(self, x: Array, constraints: list[CachedValueAndSlope] | None = None) -> float:
         """Return the largest violation of a limit."""
-        return max(0.0, -min(float(np.min(one.value(x))) for one in constraints or self.constraints()))
+        return max(
+            0.0, -min(float(np.min(constraint.value(x))) for constraint in constraints or self.constraints())
+        )
 
     def constraints(self) -> list[CachedValueAndSlope]:
         """Return the slack of every limit, not negative where it is kept, at the frequencies so far."""
         worst = {"ms": self.limits.ms_worst * (1 - self.spare)}
-        found = [self.problem.slack(self.w, self.limits.peaks(self.spare))]
-        found += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
+        functions = [self.problem.slack(self.w, self.limits.peaks(self.spare))]
+        functions += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
         if self.noise is not None:
             noise, most = self.noise, self.aim
 
@@ -112,8 +114,8 @@ class Search:
                 deviation = np.sqrt(variance)
                 return 1 - deviation / most, lambda: -slope() / (2 * deviation * most)
 
-            found.append(margin)
-        return [CachedValueAndSlope(one) for one in found]
+            functions.append(margin)
+        return [CachedValueAndSlope(function) for function in functions]
 
     def descend(
         self,
@@ -140,16 +142,17 @@ class Search:
                 scaled = Scaled(x, at)
                 value_of, slope_of = scaled.functions(CachedValueAndSlope(self.log_iae))
                 limits = (
-                    dict(zip(("fun", "jac"), scaled.functions(one), strict=True)) for one in constraints
+                    dict(zip(("fun", "jac"), scaled.functions(constraint), strict=True))
+                    for constraint in constraints
                 )
-                found = minimize(
+                solution = minimize(
                     value_of, scaled(x), method="SLSQP", jac=slope_of,
                     bounds=list(zip(scaled(low), scaled(high), strict=True)),
                     constraints=[{"type": "ineq", **limit} for limit in limits],
                     options=dict(zip(("maxiter", "ftol"), effort, strict=True)),
                 )  # fmt: skip
-                end = np.clip(scaled.back(found.x), low, high)
-                before, value = value, float(found.fun)
+                end = np.clip(scaled.back(solution.x), low, high)
+                before, value = value, float(solution.fun)
                 violation = self.violation(end, constraints)
                 # a long descent may have ended early, with the curvature of its start: begin again from its end
                 if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
@@ -253,10 +256,10 @@ def feasible_starts(search: Search, surely: bool = True) -> list[Array]:
     return chosen
 
 
-def _apart(one: Array, other: Array, gains: int) -> bool:
+def _apart(first: Array, other: Array, gains: int) -> bool:
     """Return True if integral gain, largest action or filter differ by more than a factor."""
-    differences = np.log([one[0] / other[0], one[:gains].max() / other[:gains].max()])
-    return bool(max(np.abs(differences).max(), abs(one[gains] - other[gains])) > START_GAP)
+    differences = np.log([first[0] / other[0], first[:gains].max() / other[:gains].max()])
+    return bool(max(np.abs(differences).max(), abs(first[gains] - other[gains])) > START_GAP)
 
 
 def approached(search: Search) -> list[Array]:
@@ -297,21 +300,25 @@ def relax(search: Search, start: Array) -> Array:
         unstable = search.problem.unstable(z[:-1])
         return (BARRIER, np.zeros(z.size)) if unstable else (float(z[-1]), only_slack)
 
-    def with_slack(one: CachedValueAndSlope) -> dict[str, Any]:
+    def with_slack(constraint: CachedValueAndSlope) -> dict[str, Any]:
         def slope(z: Array) -> Array:
-            rows = np.atleast_2d(one.slope(z[:-1]))
+            rows = np.atleast_2d(constraint.slope(z[:-1]))
             return np.hstack([rows, np.ones((rows.shape[0], 1))])
 
-        return {"type": "ineq", "fun": lambda z: np.atleast_1d(one.value(z[:-1])) + z[-1], "jac": slope}
+        return {
+            "type": "ineq",
+            "fun": lambda z: np.atleast_1d(constraint.value(z[:-1])) + z[-1],
+            "jac": slope,
+        }
 
     with np.errstate(all="ignore"):
-        found = minimize(
+        end = minimize(
             slack, np.append(start, search.violation(start, constraints)), jac=True, method="SLSQP",
-            bounds=[*search.bounds, (INSIDE, None)], constraints=[with_slack(one) for one in constraints],
+            bounds=[*search.bounds, (INSIDE, None)], constraints=[with_slack(constraint) for constraint in constraints],
             options={"maxiter": 80, "ftol": 1e-7},
         ).x[:-1]  # fmt: skip
-        better = search.violation(found, constraints) < search.violation(start, constraints)
-    return found if better else start
+        better = search.violation(end, constraints) < search.violation(start, constraints)
+    return end if better else start
 
 
 def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Array]:

@@ -109,7 +109,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
     """
     i = np.flatnonzero((values[:-1] * values[1:] < 0) & allowed)
     low, high, at_low, at_high, place = w[i], w[i + 1], values[i], values[i + 1], w[i]
-    near = SAME_CROSSING * (high - low)
+    tolerance = SAME_CROSSING * (high - low)
     for _ in range(MOST_STEPS if i.size else 0):
         middle = 0.5 * (low + high)
         at_middle = function(middle)
@@ -123,7 +123,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
             for a, b, c in ((middle, place, high), (at_middle, here, at_high))
         )
         low, at_low = (np.where(inner | exact | ~lower, b, c) for b, c in ((place, low), (here, at_low)))
-        if np.all(np.abs(place - last) <= near):
+        if np.all(np.abs(place - last) <= tolerance):
             break
     if not np.isfinite(place).all():
         raise ArithmeticError(f"{np.sum(~np.isfinite(place))} of {i.size} crossovers were not found")

@@ -185,8 +185,8 @@ class AxisInS(Axis):
     def _may_pass_unseen(self, flat: Any, L: Any) -> bool:
         """Return True if L may pass -1 between two points at both of which its modulus is 1."""
         pairs = flat[:-1] & flat[1:]
-        left = (L.real[:-1] < 0) & (L.real[1:] < 0) & (L.imag[:-1] * L.imag[1:] <= 0)
-        return bool(np.any(pairs & (left | (np.diff(self.grid) * self.delay > COARSE_STEP))))
+        negative = (L.real[:-1] < 0) & (L.real[1:] < 0) & (L.imag[:-1] * L.imag[1:] <= 0)
+        return bool(np.any(pairs & (negative | (np.diff(self.grid) * self.delay > COARSE_STEP))))
 
 
 @lru_cache(maxsize=64)

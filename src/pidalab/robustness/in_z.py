@@ -83,7 +83,7 @@ def sampled_plant(process: Process, h: float) -> SampledPlant:
     phi, inputs = np.eye(c.size), []
     for piece in reversed(parts):
         transition, gamma = held(A, b, piece.time)
-        inputs.append((phi @ gamma, piece.ago))
+        inputs.append((phi @ gamma, piece.lag_samples))
         phi = phi @ transition
     triangular, basis = schur(phi, output="complex") if c.size else (phi, phi)
     return SampledPlant(

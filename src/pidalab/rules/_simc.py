@@ -189,8 +189,12 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     den = np.trim_zeros(model.den, "b")
     integrators = model.den.size - den.size
     poles, zeros = roots(den), roots(model.num)
-    found = np.concatenate([poles, zeros])
-    if integrators > 2 or np.any(poles.real >= 0) or np.any(np.abs(found.imag) > OSCILLATING * np.abs(found)):
+    all_roots = np.concatenate([poles, zeros])
+    if (
+        integrators > 2
+        or np.any(poles.real >= 0)
+        or np.any(np.abs(all_roots.imag) > OSCILLATING * np.abs(all_roots))
+    ):
         raise ValueError(
             f"model must have real zeros, real stable poles and at most two integrators, found {model!r}"
         )
@@ -220,29 +224,29 @@ def _without_leads(
     for lead in leads:
         longer = min((lag for lag in lags if lag >= lead), default=math.inf)
         shorter = max((lag for lag in lags if lag < lead), default=0.0)
-        near = shorter > 0 and lead / shorter < min(longer / lead, CLOSE_LAG)
-        if near or (math.isinf(longer) and not integrators):  # T1, T1a, T1b
+        cancels = shorter > 0 and lead / shorter < min(longer / lead, CLOSE_LAG)
+        if cancels or (math.isinf(longer) and not integrators):  # T1, T1a, T1b
             lags.remove(shorter)
             gain *= lead / shorter if shorter >= delay else max(lead / delay, 1.0)
             continue
         kept = min(longer, max(5 * delay, lead))  # T3; equal to the lead in T2
-        rest = kept - lead
+        shorter_lag = kept - lead
         if math.isinf(longer):
             integrators -= 1
             gain *= kept
         else:
             lags.remove(longer)
             gain *= kept / longer
-        lags += [rest] if rest > 0 else []
+        lags += [shorter_lag] if shorter_lag > 0 else []
     return gain, sorted(lags, reverse=True), integrators
 
 
 def _halved(gain: float, lags: list[float], integrators: int, dead: float, keep: int) -> Reduced:
     """Add half of the largest neglected lag to the smallest kept one, all the rest to the dead time."""
     split = max(keep - integrators, 0)
-    kept, rest = lags[:split], lags[split:]
-    if rest:
+    kept, neglected = lags[:split], lags[split:]
+    if neglected:
         if kept:  # added to an integrator it has no effect
-            kept[-1] += rest[0] / 2
-        dead += sum(rest) - rest[0] / 2
+            kept[-1] += neglected[0] / 2
+        dead += sum(neglected) - neglected[0] / 2
     return Reduced(gain, tuple(kept), dead, integrators)

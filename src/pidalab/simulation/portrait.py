@@ -157,19 +157,19 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
         min(h, 1.0), "zoh", limits=limits
     )
     path = any_gains.paths[0]._replace(gains=(1.0,) * (n + 1))
-    made = program(replace(any_gains, paths=(path,)))
-    code, places, numbers = operations(made, {**made.states, "started": True})
+    step = program(replace(any_gains, paths=(path,)))
+    code, places, numbers = operations(step, {**step.states, "started": True})
     table = np.repeat(numbers[:, None], kp.size, axis=1)
     name = part_name(0).upper()
     table[[places[f"{name}_GAIN_{k}"] for k in range(n + 1)]] = gains.T
     table[places["INTEGRAL_OLD"]] = -np.expm1(-h / ti)
     if n:
         table[places[f"{name}_OLD"]] = -np.expm1(-h / time)
-    whole = (table, *_prefilter(bank, h))
+    arrays = (table, *_prefilter(bank, h))
     # cut into groups that lie together in memory
     for start in range(0, kp.size, sampled_lanes.LANES):
         yield Controllers(
-            code, *(np.ascontiguousarray(x[..., start : start + sampled_lanes.LANES]) for x in whole)
+            code, *(np.ascontiguousarray(x[..., start : start + sampled_lanes.LANES]) for x in arrays)
         )
 
 

@@ -39,15 +39,15 @@ def without_slow_parts(
         taken = np.polyadd(np.convolve(taken, den), np.convolve(numerator(part), under))
         under = np.convolve(under, den)
     fast_den = np.array([1.0, *monic(poles.tolist())[::-1]])
-    rest = [0.0] * (fast_den.size - 1 + under.size - num.size) + num.tolist()
+    remainder = [0.0] * (fast_den.size - 1 + under.size - num.size) + num.tolist()
     shared = np.convolve(taken, fast_den).tolist()
     for i in range(-len(shared), 0):
-        rest[i] -= shared[i]
+        remainder[i] -= shared[i]
     quotient = []
     for i in range(fast_den.size):
-        quotient.append(rest[i])
+        quotient.append(remainder[i])
         for j, coefficient in enumerate(under.tolist()):
-            rest[i + j] -= quotient[i] * coefficient
+            remainder[i + j] -= quotient[i] * coefficient
     return np.array(quotient), poles
 
 
@@ -127,7 +127,11 @@ class _States:
         """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row; return their places.
 
         The states x are the first `driving` ones, which drive the part. The output of the part is c (X x + distance).
-        Only jumps and the signal out of the dead time drive the distance.
+
+        Notes
+        -----
+        With q' = A q + b row x for the part, the distance q - X x moves by A alone if A X - X A_x = -b row, the
+        Sylvester equation that is solved here. Only jumps and the signal out of the dead time then drive it.
         """
         x, places = slice(driving), slice(self.used, self.used + part.b.size)
         # one large linear system, since a Schur form would lose digits for speeds so far apart

@@ -146,13 +146,13 @@ def simulate_sampled(
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
     reference = filtered(discretise(*loop.blocks["prefilter"], h), r)
     if loop.digital is None:
-        block, own = sampled_controller(loop, h, at_rest, anti_windup)
-        made = program(own, block=True)
-        code, _, numbers = operations(made, made.states)
+        block, controller = sampled_controller(loop, h, at_rest, anti_windup)
+        step = program(controller, block=True)
+        code, _, numbers = operations(step, step.states)
     else:
-        block, own = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
-        code, _, numbers = operations(program(own), own.at_rest())
-    rest = own.y_offset, own.bias
+        block, controller = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
+        code, _, numbers = operations(program(controller), controller.at_rest())
+    rest = controller.y_offset, controller.bias
     y, u, area = run(code, numbers[:, None], block, rest, steps, actuator, fineness, reference, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
@@ -189,8 +189,8 @@ def limits_at_rest(own: tuple[float, float], limits: tuple[float, float]) -> tup
 
 def _conversion(low: float, high: float, quanta: tuple[float, float], widths: int) -> tuple[float, Actuator]:
     """Check what is between controller and plant: the resolution of the measurement, and the actuator."""
-    found = _check.pair("quanta", "of measurement and control signal", quanta)
-    measurement, control = (_check.real(f"quanta[{i}]", each, at_least=0.0) for i, each in enumerate(found))
+    numbers = _check.pair("quanta", "of measurement and control signal", quanta)
+    measurement, control = (_check.real(f"quanta[{i}]", each, at_least=0.0) for i, each in enumerate(numbers))
     widths = _check.integer("pulse_widths", widths, at_least=0)
     if widths and control:
         raise ValueError(f"quanta[1] must be 0 with pulse_widths, found {control:g}")
@@ -219,8 +219,8 @@ def sampled_controller(
     if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:
         raise ValueError(f"anti_windup={anti_windup!r} needs one pole at 0, found {loop.controller!r}")
     ki = num[-1] / den[-2]
-    rest, den = np.polysub(num, ki * den[:-1]), den[:-1]
-    num = rest[:-1] if rest.size > 1 else np.zeros(1)
+    remainder, den = np.polysub(num, ki * den[:-1]), den[:-1]
+    num = remainder[:-1] if remainder.size > 1 else np.zeros(1)
     tracking = _tracking(ki, num[-1] / den[-1], h) if anti_windup == "conditioning" else 0.0
     way = "clamping ahead" if anti_windup == "clamping" else None
     return discretise(num, den, h), _behind(h, limits, integral=ki * h, gain=tracking, anti_windup=way)
@@ -230,7 +230,7 @@ def _behind(
     h: float, limits: tuple[float, float], integral: float = 0.0, gain: float = 0.0, **more: Any
 ) -> DigitalController:
     """Return the digital controller that adds an integral, where it grows, to a given signal, and limits the sum."""
-    rest: dict[str, Any] = {"from_signal": False, "tracking_gain": 0.0, "anti_windup": None}
+    others: dict[str, Any] = {"from_signal": False, "tracking_gain": 0.0, "anti_windup": None}
     return DigitalController(
         sample_time=h,
         method="zoh",
@@ -240,7 +240,7 @@ def _behind(
         back_calculation_gain=gain,
         weights=(1.0, 1.0),
         limits=limits,
-        **rest | more,
+        **others | more,
     )
 
 
@@ -264,13 +264,13 @@ def require_fine_enough(h: float, filter_time: float) -> None:
 
 def shortest_filter(loop: Loop) -> float:
     """Shortest time constant of the filters in the controller and behind it, infinite without any."""
-    own = isinstance(loop.controller, Controller)
-    found = [part.filter_time for part in loop.controller.parts() if part.filter_order] if own else []
-    for block in ("output_filter",) if own else ("output_filter", "controller"):
+    has_parts = isinstance(loop.controller, Controller)
+    times = [part.filter_time for part in loop.controller.parts() if part.filter_order] if has_parts else []
+    for block in ("output_filter",) if has_parts else ("output_filter", "controller"):
         # the poles of a transfer function are its filters, but for those at 0, the integrators
         poles = roots(loop.blocks[block][1])
-        found += (1 / np.abs(poles[poles != 0])).tolist()
-    return float(min(found, default=math.inf))
+        times += (1 / np.abs(poles[poles != 0])).tolist()
+    return float(min(times, default=math.inf))
 
 
 def _with_reset(
@@ -390,12 +390,16 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
 def _linear(loop: Loop) -> Loop:
     """Return the loop without limits and deadband."""
     require_loop(loop)
-    own, none = loop.controller, (-math.inf, math.inf)
+    controller, none = loop.controller, (-math.inf, math.inf)
     if loop.digital is not None:
-        own = replace(loop.digital, limits=none, rate_limit=math.inf, deadband=0.0)
+        controller = replace(loop.digital, limits=none, rate_limit=math.inf, deadband=0.0)
     elif loop.limits != none:
-        own = replace(own, limits=none)
-    return loop if own is loop.controller else Loop(loop.process, own, loop.output_filter, loop.prefilter)
+        controller = replace(controller, limits=none)
+    return (
+        loop
+        if controller is loop.controller
+        else Loop(loop.process, controller, loop.output_filter, loop.prefilter)
+    )
 
 
 def _lengths(loop: Loop, h: float) -> list[int]:
